@@ -1,0 +1,1 @@
+"""Control co-design of hydrokinetic turbines with OpenMDAO and Dymos."""

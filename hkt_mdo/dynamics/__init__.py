@@ -1,0 +1,1 @@
+"""The rotor in time: inflow, control laws and the speed's differential equation; knows no case."""

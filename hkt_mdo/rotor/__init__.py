@@ -1,0 +1,1 @@
+"""Rotor physics: section, blade, inertia and blade element momentum theory; knows no case."""

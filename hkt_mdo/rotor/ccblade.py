@@ -1,0 +1,57 @@
+"""The original CCBlade (WISDEM), behind the same call as `hkt_mdo.rotor.bem`.
+
+WISDEM is imported only when a function is called: its import takes seconds.
+"""
+
+import numpy as np
+
+from hkt_mdo.rotor.bem import Coefficients
+
+
+def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
+    """Torque, power and thrust coefficient by CCBlade; see `hkt_mdo.rotor.bem.rotor_coefficients`.
+
+    Raises
+    ------
+    hkt_mdo.errors.InputError
+        If WISDEM is not installed.
+    """
+    points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
+    rotor = _rotor(blade, polar, derivatives)
+    # At a fixed unit flow the tip speed ratio is the tip speed; CCBlade takes revolutions per minute.
+    rpm_per_ratio = 30.0 / (np.pi * blade.tip_radius)
+    outputs, gradients = rotor.evaluate(
+        np.ones(points.size), points * rpm_per_ratio, np.zeros(points.size), coefficients=True
+    )
+    if derivatives:
+        by = gradients["dCQ"]
+        by_ratio = np.diag(by["dOmega"]) * rpm_per_ratio
+        by_chord, by_twist = by["dchord"], np.rad2deg(by["dtheta"])
+    else:
+        by_ratio = by_chord = by_twist = np.empty(0)
+    return Coefficients(outputs["CQ"], outputs["CP"], outputs["CT"], by_ratio, by_chord, by_twist)
+
+
+def _rotor(blade, polar, derivatives):
+    """Return WISDEM's CCBlade of a blade in water of unit density, aligned with a uniform flow."""
+    try:
+        from wisdem.ccblade.ccblade import CCBlade
+    except ImportError as error:
+        from hkt_mdo.errors import InputError
+
+        raise InputError(
+            "hydrodynamics.bem = ccblade: WISDEM is not installed; `pip install wisdem`, or choose vectorized"
+        ) from error
+    return CCBlade(
+        blade.r,
+        blade.chord,
+        np.rad2deg(blade.twist),
+        [polar] * blade.r.size,
+        blade.hub_radius,
+        blade.tip_radius,
+        B=blade.blade_count,
+        rho=1.0,
+        mu=1.0,
+        shearExp=0.0,
+        derivatives=derivatives,
+    )

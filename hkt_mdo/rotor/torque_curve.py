@@ -1,0 +1,79 @@
+"""Torque coefficient over tip speed ratio: a table that depends on the blade, and a spline over it."""
+
+from functools import cached_property
+
+import numpy as np
+import openmdao.api as om
+from scipy.interpolate import CubicSpline
+
+
+class TorqueSpline:
+    """Natural cubic spline over fixed tip speed ratios, linear beyond them: twice continuously differentiable.
+
+    Its value is linear in the table, q(tsr) = basis(tsr) @ table, so both partials are exact and cost a
+    small matrix product; the basis does not change during an optimization.
+
+    Parameters
+    ----------
+    nodes : array, shape (n_nodes,)
+        Tip speed ratios, increasing.
+    """
+
+    def __init__(self, nodes):
+        self.nodes = np.asarray(nodes, dtype=float)
+
+    @cached_property
+    def _cardinal(self):
+        return CubicSpline(self.nodes, np.eye(self.nodes.size), bc_type="natural")
+
+    def basis(self, tip_speed_ratio, derivative=0):
+        """Return the matrix (n_points, n_nodes) that maps a table to spline values or derivatives."""
+        points = np.asarray(tip_speed_ratio)
+        inside = np.clip(points.real, self.nodes[0], self.nodes[-1])
+        if derivative == 0:
+            slope = self._cardinal(inside, 1)
+            return self._cardinal(inside) + slope * (points - inside)[:, None]
+        if derivative == 1:
+            return self._cardinal(inside, 1)
+        return self._cardinal(inside, derivative) * (points.real == inside)[:, None]
+
+
+class TorqueTable(om.ExplicitComponent):
+    """Torque coefficient of a blade at the nodes of a `TorqueSpline` by blade element momentum theory.
+
+    Inputs chord[n_stations] (m), twist[n_stations] (rad); output torque_coefficient_table[n_nodes].
+    Q = 0.5 rho V² pi R³ Cq.
+    """
+
+    def initialize(self):
+        """Declare the options."""
+        self.options.declare("blade", desc="the start `Blade`: stations, hub, tip, count", recordable=False)
+        self.options.declare("polar", desc="section `Polar`", recordable=False)
+        self.options.declare("nodes", types=np.ndarray, desc="tip speed ratios of the table")
+        self.options.declare("coefficients", desc="BEM: rotor_coefficients of bem or ccblade", recordable=False)
+
+    def setup(self):
+        """Declare inputs and outputs."""
+        blade, nodes = self.options["blade"], self.options["nodes"]
+        self.add_input("chord", val=blade.chord, units="m", desc="chord at the stations")
+        self.add_input("twist", val=blade.twist, units="rad", desc="twist at the stations, set angle included")
+        self.add_output("torque_coefficient_table", shape=nodes.shape, desc="Q / (0.5 rho V^2 pi R^3) at the nodes")
+
+    def setup_partials(self):
+        """Declare the dense partials."""
+        self.declare_partials("torque_coefficient_table", ["chord", "twist"])
+
+    def compute(self, inputs, outputs):
+        """Evaluate BEM at the nodes."""
+        outputs["torque_coefficient_table"] = self._solve(inputs, derivatives=False).torque
+
+    def compute_partials(self, inputs, partials):
+        """Evaluate BEM's implicit derivatives at the nodes."""
+        found = self._solve(inputs, derivatives=True)
+        partials["torque_coefficient_table", "chord"] = found.torque_by_chord
+        partials["torque_coefficient_table", "twist"] = found.torque_by_twist
+
+    def _solve(self, inputs, derivatives):
+        options = self.options
+        blade = options["blade"].with_shape(inputs["chord"], inputs["twist"])
+        return options["coefficients"](blade, options["polar"], options["nodes"], derivatives)

@@ -1,0 +1,419 @@
+"""Every package must find the same known optimum, hold bounds and own up to failure."""
+
+import importlib
+import os
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import openmdao.api as om
+import pytest
+
+from hkt_mdo import drivers
+from hkt_mdo.drivers import make_driver, outcome
+from hkt_mdo.errors import InputError
+
+# OpenMDAO makes a directory '<problem>_out' where it runs: keep it out of the checkout.
+pytestmark = pytest.mark.usefixtures("empty_directory")
+
+
+@pytest.fixture
+def empty_directory(tmp_path, monkeypatch):
+    """Run in a directory of the test's own."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def _available():
+    pairs = [("casadi", "IPOPT"), ("scipy", "SLSQP"), ("pyoptsparse", "IPOPT")]
+    for package, optimizer in [*pairs, ("pyoptsparse", "SLSQP")]:
+        missing = not drivers._is_usable(package, optimizer)
+        mark = pytest.mark.skipif(missing, reason=f"{package} does not provide {optimizer}")
+        yield pytest.param(package, optimizer, marks=mark, id=f"{package}-{optimizer}")
+
+
+every_optimizer = pytest.mark.parametrize(("package", "optimizer"), list(_available()))
+every_ipopt = pytest.mark.parametrize(
+    ("package", "optimizer"), [param for param in _available() if "IPOPT" in param.values]
+)
+
+
+def ready(problem, driver):
+    """Return the problem set up with a driver."""
+    problem.driver = driver
+    problem.setup()
+    return problem
+
+
+def hock_schittkowski_71(driver, lower=25.0, equals=40.0):
+    """Return problem 71 of Hock and Schittkowski (1981) at its standard start."""
+    problem = om.Problem(reports=None)
+    body = om.ExecComp(
+        ["f = x[0]*x[3]*(x[0] + x[1] + x[2]) + x[2]", "g = x[0]*x[1]*x[2]*x[3]", "h = sum(x**2)"],
+        x=np.array([1.0, 5.0, 5.0, 1.0]),
+    )
+    problem.model.add_subsystem("body", body, promotes=["*"])
+    problem.model.add_design_var("x", lower=1.0, upper=5.0)
+    problem.model.add_objective("f")
+    problem.model.add_constraint("g", lower=lower, upper=100.0)
+    problem.model.add_constraint("h", equals=equals)
+    return ready(problem, driver)
+
+
+class Bowl(om.ExplicitComponent):
+    """f = |x - (2, 2, 3) m|^2 in R^3, with a hook that each evaluation calls first."""
+
+    def initialize(self):
+        self.options.declare("hook", default=lambda count, x: None, recordable=False)
+        self.count = 0
+
+    def setup(self):
+        self.add_input("x", np.zeros(3), units="m")
+        self.add_output("f", units="m**2")
+        self.add_output("sums", np.zeros(2), units="m")
+        self.declare_partials("*", "*")
+
+    def compute(self, inputs, outputs):
+        self.count += 1
+        x = inputs["x"].copy()
+        self.options["hook"](self.count, x)
+        outputs["f"] = np.sum((x - [2.0, 2.0, 3.0]) ** 2)
+        outputs["sums"] = np.sum(x), x[0] + x[1]
+
+    def compute_partials(self, inputs, partials):
+        partials["f", "x"] = 2.0 * (inputs["x"] - [2.0, 2.0, 3.0])
+        partials["sums", "x"] = [[1.0, 1.0, 1.0], [1.0, 1.0, 0.0]]
+
+
+def bowl(driver, hook=None, linear=False):
+    """Return the bowl under x0 + x1 <= 2 m and x <= 2.5 m: optimum 2.25 m^2 at (1, 1, 2.5) m."""
+    problem = om.Problem(reports=None)
+    options = {} if hook is None else {"hook": hook}
+    problem.model.add_subsystem("bowl", Bowl(**options), promotes=["*"])
+    problem.model.add_design_var("x", lower=-100.0, upper=250.0, units="cm", ref0=100.0, ref=330.0)
+    problem.model.add_constraint(
+        "sums", indices=[1], upper=200.0, units="cm", ref=70.0, linear=linear
+    )
+    problem.model.add_objective("f", ref=3.0)
+    return ready(problem, driver)
+
+
+def brachistochrone(driver):
+    """Return Bernoulli's problem, 10 m across and 5 m down, as Dymos transcribes it."""
+    dm = pytest.importorskip("dymos")
+    example = importlib.import_module("dymos.examples.brachistochrone.brachistochrone_ode")
+    problem = om.Problem(reports=None)
+    driver.declare_coloring(show_summary=False)
+    transcription = dm.GaussLobatto(num_segments=10, order=3)
+    phase = dm.Phase(ode_class=example.BrachistochroneODE, transcription=transcription)
+    trajectory = problem.model.add_subsystem("trajectory", dm.Trajectory())
+    trajectory.add_phase("phase", phase)
+    phase.set_time_options(fix_initial=True, duration_bounds=(0.5, 10.0))
+    phase.add_state("x", fix_initial=True, fix_final=True)
+    phase.add_state("y", fix_initial=True, fix_final=True)
+    phase.add_state("v", fix_initial=True)
+    phase.add_control("theta", units="deg", lower=0.01, upper=179.9, ref=100.0)
+    phase.add_parameter("g", units="m/s**2", val=9.80665, opt=False)
+    phase.add_objective("time", loc="final")
+    ready(problem, driver)
+    phase.set_time_val(initial=0.0, duration=2.0)
+    phase.set_state_val("x", [0.0, 10.0])
+    phase.set_state_val("y", [10.0, 5.0])
+    phase.set_state_val("v", [0.0, 9.9])
+    phase.set_control_val("theta", [5.0, 100.5])
+    return problem
+
+
+# Known optima.
+
+
+@every_optimizer
+def test_hock_schittkowski_71(package, optimizer):
+    driver = make_driver(package, optimizer)
+    problem = hock_schittkowski_71(driver)
+    problem.run_driver()
+    # Hock and Schittkowski (1981), p. 92.
+    assert problem.get_val("f")[0] == pytest.approx(17.0140173, abs=1e-6)
+    np.testing.assert_allclose(problem.get_val("x"), [1.0, 4.7429994, 3.8211503, 1.3794082], 1e-5)
+    assert np.all(problem.get_val("x") >= 1.0)
+    assert problem.get_val("h")[0] == pytest.approx(40.0, abs=1e-6)
+    found = outcome(driver)
+    assert (found.success, found.package, found.optimizer) == (True, package, optimizer)
+    assert 3 <= found.iterations <= driver.gradient_evaluations
+    assert driver.gradient_evaluations <= driver.model_evaluations < 30
+    assert found.message
+    assert driver.result.success
+    problem.set_val("x", [1.0, 5.0, 5.0, 1.0])
+    problem.run_driver()
+    assert outcome(driver) == found
+
+
+@every_optimizer
+def test_rosenbrock_stops_at_its_bound(package, optimizer):
+    problem = om.Problem(reports=None)
+    body = om.ExecComp("f = 100*(x[1] - x[0]**2)**2 + (1 - x[0])**2", x=np.array([-1.2, 1.0]))
+    problem.model.add_subsystem("body", body, promotes=["*"])
+    problem.model.add_design_var("x", lower=-2.0, upper=[0.8, 2.0])
+    problem.model.add_objective("f")
+    driver = make_driver(package, optimizer, tolerance=1e-9)
+    ready(problem, driver).run_driver()
+    assert outcome(driver).success
+    assert problem.get_val("x")[0] <= 0.8
+    np.testing.assert_allclose(problem.get_val("x"), [0.8, 0.64], atol=1e-6)
+    assert problem.get_val("f")[0] == pytest.approx(0.04, abs=1e-7)
+
+
+@every_optimizer
+@pytest.mark.parametrize("linear", [False, True])
+def test_scaled_quantities_in_other_units(package, optimizer, linear):
+    driver = make_driver(package, optimizer)
+    problem = bowl(driver, linear=linear)
+    problem.run_driver()
+    assert outcome(driver).success
+    np.testing.assert_allclose(problem.get_val("x", "m"), [1.0, 1.0, 2.5], atol=1e-5)
+    assert problem.get_val("f")[0] == pytest.approx(2.25, abs=1e-5)
+    # Scaling and units may cost the last bit, no more.
+    assert np.all(problem.get_val("x", "m") <= 2.5 * (1 + 2 * np.finfo(float).eps))
+
+
+@every_optimizer
+def test_maximum_and_part_of_a_design_variable(package, optimizer):
+    problem = om.Problem(reports=None)
+    body = om.ExecComp("f = 4 - x[0]**2 - (x[2] - 3)**2", x=np.array([5.0, 7.0, 0.5]))
+    problem.model.add_subsystem("body", body, promotes=["*"])
+    problem.model.add_design_var("x", indices=[0, 2], lower=[0.5, -9.0], upper=9.0)
+    problem.model.add_objective("f", ref=-2.0)
+    driver = make_driver(package, optimizer)
+    ready(problem, driver).run_driver()
+    assert outcome(driver).success
+    np.testing.assert_allclose(problem.get_val("x"), [0.5, 7.0, 3.0], atol=1e-5)
+
+
+@every_optimizer
+def test_coloured_brachistochrone(package, optimizer):
+    driver = make_driver(package, optimizer)
+    problem = brachistochrone(driver)
+    problem.run_driver()
+    assert outcome(driver).success
+    # 1.8016 s is the cycloid's time; ten segments of third order come within 3e-4.
+    duration = problem.get_val("trajectory.phase.timeseries.time")[-1, 0]
+    assert duration == pytest.approx(1.8016, abs=3e-4)
+    assert driver._coloring_info.coloring is not None
+
+
+def test_slsqp_is_as_accurate_in_scipy_as_in_pyoptsparse():
+    if not drivers._is_usable("pyoptsparse", "SLSQP"):
+        pytest.skip("pyoptsparse is not installed")
+    designs = []
+    for package in ("scipy", "pyoptsparse"):
+        problem = hock_schittkowski_71(make_driver(package, "SLSQP", tolerance=1e-10))
+        problem.run_driver()
+        designs.append(problem.get_val("x"))
+    np.testing.assert_allclose(designs[0], designs[1], rtol=1e-6)
+
+
+@every_optimizer
+@pytest.mark.parametrize("bounded", ["design variable", "constraint"])
+def test_negative_scale_of_a_bound_is_refused(package, optimizer, bounded):
+    problem = om.Problem(reports=None)
+    problem.model.add_subsystem("body", om.ExecComp(["f = x**2", "g = 2*x"]), promotes=["*"])
+    problem.model.add_design_var("x", lower=-5.0, ref=-1.0 if bounded == "design variable" else 1.0)
+    problem.model.add_constraint("g", lower=2.0, ref=-1.0 if bounded == "constraint" else 1.0)
+    problem.model.add_objective("f")
+    with pytest.raises(ValueError, match="negative ref"):
+        ready(problem, make_driver(package, optimizer)).final_setup()
+
+
+# Records and progress.
+
+
+@every_optimizer
+def test_cases_are_recorded(package, optimizer, empty_directory):
+    driver = make_driver(package, optimizer)
+    driver.add_recorder(om.SqliteRecorder(str(empty_directory / "cases.sql")))
+    problem = hock_schittkowski_71(driver)
+    problem.run_driver()
+    problem.cleanup()
+    cases = om.CaseReader(str(empty_directory / "cases.sql"))
+    names = cases.list_cases("driver", out_stream=None)
+    assert len(names) == driver.model_evaluations
+    last = cases.get_case(names[-1])
+    np.testing.assert_allclose(last.get_design_vars()["x"], problem.get_val("x"))
+    assert last.get_objectives()["f"][0] == pytest.approx(17.0140173, abs=1e-6)
+    assert set(last.get_constraints()) == {"g", "h"}
+
+
+@every_optimizer
+def test_progress_is_told_in_physical_objective_and_scaled_violation(package, optimizer):
+    told = []
+    driver = make_driver(package, optimizer, progress=lambda *news: told.append(news))
+    bowl(driver).run_driver()
+    counts, objectives, violations = zip(*told, strict=True)
+    assert list(counts) == list(range(counts[0], counts[0] + len(counts)))
+    assert objectives[-1] == pytest.approx(2.25, abs=1e-5)
+    assert violations[-1] == pytest.approx(0.0, abs=1e-6)
+    assert all(type(number) is float for number in objectives + violations)
+
+
+@every_optimizer
+def test_nothing_is_written(package, optimizer, empty_directory):
+    bowl(make_driver(package, optimizer)).run_driver()
+    assert list(empty_directory.iterdir()) == []
+
+
+@every_optimizer
+def test_log_is_written_where_it_is_wanted(package, optimizer, empty_directory):
+    log = empty_directory / "log" / "optimizer.txt"
+    log.parent.mkdir()
+    bowl(make_driver(package, optimizer, print_file=log)).run_driver()
+    assert log.exists() == (package != "scipy")
+    assert list(empty_directory.iterdir()) == [log.parent]
+
+
+# Failures.
+
+
+@every_optimizer
+def test_infeasible_problem_is_a_failure(package, optimizer):
+    driver = make_driver(package, optimizer, max_iterations=200)
+    hock_schittkowski_71(driver, lower=99.0, equals=5.0).run_driver()
+    assert not outcome(driver).success
+    assert outcome(driver).message
+
+
+@every_optimizer
+def test_too_few_iterations_are_a_failure(package, optimizer):
+    driver = make_driver(package, optimizer, max_iterations=2)
+    hock_schittkowski_71(driver).run_driver()
+    found = outcome(driver)
+    assert not found.success
+    assert "iteration" in found.message.lower()
+
+
+def _press_ctrl_c():
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+def _raise_interrupt():
+    raise KeyboardInterrupt
+
+
+@every_optimizer
+@pytest.mark.parametrize("interrupt", [_raise_interrupt, _press_ctrl_c])
+def test_interrupt_stops_the_run(package, optimizer, interrupt):
+    def hook(count, x):
+        if count == 3:
+            interrupt()
+
+    driver = make_driver(package, optimizer)
+    handler = signal.getsignal(signal.SIGINT)
+    problem = bowl(driver, hook)
+    with pytest.raises(KeyboardInterrupt):
+        problem.run_driver()
+    assert problem.model.bowl.count == 3
+    assert signal.getsignal(signal.SIGINT) is handler
+    assert not outcome(driver).success
+
+
+@every_optimizer
+def test_error_in_the_model_is_raised(package, optimizer):
+    def hook(count, x):
+        if count >= 3:
+            raise ZeroDivisionError("deliberate")
+
+    driver = make_driver(package, optimizer)
+    with pytest.raises(ZeroDivisionError, match="deliberate"):
+        bowl(driver, hook).run_driver()
+
+
+def test_error_in_progress_is_raised():
+    def progress(*news):
+        raise ZeroDivisionError("deliberate")
+
+    with pytest.raises(ZeroDivisionError, match="deliberate"):
+        bowl(make_driver("casadi", progress=progress)).run_driver()
+
+
+@every_ipopt
+@pytest.mark.parametrize("not_a_number", [False, True])
+def test_ipopt_backs_away_from_a_failed_evaluation(package, optimizer, not_a_number):
+    failures = []
+
+    def hook(count, x):
+        if count in (4, 5):
+            failures.append(count)
+            if not not_a_number:
+                raise om.AnalysisError("no solution here")
+            x[:] = np.nan
+
+    driver = make_driver(package, optimizer)
+    problem = bowl(driver, hook)
+    problem.run_driver()
+    assert failures == [4, 5]
+    assert outcome(driver).success
+    assert problem.get_val("f")[0] == pytest.approx(2.25, abs=1e-5)
+
+
+# Choice.
+
+
+def test_optimizers_are_imported_only_when_used():
+    code = "import sys, hkt_mdo.drivers; print({'casadi', 'pyoptsparse'} & set(sys.modules))"
+    path = os.pathsep.join(sys.path)
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | {"PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert run.stdout.strip() == "set()"
+
+
+def test_auto_falls_back_without_pyoptsparse(monkeypatch):
+    monkeypatch.setattr(drivers, "find_spec", lambda name: None if name == "pyoptsparse" else name)
+    assert make_driver().package == "casadi"
+    assert make_driver(optimizer="SLSQP").package == "scipy"
+
+
+def test_a_broken_pyoptsparse_is_passed_over(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyoptsparse", object())
+    monkeypatch.setattr(drivers, "find_spec", lambda name: name)
+    assert make_driver().package == "casadi"
+
+
+@pytest.mark.parametrize(
+    ("package", "optimizer", "remedy"),
+    [
+        ("auto", "SNOPT", "conda install -c conda-forge pyoptsparse"),
+        ("pyoptsparse", "IPOPT", "conda install -c conda-forge pyoptsparse"),
+        ("casadi", "IPOPT", "pip install casadi"),
+        ("auto", "IPOPT", "conda install -c conda-forge pyoptsparse or pip install casadi"),
+    ],
+)
+def test_a_missing_package_names_its_remedy(package, optimizer, remedy, monkeypatch):
+    monkeypatch.setattr(drivers, "find_spec", lambda name: None)
+    with pytest.raises(InputError, match=f"{optimizer} is not installed; {remedy}"):
+        make_driver(package, optimizer)
+
+
+@pytest.mark.parametrize(
+    ("package", "optimizer"), [("scipy", "IPOPT"), ("casadi", "SLSQP"), ("auto", "ipopt")]
+)
+def test_an_impossible_choice_is_refused(package, optimizer):
+    with pytest.raises(InputError, match="choose from"):
+        make_driver(package, optimizer)
+
+
+def test_options_for_ipopt_reach_ipopt_alone():
+    driver = make_driver("casadi", ipopt_options={"max_iter": 1})
+    hock_schittkowski_71(driver).run_driver()
+    assert outcome(driver).message == "Maximum_Iterations_Exceeded"
+    with pytest.raises(InputError, match="ipopt_options"):
+        make_driver(optimizer="SLSQP", ipopt_options={"max_iter": 1})
+
+
+def test_a_stranger_has_no_outcome():
+    with pytest.raises(TypeError, match="ScipyOptimizeDriver"):
+        outcome(om.ScipyOptimizeDriver())
