@@ -158,7 +158,8 @@ class Quantity:
         text = text.strip() if len(text) <= _LONGEST_QUANTITY else ""
         match = _QUANTITY_TEXT.fullmatch(text)
         if match is None:
-            raise self._refuse("must be a number")
+            wanted = "a number, or a number and a unit" if self.unit else "a number"
+            raise self._refuse(f"must be {wanted}")
         number, unit = float(match[1]), match[2]
         if self.unit is None:
             raise self._refuse("must be a plain number, no text and no unit")
@@ -181,7 +182,9 @@ class Quantity:
         try:
             return float(convert_units(number, unit, self.unit))
         except TypeError:
-            raise self._refuse(f"has the unit {unit}, which is no {self.unit}") from None
+            raise self._refuse(
+                f"has the unit {unit}, which does not convert to {self.unit}"
+            ) from None
         except (ArithmeticError, ValueError):
             raise self._refuse(f"cannot be converted from {unit} to {self.unit}") from None
 
@@ -1046,7 +1049,7 @@ def _translate(errors: list[ErrorDetails], file: str, overrides: dict[str, str])
                 what = re.split(r"[.;,]( |\n|$)", place.field.description, maxsplit=1)[0]
                 remedy = f"give the {what[0].lower()}{what[1:]} as {context['quantity']}"
         case "extra_forbidden":
-            problem, remedy = "unknown key", _suggest_key(str(error["loc"][-1]), place.section)
+            problem, remedy = "unknown key", _suggest_key(key, str(error["loc"][-1]), place.section)
         case "missing":
             missing, problem = True, "is missing"
             tags = ", ".join(_members(place.field))
@@ -1090,7 +1093,7 @@ def _translate(errors: list[ErrorDetails], file: str, overrides: dict[str, str])
         case _:
             problem, remedy = error["msg"], _first_line(place.field)
     if len(errors) > 1:
-        remedy = f"{remedy} (and {len(errors) - 1} more errors)"
+        remedy = f"{remedy} (and {len(errors) - 1} more)"
     for overridden, text in overrides.items():
         if key == overridden or key.startswith((f"{overridden}.", f"{overridden}[")):
             file = f"{file}, override {text if len(text) <= 60 else text[:57] + '...'}"
@@ -1114,11 +1117,12 @@ def _suggest(value: object, choices: Sequence[object]) -> str:
     return f"{f'did you mean {near[0]}? ' if near else ''}give one of {', '.join(words)}"
 
 
-def _suggest_key(key: str, section: type[BaseModel]) -> str:
+def _suggest_key(dotted: str, key: str, section: type[BaseModel]) -> str:
     """Return the nearest key of the section, or the sections that do have the key."""
     known = list(section.model_fields)
     near = difflib.get_close_matches(key[:60], known, n=1)
     homes = [f"{name}.{key}" for name, field in Case.model_fields.items() if key in _keys(field)]
+    homes = [home for home in homes if home != dotted]
     guess = f"did you mean {' or '.join(near or homes)}? " if near or homes else ""
     return f"{guess}known here: {', '.join(known)}"
 

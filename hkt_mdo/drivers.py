@@ -10,17 +10,22 @@ from __future__ import annotations
 import importlib
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING
 
 import numpy as np
 import openmdao.api as om
 from openmdao.core.driver import Driver, RecordingDebugging
 
 from hkt_mdo.errors import InputError
+
+if TYPE_CHECKING:
+    import casadi
 
 __all__ = ["CasadiIpoptDriver", "Outcome", "Progress", "make_driver", "outcome"]
 
@@ -124,6 +129,7 @@ def make_driver(
         raise InputError("ipopt_options are for IPOPT", value=optimizer)
     carrier = _carrier(package, optimizer)
     print_file = "" if print_file is None else str(print_file)
+    settings: dict[str, str | int | float]
     if optimizer == "IPOPT":
         settings = {
             "hessian_approximation": "limited-memory",
@@ -144,7 +150,8 @@ def make_driver(
             "print_level": 0,
             "sb": "yes",
             "output_file": print_file,
-        } | (ipopt_options or {})
+        }
+        settings.update(ipopt_options or {})
     elif optimizer == "SLSQP":
         settings = {
             "ACC": float(tolerance),
@@ -359,7 +366,7 @@ class _PyOptSparseDriver(_ReportEachEvaluation, om.pyOptSparseDriver):
             raise KeyboardInterrupt
         return answer
 
-    def _signal_handler(self, signum: int, frame: object) -> None:
+    def _signal_handler(self, signum: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
 
@@ -446,7 +453,9 @@ class CasadiIpoptDriver(_ReportingDriver):
         lower_g, upper_g = self._bounds("constraint", self.get_constraint_values())
         pattern = self._prepare_jacobian(start.size)
         columns, rows = pattern.T.nonzero()  # column by column, as CasADi stores them
-        jacobian = casadi.Sparsity.triplet(*pattern.shape, rows.tolist(), columns.tolist())
+        jacobian = casadi.Sparsity.triplet(
+            lower_g.size, start.size, rows.tolist(), columns.tolist()
+        )
         x, f, p = casadi.Sparsity.dense(start.size), casadi.Sparsity.dense(1), casadi.Sparsity(0, 0)
         g = casadi.Sparsity.dense(lower_g.size)
 
@@ -571,7 +580,7 @@ class CasadiIpoptDriver(_ReportingDriver):
             return
         previous = signal.getsignal(signal.SIGINT)
 
-        def handler(signum: int, frame: object) -> None:
+        def handler(signum: int, frame: FrameType | None) -> None:
             try:
                 if callable(previous):
                     previous(signum, frame)
@@ -595,7 +604,7 @@ class CasadiIpoptDriver(_ReportingDriver):
             raise error
 
 
-def _callback(name: str, function: Callable, inputs: dict, outputs: dict) -> object:
+def _callback(name: str, function: Callable, inputs: dict, outputs: dict) -> casadi.Function:
     """Return `function` of flat arrays as a CasADi function of the named inputs and outputs."""
     import casadi
 
@@ -616,13 +625,13 @@ def _callback(name: str, function: Callable, inputs: dict, outputs: dict) -> obj
         def get_name_out(self, i: int) -> str:
             return list(outputs)[i]
 
-        def get_sparsity_in(self, i: int) -> object:
+        def get_sparsity_in(self, i: int) -> casadi.Sparsity:
             return list(inputs.values())[i]
 
-        def get_sparsity_out(self, i: int) -> object:
+        def get_sparsity_out(self, i: int) -> casadi.Sparsity:
             return list(outputs.values())[i]
 
-        def eval(self, arguments: list) -> list:
+        def eval(self, arguments: Sequence[casadi.DM]) -> list:
             return list(function(*(np.array(argument).ravel() for argument in arguments)))
 
     return Callback()

@@ -134,7 +134,7 @@ class StartingPoint:
     operation: Operation
 
 
-def starting_point(problem, blade, gains, polar, chord_bounds, twist_bounds, *, fixed_blade, improve):
+def starting_point(problem, blade, gains, polar, chord_bounds, twist_bounds, design_ratios, *, fixed_blade, improve):
     """Return a start near the optimum, found by quasi-steady co-design from a blade.
 
     Candidates are the blade as given and the steady-optimal blades of a range of tip speed ratios; the best
@@ -149,6 +149,8 @@ def starting_point(problem, blade, gains, polar, chord_bounds, twist_bounds, *, 
         None: fitted to the blade.
     polar : Polar
     chord_bounds, twist_bounds : (float, float), m and rad
+    design_ratios : array
+        Tip speed ratios whose steady-optimal blades are tried.
     fixed_blade : bool
         Keep the blade and improve only the gains.
     improve : bool
@@ -163,17 +165,11 @@ def starting_point(problem, blade, gains, polar, chord_bounds, twist_bounds, *, 
         return given
     candidates = [given]
     if not fixed_blade:
-        for ratio in np.linspace(*_design_range(problem), 9):
+        for ratio in design_ratios:
             shaped = best_blade(blade, polar, ratio, chord_bounds, twist_bounds).blade
             candidates.append(_with_gains(problem, shaped, polar, None))
     best = max(candidates, key=lambda point: (point.operation.running, point.operation.energy))
     return _improve(problem, best, polar, chord_bounds, twist_bounds, fixed_blade)
-
-
-def _design_range(problem):
-    """Return the tip speed ratios whose best blades are tried: the inner half of the curve's range."""
-    low, high = problem.spline.nodes[0], problem.spline.nodes[-1]
-    return low + 0.3 * (high - low), low + 0.75 * (high - low)
 
 
 def _table(problem, blade, polar, derivatives=False):

@@ -434,7 +434,7 @@ def test_message_is_one_plain_line():
 
 
 def test_further_errors_are_counted():
-    with pytest.raises(InputError, match=r"and 2 more errors"):
+    with pytest.raises(InputError, match=r"and 2 more"):
         read_case("rotor: {radius: -1}\nfluid: {density: -1}\ninflow: {profile: sine}")
 
 

@@ -1,6 +1,7 @@
 """Mass and rotational inertia of solid blades (paper Sec. II-B)."""
 
 import numpy as np
+import openmdao.api as om
 
 
 def mass_and_inertia(
@@ -52,3 +53,49 @@ def mass_and_inertia(
         return by_edge[1:-1]
 
     return mass, inertia, gradient(area), gradient(area * local_r**2)
+
+
+class InertiaComp(om.ExplicitComponent):
+    """Mass and inertia of the rotor from its chord; see `mass_and_inertia`.
+
+    Input chord[n_stations] (m); outputs mass (kg), inertia (kg*m**2).
+    """
+
+    def initialize(self):
+        """Declare the options."""
+        self.options.declare("blade", desc="the start `Blade`: stations, hub, tip, count", recordable=False)
+        self.options.declare("section_area", types=float, desc="outline area over chord squared")
+        self.options.declare("density", types=float, desc="of the material, kg/m**3")
+        self.options.declare("hub_inertia", types=float, desc="kg*m**2")
+
+    def setup(self):
+        """Declare inputs and outputs."""
+        self.add_input("chord", val=self.options["blade"].chord, units="m", desc="chord at the stations")
+        self.add_output("mass", units="kg", desc="mass of the blades")
+        self.add_output("inertia", units="kg*m**2", desc="inertia of the rotor about its axis")
+
+    def setup_partials(self):
+        """Declare the dense rows."""
+        self.declare_partials(["mass", "inertia"], "chord")
+
+    def _evaluate(self, inputs):
+        options = self.options
+        blade = options["blade"]
+        return mass_and_inertia(
+            blade.r,
+            inputs["chord"],
+            blade.hub_radius,
+            blade.tip_radius,
+            blade.blade_count,
+            options["section_area"],
+            options["density"],
+            options["hub_inertia"],
+        )
+
+    def compute(self, inputs, outputs):
+        """Integrate over the blade."""
+        outputs["mass"], outputs["inertia"], _, _ = self._evaluate(inputs)
+
+    def compute_partials(self, inputs, partials):
+        """Differentiate the integrals."""
+        _, _, partials["mass", "chord"], partials["inertia", "chord"] = self._evaluate(inputs)
