@@ -23,6 +23,20 @@ class Scales:
     acceleration: float
 
 
+class _Stateless:
+    def setup_states(self, phase):
+        if phase.state_options:
+            super().setup_states(phase)
+
+    def configure_states(self, phase):
+        if phase.state_options:
+            super().configure_states(phase)
+
+
+class GaussLobatto(_Stateless, dm.GaussLobatto):
+    pass
+
+
 class EnergyComp(om.ExplicitComponent):
     """Energy over the phase by the transcription's own quadrature, exact for its power polynomials.
 
@@ -101,7 +115,7 @@ def add_trajectory(model, case_phase, law, unknown, ode_options, parameters, sca
     torque_limit : float or None, N*m
         Path constraint of the open loop; a feedback law saturates itself.
     """
-    transcription = {"gauss-lobatto": dm.GaussLobatto, "radau": dm.Radau}[case_phase.transcription]
+    transcription = {"gauss-lobatto": GaussLobatto, "radau": dm.Radau}[case_phase.transcription]
     phase = dm.Phase(
         ode_class=RotorODE,
         ode_init_kwargs={"law": law, "unknown": unknown, **ode_options},
