@@ -1,1 +1,31 @@
-"""Control co-design of hydrokinetic turbines with OpenMDAO and Dymos."""
+"""Control co-design of hydrokinetic turbines: blade and controller optimized together.
+
+    from hkt_mdo import load_case, run_case
+    solution = run_case(load_case("cases/sine_limited_quadratic.yaml"), "results/mine")
+
+The names below are the whole public interface; what is behind them is imported when it is first used.
+"""
+
+from importlib import import_module
+
+__all__ = ["Case", "InputError", "Solution", "build_problem", "load_case", "run_case"]
+
+_HOMES = {
+    "Case": "case",
+    "load_case": "case",
+    "InputError": "errors",
+    "Solution": "results",
+    "build_problem": "problem",
+    "run_case": "run",
+}
+
+
+def __getattr__(name: str):
+    """Import a public name on first use, so that `import hkt_mdo` costs nothing."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -24,7 +24,6 @@ from hkt_mdo.starting_point import QuasiSteady, StartingPoint, starting_point
 from hkt_mdo.trajectory import Scales, add_trajectory, set_speed
 
 BEM = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficients}
-LAWS = {"linear": controllers.LinearLaw, "quadratic": controllers.QuadraticLaw}
 INFLOWS = {
     "constant": lambda s: inflow.ConstantInflow(s.speed),
     "step": lambda s: inflow.StepInflow(s.before, s.after, s.time, s.width),
@@ -70,8 +69,8 @@ def physics(case: Case) -> Physics:
             rotor.blade, rotor.stations, rotor.radius, hub_radius, rotor.blade_count, np.deg2rad(rotor.set_angle)
         )
     law = None
-    if control.law in LAWS:
-        law = LAWS[control.law](control.torque_limit, control.smoothing)
+    if control.law in controllers.LAWS:
+        law = controllers.LAWS[control.law](control.torque_limit, control.smoothing)
     return Physics(
         blade,
         Polar.from_csv(rotor.polar),
@@ -100,7 +99,7 @@ def find_start(case: Case, world: Physics, optimum) -> StartingPoint:
     return starting_point(
         problem,
         world.blade,
-        None if gain is None else [gain],
+        None if gain is None else np.atleast_1d(gain),
         world.polar,
         world.chord_bounds,
         world.twist_bounds,

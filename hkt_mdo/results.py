@@ -169,9 +169,10 @@ def summary_table(solution: Solution) -> list[tuple[str, str]]:
     summary, control = solution.summary, solution.case.control
     get = summary.get
     ratio = get("tip_speed_ratio") or {}
-    energy, bound = get("energy_J"), get("energy_bound_J")
-    share = None if energy is None or not bound else 100.0 * energy / bound
-    simulated, difference = get("simulated_energy_J"), ""
+    energy, simulated, bound = get("energy_J"), get("simulated_energy_J"), get("energy_bound_J")
+    best = energy if simulated is None else simulated  # collocation alone may exceed the bound
+    share = None if best is None or not bound else 100.0 * best / bound
+    difference = ""
     if energy and simulated is not None:
         difference = f", {100.0 * (simulated / energy - 1.0):+.2g} %"
     rows = [
@@ -207,8 +208,8 @@ def summary_table(solution: Solution) -> list[tuple[str, str]]:
         ),
         ("inertia", _number(get("inertia_kg_m2"), ".4g", " kg m^2")),
         ("mass", _number(get("mass_kg"), ".4g", " kg")),
-        ("error of the torque curve", _number(get("surrogate_error"), ".2g")),
-        ("error of the rotor speed", _number(get("max_speed_error"), ".2g")),
+        ("torque curve, relative error", _number(get("surrogate_error"), ".2g")),
+        ("rotor speed, relative error", _number(get("max_speed_error"), ".2g")),
         (
             "optimizer",
             f"{_line(get('optimizer') or '-')} ({_line(get('package') or '-')}), "
@@ -254,18 +255,16 @@ def _read_csv(path: Path, columns: tuple[str, ...]) -> dict[str, np.ndarray]:
     if missing:
         raise InputError(f"must have one column {missing[0]}", remedy, file=path, value=header)
     numbers = array("d")
-    for number, line in enumerate(lines, start=2):
-        cells = line.split(",")
+    for number, row in enumerate(lines, start=2):
+        cells = row.split(",")
         if len(cells) != len(names):
             problem = f"has {len(cells)} cells where the header has {len(names)}"
-            raise InputError(problem, remedy, file=path, key=f"line {number}", value=line)
+            raise InputError(problem, remedy, file=path, key=f"line {number}", value=row)
         try:
             numbers.extend(map(_cell, cells))
         except ValueError:
             problem = "must hold numbers alone"
-            raise InputError(
-                problem, remedy, file=path, key=f"line {number}", value=line
-            ) from None
+            raise InputError(problem, remedy, file=path, key=f"line {number}", value=row) from None
     if not lines:
         return {}
     table = np.array(numbers).reshape(len(lines), len(names)).T.copy()

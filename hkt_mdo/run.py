@@ -207,7 +207,7 @@ def _optimize(case, world, start, out, watch) -> Optimized:
 def _curve_nodes(case, world, start, finer=1):
     """Return tip speed ratios for the torque curve: dense where the start works, sparse beyond.
 
-    The dense spacing is halved until the curve of the start's blade is fifty times as accurate there as the
+    The dense spacing is halved until the curve of the start's blade is twenty times as accurate there as the
     case asks for, since the blade will change.
     """
     speed = start.operation.rotor_speed
@@ -222,7 +222,7 @@ def _curve_nodes(case, world, start, finer=1):
         table = bem.rotor_coefficients(start.blade, world.polar, nodes).torque
         exact = bem.rotor_coefficients(start.blade, world.polar, probe).torque
         error = np.max(np.abs(TorqueSpline(nodes).basis(probe) @ table / exact - 1.0))
-        if error <= 0.02 * case.hydrodynamics.tolerance:
+        if error <= 0.05 * case.hydrodynamics.tolerance:
             break
         spacing *= 0.5
     return nodes if finer == 1 else np.sort(np.r_[nodes, 0.5 * (nodes[1:] + nodes[:-1])])

@@ -24,17 +24,28 @@ class Scales:
 
 
 class _Stateless:
+    """Lets a phase do without states: with rotor speed as a control, nothing needs collocation.
+
+    Dymos sets such a phase up but for a component of initial guesses, which refuses to be empty.
+    """
+
     def setup_states(self, phase):
+        """Skip the component where there are no states."""
         if phase.state_options:
             super().setup_states(phase)
 
     def configure_states(self, phase):
+        """Skip the component where there are no states."""
         if phase.state_options:
             super().configure_states(phase)
 
 
 class GaussLobatto(_Stateless, dm.GaussLobatto):
-    pass
+    """Gauss-Lobatto transcription, also for phases without states."""
+
+
+class Radau(_Stateless, dm.Radau):
+    """Radau transcription, also for phases without states."""
 
 
 class EnergyComp(om.ExplicitComponent):
@@ -115,7 +126,7 @@ def add_trajectory(model, case_phase, law, unknown, ode_options, parameters, sca
     torque_limit : float or None, N*m
         Path constraint of the open loop; a feedback law saturates itself.
     """
-    transcription = {"gauss-lobatto": GaussLobatto, "radau": dm.Radau}[case_phase.transcription]
+    transcription = {"gauss-lobatto": GaussLobatto, "radau": Radau}[case_phase.transcription]
     phase = dm.Phase(
         ode_class=RotorODE,
         ode_init_kwargs={"law": law, "unknown": unknown, **ode_options},
@@ -156,7 +167,8 @@ def add_trajectory(model, case_phase, law, unknown, ode_options, parameters, sca
                 "control_torque",
                 targets=["control_torque"],
                 continuity=True,
-                rate_continuity=False,
+                rate_continuity=True,
+                rate_continuity_ref=scales.torque,
                 lower=0.0,
                 upper=torque_limit,
                 ref=scales.torque,

@@ -99,6 +99,10 @@ class QuadraticLaw(FeedbackLaw):
         return gains[0] * speed**2
 
 
+LAWS: dict[str, type[FeedbackLaw]] = {"linear": LinearLaw, "quadratic": QuadraticLaw}
+"""The feedback laws by the name that a case gives as `control.law`."""
+
+
 class FeedbackComp(om.ExplicitComponent):
     """A feedback law at the nodes of a phase.
 

@@ -1,39 +1,63 @@
 """Blade element momentum theory for all stations and operating points at once.
 
-Ning's single residual in the inflow angle phi (Wind Energy 17(9), 2014) with the equations, loss factors
-and high-induction branch of CCBlade. Written with
+Ning's single residual in the inflow angle phi (Wind Energy 17(9), 2014, eq. 21) with the loss factors and
+the high-induction branch of CCBlade. Written with
 
     s(phi) = sin(phi) / (1 - a),    c(phi) = cos(phi) (1 - k'),
 
 neither of which depends on the operating point, the residual is f = s - c / lambda_r. Both are free of the
 singularities of the induction factors: 1 / (1 - a) is 1 + k up to k = 2/3 and sqrt(g2) + 5/3 - F beyond it
-(Buhl's branch, whose quotient in Ning's eq. 19 has g3 as a common factor), and c = cos(phi) - cos(phi) k'
-is finite at phi = 90 degrees. The relative speed follows as W = V / s.
+(Buhl's branch, whose quotient has g3 as a common factor), and c = cos(phi) - cos(phi) k' is finite at
+phi = 90 degrees. The relative speed follows as W = V / s, so a root counts only where s > 0.
 
-A station is sampled once over phi; at each tip speed ratio the first interval from phi = 0 in which the
-residual rises through zero holds the root with the lowest angle of attack, the attached one. Where there is
-none, the root is sought with phi < 0 (propeller brake) and beyond 90 degrees, in CCBlade's order.
+A station is therefore one curve, g(phi) = c / s, and a root at the local speed ratio lambda_r is a crossing
+g = lambda_r. The curve is sampled once; its local minima, where a root vanishes, are located exactly; and
+for every operating point the crossing with the smallest phi, the attached one, is found by a binary search
+in the running minimum and finished by Newton's method inside its bracket. See docs/bem.md.
 """
 
+import warnings
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from hkt_mdo.rotor.airfoil import Polar
+
 PHI_MIN = 1e-6  # CCBlade's distance from the singular points phi = 0 and pi
-N_SAMPLES = 48
-# Samples crowd towards phi = 0, where rotors work.
-_SAMPLES = PHI_MIN + (0.5 * np.pi - PHI_MIN) * np.linspace(0.0, 1.0, N_SAMPLES) ** 1.5
+
+# Samples crowd towards phi = 0, where rotors work, and are few beyond 90 degrees, where they do not.
+_SAMPLES = np.concatenate(
+    (
+        PHI_MIN + (0.5 * np.pi - PHI_MIN) * np.linspace(0.0, 1.0, 48) ** 1.5,
+        np.linspace(0.5 * np.pi, np.pi - PHI_MIN, 25)[1:],
+    )
+)
+_NEGATIVE_SAMPLES = -PHI_MIN - (0.5 * np.pi - PHI_MIN) * np.linspace(0.0, 1.0, 33) ** 1.5
 
 # Rows of `Sections.derivatives`
 INPUTS = ("tip_speed_ratio", "chord", "twist", "r", "hub_radius", "tip_radius")
+
+# Values of `Sections.branch`
+BRANCHES = {
+    -1: "no root: loads are zero",
+    0: "momentum theory, k <= 2/3",
+    1: "Buhl's empirical branch, k > 2/3",
+    2: "inflow angle beyond 90 degrees",
+    3: "negative inflow angle (propeller brake)",
+}
 
 
 class Sections(NamedTuple):
     """What happens at every operating point (axis 0) and station (axis 1).
 
-    normal_load and tangential_load are N/m over 0.5 rho V², that is metres; derivatives hold those of
-    the tangential, then the normal load with respect to `INPUTS` (shape (2, 6, n_points, n_stations)).
+    inflow_angle, angle_of_attack (rad), axial_induction, tangential_induction; relative_speed over the
+    inflow speed; normal_load and tangential_load are N/m over 0.5 rho V², that is metres; residual is f,
+    infinite where there is no root (all else is then zero); branch holds keys of `BRANCHES`; roots is the
+    number of roots with 0 < phi < 180 degrees, empty unless asked for; derivatives hold those of the
+    tangential, then the normal load with respect to `INPUTS`, shape (2, 6, n_points, n_stations), empty
+    unless asked for.
     """
 
     inflow_angle: np.ndarray
@@ -44,6 +68,7 @@ class Sections(NamedTuple):
     normal_load: np.ndarray
     tangential_load: np.ndarray
     residual: np.ndarray
+    branch: np.ndarray
     roots: np.ndarray
     derivatives: np.ndarray
 
@@ -63,255 +88,412 @@ class Coefficients(NamedTuple):
     torque_by_twist: np.ndarray
 
 
+class RootChanges(NamedTuple):
+    """Where stations change root along a sweep of the tip speed ratio; one entry a change.
+
+    station (index), tip_speed_ratio, and the inflow angle (rad) just below and just above it; an angle is
+    NaN on a side where the station has no root.
+    """
+
+    station: np.ndarray
+    tip_speed_ratio: np.ndarray
+    angle_below: np.ndarray
+    angle_above: np.ndarray
+
+
 @njit(cache=True, error_model="numpy")
-def _shape_terms(phi, chord, twist, r, hub_radius, tip_radius, blade_count, polar):
-    """Return s, c and the tangential and normal force coefficient of a station at an inflow angle."""
-    sine, cosine = np.sin(phi), np.cos(phi)
+def _polar_at(alpha, polar):
+    """Return lift, drag and their slopes at an angle of attack."""
     n_knots = polar.shape[0]
-    alpha = phi - twist
-    place = (alpha.real / np.pi + 1.0) * 0.5 * n_knots
-    index = int(np.floor(place))
-    x = alpha - (2.0 * np.pi / n_knots * index - np.pi)
-    row = polar[index % n_knots]
-    lift = row[0] + x * (row[1] + x * (row[2] + x * row[3]))
-    drag = row[4] + x * (row[5] + x * (row[6] + x * row[7]))
-    normal = lift * cosine + drag * sine
-    tangential = lift * sine - drag * cosine
-    size = sine if sine.real > 0.0 else -sine
-    tip = 0.5 * blade_count * (tip_radius - r) / (r * size)
-    hub = 0.5 * blade_count * (r - hub_radius) / (hub_radius * size)
-    loss = (2.0 / np.pi) ** 2 * np.arccos(np.exp(-tip)) * np.arccos(np.exp(-hub))
-    solidity = blade_count * chord / (2.0 * np.pi * r)
-    k = solidity * normal / (4.0 * loss * sine * sine)
-    c = cosine - solidity * tangential / (4.0 * loss * sine)
-    if phi.real > 0.0:
-        if k.real <= 2.0 / 3.0:
-            s = sine * (1.0 + k)
-        else:
-            s = sine * (np.sqrt(2.0 * loss * k - (4.0 / 3.0 - loss) * loss) + 5.0 / 3.0 - loss)
-    else:
-        s = sine * (1.0 - k)
-    return s, c, tangential, normal
+    index = int(np.floor((alpha.real + np.pi) * (n_knots / (2.0 * np.pi))))
+    x = alpha + np.pi - index * (2.0 * np.pi / n_knots)
+    if index < 0 or index >= n_knots:
+        index %= n_knots
+    row = polar[index]
+    return (
+        row[0] + x * (row[1] + x * (row[2] + x * row[3])),
+        row[4] + x * (row[5] + x * (row[6] + x * row[7])),
+        row[1] + x * (2.0 * row[2] + x * 3.0 * row[3]),
+        row[5] + x * (2.0 * row[6] + x * 3.0 * row[7]),
+    )
 
 
 @njit(cache=True, error_model="numpy")
-def _derivatives(phi, lambda_r, lambda_r_by, chord, twist, r, hub_radius, tip_radius, blade_count, polar, out):
-    """Fill out[2, 6]: total derivatives of the tangential and normal load at a root, by `INPUTS`.
+def _loss_at(exponent):
+    """Return arccos(exp(-x)) 2 / pi and the slope of its logarithm."""
+    if exponent.real > 40.0:  # exp(-40) is below the last digit
+        return 1.0 + 0.0 * exponent, 0.0 * exponent
+    decay = np.exp(-exponent)
+    angle = np.arccos(decay)
+    return 2.0 / np.pi * angle, decay / (np.sqrt(1.0 - decay * decay) * angle)
 
-    The residual's own partials give dphi/dx = -f_x / f_phi; nothing passes through the solver's steps.
+
+@njit(cache=True, error_model="numpy")
+def _terms(phi, chord, twist, r, hub_radius, tip_radius, blade_count, polar):
+    """Evaluate a station at an inflow angle: s, c, their slopes, the force coefficients and their parts.
+
+    It holds for complex arguments too, by which the tests check every derivative.
     """
     sine, cosine = np.sin(phi), np.cos(phi)
-    n_knots = polar.shape[0]
-    alpha = phi - twist
-    index = int(np.floor((alpha / np.pi + 1.0) * 0.5 * n_knots))
-    x = alpha - (2.0 * np.pi / n_knots * index - np.pi)
-    row = polar[index % n_knots]
-    lift = row[0] + x * (row[1] + x * (row[2] + x * row[3]))
-    drag = row[4] + x * (row[5] + x * (row[6] + x * row[7]))
-    lift_a = row[1] + x * (2.0 * row[2] + x * 3.0 * row[3])
-    drag_a = row[5] + x * (2.0 * row[6] + x * 3.0 * row[7])
+    lift, drag, lift_a, drag_a = _polar_at(phi - twist, polar)
     normal = lift * cosine + drag * sine
     tangential = lift * sine - drag * cosine
     normal_a = lift_a * cosine + drag_a * sine
     tangential_a = lift_a * sine - drag_a * cosine
+    normal_phi = normal_a - tangential
+    tangential_phi = tangential_a + normal
 
-    sign = 1.0 if sine > 0.0 else -1.0
-    tip = 0.5 * blade_count * (tip_radius - r) / (r * sign * sine)
-    hub = 0.5 * blade_count * (r - hub_radius) / (hub_radius * sign * sine)
-    exp_tip, exp_hub = np.exp(-tip), np.exp(-hub)
-    acos_tip, acos_hub = np.arccos(exp_tip), np.arccos(exp_hub)
-    loss = (2.0 / np.pi) ** 2 * acos_tip * acos_hub
-    # d ln(loss) / d(tip exponent), d(hub exponent)
-    log_tip = exp_tip / (np.sqrt(1.0 - exp_tip * exp_tip) * acos_tip)
-    log_hub = exp_hub / (np.sqrt(1.0 - exp_hub * exp_hub) * acos_hub)
-    cot = cosine / sine
-    loss_phi = -(log_tip * tip + log_hub * hub) * cot
-    loss_r = -log_tip * 0.5 * blade_count * tip_radius / (r * r * sign * sine) + (
-        log_hub * 0.5 * blade_count / (hub_radius * sign * sine)
-    )
-    loss_hub = -log_hub * 0.5 * blade_count * r / (hub_radius * hub_radius * sign * sine)
-    loss_tip = log_tip * 0.5 * blade_count / (r * sign * sine)
+    inverse = 1.0 / sine
+    size = inverse if phi.real > 0.0 else -inverse
+    tip = (0.5 * blade_count * (tip_radius - r) / r) * size
+    hub = (0.5 * blade_count * (r - hub_radius) / hub_radius) * size
+    tip_loss, log_tip = _loss_at(tip)
+    hub_loss, log_hub = _loss_at(hub)
+    loss = tip_loss * hub_loss
+    cot = cosine * inverse
+    log_loss_phi = -(log_tip * tip + log_hub * hub) * cot
 
-    solidity = blade_count * chord / (2.0 * np.pi * r)
-    k_per_normal = solidity / (4.0 * loss * sine * sine)
-    m_per_tangential = solidity / (4.0 * loss * sine)
-    k, m = k_per_normal * normal, m_per_tangential * tangential
+    # k = k_unit cn and k' cos(phi) = m = m_unit ct
+    m_unit = (blade_count * chord / (8.0 * np.pi * r)) * inverse / loss
+    k_unit = m_unit * inverse
+    k, m = k_unit * normal, m_unit * tangential
+    k_phi = k_unit * normal_phi - k * (log_loss_phi + 2.0 * cot)
+    m_phi = m_unit * tangential_phi - m * (log_loss_phi + cot)
 
-    # by x = phi, chord, twist, r, hub radius, tip radius: d ln(loss), d ln(solidity), dk, dm, ds, dc
-    s_k = sine
-    s_loss = 0.0
-    if phi > 0.0:
-        if k <= 2.0 / 3.0:
-            bracket = 1.0 + k
-        else:
-            root = np.sqrt(2.0 * loss * k - (4.0 / 3.0 - loss) * loss)
-            bracket = root + 5.0 / 3.0 - loss
-            s_k = sine * loss / root
-            s_loss = sine * ((k - 2.0 / 3.0 + loss) / root - 1.0)
+    # s = sin(phi) bracket(k, F)
+    bracket_loss = 0.0 * loss
+    if phi.real < 0.0:
+        bracket, bracket_k = 1.0 - k, -1.0 + 0.0 * k
+    elif k.real <= 2.0 / 3.0:
+        bracket, bracket_k = 1.0 + k, 1.0 + 0.0 * k
     else:
-        bracket = 1.0 - k
-        s_k = -sine
-    s = sine * bracket
-    c = cosine - m
-
-    k_phi = k_per_normal * (-lift * sine + drag * cosine + normal_a) - k * (loss_phi + 2.0 * cot)
-    m_phi = m_per_tangential * (lift * cosine + drag * sine + tangential_a) - m * (loss_phi + cot)
-    s_phi = cosine * bracket + s_k * k_phi + s_loss * loss * loss_phi
+        root = np.sqrt(2.0 * loss * k - (4.0 / 3.0 - loss) * loss)
+        bracket, bracket_k = root + 5.0 / 3.0 - loss, loss / root
+        bracket_loss = (k - 2.0 / 3.0 + loss) / root - 1.0
+    s, c = sine * bracket, cosine - m
+    s_phi = cosine * bracket + sine * (bracket_k * k_phi + bracket_loss * loss * log_loss_phi)
     c_phi = -sine - m_phi
+    return (
+        (s, c, s_phi, c_phi),
+        (tangential, normal, tangential_phi, normal_phi, tangential_a, normal_a),
+        (k, m, k_unit, m_unit, sine * bracket_k, sine * bracket_loss * loss),
+        (tip, hub, log_tip, log_hub),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _derivatives(terms, tip_speed_ratio, chord, r, hub_radius, tip_radius, blade_count, out):
+    """Fill out[n_loads, n_inputs]: total derivatives of tangential and normal load at a root, by `INPUTS`.
+
+    The residual's own partials give dphi/dx = -f_x / f_phi; nothing passes through the solver's steps.
+    """
+    (s, c, s_phi, c_phi), forces, (k, m, k_unit, m_unit, s_k, s_log_loss), losses = terms
+    tip, hub, log_tip, log_hub = losses
+    lambda_r = tip_speed_ratio * r / tip_radius
     f_phi = s_phi - c_phi / lambda_r
-    load_t, load_n = chord * tangential / (s * s), chord * normal / (s * s)
-    t_phi = chord * (lift * cosine + drag * sine + tangential_a) / (s * s) - 2.0 * load_t * s_phi / s
-    n_phi = chord * (-lift * sine + drag * cosine + normal_a) / (s * s) - 2.0 * load_n * s_phi / s
-
-    for i in range(6):
-        log_loss = 0.0
-        log_solidity = 0.0
-        normal_x = 0.0
-        tangential_x = 0.0
-        chord_x = 0.0
-        if i == 1:
-            log_solidity = 1.0 / chord
-            chord_x = 1.0
+    c_by_ratio = c / (lambda_r * lambda_r)
+    chord_load = chord / (s * s)
+    for i in range(out.shape[1]):
+        # What the input changes before phi answers: force coefficients, ln(solidity), ln(F), lambda_r, chord
+        turn = log_solidity = log_loss = ratio = stretch = 0.0
+        if i == 0:
+            ratio = r / tip_radius
+        elif i == 1:
+            log_solidity = stretch = 1.0 / chord
         elif i == 2:
-            normal_x = -normal_a
-            tangential_x = -tangential_a
+            turn = -1.0
         elif i == 3:
-            log_loss = loss_r
             log_solidity = -1.0 / r
+            log_loss = log_hub * hub / (r - hub_radius) - log_tip * tip * tip_radius / (r * (tip_radius - r))
+            ratio = tip_speed_ratio / tip_radius
         elif i == 4:
-            log_loss = loss_hub
-        elif i == 5:
-            log_loss = loss_tip
-        k_x = k_per_normal * normal_x + k * (log_solidity - log_loss)
-        m_x = m_per_tangential * tangential_x + m * (log_solidity - log_loss)
-        s_x = s_k * k_x + s_loss * loss * log_loss
-        f_x = s_x + m_x / lambda_r + c / (lambda_r * lambda_r) * lambda_r_by[i]
-        phi_x = -f_x / f_phi
-        out[0, i] = (
-            chord_x * tangential / (s * s) + chord * tangential_x / (s * s) - 2.0 * load_t * s_x / s + t_phi * phi_x
-        )
-        out[1, i] = chord_x * normal / (s * s) + chord * normal_x / (s * s) - 2.0 * load_n * s_x / s + n_phi * phi_x
+            log_loss = -log_hub * hub * r / (hub_radius * (r - hub_radius))
+        else:
+            log_loss = log_tip * tip / (tip_radius - r)
+            ratio = -lambda_r / tip_radius
+        k_x = k_unit * forces[5] * turn + k * (log_solidity - log_loss)
+        m_x = m_unit * forces[4] * turn + m * (log_solidity - log_loss)
+        s_x = s_k * k_x + s_log_loss * log_loss
+        phi_x = -(s_x + m_x / lambda_r + c_by_ratio * ratio) / f_phi
+        s_x += s_phi * phi_x
+        for load in range(out.shape[0]):
+            force_x = forces[4 + load] * turn + forces[2 + load] * phi_x
+            out[load, i] = chord_load * (force_x + forces[load] * (stretch - 2.0 * s_x / s))
 
 
 @njit(cache=True, error_model="numpy")
-def _refine(low, high, f_low, f_high, lambda_r, chord, twist, r, hub_radius, tip_radius, blade_count, polar):
-    """Return the root inside a bracket (Chandrupatla's method: inverse quadratic steps, else bisection)."""
-    a, b, f_a, f_b = high, low, f_high, f_low
-    share = 0.5
-    for _ in range(80):
-        new = a + share * (b - a)
-        s, c, _t, _n = _shape_terms(new, chord, twist, r, hub_radius, tip_radius, blade_count, polar)
+def _curve(samples, lowest, full, station, knots):
+    """Sample a station's curve g = c / s; return the number of knots.
+
+    knots[7, n] holds phi, s, c, their slopes, g (infinite where s <= 0) and the running minimum of g. A
+    local minimum between two samples becomes a knot of its own, and a local maximum too if full. Unless
+    full, sampling ends where the running minimum is at or below `lowest`: no root is sought further on.
+    """
+    count = 0
+    rise_before = 0.0
+    least = np.inf
+    for phi in samples:
+        (s, c, s_phi, c_phi), _f, _k, _l = _terms(phi, *station)
+        rise = c_phi * s - c * s_phi if s > 0.0 else 0.0  # sign of dg/dphi
+        if (rise_before < 0.0 and rise > 0.0) or (full and rise_before > 0.0 and rise < 0.0):
+            low, high, rise_low, rise_high = knots[0, count - 1], phi, rise_before, rise
+            for _ in range(60):  # regula falsi (Illinois)
+                middle = (low * rise_high - high * rise_low) / (rise_high - rise_low)
+                (s_m, c_m, s_phi_m, c_phi_m), _f, _k, _l = _terms(middle, *station)
+                rise_m = c_phi_m * s_m - c_m * s_phi_m
+                if (rise_m < 0.0) == (rise_high < 0.0):
+                    step = high - middle
+                    high, rise_high = middle, rise_m
+                    rise_low *= 0.5
+                else:
+                    step = middle - low
+                    low, rise_low = middle, rise_m
+                    rise_high *= 0.5
+                if abs(step) < 1e-9 or rise_m == 0.0:
+                    break
+            g = c_m / s_m if s_m > 0.0 else np.inf
+            least = min(least, g)
+            knots[:, count] = (middle, s_m, c_m, s_phi_m, c_phi_m, g, least)
+            count += 1
+        g = c / s if s > 0.0 else np.inf
+        least = min(least, g)
+        knots[:, count] = (phi, s, c, s_phi, c_phi, g, least)
+        count += 1
+        rise_before = rise
+        if least <= lowest and not full:
+            break
+    return count
+
+
+@njit(cache=True, error_model="numpy")
+def _root(low, high, f_low, f_high, slope_low, slope_high, lambda_r, station):
+    """Return the root in a bracket and the terms there (Newton's method, bisection where it fails)."""
+    # Start from the cubic that has the residual's values and slopes at both ends, phi as a function of f.
+    rise = f_high - f_low
+    t = -f_low / rise
+    u = 1.0 - t
+    phi = low * u * u * (1.0 + 2.0 * t) + high * t * t * (3.0 - 2.0 * t)
+    phi += rise * t * u * (u / slope_low - t / slope_high)
+    if not (low < phi < high or high < phi < low):
+        phi = low * u + high * t
+    f_before = np.inf
+    for _ in range(100):
+        terms = _terms(phi, *station)
+        s, c, s_phi, c_phi = terms[0]
         f = s - c / lambda_r
-        if (f > 0.0) == (f_a > 0.0):
-            third, f_third = a, f_a
+        if abs(f) <= 2e-15 * (abs(s) + abs(c) / lambda_r):
+            break
+        if (f > 0.0) == (f_low > 0.0):
+            low = phi
         else:
-            third, f_third = b, f_b
-            b, f_b = a, f_a
-        a, f_a = new, f
-        best, f_best = (a, f_a) if abs(f_a) < abs(f_b) else (b, f_b)
-        tolerance = 4.5e-16 * abs(best) + 1e-15
-        limit = tolerance / abs(b - a)
-        if limit > 0.5 or f_best == 0.0:
-            return best
-        xi = (a - b) / (third - b)
-        ratio = (f_a - f_b) / (f_third - f_b)
-        if 1.0 - np.sqrt(1.0 - xi) < ratio < np.sqrt(xi):
-            share = f_a / (f_b - f_a) * f_third / (f_b - f_third) + (
-                (third - a) / (b - a) * f_a / (f_third - f_a) * f_b / (f_third - f_b)
-            )
-            share = min(max(share, limit), 1.0 - limit)
-        else:
-            share = 0.5
-    return best
+            high = phi
+        new = phi - f / (s_phi - c_phi / lambda_r)
+        if not (low < new < high or high < new < low) or abs(f) > 0.5 * f_before:
+            new = 0.5 * (low + high)
+        f_before = abs(f)
+        if abs(new - phi) <= 2.3e-16 * abs(phi):
+            break
+        phi = new
+    return phi, terms
 
 
 @njit(cache=True, error_model="numpy")
-def _solve(tip_speed_ratio, r, chord, twist, hub_radius, tip_radius, blade_count, polar, samples, want_derivatives):
-    n_points, n_stations, n_samples = tip_speed_ratio.size, r.size, samples.size
-    state = np.empty((8, n_points, n_stations))
-    roots = np.empty((n_points, n_stations), dtype=np.int64)
-    derivatives = np.empty((2, 6, n_points if want_derivatives else 0, n_stations))
-    gradient = np.empty((2, 6))
-    by = np.zeros(6)
-    s_sample, c_sample = np.empty(n_samples), np.empty(n_samples)
+def _brake_bracket(samples, lambda_r, station):
+    """Return the sign change of the residual nearest to phi = 0 below it: both angles, values and slopes."""
+    low = f_low = slope_low = np.nan
+    for phi in samples:
+        (s, c, s_phi, c_phi), _f, _k, _l = _terms(phi, *station)
+        f, slope = s - c / lambda_r, s_phi - c_phi / lambda_r
+        if f * f_low < 0.0:
+            return low, phi, f_low, f, slope_low, slope
+        low, f_low, slope_low = phi, f, slope
+    return np.nan, np.nan, np.nan, np.nan, np.nan, np.nan
+
+
+@njit(cache=True, error_model="numpy")
+def _solve(
+    tip_speed_ratio, r, chord, twist, hub_radius, tip_radius, blade_count, polars, section, full, n_loads, n_inputs
+):
+    """Solve all stations at all points; arrays are station-major, so that each inner loop writes in order."""
+    n_points, n_stations = tip_speed_ratio.size, r.size
+    if not np.min(tip_speed_ratio) > 0.0:
+        raise ValueError("tip speed ratios must be positive")
+    if not (hub_radius < np.min(r) and np.max(r) < tip_radius):
+        raise ValueError("stations must lie strictly between hub and tip")
+    state = np.zeros((8, n_stations, n_points))
+    branch = np.empty((n_stations, n_points), dtype=np.int8)
+    roots = np.zeros((n_stations, n_points if full else 0), dtype=np.int64)
+    derivatives = np.zeros((n_loads, n_inputs, n_stations, n_points))
+    gradient = np.empty((n_loads, n_inputs))
+    knots = np.empty((7, 2 * _SAMPLES.size))
+    lowest = np.min(tip_speed_ratio)
     for j in range(n_stations):
-        station = (chord[j], twist[j], r[j], hub_radius, tip_radius, blade_count, polar)
-        for m in range(n_samples):
-            s_sample[m], c_sample[m], _t, _n = _shape_terms(samples[m], *station)
+        station = (chord[j], twist[j], r[j], hub_radius, tip_radius, blade_count, polars[section[j]])
+        n_knots = _curve(_SAMPLES, lowest * r[j] / tip_radius, full, station, knots)
+        angle, s_knot, c_knot, s_phi_knot, c_phi_knot, g, running = knots
         for i in range(n_points):
             lambda_r = tip_speed_ratio[i] * r[j] / tip_radius
-            count = 0
-            low, high, f_low, f_high = 0.0, 0.0, 0.0, 0.0
-            before = s_sample[0] - c_sample[0] / lambda_r
-            for m in range(1, n_samples):
-                now = s_sample[m] - c_sample[m] / lambda_r
-                if (before < 0.0) != (now < 0.0):
-                    if count == 0:
-                        low, high, f_low, f_high = samples[m - 1], samples[m], before, now
-                    count += 1
-                before = now
-            if count == 0:
-                s, c, _t, _n = _shape_terms(-0.25 * np.pi, *station)
-                f_low = s - c / lambda_r
-                s, c, _t, _n = _shape_terms(-PHI_MIN, *station)
-                f_high = s - c / lambda_r
-                low, high = -0.25 * np.pi, -PHI_MIN
-                if not (f_low < 0.0 and f_high > 0.0):
-                    low, high = 0.5 * np.pi, np.pi - PHI_MIN
-                    s, c, _t, _n = _shape_terms(low, *station)
-                    f_low = s - c / lambda_r
-                    s, c, _t, _n = _shape_terms(high, *station)
-                    f_high = s - c / lambda_r
-            phi = _refine(low, high, f_low, f_high, lambda_r, *station)
-            s, c, tangential, normal = _shape_terms(phi, *station)
-            state[0, i, j] = phi
-            state[1, i, j] = phi - twist[j]
-            state[2, i, j] = 1.0 - np.sin(phi) / s
-            state[3, i, j] = np.cos(phi) / c - 1.0
-            state[4, i, j] = 1.0 / s
-            state[5, i, j] = chord[j] * normal / (s * s)
-            state[6, i, j] = chord[j] * tangential / (s * s)
-            state[7, i, j] = s - c / lambda_r
-            roots[i, j] = count
-            if want_derivatives:
-                by[0] = r[j] / tip_radius
-                by[3] = tip_speed_ratio[i] / tip_radius
-                by[5] = -lambda_r / tip_radius
-                _derivatives(phi, lambda_r, by, *station, gradient)
-                derivatives[:, :, i, j] = gradient
-    return state, roots, derivatives
+            if full:
+                for m in range(1, n_knots):
+                    roots[j, i] += (g[m] > lambda_r) != (g[m - 1] > lambda_r)
+            below, above = -1, n_knots  # the first knot whose running minimum is at or below lambda_r
+            while above - below > 1:
+                middle = (below + above) // 2
+                if running[middle] > lambda_r:
+                    below = middle
+                else:
+                    above = middle
+            if 0 < above < n_knots:
+                phi, terms = _root(
+                    angle[below],
+                    angle[above],
+                    s_knot[below] - c_knot[below] / lambda_r,
+                    s_knot[above] - c_knot[above] / lambda_r,
+                    s_phi_knot[below] - c_phi_knot[below] / lambda_r,
+                    s_phi_knot[above] - c_phi_knot[above] / lambda_r,
+                    lambda_r,
+                    station,
+                )
+            else:
+                bracket = _brake_bracket(_NEGATIVE_SAMPLES, lambda_r, station)
+                if np.isnan(bracket[0]):
+                    branch[j, i] = -1
+                    state[7, j, i] = np.inf
+                    continue
+                phi, terms = _root(*bracket, lambda_r, station)
+            s, c, _s_phi, _c_phi = terms[0]
+            if not s > 0.0:  # s and c both negative: the relative speed would point backwards
+                branch[j, i] = -1
+                state[7, j, i] = np.inf
+                continue
+            if phi < 0.0:
+                branch[j, i] = 3
+            elif phi > 0.5 * np.pi:
+                branch[j, i] = 2
+            else:
+                branch[j, i] = terms[2][0] > 2.0 / 3.0
+            state[0, j, i] = phi
+            state[1, j, i] = phi - twist[j]
+            state[2, j, i] = 1.0 - np.sin(phi) / s
+            state[3, j, i] = np.cos(phi) / c - 1.0
+            state[4, j, i] = 1.0 / s
+            state[5, j, i] = chord[j] * terms[1][1] / (s * s)
+            state[6, j, i] = chord[j] * terms[1][0] / (s * s)
+            state[7, j, i] = s - c / lambda_r
+            if n_inputs:
+                _derivatives(
+                    terms, tip_speed_ratio[i], chord[j], r[j], hub_radius, tip_radius, blade_count, gradient
+                )
+                derivatives[:, :, j, i] = gradient
+    return state, branch, roots, derivatives
 
 
-def sections(blade, polar, tip_speed_ratio, derivatives=False):
-    """Solve every station of a blade at every tip speed ratio.
+@lru_cache(maxsize=32)
+def _stack(polars):
+    """Return the coefficients of different polars in one array (n_polars, n_knots, 8)."""
+    return np.stack([polar.coefficients for polar in polars])
 
-    Parameters
-    ----------
-    blade : Blade
-    polar : Polar
-    tip_speed_ratio : array, shape (n_points,)
-        Positive.
-    derivatives : bool
-        Whether to fill `Sections.derivatives`.
 
-    Returns
-    -------
-    Sections
-    """
-    points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-    state, roots, gradient = _solve(
-        points,
+def _arguments(blade, polar):
+    """Return a blade and its polars as `_solve` takes them, from r to section."""
+    if isinstance(polar, Polar):
+        polars, section = polar.coefficients[None], np.zeros(blade.r.size, dtype=np.int64)
+    else:
+        if len(polar) != blade.r.size:
+            raise ValueError(f"{len(polar)} polars for {blade.r.size} stations: give one polar, or one for each")
+        different = tuple(dict.fromkeys(polar))
+        polars, section = _stack(different), np.array([different.index(each) for each in polar])
+    return (
         np.ascontiguousarray(blade.r, dtype=float),
         np.ascontiguousarray(blade.chord, dtype=float),
         np.ascontiguousarray(blade.twist, dtype=float),
         float(blade.hub_radius),
         float(blade.tip_radius),
-        blade.blade_count,
-        polar.coefficients,
-        _SAMPLES,
-        derivatives,
+        int(blade.blade_count),
+        polars,
+        section,
     )
-    return Sections(*state, roots, gradient)
+
+
+def sections(blade, polar, tip_speed_ratio, derivatives=False, count_roots=False):
+    """Solve every station of a blade at every tip speed ratio.
+
+    Parameters
+    ----------
+    blade : Blade
+        Stations strictly between hub and tip, in any order.
+    polar : Polar or sequence of Polar
+        One for all stations, or one for each.
+    tip_speed_ratio : array, shape (n_points,)
+        Positive.
+    derivatives : bool
+        Whether to fill `Sections.derivatives`.
+    count_roots : bool
+        Whether to fill `Sections.roots`.
+
+    Returns
+    -------
+    Sections
+
+    Raises
+    ------
+    ValueError
+        If a tip speed ratio is not positive, a station is not between hub and tip, or the number of polars
+        is not that of the stations.
+    """
+    points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
+    n_loads, n_inputs = (2, len(INPUTS)) if derivatives else (2, 0)
+    state, branch, roots, gradient = _solve(points, *_arguments(blade, polar), count_roots, n_loads, n_inputs)
+    return Sections(*state.transpose(0, 2, 1), branch.T, roots.T, gradient.transpose(0, 1, 3, 2))
+
+
+def root_changes(blade, polar, tip_speed_ratio):
+    """Find where stations change root, hence where the rotor's torque jumps, along a tip speed ratio sweep.
+
+    They are exact, not read off the sweep: a station's root vanishes at a minimum of its curve g(phi).
+
+    Parameters
+    ----------
+    blade, polar
+        As in `sections`.
+    tip_speed_ratio : array
+        Its smallest and largest value bound the search.
+
+    Returns
+    -------
+    RootChanges
+        In the order of the tip speed ratio.
+    """
+    low, high = float(np.min(tip_speed_ratio)), float(np.max(tip_speed_ratio))
+    r, chord, twist, hub_radius, tip_radius, blade_count, polars, section = _arguments(blade, polar)
+    knots = np.empty((7, 2 * _SAMPLES.size))
+    found = []
+    for j in range(r.size):
+        station = (chord[j], twist[j], r[j], hub_radius, tip_radius, blade_count, polars[section[j]])
+        count = _curve(_SAMPLES, 0.0, True, station, knots)
+        running = knots[6, :count]
+        # Where the running minimum stays for a while, the root left of it vanishes; so it does at the ends.
+        held = np.flatnonzero((running[1:] == running[:-1]) & np.isfinite(running[:-1]))
+        vanishing = np.unique(np.concatenate((running[[0, -1]], running[held])))
+        found += [(j, ratio) for ratio in vanishing * tip_radius / r[j] if low <= ratio <= high]
+    found.sort(key=lambda change: change[1])
+    angles = np.empty((2, len(found)))
+    for place, (j, ratio) in enumerate(found):
+        pair = _solve(
+            ratio * np.array([1.0 - 1e-9, 1.0 + 1e-9]),
+            *(values[j : j + 1] for values in (r, chord, twist)),
+            hub_radius,
+            tip_radius,
+            blade_count,
+            polars,
+            section[j : j + 1],
+            False,
+            2,
+            0,
+        )
+        angles[:, place] = np.where(pair[1][0] < 0, np.nan, pair[0][0, 0])
+    stations = np.array([j for j, _ in found], dtype=int)
+    return RootChanges(stations, np.array([ratio for _, ratio in found]), *angles)
 
 
 def torque_weights(blade):
@@ -330,7 +512,9 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     Parameters
     ----------
     blade : Blade
-    polar : Polar
+        Stations in ascending order.
+    polar : Polar or sequence of Polar
+        One for all stations, or one for each.
     tip_speed_ratio : array, shape (n_points,)
     derivatives : bool
 
@@ -338,13 +522,27 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     -------
     Coefficients
         Derivatives are empty unless asked for.
+
+    Warns
+    -----
+    RuntimeWarning
+        If a station has no root at some point; its load is taken as zero there.
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-    found = sections(blade, polar, points, derivatives)
+    # Only the tangential load by tip speed ratio, chord and twist is asked for.
+    n_loads, n_inputs = (1, 3) if derivatives else (1, 0)
+    state, branch, _, gradient = _solve(points, *_arguments(blade, polar), False, n_loads, n_inputs)
+    unsolved = np.count_nonzero(branch < 0)
+    if unsolved:
+        warnings.warn(
+            f"no root at {unsolved} of {branch.size} sections: their loads are taken as zero", RuntimeWarning, 2
+        )
     weights = torque_weights(blade)
-    torque = found.tangential_load @ weights
-    thrust = found.normal_load @ (weights * blade.tip_radius / blade.r)
-    by = found.derivatives[0]
-    return Coefficients(
-        torque, torque * points, thrust, by[0] @ weights, by[1] * weights, by[2] * weights
-    )
+    torque = weights @ state[6]
+    thrust = (weights * blade.tip_radius / blade.r) @ state[5]
+    if derivatives:
+        by_ratio = weights @ gradient[0, 0]
+        by_chord, by_twist = (gradient[0, 1:] * weights[:, None]).transpose(0, 2, 1)
+    else:
+        by_ratio = by_chord = by_twist = np.empty(0)
+    return Coefficients(torque, torque * points, thrust, by_ratio, by_chord, by_twist)

@@ -1,0 +1,150 @@
+"""What several test modules share."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hkt_mdo.case import read_case
+
+OVER_TIME = (
+    "time_s",
+    "inflow_speed_m_s",
+    "rotor_speed_rad_s",
+    "tip_speed_ratio",
+    "hydrodynamic_torque_Nm",
+    "control_torque_Nm",
+    "hydrodynamic_power_W",
+    "generator_power_W",
+)
+
+
+def write_csv(path: Path, columns: dict[str, np.ndarray]) -> None:
+    """Write columns as a run does."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        rows = zip(*columns.values(), strict=True)
+        writer.writerows([[f"{value:.10g}" for value in row] for row in rows])
+
+
+def operate(time: np.ndarray, limit: float | None, law: str) -> dict[str, np.ndarray]:
+    """Return something like a rotor in a sinusoidal flow; invented, not computed."""
+    flow = 1.5 + 0.2 * np.sin(0.25 * time)
+    ratio = 7.2 + (0.05 if law == "quadratic" else 0.9) * np.cos(0.25 * time)
+    speed = ratio * flow / 1.4
+    torque = 0.47 / ratio * 0.5 * 1000.0 * np.pi * 1.4**3 * flow**2
+    control = np.minimum(torque * (1.0 - 0.01 * np.cos(0.25 * time)), limit or np.inf)
+    values = (time, flow, speed, ratio, torque, control, torque * speed, control * speed)
+    return dict(zip(OVER_TIME, values, strict=True))
+
+
+def make_result(folder: Path, law: str = "quadratic", limit: float | None = 700.0) -> Path:
+    """Write a result folder whose numbers are invented but look like a run's."""
+    folder.mkdir(parents=True)
+    torque_limit = "null" if limit is None else f"{limit:g}"
+    case = read_case(
+        f"name: sine_{law}\ninflow: {{profile: sine}}\n"
+        f"control: {{law: {law}, torque_limit: {torque_limit}}}\n"
+    )
+    (folder / "case.yaml").write_text(case.to_yaml(), encoding="utf-8")
+
+    edges = np.linspace(0.0, 60.0, 61)
+    nodes = np.sort(np.r_[edges, 0.5 * (edges[1:] + edges[:-1]), edges[1:]])  # 181 of them
+    trajectory = operate(nodes, limit, law)
+    write_csv(folder / "trajectory.csv", trajectory)
+    write_csv(folder / "simulation.csv", operate(np.linspace(0.0, 60.0, 1201), limit, law))
+    ratio = np.linspace(2.2, 12.4, 141)
+    write_csv(
+        folder / "power_curve.csv",
+        {
+            "tip_speed_ratio": ratio,
+            "power_coefficient": 0.47 - 0.015 * (ratio - 7.2) ** 2,
+            "start_power_coefficient": 0.43 - 0.02 * (ratio - 6.4) ** 2,
+        },
+    )
+    count = np.arange(45.0)
+    write_csv(
+        folder / "convergence.csv",
+        {
+            "evaluation": count,
+            "energy_J": 322239.0 - 16000.0 * np.exp(-count / 6.0) * np.cos(0.5 * count),
+            "infeasibility": 0.3 * np.exp(-count / 2.2) * (1.5 + np.sin(3.0 * count)),
+        },
+    )
+    radius = 1.4 * np.array(case.rotor.stations)
+    summary = {
+        "case": case.name,
+        "success": True,
+        "message": "converged and verified",
+        "package": "pyoptsparse",
+        "optimizer": "IPOPT",
+        "iterations": 44,
+        "wall_seconds": 12.34,
+        "energy_J": 322239.0,
+        "simulated_energy_J": 322240.5,
+        "generator_energy_J": 321000.0,
+        "energy_bound_J": 322300.0,
+        "gain": {"open_loop": None, "linear": 90.9, "quadratic": 10.98}[law],
+        "tip_speed_ratio": {
+            "min": float(trajectory["tip_speed_ratio"].min()),
+            "max": float(trajectory["tip_speed_ratio"].max()),
+            "mean": float(trajectory["tip_speed_ratio"].mean()),
+        },
+        "power_coefficient_max": 0.47,
+        "tip_speed_ratio_at_power_coefficient_max": 7.2,
+        "control_torque_max_Nm": float(trajectory["control_torque_Nm"].max()),
+        "inertia_kg_m2": 35.2,
+        "mass_kg": 90.1,
+        "r_m": list(radius),
+        "chord_m": list(0.22 - 0.1 * radius),
+        "twist_deg": list(21.0 * (1.0 - radius / 1.5)),
+        "start_chord_m": list(0.19 - 0.06 * radius),
+        "start_twist_deg": list(5.0 + 15.0 * (1.0 - radius / 1.4) ** 2),
+        "surrogate_error": 2.3e-5,
+        "max_speed_error": 4.0e-6,
+        "versions": {"numpy": "2.0"},
+        "checks": [
+            {"name": "optimizer", "value": 0.0, "limit": 0.0, "passed": True, "detail": "solved"},
+            {
+                "name": "energy_error",
+                "value": 5e-6,
+                "limit": 2e-4,
+                "passed": True,
+                "detail": "collocated over independently integrated energy, less one",
+            },
+        ],
+    }
+    (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    return folder
+
+
+@pytest.fixture
+def result_folder(tmp_path: Path) -> Path:
+    """Return the folder of an invented, successful run."""
+    return make_result(tmp_path / "result")
+
+
+@pytest.fixture
+def linear_result_folder(tmp_path: Path) -> Path:
+    """Return the folder of another one, to compare with."""
+    return make_result(tmp_path / "linear", "linear", None)
+
+
+@pytest.fixture(scope="session")
+def polar():
+    """The shipped polar of the tests' own Reynolds number."""
+    from hkt_mdo.rotor.airfoil import Polar
+
+    return Polar.from_csv("naca63815_Re2e5")
+
+
+@pytest.fixture(scope="session")
+def blade():
+    """The Bahaj blade scaled to R = 1.4 m at the nine default stations, 5 degrees set angle."""
+    from hkt_mdo.rotor.blade import Blade
+
+    stations = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.999)
+    return Blade.from_csv("bahaj2007", stations, 1.4, 0.125 * 1.4, 3, np.deg2rad(5.0))

@@ -1,0 +1,119 @@
+"""The rotor's ODE: its physics at hand-computed points, and partials of all its parts."""
+
+import numpy as np
+import openmdao.api as om
+import pytest
+from openmdao.utils.assert_utils import assert_check_partials
+
+from hkt_mdo.dynamics.controllers import QuadraticLaw
+from hkt_mdo.dynamics.inflow import SineInflow
+from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp, RotorODE
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.torque_curve import TorqueSpline
+
+N, RADIUS = 5, 1.4
+NODES = np.linspace(3.0, 11.0, 33)
+TABLE = 0.09 * np.exp(-((NODES - 6.0) ** 2) / 20.0)
+
+
+def spline_hydrodynamics(num_nodes):
+    return HydrodynamicsComp(num_nodes=num_nodes, tip_radius=RADIUS, spline=TorqueSpline(NODES))
+
+
+def problem_of(**options):
+    problem = om.Problem(reports=False)
+    ode = RotorODE(num_nodes=N, inflow=SineInflow(1.5, 0.2, 0.25), **options)
+    problem.model.add_subsystem("ode", ode, promotes=["*"])
+    problem.setup(force_alloc_complex=True)
+    problem.set_val("time", np.linspace(0.0, 20.0, N))
+    problem.set_val("rotor_speed", np.linspace(6.0, 9.0, N))
+    problem.set_val("density", 998.0)
+    problem.set_val("inertia", 3.5)
+    return problem
+
+
+@pytest.fixture
+def closed_loop():
+    problem = problem_of(hydrodynamics=spline_hydrodynamics, law=QuadraticLaw(700.0))
+    problem.set_val("torque_coefficient_table", TABLE)
+    problem.set_val("gain_0", 7.2)
+    problem.run_model()
+    return problem
+
+
+def test_forward_and_inverse_dynamics_are_inverses(closed_loop):
+    inverse = problem_of(hydrodynamics=spline_hydrodynamics, unknown="speed")
+    inverse.set_val("torque_coefficient_table", TABLE)
+    inverse.set_val("rotor_acceleration", closed_loop.get_val("rotor_acceleration"))
+    inverse.run_model()
+    for name in ("control_torque", "generator_power", "hydrodynamic_power"):
+        np.testing.assert_allclose(inverse.get_val(name), closed_loop.get_val(name), rtol=1e-12)
+
+
+def test_acceleration_is_equation_6(closed_loop):
+    torque, control = closed_loop.get_val("hydrodynamic_torque"), closed_loop.get_val("control_torque")
+    np.testing.assert_allclose(closed_loop.get_val("rotor_acceleration"), (torque - control) / 3.5)
+
+
+def test_power_is_equation_5_and_scales_with_the_swept_area(closed_loop):
+    v, w = closed_loop.get_val("inflow_speed"), closed_loop.get_val("rotor_speed")
+    ratio = closed_loop.get_val("tip_speed_ratio")
+    np.testing.assert_allclose(ratio, w * RADIUS / v)
+    coefficient = closed_loop.get_val("torque_coefficient")
+    expected = 0.5 * 998.0 * np.pi * RADIUS**2 * v**3 * ratio * coefficient
+    np.testing.assert_allclose(closed_loop.get_val("hydrodynamic_power"), expected, rtol=1e-12)
+
+
+def test_a_steady_rotor_gives_all_its_power_to_the_generator():
+    problem = problem_of(hydrodynamics=spline_hydrodynamics, unknown="speed")
+    problem.set_val("torque_coefficient_table", TABLE)
+    problem.set_val("rotor_acceleration", 0.0)
+    problem.run_model()
+    np.testing.assert_allclose(
+        problem.get_val("generator_power"), problem.get_val("hydrodynamic_power"), rtol=1e-14
+    )
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"law": QuadraticLaw(700.0)},
+        {"law": QuadraticLaw()},
+        {"unknown": "speed"},
+        {"unknown": "torque"},
+    ],
+    ids=["saturated", "unlimited", "speed", "torque"],
+)
+def test_partials_by_complex_step(options):
+    problem = problem_of(hydrodynamics=spline_hydrodynamics, **options)
+    problem.set_val("torque_coefficient_table", TABLE)
+    if "law" in options:
+        problem.set_val("gain_0", 7.2)
+    elif options["unknown"] == "torque":
+        problem.set_val("control_torque", np.linspace(300.0, 700.0, N))
+    else:
+        problem.set_val("rotor_acceleration", np.linspace(-1.0, 1.0, N))
+    problem.run_model()
+    data = problem.check_partials(method="cs", compact_print=True, out_stream=None)
+    assert_check_partials(data, atol=1e-9, rtol=1e-12)
+
+
+def test_partials_of_direct_bem_by_central_difference(blade, polar):
+    """Compiled BEM is not complex-safe, so this one is held to 1e-6 by differences."""
+
+    def direct(num_nodes):
+        return HydrodynamicsComp(
+            num_nodes=num_nodes,
+            tip_radius=RADIUS,
+            blade=blade,
+            polar=polar,
+            coefficients=bem.rotor_coefficients,
+        )
+
+    problem = problem_of(hydrodynamics=direct, law=QuadraticLaw(700.0))
+    problem.set_val("gain_0", 7.2)
+    problem.run_model()
+    data = problem.check_partials(
+        method="fd", form="central", step=1e-6, includes="ode.hydrodynamics", out_stream=None
+    )
+    assert_check_partials(data, atol=1e-3, rtol=1e-6)

@@ -1,0 +1,42 @@
+"""The baseline against the towing-tank measurements of Bahaj et al. (2007)."""
+
+import numpy as np
+import pytest
+
+from hkt_mdo.data import read_table
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.blade import Blade
+
+
+@pytest.fixture(scope="module")
+def measured():
+    return read_table("bahaj2007", ("TSR", "Cp"), "measurement")
+
+
+@pytest.fixture(scope="module")
+def tabulated_blade():
+    """All seventeen tabulated stations, the last moved just inside the tip."""
+    table = read_table("bahaj2007", ("r_over_R",), "blade")
+    stations = np.minimum(table["r_over_R"], 0.999)
+    return Blade.from_csv("bahaj2007", stations, 1.4, 0.125 * 1.4, 3, np.deg2rad(5.0))
+
+
+def test_power_coefficient_of_the_baseline(measured, tabulated_blade, polar):
+    """Hub pitch 20 degrees is the file's pitch column plus 5."""
+    computed = bem.rotor_coefficients(tabulated_blade, polar, measured["TSR"]).power
+    error = computed - measured["Cp"]
+    assert np.sqrt(np.mean(error**2)) <= 0.012
+    assert abs(np.mean(error)) <= 0.005
+
+
+def test_scaling_keeps_the_power_coefficient(measured, polar):
+    """The 3.5:1 model and the original have one curve (Reynolds invariance, paper Sec. II-A)."""
+    stations = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.999)
+    small, large = (
+        Blade.from_csv("bahaj2007", stations, radius, 0.125 * radius, 3, np.deg2rad(5.0)) for radius in (0.4, 1.4)
+    )
+    np.testing.assert_allclose(
+        bem.rotor_coefficients(small, polar, measured["TSR"]).power,
+        bem.rotor_coefficients(large, polar, measured["TSR"]).power,
+        rtol=1e-12,
+    )

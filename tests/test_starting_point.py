@@ -1,0 +1,108 @@
+"""Quasi-steady co-design: against formulas, and its gradient against differences."""
+
+import numpy as np
+import pytest
+
+from hkt_mdo.dynamics.controllers import LinearLaw, QuadraticLaw
+from hkt_mdo.dynamics.inflow import SineInflow
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.steady_optimum import best_operation, best_rotor
+from hkt_mdo.rotor.torque_curve import TorqueSpline
+from hkt_mdo.starting_point import QuasiSteady, starting_point
+
+RADIUS, DENSITY = 1.4, 1000.0
+CHORDS, TWISTS = (0.01, 1.0), (-np.pi / 6.0, np.pi / 6.0)
+TIME = np.linspace(0.0, 60.0, 121)
+WEIGHTS = np.full(121, 0.5)
+WEIGHTS[[0, -1]] = 0.25
+FLOW = SineInflow(1.5, 0.2, 0.25).speed(TIME)
+SPLINE = TorqueSpline(np.linspace(2.0, 15.0, 131))
+
+
+def quasi_steady(law=None, limit=None):
+    return QuasiSteady(FLOW, WEIGHTS, DENSITY, RADIUS, SPLINE, law, limit)
+
+
+@pytest.fixture(scope="module")
+def table(blade, polar):
+    return bem.rotor_coefficients(blade, polar, SPLINE.nodes).torque
+
+
+def ideal_energy(power_coefficient):
+    return 0.5 * DENSITY * np.pi * RADIUS**2 * power_coefficient * (WEIGHTS @ FLOW**3)
+
+
+def test_unlimited_open_loop_captures_the_largest_power_at_each_instant(blade, polar, table):
+    best = best_operation(blade, polar)
+    operation = quasi_steady().operate(table)
+    assert operation.energy == pytest.approx(ideal_energy(best.power_coefficient), rel=1e-4)
+    np.testing.assert_allclose(operation.rotor_speed * RADIUS / FLOW, best.tip_speed_ratio, rtol=1e-2)
+
+
+def test_quadratic_feedback_with_the_matching_gain_equals_open_loop(table):
+    """K2 = 0.5 rho pi R^5 Cq / tsr^2 keeps the tip speed ratio at which Cq was taken."""
+    ratio = quasi_steady().operate(table).rotor_speed[0] * RADIUS / FLOW[0]
+    coefficient = float((SPLINE.basis(np.array([ratio])) @ table)[0])
+    gain = 0.5 * DENSITY * np.pi * RADIUS**5 * coefficient / ratio**2
+    operation = quasi_steady(QuadraticLaw()).operate(table, [gain])
+    assert operation.running
+    assert operation.energy == pytest.approx(quasi_steady().operate(table).energy, rel=1e-9)
+
+
+def test_torque_limit_is_met_on_the_fast_side(table):
+    operation = quasi_steady(limit=700.0).operate(table)
+    assert np.max(operation.hydrodynamic_torque) == pytest.approx(700.0, rel=1e-9)
+    free = quasi_steady().operate(table)
+    assert np.all(operation.rotor_speed >= free.rotor_speed * (1.0 - 1e-9))
+
+
+def test_an_excessive_gain_is_not_running(table):
+    assert not quasi_steady(QuadraticLaw()).operate(table, [500.0]).running
+
+
+@pytest.mark.parametrize(
+    ("law", "limit", "gains"),
+    [
+        (None, None, []),
+        (None, 700.0, []),
+        (LinearLaw(), None, [110.0]),
+        (LinearLaw(700.0), None, [80.0]),
+        (QuadraticLaw(700.0), None, [15.0]),
+    ],
+)
+def test_gradient_of_the_energy(table, law, limit, gains):
+    problem, gains = quasi_steady(law, limit), np.array(gains)
+    operation = problem.operate(table, gains)
+    direction = np.cos(np.arange(table.size))
+    step = 1e-7
+    difference = (
+        problem.operate(table + step * direction, gains).energy
+        - problem.operate(table - step * direction, gains).energy
+    ) / (2.0 * step)
+    assert operation.by_table @ direction == pytest.approx(difference, rel=1e-4)
+    for i in range(gains.size):
+        change = 1e-5 * gains[i] * np.eye(gains.size)[i]
+        difference = (
+            problem.operate(table, gains + change).energy - problem.operate(table, gains - change).energy
+        ) / (2.0 * change[i])
+        assert operation.by_gain[i] == pytest.approx(difference, rel=1e-4)
+
+
+def test_co_design_reaches_the_steady_optimum(blade, polar):
+    """Without a limit, co-design of open loop is the best rotor at its best tip speed ratio."""
+    optimum = best_rotor(blade, polar, CHORDS, TWISTS)
+    start = starting_point(
+        quasi_steady(), blade, None, polar, CHORDS, TWISTS, [6.5, 7.5], fixed_blade=False, improve=True
+    )
+    bound = ideal_energy(optimum.power_coefficient)
+    assert start.operation.energy == pytest.approx(bound, rel=5e-5)
+
+
+def test_a_fixed_blade_is_kept(blade, polar):
+    start = starting_point(
+        quasi_steady(QuadraticLaw()), blade, None, polar, CHORDS, TWISTS, [], fixed_blade=True, improve=True
+    )
+    assert start.blade.chord is blade.chord
+    best = best_operation(blade, polar)
+    gain = 0.5 * DENSITY * np.pi * RADIUS**5 * best.power_coefficient / best.tip_speed_ratio**3
+    assert start.gains[0] == pytest.approx(gain, rel=0.02)
