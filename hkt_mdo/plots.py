@@ -284,7 +284,7 @@ def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:
             markevery=max(1, evaluation.size // 40),
             label=f"{prefix}infeasibility",
         )
-    _finish(ax, "evaluation (-)", "energy (J)", also=right)
+    _finish(ax, "evaluation (-)", "energy (J)", also=right, above=True)
     return ax
 
 

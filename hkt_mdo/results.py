@@ -292,8 +292,9 @@ def _read_summary(path: Path) -> dict[str, Any]:
     for key, (check, words) in _SUMMARY.items():
         value = summary.get(key)
         if not (check(value) or (value is None and key != "success")):
-            problem = f"must be {words}" if key in summary else "is missing"
-            raise InputError(problem, remedy, file=path, key=key, value=value)
+            if key not in summary:
+                raise InputError("is missing", remedy, file=path, key=key)
+            raise InputError(f"must be {words}", remedy, file=path, key=key, value=value)
     lengths = {key: len(summary[key]) for key in _BLADE if summary.get(key) is not None}
     for key, length in lengths.items():
         if length != lengths.get("r_m"):

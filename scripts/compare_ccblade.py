@@ -1,0 +1,324 @@
+"""Compare the package's blade element momentum solver with CCBlade over random and published rotors.
+
+Both are given the same polar objects. Prints a Markdown table, or writes it with --out.
+"""
+
+import argparse
+import contextlib
+import io
+import time
+import warnings
+from collections import Counter
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from hkt_mdo.data import read_table, shipped_names
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.airfoil import KNOTS_PER_DEGREE, Polar
+from hkt_mdo.rotor.blade import Blade
+
+DATA = Path(__file__).resolve().parents[1] / "tests" / "rotor" / "data"
+SAME_ANGLE = 1e-6  # rad; CCBlade's own tolerance is 2e-12, but folds amplify it
+STATIONS_5KW = np.concatenate((np.arange(0.2, 0.95, 0.1), [0.999]))
+
+SAME = "same root"
+CC_LATER = "CCBlade: a later root with 0 < phi < 90 deg; here: the first"
+CC_NONE_BEYOND = "CCBlade: no sign change, load 0; here: phi > 90 deg"
+CC_NONE_BRAKE = "CCBlade: no sign change, load 0; here: phi < 0"
+CC_LATER_BEYOND = "CCBlade: a later root with phi > 90 deg; here: the first"
+CC_BACKWARDS = "CCBlade: a root with W < 0; here: another or none"
+BOTH_NONE = "no root in either"
+CC_ONLY = "CCBlade: a root; here: none"
+OTHER = "unexplained"
+
+
+class Rotor(NamedTuple):
+    """A rotor to compare: one polar, or one for each station."""
+
+    name: str
+    blade: Blade
+    polar: object
+    tip_speed_ratio: np.ndarray
+
+
+class Comparison(NamedTuple):
+    """Kinds of section results, and the largest differences where all roots are the same.
+
+    error is of torque, thrust and power over the largest coefficient of its curve; gradient_error of
+    the torque coefficient by tip speed ratio, chord and twist over the largest of its kind.
+    """
+
+    kinds: Counter
+    points: int
+    same_points: int
+    error: float
+    gradient_error: float
+
+
+def circle_polar(alpha, lift, drag):
+    """Return a polar from a table over the full circle (rad), first and last row being the same angle."""
+    knots = np.linspace(-np.pi, np.pi, 360 * KNOTS_PER_DEGREE + 1)
+    blocks = []
+    for column in (lift, drag):
+        column = np.array(column, dtype=float)
+        column[-1] = column[0]
+        values = CubicSpline(alpha, column, bc_type="periodic")(knots)
+        values[-1] = values[0]
+        blocks.append(CubicSpline(knots, values, bc_type="periodic").c[::-1].T)
+    return Polar(np.ascontiguousarray(np.hstack(blocks)), float(alpha[0]), float(alpha[-1]))
+
+
+def plate_polar(lift_slope=2.0 * np.pi, drag=0.01, plate=2.0):
+    """Return a smooth made-up polar: thin section at small angles, flat plate at large ones."""
+    alpha = np.linspace(-np.pi, np.pi, 721)
+    attached = 1.0 / (1.0 + np.exp((np.abs(np.sin(alpha)) - 0.25) / 0.03))
+    lift = attached * lift_slope * np.sin(alpha) * np.cos(alpha) + (1.0 - attached) * np.sin(2.0 * alpha)
+    return circle_polar(alpha, lift, drag + plate * (1.0 - attached) * np.sin(alpha) ** 2)
+
+
+def nrel_5mw_polars():
+    """Return the sections of the NREL 5 MW turbine by name."""
+    names = ("DU40", "DU35", "DU30", "DU25", "DU21", "NACA64")
+    columns = [f"{name}_{kind}" for name in names for kind in ("cl", "cd")]
+    table = read_table(DATA / "nrel5mw_polars.csv", ("alpha_deg", *columns), "polar")
+    alpha = np.deg2rad(table["alpha_deg"])
+    polars = {name: circle_polar(alpha, table[f"{name}_cl"], table[f"{name}_cd"]) for name in names}
+    for name, drag in (("Cylinder1", 0.5), ("Cylinder2", 0.35)):
+        polars[name] = circle_polar(alpha, np.zeros(alpha.size), np.full(alpha.size, drag))
+    return polars
+
+
+def nrel_5mw():
+    """Return the NREL offshore 5 MW reference rotor (126 m), without cone and tilt."""
+    lines = (DATA / "nrel5mw_blade.csv").read_text().splitlines()[2:]
+    rows = [line.split(",") for line in lines]
+    r, chord, twist = np.array([row[:3] for row in rows], dtype=float).T
+    polars = nrel_5mw_polars()
+    blade = Blade(r, chord, np.deg2rad(twist), 1.5, 63.0, 3)
+    return Rotor("NREL 5 MW, 126 m", blade, [polars[row[3]] for row in rows], np.arange(0.5, 15.1, 0.25))
+
+
+def bahaj(stations=STATIONS_5KW, polar="naca63815_Re2e5", ratios=None):
+    """Return the Bahaj rotor at 2.8 m diameter, 5 degrees added to its pitch."""
+    blade = Blade.from_csv("bahaj2007", stations, 1.4, 0.175, 3, np.deg2rad(5.0))
+    ratios = np.arange(0.5, 15.1, 0.25) if ratios is None else ratios
+    return Rotor("Bahaj, 2.8 m", blade, Polar.from_csv(polar), ratios)
+
+
+def all_polars():
+    """Return the polars that random rotors draw from."""
+    return [
+        *(Polar.from_csv(name) for name in shipped_names("polar")),
+        *nrel_5mw_polars().values(),
+        plate_polar(),
+        plate_polar(drag=0.2),
+    ]
+
+
+def random_rotor(rng, polars):
+    """Return a random rotor: sane or wild shape, 1 to 10 blades, up to 12 stations, 0.5 <= TSR <= 15."""
+    tip_radius = np.exp(rng.uniform(np.log(0.2), np.log(60.0)))
+    hub_radius = rng.uniform(0.05, 0.35) * tip_radius
+    n = int(rng.integers(3, 13))
+    share = np.sort(rng.uniform(0.0, 1.0, n))
+    share = 0.002 + 0.996 * (0.5 * share + 0.5 * (np.arange(n) + 0.5) / n)  # no two stations coincide
+    if rng.random() < 0.3:
+        share[-1] = 0.999
+    r = hub_radius + share * (tip_radius - hub_radius)
+    count = int(rng.choice([1, 2, 3, 3, 3, 4, 5, 10]))
+    if rng.random() < 0.7:  # like a turbine
+        chord = tip_radius * rng.uniform(0.03, 0.25) * (1.0 - rng.uniform(0.0, 0.8) * share)
+        twist = np.deg2rad(rng.uniform(-5.0, 10.0) + rng.uniform(0.0, 25.0) * (1.0 - share) ** 2)
+    else:
+        chord = tip_radius * rng.uniform(0.01, 0.6, n)
+        twist = np.deg2rad(rng.uniform(-90.0, 90.0, n) if rng.random() < 0.3 else rng.uniform(-30.0, 30.0, n))
+    polar = polars[rng.integers(len(polars))]
+    if rng.random() < 0.2:
+        polar = [polars[index] for index in rng.integers(len(polars), size=n)]
+    blade = Blade(r, chord, twist, hub_radius, tip_radius, count)
+    return Rotor("random", blade, polar, np.sort(rng.uniform(0.5, 15.0, 10)))
+
+
+def ccblade(rotor, derivatives=False):
+    """Run CCBlade; return its coefficients, their gradients, and the loads of its sections."""
+    from wisdem.ccblade.ccblade import CCBlade
+
+    blade, ratios = rotor.blade, rotor.tip_speed_ratio
+    polars = [rotor.polar] * blade.r.size if isinstance(rotor.polar, Polar) else list(rotor.polar)
+    solver = CCBlade(
+        blade.r,
+        blade.chord,
+        np.rad2deg(blade.twist),
+        polars,
+        blade.hub_radius,
+        blade.tip_radius,
+        B=blade.blade_count,
+        rho=1.0,
+        mu=1.0,
+        shearExp=0.0,
+        derivatives=derivatives,
+    )
+    recorded = []
+    loads = solver.distributedAeroLoads
+
+    def record(*arguments):
+        found = loads(*arguments)
+        recorded.append(found)
+        return found
+
+    solver.distributedAeroLoads = record
+    rpm = ratios * 30.0 / (np.pi * blade.tip_radius)
+    quiet = np.zeros(ratios.size)
+    with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        outputs, gradients = solver.evaluate(quiet + 1.0, rpm, quiet, coefficients=True)
+    return outputs, gradients, recorded
+
+
+def kind_of(branch, phi, phi_cc, load_cc, residual_cc, speed_cc):
+    """Return what happened at one section; see the constants above."""
+    failed_cc = not np.any(load_cc)
+    if failed_cc:
+        return {-1: BOTH_NONE, 2: CC_NONE_BEYOND, 3: CC_NONE_BRAKE}.get(int(branch), OTHER)
+    if branch >= 0 and abs(phi - phi_cc) < SAME_ANGLE:
+        return SAME
+    if speed_cc <= 0.0:
+        return CC_BACKWARDS
+    if abs(residual_cc) > 1e-6:
+        return OTHER
+    if branch < 0:
+        return CC_ONLY
+    if 0.0 < phi < phi_cc:
+        return CC_LATER if phi_cc < 0.5 * np.pi else CC_LATER_BEYOND
+    return OTHER
+
+
+def compare(rotor, derivatives=False):
+    """Solve a rotor with both and return a `Comparison`."""
+    blade, ratios = rotor.blade, rotor.tip_speed_ratio
+    found = bem.sections(blade, rotor.polar, ratios)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        ours = bem.rotor_coefficients(blade, rotor.polar, ratios, derivatives)
+    outputs, gradients, recorded = ccblade(rotor, derivatives)
+    phi_cc = np.array([np.deg2rad(loads["alpha"]) for loads, _ in recorded]) + blade.twist
+    load_cc = np.array([(loads["Np"], loads["Tp"]) for loads, _ in recorded])  # (points, 2, stations)
+    kinds = np.empty(phi_cc.shape, dtype=object)
+    *arguments, polars, section = bem._arguments(blade, rotor.polar)
+    for i, j in np.ndindex(kinds.shape):
+        station = (blade.chord[j], blade.twist[j], blade.r[j], *arguments[3:], polars[section[j]])
+        s, c, _, _ = bem._terms(float(phi_cc[i, j]), *station)[0] if phi_cc[i, j] else (np.nan,) * 4
+        residual = (s - c * blade.tip_radius / (ratios[i] * blade.r[j])) / abs(s)
+        kinds[i, j] = kind_of(
+            found.branch[i, j], found.inflow_angle[i, j], phi_cc[i, j], load_cc[i, :, j], residual, s
+        )
+    same = np.all((kinds == SAME) | (kinds == BOTH_NONE), axis=1)
+    error = gradient_error = 0.0
+    if same.any():
+        for mine, theirs in ((ours.torque, "CQ"), (ours.thrust, "CT"), (ours.power, "CP")):
+            difference = np.abs(mine - outputs[theirs])[same]
+            error = max(error, float(difference.max() / np.abs(outputs[theirs]).max()))
+        if derivatives:
+            by = gradients["dCQ"]
+            pairs = (
+                (
+                    ours.torque_by_tip_speed_ratio,
+                    np.diag(by["dOmega"]) * 30.0 / (np.pi * blade.tip_radius),
+                ),
+                (ours.torque_by_chord, by["dchord"]),
+                (ours.torque_by_twist, np.rad2deg(by["dtheta"])),
+            )
+            for mine, theirs in pairs:
+                difference = np.abs(mine - theirs)[same]
+                gradient_error = max(gradient_error, float(difference.max() / np.abs(theirs[same]).max()))
+    return Comparison(Counter(kinds.ravel()), ratios.size, int(same.sum()), error, gradient_error)
+
+
+def study(count, seed):
+    """Compare `count` random rotors and the published ones; return (name, Comparison) pairs."""
+    rng, polars = np.random.default_rng(seed), all_polars()
+    published = [(rotor.name, compare(rotor, True)) for rotor in (bahaj(), nrel_5mw())]
+    return published + [("random", compare(random_rotor(rng, polars), i % 5 == 0)) for i in range(count)]
+
+
+def timed(function, repeats):
+    """Return the median time of a call (s), the first one not counted."""
+    function()
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - start)
+    return float(np.median(times))
+
+
+def speed():
+    """Return rows of Markdown: time per curve of both solvers."""
+    from hkt_mdo.rotor import ccblade as original
+
+    rows = [
+        "| stations | points | derivatives | CCBlade (ms) | here (ms) | ratio | here, per section and point (ns) |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    sizes = [(STATIONS_5KW, 27, 5), (np.linspace(0.2, 0.99, 50), 200, 1), (np.linspace(0.2, 0.99, 200), 1000, 0)]
+    for stations, points, repeats in sizes:
+        rotor = bahaj(stations, ratios=np.linspace(1.0, 14.0, points))
+        for derivatives in (False, True):
+            arguments = (rotor.blade, rotor.polar, rotor.tip_speed_ratio, derivatives)
+            mine = timed(lambda a=arguments: bem.rotor_coefficients(*a), 20)
+            each = 1e9 * mine / (stations.size * points)
+            theirs = ratio = "-"
+            if repeats:
+                seconds = timed(lambda a=arguments: original.rotor_coefficients(*a), repeats)
+                theirs, ratio = f"{1e3 * seconds:.1f}", f"{seconds / mine:.0f}"
+            rows.append(
+                f"| {stations.size} | {points} | {'yes' if derivatives else 'no'} | {theirs} "
+                f"| {1e3 * mine:.3f} | {ratio} | {each:.0f} |"
+            )
+    return rows
+
+
+def report(results):
+    """Return rows of Markdown: agreement, and what became of the sections."""
+    rows = [
+        "| rotors | points | all roots the same | error of torque, thrust, power | error of derivatives |",
+        "|---|---|---|---|---|",
+    ]
+    total = Counter()
+    for name in dict.fromkeys(name for name, _ in results):
+        group = [result for other, result in results if other == name]
+        rows.append(
+            f"| {f'{len(group)} random' if name == 'random' else name} | {sum(g.points for g in group)} "
+            f"| {sum(g.same_points for g in group)} | {max(g.error for g in group):.1e} "
+            f"| {max(g.gradient_error for g in group):.1e} |"
+        )
+        total += sum((g.kinds for g in group), Counter())
+    rows += ["", "| sections and points | share | what |", "|---|---|---|"]
+    everything = sum(total.values())
+    rows += [f"| {number} | {100.0 * number / everything:.3f} % | {kind} |" for kind, number in total.most_common()]
+    return rows
+
+
+def main():
+    """Run the study from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=2000, help="random rotors (default: 2000)")
+    parser.add_argument("--seed", type=int, default=0, help="of the random numbers (default: 0)")
+    parser.add_argument("--speed", action="store_true", help="measure speed as well")
+    parser.add_argument("--out", type=Path, help="Markdown file to write; printed otherwise")
+    options = parser.parse_args()
+    rows = report(study(options.count, options.seed))
+    if options.speed:
+        rows += ["", *speed()]
+    text = "\n".join(rows) + "\n"
+    if options.out:
+        options.out.write_text(text, encoding="utf-8")
+    else:
+        print(text)
+
+
+if __name__ == "__main__":
+    main()

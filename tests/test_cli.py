@@ -1,0 +1,279 @@
+"""The command line: exit codes, messages, and no waiting for imports that are not needed."""
+
+import errno
+import json
+import os
+import re
+import subprocess
+import sys
+import types
+import warnings
+from pathlib import Path
+
+import pytest
+
+from hkt_mdo.case import Case
+from hkt_mdo.cli import main
+from hkt_mdo.errors import InputError
+from hkt_mdo.results import Solution
+
+ROOT = Path(__file__).parents[1]
+CASE = str(ROOT / "cases" / "sine_limited_quadratic.yaml")
+
+
+class FakeRun(types.ModuleType):
+    """In place of `hkt_mdo.run`: remembers what it was asked for and does as it is told."""
+
+    def __init__(self) -> None:
+        super().__init__("hkt_mdo.run")
+        self.result: Path | None = None
+        self.error: BaseException | None = None
+        self.saves = False
+
+    def run_case(self, case: Case, out: Path, *, force=False, progress=None, figures=True):
+        self.case, self.out, self.force, self.figures = case, out, force, figures
+        if progress is not None:
+            progress(1, 320000.0, 1e-3)
+        if self.saves:
+            out.mkdir(parents=True, exist_ok=True)
+            (out / "summary.json").write_text("{}")
+        if self.error is not None:
+            raise self.error
+        return Solution.load(self.result)
+
+    def write_n2(self, case: Case, path: Path) -> None:
+        path.write_text(case.name)
+
+
+@pytest.fixture(autouse=True)
+def _own_environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(os, "environ", os.environ.copy())
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch, result_folder: Path) -> FakeRun:
+    module = FakeRun()
+    module.result = result_folder
+    monkeypatch.setitem(sys.modules, "hkt_mdo.run", module)
+    monkeypatch.setattr("hkt_mdo.run", module, raising=False)
+    return module
+
+
+def fail(folder: Path) -> None:
+    """Make a result one without success."""
+    path = folder / "summary.json"
+    summary = json.loads(path.read_text())
+    summary |= {"success": False, "message": "the optimizer did not converge"}
+    summary["checks"][1] |= {"passed": False, "value": 0.25}
+    path.write_text(json.dumps(summary))
+
+
+def test_run_succeeds(fake: FakeRun, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", CASE, "--out", "a/b"]) == 0
+    out, err = capsys.readouterr()
+    assert "322.24 kJ" in out
+    assert "Results: a/b" in out
+    assert err == ""
+    assert (fake.out, fake.force, fake.figures) == (Path("a/b"), False, True)
+    assert fake.case.name == "sine_limited_quadratic"
+
+
+def test_run_passes_everything_on(fake: FakeRun) -> None:
+    code = main(
+        [
+            *("run", CASE, "--force", "--no-figures", "--optimizer", "slsqp", "--package", "scipy"),
+            *("--segments", "17", "--set", "rotor.radius=2", "--set", "phase.segments=5"),
+        ]
+    )
+    assert code == 0
+    assert fake.out == Path("results/sine_limited_quadratic")
+    assert (fake.force, fake.figures) == (True, False)
+    assert (fake.case.driver.optimizer, fake.case.driver.package) == ("SLSQP", "scipy")
+    assert (fake.case.phase.segments, fake.case.rotor.radius) == (17, 2.0)
+
+
+def test_run_quietly_prints_nothing(fake: FakeRun, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", CASE, "--quiet"]) == 0
+    assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("options", [[], ["--quiet"]])
+def test_run_without_success_exits_with_3(
+    fake: FakeRun,
+    result_folder: Path,
+    capsys: pytest.CaptureFixture[str],
+    options: list[str],
+) -> None:
+    fail(result_folder)
+    assert main(["run", CASE, *options]) == 3
+    out, err = capsys.readouterr()
+    assert "error: no success: the optimizer did not converge" in err
+    assert ("energy_error: 0.25, limit 0.0002" in out) == (not options)
+
+
+@pytest.mark.parametrize("saves", [True, False])
+def test_interrupted_run_exits_with_130(
+    fake: FakeRun, capsys: pytest.CaptureFixture[str], saves: bool
+) -> None:
+    fake.error, fake.saves = KeyboardInterrupt(), saves
+    assert main(["run", CASE, "--out", "here"]) == 130
+    told = "what there was is saved in here: summary.json" if saves else "nothing was saved"
+    assert f"interrupted: {told}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "told"),
+    [
+        (
+            InputError("folder exists", "give --force", file="a"),
+            2,
+            "a: folder exists; give --force",
+        ),
+        (OSError(errno.ENOSPC, "No space left on device", "a.csv"), 2, "a.csv: cannot be .*space"),
+        (PermissionError(errno.EACCES, "Permission denied", "a"), 2, "Permission denied"),
+        (MemoryError(), 2, "out of memory"),
+        (TypeError("a\nb"), 1, r"TypeError: a b \(an error of this program"),
+    ],
+)
+def test_errors_are_one_line(
+    fake: FakeRun, capsys: pytest.CaptureFixture[str], error: Exception, code: int, told: str
+) -> None:
+    fake.error = error
+    assert main(["run", CASE, "--quiet"]) == code
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+    assert re.search(told, err)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["run", "not_here.yaml"], "not_here.yaml: does not exist"),
+        (["run", CASE, "--optimizer", "nelder"], "did you mean|give one of IPOPT"),
+        (["run", CASE, "--segments", "1"], "phase.segments"),
+        (["run", CASE, "--set", "rotor.radus=1"], "unknown key; did you"),
+        (["run", CASE, "--segments", "many"], "integer"),
+        (["run"], "CASE"),
+        (["fly"], "fly"),
+        (["show", "not_here"], "not_here: does not exist"),
+        (["plot", "."], "lacks case.yaml"),
+    ],
+)
+def test_bad_input_exits_with_2(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], told: str
+) -> None:
+    assert main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert re.search(told, err)
+    assert "Traceback" not in err
+
+
+def test_only_our_warnings_are_shown(
+    fake: FakeRun, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import hkt_mdo.errors
+
+    def run_case(*_: object, **__: object) -> Solution:
+        warnings.warn_explicit("ours", UserWarning, hkt_mdo.errors.__file__, 1)
+        warnings.warn_explicit("ours, of numbers", RuntimeWarning, hkt_mdo.errors.__file__, 1)
+        warnings.warn_explicit("theirs", UserWarning, "/elsewhere/dymos/phase.py", 1)
+        return Solution.load(fake.result)
+
+    monkeypatch.setattr(fake, "run_case", run_case)
+    show = warnings.showwarning
+    assert main(["run", CASE, "--quiet"]) == 0
+    assert capsys.readouterr().err == "warning: ours\n"
+    assert warnings.showwarning is show
+
+
+def test_n2_writes_where_told(fake: FakeRun, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["n2", CASE]) == 0
+    assert capsys.readouterr().out == "sine_limited_quadratic_n2.html\n"
+    assert Path("sine_limited_quadratic_n2.html").is_file()
+    assert main(["n2", CASE, "--out", "a.html", "--set", "name=other"]) == 0
+    assert Path("a.html").read_text() == "other"
+
+
+def test_show_prints_the_table(result_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["show", str(result_folder)]) == 0
+    assert "10.98 N m s^2/rad^2" in capsys.readouterr().out
+    fail(result_folder)
+    assert main(["show", str(result_folder)]) == 0
+    assert "check not passed" in capsys.readouterr().out
+
+
+def test_plot_draws_the_figures(result_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plot", str(result_folder), "--format", "svg"]) == 0
+    assert (result_folder / "figures" / "operation.svg").is_file()
+    assert main(["plot", str(result_folder), "--out", "there", "--format", "png"]) == 0
+    names = {Path(line).name for line in capsys.readouterr().out.splitlines()[4:]}
+    assert names == {path.name for path in Path("there").iterdir()}
+    assert main(["plot", str(result_folder), "--format", "docx"]) == 2
+    Path("file").touch()
+    assert main(["plot", str(result_folder), "--out", "file"]) == 2
+
+
+def test_plot_of_nothing_says_so(result_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for path in result_folder.glob("*.csv"):
+        path.unlink()
+    (result_folder / "summary.json").write_text('{"success": false}')
+    assert main(["plot", str(result_folder)]) == 2
+    assert "holds no data to draw" in capsys.readouterr().err
+
+
+def test_schema_is_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["schema"]) == 0
+    assert "rotor" in json.loads(capsys.readouterr().out)["properties"]
+
+
+def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("hkt_mdo ")
+    for command in ("run", "n2", "plot", "show"):
+        assert main([command, "--help"]) == 0
+        assert "Exit codes" in capsys.readouterr().out
+
+
+def test_few_threads_by_default(fake: FakeRun, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(os.environ, "OPENBLAS_NUM_THREADS", raising=False)
+    monkeypatch.setitem(os.environ, "OMP_NUM_THREADS", "3")
+    assert main(["run", CASE, "--quiet"]) == 0
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "1"
+    assert os.environ["OMP_NUM_THREADS"] == "3"
+    assert os.environ["OPENMDAO_REPORTS"] == "0"
+
+
+@pytest.mark.parametrize(
+    ("modules", "absent"),
+    [
+        ("hkt_mdo.cli", "dymos openmdao wisdem matplotlib numba scipy"),
+        ("hkt_mdo.cli, hkt_mdo.results", "dymos openmdao wisdem matplotlib numba"),
+        ("hkt_mdo.plots", "dymos openmdao wisdem numba matplotlib.pyplot"),
+    ],
+)
+def test_imports_are_light(modules: str, absent: str) -> None:
+    code = f"import sys, {modules}; print(*(set('{absent}'.split()) & set(sys.modules)))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True
+    )
+    assert done.stdout.split() == []
+
+
+@pytest.mark.parametrize(
+    "start", [["scripts/run_case.py"], ["-m", "hkt_mdo", "run"]], ids=["script", "module"]
+)
+def test_other_ways_in(start: list[str]) -> None:
+    done = subprocess.run(
+        [sys.executable, *start, "not_here.yaml"],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=False,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: not_here.yaml: does not exist")
