@@ -304,6 +304,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     try:
         with warnings.catch_warnings():
+            warnings.filterwarnings("default", category=UserWarning, module=r"hkt_mdo\b")
             warnings.showwarning = _show_warning
             typer.main.get_command(app)(args=arguments, prog_name="hkt")
     except SystemExit as leaving:

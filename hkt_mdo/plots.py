@@ -263,7 +263,6 @@ def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:
     """
     chosen, ax = _listed(solutions), _axes(ax)
     right = ax.twinx()
-    right.set_yscale("log", nonpositive="mask")
     right.set_ylabel("infeasibility, scaled (-)", fontsize=_LABEL_SIZE)
     right.tick_params(labelsize=_LABEL_SIZE)
     for index, solution in enumerate(chosen):
@@ -284,6 +283,11 @@ def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:
             markevery=max(1, evaluation.size // 40),
             label=f"{prefix}infeasibility",
         )
+    infeasibilities = [
+        solution.convergence.get("infeasibility", np.empty(0)) for solution in chosen
+    ]
+    if any(np.any(np.isfinite(column) & (column > 0.0)) for column in infeasibilities):
+        right.set_yscale("log", nonpositive="mask")
     _finish(ax, "evaluation (-)", "energy (J)", also=right, above=True)
     return ax
 

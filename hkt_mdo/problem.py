@@ -187,8 +187,9 @@ def build_problem(case: Case, world: Physics, start: StartingPoint, nodes, drive
         model.add_design_var("chord", lower=chord_low, upper=chord_high, ref=blade.chord, units="m")
         model.add_design_var("twist", lower=twist_low, upper=twist_high, ref=5.0, units="deg")
     for i in range(len(gain_units)):
-        low, high = case.design.gain_bounds or (0.2 * start.gains[i], 5.0 * start.gains[i])
-        model.add_design_var(f"gain_{i}", lower=low, upper=high, ref=start.gains[i])
+        gain = start.gains[i]
+        low, high = case.design.gain_bounds or sorted((0.2 * gain, 5.0 * gain))
+        model.add_design_var(f"gain_{i}", lower=low, upper=high, ref=abs(gain))
     # designs differ by parts in a thousand: a tenth of the energy makes those visible to the tolerance
     model.add_objective("energy", ref=-0.1 * start.operation.energy, units="J")
     problem.driver.declare_coloring(show_summary=False, show_sparsity=False)

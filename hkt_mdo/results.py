@@ -44,6 +44,7 @@ _TABLES = {
     "convergence": ("evaluation", "energy_J", "infeasibility"),
 }
 _BLADE = ("r_m", "chord_m", "twist_deg", "start_chord_m", "start_twist_deg")
+_WORDS = ("case", "success", "message")
 _GAIN_UNITS = {"linear": "N m s/rad", "quadratic": "N m s^2/rad^2"}
 
 
@@ -186,9 +187,9 @@ def summary_table(solution: Solution) -> list[tuple[str, str]]:
     if control.law in _GAIN_UNITS:
         gain = solution.gain
         gains = gain if isinstance(gain, list) else [gain]
-        text = ", ".join(_number(value, ".5g") for value in gains)
-        unit = f" {_GAIN_UNITS[control.law]}" if gain is not None else ""
-        rows.append((f"gain, {control.law} feedback", f"{text}{unit}"))
+        unit = f" {_GAIN_UNITS[control.law]}"
+        text = ", ".join(_number(value, ".5g", unit) for value in gains)
+        rows.append((f"gain, {control.law} feedback", text))
     limit = control.torque_limit
     rows += [
         (
@@ -217,7 +218,11 @@ def summary_table(solution: Solution) -> list[tuple[str, str]]:
             f"{_number(get('wall_seconds'), '.1f', ' s')}",
         ),
     ]
-    return rows
+    # a composite row of an interrupted run has nothing but dashes and words
+    return [
+        (what, text if any(map(str.isdigit, text)) or what in _WORDS else "-")
+        for what, text in rows
+    ]
 
 
 def _number(value: float | None, form: str = ".4g", unit: str = "") -> str:

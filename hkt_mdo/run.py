@@ -215,7 +215,7 @@ def _curve_nodes(case, world, start, finer=1):
     ratios = speed * case.rotor.radius / flow
     low, high = float(np.min(ratios)), float(np.max(ratios))
     middle = 0.5 * (low + high)
-    spacing = 0.02 * middle
+    spacing = 0.01 * middle
     for _ in range(6):
         nodes = _graded(low - 0.06 * middle, high + 0.06 * middle, spacing, 0.5 * low, 1.6 * high)
         probe = np.linspace(low, high, 101)

@@ -198,7 +198,7 @@ def _improve(problem, point, polar, chord_bounds, twist_bounds, fixed_blade):
     chord_move, twist_move, gain_move = 1.3, np.deg2rad(3.0), 1.2
     for _ in range(12):
         blade, gains, reference = point.blade, point.gains, max(point.operation.energy, 1e-9)
-        units = np.concatenate((blade.chord[:n], np.full(n, np.deg2rad(5.0)), gains))
+        units = np.concatenate((blade.chord[:n], np.full(n, np.deg2rad(5.0)), np.abs(gains)))
         center = np.concatenate((blade.chord[:n], blade.twist[:n], gains)) / units
 
         def loss(x, units=units, reference=reference, base=blade):
@@ -219,14 +219,14 @@ def _improve(problem, point, polar, chord_bounds, twist_bounds, fixed_blade):
             (
                 np.maximum(blade.chord[:n] / chord_move, chord_bounds[0]),
                 np.maximum(blade.twist[:n] - twist_move, twist_bounds[0]),
-                gains / gain_move,
+                np.minimum(gains / gain_move, gains * gain_move),
             )
         )
         high = np.concatenate(
             (
                 np.minimum(blade.chord[:n] * chord_move, chord_bounds[1]),
                 np.minimum(blade.twist[:n] + twist_move, twist_bounds[1]),
-                gains * gain_move,
+                np.maximum(gains / gain_move, gains * gain_move),
             )
         )
         if not units.size:

@@ -142,6 +142,21 @@ def random_rotor(rng, polars):
     return Rotor("random", blade, polar, np.sort(rng.uniform(0.5, 15.0, 10)))
 
 
+def wild_rotor(rng, polars):
+    """Return a random rotor of no use: any solidity, twist to +-90 degrees, 0.1 <= TSR <= 30."""
+    tip_radius = np.exp(rng.uniform(np.log(0.2), np.log(60.0)))
+    hub_radius = rng.uniform(0.02, 0.5) * tip_radius
+    n = 6
+    share = (np.arange(n) + rng.uniform(0.2, 0.8, n)) / n
+    share[[0, -1]] = 0.001, 0.999
+    r = hub_radius + share * (tip_radius - hub_radius)
+    chord = tip_radius * np.exp(rng.uniform(np.log(0.003), np.log(3.0), n))
+    twist = np.deg2rad(rng.uniform(-90.0, 90.0, n))
+    blade = Blade(r, chord, twist, hub_radius, tip_radius, int(rng.integers(1, 11)))
+    ratios = np.sort(np.exp(rng.uniform(np.log(0.1), np.log(30.0), 10)))
+    return Rotor("wild", blade, polars[rng.integers(len(polars))], ratios)
+
+
 def ccblade(rotor, derivatives=False):
     """Run CCBlade; return its coefficients, their gradients, and the loads of its sections."""
     from wisdem.ccblade.ccblade import CCBlade
@@ -210,8 +225,8 @@ def compare(rotor, derivatives=False):
     *arguments, polars, section = bem._arguments(blade, rotor.polar)
     for i, j in np.ndindex(kinds.shape):
         station = (blade.chord[j], blade.twist[j], blade.r[j], *arguments[3:], polars[section[j]])
-        s, c, _, _ = bem._terms(float(phi_cc[i, j]), *station)[0] if phi_cc[i, j] else (np.nan,) * 4
-        residual = (s - c * blade.tip_radius / (ratios[i] * blade.r[j])) / abs(s)
+        s, c, _, _ = bem._terms(float(phi_cc[i, j]), *station)[0]
+        residual = (s - c * blade.tip_radius / (ratios[i] * blade.r[j])) / s if s else np.inf
         kinds[i, j] = kind_of(
             found.branch[i, j], found.inflow_angle[i, j], phi_cc[i, j], load_cc[i, :, j], residual, s
         )
@@ -220,7 +235,7 @@ def compare(rotor, derivatives=False):
     if same.any():
         for mine, theirs in ((ours.torque, "CQ"), (ours.thrust, "CT"), (ours.power, "CP")):
             difference = np.abs(mine - outputs[theirs])[same]
-            error = max(error, float(difference.max() / np.abs(outputs[theirs]).max()))
+            error = np.maximum(error, _ratio(difference, outputs[theirs]))
         if derivatives:
             by = gradients["dCQ"]
             pairs = (
@@ -233,15 +248,22 @@ def compare(rotor, derivatives=False):
             )
             for mine, theirs in pairs:
                 difference = np.abs(mine - theirs)[same]
-                gradient_error = max(gradient_error, float(difference.max() / np.abs(theirs[same]).max()))
-    return Comparison(Counter(kinds.ravel()), ratios.size, int(same.sum()), error, gradient_error)
+                gradient_error = np.maximum(gradient_error, _ratio(difference, theirs[same]))
+    return Comparison(Counter(kinds.ravel()), ratios.size, int(same.sum()), float(error), float(gradient_error))
+
+
+def _ratio(difference, reference):
+    """Return the largest difference over the largest reference; cylinders have derivatives of zero."""
+    largest = np.max(difference)
+    return largest if largest == 0.0 else largest / np.max(np.abs(reference))
 
 
 def study(count, seed):
     """Compare `count` random rotors and the published ones; return (name, Comparison) pairs."""
     rng, polars = np.random.default_rng(seed), all_polars()
     published = [(rotor.name, compare(rotor, True)) for rotor in (bahaj(), nrel_5mw())]
-    return published + [("random", compare(random_rotor(rng, polars), i % 5 == 0)) for i in range(count)]
+    published += [("random", compare(random_rotor(rng, polars), i % 5 == 0)) for i in range(count)]
+    return published + [("wild", compare(wild_rotor(rng, polars), i % 5 == 0)) for i in range(count // 4)]
 
 
 def timed(function, repeats):
@@ -287,19 +309,21 @@ def report(results):
         "| rotors | points | all roots the same | error of torque, thrust, power | error of derivatives |",
         "|---|---|---|---|---|",
     ]
-    total = Counter()
+    details = ["", "| rotors | sections and points | share | what |", "|---|---|---|---|"]
     for name in dict.fromkeys(name for name, _ in results):
         group = [result for other, result in results if other == name]
+        title = name if len(group) == 1 else f"{len(group)} {name}"
         rows.append(
-            f"| {f'{len(group)} random' if name == 'random' else name} | {sum(g.points for g in group)} "
+            f"| {title} | {sum(g.points for g in group)} "
             f"| {sum(g.same_points for g in group)} | {max(g.error for g in group):.1e} "
             f"| {max(g.gradient_error for g in group):.1e} |"
         )
-        total += sum((g.kinds for g in group), Counter())
-    rows += ["", "| sections and points | share | what |", "|---|---|---|"]
-    everything = sum(total.values())
-    rows += [f"| {number} | {100.0 * number / everything:.3f} % | {kind} |" for kind, number in total.most_common()]
-    return rows
+        kinds = sum((g.kinds for g in group), Counter())
+        details += [
+            f"| {title} | {number} | {100.0 * number / kinds.total():.3f} % | {kind} |"
+            for kind, number in kinds.most_common()
+        ]
+    return rows + details
 
 
 def main():

@@ -178,9 +178,12 @@ def test_only_our_warnings_are_shown(
     import hkt_mdo.errors
 
     def run_case(*_: object, **__: object) -> Solution:
-        warnings.warn_explicit("ours", UserWarning, hkt_mdo.errors.__file__, 1)
-        warnings.warn_explicit("ours, of numbers", RuntimeWarning, hkt_mdo.errors.__file__, 1)
-        warnings.warn_explicit("theirs", UserWarning, "/elsewhere/dymos/phase.py", 1)
+        for text, category, module in (
+            ("ours", UserWarning, hkt_mdo.errors),
+            ("of numbers", RuntimeWarning, hkt_mdo.errors),
+            ("theirs", UserWarning, json),
+        ):
+            warnings.warn_explicit(text, category, module.__file__, 1, module.__name__)
         return Solution.load(fake.result)
 
     monkeypatch.setattr(fake, "run_case", run_case)

@@ -23,6 +23,7 @@ ALLOWED = {
     "problem": {"case", "drivers", "starting_point", "trajectory", "dynamics", "rotor", "errors"},
     "results": {"case", "data", "errors"},
     "plots": {"results", "errors"},
+    "batch": {"run", "results", "case", "errors"},
     "run": {"problem", "results", "plots", "simulation", "starting_point", "drivers", "rotor", "case", "errors"},
     "cli": {"run", "plots", "results", "case", "errors"},
     "__init__": set(),

@@ -255,6 +255,19 @@ def _curve(samples, lowest, full, station, knots):
             least = min(least, g)
             knots[:, count] = (middle, s_m, c_m, s_phi_m, c_phi_m, g, least)
             count += 1
+        if count and knots[1, count - 1] > 0.0 and s <= 0.0 and c < 0.0:
+            # Beyond 90 degrees g may fall to minus infinity between two samples, where s vanishes.
+            low, high = knots[0, count - 1], phi
+            while high - low > 1e-14:
+                middle = 0.5 * (low + high)
+                if _terms(middle, *station)[0][0] > 0.0:
+                    low = middle
+                else:
+                    high = middle
+            (s_m, c_m, s_phi_m, c_phi_m), _f, _k, _l = _terms(low, *station)
+            least = min(least, c_m / s_m)
+            knots[:, count] = (low, s_m, c_m, s_phi_m, c_phi_m, c_m / s_m, least)
+            count += 1
         g = c / s if s > 0.0 else np.inf
         least = min(least, g)
         knots[:, count] = (phi, s, c, s_phi, c_phi, g, least)
@@ -325,7 +338,7 @@ def _solve(
     roots = np.zeros((n_stations, n_points if full else 0), dtype=np.int64)
     derivatives = np.zeros((n_loads, n_inputs, n_stations, n_points))
     gradient = np.empty((n_loads, n_inputs))
-    knots = np.empty((7, 2 * _SAMPLES.size))
+    knots = np.empty((7, 3 * _SAMPLES.size))
     lowest = np.min(tip_speed_ratio)
     for j in range(n_stations):
         station = (chord[j], twist[j], r[j], hub_radius, tip_radius, blade_count, polars[section[j]])
@@ -343,26 +356,28 @@ def _solve(
                     below = middle
                 else:
                     above = middle
+            s = c = f_below = f_above = 0.0
             if 0 < above < n_knots:
+                f_below = s_knot[below] - c_knot[below] / lambda_r
+                f_above = s_knot[above] - c_knot[above] / lambda_r
+            if f_below < 0.0 <= f_above:
                 phi, terms = _root(
                     angle[below],
                     angle[above],
-                    s_knot[below] - c_knot[below] / lambda_r,
-                    s_knot[above] - c_knot[above] / lambda_r,
+                    f_below,
+                    f_above,
                     s_phi_knot[below] - c_phi_knot[below] / lambda_r,
                     s_phi_knot[above] - c_phi_knot[above] / lambda_r,
                     lambda_r,
                     station,
                 )
-            else:
+                s, c, _s_phi, _c_phi = terms[0]
+            if s <= 0.0:  # none yet, or one with s and c both negative: the relative speed would point backwards
                 bracket = _brake_bracket(_NEGATIVE_SAMPLES, lambda_r, station)
-                if np.isnan(bracket[0]):
-                    branch[j, i] = -1
-                    state[7, j, i] = np.inf
-                    continue
-                phi, terms = _root(*bracket, lambda_r, station)
-            s, c, _s_phi, _c_phi = terms[0]
-            if not s > 0.0:  # s and c both negative: the relative speed would point backwards
+                if bracket[2] * bracket[3] < 0.0:
+                    phi, terms = _root(*bracket, lambda_r, station)
+                    s, c, _s_phi, _c_phi = terms[0]
+            if s <= 0.0:
                 branch[j, i] = -1
                 state[7, j, i] = np.inf
                 continue
@@ -466,7 +481,7 @@ def root_changes(blade, polar, tip_speed_ratio):
     """
     low, high = float(np.min(tip_speed_ratio)), float(np.max(tip_speed_ratio))
     r, chord, twist, hub_radius, tip_radius, blade_count, polars, section = _arguments(blade, polar)
-    knots = np.empty((7, 2 * _SAMPLES.size))
+    knots = np.empty((7, 3 * _SAMPLES.size))
     found = []
     for j in range(r.size):
         station = (chord[j], twist[j], r[j], hub_radius, tip_radius, blade_count, polars[section[j]])

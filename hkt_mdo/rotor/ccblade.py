@@ -20,9 +20,11 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     rotor = _rotor(blade, polar, derivatives)
     # At a fixed unit flow the tip speed ratio is the tip speed; CCBlade takes revolutions per minute.
     rpm_per_ratio = 30.0 / (np.pi * blade.tip_radius)
-    outputs, gradients = rotor.evaluate(
-        np.ones(points.size), points * rpm_per_ratio, np.zeros(points.size), coefficients=True
-    )
+    # CCBlade normalizes side forces that are zero in aligned flow
+    with np.errstate(divide="ignore", invalid="ignore"):
+        outputs, gradients = rotor.evaluate(
+            np.ones(points.size), points * rpm_per_ratio, np.zeros(points.size), coefficients=True
+        )
     if derivatives:
         by = gradients["dCQ"]
         by_ratio = np.diag(by["dOmega"]) * rpm_per_ratio

@@ -1,0 +1,94 @@
+"""Many cases in parallel processes; finished results are reused, interrupted ones run again."""
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path
+
+from hkt_mdo.case import Case, read_case
+from hkt_mdo.errors import InputError
+from hkt_mdo.results import Solution
+
+
+def run_batch(
+    cases: Mapping[Path, Case],
+    jobs: int | None = None,
+    done: Callable[[Path, str], None] | None = None,
+    figures: bool = False,
+) -> dict[Path, Solution | None]:
+    """Run every case into its folder and return the solutions.
+
+    Parameters
+    ----------
+    cases : mapping of Path to Case
+        The result folder of each case. A folder that holds the finished result of an equal case is reused;
+        anything else that is a result is replaced.
+    jobs : int or None
+        Number of processes; None: one a core.
+    done : callable or None
+        Called as done(folder, word) whenever a case ends; word is "reused", "ok", "failed" or the error.
+    figures : bool
+        Whether to draw each result's figures.
+
+    Returns
+    -------
+    dict of Path to Solution or None
+        In the order of `cases`; None where a case could not be run at all.
+    """
+    found: dict[Path, Solution | None] = dict.fromkeys(cases)
+
+    def report(folder, word):
+        if done is not None:
+            done(folder, word)
+
+    waiting = {}
+    for folder, case in cases.items():
+        if is_finished(folder, case):
+            found[folder] = Solution.load(folder)
+            report(folder, "reused")
+        else:
+            waiting[folder] = case
+    # spawn: a forked child would share OpenMDAO's and numba's state with its parent
+    with ProcessPoolExecutor(jobs or os.cpu_count(), mp_context=get_context("spawn")) as pool:
+        futures = {
+            pool.submit(_run_one, case.to_yaml(), str(folder), figures): folder for folder, case in waiting.items()
+        }
+        try:
+            for future in as_completed(futures):
+                folder = futures[future]
+                try:
+                    future.result()
+                except InputError as error:
+                    report(folder, str(error))
+                    continue
+                found[folder] = Solution.load(folder)
+                report(folder, "ok" if found[folder].success else "failed")
+        except KeyboardInterrupt:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return found
+
+
+def is_finished(folder: Path, case: Case) -> bool:
+    """Return whether a folder holds the finished result, successful or not, of an equal case."""
+    try:
+        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+        stored = read_case((folder / "case.yaml").read_text(encoding="utf-8"))
+    except (OSError, ValueError, InputError):
+        return False
+    return stored == case and isinstance(summary, dict) and "checks" in summary
+
+
+def _run_one(text: str, folder: str, figures: bool) -> None:
+    """Run a case in a process of its own."""
+    # the cores are shared out by processes already
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    import warnings
+
+    warnings.filterwarnings("ignore")
+    from hkt_mdo.run import run_case
+
+    run_case(read_case(text), Path(folder), force=True, figures=figures)
