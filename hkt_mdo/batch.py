@@ -4,6 +4,7 @@ import json
 import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from importlib.metadata import version
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -72,13 +73,15 @@ def run_batch(
 
 
 def is_finished(folder: Path, case: Case) -> bool:
-    """Return whether a folder holds the finished result, successful or not, of an equal case."""
+    """Return whether a folder holds the finished result, good or not, of an equal case by this version."""
     try:
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         stored = read_case((folder / "case.yaml").read_text(encoding="utf-8"))
     except (OSError, ValueError, InputError):
         return False
-    return stored == case and isinstance(summary, dict) and "checks" in summary
+    if not isinstance(summary, dict) or "checks" not in summary:
+        return False
+    return stored == case and summary.get("versions", {}).get("hkt_mdo") == version("hkt_mdo")
 
 
 def _run_one(text: str, folder: str, figures: bool) -> None:

@@ -236,6 +236,8 @@ def plot_torque(solutions: Solutions, ax: Axes | None = None) -> Axes:
         prefix = f"{_label(solution)}, " if len(chosen) > 1 else ""
         style = _style(index) | _sparse_marks(index, table, len(chosen))
         for name, line in (("control", "-"), ("hydrodynamic", "--")):
+            if len(chosen) == 1 and name == "hydrodynamic":
+                style["color"] = _COLORS[1]  # a light rotor's two torques all but coincide
             ax.plot(
                 table["time_s"],
                 table[f"{name}_torque_Nm"],
