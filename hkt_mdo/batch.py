@@ -54,7 +54,8 @@ def run_batch(
     # spawn: a forked child would share OpenMDAO's and numba's state with its parent
     with ProcessPoolExecutor(jobs or os.cpu_count(), mp_context=get_context("spawn")) as pool:
         futures = {
-            pool.submit(_run_one, case.to_yaml(), str(folder), figures): folder for folder, case in waiting.items()
+            pool.submit(_run_one, case.to_yaml(), str(folder), figures): folder
+            for folder, case in waiting.items()
         }
         try:
             for future in as_completed(futures):

@@ -1,8 +1,8 @@
 """A case as an OpenMDAO problem: the one place where case and physics meet.
 
-    design variables --> inertia ------------------.
-       chord, twist  --> torque table (BEM) ------> trajectory: flow -> hydrodynamics -> controller -> shaft
-       gain          ------------------------------'      '--> energy, the objective
+design variables --> inertia ------------------.
+   chord, twist  --> torque table (BEM) ------> trajectory: flow -> hydrodynamics -> controller -> shaft
+   gain          ------------------------------'      '--> energy, the objective
 """
 
 from dataclasses import dataclass
@@ -66,7 +66,12 @@ def physics(case: Case) -> Physics:
         )
     else:
         blade = Blade.from_csv(
-            rotor.blade, rotor.stations, rotor.radius, hub_radius, rotor.blade_count, np.deg2rad(rotor.set_angle)
+            rotor.blade,
+            rotor.stations,
+            rotor.radius,
+            hub_radius,
+            rotor.blade_count,
+            np.deg2rad(rotor.set_angle),
         )
     law = None
     if control.law in controllers.LAWS:
@@ -117,7 +122,9 @@ def quadrature(case: Case):
     return time, weights
 
 
-def build_problem(case: Case, world: Physics, start: StartingPoint, nodes, driver=None) -> om.Problem:
+def build_problem(
+    case: Case, world: Physics, start: StartingPoint, nodes, driver=None
+) -> om.Problem:
     """Return the OpenMDAO problem of a case, set up at its start and ready to run.
 
     Parameters
@@ -137,7 +144,9 @@ def build_problem(case: Case, world: Physics, start: StartingPoint, nodes, drive
 
     design = model.add_subsystem("design", om.IndepVarComp(), promotes=["*"])
     design.add_output("chord", blade.chord, units="m", desc="chord at the stations")
-    design.add_output("twist", blade.twist, units="rad", desc="twist at the stations, set angle included")
+    design.add_output(
+        "twist", blade.twist, units="rad", desc="twist at the stations, set angle included"
+    )
     design.add_output("density", case.fluid.density, units="kg/m**3", desc="density of the water")
     gain_units = world.law.gain_units if world.law else ()
     for i, units in enumerate(gain_units):
@@ -156,7 +165,9 @@ def build_problem(case: Case, world: Physics, start: StartingPoint, nodes, drive
     hydrodynamics = {"tip_radius": blade.tip_radius}
     if case.hydrodynamics.torque == "curve":
         nodes = np.asarray(nodes, dtype=float)
-        model.add_subsystem("torque_table", TorqueTable(blade=blade, nodes=nodes, **solver), promotes=["*"])
+        model.add_subsystem(
+            "torque_table", TorqueTable(blade=blade, nodes=nodes, **solver), promotes=["*"]
+        )
         hydrodynamics["spline"] = TorqueSpline(nodes)
         parameters["torque_coefficient_table"] = None
     else:
@@ -198,11 +209,16 @@ def build_problem(case: Case, world: Physics, start: StartingPoint, nodes, drive
     set_speed(phase, time, speed, start.operation.hydrodynamic_torque)
     return problem
 
+
 def make_driver(case, progress=None):
     """Return the driver of a case."""
     settings = case.driver
     return drivers.make_driver(
-        settings.package, settings.optimizer, settings.tolerance, settings.max_iterations, progress=progress
+        settings.package,
+        settings.optimizer,
+        settings.tolerance,
+        settings.max_iterations,
+        progress=progress,
     )
 
 

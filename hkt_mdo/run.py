@@ -165,7 +165,9 @@ def write_n2(case: Case, path: Path) -> None:
         try:
             om.n2(problem, outfile=str(path), show_browser=False)
         except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror}; choose another --out") from error
+            raise InputError(
+                f"{path}: cannot be written: {error.strerror}; choose another --out"
+            ) from error
 
 
 def _steady_optimum(case: Case, world: Physics) -> SteadyOptimum:
@@ -183,7 +185,9 @@ def _optimize(case, world, start, out, watch) -> Optimized:
     nodes = _curve_nodes(case, world, start)
     for _ in range(MAX_PASSES):
         driver = make_driver(case, watch)
-        driver.add_recorder(om.SqliteRecorder(str((out / "history.db").resolve()), record_viewer_data=False))
+        driver.add_recorder(
+            om.SqliteRecorder(str((out / "history.db").resolve()), record_viewer_data=False)
+        )
         problem = build_problem(case, world, start, nodes, driver)
         problem.add_recorder(om.SqliteRecorder(str((out / "solution.db").resolve())))
         problem.recording_options["record_inputs"] = False
@@ -240,7 +244,9 @@ def _graded(low, high, spacing, lowest, highest):
             steps.append(place)
         return steps
 
-    return np.array([*reversed([x for x in outward(low, lowest) if x > 0.02]), *inner, *outward(high, highest)])
+    return np.array(
+        [*reversed([x for x in outward(low, lowest) if x > 0.02]), *inner, *outward(high, highest)]
+    )
 
 
 def _collect(case, world, problem, nodes) -> Optimized:
@@ -255,7 +261,9 @@ def _collect(case, world, problem, nodes) -> Optimized:
     }
     law = world.law
     trajectory["rotor_speed"] = series("rotor_speed")
-    gains = np.array([problem.get_val(f"gain_{i}")[0] for i in range(len(law.gain_units) if law else 0)])
+    gains = np.array(
+        [problem.get_val(f"gain_{i}")[0] for i in range(len(law.gain_units) if law else 0)]
+    )
     blade = world.blade.with_shape(problem.get_val("chord"), problem.get_val("twist"))
     energy = float(problem.get_val("energy")[0])
     time_nodes, first = np.unique(trajectory["time"], return_index=True)
@@ -265,7 +273,12 @@ def _collect(case, world, problem, nodes) -> Optimized:
         return CubicSpline(time_nodes, trajectory[name][first])(time_grid)
 
     operation = Operation(
-        energy, resample("rotor_speed"), resample("hydrodynamic_torque"), np.empty(0), np.empty(0), True
+        energy,
+        resample("rotor_speed"),
+        resample("hydrodynamic_torque"),
+        np.empty(0),
+        np.empty(0),
+        True,
     )
     return Optimized(
         problem,
@@ -277,7 +290,9 @@ def _collect(case, world, problem, nodes) -> Optimized:
         float(problem.get_val("generator_energy")[0]),
         float(problem.get_val("inertia")[0]),
         float(problem.get_val("mass")[0]),
-        problem.get_val("torque_coefficient_table") if case.hydrodynamics.torque == "curve" else np.empty(0),
+        problem.get_val("torque_coefficient_table")
+        if case.hydrodynamics.torque == "curve"
+        else np.empty(0),
     )
 
 
@@ -295,7 +310,9 @@ def _at_move_limit(case, start, result):
     """Tell whether the trajectory or a gain ended at a limit that was set around the start only."""
     speed, before = result.trajectory["rotor_speed"], start.operation.rotor_speed
     near = 1e-3
-    if np.min(speed) < 0.6 * np.min(before) * (1.0 + near) or np.max(speed) > 1.5 * np.max(before) * (1.0 - near):
+    if np.min(speed) < 0.6 * np.min(before) * (1.0 + near) or np.max(speed) > 1.5 * np.max(
+        before
+    ) * (1.0 - near):
         return True
     if case.design.gain_bounds is not None or not start.gains.size:
         return False
@@ -309,7 +326,11 @@ def _at_move_limit(case, start, result):
 def _fly(case, world, result) -> Simulation:
     """Integrate the found design under the found controller with direct BEM."""
     plant = Plant(
-        result.point.blade, world.polar, result.inertia, case.fluid.density, BEM[case.hydrodynamics.check]
+        result.point.blade,
+        world.polar,
+        result.inertia,
+        case.fluid.density,
+        BEM[case.hydrodynamics.check],
     )
     if world.law is None:
         controller = _recorded(case, world, result)
@@ -332,7 +353,10 @@ def _fly(case, world, result) -> Simulation:
 
 def _recorded(case, world, result) -> RecordedTorque:
     return RecordedTorque(
-        result.trajectory["time"], result.trajectory["control_torque"], case.phase.segments, world.torque_limit
+        result.trajectory["time"],
+        result.trajectory["control_torque"],
+        case.phase.segments,
+        world.torque_limit,
     )
 
 
@@ -365,7 +389,9 @@ def _judge(case, world, optimum, result, flown) -> list[Check]:
     check("max_speed_error", error[worst], SPEED_ERROR, f"at t = {trajectory['time'][worst]:.2f} s")
     ratios, errors = _curve_errors(world, result)
     worst = int(np.argmax(errors))
-    check("surrogate_error", errors[worst], SURROGATE_ERROR, f"at tip speed ratio {ratios[worst]:.3f}")
+    check(
+        "surrogate_error", errors[worst], SURROGATE_ERROR, f"at tip speed ratio {ratios[worst]:.3f}"
+    )
     check(
         "energy_over_bound",
         flown.energy / _energy_bound(case, world, optimum) - 1.0,
@@ -381,7 +407,12 @@ def _judge(case, world, optimum, result, flown) -> list[Check]:
         unit = world.torque_limit or float(np.max(torque))
         over = np.maximum(torque - (world.torque_limit or np.inf), -torque) / unit
         worst = int(np.argmax(over))
-        check("control_torque_between_nodes", over[worst], BETWEEN_VIOLATION, f"at t = {dense[worst]:.2f} s")
+        check(
+            "control_torque_between_nodes",
+            over[worst],
+            BETWEEN_VIOLATION,
+            f"at t = {dense[worst]:.2f} s",
+        )
     return checks
 
 
@@ -416,7 +447,11 @@ def _energy_bound(case, world, optimum):
     """Return the quasi-steady bound 0.5 rho A Cp* integral of v³ dt, J; see `hkt_mdo.rotor.steady_optimum`."""
     edges = np.linspace(0.0, case.phase.duration, case.phase.segments + 1)
     cubed, _ = quad_vec(
-        lambda share: np.sum(world.inflow.speed(edges[:-1] + share * np.diff(edges)) ** 3 * np.diff(edges)), 0.0, 1.0
+        lambda share: np.sum(
+            world.inflow.speed(edges[:-1] + share * np.diff(edges)) ** 3 * np.diff(edges)
+        ),
+        0.0,
+        1.0,
     )
     area = np.pi * case.rotor.radius**2
     return 0.5 * case.fluid.density * area * optimum.power_coefficient * float(cubed)
@@ -462,7 +497,9 @@ def _summarize(case, world, optimum, start, result, flown, checks):
         "surrogate_error": by_name["surrogate_error"],
         "surrogate_nodes": int(result.curve.size),
         "max_speed_error": by_name["max_speed_error"],
-        "energy_balance_error": abs(flown.energy - flown.generator_energy - flown.kinetic_energy_change)
+        "energy_balance_error": abs(
+            flown.energy - flown.generator_energy - flown.kinetic_energy_change
+        )
         / flown.energy,
         "checks": [vars(check) for check in checks],
         "versions": _versions(),
@@ -479,7 +516,17 @@ def _explain(check: Check) -> str:
 
 def _versions():
     versions = {"python": platform.python_version()}
-    for name in ("hkt_mdo", "openmdao", "dymos", "numpy", "scipy", "numba", "casadi", "wisdem", "pyoptsparse"):
+    for name in (
+        "hkt_mdo",
+        "openmdao",
+        "dymos",
+        "numpy",
+        "scipy",
+        "numba",
+        "casadi",
+        "wisdem",
+        "pyoptsparse",
+    ):
         try:
             versions[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
@@ -490,7 +537,11 @@ def _versions():
 def _write_tables(out, case, world, start, result, flown):
     """Write the trajectory, the simulation and the power curves as CSV files."""
     columns = list(COLUMNS.values())
-    _write_csv(out / "trajectory.csv", COLUMNS, zip(*(result.trajectory[name] for name in columns), strict=True))
+    _write_csv(
+        out / "trajectory.csv",
+        COLUMNS,
+        zip(*(result.trajectory[name] for name in columns), strict=True),
+    )
     speed, flow = flown.rotor_speed, flown.inflow_speed
     rows = (
         flown.time,
@@ -505,7 +556,10 @@ def _write_tables(out, case, world, start, result, flown):
     _write_csv(out / "simulation.csv", COLUMNS, zip(*rows, strict=True))
     peak = best_operation(result.point.blade, world.polar).tip_speed_ratio
     ratios = np.linspace(0.3, 1.7, 141) * peak
-    power = [bem.rotor_coefficients(blade, world.polar, ratios).power for blade in (result.point.blade, world.blade)]
+    power = [
+        bem.rotor_coefficients(blade, world.polar, ratios).power
+        for blade in (result.point.blade, world.blade)
+    ]
     header = ("tip_speed_ratio", "power_coefficient", "start_power_coefficient")
     _write_csv(out / "power_curve.csv", header, zip(ratios, *power, strict=True))
 
@@ -517,15 +571,21 @@ def _prepare(out: Path, force: bool) -> None:
             raise InputError(f"--out {out}: is a file; choose another folder")
         if out.is_dir() and any(out.iterdir()):
             if not force:
-                raise InputError(f"--out {out}: folder exists; choose another one, or give --force to replace it")
+                raise InputError(
+                    f"--out {out}: folder exists; choose another one, or give --force to replace it"
+                )
             if not (out / "case.yaml").is_file():
-                raise InputError(f"--out {out}: holds no earlier result; --force replaces only results")
+                raise InputError(
+                    f"--out {out}: holds no earlier result; --force replaces only results"
+                )
             shutil.rmtree(out)
         out.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=out):
             pass
     except OSError as error:
-        raise InputError(f"--out {out}: cannot be written: {error.strerror}; choose another folder") from error
+        raise InputError(
+            f"--out {out}: cannot be written: {error.strerror}; choose another folder"
+        ) from error
 
 
 @contextmanager

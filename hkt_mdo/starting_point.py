@@ -98,13 +98,18 @@ class QuasiSteady:
         peak = int(np.argmax(ratios * curve(ratios)))
         low, high = ratios[max(peak - 1, 0)], ratios[min(peak + 1, ratios.size - 1)]
         best = minimize_scalar(
-            lambda x: -x * float(curve(x)), bounds=(low, high), method="bounded", options={"xatol": 1e-10}
+            lambda x: -x * float(curve(x)),
+            bounds=(low, high),
+            method="bounded",
+            options={"xatol": 1e-10},
         ).x
         ratio = np.full(scale.size, best)
         held, running = np.zeros(scale.size, dtype=bool), True
         if self.torque_limit is not None:
             held = scale * float(curve(best)) > self.torque_limit
-            limited, running = self._balance(curve, scale, lambda w: np.full(w.shape, self.torque_limit), held)
+            limited, running = self._balance(
+                curve, scale, lambda w: np.full(w.shape, self.torque_limit), held
+            )
             ratio = np.where(held, limited, ratio)
         return held, ratio, running
 
@@ -114,7 +119,10 @@ class QuasiSteady:
         driving = scale[:, None] * curve(ratios) >= controller(ratios * speed_per_ratio[:, None])
         last = ratios.size - 1 - np.argmax(driving[:, ::-1], axis=1)
         has_root = driving.any(axis=1) & (last < ratios.size - 1)
-        low, high = ratios[np.minimum(last, ratios.size - 2)], ratios[np.minimum(last + 1, ratios.size - 1)]
+        low, high = (
+            ratios[np.minimum(last, ratios.size - 2)],
+            ratios[np.minimum(last + 1, ratios.size - 1)],
+        )
         for _ in range(50):  # bisection of a narrow bracket never leaves the branch
             middle = 0.5 * (low + high)
             driven = scale * curve(middle) >= controller(middle * speed_per_ratio)
@@ -134,7 +142,9 @@ class StartingPoint:
     operation: Operation
 
 
-def starting_point(problem, blade, gains, polar, chord_bounds, twist_bounds, design_ratios, *, fixed_blade, improve):
+def starting_point(
+    problem, blade, gains, polar, chord_bounds, twist_bounds, design_ratios, *, fixed_blade, improve
+):
     """Return a start near the optimum, found by quasi-steady co-design from a blade.
 
     Candidates are the blade as given and the steady-optimal blades of a range of tip speed ratios; the best
@@ -209,7 +219,11 @@ def _improve(problem, point, polar, chord_bounds, twist_bounds, fixed_blade):
             by = state.by_gain
             if n:
                 by = np.concatenate(
-                    (state.by_table @ found.torque_by_chord, state.by_table @ found.torque_by_twist, by)
+                    (
+                        state.by_table @ found.torque_by_chord,
+                        state.by_table @ found.torque_by_twist,
+                        by,
+                    )
                 )
             # a point without equilibrium is left by the line search
             value = state.energy if state.running else 0.5 * state.energy

@@ -65,7 +65,9 @@ class EnergyComp(om.ExplicitComponent):
         """Declare inputs and outputs."""
         n = self.options["weights"].size
         for name, total in self._pairs():
-            self.add_input(name, shape=(n, 1), units="W", desc=f"{name.replace('_', ' ')} at the nodes")
+            self.add_input(
+                name, shape=(n, 1), units="W", desc=f"{name.replace('_', ' ')} at the nodes"
+            )
             self.add_output(total, units="J", desc=f"integral of {name} over the phase")
 
     def setup_partials(self):
@@ -103,7 +105,9 @@ def node_weights(transcription, segments, order, duration):
     return np.tile(0.5 * duration / segments * weights, segments)
 
 
-def add_trajectory(model, case_phase, law, unknown, ode_options, parameters, scales, speed_bounds, torque_limit):
+def add_trajectory(
+    model, case_phase, law, unknown, ode_options, parameters, scales, speed_bounds, torque_limit
+):
     """Add the trajectory and its energy to a model.
 
     Parameters
@@ -130,7 +134,9 @@ def add_trajectory(model, case_phase, law, unknown, ode_options, parameters, sca
     phase = dm.Phase(
         ode_class=RotorODE,
         ode_init_kwargs={"law": law, "unknown": unknown, **ode_options},
-        transcription=transcription(num_segments=case_phase.segments, order=case_phase.order, compressed=True),
+        transcription=transcription(
+            num_segments=case_phase.segments, order=case_phase.order, compressed=True
+        ),
     )
     trajectory = dm.Trajectory()
     trajectory.add_phase("phase", phase)
@@ -140,7 +146,12 @@ def add_trajectory(model, case_phase, law, unknown, ode_options, parameters, sca
         phase.add_parameter(name, opt=False, units=units, static_targets=True)
         model.promotes("traj", inputs=[(f"phase.parameters:{name}", name)])
 
-    bounds = {"lower": speed_bounds[0], "upper": speed_bounds[1], "ref": scales.rotor_speed, "units": "rad/s"}
+    bounds = {
+        "lower": speed_bounds[0],
+        "upper": speed_bounds[1],
+        "ref": scales.rotor_speed,
+        "units": "rad/s",
+    }
     if law is None and unknown == "speed":
         phase.add_control(
             "rotor_speed",
@@ -174,11 +185,17 @@ def add_trajectory(model, case_phase, law, unknown, ode_options, parameters, sca
                 ref=scales.torque,
                 units="N*m",
             )
-    if case_phase.initial_speed == "equilibrium" or (case_phase.initial_speed == "auto" and law is not None):
+    if case_phase.initial_speed == "equilibrium" or (
+        case_phase.initial_speed == "auto" and law is not None
+    ):
         # where speed is the control, its acceleration is the control's rate
         inverse = law is None and unknown == "speed"
         phase.add_boundary_constraint(
-            "rotor_speed_rate" if inverse else "rotor_acceleration", loc="initial", equals=0.0, ref=scales.acceleration, units="rad/s**2"
+            "rotor_speed_rate" if inverse else "rotor_acceleration",
+            loc="initial",
+            equals=0.0,
+            ref=scales.acceleration,
+            units="rad/s**2",
         )
     for name in (
         "inflow_speed",
@@ -190,8 +207,12 @@ def add_trajectory(model, case_phase, law, unknown, ode_options, parameters, sca
     ):
         phase.add_timeseries_output(name)
 
-    weights = node_weights(case_phase.transcription, case_phase.segments, case_phase.order, case_phase.duration)
-    model.add_subsystem("energy", EnergyComp(weights=weights), promotes_outputs=["energy", "generator_energy"])
+    weights = node_weights(
+        case_phase.transcription, case_phase.segments, case_phase.order, case_phase.duration
+    )
+    model.add_subsystem(
+        "energy", EnergyComp(weights=weights), promotes_outputs=["energy", "generator_energy"]
+    )
     for name in ("hydrodynamic_power", "generator_power"):
         model.connect(f"traj.phase.timeseries.{name}", f"energy.{name}")
     return phase
@@ -206,7 +227,10 @@ def set_speed(phase, time, rotor_speed, torque):
     time, rotor_speed, torque : array, shape (n_times,), s, rad/s, N*m
     """
     phase.set_time_val(initial=time[0], duration=time[-1] - time[0], units="s")
-    for names, setter in ((phase.control_options, phase.set_control_val), (phase.state_options, phase.set_state_val)):
+    for names, setter in (
+        (phase.control_options, phase.set_control_val),
+        (phase.state_options, phase.set_state_val),
+    ):
         for name, values in (("rotor_speed", rotor_speed), ("control_torque", torque)):
             if name in names:
                 setter(name, values, time_vals=time, interpolation_kind="cubic")

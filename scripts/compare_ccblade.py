@@ -76,7 +76,9 @@ def plate_polar(lift_slope=2.0 * np.pi, drag=0.01, plate=2.0):
     """Return a smooth made-up polar: thin section at small angles, flat plate at large ones."""
     alpha = np.linspace(-np.pi, np.pi, 721)
     attached = 1.0 / (1.0 + np.exp((np.abs(np.sin(alpha)) - 0.25) / 0.03))
-    lift = attached * lift_slope * np.sin(alpha) * np.cos(alpha) + (1.0 - attached) * np.sin(2.0 * alpha)
+    lift = attached * lift_slope * np.sin(alpha) * np.cos(alpha) + (1.0 - attached) * np.sin(
+        2.0 * alpha
+    )
     return circle_polar(alpha, lift, drag + plate * (1.0 - attached) * np.sin(alpha) ** 2)
 
 
@@ -99,7 +101,9 @@ def nrel_5mw():
     r, chord, twist = np.array([row[:3] for row in rows], dtype=float).T
     polars = nrel_5mw_polars()
     blade = Blade(r, chord, np.deg2rad(twist), 1.5, 63.0, 3)
-    return Rotor("NREL 5 MW, 126 m", blade, [polars[row[3]] for row in rows], np.arange(0.5, 15.1, 0.25))
+    return Rotor(
+        "NREL 5 MW, 126 m", blade, [polars[row[3]] for row in rows], np.arange(0.5, 15.1, 0.25)
+    )
 
 
 def bahaj(stations=STATIONS_5KW, polar="naca63815_Re2e5", ratios=None):
@@ -125,7 +129,9 @@ def random_rotor(rng, polars):
     hub_radius = rng.uniform(0.05, 0.35) * tip_radius
     n = int(rng.integers(3, 13))
     share = np.sort(rng.uniform(0.0, 1.0, n))
-    share = 0.002 + 0.996 * (0.5 * share + 0.5 * (np.arange(n) + 0.5) / n)  # no two stations coincide
+    share = 0.002 + 0.996 * (
+        0.5 * share + 0.5 * (np.arange(n) + 0.5) / n
+    )  # no two stations coincide
     if rng.random() < 0.3:
         share[-1] = 0.999
     r = hub_radius + share * (tip_radius - hub_radius)
@@ -135,7 +141,9 @@ def random_rotor(rng, polars):
         twist = np.deg2rad(rng.uniform(-5.0, 10.0) + rng.uniform(0.0, 25.0) * (1.0 - share) ** 2)
     else:
         chord = tip_radius * rng.uniform(0.01, 0.6, n)
-        twist = np.deg2rad(rng.uniform(-90.0, 90.0, n) if rng.random() < 0.3 else rng.uniform(-30.0, 30.0, n))
+        twist = np.deg2rad(
+            rng.uniform(-90.0, 90.0, n) if rng.random() < 0.3 else rng.uniform(-30.0, 30.0, n)
+        )
     polar = polars[rng.integers(len(polars))]
     if rng.random() < 0.2:
         polar = [polars[index] for index in rng.integers(len(polars), size=n)]
@@ -188,7 +196,11 @@ def ccblade(rotor, derivatives=False):
     solver.distributedAeroLoads = record
     rpm = ratios * 30.0 / (np.pi * blade.tip_radius)
     quiet = np.zeros(ratios.size)
-    with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
+    with (
+        warnings.catch_warnings(),
+        contextlib.redirect_stdout(io.StringIO()),
+        np.errstate(all="ignore"),
+    ):
         warnings.simplefilter("ignore")
         outputs, gradients = solver.evaluate(quiet + 1.0, rpm, quiet, coefficients=True)
     return outputs, gradients, recorded
@@ -221,7 +233,9 @@ def compare(rotor, derivatives=False):
         ours = bem.rotor_coefficients(blade, rotor.polar, ratios, derivatives)
     outputs, gradients, recorded = ccblade(rotor, derivatives)
     phi_cc = np.array([np.deg2rad(loads["alpha"]) for loads, _ in recorded]) + blade.twist
-    load_cc = np.array([(loads["Np"], loads["Tp"]) for loads, _ in recorded])  # (points, 2, stations)
+    load_cc = np.array(
+        [(loads["Np"], loads["Tp"]) for loads, _ in recorded]
+    )  # (points, 2, stations)
     kinds = np.empty(phi_cc.shape, dtype=object)
     *arguments, polars, section = bem._arguments(blade, rotor.polar)
     for i, j in np.ndindex(kinds.shape):
@@ -229,7 +243,12 @@ def compare(rotor, derivatives=False):
         s, c, _, _ = bem._terms(float(phi_cc[i, j]), *station)[0]
         residual = (s - c * blade.tip_radius / (ratios[i] * blade.r[j])) / s if s else np.inf
         kinds[i, j] = kind_of(
-            found.branch[i, j], found.inflow_angle[i, j], phi_cc[i, j], load_cc[i, :, j], residual, s
+            found.branch[i, j],
+            found.inflow_angle[i, j],
+            phi_cc[i, j],
+            load_cc[i, :, j],
+            residual,
+            s,
         )
     same = np.all((kinds == SAME) | (kinds == BOTH_NONE), axis=1)
     error = gradient_error = 0.0
@@ -250,7 +269,9 @@ def compare(rotor, derivatives=False):
             for mine, theirs in pairs:
                 difference = np.abs(mine - theirs)[same]
                 gradient_error = np.maximum(gradient_error, _ratio(difference, theirs[same]))
-    return Comparison(Counter(kinds.ravel()), ratios.size, int(same.sum()), float(error), float(gradient_error))
+    return Comparison(
+        Counter(kinds.ravel()), ratios.size, int(same.sum()), float(error), float(gradient_error)
+    )
 
 
 def _ratio(difference, reference):
@@ -264,7 +285,9 @@ def study(count, seed):
     rng, polars = np.random.default_rng(seed), all_polars()
     published = [(rotor.name, compare(rotor, True)) for rotor in (bahaj(), nrel_5mw())]
     published += [("random", compare(random_rotor(rng, polars), i % 5 == 0)) for i in range(count)]
-    return published + [("wild", compare(wild_rotor(rng, polars), i % 5 == 0)) for i in range(count // 4)]
+    return published + [
+        ("wild", compare(wild_rotor(rng, polars), i % 5 == 0)) for i in range(count // 4)
+    ]
 
 
 def timed(function, repeats):
@@ -286,7 +309,11 @@ def speed():
         "| stations | points | derivatives | CCBlade (ms) | here (ms) | ratio | here, per section and point (ns) |",
         "|---|---|---|---|---|---|---|",
     ]
-    sizes = [(STATIONS_5KW, 27, 5), (np.linspace(0.2, 0.99, 50), 200, 1), (np.linspace(0.2, 0.99, 200), 1000, 0)]
+    sizes = [
+        (STATIONS_5KW, 27, 5),
+        (np.linspace(0.2, 0.99, 50), 200, 1),
+        (np.linspace(0.2, 0.99, 200), 1000, 0),
+    ]
     for stations, points, repeats in sizes:
         rotor = bahaj(stations, ratios=np.linspace(1.0, 14.0, points))
         for derivatives in (False, True):
@@ -329,7 +356,9 @@ def report(results):
 
 def main():
     """Run the study from the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--count", type=int, default=2000, help="random rotors (default: 2000)")
     parser.add_argument("--seed", type=int, default=0, help="of the random numbers (default: 0)")
     parser.add_argument("--speed", action="store_true", help="measure speed as well")

@@ -20,23 +20,47 @@ AGREEMENT = 2e-4  # relative difference in energy that the optimizers may have
 def main():
     """Run, print the table, and exit with 3 unless every case succeeded and the optimizers agree."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cases", type=Path, default=Path(__file__).parent.parent / "cases", help="folder of case files")
-    parser.add_argument("--out", type=Path, default=Path("results/cases"), help="folder of the result folders")
+    parser.add_argument(
+        "--cases",
+        type=Path,
+        default=Path(__file__).parent.parent / "cases",
+        help="folder of case files",
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("results/cases"), help="folder of the result folders"
+    )
     parser.add_argument("--jobs", type=int, default=None, help="processes (default: one a core)")
-    parser.add_argument("--set", action="append", default=[], metavar="section.key=value", help="override, for all cases")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="section.key=value",
+        help="override, for all cases",
+    )
     arguments = parser.parse_args()
 
     optimizers = ("IPOPT", "SLSQP")
     files = sorted(arguments.cases.glob("*.yaml"))
     cases = {
-        arguments.out / optimizer / file.stem: load_case(file, [f"driver.optimizer={optimizer}", *arguments.set])
+        arguments.out / optimizer / file.stem: load_case(
+            file, [f"driver.optimizer={optimizer}", *arguments.set]
+        )
         for file in files
         for optimizer in optimizers
     }
     console = Console(width=150)
-    found = run_batch(cases, arguments.jobs, lambda folder, word: console.print(f"  {folder}: {word}"))
+    found = run_batch(
+        cases, arguments.jobs, lambda folder, word: console.print(f"  {folder}: {word}")
+    )
 
-    table = Table("case", *(f"{o} simulated / J" for o in optimizers), "difference", "iterations", "gain", "share of bound")
+    table = Table(
+        "case",
+        *(f"{o} simulated / J" for o in optimizers),
+        "difference",
+        "iterations",
+        "gain",
+        "share of bound",
+    )
     good = True
     for file in files:
         pair = [found[arguments.out / optimizer / file.stem] for optimizer in optimizers]

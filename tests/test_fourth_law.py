@@ -35,11 +35,19 @@ class CaseWithMixed(case_module.Case):
 def test_a_law_of_two_gains_runs_and_is_at_least_as_good_as_its_parts(tmp_path, monkeypatch):
     monkeypatch.setitem(controllers.LAWS, "mixed", MixedLaw)
     # the real package would have the entry in its own schema, and read results back with it
-    monkeypatch.setattr("hkt_mdo.results.load_case", lambda path, **_: CaseWithMixed.model_validate(yaml.safe_load(path.read_text())))
+    monkeypatch.setattr(
+        "hkt_mdo.results.load_case",
+        lambda path, **_: CaseWithMixed.model_validate(yaml.safe_load(path.read_text())),
+    )
 
     def run(control):
         case = CaseWithMixed.model_validate(
-            {"name": control["law"], "inflow": {"profile": "sine"}, "control": control, "phase": {"segments": 30, "duration": 30}}
+            {
+                "name": control["law"],
+                "inflow": {"profile": "sine"},
+                "control": control,
+                "phase": {"segments": 30, "duration": 30},
+            }
         )
         return run_case(case, tmp_path / control["law"], figures=False)
 
@@ -47,5 +55,7 @@ def test_a_law_of_two_gains_runs_and_is_at_least_as_good_as_its_parts(tmp_path, 
     assert mixed.summary["success"], mixed.summary["message"]
     assert len(mixed.summary["gain"]) == 2
     loop = run({"law": "open_loop", "torque_limit": 700.0})
-    assert mixed.summary["simulated_energy_J"] == pytest.approx(loop.summary["simulated_energy_J"], rel=2e-4)
+    assert mixed.summary["simulated_energy_J"] == pytest.approx(
+        loop.summary["simulated_energy_J"], rel=2e-4
+    )
     assert mixed.summary["simulated_energy_J"] <= loop.summary["simulated_energy_J"] * (1.0 + 2e-5)

@@ -24,7 +24,17 @@ ALLOWED = {
     "results": {"case", "data", "errors"},
     "plots": {"results", "errors"},
     "batch": {"run", "results", "case", "errors"},
-    "run": {"problem", "results", "plots", "simulation", "starting_point", "drivers", "rotor", "case", "errors"},
+    "run": {
+        "problem",
+        "results",
+        "plots",
+        "simulation",
+        "starting_point",
+        "drivers",
+        "rotor",
+        "case",
+        "errors",
+    },
     "cli": {"run", "plots", "results", "case", "errors"},
     "__init__": set(),
     "__main__": {"cli"},
@@ -42,7 +52,11 @@ def test_imports_go_one_way(path):
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         names = []
         if isinstance(node, ast.ImportFrom) and node.module:
-            names = [node.module] if node.module != "hkt_mdo" else [f"hkt_mdo.{a.name}" for a in node.names]
+            names = (
+                [node.module]
+                if node.module != "hkt_mdo"
+                else [f"hkt_mdo.{a.name}" for a in node.names]
+            )
         elif isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         imported |= {n.split(".")[1] for n in names if n.startswith("hkt_mdo.")}
@@ -66,8 +80,12 @@ def test_every_room_is_named():
     ],
 )
 def test_heavy_imports_wait_until_they_are_used(statement, absent):
-    program = f"{statement}\nimport sys\nprint(*[n for n in {absent.split()!r} if n in sys.modules])"
-    done = subprocess.run([sys.executable, "-W", "ignore", "-c", program], capture_output=True, text=True, check=True)
+    program = (
+        f"{statement}\nimport sys\nprint(*[n for n in {absent.split()!r} if n in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", program], capture_output=True, text=True, check=True
+    )
     assert done.stdout.strip() == ""
 
 

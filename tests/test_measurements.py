@@ -33,7 +33,8 @@ def test_scaling_keeps_the_power_coefficient(measured, polar):
     """The 3.5:1 model and the original have one curve (Reynolds invariance, paper Sec. II-A)."""
     stations = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.999)
     small, large = (
-        Blade.from_csv("bahaj2007", stations, radius, 0.125 * radius, 3, np.deg2rad(5.0)) for radius in (0.4, 1.4)
+        Blade.from_csv("bahaj2007", stations, radius, 0.125 * radius, 3, np.deg2rad(5.0))
+        for radius in (0.4, 1.4)
     )
     np.testing.assert_allclose(
         bem.rotor_coefficients(small, polar, measured["TSR"]).power,

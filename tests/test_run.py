@@ -37,7 +37,9 @@ def test_case_succeeds(solve, name, optimizer):
 
 @pytest.mark.parametrize("name", ["sine_oloc", "sine_quadratic", "sine_limited_quadratic"])
 def test_optimizers_agree(solve, name):
-    ipopt, slsqp = (solve(name, f"driver.optimizer={o}").summary["energy_J"] for o in ("IPOPT", "SLSQP"))
+    ipopt, slsqp = (
+        solve(name, f"driver.optimizer={o}").summary["energy_J"] for o in ("IPOPT", "SLSQP")
+    )
     assert slsqp == pytest.approx(ipopt, rel=2e-4)
 
 
@@ -49,9 +51,14 @@ def test_unlimited_open_loop_reaches_the_bound_at_constant_tip_speed_ratio(solve
 
 def test_quadratic_feedback_is_open_loop_without_a_limit(solve):
     """K2 = 0.5 rho pi R^5 Cp / tsr^3 at the Cp maximum of its blade."""
-    loop, feedback = solve("sine_oloc", "driver.optimizer=IPOPT"), solve("sine_quadratic", "driver.optimizer=IPOPT")
+    loop, feedback = (
+        solve("sine_oloc", "driver.optimizer=IPOPT"),
+        solve("sine_quadratic", "driver.optimizer=IPOPT"),
+    )
     summary = feedback.summary
-    assert summary["simulated_energy_J"] == pytest.approx(loop.summary["simulated_energy_J"], rel=2e-4)
+    assert summary["simulated_energy_J"] == pytest.approx(
+        loop.summary["simulated_energy_J"], rel=2e-4
+    )
     ratio = summary["tip_speed_ratio_at_power_coefficient_max"]
     gain = 0.5 * DENSITY * np.pi * RADIUS**5 * summary["power_coefficient_max"] / ratio**3
     assert summary["gain"] == pytest.approx(gain, rel=5e-3)
@@ -119,7 +126,9 @@ def test_recorder_databases_hold_the_solution(solve):
 
     solution = solve("sine_limited_quadratic", "driver.optimizer=SLSQP")
     final = om.CaseReader(str(solution.folder / "solution.db")).get_case("final")
-    assert final.get_val("energy", units="J")[0] == pytest.approx(solution.summary["energy_J"], rel=1e-12)
+    assert final.get_val("energy", units="J")[0] == pytest.approx(
+        solution.summary["energy_J"], rel=1e-12
+    )
     history = om.CaseReader(str(solution.folder / "history.db"))
     assert len(history.list_cases("driver", out_stream=None)) > 1
 
@@ -156,7 +165,9 @@ def test_an_interrupt_leaves_an_honest_folder(tmp_path):
 
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
-        run_case(load_case(CASES / "sine_limited_oloc.yaml"), out, progress=interrupt, figures=False)
+        run_case(
+            load_case(CASES / "sine_limited_oloc.yaml"), out, progress=interrupt, figures=False
+        )
     summary = json.loads((out / "summary.json").read_text())
     assert summary["success"] is False
     assert "interrupted" in summary["message"]
@@ -176,7 +187,9 @@ def test_existing_folder_is_kept_without_force(tmp_path):
 
 def test_bad_files_are_told_before_anything_is_written(tmp_path):
     polar = tmp_path / "polar.csv"
-    polar.write_text("alpha_deg,cl,cd\n" + "\n".join(f"{a},0.1,0.01" for a in (0, 1, 3, 2, 4, 5, 6, 7, 8)))
+    polar.write_text(
+        "alpha_deg,cl,cd\n" + "\n".join(f"{a},0.1,0.01" for a in (0, 1, 3, 2, 4, 5, 6, 7, 8))
+    )
     case = read_case(
         f"inflow: {{profile: sine}}\ncontrol: {{law: linear}}\nrotor: {{polar: {polar}}}\n"
     )

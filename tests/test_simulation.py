@@ -57,7 +57,12 @@ def closed_loop(plant):
 
     def run(tolerance):
         return simulate(
-            plant, SineInflow(1.5, 0.2, 0.25), lambda t, w: law.torque(w, [20.0]), 6.5, 30.0, tolerance=tolerance
+            plant,
+            SineInflow(1.5, 0.2, 0.25),
+            lambda t, w: law.torque(w, [20.0]),
+            6.5,
+            30.0,
+            tolerance=tolerance,
         )
 
     return run

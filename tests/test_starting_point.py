@@ -36,7 +36,9 @@ def test_unlimited_open_loop_captures_the_largest_power_at_each_instant(blade, p
     best = best_operation(blade, polar)
     operation = quasi_steady().operate(table)
     assert operation.energy == pytest.approx(ideal_energy(best.power_coefficient), rel=1e-4)
-    np.testing.assert_allclose(operation.rotor_speed * RADIUS / FLOW, best.tip_speed_ratio, rtol=1e-2)
+    np.testing.assert_allclose(
+        operation.rotor_speed * RADIUS / FLOW, best.tip_speed_ratio, rtol=1e-2
+    )
 
 
 def test_quadratic_feedback_with_the_matching_gain_equals_open_loop(table):
@@ -83,7 +85,8 @@ def test_gradient_of_the_energy(table, law, limit, gains):
     for i in range(gains.size):
         change = 1e-5 * gains[i] * np.eye(gains.size)[i]
         difference = (
-            problem.operate(table, gains + change).energy - problem.operate(table, gains - change).energy
+            problem.operate(table, gains + change).energy
+            - problem.operate(table, gains - change).energy
         ) / (2.0 * change[i])
         assert operation.by_gain[i] == pytest.approx(difference, rel=1e-4)
 
@@ -92,7 +95,15 @@ def test_co_design_reaches_the_steady_optimum(blade, polar):
     """Without a limit, co-design of open loop is the best rotor at its best tip speed ratio."""
     optimum = best_rotor(blade, polar, CHORDS, TWISTS)
     start = starting_point(
-        quasi_steady(), blade, None, polar, CHORDS, TWISTS, [6.5, 7.5], fixed_blade=False, improve=True
+        quasi_steady(),
+        blade,
+        None,
+        polar,
+        CHORDS,
+        TWISTS,
+        [6.5, 7.5],
+        fixed_blade=False,
+        improve=True,
     )
     bound = ideal_energy(optimum.power_coefficient)
     assert start.operation.energy == pytest.approx(bound, rel=5e-5)
@@ -100,7 +111,15 @@ def test_co_design_reaches_the_steady_optimum(blade, polar):
 
 def test_a_fixed_blade_is_kept(blade, polar):
     start = starting_point(
-        quasi_steady(QuadraticLaw()), blade, None, polar, CHORDS, TWISTS, [], fixed_blade=True, improve=True
+        quasi_steady(QuadraticLaw()),
+        blade,
+        None,
+        polar,
+        CHORDS,
+        TWISTS,
+        [],
+        fixed_blade=True,
+        improve=True,
     )
     assert start.blade.chord is blade.chord
     best = best_operation(blade, polar)

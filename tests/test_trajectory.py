@@ -27,16 +27,22 @@ def test_weights_integrate_polynomials_exactly(transcription, order):
 
     segments, duration = 4, 10.0
     weights = node_weights(transcription, segments, order, duration)
-    points = lgl(order)[0] if transcription == "gauss-lobatto" else lgr(order, include_endpoint=True)[0]
+    points = (
+        lgl(order)[0] if transcription == "gauss-lobatto" else lgr(order, include_endpoint=True)[0]
+    )
     starts = np.linspace(0.0, duration, segments + 1)[:-1, None]
     time = (starts + 0.5 * (points + 1.0) * duration / segments).ravel()
     degree = 2 * order - (3 if transcription == "gauss-lobatto" else 2)
-    assert weights @ time**degree == pytest.approx(duration ** (degree + 1) / (degree + 1), rel=1e-12)
+    assert weights @ time**degree == pytest.approx(
+        duration ** (degree + 1) / (degree + 1), rel=1e-12
+    )
 
 
 def test_energy_partials():
     problem = om.Problem(reports=False)
-    problem.model.add_subsystem("energy", EnergyComp(weights=node_weights("gauss-lobatto", 3, 3, 6.0)))
+    problem.model.add_subsystem(
+        "energy", EnergyComp(weights=node_weights("gauss-lobatto", 3, 3, 6.0))
+    )
     problem.setup(force_alloc_complex=True)
     problem.run_model()
     data = problem.check_partials(method="cs", compact_print=True, out_stream=None)
@@ -44,7 +50,9 @@ def test_energy_partials():
 
 
 def coarse(control, more="", segments=5):
-    case = read_case(f"inflow: {{profile: sine}}\n{control}\nphase: {{segments: {segments}, duration: 20}}\nstart: {{method: blade}}\n{more}")
+    case = read_case(
+        f"inflow: {{profile: sine}}\n{control}\nphase: {{segments: {segments}, duration: 20}}\nstart: {{method: blade}}\n{more}"
+    )
     world = physics(case)
     start = find_start(case, world, best_operation(world.blade, world.polar))
     problem = build_problem(case, world, start, np.linspace(2.5, 9.0, 27))
@@ -57,7 +65,14 @@ def coarse(control, more="", segments=5):
 def test_totals_of_a_coarse_problem(name, direct):
     """Every total derivative that the optimizer sees, against central differences."""
     problem, _ = coarse(VARIANTS[name], "hydrodynamics: {torque: direct}" if direct else "")
-    data = problem.check_totals(method="fd", form="central", step=1e-6, step_calc="rel_avg", out_stream=None, driver_scaling=True)
+    data = problem.check_totals(
+        method="fd",
+        form="central",
+        step=1e-6,
+        step_calc="rel_avg",
+        out_stream=None,
+        driver_scaling=True,
+    )
     assert_check_totals(data, atol=2e-6, rtol=2e-5)
 
 

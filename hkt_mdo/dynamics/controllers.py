@@ -28,7 +28,11 @@ def smooth_saturation(torque, limit, smoothing):
     smoothing : float
     """
     ratio = 2.0 * torque / limit
-    return 0.25 * limit * (2.0 + np.sqrt(smoothing + ratio**2) - np.sqrt(smoothing + (ratio - 2.0) ** 2))
+    return (
+        0.25
+        * limit
+        * (2.0 + np.sqrt(smoothing + ratio**2) - np.sqrt(smoothing + (ratio - 2.0) ** 2))
+    )
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,10 @@ class FeedbackLaw:
         a law that is not overrides this.
         """
         ones = np.ones(len(self.gain_units))
-        columns = [np.imag(self.demand(speed, ones + 1j * STEP * unit)) / STEP for unit in np.eye(ones.size)]
+        columns = [
+            np.imag(self.demand(speed, ones + 1j * STEP * unit)) / STEP
+            for unit in np.eye(ones.size)
+        ]
         return np.linalg.lstsq(np.transpose(columns), torque, rcond=None)[0]
 
     def torque_by_speed(self, speed, gains):
@@ -120,8 +127,16 @@ class FeedbackComp(om.ExplicitComponent):
         n = self.options["num_nodes"]
         self.add_input("rotor_speed", shape=(n,), units="rad/s", desc="angular speed of the rotor")
         for i, units in enumerate(self.options["law"].gain_units):
-            self.add_input(f"gain_{i}", val=1.0, units=units, desc="feedback gain", tags=["dymos.static_target"])
-        self.add_output("control_torque", shape=(n,), units="N*m", desc="generator torque on the rotor")
+            self.add_input(
+                f"gain_{i}",
+                val=1.0,
+                units=units,
+                desc="feedback gain",
+                tags=["dymos.static_target"],
+            )
+        self.add_output(
+            "control_torque", shape=(n,), units="N*m", desc="generator torque on the rotor"
+        )
 
     def setup_partials(self):
         """Declare the diagonal partial by speed and the column by each gain."""
@@ -131,7 +146,9 @@ class FeedbackComp(om.ExplicitComponent):
 
     def compute(self, inputs, outputs):
         """Evaluate the law."""
-        outputs["control_torque"] = self.options["law"].torque(inputs["rotor_speed"], self._gains(inputs))
+        outputs["control_torque"] = self.options["law"].torque(
+            inputs["rotor_speed"], self._gains(inputs)
+        )
 
     def compute_partials(self, inputs, partials):
         """Differentiate the law."""
@@ -141,4 +158,6 @@ class FeedbackComp(om.ExplicitComponent):
             partials["control_torque", f"gain_{i}"] = column[:, None]
 
     def _gains(self, inputs):
-        return np.array([inputs[f"gain_{i}"][0] for i in range(len(self.options["law"].gain_units))])
+        return np.array(
+            [inputs[f"gain_{i}"][0] for i in range(len(self.options["law"].gain_units))]
+        )

@@ -88,8 +88,12 @@ class InflowComp(om.ExplicitComponent):
     def setup(self):
         """Declare inputs and outputs."""
         n = self.options["num_nodes"]
-        self.add_input("time", shape=(n,), units="s", desc="time since the start", tags=["dymos.targets:time"])
-        self.add_output("inflow_speed", shape=(n,), units="m/s", desc="undisturbed flow speed at the rotor")
+        self.add_input(
+            "time", shape=(n,), units="s", desc="time since the start", tags=["dymos.targets:time"]
+        )
+        self.add_output(
+            "inflow_speed", shape=(n,), units="m/s", desc="undisturbed flow speed at the rotor"
+        )
 
     def setup_partials(self):
         """Declare the diagonal partial."""

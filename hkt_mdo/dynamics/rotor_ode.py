@@ -28,7 +28,9 @@ class RotorODE(om.Group):
         """Declare the options."""
         self.options.declare("num_nodes", types=int)
         self.options.declare("inflow", recordable=False)
-        self.options.declare("hydrodynamics", desc="callable num_nodes -> component", recordable=False)
+        self.options.declare(
+            "hydrodynamics", desc="callable num_nodes -> component", recordable=False
+        )
         self.options.declare("law", default=None, allow_none=True, recordable=False)
         self.options.declare("unknown", values=("speed", "torque"), default="speed")
 
@@ -39,7 +41,9 @@ class RotorODE(om.Group):
         self.add_subsystem("flow", InflowComp(num_nodes=n, inflow=options["inflow"]), **everything)
         self.add_subsystem("hydrodynamics", options["hydrodynamics"](n), **everything)
         if options["law"] is not None:
-            self.add_subsystem("controller", FeedbackComp(num_nodes=n, law=options["law"]), **everything)
+            self.add_subsystem(
+                "controller", FeedbackComp(num_nodes=n, law=options["law"]), **everything
+            )
         inverse = options["law"] is None and options["unknown"] == "speed"
         self.add_subsystem("shaft", ShaftComp(num_nodes=n, inverse=inverse), **everything)
 
@@ -67,27 +71,50 @@ class HydrodynamicsComp(om.ExplicitComponent):
         """Declare inputs and outputs."""
         n, static = self.options["num_nodes"], ["dymos.static_target"]
         self.add_input("rotor_speed", shape=(n,), units="rad/s", desc="angular speed of the rotor")
-        self.add_input("inflow_speed", shape=(n,), units="m/s", desc="undisturbed flow speed at the rotor")
-        self.add_input("density", val=1000.0, units="kg/m**3", desc="density of the water", tags=static)
+        self.add_input(
+            "inflow_speed", shape=(n,), units="m/s", desc="undisturbed flow speed at the rotor"
+        )
+        self.add_input(
+            "density", val=1000.0, units="kg/m**3", desc="density of the water", tags=static
+        )
         if self.options["spline"] is not None:
             shape = self.options["spline"].nodes.shape
-            self.add_input("torque_coefficient_table", shape=shape, desc="torque coefficient at the nodes", tags=static)
+            self.add_input(
+                "torque_coefficient_table",
+                shape=shape,
+                desc="torque coefficient at the nodes",
+                tags=static,
+            )
         else:
             blade = self.options["blade"]
-            self.add_input("chord", val=blade.chord, units="m", desc="chord at the stations", tags=static)
-            self.add_input("twist", val=blade.twist, units="rad", desc="twist at the stations", tags=static)
+            self.add_input(
+                "chord", val=blade.chord, units="m", desc="chord at the stations", tags=static
+            )
+            self.add_input(
+                "twist", val=blade.twist, units="rad", desc="twist at the stations", tags=static
+            )
         self.add_output("tip_speed_ratio", shape=(n,), desc="tip speed over inflow speed")
         self.add_output("torque_coefficient", shape=(n,), desc="Q / (0.5 rho V^2 pi R^3)")
-        self.add_output("hydrodynamic_torque", shape=(n,), units="N*m", desc="torque of the flow on the rotor")
-        self.add_output("hydrodynamic_power", shape=(n,), units="W", desc="power captured from the flow")
+        self.add_output(
+            "hydrodynamic_torque", shape=(n,), units="N*m", desc="torque of the flow on the rotor"
+        )
+        self.add_output(
+            "hydrodynamic_power", shape=(n,), units="W", desc="power captured from the flow"
+        )
 
     def setup_partials(self):
         """Declare diagonal partials by speed and flow, full columns by what the blade sends."""
         rows = np.arange(self.options["num_nodes"])
         outputs = ["torque_coefficient", "hydrodynamic_torque", "hydrodynamic_power"]
-        self.declare_partials(["tip_speed_ratio", *outputs], ["rotor_speed", "inflow_speed"], rows=rows, cols=rows)
+        self.declare_partials(
+            ["tip_speed_ratio", *outputs], ["rotor_speed", "inflow_speed"], rows=rows, cols=rows
+        )
         self.declare_partials(outputs[1:], "density")
-        shape = ["torque_coefficient_table"] if self.options["spline"] is not None else ["chord", "twist"]
+        shape = (
+            ["torque_coefficient_table"]
+            if self.options["spline"] is not None
+            else ["chord", "twist"]
+        )
         self.declare_partials(outputs, shape)
 
     def _coefficient(self, inputs, ratio, derivatives):
@@ -97,7 +124,11 @@ class HydrodynamicsComp(om.ExplicitComponent):
             table, basis = inputs["torque_coefficient_table"], spline.basis(ratio)
             if not derivatives:
                 return basis @ table, None, {}
-            return basis @ table, spline.basis(ratio, 1) @ table, {"torque_coefficient_table": basis}
+            return (
+                basis @ table,
+                spline.basis(ratio, 1) @ table,
+                {"torque_coefficient_table": basis},
+            )
         blade = self.options["blade"].with_shape(inputs["chord"], inputs["twist"])
         found = self.options["coefficients"](blade, self.options["polar"], ratio, derivatives)
         return (
@@ -159,16 +190,22 @@ class ShaftComp(om.ExplicitComponent):
         n = self.options["num_nodes"]
         torque = {"shape": (n,), "units": "N*m", "desc": "generator torque on the rotor"}
         rate = {"shape": (n,), "units": "rad/s**2", "desc": "rate of the rotor's angular speed"}
-        self.add_input("hydrodynamic_torque", shape=(n,), units="N*m", desc="torque of the flow on the rotor")
+        self.add_input(
+            "hydrodynamic_torque", shape=(n,), units="N*m", desc="torque of the flow on the rotor"
+        )
         self.add_input("rotor_speed", shape=(n,), units="rad/s", desc="angular speed of the rotor")
-        self.add_input("inertia", val=1.0, units="kg*m**2", desc="rotor inertia", tags=["dymos.static_target"])
+        self.add_input(
+            "inertia", val=1.0, units="kg*m**2", desc="rotor inertia", tags=["dymos.static_target"]
+        )
         if self.options["inverse"]:
             self.add_input("rotor_acceleration", **rate)
             self.add_output("control_torque", **torque)
         else:
             self.add_input("control_torque", **torque)
             self.add_output("rotor_acceleration", **rate)
-        self.add_output("generator_power", shape=(n,), units="W", desc="power taken by the generator")
+        self.add_output(
+            "generator_power", shape=(n,), units="W", desc="power taken by the generator"
+        )
 
     def setup_partials(self):
         """Declare the diagonal partials and the column by inertia."""

@@ -197,11 +197,19 @@ def _viterna(alpha, lift, drag, aspect_ratio):
     a = between(-0.5 * np.pi, low)
     cl, cd = plate(-a)
     pieces.append((a, -mirror * cl, cd))
-    if alpha[0] > -stall:  # a short table on the negative side: a straight line to the mirrored stall
+    if (
+        alpha[0] > -stall
+    ):  # a short table on the negative side: a straight line to the mirrored stall
         cl, cd = plate(stall)
         a = np.r_[-stall, between(-stall, alpha[0])]
         share = (a + stall) / (alpha[0] + stall)
-        pieces.append((a, -mirror * cl * (1.0 - share) + lift[0] * share, cd * (1.0 - share) + drag[0] * share))
+        pieces.append(
+            (
+                a,
+                -mirror * cl * (1.0 - share) + lift[0] * share,
+                cd * (1.0 - share) + drag[0] * share,
+            )
+        )
     pieces.append((alpha, lift, drag))
     a = np.r_[between(stall, 0.5 * np.pi), 0.5 * np.pi]
     pieces.append((a, *plate(a)))

@@ -36,6 +36,9 @@ _SAMPLES = np.concatenate(
 )
 _NEGATIVE_SAMPLES = -PHI_MIN - (0.5 * np.pi - PHI_MIN) * np.linspace(0.0, 1.0, 33) ** 1.5
 
+FINEST = 0.004  # rad, about the spacing of a polar's knots: no interval between samples is divided further
+MOST_KNOTS = 1024  # on the curve of a station; 50 to 60 are usual
+
 # Rows of `Sections.derivatives`
 INPUTS = ("tip_speed_ratio", "chord", "twist", "r", "hub_radius", "tip_radius")
 
@@ -222,58 +225,93 @@ def _derivatives(terms, tip_speed_ratio, chord, r, hub_radius, tip_radius, blade
 
 
 @njit(cache=True, error_model="numpy")
-def _curve(samples, lowest, full, station, knots):
+def _point(phi, station):
+    """Return phi, s, c, their slopes, and the slope of the curve's polar angle arctan(g)."""
+    s, c, s_phi, c_phi = _terms(phi, *station)[0]
+    return phi, s, c, s_phi, c_phi, (c_phi * s - c * s_phi) / (s * s + c * c)
+
+
+@njit(cache=True, error_model="numpy")
+def _uneven(left, right):
+    """Whether the curve may turn unseen between two points: its slope differs much within the interval.
+
+    The slopes are those of arctan(g), -1 throughout without load: at both ends, and in the middle of the
+    cubic that has the ends' values and slopes.
+    """
+    fall = np.arctan2(left[2], left[1]) - np.arctan2(right[2], right[1])
+    middle = 1.5 * fall / (right[0] - left[0]) + 0.25 * (left[5] + right[5])
+    return min(-left[5], -right[5], middle) < 0.5 * max(-left[5], -right[5], middle)
+
+
+@njit(cache=True, error_model="numpy")
+def _turning(left, right, station):
+    """Return the point between two others of which one falls and one rises (regula falsi, Illinois)."""
+    low, high, slope_low, slope_high = left[0], right[0], left[5], right[5]
+    for _ in range(60):
+        point = _point((low * slope_high - high * slope_low) / (slope_high - slope_low), station)
+        if (point[5] < 0.0) == (slope_high < 0.0):
+            step = high - point[0]
+            high, slope_high, slope_low = point[0], point[5], 0.5 * slope_low
+        else:
+            step = point[0] - low
+            low, slope_low, slope_high = point[0], point[5], 0.5 * slope_high
+        if step < 1e-9:
+            break
+    return point
+
+
+@njit(cache=True, error_model="numpy")
+def _last_positive(left, right, station):
+    """Return the last point with s > 0 before s vanishes between two others."""
+    low, high = left[0], right[0]
+    while high - low > 1e-14:
+        middle = 0.5 * (low + high)
+        if _point(middle, station)[1] > 0.0:
+            low = middle
+        else:
+            high = middle
+    return _point(low, station)
+
+
+@njit(cache=True, error_model="numpy")
+def _add(point, knots, count):
+    """Append a point to the knots; return their number."""
+    g = point[2] / point[1] if point[1] > 0.0 else np.inf
+    knots[:5, count] = point[:5]
+    knots[5, count] = g
+    knots[6, count] = min(g, knots[6, count - 1]) if count else g
+    return count + 1
+
+
+@njit(cache=True, error_model="numpy")
+def _curve(lowest, full, station, knots):
     """Sample a station's curve g = c / s; return the number of knots.
 
-    knots[7, n] holds phi, s, c, their slopes, g (infinite where s <= 0) and the running minimum of g. A
-    local minimum between two samples becomes a knot of its own, and a local maximum too if full. Unless
-    full, sampling ends where the running minimum is at or below `lowest`: no root is sought further on.
+    knots[7, n] holds phi, s, c, their slopes, g (infinite where s <= 0) and the running minimum of g. The
+    curve's turning points become knots of their own: minima always, maxima if full. Unless full, sampling
+    ends where the running minimum is at or below `lowest`: no root is sought further on.
     """
-    count = 0
-    rise_before = 0.0
-    least = np.inf
-    for phi in samples:
-        (s, c, s_phi, c_phi), _f, _k, _l = _terms(phi, *station)
-        rise = c_phi * s - c * s_phi if s > 0.0 else 0.0  # sign of dg/dphi
-        if (rise_before < 0.0 and rise > 0.0) or (full and rise_before > 0.0 and rise < 0.0):
-            low, high, rise_low, rise_high = knots[0, count - 1], phi, rise_before, rise
-            for _ in range(60):  # regula falsi (Illinois)
-                middle = (low * rise_high - high * rise_low) / (rise_high - rise_low)
-                (s_m, c_m, s_phi_m, c_phi_m), _f, _k, _l = _terms(middle, *station)
-                rise_m = c_phi_m * s_m - c_m * s_phi_m
-                if (rise_m < 0.0) == (rise_high < 0.0):
-                    step = high - middle
-                    high, rise_high = middle, rise_m
-                    rise_low *= 0.5
-                else:
-                    step = middle - low
-                    low, rise_low = middle, rise_m
-                    rise_high *= 0.5
-                if abs(step) < 1e-9 or rise_m == 0.0:
-                    break
-            g = c_m / s_m if s_m > 0.0 else np.inf
-            least = min(least, g)
-            knots[:, count] = (middle, s_m, c_m, s_phi_m, c_phi_m, g, least)
-            count += 1
-        if count and knots[1, count - 1] > 0.0 and s <= 0.0 and c < 0.0:
-            # Beyond 90 degrees g may fall to minus infinity between two samples, where s vanishes.
-            low, high = knots[0, count - 1], phi
-            while high - low > 1e-14:
-                middle = 0.5 * (low + high)
-                if _terms(middle, *station)[0][0] > 0.0:
-                    low = middle
-                else:
-                    high = middle
-            (s_m, c_m, s_phi_m, c_phi_m), _f, _k, _l = _terms(low, *station)
-            least = min(least, c_m / s_m)
-            knots[:, count] = (low, s_m, c_m, s_phi_m, c_phi_m, c_m / s_m, least)
-            count += 1
-        g = c / s if s > 0.0 else np.inf
-        least = min(least, g)
-        knots[:, count] = (phi, s, c, s_phi, c_phi, g, least)
-        count += 1
-        rise_before = rise
-        if least <= lowest and not full:
+    left = _point(_SAMPLES[0], station)
+    count = _add(left, knots, 0)
+    for phi in _SAMPLES[1:]:
+        goal = _point(phi, station)
+        right = goal
+        while True:
+            if left[1] > 0.0 and right[1] > 0.0:
+                room = right[0] - left[0] > FINEST and count < knots.shape[1] - 8
+                if room and _uneven(left, right):
+                    right = _point(0.5 * (left[0] + right[0]), station)
+                    continue
+                if (left[5] < 0.0 and right[5] > 0.0) or (full and left[5] > 0.0 and right[5] < 0.0):
+                    count = _add(_turning(left, right, station), knots, count)
+            elif left[1] > 0.0 and right[2] < 0.0:  # g falls to minus infinity, where s vanishes
+                count = _add(_last_positive(left, right, station), knots, count)
+            count = _add(right, knots, count)
+            if right[0] == goal[0]:
+                break
+            left, right = right, goal
+        left = right
+        if not full and knots[6, count - 1] <= lowest:
             break
     return count
 
@@ -338,11 +376,11 @@ def _solve(
     roots = np.zeros((n_stations, n_points if full else 0), dtype=np.int64)
     derivatives = np.zeros((n_loads, n_inputs, n_stations, n_points))
     gradient = np.empty((n_loads, n_inputs))
-    knots = np.empty((7, 3 * _SAMPLES.size))
+    knots = np.empty((7, MOST_KNOTS))
     lowest = np.min(tip_speed_ratio)
     for j in range(n_stations):
         station = (chord[j], twist[j], r[j], hub_radius, tip_radius, blade_count, polars[section[j]])
-        n_knots = _curve(_SAMPLES, lowest * r[j] / tip_radius, full, station, knots)
+        n_knots = _curve(lowest * r[j] / tip_radius, full, station, knots)
         angle, s_knot, c_knot, s_phi_knot, c_phi_knot, g, running = knots
         for i in range(n_points):
             lambda_r = tip_speed_ratio[i] * r[j] / tip_radius
@@ -481,11 +519,11 @@ def root_changes(blade, polar, tip_speed_ratio):
     """
     low, high = float(np.min(tip_speed_ratio)), float(np.max(tip_speed_ratio))
     r, chord, twist, hub_radius, tip_radius, blade_count, polars, section = _arguments(blade, polar)
-    knots = np.empty((7, 3 * _SAMPLES.size))
+    knots = np.empty((7, MOST_KNOTS))
     found = []
     for j in range(r.size):
         station = (chord[j], twist[j], r[j], hub_radius, tip_radius, blade_count, polars[section[j]])
-        count = _curve(_SAMPLES, 0.0, True, station, knots)
+        count = _curve(0.0, True, station, knots)
         running = knots[6, :count]
         # Where the running minimum stays for a while, the root left of it vanishes; so it does at the ends.
         held = np.flatnonzero((running[1:] == running[:-1]) & np.isfinite(running[:-1]))

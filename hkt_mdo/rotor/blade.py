@@ -64,9 +64,13 @@ class Blade:
         table = read_table(source, ("r_over_R", "c_over_R", "pitch_deg"), "blade")
         radius = table["r_over_R"]
         if radius.size < 2 or np.any(np.diff(radius) <= 0.0):
-            raise InputError(f"{source}: r_over_R must increase strictly over at least two rows; sort the rows")
+            raise InputError(
+                f"{source}: r_over_R must increase strictly over at least two rows; sort the rows"
+            )
         if np.min(table["c_over_R"]) <= 0.0:
-            raise InputError(f"{source}: c_over_R = {np.min(table['c_over_R']):g}: chords must be positive")
+            raise InputError(
+                f"{source}: c_over_R = {np.min(table['c_over_R']):g}: chords must be positive"
+            )
         stations = np.asarray(stations, dtype=float)
         if stations[0] < radius[0] - 1e-9 or stations[-1] > radius[-1] + 1e-9:
             raise InputError(

@@ -63,14 +63,18 @@ class InertiaComp(om.ExplicitComponent):
 
     def initialize(self):
         """Declare the options."""
-        self.options.declare("blade", desc="the start `Blade`: stations, hub, tip, count", recordable=False)
+        self.options.declare(
+            "blade", desc="the start `Blade`: stations, hub, tip, count", recordable=False
+        )
         self.options.declare("section_area", types=float, desc="outline area over chord squared")
         self.options.declare("density", types=float, desc="of the material, kg/m**3")
         self.options.declare("hub_inertia", types=float, desc="kg*m**2")
 
     def setup(self):
         """Declare inputs and outputs."""
-        self.add_input("chord", val=self.options["blade"].chord, units="m", desc="chord at the stations")
+        self.add_input(
+            "chord", val=self.options["blade"].chord, units="m", desc="chord at the stations"
+        )
         self.add_output("mass", units="kg", desc="mass of the blades")
         self.add_output("inertia", units="kg*m**2", desc="inertia of the rotor about its axis")
 

@@ -52,7 +52,12 @@ def best_blade(blade, polar, tip_speed_ratio, chord_bounds, twist_bounds, grid=(
     start, scale = np.empty((2, n)), np.empty(n)
     for j, station in enumerate(blade.r):
         strip = Blade(
-            np.full(chords.size, station), chords, twists, blade.hub_radius, blade.tip_radius, blade.blade_count
+            np.full(chords.size, station),
+            chords,
+            twists,
+            blade.hub_radius,
+            blade.tip_radius,
+            blade.blade_count,
         )
         load = bem.sections(strip, polar, tip_speed_ratio).tangential_load[0]
         best = int(np.argmax(load))
@@ -63,7 +68,9 @@ def best_blade(blade, polar, tip_speed_ratio, chord_bounds, twist_bounds, grid=(
 
     def loss(x):
         physical = x * units
-        found = bem.sections(blade.with_shape(physical[:n], physical[n:]), polar, tip_speed_ratio, derivatives=True)
+        found = bem.sections(
+            blade.with_shape(physical[:n], physical[n:]), polar, tip_speed_ratio, derivatives=True
+        )
         by = found.derivatives[0, 1:3, 0] / scale
         return -np.sum(found.tangential_load[0] / scale), -by.ravel() * units
 
@@ -110,7 +117,9 @@ def best_operation(blade, polar, search=(1.0, 20.0)):
     power = bem.rotor_coefficients(blade, polar, ratios).power
 
     def operation(ratio):
-        return SteadyOptimum(blade, float(ratio), float(bem.rotor_coefficients(blade, polar, ratio).power[0]))
+        return SteadyOptimum(
+            blade, float(ratio), float(bem.rotor_coefficients(blade, polar, ratio).power[0])
+        )
 
     return _bracketed(operation, ratios, int(np.argmax(power)))
 
@@ -125,6 +134,9 @@ def _bracketed(optimum, ratios, peak):
     """Refine the peak between the neighbours of a coarse maximum."""
     low, high = ratios[max(peak - 1, 0)], ratios[min(peak + 1, len(ratios) - 1)]
     found = minimize_scalar(
-        lambda ratio: -optimum(ratio).power_coefficient, bounds=(low, high), method="bounded", options={"xatol": 1e-4}
+        lambda ratio: -optimum(ratio).power_coefficient,
+        bounds=(low, high),
+        method="bounded",
+        options={"xatol": 1e-4},
     )
     return optimum(found.x)

@@ -47,17 +47,27 @@ class TorqueTable(om.ExplicitComponent):
 
     def initialize(self):
         """Declare the options."""
-        self.options.declare("blade", desc="the start `Blade`: stations, hub, tip, count", recordable=False)
+        self.options.declare(
+            "blade", desc="the start `Blade`: stations, hub, tip, count", recordable=False
+        )
         self.options.declare("polar", desc="section `Polar`", recordable=False)
         self.options.declare("nodes", types=np.ndarray, desc="tip speed ratios of the table")
-        self.options.declare("coefficients", desc="BEM: rotor_coefficients of bem or ccblade", recordable=False)
+        self.options.declare(
+            "coefficients", desc="BEM: rotor_coefficients of bem or ccblade", recordable=False
+        )
 
     def setup(self):
         """Declare inputs and outputs."""
         blade, nodes = self.options["blade"], self.options["nodes"]
         self.add_input("chord", val=blade.chord, units="m", desc="chord at the stations")
-        self.add_input("twist", val=blade.twist, units="rad", desc="twist at the stations, set angle included")
-        self.add_output("torque_coefficient_table", shape=nodes.shape, desc="Q / (0.5 rho V^2 pi R^3) at the nodes")
+        self.add_input(
+            "twist", val=blade.twist, units="rad", desc="twist at the stations, set angle included"
+        )
+        self.add_output(
+            "torque_coefficient_table",
+            shape=nodes.shape,
+            desc="Q / (0.5 rho V^2 pi R^3) at the nodes",
+        )
 
     def setup_partials(self):
         """Declare the dense partials."""

@@ -51,7 +51,10 @@ def test_forward_and_inverse_dynamics_are_inverses(closed_loop):
 
 
 def test_acceleration_is_equation_6(closed_loop):
-    torque, control = closed_loop.get_val("hydrodynamic_torque"), closed_loop.get_val("control_torque")
+    torque, control = (
+        closed_loop.get_val("hydrodynamic_torque"),
+        closed_loop.get_val("control_torque"),
+    )
     np.testing.assert_allclose(closed_loop.get_val("rotor_acceleration"), (torque - control) / 3.5)
 
 
