@@ -3,7 +3,8 @@
     from hkt_mdo import load_case, run_case
     solution = run_case(load_case("cases/sine_limited_quadratic.yaml"), "results/mine")
 
-The names below are the whole public interface; what is behind them is imported when it is first used.
+The names below are the whole public interface; what is behind them is imported when it is first
+used.
 """
 
 from importlib import import_module

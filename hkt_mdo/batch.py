@@ -24,12 +24,13 @@ def run_batch(
     Parameters
     ----------
     cases : mapping of Path to Case
-        The result folder of each case. A folder that holds the finished result of an equal case is reused;
-        anything else that is a result is replaced.
+        The result folder of each case. A folder that holds the finished result of an equal case is
+        reused; anything else that is a result is replaced.
     jobs : int or None
         Number of processes; None: one a core.
     done : callable or None
-        Called as done(folder, word) whenever a case ends; word is "reused", "ok", "failed" or the error.
+        Called as done(folder, word) whenever a case ends; word is "reused", "ok", "failed" or the
+        error.
     figures : bool
         Whether to draw each result's figures.
 
@@ -74,7 +75,7 @@ def run_batch(
 
 
 def is_finished(folder: Path, case: Case) -> bool:
-    """Return whether a folder holds the finished result, good or not, of an equal case by this version."""
+    """Return whether a folder holds this version's finished result of an equal case."""
     try:
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         stored = read_case((folder / "case.yaml").read_text(encoding="utf-8"))

@@ -1,8 +1,8 @@
 """A case as an OpenMDAO problem: the one place where case and physics meet.
 
 design variables --> inertia ------------------.
-   chord, twist  --> torque table (BEM) ------> trajectory: flow -> hydrodynamics -> controller -> shaft
-   gain          ------------------------------'      '--> energy, the objective
+   chord, twist  --> torque table (BEM) ------> trajectory: flow -> hydrodynamics -> controller ->
+   shaft gain          ------------------------------'      '--> energy, the objective
 """
 
 from dataclasses import dataclass
@@ -115,7 +115,7 @@ def find_start(case: Case, world: Physics, optimum) -> StartingPoint:
 
 
 def quadrature(case: Case):
-    """Return times (s) and trapezoidal weights (s) that sample a case's flow four times a segment."""
+    """Return times and trapezoidal weights (s) that sample a flow four times a segment."""
     time = np.linspace(0.0, case.phase.duration, 4 * case.phase.segments + 1)
     weights = np.full(time.size, time[1])
     weights[[0, -1]] *= 0.5
@@ -138,7 +138,7 @@ def build_problem(
         None: the case's own.
     """
     blade, control = start.blade, case.control
-    n, speed = blade.r.size, start.operation.rotor_speed
+    speed = start.operation.rotor_speed
     problem = om.Problem(driver=driver or make_driver(case), reports=False)
     model = problem.model
 
@@ -201,7 +201,8 @@ def build_problem(
         gain = start.gains[i]
         low, high = case.design.gain_bounds or sorted((0.2 * gain, 5.0 * gain))
         model.add_design_var(f"gain_{i}", lower=low, upper=high, ref=abs(gain))
-    # designs differ by parts in a thousand: a tenth of the energy makes those visible to the tolerance
+    # designs differ by parts in a thousand: a tenth of the energy makes those visible to the
+    # tolerance
     model.add_objective("energy", ref=-0.1 * start.operation.energy, units="J")
     problem.driver.declare_coloring(show_summary=False, show_sparsity=False)
     problem.setup()

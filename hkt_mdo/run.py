@@ -1,8 +1,8 @@
 """Run a case: optimize, integrate independently, judge, record.
 
-The optimizer is not the judge. A result is a success only if the optimizer converged and an integration
-that shares neither torque curve nor collocation with it, the quasi-steady bound and every bound of the
-problem agree (`_judge`).
+The optimizer is not the judge. A result is a success only if the optimizer converged and an
+integration that shares neither torque curve nor collocation with it, the quasi-steady bound and
+every bound of the problem agree (`_judge`).
 """
 
 import csv
@@ -52,7 +52,7 @@ BOUND_MARGIN, NODE_VIOLATION, BETWEEN_VIOLATION = 1e-5, 1e-6, 1e-3
 
 @dataclass(frozen=True)
 class Check:
-    """One judge's word: a value, the limit that it must not exceed, and where the value occurred."""
+    """One judge's word: a value, the limit that it must not exceed, and where it occurred."""
 
     name: str
     value: float
@@ -211,8 +211,8 @@ def _optimize(case, world, start, out, watch) -> Optimized:
 def _curve_nodes(case, world, start, finer=1):
     """Return tip speed ratios for the torque curve: dense where the start works, sparse beyond.
 
-    The dense spacing is halved until the curve of the start's blade is twenty times as accurate there as the
-    case asks for, since the blade will change.
+    The dense spacing is halved until the curve of the start's blade is twenty times as accurate
+    there as the case asks for, since the blade will change.
     """
     speed = start.operation.rotor_speed
     flow = world.inflow.speed(np.linspace(0.0, case.phase.duration, speed.size))
@@ -297,7 +297,7 @@ def _collect(case, world, problem, nodes) -> Optimized:
 
 
 def _curve_errors(world, result):
-    """Return tip speed ratios over the trajectory's range and the curve's relative torque errors there."""
+    """Return the curve's relative torque errors over the trajectory's tip speed ratios."""
     ratios = result.trajectory["tip_speed_ratio"]
     probe = np.linspace(np.min(ratios), np.max(ratios), 201)
     exact = bem.rotor_coefficients(result.point.blade, world.polar, probe).torque
@@ -444,7 +444,7 @@ def _node_violations(case, world, result):
 
 
 def _energy_bound(case, world, optimum):
-    """Return the quasi-steady bound 0.5 rho A Cp* integral of v³ dt, J; see `hkt_mdo.rotor.steady_optimum`."""
+    """Return the quasi-steady bound, J; see `hkt_mdo.rotor.steady_optimum`."""
     edges = np.linspace(0.0, case.phase.duration, case.phase.segments + 1)
     cubed, _ = quad_vec(
         lambda share: np.sum(
@@ -590,7 +590,7 @@ def _prepare(out: Path, force: bool) -> None:
 
 @contextmanager
 def _scratch_directory():
-    """Let OpenMDAO put its own files (coloring, reports) where they vanish, not in the current folder."""
+    """Let OpenMDAO put its own files (coloring, reports) where they vanish."""
     before = os.environ.get("OPENMDAO_WORKDIR")
     with tempfile.TemporaryDirectory(prefix="hkt_mdo_") as scratch:
         os.environ["OPENMDAO_WORKDIR"] = scratch

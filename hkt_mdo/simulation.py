@@ -1,7 +1,7 @@
 """Independent integration of the rotor's equation of motion with direct BEM.
 
-Nothing here is shared with the optimization but the physics: no torque curve, no collocation. A stiff
-solver (LSODA) follows speed, captured and generated energy; it stops where the rotor does.
+Nothing here is shared with the optimization but the physics: no torque curve, no collocation. A
+stiff solver (LSODA) follows speed, captured and generated energy; it stops where the rotor does.
 """
 
 from collections.abc import Callable
@@ -31,7 +31,7 @@ class Plant:
     coefficients: Callable
 
     def torque(self, speed, inflow_speed):
-        """Return the hydrodynamic torque, N*m, at speeds (rad/s) and inflow speeds (m/s) of shape (n,)."""
+        """Return the torque, N*m, at speeds (rad/s) and inflow speeds (m/s) of shape (n,)."""
         radius = self.blade.tip_radius
         ratio = np.maximum(speed * radius / inflow_speed, SLOWEST_RATIO)
         coefficient = self.coefficients(self.blade, self.polar, ratio).torque
@@ -42,8 +42,8 @@ class Plant:
 class Simulation:
     """An integrated trajectory, sampled at `time`.
 
-    Arrays of shape (n,) in SI units; energies are integrals over the whole run. stopped_at is the time at
-    which the rotor came to rest, None if it kept turning.
+    Arrays of shape (n,) in SI units; energies are integrals over the whole run. stopped_at is the
+    time at which the rotor came to rest, None if it kept turning.
     """
 
     time: np.ndarray
@@ -138,7 +138,7 @@ def simulate(
 
 
 class RecordedTorque:
-    """A torque history as its transcription means it: one polynomial a segment through the segment's nodes.
+    """A torque history as its transcription means it: one polynomial through a segment's nodes.
 
     The generator cannot leave its range, so the interpolant is cut to [0, limit] between the nodes.
 

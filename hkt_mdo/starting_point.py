@@ -1,8 +1,9 @@
 """The feasible start of an optimization: quasi-steady co-design.
 
-The rotor's time constant is a few hundredths of a second and the flow changes over many seconds, so the
-rotor follows Q = u at every instant, on the unstalled side. That problem has no differential equation, no
-false solutions and few unknowns (blade and gains); its optimum lies within about 1e-5 of the dynamic one.
+The rotor's time constant is a few hundredths of a second and the flow changes over many seconds, so
+the rotor follows Q = u at every instant, on the unstalled side. That problem has no differential
+equation, no false solutions and few unknowns (blade and gains); its optimum lies within about 1e-5
+of the dynamic one.
 """
 
 from dataclasses import dataclass, replace
@@ -85,7 +86,8 @@ class QuasiSteady:
             slope, by_gains = np.zeros(v.size), np.zeros((0, v.size))
         else:
             slope, by_gains = self.law.torque_by_speed(w, gains), self.law.torque_by_gain(w, gains)
-        # Where the controller holds the speed, Q(w) = u(w) moves w; elsewhere w is at the power's maximum.
+        # Where the controller holds the speed, Q(w) = u(w) moves w; elsewhere w is at the power's
+        # maximum.
         stiffness = np.where(held, slope - by_w, np.inf)
         gain_w = (torque + w * by_w) / stiffness  # dP/dw dw/dQ
         by_table = (self.weights * scale * (w + gain_w)) @ basis
@@ -93,7 +95,7 @@ class QuasiSteady:
         return Operation(float(self.weights @ (torque * w)), w, torque, by_table, by_gain, running)
 
     def _open_loop(self, curve, scale):
-        """Operate at the largest power coefficient, or at the torque limit on the fast side of it."""
+        """Operate at the largest power coefficient, or faster at the torque limit."""
         ratios = self._search()
         peak = int(np.argmax(ratios * curve(ratios)))
         low, high = ratios[max(peak - 1, 0)], ratios[min(peak + 1, ratios.size - 1)]
@@ -114,7 +116,7 @@ class QuasiSteady:
         return held, ratio, running
 
     def _balance(self, curve, scale, controller, needed=True):
-        """Find the largest tip speed ratio with Q = u at each instant: the unstalled, stable root."""
+        """Find the largest tip speed ratio with Q = u at each instant: the unstalled root."""
         ratios, speed_per_ratio = self._search(), self.inflow_speed / self.tip_radius
         driving = scale[:, None] * curve(ratios) >= controller(ratios * speed_per_ratio[:, None])
         last = ratios.size - 1 - np.argmax(driving[:, ::-1], axis=1)
@@ -147,8 +149,8 @@ def starting_point(
 ):
     """Return a start near the optimum, found by quasi-steady co-design from a blade.
 
-    Candidates are the blade as given and the steady-optimal blades of a range of tip speed ratios; the best
-    of them under the controller is improved by gradient steps within move limits.
+    Candidates are the blade as given and the steady-optimal blades of a range of tip speed ratios;
+    the best of them under the controller is improved by gradient steps within move limits.
 
     Parameters
     ----------
@@ -187,7 +189,7 @@ def _table(problem, blade, polar, derivatives=False):
 
 
 def _with_gains(problem, blade, polar, gains):
-    """Return a starting point of a blade; gains not given are those near its open-loop operation."""
+    """Return a starting point of a blade; gains not given are fitted to its open loop."""
     table = _table(problem, blade, polar).torque
     if problem.law is None:
         return StartingPoint(blade, np.empty(0), problem.operate(table))
@@ -203,7 +205,7 @@ def _with_gains(problem, blade, polar, gains):
 
 
 def _improve(problem, point, polar, chord_bounds, twist_bounds, fixed_blade):
-    """Raise the quasi-steady energy by SLSQP within move limits, re-centred until none is active."""
+    """Raise the quasi-steady energy by SLSQP within move limits, re-centred until inactive."""
     n = 0 if fixed_blade else point.blade.r.size
     chord_move, twist_move, gain_move = 1.3, np.deg2rad(3.0), 1.2
     for _ in range(12):

@@ -13,7 +13,7 @@ from hkt_mdo.dynamics.rotor_ode import RotorODE
 
 @dataclass(frozen=True)
 class Scales:
-    """Reference magnitudes of one problem, from its start; every `ref` of the trajectory is one of these.
+    """Reference magnitudes of one problem, from its start: every `ref` of the trajectory.
 
     rotor_speed (rad/s), torque (N*m), acceleration (rad/s**2): a typical torque over the inertia.
     """
@@ -51,10 +51,12 @@ class Radau(_Stateless, dm.Radau):
 class EnergyComp(om.ExplicitComponent):
     """Energy over the phase by the transcription's own quadrature, exact for its power polynomials.
 
-    For a pure quadrature, collocation of a state and this weighted sum are the same numbers; the sum needs
-    no unknowns, so the optimizer cannot trade energy against defects, and costs nothing to solve.
+    For a pure quadrature, collocation of a state and this weighted sum are the same numbers; the
+    sum needs no unknowns, so the optimizer cannot trade energy against defects, and costs nothing
+    to solve.
 
-    Inputs hydrodynamic_power, generator_power[num_nodes, 1] (W); outputs energy, generator_energy (J).
+    Inputs hydrodynamic_power, generator_power[num_nodes, 1] (W); outputs energy, generator_energy
+    (J).
     """
 
     def initialize(self):
@@ -86,7 +88,7 @@ class EnergyComp(om.ExplicitComponent):
 
 
 def node_weights(transcription, segments, order, duration):
-    """Return the quadrature weights of a phase's nodes over a duration, in the order of its time series.
+    """Return the quadrature weights of a phase's nodes, in the order of its time series.
 
     Parameters
     ----------

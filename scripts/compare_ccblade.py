@@ -48,8 +48,8 @@ class Rotor(NamedTuple):
 class Comparison(NamedTuple):
     """Kinds of section results, and the largest differences where all roots are the same.
 
-    error is of torque, thrust and power over the largest coefficient of its curve; gradient_error of
-    the torque coefficient by tip speed ratio, chord and twist over the largest of its kind.
+    error is of torque, thrust and power over the largest coefficient of its curve; gradient_error
+    of the torque coefficient by tip speed ratio, chord and twist over the largest of its kind.
     """
 
     kinds: Counter

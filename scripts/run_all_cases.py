@@ -18,7 +18,7 @@ AGREEMENT = 2e-4  # relative difference in energy that the optimizers may have
 
 
 def main():
-    """Run, print the table, and exit with 3 unless every case succeeded and the optimizers agree."""
+    """Run, print the table, exit with 3 unless every case succeeded and optimizers agree."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
         "--cases",

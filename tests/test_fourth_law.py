@@ -1,4 +1,4 @@
-"""A control law that the package does not have, added as docs/controllers.md says: one class, one entry."""
+"""A control law that the package does not have, added as docs/controllers.md says."""
 
 from typing import Annotated, ClassVar, Literal
 

@@ -1,4 +1,4 @@
-"""Whole runs, held to theory: bounds, formulas and the ranking of controllers (a slice of `make cases`)."""
+"""Whole runs, held to theory: bounds, formulas, the ranking of controllers."""
 
 import json
 from functools import cache
@@ -113,8 +113,8 @@ def test_result_folder_is_complete_and_reruns_identically(solve, tmp_path):
     solution = solve("sine_limited_quadratic", "driver.optimizer=SLSQP")
     names = {path.name for path in solution.folder.iterdir()}
     assert {
-        "case.yaml", "summary.json", "solution.db", "history.db", "trajectory.csv", "simulation.csv",
-        "power_curve.csv", "convergence.csv", "n2.html",
+        "case.yaml", "summary.json", "solution.db", "history.db", "trajectory.csv",
+        "simulation.csv", "power_curve.csv", "convergence.csv", "n2.html",
     } <= names  # fmt: skip
     again = run_case(load_case(solution.folder / "case.yaml"), tmp_path / "again", figures=False)
     for key in ("energy_J", "simulated_energy_J", "gain", "chord_m", "twist_deg", "iterations"):
@@ -149,7 +149,7 @@ def test_an_unfinished_optimization_is_no_success(tmp_path):
 
 
 def test_a_false_solution_is_no_success(tmp_path):
-    """Dymos' Radau collocates the left ends only: on stiff feedback it converges to false speeds."""
+    """Dymos' Radau collocates left ends only: on stiff feedback it finds false speeds."""
     overrides = ["phase.transcription=radau", "phase.segments=20", "phase.duration=20"]
     case = load_case(CASES / "sine_limited_linear.yaml", overrides)
     solution = run_case(case, tmp_path / "out", figures=False)

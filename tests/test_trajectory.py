@@ -51,7 +51,8 @@ def test_energy_partials():
 
 def coarse(control, more="", segments=5):
     case = read_case(
-        f"inflow: {{profile: sine}}\n{control}\nphase: {{segments: {segments}, duration: 20}}\nstart: {{method: blade}}\n{more}"
+        f"inflow: {{profile: sine}}\n{control}\nphase: {{segments: {segments}, duration: 20}}\n"
+        f"start: {{method: blade}}\n{more}"
     )
     world = physics(case)
     start = find_start(case, world, best_operation(world.blade, world.polar))
@@ -78,7 +79,7 @@ def test_totals_of_a_coarse_problem(name, direct):
 
 @pytest.mark.parametrize("name", VARIANTS)
 def test_the_start_is_nearly_feasible(name):
-    """At the shipped second a segment; an infeasible start lets optimizers wander off (docs/theory.md)."""
+    """At the shipped second a segment; from an infeasible start optimizers wander off."""
     smooth = VARIANTS[name].replace(", torque_limit: 700", "")  # a limit leaves a kink in the start
     problem, start = coarse(smooth, segments=20)
     assert problem.get_val("energy")[0] == pytest.approx(start.operation.energy, rel=1e-3)

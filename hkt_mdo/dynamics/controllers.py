@@ -1,8 +1,8 @@
 """Control laws: generator torque from rotor speed (paper eqs. 1 to 4).
 
-A law is a class with `gain_units` and `torque(speed, gains)`; nothing else knows its formula. Its component
-differentiates it by complex step, so a new law is one class here and one entry in the case schema
-(see docs/controllers.md).
+A law is a class with `gain_units` and `torque(speed, gains)`; nothing else knows its formula. Its
+component differentiates it by complex step, so a new law is one class here and one entry in the
+case schema (see docs/controllers.md).
 """
 
 from dataclasses import dataclass
@@ -17,9 +17,10 @@ STEP = 1e-40
 def smooth_saturation(torque, limit, smoothing):
     """Return the smoothly saturated torque (paper eq. 4), N*m.
 
-    sat(u) = limit/4 (2 + sqrt(nu + (2u/limit)²) - sqrt(nu + (2u/limit - 2)²)), nu = smoothing. It lies between
-    0 and the limit for every u, below the limit by limit nu / (16 (u/limit - 1)) far above it, and gives
-    limit/4 (2 + sqrt(nu) - sqrt(nu + 4)), that is 0.78 % of the limit at nu = 0.001, for u = 0.
+    sat(u) = limit/4 (2 + sqrt(nu + (2u/limit)²) - sqrt(nu + (2u/limit - 2)²)), nu = smoothing.
+    It lies between 0 and the limit for every u, below the limit by nu limit / (16 (u/limit - 1)) far
+    above it, and gives limit/4 (2 + sqrt(nu) - sqrt(nu + 4)), 0.78 % of the limit at nu = 0.001, for
+    u = 0.
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ class FeedbackLaw:
     gain_units: ClassVar[tuple[str, ...]] = ()
 
     def demand(self, speed, gains):
-        """Return the torque before saturation (N*m) at speeds (rad/s, any shape) for gains[n_gains]."""
+        """Return the torque before saturation, N*m, at speeds (rad/s) for gains[n_gains]."""
         raise NotImplementedError
 
     def torque(self, speed, gains):
@@ -64,10 +65,10 @@ class FeedbackLaw:
         return smooth_saturation(demand, self.torque_limit, self.smoothing)
 
     def fit(self, speed, torque):
-        """Return gains whose demand is closest to torques (N*m) at speeds (rad/s): the starting gains.
+        """Return the starting gains: their demand is closest to torques (N*m) at speeds (rad/s).
 
-        Least squares over the demand's derivatives by gain, exact for a law that is linear in its gains;
-        a law that is not overrides this.
+        Least squares over the demand's derivatives by gain, exact for a law that is linear in its
+        gains; a law that is not overrides this.
         """
         ones = np.ones(len(self.gain_units))
         columns = [
@@ -81,7 +82,7 @@ class FeedbackLaw:
         return np.imag(self.torque(speed + 1j * STEP, gains)) / STEP
 
     def torque_by_gain(self, speed, gains):
-        """Return the torque's derivative with respect to each gain, shape (n_gains, *speed.shape)."""
+        """Return the torque's derivative by each gain, shape (n_gains, *speed.shape)."""
         steps = 1j * STEP * np.eye(len(gains))
         return np.array([np.imag(self.torque(speed, gains + step)) for step in steps]) / STEP
 
@@ -113,8 +114,8 @@ LAWS: dict[str, type[FeedbackLaw]] = {"linear": LinearLaw, "quadratic": Quadrati
 class FeedbackComp(om.ExplicitComponent):
     """A feedback law at the nodes of a phase.
 
-    Inputs rotor_speed[num_nodes] (rad/s) and one scalar gain_0, gain_1, … in the law's units; output
-    control_torque[num_nodes] (N*m).
+    Inputs rotor_speed[num_nodes] (rad/s) and one scalar gain_0, gain_1, … in the law's units;
+    output control_torque[num_nodes] (N*m).
     """
 
     def initialize(self):

@@ -1,4 +1,4 @@
-"""Inflow speed over time (paper Sec. IV and V), and the component that evaluates it inside the ODE."""
+"""Inflow speed over time (paper Sec. IV and V), and its component inside the ODE."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -55,7 +55,10 @@ class StepInflow:
 
 @dataclass(frozen=True)
 class SineInflow:
-    """v(t) = scale (mean + amplitude sin(w t + phase)), paper eq. 10 and flows A, B, C (m/s, rad/s, rad)."""
+    """v(t) = scale (mean + amplitude sin(w t + phase)), paper eq. 10 and its flows A, B and C.
+
+    Speeds in m/s, angular frequency in rad/s, phase in rad.
+    """
 
     mean: float
     amplitude: float

@@ -1,6 +1,4 @@
-"""The rotor's ordinary differential equation (paper eq. 6) as a group of four: flow, hydrodynamics,
-controller, shaft.
-"""
+"""The rotor's differential equation (paper eq. 6): flow, hydrodynamics, controller, shaft."""
 
 import numpy as np
 import openmdao.api as om
@@ -15,13 +13,15 @@ class RotorODE(om.Group):
     Three ways to close it, by what is unknown:
     - a feedback law: u follows from w (`law`);
     - open loop in torque: u is an input, dw/dt an output (`unknown="torque"`);
-    - open loop in speed: w and its rate are inputs, u = Q - I dw/dt an output (`unknown="speed"`). The rotor
-      is differentially flat in w, which turns a singular control into a regular one (docs/theory.md).
+    - open loop in speed: w and its rate are inputs, u = Q - I dw/dt an output (`unknown="speed"`).
+      The rotor
+      is differentially flat in w, which turns a singular control into a regular one
+      (docs/theory.md).
 
     Inputs, at num_nodes unless scalar: time, rotor_speed, density, inertia, and either
-    torque_coefficient_table[n_tsr] or chord, twist[n_stations]; by variant gain_i, control_torque or
-    rotor_acceleration. Outputs: inflow_speed, tip_speed_ratio, hydrodynamic_torque, hydrodynamic_power,
-    generator_power and, by variant, control_torque or rotor_acceleration.
+    torque_coefficient_table[n_tsr] or chord, twist[n_stations]; by variant gain_i, control_torque
+    or rotor_acceleration. Outputs: inflow_speed, tip_speed_ratio, hydrodynamic_torque,
+    hydrodynamic_power, generator_power and, by variant, control_torque or rotor_acceleration.
     """
 
     def initialize(self):
@@ -49,13 +49,13 @@ class RotorODE(om.Group):
 
 
 class HydrodynamicsComp(om.ExplicitComponent):
-    """Hydrodynamic torque and power at the nodes of a phase, from the torque spline or from BEM itself.
+    """Hydrodynamic torque and power at a phase's nodes, by the torque spline or by BEM itself.
 
     Q = 0.5 rho v² pi R³ Cq(tsr), tsr = w R / v, P = Q w (paper eq. 5).
 
-    Inputs rotor_speed, inflow_speed[num_nodes], density (kg/m**3), and torque_coefficient_table[n_tsr]
-    (spline) or chord (m), twist (rad) of shape (n_stations,) (BEM). Outputs tip_speed_ratio,
-    torque_coefficient, hydrodynamic_torque (N*m), hydrodynamic_power (W), each [num_nodes].
+    Inputs rotor_speed, inflow_speed[num_nodes], density (kg/m**3), and either
+    torque_coefficient_table[n_tsr] (spline) or chord (m), twist (rad) of shape (n_stations,)
+    (BEM). Outputs tip_speed_ratio, torque_coefficient, hydrodynamic_torque (N*m), hydrodynamic_power (W), each [num_nodes].
     """
 
     def initialize(self):
@@ -118,7 +118,7 @@ class HydrodynamicsComp(om.ExplicitComponent):
         self.declare_partials(outputs, shape)
 
     def _coefficient(self, inputs, ratio, derivatives):
-        """Return Cq, dCq/dtsr and a dictionary of matrices dCq/dinput, the derivatives when asked for."""
+        """Return Cq, dCq/dtsr and matrices dCq/dinput by name, derivatives when asked for."""
         spline = self.options["spline"]
         if spline is not None:
             table, basis = inputs["torque_coefficient_table"], spline.basis(ratio)
@@ -176,8 +176,9 @@ class HydrodynamicsComp(om.ExplicitComponent):
 class ShaftComp(om.ExplicitComponent):
     """Rigid shaft, I dw/dt = Q - u (paper eq. 6), solved for the acceleration or for the torque.
 
-    Inputs hydrodynamic_torque, rotor_speed[num_nodes], inertia (kg*m**2) and control_torque (forward) or
-    rotor_acceleration (inverse); the other of the two is an output, with generator_power = u w (W).
+    Inputs hydrodynamic_torque, rotor_speed[num_nodes], inertia (kg*m**2) and control_torque
+    (forward) or rotor_acceleration (inverse); the other of the two is an output, with
+    generator_power = u w (W).
     """
 
     def initialize(self):

@@ -9,24 +9,25 @@ from scipy.interpolate import CubicSpline
 from hkt_mdo.data import read_table
 from hkt_mdo.errors import InputError
 
-# One knot every quarter of a degree: every polar on a 0.25 or 0.5 degree grid is interpolated exactly
-# at its own points, and a lookup is one multiplication instead of a search.
+# One knot every quarter of a degree: every polar on a 0.25 or 0.5 degree grid is interpolated
+# exactly at its own points, and a lookup is one multiplication instead of a search.
 KNOTS_PER_DEGREE = 4
 
 
 @dataclass(frozen=True, eq=False)
 class Polar:
-    """Lift and drag coefficient of a section over the full circle, twice continuously differentiable.
+    """Lift and drag coefficient of a section over the full circle, a C² function.
 
-    The table is interpolated by a periodic cubic spline on equally spaced knots. It has the two methods
-    that CCBlade asks of an airfoil (`evaluate`, `derivatives`), so that both BEM solvers see the very
-    same function; the Reynolds number is accepted and ignored (Reynolds invariance, paper Sec. II-A).
+    The table is interpolated by a periodic cubic spline on equally spaced knots. It has the two
+    methods that CCBlade asks of an airfoil (`evaluate`, `derivatives`), so that both BEM solvers
+    see the very same function; the Reynolds number is accepted and ignored (Reynolds invariance,
+    paper Sec. II-A).
 
     Parameters
     ----------
     coefficients : ndarray, shape (n_knots, 8)
-        Polynomial coefficients of an interval, ascending in the local coordinate (rad): four of lift,
-        then four of drag. Interval i begins at angle of attack -pi + i * 2 pi / n_knots.
+        Polynomial coefficients of an interval, ascending in the local coordinate (rad): four of
+        lift, then four of drag. Interval i begins at angle of attack -pi + i * 2 pi / n_knots.
     alpha_min, alpha_max : float, rad
         Range of the measured or computed table; beyond it the polar is the Viterna extension.
     """
@@ -46,7 +47,8 @@ class Polar:
         lift, drag : array, shape (n,)
             Lift and drag coefficient.
         aspect_ratio : float
-            Of the blade, for the drag of the plate at 90 degrees (Viterna and Janetzke 1982, eq. 4).
+            Of the blade, for the drag of the plate at 90 degrees (Viterna and Janetzke 1982, eq.
+            4).
         """
         full_alpha, full_lift, full_drag = _viterna(
             *(np.asarray(column, dtype=float) for column in (alpha, lift, drag)), aspect_ratio
@@ -63,13 +65,13 @@ class Polar:
 
     @classmethod
     def from_csv(cls, source):
-        """Read a polar from a CSV file with columns alpha_deg, cl, cd, or a shipped one by its name.
+        """Read a polar from a CSV file with columns alpha_deg, cl, cd, or a shipped one.
 
         Raises
         ------
         InputError
-            If the file is missing or broken, alpha is not strictly increasing, the range does not reach
-            from -5 to +12 degrees, or drag is not positive.
+            If the file is missing or broken, alpha is not strictly increasing, the range does not
+            reach from -5 to +12 degrees, or drag is not positive.
         """
         table = read_table(source, ("alpha_deg", "cl", "cd"), "polar")
         alpha = table["alpha_deg"]
@@ -82,25 +84,25 @@ class Polar:
         if falls.size:
             row = int(falls[0])
             raise InputError(
-                f"{source}: alpha_deg = {alpha[row + 1]:g} follows {alpha[row]:g}: angles of attack must "
+                f"{source}: alpha_deg = {alpha[row + 1]:g} follows {alpha[row]:g}: angles must "
                 "increase strictly; sort the rows and remove duplicates"
             )
         if alpha[0] > -5.0 or alpha[-1] < 12.0 or alpha[0] < -90.0 or alpha[-1] > 90.0:
             raise InputError(
-                f"{source}: alpha_deg = {alpha[0]:g} … {alpha[-1]:g}: the table must reach from -5 or less "
-                "to 12 or more and stay within -90 and 90 degrees; extend or cut it (beyond the table the "
-                "polar is extended by Viterna)"
+                f"{source}: alpha_deg = {alpha[0]:g} … {alpha[-1]:g}: the table must reach from "
+                "-5 or less to 12 or more and stay within -90 and 90 degrees; extend or cut it (beyond "
+                "the table the polar is extended by Viterna)"
             )
         if np.min(table["cd"]) <= 0.0:
             row = int(np.argmin(table["cd"]))
             raise InputError(
-                f"{source}: cd = {table['cd'][row]:g} at alpha_deg = {alpha[row]:g}: drag must be positive; "
-                "correct the row"
+                f"{source}: cd = {table['cd'][row]:g} at alpha_deg = {alpha[row]:g}: drag must be "
+                "positive; correct the row"
             )
         return cls.from_table(np.deg2rad(alpha), table["cl"], table["cd"])
 
     def evaluate(self, alpha, reynolds=None):
-        """Return lift and drag coefficient at an angle of attack (rad); the Reynolds number is ignored."""
+        """Return lift and drag coefficient at an angle of attack (rad)."""
         row, x = self._locate(alpha)
         return (
             row[0] + x * (row[1] + x * (row[2] + x * row[3])),
@@ -108,7 +110,7 @@ class Polar:
         )
 
     def derivatives(self, alpha, reynolds=None):
-        """Return dcl/dalpha, dcl/dRe, dcd/dalpha, dcd/dRe (per rad; the Reynolds terms are zero)."""
+        """Return dcl/dalpha, dcl/dRe, dcd/dalpha, dcd/dRe, per rad; those by Re are zero."""
         row, x = self._locate(alpha)
         return (
             row[1] + x * (2.0 * row[2] + x * 3.0 * row[3]),
@@ -118,7 +120,7 @@ class Polar:
         )
 
     def _locate(self, alpha):
-        """Return the transposed coefficients of the interval that holds alpha, and the place in it."""
+        """Return the coefficients of the interval that holds alpha, and the place in it."""
         n_knots = self.coefficients.shape[0]
         step = 2.0 * np.pi / n_knots
         index = np.floor((np.real(alpha) + np.pi) / step).astype(int)
@@ -140,13 +142,14 @@ class Outline:
 
     @classmethod
     def from_csv(cls, source):
-        """Read an outline from a CSV file with columns x_over_c, y_over_c, or a shipped one by its name."""
+        """Read an outline from a CSV file with columns x_over_c, y_over_c, or a shipped one."""
         table = read_table(source, ("x_over_c", "y_over_c"), "outline")
         outline = cls(table["x_over_c"], table["y_over_c"])
         if outline.x.size < 10 or not 0.005 <= outline.area <= 0.8:
             raise InputError(
-                f"{source}: outline of {outline.x.size} points with area {outline.area:.4g} chord²: not a "
-                "closed section of unit chord; give the points from the trailing edge round to it"
+                f"{source}: outline of {outline.x.size} points with area {outline.area:.4g} "
+                "chord²: not a closed section of unit chord; give the points from the trailing edge "
+                "round to it"
             )
         return outline
 
@@ -160,9 +163,10 @@ class Outline:
 def _viterna(alpha, lift, drag, aspect_ratio):
     """Extend a polar to -pi … pi (Viterna and Janetzke, NASA TM-82944, 1982).
 
-    From the last table row to 90 degrees the flow is that over a plate whose lift and drag match the row;
-    beyond 90 degrees and at negative angles it is mirrored, with 0.7 of the lift, as is customary for a
-    section with a sharp edge in front. Both ends are joined by straight lines through zero lift at +-180.
+    From the last table row to 90 degrees the flow is that over a plate whose lift and drag match
+    the row; beyond 90 degrees and at negative angles it is mirrored, with 0.7 of the lift, as is
+    customary for a section with a sharp edge in front. Both ends are joined by straight lines
+    through zero lift at +-180.
     """
     drag_max = max(1.11 + 0.018 * aspect_ratio, drag.max())
     stall, sin_s, cos_s = alpha[-1], np.sin(alpha[-1]), np.cos(alpha[-1])

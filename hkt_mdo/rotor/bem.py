@@ -226,9 +226,9 @@ def _derivatives(terms, tip_speed_ratio, chord, r, hub_radius, tip_radius, blade
 
 @njit(cache=True, error_model="numpy")
 def _point(phi, station):
-    """Return phi, s, c, their slopes, and the slope of the curve's polar angle arctan(g)."""
+    """Return phi, s, c, their slopes, and the curve's polar angle arctan(g) with its slope."""
     s, c, s_phi, c_phi = _terms(phi, *station)[0]
-    return phi, s, c, s_phi, c_phi, (c_phi * s - c * s_phi) / (s * s + c * c)
+    return phi, s, c, s_phi, c_phi, (c_phi * s - c * s_phi) / (s * s + c * c), np.arctan2(c, s)
 
 
 @njit(cache=True, error_model="numpy")
@@ -238,9 +238,8 @@ def _uneven(left, right):
     The slopes are those of arctan(g), -1 throughout without load: at both ends, and in the middle of the
     cubic that has the ends' values and slopes.
     """
-    fall = np.arctan2(left[2], left[1]) - np.arctan2(right[2], right[1])
-    middle = 1.5 * fall / (right[0] - left[0]) + 0.25 * (left[5] + right[5])
-    return min(-left[5], -right[5], middle) < 0.5 * max(-left[5], -right[5], middle)
+    middle = 1.5 * (right[6] - left[6]) / (right[0] - left[0]) - 0.25 * (left[5] + right[5])
+    return max(left[5], right[5], middle) > 0.5 * min(left[5], right[5], middle)
 
 
 @njit(cache=True, error_model="numpy")
@@ -277,8 +276,8 @@ def _last_positive(left, right, station):
 def _add(point, knots, count):
     """Append a point to the knots; return their number."""
     g = point[2] / point[1] if point[1] > 0.0 else np.inf
-    knots[:5, count] = point[:5]
-    knots[5, count] = g
+    knots[0, count], knots[1, count], knots[2, count] = point[0], point[1], point[2]
+    knots[3, count], knots[4, count], knots[5, count] = point[3], point[4], g
     knots[6, count] = min(g, knots[6, count - 1]) if count else g
     return count + 1
 

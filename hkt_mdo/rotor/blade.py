@@ -59,7 +59,8 @@ class Blade:
         Raises
         ------
         InputError
-            If the file is missing or broken, its radii do not increase, or it does not cover the stations.
+            If the file is missing or broken, its radii do not increase, or it does not cover the
+            stations.
         """
         table = read_table(source, ("r_over_R", "c_over_R", "pitch_deg"), "blade")
         radius = table["r_over_R"]
@@ -74,8 +75,8 @@ class Blade:
         stations = np.asarray(stations, dtype=float)
         if stations[0] < radius[0] - 1e-9 or stations[-1] > radius[-1] + 1e-9:
             raise InputError(
-                f"{source}: blade covers r/R = {radius[0]:g} … {radius[-1]:g} but rotor.stations reach "
-                f"{stations[0]:g} … {stations[-1]:g}; change rotor.stations or extend the file"
+                f"{source}: blade covers r/R = {radius[0]:g} … {radius[-1]:g} but the "
+                f"rotor.stations reach {stations[0]:g} … {stations[-1]:g}; change them or extend the file"
             )
         return cls(
             stations * tip_radius,

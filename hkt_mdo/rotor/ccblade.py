@@ -18,7 +18,8 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
     rotor = _rotor(blade, polar, derivatives)
-    # At a fixed unit flow the tip speed ratio is the tip speed; CCBlade takes revolutions per minute.
+    # At a fixed unit flow the tip speed ratio is the tip speed; CCBlade takes revolutions per
+    # minute.
     rpm_per_ratio = 30.0 / (np.pi * blade.tip_radius)
     # CCBlade normalizes side forces that are zero in aligned flow
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -42,7 +43,8 @@ def _rotor(blade, polar, derivatives):
         from hkt_mdo.errors import InputError
 
         raise InputError(
-            "hydrodynamics.bem = ccblade: WISDEM is not installed; `pip install wisdem`, or choose vectorized"
+            "hydrodynamics.bem = ccblade: WISDEM is not installed; `pip install wisdem`, or choose "
+            "vectorized"
         ) from error
     return CCBlade(
         blade.r,

@@ -1,9 +1,9 @@
 """The best blade in steady flow: an upper bound on every trajectory, and a family of good starts.
 
-Blade element momentum theory treats the stations as independent, so at a given tip speed ratio the best
-chord and twist of each station follow from a search in two variables, and the best rotor from a search
-over the tip speed ratio. No local optimum of the whole blade can hide a better one from this search, and
-since the power coefficient depends on the operating point alone,
+Blade element momentum theory treats the stations as independent, so at a given tip speed ratio the
+best chord and twist of each station follow from a search in two variables, and the best rotor from
+a search over the tip speed ratio. No local optimum of the whole blade can hide a better one from
+this search, and since the power coefficient depends on the operating point alone,
 
     energy <= 0.5 rho A Cp* integral of v³ dt
 

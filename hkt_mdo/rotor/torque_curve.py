@@ -1,4 +1,4 @@
-"""Torque coefficient over tip speed ratio: a table that depends on the blade, and a spline over it."""
+"""Torque coefficient over tip speed ratio: a table of a blade's, and a spline over it."""
 
 from functools import cached_property
 
@@ -8,10 +8,10 @@ from scipy.interpolate import CubicSpline
 
 
 class TorqueSpline:
-    """Natural cubic spline over fixed tip speed ratios, linear beyond them: twice continuously differentiable.
+    """Natural cubic spline over fixed tip speed ratios, linear beyond them: a C² function.
 
-    Its value is linear in the table, q(tsr) = basis(tsr) @ table, so both partials are exact and cost a
-    small matrix product; the basis does not change during an optimization.
+    Its value is linear in the table, q(tsr) = basis(tsr) @ table, so both partials are exact and
+    cost a small matrix product; the basis does not change during an optimization.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class TorqueSpline:
         return CubicSpline(self.nodes, np.eye(self.nodes.size), bc_type="natural")
 
     def basis(self, tip_speed_ratio, derivative=0):
-        """Return the matrix (n_points, n_nodes) that maps a table to spline values or derivatives."""
+        """Return the matrix (n_points, n_nodes) from a table to spline values or derivatives."""
         points = np.asarray(tip_speed_ratio)
         inside = np.clip(points.real, self.nodes[0], self.nodes[-1])
         if derivative == 0:
@@ -39,7 +39,7 @@ class TorqueSpline:
 
 
 class TorqueTable(om.ExplicitComponent):
-    """Torque coefficient of a blade at the nodes of a `TorqueSpline` by blade element momentum theory.
+    """Torque coefficient of a blade at the nodes of a `TorqueSpline`, by BEM.
 
     Inputs chord[n_stations] (m), twist[n_stations] (rad); output torque_coefficient_table[n_nodes].
     Q = 0.5 rho V² pi R³ Cq.
