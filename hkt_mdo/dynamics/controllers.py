@@ -18,8 +18,9 @@ def smooth_saturation(torque, limit, smoothing):
     """Return the smoothly saturated torque (paper eq. 4), N*m.
 
     sat(u) = limit/4 (2 + sqrt(nu + (2u/limit)²) - sqrt(nu + (2u/limit - 2)²)), nu = smoothing.
-    It lies between 0 and the limit for every u, below the limit by nu limit / (16 (u/limit - 1)) far
-    above it, and gives limit/4 (2 + sqrt(nu) - sqrt(nu + 4)), 0.78 % of the limit at nu = 0.001, for
+    It lies between 0 and the limit for every u, below the limit by nu limit / (16 (u/limit - 1))
+    far above it, and gives limit/4 (2 + sqrt(nu) - sqrt(nu + 4)) for u = 0: 0.78 % of the limit at
+    nu = 0.001.001, for
     u = 0.
 
     Parameters

@@ -54,8 +54,9 @@ class HydrodynamicsComp(om.ExplicitComponent):
     Q = 0.5 rho v² pi R³ Cq(tsr), tsr = w R / v, P = Q w (paper eq. 5).
 
     Inputs rotor_speed, inflow_speed[num_nodes], density (kg/m**3), and either
-    torque_coefficient_table[n_tsr] (spline) or chord (m), twist (rad) of shape (n_stations,)
-    (BEM). Outputs tip_speed_ratio, torque_coefficient, hydrodynamic_torque (N*m), hydrodynamic_power (W), each [num_nodes].
+    torque_coefficient_table[n_tsr] (spline) or chord (m), twist (rad) of shape (n_stations,) (BEM).
+    Outputs tip_speed_ratio, torque_coefficient, hydrodynamic_torque (N*m), hydrodynamic_power (W),
+    each [num_nodes].
     """
 
     def initialize(self):

@@ -90,8 +90,8 @@ class Polar:
         if alpha[0] > -5.0 or alpha[-1] < 12.0 or alpha[0] < -90.0 or alpha[-1] > 90.0:
             raise InputError(
                 f"{source}: alpha_deg = {alpha[0]:g} … {alpha[-1]:g}: the table must reach from "
-                "-5 or less to 12 or more and stay within -90 and 90 degrees; extend or cut it (beyond "
-                "the table the polar is extended by Viterna)"
+                "-5 or less to 12 or more and stay within -90 and 90 degrees; extend or cut it "
+                "(beyond the table the polar is extended by Viterna)"
             )
         if np.min(table["cd"]) <= 0.0:
             row = int(np.argmin(table["cd"]))
@@ -148,8 +148,8 @@ class Outline:
         if outline.x.size < 10 or not 0.005 <= outline.area <= 0.8:
             raise InputError(
                 f"{source}: outline of {outline.x.size} points with area {outline.area:.4g} "
-                "chord²: not a closed section of unit chord; give the points from the trailing edge "
-                "round to it"
+                "chord²: not a closed section of unit chord; give the points from the trailing "
+                "edge round to it"
             )
         return outline
 

@@ -75,8 +75,9 @@ class Blade:
         stations = np.asarray(stations, dtype=float)
         if stations[0] < radius[0] - 1e-9 or stations[-1] > radius[-1] + 1e-9:
             raise InputError(
-                f"{source}: blade covers r/R = {radius[0]:g} … {radius[-1]:g} but the "
-                f"rotor.stations reach {stations[0]:g} … {stations[-1]:g}; change them or extend the file"
+                f"{source}: blade covers r/R = {radius[0]:g} … {radius[-1]:g} but "
+                f"rotor.stations reach {stations[0]:g} … {stations[-1]:g}; change them or extend "
+                "the file"
             )
         return cls(
             stations * tip_radius,
