@@ -24,6 +24,9 @@ ALLOWED = {
     "results": {"case", "data", "errors"},
     "plots": {"results", "errors"},
     "batch": {"run", "results", "case", "errors"},
+    "verify": {
+        "batch", "uncertainty", "problem", "simulation", "results", "rotor", "case", "data", "errors",
+    },  # fmt: skip
     "run": {
         "problem",
         "results",
@@ -33,9 +36,10 @@ ALLOWED = {
         "drivers",
         "rotor",
         "case",
+        "data",
         "errors",
     },
-    "cli": {"run", "plots", "results", "case", "errors"},
+    "cli": {"run", "paper", "plots", "problem", "results", "uncertainty", "case", "errors"},
     "__init__": set(),
     "__main__": {"cli"},
 }

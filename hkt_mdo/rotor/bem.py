@@ -1,19 +1,21 @@
 """Blade element momentum theory for all stations and operating points at once.
 
-Ning's single residual in the inflow angle phi (Wind Energy 17(9), 2014, eq. 21) with the loss factors and
-the high-induction branch of CCBlade. Written with
+Ning's single residual in the inflow angle phi (Wind Energy 17(9), 2014) with the loss
+factors and the high-induction branch of CCBlade. Written with
 
     s(phi) = sin(phi) / (1 - a),    c(phi) = cos(phi) (1 - k'),
 
-neither of which depends on the operating point, the residual is f = s - c / lambda_r. Both are free of the
-singularities of the induction factors: 1 / (1 - a) is 1 + k up to k = 2/3 and sqrt(g2) + 5/3 - F beyond it
-(Buhl's branch, whose quotient has g3 as a common factor), and c = cos(phi) - cos(phi) k' is finite at
-phi = 90 degrees. The relative speed follows as W = V / s, so a root counts only where s > 0.
+neither of which depends on the operating point, the residual is f = s - c / lambda_r. Both are
+free of the singularities of the induction factors: 1 / (1 - a) is 1 + k up to k = 2/3 and
+sqrt(g2) + 5/3 - F beyond it (Buhl's branch, whose quotient has g3 as a common factor), and c =
+cos(phi) - cos(phi) k' is finite at phi = 90 degrees. The relative speed follows as W = V / s, so
+a root counts only where s > 0.
 
-A station is therefore one curve, g(phi) = c / s, and a root at the local speed ratio lambda_r is a crossing
-g = lambda_r. The curve is sampled once; its local minima, where a root vanishes, are located exactly; and
-for every operating point the crossing with the smallest phi, the attached one, is found by a binary search
-in the running minimum and finished by Newton's method inside its bracket. See docs/bem.md.
+A station is therefore one curve, g(phi) = c / s, and a root at the local speed ratio lambda_r is
+a crossing g = lambda_r. The curve is sampled once; its local minima, where a root vanishes, are
+located exactly; and for every operating point the crossing with the smallest phi, the attached
+one, is found by a binary search in the running minimum and finished by Newton's method inside its
+bracket. See docs/bem.md.
 """
 
 import warnings
@@ -27,16 +29,16 @@ from hkt_mdo.rotor.airfoil import Polar
 
 PHI_MIN = 1e-6  # CCBlade's distance from the singular points phi = 0 and pi
 
-# Samples crowd towards phi = 0, where rotors work, and are few beyond 90 degrees, where they do not.
+# Samples crowd towards phi = 0, where rotors work, and are few beyond 90 degrees.
 _SAMPLES = np.concatenate(
     (
-        PHI_MIN + (0.5 * np.pi - PHI_MIN) * np.linspace(0.0, 1.0, 48) ** 1.5,
+        PHI_MIN + (0.5 * np.pi - PHI_MIN) * np.linspace(0.0, 1.0, 56) ** 1.5,
         np.linspace(0.5 * np.pi, np.pi - PHI_MIN, 25)[1:],
     )
 )
 _NEGATIVE_SAMPLES = -PHI_MIN - (0.5 * np.pi - PHI_MIN) * np.linspace(0.0, 1.0, 33) ** 1.5
 
-FINEST = 0.004  # rad, about the spacing of a polar's knots: no interval between samples is divided further
+FINEST = 0.004  # rad, about the spacing of a polar's knots: no interval is divided further
 MOST_KNOTS = 1024  # on the curve of a station; 50 to 60 are usual
 
 # Rows of `Sections.derivatives`
@@ -55,12 +57,12 @@ BRANCHES = {
 class Sections(NamedTuple):
     """What happens at every operating point (axis 0) and station (axis 1).
 
-    inflow_angle, angle_of_attack (rad), axial_induction, tangential_induction; relative_speed over the
-    inflow speed; normal_load and tangential_load are N/m over 0.5 rho V², that is metres; residual is f,
-    infinite where there is no root (all else is then zero); branch holds keys of `BRANCHES`; roots is the
-    number of roots with 0 < phi < 180 degrees, empty unless asked for; derivatives hold those of the
-    tangential, then the normal load with respect to `INPUTS`, shape (2, 6, n_points, n_stations), empty
-    unless asked for.
+    inflow_angle, angle_of_attack (rad), axial_induction, tangential_induction; relative_speed
+    over the inflow speed; normal_load and tangential_load are N/m over 0.5 rho V², that is
+    metres; residual is f, infinite where there is no root (all else is then zero); branch holds
+    keys of `BRANCHES`; roots is the number of roots with 0 < phi < 180 degrees, empty unless
+    asked for; derivatives hold those of the tangential, then the normal load with respect to
+    `INPUTS`, shape (2, 6, n_points, n_stations), empty unless asked for.
     """
 
     inflow_angle: np.ndarray
@@ -79,8 +81,9 @@ class Sections(NamedTuple):
 class Coefficients(NamedTuple):
     """Rotor coefficients at n operating points, and the torque coefficient's derivatives.
 
-    torque = Q / (0.5 rho V² pi R³), power = P / (0.5 rho V³ pi R²), thrust = T / (0.5 rho V² pi R²),
-    each of shape (n,); torque_by_chord (1/m) and torque_by_twist (1/rad) of shape (n, n_stations).
+    torque = Q / (0.5 rho V² pi R³), power = P / (0.5 rho V³ pi R²), thrust = T / (0.5 rho V² pi
+    R²), each of shape (n,); torque_by_chord (1/m) and torque_by_twist (1/rad) of shape (n,
+    n_stations).
     """
 
     torque: np.ndarray
@@ -94,8 +97,8 @@ class Coefficients(NamedTuple):
 class RootChanges(NamedTuple):
     """Where stations change root along a sweep of the tip speed ratio; one entry a change.
 
-    station (index), tip_speed_ratio, and the inflow angle (rad) just below and just above it; an angle is
-    NaN on a side where the station has no root.
+    station (index), tip_speed_ratio, and the inflow angle (rad) just below and just above it; an
+    angle is NaN on a side where the station has no root.
     """
 
     station: np.ndarray
@@ -133,7 +136,7 @@ def _loss_at(exponent):
 
 @njit(cache=True, error_model="numpy")
 def _terms(phi, chord, twist, r, hub_radius, tip_radius, blade_count, polar):
-    """Evaluate a station at an inflow angle: s, c, their slopes, the force coefficients and their parts.
+    """Evaluate a station at an inflow angle: s, c and their slopes, forces and their parts.
 
     It holds for complex arguments too, by which the tests check every derivative.
     """
@@ -186,9 +189,10 @@ def _terms(phi, chord, twist, r, hub_radius, tip_radius, blade_count, polar):
 
 @njit(cache=True, error_model="numpy")
 def _derivatives(terms, tip_speed_ratio, chord, r, hub_radius, tip_radius, blade_count, out):
-    """Fill out[n_loads, n_inputs]: total derivatives of tangential and normal load at a root, by `INPUTS`.
+    """Fill out[n_loads, n_inputs]: total derivatives of the loads at a root, by `INPUTS`.
 
-    The residual's own partials give dphi/dx = -f_x / f_phi; nothing passes through the solver's steps.
+    The residual's own partials give dphi/dx = -f_x / f_phi; nothing passes through the solver's
+    steps.
     """
     (s, c, s_phi, c_phi), forces, (k, m, k_unit, m_unit, s_k, s_log_loss), losses = terms
     tip, hub, log_tip, log_hub = losses
@@ -197,7 +201,7 @@ def _derivatives(terms, tip_speed_ratio, chord, r, hub_radius, tip_radius, blade
     c_by_ratio = c / (lambda_r * lambda_r)
     chord_load = chord / (s * s)
     for i in range(out.shape[1]):
-        # What the input changes before phi answers: force coefficients, ln(solidity), ln(F), lambda_r, chord
+        # What changes before phi answers: twist, ln(solidity), ln(F), lambda_r, ln(chord)
         turn = log_solidity = log_loss = ratio = stretch = 0.0
         if i == 0:
             ratio = r / tip_radius
@@ -207,7 +211,9 @@ def _derivatives(terms, tip_speed_ratio, chord, r, hub_radius, tip_radius, blade
             turn = -1.0
         elif i == 3:
             log_solidity = -1.0 / r
-            log_loss = log_hub * hub / (r - hub_radius) - log_tip * tip * tip_radius / (r * (tip_radius - r))
+            log_loss = log_hub * hub / (r - hub_radius) - log_tip * tip * tip_radius / (
+                r * (tip_radius - r)
+            )
             ratio = tip_speed_ratio / tip_radius
         elif i == 4:
             log_loss = -log_hub * hub * r / (hub_radius * (r - hub_radius))
@@ -233,18 +239,18 @@ def _point(phi, station):
 
 @njit(cache=True, error_model="numpy")
 def _uneven(left, right):
-    """Whether the curve may turn unseen between two points: its slope differs much within the interval.
+    """Whether the curve may turn unseen between two points: its slope differs much there.
 
-    The slopes are those of arctan(g), -1 throughout without load: at both ends, and in the middle of the
-    cubic that has the ends' values and slopes.
+    The slopes are those of arctan(g), -1 throughout without load: at both ends, and in the middle
+    of the cubic that has the ends' values and slopes.
     """
     middle = 1.5 * (right[6] - left[6]) / (right[0] - left[0]) - 0.25 * (left[5] + right[5])
-    return max(left[5], right[5], middle) > 0.5 * min(left[5], right[5], middle)
+    return max(left[5], right[5], middle) > 0.7 * min(left[5], right[5], middle)
 
 
 @njit(cache=True, error_model="numpy")
 def _turning(left, right, station):
-    """Return the point between two others of which one falls and one rises (regula falsi, Illinois)."""
+    """Return the turning point between two others (regula falsi, Illinois)."""
     low, high, slope_low, slope_high = left[0], right[0], left[5], right[5]
     for _ in range(60):
         point = _point((low * slope_high - high * slope_low) / (slope_high - slope_low), station)
@@ -286,9 +292,10 @@ def _add(point, knots, count):
 def _curve(lowest, full, station, knots):
     """Sample a station's curve g = c / s; return the number of knots.
 
-    knots[7, n] holds phi, s, c, their slopes, g (infinite where s <= 0) and the running minimum of g. The
-    curve's turning points become knots of their own: minima always, maxima if full. Unless full, sampling
-    ends where the running minimum is at or below `lowest`: no root is sought further on.
+    knots[7, n] holds phi, s, c, their slopes, g (infinite where s <= 0) and the running minimum
+    of g. The curve's turning points become knots of their own: minima always, maxima if full.
+    Unless full, sampling ends where the running minimum is at or below `lowest`: no root is
+    sought further on.
     """
     left = _point(_SAMPLES[0], station)
     count = _add(left, knots, 0)
@@ -301,7 +308,9 @@ def _curve(lowest, full, station, knots):
                 if room and _uneven(left, right):
                     right = _point(0.5 * (left[0] + right[0]), station)
                     continue
-                if (left[5] < 0.0 and right[5] > 0.0) or (full and left[5] > 0.0 and right[5] < 0.0):
+                if (left[5] < 0.0 and right[5] > 0.0) or (
+                    full and left[5] > 0.0 and right[5] < 0.0
+                ):
                     count = _add(_turning(left, right, station), knots, count)
             elif left[1] > 0.0 and right[2] < 0.0:  # g falls to minus infinity, where s vanishes
                 count = _add(_last_positive(left, right, station), knots, count)
@@ -317,8 +326,8 @@ def _curve(lowest, full, station, knots):
 
 @njit(cache=True, error_model="numpy")
 def _root(low, high, f_low, f_high, slope_low, slope_high, lambda_r, station):
-    """Return the root in a bracket and the terms there (Newton's method, bisection where it fails)."""
-    # Start from the cubic that has the residual's values and slopes at both ends, phi as a function of f.
+    """Return the root in a bracket and the terms there (Newton, bisection where it fails)."""
+    # Start from the cubic phi(f) that has the residual's values and slopes at both ends.
     rise = f_high - f_low
     t = -f_low / rise
     u = 1.0 - t
@@ -349,7 +358,7 @@ def _root(low, high, f_low, f_high, slope_low, slope_high, lambda_r, station):
 
 @njit(cache=True, error_model="numpy")
 def _brake_bracket(samples, lambda_r, station):
-    """Return the sign change of the residual nearest to phi = 0 below it: both angles, values and slopes."""
+    """Return the residual's sign change nearest below phi = 0: both angles, values, slopes."""
     low = f_low = slope_low = np.nan
     for phi in samples:
         (s, c, s_phi, c_phi), _f, _k, _l = _terms(phi, *station)
@@ -362,9 +371,20 @@ def _brake_bracket(samples, lambda_r, station):
 
 @njit(cache=True, error_model="numpy")
 def _solve(
-    tip_speed_ratio, r, chord, twist, hub_radius, tip_radius, blade_count, polars, section, full, n_loads, n_inputs
+    tip_speed_ratio,
+    r,
+    chord,
+    twist,
+    hub_radius,
+    tip_radius,
+    blade_count,
+    polars,
+    section,
+    full,
+    n_loads,
+    n_inputs,
 ):
-    """Solve all stations at all points; arrays are station-major, so that each inner loop writes in order."""
+    """Solve all stations at all points; arrays are station-major: inner loops write in order."""
     n_points, n_stations = tip_speed_ratio.size, r.size
     if not np.min(tip_speed_ratio) > 0.0:
         raise ValueError("tip speed ratios must be positive")
@@ -378,7 +398,15 @@ def _solve(
     knots = np.empty((7, MOST_KNOTS))
     lowest = np.min(tip_speed_ratio)
     for j in range(n_stations):
-        station = (chord[j], twist[j], r[j], hub_radius, tip_radius, blade_count, polars[section[j]])
+        station = (
+            chord[j],
+            twist[j],
+            r[j],
+            hub_radius,
+            tip_radius,
+            blade_count,
+            polars[section[j]],
+        )
         n_knots = _curve(lowest * r[j] / tip_radius, full, station, knots)
         angle, s_knot, c_knot, s_phi_knot, c_phi_knot, g, running = knots
         for i in range(n_points):
@@ -386,7 +414,10 @@ def _solve(
             if full:
                 for m in range(1, n_knots):
                     roots[j, i] += (g[m] > lambda_r) != (g[m - 1] > lambda_r)
-            below, above = -1, n_knots  # the first knot whose running minimum is at or below lambda_r
+            below, above = (
+                -1,
+                n_knots,
+            )  # the first knot whose running minimum is at or below lambda_r
             while above - below > 1:
                 middle = (below + above) // 2
                 if running[middle] > lambda_r:
@@ -409,7 +440,7 @@ def _solve(
                     station,
                 )
                 s, c, _s_phi, _c_phi = terms[0]
-            if s <= 0.0:  # none yet, or one with s and c both negative: the relative speed would point backwards
+            if s <= 0.0:  # no root yet, or one whose relative speed points backwards
                 bracket = _brake_bracket(_NEGATIVE_SAMPLES, lambda_r, station)
                 if bracket[2] * bracket[3] < 0.0:
                     phi, terms = _root(*bracket, lambda_r, station)
@@ -434,7 +465,14 @@ def _solve(
             state[7, j, i] = s - c / lambda_r
             if n_inputs:
                 _derivatives(
-                    terms, tip_speed_ratio[i], chord[j], r[j], hub_radius, tip_radius, blade_count, gradient
+                    terms,
+                    tip_speed_ratio[i],
+                    chord[j],
+                    r[j],
+                    hub_radius,
+                    tip_radius,
+                    blade_count,
+                    gradient,
                 )
                 derivatives[:, :, j, i] = gradient
     return state, branch, roots, derivatives
@@ -452,7 +490,9 @@ def _arguments(blade, polar):
         polars, section = polar.coefficients[None], np.zeros(blade.r.size, dtype=np.int64)
     else:
         if len(polar) != blade.r.size:
-            raise ValueError(f"{len(polar)} polars for {blade.r.size} stations: give one polar, or one for each")
+            raise ValueError(
+                f"{len(polar)} polars for {blade.r.size} stations: give one polar, or one for each"
+            )
         different = tuple(dict.fromkeys(polar))
         polars, section = _stack(different), np.array([different.index(each) for each in polar])
     return (
@@ -487,22 +527,22 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False, count_roots=False
     -------
     Sections
 
-    Raises
-    ------
-    ValueError
-        If a tip speed ratio is not positive, a station is not between hub and tip, or the number of polars
-        is not that of the stations.
+    Raises ------ ValueError If a tip speed ratio is not positive, a station is not between hub
+    and tip, or the number of polars is not that of the stations.
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
     n_loads, n_inputs = (2, len(INPUTS)) if derivatives else (2, 0)
-    state, branch, roots, gradient = _solve(points, *_arguments(blade, polar), count_roots, n_loads, n_inputs)
+    state, branch, roots, gradient = _solve(
+        points, *_arguments(blade, polar), count_roots, n_loads, n_inputs
+    )
     return Sections(*state.transpose(0, 2, 1), branch.T, roots.T, gradient.transpose(0, 1, 3, 2))
 
 
 def root_changes(blade, polar, tip_speed_ratio):
-    """Find where stations change root, hence where the rotor's torque jumps, along a tip speed ratio sweep.
+    """Find where along a tip speed ratio sweep stations change root, hence torque jumps.
 
-    They are exact, not read off the sweep: a station's root vanishes at a minimum of its curve g(phi).
+    They are exact, not read off the sweep: a station's root vanishes at a minimum of its curve
+    g(phi).
 
     Parameters
     ----------
@@ -521,10 +561,18 @@ def root_changes(blade, polar, tip_speed_ratio):
     knots = np.empty((7, MOST_KNOTS))
     found = []
     for j in range(r.size):
-        station = (chord[j], twist[j], r[j], hub_radius, tip_radius, blade_count, polars[section[j]])
+        station = (
+            chord[j],
+            twist[j],
+            r[j],
+            hub_radius,
+            tip_radius,
+            blade_count,
+            polars[section[j]],
+        )
         count = _curve(0.0, True, station, knots)
         running = knots[6, :count]
-        # Where the running minimum stays for a while, the root left of it vanishes; so it does at the ends.
+        # Where the running minimum stays, the root left of it vanishes; so it does at the ends.
         held = np.flatnonzero((running[1:] == running[:-1]) & np.isfinite(running[:-1]))
         vanishing = np.unique(np.concatenate((running[[0, -1]], running[held])))
         found += [(j, ratio) for ratio in vanishing * tip_radius / r[j] if low <= ratio <= high]
@@ -559,7 +607,7 @@ def torque_weights(blade):
 
 
 def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
-    """Torque, power and thrust coefficient of a rotor, with the torque's derivatives when asked for.
+    """Torque, power and thrust coefficient of a rotor, and the torque's derivatives if asked.
 
     Parameters
     ----------
@@ -587,7 +635,9 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     unsolved = np.count_nonzero(branch < 0)
     if unsolved:
         warnings.warn(
-            f"no root at {unsolved} of {branch.size} sections: their loads are taken as zero", RuntimeWarning, 2
+            f"no root at {unsolved} of {branch.size} sections: their loads are taken as zero",
+            RuntimeWarning,
+            2,
         )
     weights = torque_weights(blade)
     torque = weights @ state[6]

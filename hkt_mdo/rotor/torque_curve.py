@@ -4,7 +4,7 @@ from functools import cached_property
 
 import numpy as np
 import openmdao.api as om
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PPoly
 
 
 class TorqueSpline:
@@ -31,11 +31,21 @@ class TorqueSpline:
         points = np.asarray(tip_speed_ratio)
         inside = np.clip(points.real, self.nodes[0], self.nodes[-1])
         if derivative == 0:
-            slope = self._cardinal(inside, 1)
-            return self._cardinal(inside) + slope * (points - inside)[:, None]
+            value, beyond = self._cardinal(inside), points - inside
+            if np.any(beyond):
+                value = value + self._cardinal(inside, 1) * beyond[:, None]
+            return value
         if derivative == 1:
             return self._cardinal(inside, 1)
         return self._cardinal(inside, derivative) * (points.real == inside)[:, None]
+
+    def values(self, table, tip_speed_ratio):
+        """Return the spline's values and slopes (n_points,) for a table, without the matrices."""
+        points = np.asarray(tip_speed_ratio)
+        inside = np.clip(points.real, self.nodes[0], self.nodes[-1])
+        curve = PPoly.construct_fast(self._cardinal.c @ table, self.nodes)
+        slope = curve(inside, 1)
+        return curve(inside) + slope * (points - inside), slope
 
 
 class TorqueTable(om.ExplicitComponent):

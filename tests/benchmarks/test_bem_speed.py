@@ -1,0 +1,75 @@
+"""Speed of the blade element momentum solver beside CCBlade, in one run, values checked as well.
+
+Not collected by default: `pytest tests/benchmarks --benchmark-columns=median,iqr,rounds`.
+"""
+
+import itertools
+import time
+
+import numpy as np
+import pytest
+
+from hkt_mdo.rotor import bem, ccblade
+from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.blade import Blade
+
+NINE = np.concatenate((np.arange(0.2, 0.95, 0.1), [0.999]))
+FIFTY = np.linspace(0.2, 0.99, 50)
+
+
+def rotor(stations, points):
+    blade = Blade.from_csv("bahaj2007", stations, 1.4, 0.175, 3, np.deg2rad(5.0))
+    return blade, Polar.from_csv("naca63815_Re2e5"), np.linspace(1.0, 14.0, points)
+
+
+def check(mine, theirs, blade, polar, ratio, derivatives):
+    """Hold the benchmarked numbers to CCBlade's, where every section has but one root."""
+    single = np.all(bem.sections(blade, polar, ratio, count_roots=True).roots == 1, axis=1)
+    assert np.mean(single) > 0.8
+    pairs = list(zip(mine[:3], theirs[:3], strict=True))
+    pairs += list(zip(mine[3:], theirs[3:], strict=True)) if derivatives else []
+    for place, (ours, reference) in enumerate(pairs):
+        limit = 1e-8 if place < 3 else 1e-6
+        assert np.max(np.abs(ours - reference)[single]) < limit * np.max(np.abs(reference))
+
+
+@pytest.mark.parametrize(
+    ("stations", "points", "derivatives", "least"),
+    [
+        (NINE, 27, False, 50),
+        (NINE, 27, True, 50),
+        (FIFTY, 200, False, 200),
+        (FIFTY, 200, True, 200),
+    ],
+    ids=["27x9", "27x9 derivatives", "200x50", "200x50 derivatives"],
+)
+def test_faster_than_ccblade(benchmark, stations, points, derivatives, least):
+    """CCBlade is timed just before, twice: it takes 20 ms to 1 s."""
+    arguments = (*rotor(stations, points), derivatives)
+    start = time.perf_counter()
+    theirs = ccblade.rotor_coefficients(*arguments)
+    seconds = time.perf_counter() - start
+    start = time.perf_counter()
+    theirs = ccblade.rotor_coefficients(*arguments)
+    seconds = min(seconds, time.perf_counter() - start)
+    mine = benchmark(bem.rotor_coefficients, *arguments)
+    check(mine, theirs, *arguments)
+    if benchmark.stats:  # absent with --benchmark-disable
+        ratio = seconds / benchmark.stats.stats.min
+        benchmark.extra_info["times_faster_than_ccblade"] = round(ratio)
+        assert ratio > least
+
+
+def test_cost_per_section_and_point_falls_with_size():
+    """Until memory bandwidth rules: each size within noise no dearer than the one before."""
+    cost = []
+    for stations, points in ((3, 3), (9, 27), (50, 200), (100, 1000)):
+        blade, polar, ratio = rotor(np.linspace(0.2, 0.99, stations), points)
+        bem.rotor_coefficients(blade, polar, ratio)
+        times = []
+        for _ in range(15):
+            start = time.perf_counter()
+            bem.rotor_coefficients(blade, polar, ratio)
+            times.append(time.perf_counter() - start)
+        cost.append(min(times) / (stations * points))
+    assert all(later < 1.1 * earlier for earlier, later in itertools.pairwise(cost))

@@ -1,0 +1,421 @@
+"""Blade element momentum theory: theory, then CCBlade and published rotors, own past last."""
+
+import itertools
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hkt_mdo.data import shipped_names
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.blade import Blade
+
+POLARS = [Polar.from_csv(name) for name in shipped_names("polar")]
+
+
+@st.composite
+def rotors(draw, wild=True):
+    """Any rotor to cope with: 1 to 10 blades, solidity beyond 1, twist to +-90 degrees."""
+    n = draw(st.integers(3, 8))
+
+    def numbers(low, high):
+        return np.array(draw(st.lists(st.floats(low, high), min_size=n, max_size=n)))
+
+    tip_radius = draw(st.floats(0.1, 100.0))
+    hub_radius = tip_radius * draw(st.floats(0.02, 0.5))
+    share = np.clip((np.arange(n) + numbers(0.1, 0.9)) / n, 0.001, 0.999)
+    chord = tip_radius * (np.exp(numbers(-6.0, 1.0)) if wild else numbers(0.02, 0.15))
+    twist = np.deg2rad(numbers(-90.0, 90.0) if wild else np.sort(numbers(-5.0, 25.0))[::-1])
+    r = hub_radius + share * (tip_radius - hub_radius)
+    blade = Blade(r, chord, twist, hub_radius, tip_radius, draw(st.integers(1, 10)))
+    return blade, draw(st.sampled_from(POLARS))
+
+
+ratios = st.lists(st.floats(0.1, 30.0), min_size=1, max_size=6).map(np.array)
+one_by_one = settings(max_examples=100, deadline=None, derandomize=True)
+
+
+def station_of(blade, polar, j):
+    """Return a station as the solver's inner functions take it."""
+    rotor = (blade.r[j], blade.hub_radius, blade.tip_radius, blade.blade_count)
+    return (blade.chord[j], blade.twist[j], *rotor, polar.coefficients)
+
+
+def glauert_rotor(ratio, count=3000):
+    """Return Glauert's optimum rotor with rotating wake, and its inflow angles; cl = 1 throughout.
+
+    phi = 2/3 arctan(1 / lambda_r), B c cl / (2 pi r) = 4 (1 - cos(phi)).
+    """
+    r = np.linspace(0.02, 0.98, 4000)
+    phi = 2.0 / 3.0 * np.arctan(1.0 / (ratio * r))
+    chord = 8.0 * np.pi * r / count * (1.0 - np.cos(phi))
+    return Blade(r, chord, phi - np.arcsin(1.0 / (2.0 * np.pi)), 0.001, 1.0, count), phi
+
+
+# Theory
+
+
+@pytest.mark.parametrize("angle", [-0.6, -0.1, 0.02, 0.1, 0.3, 0.8, 1.4, 1.8, 2.6])
+def test_residual_is_nings(angle, polar):
+    """His equations as printed: k, k', a with Buhl's quotient, two forms of the residual."""
+    chord, twist, r, hub_radius, tip_radius, count = 0.25, 0.2, 0.7, 0.2, 1.4, 3
+    lift, drag = polar.evaluate(angle - twist)
+    sine, cosine = np.sin(angle), np.cos(angle)
+    normal, tangential = lift * cosine + drag * sine, lift * sine - drag * cosine
+    tip = 2.0 / np.pi * np.arccos(np.exp(-count / 2.0 * (tip_radius - r) / (r * abs(sine))))
+    hub = (
+        2.0 / np.pi * np.arccos(np.exp(-count / 2.0 * (r - hub_radius) / (hub_radius * abs(sine))))
+    )
+    loss, solidity = tip * hub, count * chord / (2.0 * np.pi * r)
+    k = solidity * normal / (4.0 * loss * sine**2)
+    k_prime = solidity * tangential / (4.0 * loss * sine * cosine)
+    if k <= 2.0 / 3.0:
+        induction = k / (1.0 + k)
+    else:
+        g1 = 2.0 * loss * k - (10.0 / 9.0 - loss)
+        g2 = 2.0 * loss * k - loss * (4.0 / 3.0 - loss)
+        g3 = 2.0 * loss * k - (25.0 / 9.0 - 2.0 * loss)
+        induction = (g1 - np.sqrt(g2)) / g3
+    for lambda_r in (0.3, 2.0, 8.0):
+        first = sine * (1.0 - k) if angle < 0.0 else sine / (1.0 - induction)
+        expected = first - cosine / lambda_r * (1.0 - k_prime)
+        station = (chord, twist, r, hub_radius, tip_radius, count, polar.coefficients)
+        s, c, _, _ = bem._terms(angle, *station)[0]
+        assert s - c / lambda_r == pytest.approx(expected, rel=1e-11, abs=1e-11)
+
+
+def test_momentum_and_blade_element_agree_at_every_root(blade, polar):
+    """Thrust and torque of an annulus are those of its momentum; velocities form a triangle."""
+    ratio = np.linspace(2.0, 14.0, 49)
+    found = bem.sections(blade, polar, ratio)
+    lambda_r = ratio[:, None] * blade.r / blade.tip_radius
+    a, a_prime, phi = found.axial_induction, found.tangential_induction, found.inflow_angle
+    assert np.allclose(np.tan(phi), (1.0 - a) / (lambda_r * (1.0 + a_prime)), rtol=1e-11)
+    assert np.allclose(
+        found.relative_speed, np.hypot(1.0 - a, lambda_r * (1.0 + a_prime)), rtol=1e-11
+    )
+    exponent = 0.5 * blade.blade_count / np.sin(phi)
+    tip = np.arccos(np.exp(-exponent * (blade.tip_radius - blade.r) / blade.r))
+    hub = np.arccos(np.exp(-exponent * (blade.r - blade.hub_radius) / blade.hub_radius))
+    loss = (2.0 / np.pi) ** 2 * tip * hub
+    annulus = 2.0 * np.pi * blade.r
+    turning = 4.0 * loss * a_prime * (1.0 - a) * lambda_r * annulus
+    assert np.allclose(blade.blade_count * found.tangential_load, turning, atol=1e-11)
+    thrust = np.where(
+        found.branch == 0,
+        4.0 * loss * a * (1.0 - a),
+        8.0 / 9.0 + (4.0 * loss - 40.0 / 9.0) * a + (50.0 / 9.0 - 4.0 * loss) * a**2,  # Buhl 2005
+    )
+    assert set(found.branch.ravel()) == {0, 1}
+    assert np.allclose(blade.blade_count * found.normal_load, thrust * annulus, rtol=1e-10)
+
+
+@pytest.mark.parametrize("ratio", [0.5, 1.0, 3.0, 8.0])
+def test_glauerts_rotor(ratio, ideal_polar):
+    """Without drag and with very many blades roots and power are those of Glauert's theory."""
+    blade, phi = glauert_rotor(ratio)
+    found = bem.sections(blade, ideal_polar, ratio)
+    middle = (blade.r > 0.03) & (blade.r < 0.95)  # elsewhere the losses are felt
+    assert np.allclose(found.inflow_angle[0, middle], phi[middle], atol=1e-7)
+    k = (1.0 - np.cos(phi)) * np.cos(phi) / np.sin(phi) ** 2
+    assert np.allclose(found.axial_induction[0, middle], (k / (1.0 + k))[middle], atol=1e-7)
+    # The annulus' power is the integrand of Wilson's and Lissaman's power coefficient
+    lambda_r, sine, cosine = ratio * blade.r, np.sin(phi), np.cos(phi)
+    share = 4.0 * sine**2 * (cosine - lambda_r * sine) * (sine + lambda_r * cosine) * lambda_r
+    found_share = blade.blade_count * found.tangential_load[0] * ratio / (2.0 * np.pi)
+    assert np.allclose(found_share[middle], share[middle], atol=1e-7)
+
+
+def test_glauerts_rotor_tends_to_betz_limit(ideal_polar):
+    """Where the wake hardly turns a section takes 16/27 of the flow's power, and no more."""
+    ratio = 200.0
+    blade, _ = glauert_rotor(ratio, count=300000)
+    found = bem.sections(blade, ideal_polar, ratio)
+    share = blade.blade_count * found.tangential_load[0] * ratio / (2.0 * np.pi)  # of one annulus
+    outer = (blade.r > 0.5) & (blade.r < 0.95)
+    assert np.allclose(share[outer], 16.0 / 27.0, atol=2e-4)
+    assert np.all(share <= 16.0 / 27.0)
+
+
+def test_section_without_force_leaves_the_flow_alone(study):
+    alpha = np.linspace(-np.pi, np.pi, 73)
+    nothing = study.circle_polar(alpha, np.zeros(73), np.zeros(73))
+    blade = Blade(np.array([0.3, 0.6, 0.9]), np.full(3, 0.1), np.zeros(3), 0.1, 1.0, 3)
+    ratio = np.array([0.5, 3.0, 12.0])
+    found = bem.sections(blade, nothing, ratio)
+    assert np.allclose(found.inflow_angle, np.arctan2(1.0, ratio[:, None] * blade.r), atol=1e-14)
+    assert np.allclose(found.axial_induction, 0.0, atol=1e-14)
+    assert np.allclose(found.tangential_induction, 0.0, atol=1e-14)
+    rotor = bem.rotor_coefficients(blade, nothing, ratio)
+    assert not np.any(rotor.torque)
+    assert not np.any(rotor.thrust)
+
+
+def test_beyond_runaway_drag_rules(blade, polar):
+    """Far beyond the speed of a free rotor, torque is negative and grows as tsr squared."""
+    torque = bem.rotor_coefficients(blade, polar, np.array([6.0, 60.0, 300.0, 600.0])).torque
+    assert torque[0] > 0.0 > torque[1]
+    assert torque[3] / torque[2] == pytest.approx(4.0, rel=0.05)
+
+
+@given(rotor=rotors(), ratio=ratios)
+@one_by_one
+def test_every_section_with_drag_has_a_root(rotor, ratio):
+    """With cd > 0 a root with 0 < phi < 180 degrees and W > 0 exists always (proof in docs/bem.md).
+
+    It is one to the last digits, nothing is NaN, and the power stays below Betz' limit for the
+    annuli that the trapezoidal rule sees.
+    """
+    blade, polar = rotor
+    found = bem.sections(blade, polar, ratio, derivatives=True, count_roots=True)
+    for values in found:
+        assert np.all(np.isfinite(values))
+    assert np.all(found.branch >= 0)
+    assert np.all(found.branch <= 2)
+    assert np.all(found.roots >= 1)
+    assert np.all(found.inflow_angle > 0.0)
+    assert np.all(found.inflow_angle < np.pi)
+    assert np.all(found.relative_speed > 0.0)
+    for i, j in np.argwhere(np.abs(found.residual) > 1e-10):  # steep: then the bracket is tight
+        ends = found.inflow_angle[i, j] + np.array([-1e-13, 1e-13])
+        terms = [bem._terms(end, *station_of(blade, polar, j))[0] for end in ends]
+        f = [s - c * blade.tip_radius / (ratio[i] * blade.r[j]) for s, c, _, _ in terms]
+        assert f[0] < 0.0 < f[1]
+    swept = 1.0 - (blade.hub_radius / blade.tip_radius) ** 2
+    assert np.all(bem.rotor_coefficients(blade, polar, ratio).power < 16.0 / 27.0 * swept)
+
+
+@given(rotor=rotors(wild=False), ratio=ratios)
+@one_by_one
+def test_first_root_is_taken(rotor, ratio):
+    """No root lies at a smaller inflow angle: the residual is negative all the way."""
+    blade, polar = rotor
+    found = bem.sections(blade, polar, ratio)
+    for i, j in np.ndindex(found.branch.shape):
+        angles = np.linspace(1e-6, found.inflow_angle[i, j] - 1e-9, 100)
+        terms = [bem._terms(angle, *station_of(blade, polar, j))[0] for angle in angles]
+        f = [s - c * blade.tip_radius / (ratio[i] * blade.r[j]) for s, c, _, _ in terms]
+        assert max(f) < 1e-7
+
+
+def largest_jump(blade, polar, low, high):
+    """Return the largest jump of torque over the largest torque, found by bisection."""
+    points = np.linspace(low, high, 61)
+    torque = bem.rotor_coefficients(blade, polar, points).torque
+    scale = np.abs(torque).max()
+    place = int(np.argmax(np.abs(np.diff(torque))))
+    low, high = points[place : place + 2]
+    for _ in range(40):
+        points = np.array([low, 0.5 * (low + high), high])
+        left, right = np.abs(np.diff(bem.rotor_coefficients(blade, polar, points).torque))
+        low, high = points[:2] if left > right else points[1:]
+    return max(left, right) / scale
+
+
+@given(rotor=rotors(), low=st.floats(0.1, 8.0), width=st.floats(0.5, 8.0))
+@one_by_one
+def test_torque_is_continuous_except_where_a_root_change_is_reported(rotor, low, width):
+    blade, polar = rotor
+    changes = bem.root_changes(blade, polar, [low, low + width])
+    edges = np.concatenate(([low], changes.tip_speed_ratio, [low + width]))
+    for left, right in itertools.pairwise(edges):
+        if right > left * (1.0 + 1e-7):
+            assert largest_jump(blade, polar, left * (1.0 + 1e-9), right * (1.0 - 1e-9)) < 1e-4
+
+
+def test_reported_root_changes_are_jumps(study):
+    """The stalled inner stations of a badly designed rotor: two roots vanish at each change."""
+    rotor = study.bahaj(polar="naca63815_Re1e5")
+    changes = bem.root_changes(rotor.blade, rotor.polar, rotor.tip_speed_ratio)
+    assert changes.station.size >= 3
+    assert np.all(np.diff(changes.tip_speed_ratio) >= 0.0)
+    assert np.all(changes.angle_below > changes.angle_above + 0.005)
+    for j, ratio in zip(changes.station, changes.tip_speed_ratio, strict=True):
+        around = ratio * np.array([1.0 - 1e-5, 1.0 + 1e-5])
+        found = bem.sections(rotor.blade, rotor.polar, around, count_roots=True)
+        assert found.roots[1, j] == found.roots[0, j] + 2
+
+
+def test_root_changes_are_none_on_an_empty_sweep(blade, polar):
+    assert bem.root_changes(blade, polar, [7.0, 7.0]).station.size == 0
+
+
+# Derivatives: complex step through the residual, at every branch
+
+
+def complex_loads(phi, ratio, inputs, blade_count, polar):
+    """Return tangential and normal load with complex inputs, the root found by Newton's method."""
+    ratio, chord, twist, r, hub_radius, tip_radius = (complex(value) for value in inputs)
+    phi = complex(phi)
+    lambda_r = ratio * r / tip_radius
+    for _ in range(3):
+        station = (chord, twist, r, hub_radius, tip_radius, blade_count, polar.coefficients)
+        (s, c, s_phi, c_phi), forces = bem._terms(phi, *station)[:2]
+        phi -= (s - c / lambda_r) / (s_phi - c_phi / lambda_r)
+    (s, c, _, _), forces = bem._terms(phi, *station)[:2]
+    return np.array([chord * forces[0] / s**2, chord * forces[1] / s**2])
+
+
+@pytest.mark.parametrize("branch", [0, 1, 2, 3])
+def test_derivatives_are_those_of_the_complex_step(branch, study, ideal_polar):
+    rng, checked = np.random.default_rng(branch), 0
+    while checked < 40:
+        rotor = (study.wild_rotor if checked % 2 else study.random_rotor)(rng, POLARS)
+        blade, polar = rotor.blade, ideal_polar if branch == 3 else POLARS[checked % 6]
+        found = bem.sections(blade, polar, rotor.tip_speed_ratio, derivatives=True)
+        for i, j in np.argwhere(found.branch == branch)[:2]:
+            phi = found.inflow_angle[i, j]
+            rotor_numbers = (blade.r[j], blade.hub_radius, blade.tip_radius)
+            inputs = [rotor.tip_speed_ratio[i], blade.chord[j], blade.twist[j], *rotor_numbers]
+            for place in range(len(bem.INPUTS)):
+                stepped = list(inputs)
+                stepped[place] = inputs[place] + 1e-30j
+                expected = (
+                    complex_loads(phi, inputs[0], stepped, blade.blade_count, polar).imag / 1e-30
+                )
+                mine = found.derivatives[:, place, i, j]
+                assert np.allclose(mine, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max())
+            checked += 1
+
+
+def test_slopes_within_a_station_are_those_of_the_complex_step(polar):
+    for phi in (-0.7, -0.05, 0.03, 0.2, 0.9, 1.7, 2.8):
+        station = (0.2 + 0j, 0.1 + 0j, 0.8 + 0j, 0.2 + 0j, 1.4 + 0j, 3, polar.coefficients)
+        exact, real = bem._terms(phi + 1e-30j, *station), bem._terms(complex(phi), *station)
+        expected = [exact[0][0], exact[0][1], exact[1][0], exact[1][1]]
+        slopes = [*real[0][2:], real[1][2], real[1][3]]
+        assert np.allclose(np.real(slopes), np.imag(expected) / 1e-30, rtol=1e-9)
+
+
+# Interface
+
+
+def test_one_polar_for_each_station_and_any_order_of_stations(blade, polar):
+    ratio = np.array([3.0, 7.0])
+    whole = bem.sections(blade, polar, ratio, derivatives=True)
+    same = bem.sections(blade, [polar] * blade.r.size, ratio, derivatives=True)
+    for mine, theirs in zip(whole, same, strict=True):
+        assert np.array_equal(mine, theirs)
+    mixed = [POLARS[0] if j < 4 else polar for j in range(blade.r.size)]
+    found = bem.sections(blade, mixed, ratio)
+    assert np.array_equal(found.normal_load[:, 4:], whole.normal_load[:, 4:])
+    assert not np.any(found.normal_load[:, :4] == whole.normal_load[:, :4])
+    back = Blade(
+        blade.r[::-1], blade.chord[::-1], blade.twist[::-1], blade.hub_radius, blade.tip_radius, 3
+    )
+    assert np.array_equal(bem.sections(back, polar, ratio).normal_load[:, ::-1], whole.normal_load)
+
+
+def test_points_do_not_depend_on_their_company(blade, polar):
+    """Sampling ends early for fast rotors; the roots are the same to the last digits."""
+    ratio = np.array([0.3, 2.0, 5.0, 9.0, 14.0])
+    together = bem.rotor_coefficients(blade, polar, ratio).torque
+    alone = [bem.rotor_coefficients(blade, polar, each).torque[0] for each in ratio]
+    assert np.allclose(together, alone, rtol=1e-11)
+    counted = bem.sections(blade, polar, ratio, count_roots=True)
+    assert np.allclose(counted.tangential_load @ bem.torque_weights(blade), together, rtol=1e-11)
+
+
+@pytest.mark.parametrize("ratio", [0.0, -1.0, np.nan])
+def test_tip_speed_ratio_must_be_positive(blade, polar, ratio):
+    with pytest.raises(ValueError, match="positive"):
+        bem.rotor_coefficients(blade, polar, [5.0, ratio])
+
+
+def test_stations_must_lie_inside(polar):
+    blade = Blade(np.array([0.3, 1.0]), np.full(2, 0.1), np.zeros(2), 0.1, 1.0, 3)
+    with pytest.raises(ValueError, match="between hub and tip"):
+        bem.rotor_coefficients(blade, polar, 5.0)
+    with pytest.raises(ValueError, match="3 polars"):
+        bem.rotor_coefficients(blade, [polar] * 3, 5.0)
+
+
+def test_section_without_a_root_is_marked_and_bears_no_load(study, ideal_polar):
+    """Only a section without drag can have none; nothing wrong is returned in silence."""
+    rng = np.random.default_rng(1)
+    rotor = next(
+        rotor
+        for rotor in (study.wild_rotor(rng, [ideal_polar]) for _ in range(300))
+        if np.any(bem.sections(rotor.blade, ideal_polar, rotor.tip_speed_ratio).branch == -1)
+    )
+    found = bem.sections(rotor.blade, ideal_polar, rotor.tip_speed_ratio, derivatives=True)
+    none = found.branch == -1
+    assert np.all(np.isinf(found.residual[none]))
+    assert not np.any(found.normal_load[none])
+    assert not np.any(found.derivatives[:, :, none])
+    assert np.all(np.isfinite(found.residual[~none]))
+    with pytest.warns(RuntimeWarning, match="no root"):
+        bem.rotor_coefficients(rotor.blade, ideal_polar, rotor.tip_speed_ratio)
+
+
+# CCBlade, given the very same polar objects
+
+
+def test_published_rotors_are_those_of_ccblade(study):
+    for rotor in (study.bahaj(), study.nrel_5mw()):
+        found = study.compare(rotor, derivatives=True)
+        assert set(found.kinds) == {study.SAME}
+        assert found.error < 1e-10
+        assert found.gradient_error < 1e-8
+
+
+def test_random_rotors_are_those_of_ccblade_and_every_difference_is_explained(study):
+    rng, polars = np.random.default_rng(11), study.all_polars()
+    for number in range(150):
+        wild = number % 5 == 4
+        rotor = (study.wild_rotor if wild else study.random_rotor)(rng, polars)
+        found = study.compare(rotor, derivatives=number % 5 == 0)
+        assert found.error < 1e-8
+        assert found.gradient_error < 1e-6
+        assert study.OTHER not in found.kinds
+        assert study.CC_ONLY not in found.kinds
+
+
+def test_section_derivatives_are_those_of_ccblade(study):
+    """By radius, hub and tip radius too; CCBlade's derivative by tip radius holds the speed."""
+    rotor = study.bahaj(ratios=np.array([2.0, 5.0, 8.0]))
+    blade, ratio = rotor.blade, rotor.tip_speed_ratio
+    mine = bem.sections(blade, rotor.polar, ratio, derivatives=True)
+    _, _, recorded = study.ccblade(rotor, derivatives=True)
+    for i, (loads, derivatives) in enumerate(recorded):
+        for load, (name, value) in enumerate((("dTp", "Tp"), ("dNp", "Np"))):
+            ours, theirs = 0.5 * mine.derivatives[load, :, i], derivatives[name]
+            of_ratio = ours[0]
+            pairs = [
+                (0.5 * (mine.tangential_load, mine.normal_load)[load][i], loads[value]),
+                (of_ratio * np.pi * blade.tip_radius / 30.0, theirs["dOmega"].ravel()),
+                (ours[1], np.diag(theirs["dchord"])),
+                (ours[2], np.rad2deg(np.diag(theirs["dtheta"]))),
+                (ours[3], np.diag(theirs["dr"])),
+                (ours[4], theirs["dRhub"].ravel()),
+                (ours[5] + of_ratio * ratio[i] / blade.tip_radius, theirs["dRtip"].ravel()),
+            ]
+            for ours_now, theirs_now in pairs:
+                assert np.allclose(ours_now, theirs_now, rtol=1e-7, atol=1e-9)
+
+
+# Published numbers
+
+
+def test_nrel_5mw_rotor_has_its_published_peak(study):
+    """Cp 0.482 at tip speed ratio 7.55, by another program (NREL/TP-500-38060, sec. 7)."""
+    rotor = study.nrel_5mw()
+    ratio = np.linspace(5.0, 10.0, 101)
+    power = bem.rotor_coefficients(rotor.blade, rotor.polar, ratio).power
+    assert power.max() == pytest.approx(0.482, abs=0.012)
+    assert ratio[np.argmax(power)] == pytest.approx(7.55, abs=0.4)
+
+
+# Own past
+
+
+def test_bahaj_rotor_is_as_before(blade, polar):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = bem.rotor_coefficients(blade, polar, np.linspace(4.0, 8.0, 4001))
+    best = int(np.argmax(found.power))
+    assert found.power[best] == pytest.approx(0.445882, abs=2e-6)
+    assert np.linspace(4.0, 8.0, 4001)[best] == pytest.approx(5.503, abs=2e-3)

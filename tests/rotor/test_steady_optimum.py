@@ -1,0 +1,72 @@
+"""The best blade in steady flow: Glauert's without drag and losses, and none better."""
+
+import numpy as np
+import pytest
+
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.steady_optimum import best_blade, best_operation, best_rotor
+
+CHORDS, TWISTS = (0.01, 1.0), (np.deg2rad(-30.0), np.deg2rad(30.0))
+
+
+@pytest.fixture(scope="module")
+def best(blade, polar):
+    return best_rotor(blade, polar, CHORDS, TWISTS)
+
+
+# Theory
+
+
+def test_without_drag_and_losses_the_best_angles_are_glauerts(ideal_polar):
+    """Glauert's optimum with rotating wake has phi = 2/3 arctan(1 / lambda_r)."""
+    r = np.linspace(0.3, 0.9, 7)
+    start = Blade(r, np.full(7, 1e-3), np.zeros(7), 0.1, 1.0, 3000)
+    found = best_blade(start, ideal_polar, 5.0, (1e-6, 1e-3), (-0.3, 0.9))
+    phi = bem.sections(found.blade, ideal_polar, 5.0).inflow_angle[0]
+    assert np.allclose(phi, 2.0 / 3.0 * np.arctan(1.0 / (5.0 * r)), atol=2e-4)  # a flat optimum
+
+
+def test_power_stays_below_betz(best):
+    assert 0.4 < best.power_coefficient < 16.0 / 27.0
+
+
+def test_no_random_blade_is_better(best, polar):
+    rng = np.random.default_rng(7)
+    n = best.blade.r.size
+    ratios = np.array(
+        [best.tip_speed_ratio - 0.7, best.tip_speed_ratio, best.tip_speed_ratio + 0.7]
+    )
+    for _ in range(300):
+        wide = rng.random() < 0.5
+        chord = rng.uniform(0.01, 0.5, n) if wide else best.blade.chord * rng.uniform(0.8, 1.2, n)
+        twist = (
+            rng.uniform(-0.2, 0.5, n) if wide else best.blade.twist + rng.uniform(-0.05, 0.05, n)
+        )
+        power = bem.rotor_coefficients(best.blade.with_shape(chord, twist), polar, ratios).power
+        assert power.max() <= best.power_coefficient + 1e-9
+
+
+def test_gradient_of_power_vanishes_at_the_optimum(best, polar):
+    found = bem.rotor_coefficients(best.blade, polar, best.tip_speed_ratio, derivatives=True)
+    slope = found.torque[0] + best.tip_speed_ratio * found.torque_by_tip_speed_ratio[0]
+    assert abs(slope) < 1e-4
+    inside = (best.blade.chord > CHORDS[0] * 1.001) & (best.blade.chord < CHORDS[1] * 0.999)
+    scale = best.power_coefficient / best.tip_speed_ratio
+    assert np.max(np.abs(found.torque_by_chord[0] * best.blade.chord)[inside]) < 1e-4 * scale
+    assert np.max(np.abs(found.torque_by_twist[0])) < 1e-3 * scale
+
+
+def test_one_blade_works_best_at_the_peak_of_its_curve(blade, polar):
+    found = best_operation(blade, polar)
+    sweep = bem.rotor_coefficients(blade, polar, np.linspace(4.0, 12.0, 801)).power
+    assert found.power_coefficient >= sweep.max() - 1e-9
+
+
+# The exploratory model (another program, same assumptions)
+
+
+def test_optimum_is_that_of_the_exploratory_model(best, blade, polar):
+    assert best.power_coefficient == pytest.approx(0.4657, abs=2e-3)  # its polar was smoothed
+    assert best.tip_speed_ratio == pytest.approx(7.25, abs=0.3)
+    assert best_operation(blade, polar).power_coefficient == pytest.approx(0.4458, abs=3e-4)
