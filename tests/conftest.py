@@ -2,12 +2,16 @@
 
 import csv
 import json
+import os
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from hkt_mdo.case import read_case
+from hkt_mdo.case import load_case, read_case
+
+CASES = Path(__file__).parent.parent / "cases"
 
 OVER_TIME = (
     "time_s",
@@ -148,3 +152,23 @@ def blade():
 
     stations = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.999)
     return Blade.from_csv("bahaj2007", stations, 1.4, 0.125 * 1.4, 3, np.deg2rad(5.0))
+
+
+@pytest.fixture(scope="session")
+def solve(tmp_path_factory):
+    """Run a shipped case once per session and return its solution."""
+
+    from hkt_mdo.run import run_case
+
+    @cache
+    def run(name, *overrides):
+        case = load_case(CASES / f"{name}.yaml", overrides)
+        return run_case(case, tmp_path_factory.mktemp("runs") / name, figures=False)
+
+    return run
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _openmdao_writes_elsewhere(tmp_path_factory):
+    """Problems that tests build save colorings; they belong in no checkout."""
+    os.environ["OPENMDAO_WORKDIR"] = str(tmp_path_factory.mktemp("openmdao"))

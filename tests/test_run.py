@@ -1,7 +1,6 @@
 """Whole runs, held to theory: bounds, formulas, the ranking of controllers."""
 
 import json
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -13,18 +12,6 @@ from hkt_mdo.run import run_case
 
 CASES = Path(__file__).parent.parent / "cases"
 RADIUS, DENSITY = 1.4, 1000.0
-
-
-@pytest.fixture(scope="session")
-def solve(tmp_path_factory):
-    """Run a shipped case once per session and return its solution."""
-
-    @cache
-    def run(name, *overrides):
-        case = load_case(CASES / f"{name}.yaml", overrides)
-        return run_case(case, tmp_path_factory.mktemp("runs") / name, figures=False)
-
-    return run
 
 
 @pytest.mark.parametrize("optimizer", ["IPOPT", "SLSQP"])

@@ -1,0 +1,37 @@
+"""`hydrodynamics.torque`: BEM at every node gives the energy of the torque curve."""
+
+from pathlib import Path
+
+import numpy as np
+
+from hkt_mdo.batch import run_batch
+from hkt_mdo.case import load_case
+
+CASES = sorted((Path(__file__).parents[2] / "cases").glob("*.yaml"))
+
+
+def test_direct_and_curve_agree(benchmark, tmp_path):
+    """To 0.01 % of the energy, in all ten cases."""
+    runs = {
+        tmp_path / torque / path.stem: load_case(path, [f"hydrodynamics.torque={torque}"])
+        for path in CASES
+        for torque in ("curve", "direct")
+    }
+    found = benchmark.pedantic(lambda: run_batch(runs), rounds=1, iterations=1)
+    rows = []
+    for path in CASES:
+        curve, direct = (
+            found[tmp_path / torque / path.stem].summary for torque in ("curve", "direct")
+        )
+        rows.append(
+            {
+                "case": path.stem,
+                "curve": curve["simulated_energy_J"],
+                "direct": direct["simulated_energy_J"],
+                "seconds": [curve["wall_seconds"], direct["wall_seconds"]],
+                "success": [curve["success"], direct["success"]],
+            }
+        )
+    benchmark.extra_info["rows"] = rows
+    difference = [row["direct"] / row["curve"] - 1.0 for row in rows]
+    assert np.max(np.abs(difference)) < 1e-4

@@ -1,0 +1,165 @@
+"""What one NLP iteration costs: over the bare phase, over OpenMDAO's own totals, as it grows."""
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import openmdao.api as om
+import pytest
+
+from cases import case_of, optimize, start_of
+from hkt_mdo import problem as builder
+
+SEGMENTS = (30, 100, 300, 1000, 3000)
+STATIONS = (9, 20, 50, 100)
+
+
+class BareHydrodynamics(om.ExplicitComponent):
+    """The least that closes the phase: torque and power fall linearly with speed, no blade."""
+
+    def initialize(self):
+        """Declare the options."""
+        self.options.declare("num_nodes", types=int)
+        self.options.declare("nodes", desc="of the torque curve, which is not looked at")
+
+    def setup(self):
+        """Declare inputs, outputs and partials."""
+        n = self.options["num_nodes"]
+        static = ["dymos.static_target"]
+        self.add_input("rotor_speed", shape=(n,), units="rad/s")
+        self.add_input("inflow_speed", shape=(n,), units="m/s")
+        self.add_input("density", val=1000.0, units="kg/m**3", tags=static)
+        self.add_input("torque_coefficient_table", shape=self.options["nodes"].shape, tags=static)
+        self.add_output("tip_speed_ratio", shape=(n,))
+        self.add_output("hydrodynamic_torque", shape=(n,), units="N*m")
+        self.add_output("hydrodynamic_power", shape=(n,), units="W")
+        rows = np.arange(n)
+        self.declare_partials("hydrodynamic_*", "rotor_speed", rows=rows, cols=rows)
+
+    def compute(self, inputs, outputs):
+        """Evaluate the line."""
+        w = inputs["rotor_speed"]
+        outputs["hydrodynamic_torque"] = 1500.0 - 100.0 * w
+        outputs["hydrodynamic_power"] = 1500.0 * w - 100.0 * w**2
+
+    def compute_partials(self, inputs, partials):
+        """Differentiate the line."""
+        partials["hydrodynamic_torque", "rotor_speed"] = -100.0
+        partials["hydrodynamic_power", "rotor_speed"] = 1500.0 - 200.0 * inputs["rotor_speed"]
+
+
+def built(case, prepared):
+    problem = builder.build_problem(case, *prepared)
+    problem.run_model()
+    return problem
+
+
+def iteration(problem, openmdao=False):
+    """Return one evaluation of the model and of its totals."""
+    driver = problem.driver
+    if openmdao:
+        problem.get_total_coloring(driver._coloring_info, run_model=False)
+
+        def totals():
+            return driver._compute_totals(return_format="array")
+
+    else:
+        totals = problem.model.linear_solver.totals(driver, [*driver._objs, *driver._cons]).compute
+
+    def once():
+        problem.run_model()
+        return totals()
+
+    return once
+
+
+def test_over_the_bare_phase(benchmark, in_turns, monkeypatch):
+    """Model and totals with hydrodynamics, without, and by OpenMDAO's colored solves."""
+    case = case_of()
+    prepared = start_of(case, cold=True)
+    once = {
+        "this": iteration(built(case, prepared)),
+        "openmdao": iteration(built(case, prepared), openmdao=True),
+    }
+    monkeypatch.setattr(
+        builder,
+        "HydrodynamicsComp",
+        lambda num_nodes, **_: BareHydrodynamics(num_nodes=num_nodes, nodes=prepared[2]),
+    )
+    monkeypatch.setattr(
+        builder,
+        "TorqueTable",
+        lambda nodes, **_: om.IndepVarComp("torque_coefficient_table", np.zeros(nodes.size)),
+    )
+    once["bare"] = iteration(built(case_of(design="{blade: fixed}"), prepared))
+    times = in_turns(once, rounds=40)
+    found = in_turns.results
+    np.testing.assert_allclose(found["this"].toarray(), found["openmdao"], rtol=1e-9, atol=1e-9)
+    benchmark.extra_info["times"] = times
+    assert times["this"] < times["openmdao"]
+
+
+def measure(segments, stations):
+    """Return cost and memory of a few NLP iterations; run in a process of its own."""
+    places = np.round(np.linspace(0.2, 0.999, stations), 6).tolist()
+    case = case_of(
+        segments=segments,
+        rotor=f"{{stations: {places}}}",
+        driver="{max_iterations: 12}",
+        start="{method: blade}",
+    )
+    prepared = start_of(case, cold=True)
+    optimize(case_of(segments=5, driver="{max_iterations: 2}"), start_of(case_of(segments=5), True))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    problem, ended, seconds = optimize(case, prepared)
+    driver = problem.driver
+    once = iteration(problem)
+    once()
+    samples = []
+    for _ in range(7):
+        began = time.perf_counter()
+        totals = once()
+        samples.append(time.perf_counter() - began)
+    return {
+        "segments": segments,
+        "stations": stations,
+        "setup": seconds["setup"],
+        "iteration": seconds["driver"] / max(ended.iterations, 1),
+        "evaluation": float(np.median(samples)),
+        "evaluations": driver.model_evaluations,
+        "iterations": ended.iterations,
+        "memory_MB": (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024.0,
+        "nonzeros": int(totals.nnz),
+    }
+
+
+@pytest.mark.parametrize(
+    ("what", "sizes"),
+    [("segments", [(n, 9) for n in SEGMENTS]), ("stations", [(60, n) for n in STATIONS])],
+    ids=["segments", "stations"],
+)
+def test_growth(benchmark, what, sizes, tmp_path):
+    """Time and memory of an iteration grow no faster than their number."""
+
+    def run(size):
+        code = f"from test_iteration import *; print(json.dumps(measure{size}))"
+        return json.loads(
+            subprocess.check_output(
+                [sys.executable, "-W", "ignore", "-c", code],
+                text=True,
+                cwd=tmp_path,
+                env={**os.environ, "PYTHONPATH": str(Path(__file__).parent)},
+            ).splitlines()[-1]
+        )
+
+    rows = benchmark.pedantic(lambda: [run(size) for size in sizes], rounds=1, iterations=1)
+    benchmark.extra_info["rows"] = rows
+    first, last = rows[-2], rows[-1]  # where the constant part no longer flatters
+    slope = np.log(last["evaluation"] / first["evaluation"]) / np.log(last[what] / first[what])
+    benchmark.extra_info["slope"] = slope
+    assert slope < 1.25

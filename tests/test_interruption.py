@@ -1,0 +1,186 @@
+"""Runs that are interrupted, killed, starved or disturbed: no lie is left, and they can go on."""
+
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from hkt_mdo import run
+from hkt_mdo.case import load_case
+from hkt_mdo.errors import InputError
+from hkt_mdo.results import Solution
+
+CASES = Path(__file__).parent.parent / "cases"
+SHORT = ["phase.segments=15", "phase.duration=15"]
+posix = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")
+
+
+def case(name="sine_limited_quadratic", *overrides):
+    return load_case(CASES / f"{name}.yaml", [*SHORT, *overrides])
+
+
+def summary(folder):
+    return json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+
+
+def interrupted(folder, *overrides, after=5, how=None):
+    """Run a case that is interrupted at an evaluation."""
+
+    def progress(count, energy, infeasibility):
+        if count == after:
+            (how or (lambda: signal.raise_signal(signal.SIGINT)))()
+
+    with pytest.raises(KeyboardInterrupt):
+        run.run_case(case("sine_limited_quadratic", *overrides), folder, progress=progress)
+    return folder
+
+
+def hkt(*arguments, **options):
+    return subprocess.Popen(
+        [sys.executable, "-m", "hkt_mdo", *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        **options,
+    )
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs") / "undisturbed"
+    return run.run_case(case(), folder, figures=False)
+
+
+@pytest.mark.parametrize("optimizer", ["IPOPT", "SLSQP"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
+def test_an_interrupted_run_says_so_and_is_resumed(tmp_path, undisturbed, optimizer, number):
+    folder = interrupted(
+        tmp_path / "out",
+        f"driver.optimizer={optimizer}",
+        how=lambda: signal.raise_signal(number),
+    )
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    assert summary(folder)["success"] is False
+    assert "--resume" in summary(folder)["message"]
+    evaluations = Solution.load(folder).convergence["evaluation"].size
+    resumed = run.resume_case(folder, figures=False)
+    assert resumed.success, resumed.message
+    assert resumed.summary["simulated_energy_J"] == pytest.approx(
+        undisturbed.summary["simulated_energy_J"], rel=1e-5
+    )
+    assert resumed.convergence["evaluation"].size > evaluations
+    assert not (folder / "lock").exists()
+
+
+def test_resuming_a_success_changes_nothing(undisturbed):
+    before = (undisturbed.folder / "summary.json").read_bytes()
+    assert run.resume_case(undisturbed.folder).success
+    assert (undisturbed.folder / "summary.json").read_bytes() == before
+
+
+def test_a_run_that_gave_up_is_resumed(tmp_path, undisturbed):
+    folder = tmp_path / "out"
+    few = run.run_case(case("sine_limited_quadratic", "driver.max_iterations=3"), folder)
+    assert not few.success
+    assert "driver.max_iterations" in few.message
+    (folder / "case.yaml").write_text(undisturbed.case.to_yaml(), encoding="utf-8")
+    more = run.resume_case(folder, figures=False)
+    assert more.success, more.message
+    assert more.summary["simulated_energy_J"] == pytest.approx(
+        undisturbed.summary["simulated_energy_J"], rel=1e-5
+    )
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["", "{}", "[]", '{"chord_m": [1e999]}', '{"chord_m": "x"}', "[" * 100_000, "\ud800"],
+    ids=["empty", "no keys", "a list", "infinite", "text", "deep", "no UTF-8"],
+)
+def test_a_corrupt_iterate_is_told(tmp_path, undisturbed, content):
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / "case.yaml").write_text(undisturbed.case.to_yaml(), encoding="utf-8")
+    (folder / "iterate.json").write_bytes(content.encode("utf-8", "surrogatepass"))
+    with pytest.raises(InputError, match=r"iterate\.json"):
+        run.resume_case(folder)
+
+
+def test_a_corrupt_recorder_file_does_not_matter(tmp_path):
+    folder = interrupted(tmp_path / "out")
+    for name in ("history.db", "solution.db"):
+        (folder / name).write_bytes(b"not a database")
+    assert run.resume_case(folder, figures=False).success
+    assert (folder / "history.db").read_bytes() == b"not a database"
+    with sqlite3.connect(folder / "history_2.db") as database:
+        assert database.execute("select count(*) from driver_iterations").fetchone()[0] > 1
+
+
+def test_two_runs_into_one_folder(tmp_path):
+    folder = interrupted(tmp_path / "out")
+    with run._locked(folder):
+        for start in (run.resume_case, lambda out: run.run_case(case(), out, force=True)):
+            with pytest.raises(InputError, match="another run is at work"):
+                start(folder)
+    assert summary(folder)["success"] is False
+
+
+def test_a_verdict_never_precedes_its_tables(tmp_path, monkeypatch):
+    def starve(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(run, "_write_tables", starve)
+    with pytest.raises(OSError, match="No space"):
+        run.run_case(case(), tmp_path / "out", figures=False)
+    assert summary(tmp_path / "out")["success"] is False
+
+
+@posix
+@pytest.mark.parametrize("size", [0, 3_000, 100_000])
+def test_a_full_disk_is_told(tmp_path, size):
+    """A limit on the size of files stands for the disk."""
+    import resource
+
+    def limit():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+    folder = tmp_path / "out"
+    arguments = ["--out", folder, "--quiet", "--no-figures", "--set", SHORT[0], "--set", SHORT[1]]
+    process = hkt("run", CASES / "sine_limited_oloc.yaml", *arguments, preexec_fn=limit)
+    said, _ = process.communicate()
+    assert process.returncode == 2, said
+    assert "Traceback" not in said
+    if (folder / "summary.json").exists():
+        assert summary(folder)["success"] is False
+
+
+@posix
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write")
+def test_a_read_only_folder_is_told(tmp_path):
+    folder = tmp_path / "out"
+    folder.mkdir(mode=0o500)
+    with pytest.raises(InputError, match="cannot be written"):
+        run.run_case(case(), folder)
+
+
+@posix
+def test_a_killed_run_is_resumed(tmp_path, undisturbed):
+    folder = tmp_path / "out"
+    arguments = ["--out", folder, "--quiet", "--no-figures", "--set", SHORT[0], "--set", SHORT[1]]
+    process = hkt("run", CASES / "sine_limited_quadratic.yaml", *arguments)
+    while not (folder / "iterate.json").exists() and process.poll() is None:
+        time.sleep(0.01)
+    process.kill()
+    process.communicate()
+    assert not summary(folder)["success"]
+    process = hkt("run", "--resume", folder, "--quiet", "--no-figures")
+    said, _ = process.communicate()
+    assert process.returncode == 0, said
+    assert summary(folder)["simulated_energy_J"] == pytest.approx(
+        undisturbed.summary["simulated_energy_J"], rel=1e-5
+    )

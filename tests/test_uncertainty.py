@@ -1,0 +1,96 @@
+"""Designs in other flows under a noisy sensor: limits in which the answer is known, then the paper's."""
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from hkt_mdo.dynamics.inflow import ConstantInflow, SineInflow
+from hkt_mdo.errors import InputError
+from hkt_mdo.problem import INFLOWS
+from hkt_mdo.uncertainty import Design, Sensor, flow_named, fly_noisy
+
+
+@pytest.fixture(scope="module")
+def quadratic(solve):
+    return Design.of(solve("sine_limited_quadratic", "driver.optimizer=IPOPT"))
+
+
+@pytest.fixture(scope="module")
+def open_loop(solve):
+    return Design.of(solve("sine_limited_oloc", "driver.optimizer=IPOPT"))
+
+
+def paper_flow(design, name):
+    section = flow_named(name, design.solution.case.inflow)
+    return INFLOWS[section.profile](section)
+
+
+def test_design_flow_gives_the_simulated_energy_again(quadratic, open_loop):
+    for design in (quadratic, open_loop):
+        run = design.fly(design.inflow)
+        assert run.energy == pytest.approx(design.solution.summary["simulated_energy_J"], rel=1e-7)
+
+
+def test_a_fast_quiet_sensor_is_no_sensor(quadratic):
+    """Without noise, with a filter far above the flow's frequency, the digital loop is the ideal one."""
+    inflow = paper_flow(quadratic, "A")
+    sensor = Sensor(snr=np.inf, rate=1000.0, cutoff=100.0)
+    noisy = fly_noisy(quadratic, inflow, sensor, repeats=1, seed=0)
+    assert noisy.noise_deviation == 0.0
+    assert noisy.energy[0] == pytest.approx(quadratic.fly(inflow).energy, rel=1e-5)
+    assert noisy.torque_error < 1e-6
+
+
+def test_a_steady_rotor_stays_steady(quadratic):
+    """The filter starts in steady state at w(0): in a constant flow it brings no transient."""
+    flow = ConstantInflow(float(quadratic.inflow.speed(0.0)))
+    start = quadratic.fly(flow)
+    noisy = fly_noisy(quadratic, flow, Sensor(snr=np.inf), repeats=1, seed=0)
+    np.testing.assert_allclose(noisy.rotor_speed, start.rotor_speed[-1], rtol=2e-3)
+
+
+def test_deviation_is_20_dB_below_the_signal():
+    speed = 8.0 + np.sqrt(2.0) * np.sin(np.linspace(0.0, 2.0 * np.pi, 10001)[:-1])
+    assert Sensor(20.0, "fluctuation").deviation(speed) == pytest.approx(0.1, rel=1e-6)
+    assert Sensor(20.0, "total").deviation(speed) == pytest.approx(0.1 * np.sqrt(65.0), rel=1e-6)
+
+
+def test_filtered_noise_has_the_filters_bandwidth(quadratic):
+    """The torque's scatter is the gain times the noise that the Butterworth filter lets through."""
+    sensor = Sensor(snr=20.0, rate=100.0)
+    flow = ConstantInflow(1.3)
+    noise = np.random.default_rng(3).standard_normal(200_000)
+    passed = np.std(signal.lfilter(*signal.butter(2, 0.5, fs=100.0), noise))
+    bandwidth = 0.5 * np.pi / (2.0 * np.sqrt(2.0)) * 2.0  # of both sides, in Hz: pi/(2 sqrt 2) fc
+    assert passed == pytest.approx(np.sqrt(bandwidth / 100.0), rel=0.05)
+    assert fly_noisy(quadratic, flow, sensor, repeats=2, seed=3).noise_deviation < 1e-3
+
+
+def test_the_seed_decides_the_noise(quadratic):
+    inflow = SineInflow(1.5, 0.2, 0.25, scale=1.1)
+    runs = [fly_noisy(quadratic, inflow, Sensor(rate=20.0), repeats=3, seed=s).energy for s in (1, 1, 2)]
+    np.testing.assert_array_equal(runs[0], runs[1])
+    assert np.all(runs[0] != runs[2])
+    assert np.ptp(runs[0]) > 0.0
+
+
+def test_stalled_repeats_are_counted_apart(quadratic):
+    """A tenth of the whole speed as noise at 10 Hz stalls this design in every repeat."""
+    run = fly_noisy(quadratic, quadratic.inflow, Sensor(20.0, "total", 10.0), repeats=4, seed=1)
+    assert run.stalled == 4
+    assert np.all(np.isnan(run.energy))
+    assert np.all((run.stopped_at > 0.0) & (run.stopped_at <= 60.0))
+
+
+def test_replayed_open_loop_stops_in_flows_b_and_c_but_not_in_a(open_loop):
+    """The paper's finding: torque that fits one flow stalls the rotor in a slower one."""
+    assert open_loop.fly(paper_flow(open_loop, "A")).stopped_at is None
+    for name in ("B", "C"):
+        assert open_loop.fly(paper_flow(open_loop, name)).stopped_at is not None
+
+
+def test_wrong_questions_are_refused(quadratic, open_loop):
+    with pytest.raises(InputError, match="reads no sensor"):
+        fly_noisy(open_loop, open_loop.inflow, Sensor(), 1, 0)
+    with pytest.raises(InputError, match="unknown"):
+        flow_named("D", quadratic.solution.case.inflow)

@@ -1,0 +1,96 @@
+"""The verification study in small: its cases are what they claim, its figures come out."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hkt_mdo import verify
+from hkt_mdo.case import load_case
+from hkt_mdo.errors import InputError
+from hkt_mdo.problem import physics
+from hkt_mdo.run import run_case
+
+CASES = Path(__file__).parent.parent / "cases"
+
+
+def silent(*_):
+    pass
+
+
+def test_random_starts_are_smooth_seeded_and_within_their_range():
+    case = load_case(CASES / "sine_oloc.yaml")
+    before = physics(case).blade
+    for seed in range(50):
+        blade = physics(verify.random_start(case, np.random.default_rng(seed))).blade
+        again = physics(verify.random_start(case, np.random.default_rng(seed))).blade
+        np.testing.assert_array_equal(blade.chord, again.chord)
+        factor, offset = blade.chord / before.chord, np.rad2deg(blade.twist - before.twist)
+        assert np.all((factor > 0.599) & (factor < 1.601))
+        assert np.all(np.abs(offset) < 6.001)
+        assert np.sum(np.diff(np.sign(np.diff(factor))) != 0) <= 1
+
+
+def test_the_sweep_is_as_wide_as_promised():
+    changes = verify.single_changes()
+    assert len(changes) * len(verify.LAWS) >= 60
+    for overrides in changes.values():
+        load_case(CASES / "sine_limited_linear.yaml", overrides)
+    for seed in range(200):
+        overrides = verify.random_change(np.random.default_rng(seed), "quadratic")
+        case = load_case(CASES / "sine_oloc.yaml", overrides)
+        periods = case.phase.duration * case.inflow.angular_frequency / (2.0 * np.pi)
+        assert case.phase.segments >= 8.0 * periods - 1.0
+        assert case.phase.segments <= 300
+
+
+@pytest.mark.parametrize(
+    ("seed", "law", "optimizer"), [(1, "linear", "IPOPT"), (2, "quadratic", "SLSQP")]
+)
+def test_a_random_mixture_succeeds(tmp_path, seed, law, optimizer):
+    overrides = verify.random_change(np.random.default_rng([0, seed]), law)
+    case = load_case(CASES / "sine_oloc.yaml", [*overrides, f"driver.optimizer={optimizer}"])
+    solution = run_case(case, tmp_path / "out", figures=False, records=False)
+    assert solution.success, solution.message
+
+
+def test_coarse_segments_keep_the_torque_limit_between_nodes(tmp_path):
+    overrides = ["phase.segments=16", "phase.duration=40"]
+    case = load_case(CASES / "sine_limited_oloc.yaml", overrides)
+    solution = run_case(case, tmp_path / "out", figures=False, records=False)
+    assert solution.success, solution.message
+
+
+@pytest.mark.parametrize("law", ["linear", "quadratic"])
+def test_the_optimum_is_stationary(tmp_path, law):
+    """No design variable, a little off, captures more under direct BEM."""
+    case = load_case(CASES / f"sine_limited_{law}.yaml", ["phase.duration=20", "phase.segments=20"])
+    solution = run_case(case, tmp_path / "out", figures=False, records=False)
+    design = verify.Design.of(solution)
+    reference = verify._fly(design, *verify._design_point(design)).energy
+    assert reference == pytest.approx(solution.summary["simulated_energy_J"], rel=1e-5)
+    changed = list(verify._perturbations(design))
+    assert len(changed) > 30
+    for name, *point in changed[::5]:
+        assert verify._fly(design, *point).energy <= reference * (1.0 + 1e-5), name
+    assert solution.summary["energy_balance_error"] < 1e-6
+
+
+def test_mutilated_files_are_accepted_or_refused(tmp_path):
+    text = verify.run_part("fuzz", tmp_path, CASES, 100, 1, None, silent)
+    rows = [line.split("|")[1:-1] for line in text.splitlines() if line.startswith("| ")][1:]
+    assert [row[0].strip() for row in rows] == ["case", *verify.DATA]
+    assert all(int(row[4]) == 0 for row in rows), text
+
+
+def test_the_best_energy_is_kept_and_the_report_takes_what_there_is(tmp_path):
+    with pytest.raises(InputError, match="unknown part"):
+        verify.run_part("luck", tmp_path, CASES, 1, 0, 1, silent)
+    (tmp_path / "best.json").write_text(json.dumps({"a": 2.0}))
+    assert verify._keep_best(tmp_path, {}, {}) == {"a": 2.0}
+    (tmp_path / "sweep.md").write_text("## Under change\n")
+    report = verify.report(tmp_path)
+    assert report.startswith("# Verification")
+    assert "## Under change" in report
+    assert "## From" not in report
