@@ -1,8 +1,8 @@
 """The paper's tables and figures from the shipped cases, beside what the paper prints.
 
-Everything here is put together from the case runner, the simulation under uncertainty and the plots; no
-model is built here. Finished cases and ensembles are reused, so an interrupted reproduction goes on where
-it stopped.
+Everything here is put together from the case runner, the simulation under uncertainty and the
+plots; no model is built here. Finished cases and ensembles are reused, so an interrupted
+reproduction goes on where it stopped.
 """
 
 import hashlib
@@ -251,7 +251,7 @@ def default_key(law: str, flow: str) -> str:
 
 
 def as_solution(solution: Solution, name: str, series: dict | None = None) -> Solution:
-    """Return a solution under another name, for a legend, with another run's time series if given."""
+    """Return a solution under a legend's name, with another run's time series if given."""
     renamed = replace(
         solution,
         case=solution.case.model_copy(update={"name": name}),

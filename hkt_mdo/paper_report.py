@@ -314,8 +314,10 @@ def _sections(data, figures):
             "Amini et al. (ACC 2023), reproduced",
             [
                 "Energies are those of the independent integration with direct BEM "
-                "(`simulated_energy_J`), not the optimizer's. 'Gap' is relative to OLOC in the same "
-                "table; 'difference' is relative to the paper. What the paper leaves out, and how it was "
+                "(`simulated_energy_J`), not the optimizer's. 'Gap' is relative to OLOC in the "
+                "same "
+                "table; 'difference' is relative to the paper. What the paper leaves out, and how "
+                "it was "
                 "inferred, is in docs/reproduction.md.",
                 f"{passed} of {len(data['checks'])} checks pass (last section).",
             ],
@@ -371,7 +373,8 @@ def _sections(data, figures):
         Section(
             "How this was made",
             [
-                f"`hkt paper` of hkt_mdo {data['version']}, Python {data['python']}. All numbers are in paper.json."
+                f"`hkt paper` of hkt_mdo {data['version']}, Python {data['python']}. All numbers "
+                f"are in paper.json."
             ],
         )
     )
@@ -411,10 +414,14 @@ def _uncertain_section(data, pictures):
             )
     header = ["flow", "controller", "energy / J", "paper / J", "gap", "paper", "stalled"]
     text = [
-        "Designs of Table IV in flows that they were not made for. Feedback reads a speed sensor with 20 dB of "
-        "the speed's fluctuation, sampled at 100 Hz, behind a second-order Butterworth low-pass at 0.5 Hz; mean and "
-        "standard deviation over the repeats. OLOC replays its recorded torque. 'Redesigned' is the optimal control of "
-        "the fixed blade of sine_limited_oloc in the actual flow: the ceiling. Every run starts at the tip speed "
+        "Designs of Table IV in flows that they were not made for. Feedback reads a speed sensor "
+        "with 20 dB of "
+        "the speed's fluctuation, sampled at 100 Hz, behind a second-order Butterworth low-pass at "
+        "0.5 Hz; mean and "
+        "standard deviation over the repeats. OLOC replays its recorded torque. 'Redesigned' is "
+        "the optimal control of "
+        "the fixed blade of sine_limited_oloc in the actual flow: the ceiling. Every run starts at "
+        "the tip speed "
         "ratio that its design starts at.",
     ]
     return Section(
@@ -445,9 +452,12 @@ def _sensor_section(data):
         "energy, to no noise",
     ]
     text = [
-        "The paper does not say what the 20 dB refer to (the speed's fluctuation about its mean, or the whole speed, "
-        "whose rms is some ten times larger), nor how often the sensor is sampled. Stalled repeats are counted here and "
-        "left out of the energies. The default, fluctuation at 100 Hz, is the coarsest choice under which nothing "
+        "The paper does not say what the 20 dB refer to (the speed's fluctuation about its mean, "
+        "or the whole speed, "
+        "whose rms is some ten times larger), nor how often the sensor is sampled. Stalled repeats "
+        "are counted here and "
+        "left out of the energies. The default, fluctuation at 100 Hz, is the coarsest choice "
+        "under which nothing "
         "stalls, as in the paper.",
     ]
     return Section("What the sensor's open choices do", text, [(header, rows)])
@@ -468,8 +478,10 @@ def _sequential_section(data):
             )
     header = ["torque limit", "controller", "sequential / J", "co-design / J", "co-design gains"]
     text = [
-        "Sequential: the best steady blade first, then the controller on it. Without a torque limit both lead to the same "
-        "rotor under OLOC and quadratic feedback; with it, or with linear feedback, the controller changes the best blade "
+        "Sequential: the best steady blade first, then the controller on it. Without a torque "
+        "limit both lead to the same "
+        "rotor under OLOC and quadratic feedback; with it, or with linear feedback, the controller "
+        "changes the best blade "
         "(paper Sec. IV, from its ref. 11).",
     ]
     return Section("Sequential against simultaneous design", text, [(header, rows)])
@@ -491,12 +503,11 @@ def _markdown(sections):
 
 
 _STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
-table { border-collapse: collapse; font-size: 0.9rem; margin: 1rem 0; }
-th, td { border-bottom: 1px solid #ccc; padding: 0.25rem 0.7rem; text-align: right; }
-th { border-bottom: 2px solid #555; } th:first-child, td:first-child { text-align: left; }
-figure { margin: 1.5rem 0; } img { max-width: 100%; } figcaption { color: #555; font-size: 0.9rem; }
-.scroll { overflow-x: auto; }
+body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 62rem; margin: 2rem auto;
+padding: 0 1rem; } table { border-collapse: collapse; font-size: 0.9rem; margin: 1rem 0; } th, td {
+border-bottom: 1px solid #ccc; padding: 0.25rem 0.7rem; text-align: right; } th { border-bottom: 2px
+solid #555; } th:first-child, td:first-child { text-align: left; } figure { margin: 1.5rem 0; } img
+{ max-width: 100%; } figcaption { color: #555; font-size: 0.9rem; } .scroll { overflow-x: auto; }
 """
 
 

@@ -1,8 +1,8 @@
 """A finished design in flows it was not made for, read by a noisy sensor (paper Sec. V).
 
-Blade and controller are held. Open loop replays its recorded torque. A feedback law is run as the digital
-controller that it would be: every sample time it reads F[w + n], where n is Gaussian and F a second-order
-Butterworth low-pass, and holds its torque until the next.
+Blade and controller are held. Open loop replays its recorded torque. A feedback law is run as the
+digital controller that it would be: every sample time it reads F[w + n], where n is Gaussian and F
+a second-order Butterworth low-pass, and holds its torque until the next.
 """
 
 from collections.abc import Callable
@@ -26,8 +26,9 @@ REFERENCES = ("fluctuation", "total")
 class Sensor:
     """A rotor speed sensor with noise, and the filter behind it.
 
-    The paper gives 20 dB 'compared with the turbine rotational speed signal', and neither the sampling rate nor
-    whether the signal's mean counts as signal. Both matter: filtered noise falls with the square root of the rate.
+    The paper gives 20 dB 'compared with the turbine rotational speed signal', and neither the
+    sampling rate nor whether the signal's mean counts as signal. Both matter: filtered noise falls
+    with the square root of the rate.
 
     Parameters
     ----------
@@ -57,10 +58,10 @@ class Sensor:
 class Ensemble:
     """Repeated noisy runs of one design in one flow.
 
-    energy, generator_energy (J) and stopped_at (s) have one entry a repeat; energies of repeats whose rotor
-    stopped are NaN and stopped_at of those that did not. time, rotor_speed, control_torque, hydrodynamic_torque are
-    the first repeat's samples; torque_error is the largest relative difference between the tabulated and the
-    direct BEM torque along them.
+    energy, generator_energy (J) and stopped_at (s) have one entry a repeat; energies of repeats
+    whose rotor stopped are NaN and stopped_at of those that did not. time, rotor_speed,
+    control_torque, hydrodynamic_torque are the first repeat's samples; torque_error is the largest
+    relative difference between the tabulated and the direct BEM torque along them.
     """
 
     energy: np.ndarray
@@ -128,7 +129,7 @@ class Design:
         )
 
     def initial_speed(self, inflow):
-        """Return the speed that a run in another flow starts from: the design's tip speed ratio at t = 0."""
+        """Return a run's first speed in another flow: at the design's first tip speed ratio."""
         start = float(self.solution.trajectory["rotor_speed_rad_s"][0])
         return start * float(inflow.speed(0.0) / self.inflow.speed(0.0))
 
@@ -160,8 +161,8 @@ def fly_noisy(
     """Run a feedback design in a flow under a noisy sensor, many times at once.
 
     Between samples the speed is integrated by the classical Runge-Kutta method. The plant's torque
-    coefficient is direct BEM, tabulated so finely that the table's error (`Ensemble.torque_error`) is far
-    below what the noise changes.
+    coefficient is direct BEM, tabulated so finely that the table's error (`Ensemble.torque_error`)
+    is far below what the noise changes.
 
     Parameters
     ----------
@@ -252,7 +253,7 @@ def fly_noisy(
 
 
 def _runge_kutta(torque, speed, control, flow, inertia, step):
-    """Advance the speed by a step with the torque held; return it, the energy captured and the angle."""
+    """Advance the speed with the torque held; return it, the energy captured and the angle."""
     q1 = torque(speed, flow[0])
     w2 = speed + 0.5 * step * (q1 - control) / inertia
     q2 = torque(w2, flow[1])
@@ -283,7 +284,7 @@ def _time_constant(design, quiet):
 
 
 def flow_named(name: str, inflow):
-    """Return a case's inflow section changed as the paper's flow A, B or C is, or unchanged for `design`.
+    """Return an inflow section as the paper's flow A, B or C changes it, or as it is (`design`).
 
     Parameters
     ----------
@@ -309,6 +310,7 @@ def flow_named(name: str, inflow):
         )
     if changes[name] and inflow.profile != "sine":
         raise InputError(
-            f"--flow {name}: changes a sine, but the case's flow is {inflow.profile}; give an inflow section"
+            f"--flow {name}: changes a sine, but the case's flow is {inflow.profile}; give an "
+            f"inflow section"
         )
     return inflow.model_copy(update=changes[name])

@@ -1,7 +1,8 @@
 """Which horizon do the paper's tables imply? Ratios of the flows' energy content over horizons.
 
-Captured energy is nearly proportional to the integral of v³ (docs/theory.md), whatever the turbine and the water: the ratios
-of the redesigned energies of Table V to OLOC of Table IV depend on the horizon and little else.
+Captured energy is nearly proportional to the integral of v³ (docs/theory.md), whatever the turbine
+and the water: the ratios of the redesigned energies of Table V to OLOC of Table IV depend on the
+horizon and little else.
 """
 
 import numpy as np
@@ -25,11 +26,17 @@ def content(flow, horizon):
 def main():
     """Print the ratios over horizons beside the paper's."""
     design = SineInflow(1.5, 0.2, 0.25)
-    print("horizon / s   " + "   ".join(f"{name}/design" for name in FLOWS) + "   rms error of B, C / %")
+    print(
+        "horizon / s   "
+        + "   ".join(f"{name}/design" for name in FLOWS)
+        + "   rms error of B, C / %"
+    )
     for horizon in (30, 40, 45, 50, 52, 54, 56, 58, 59, 60, 61, 62, 64, 70, 80, 90, 100, 120):
-        ratio = {name: content(flow, horizon) / content(design, horizon) for name, flow in FLOWS.items()}
+        base = content(design, horizon)
+        ratio = {name: content(flow, horizon) / base for name, flow in FLOWS.items()}
         error = np.sqrt(np.mean([(ratio[name] / PAPER[name] - 1.0) ** 2 for name in "BC"]))
-        print(f"{horizon:11d}   " + "   ".join(f"{ratio[name]:8.4f}" for name in FLOWS) + f"   {100 * error:8.3f}")
+        numbers = "   ".join(f"{ratio[name]:8.4f}" for name in FLOWS)
+        print(f"{horizon:11d}   {numbers}   {100 * error:8.3f}")
     print("      paper   " + "   ".join(f"{PAPER[name]:8.4f}" for name in FLOWS))
 
 

@@ -1,6 +1,6 @@
 """How the reproduction depends on what the paper leaves out: writes docs/sensitivity.md.
 
-    python scripts/sensitivity.py --out results/sensitivity --table docs/sensitivity.md
+python scripts/sensitivity.py --out results/sensitivity --table docs/sensitivity.md
 """
 
 import argparse
@@ -57,15 +57,18 @@ def main():
         for variant, overrides in VARIANTS.items()
         for case in CASES
     }
-    found = run_batch(plan, arguments.jobs, lambda path, word: print(f"  {path}: {word}", flush=True))
+    found = run_batch(
+        plan, arguments.jobs, lambda path, word: print(f"  {path}: {word}", flush=True)
+    )
 
     lines = [
         "# Sensitivity of the reproduction",
         "",
-        "Written by `python scripts/sensitivity.py`. One choice that the paper leaves open is changed at a time; the whole",
-        "co-design is solved again. ΔE: mean power of the quadratic cases relative to the shipped model; λ: tip speed ratio at the",
-        "largest power coefficient of the blade; K in SI units. The paper: K₂ 10.98 at λ 7.18 and K₁ 90.90 without the limit; K₂ 7.16",
-        "and K₁ 68.64, OLOC's λ 8.27, with 700 N m.",
+        "Written by `python scripts/sensitivity.py`. One choice that the paper leaves open is",
+        "changed at a time; the whole co-design is solved again. ΔE: mean power of the quadratic",
+        "cases relative to the shipped model; λ: tip speed ratio at the largest power coefficient",
+        "of the blade; K in SI units. The paper: K₂ 10.98 at λ 7.18 and K₁ 90.90 without the",
+        "limit; K₂ 7.16 and K₁ 68.64, OLOC's λ 8.27, with 700 N m.",
         "",
         "| | ΔE | λ | K₂ | K₁ | ΔE, 700 N m | λ | K₂ | K₁ |",
         "|---|---|---|---|---|---|---|---|---|",
@@ -77,7 +80,10 @@ def main():
             quadratic, linear = (found[folder(variant, case)] for case in (law_2, law_1))
             change = _power(quadratic) / base[law_2] - 1.0
             peak = quadratic.summary["tip_speed_ratio_at_power_coefficient_max"]
-            gains = [f"{s.summary['gain']:.2f}" + ("" if s.success else " (no success)") for s in (quadratic, linear)]
+            gains = [
+                f"{s.summary['gain']:.2f}" + ("" if s.success else " (no success)")
+                for s in (quadratic, linear)
+            ]
             cells += [f"{100.0 * change:+.3f} %", f"{peak:.2f}", *gains]
         lines.append("| " + " | ".join(cells) + " |")
     arguments.table.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -14,7 +14,7 @@ from hkt_mdo.paper_report import write_report
 
 @pytest.fixture(scope="module")
 def small_paper(solve):
-    """All of the paper's slots filled from four real results: the shape is right, the numbers are not all."""
+    """All of the paper's slots, filled from four real results: the shape is right."""
     limited = {law: solve(f"sine_limited_{law}", "driver.optimizer=IPOPT") for law in LAWS}
     solutions = {f"{scenario}_{law}": limited[law] for scenario in TABLES for law in LAWS}
     solutions["sine_baseline_oloc"] = solve("sine_baseline_oloc")
@@ -37,7 +37,9 @@ def small_paper(solve):
                 for rate in SENSOR_RATES:
                     ensembles[f"{law}_{flow}_{reference}_{rate:g}Hz"] = noisy
     sequential = {
-        f"{scenario}_sequential_{law}": limited[law] for scenario in ("sine", "sine_limited") for law in LAWS
+        f"{scenario}_sequential_{law}": limited[law]
+        for scenario in ("sine", "sine_limited")
+        for law in LAWS
     }
     redesigned = dict.fromkeys("ABC", limited["oloc"])
     reported = yaml.safe_load(data_path("amini2023", "reported").read_text(encoding="utf-8"))
@@ -74,7 +76,7 @@ def test_numbers_stand_beside_the_papers(report):
 
 
 def test_checks_tell_what_fails(report):
-    """With limited results in the unlimited tables, the tip speed ratio of 7.18 must be found missing."""
+    """With limited results in the unlimited tables, 7.18 must be found missing."""
     checks = {check["statement"]: check for check in report[1]["checks"]}
     assert not checks["sine OLOC: tip speed ratio over 7.18, %"]["passed"]
     assert checks["sine_limited quadratic: gain over the paper's, %"]["passed"]

@@ -1,4 +1,4 @@
-"""Designs in other flows under a noisy sensor: limits in which the answer is known, then the paper's."""
+"""Designs in other flows under a noisy sensor: known limits first, then the paper's."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def test_design_flow_gives_the_simulated_energy_again(quadratic, open_loop):
 
 
 def test_a_fast_quiet_sensor_is_no_sensor(quadratic):
-    """Without noise, with a filter far above the flow's frequency, the digital loop is the ideal one."""
+    """Without noise and with a filter far above the flow's frequency, the loop is ideal."""
     inflow = paper_flow(quadratic, "A")
     sensor = Sensor(snr=np.inf, rate=1000.0, cutoff=100.0)
     noisy = fly_noisy(quadratic, inflow, sensor, repeats=1, seed=0)
@@ -68,7 +68,9 @@ def test_filtered_noise_has_the_filters_bandwidth(quadratic):
 
 def test_the_seed_decides_the_noise(quadratic):
     inflow = SineInflow(1.5, 0.2, 0.25, scale=1.1)
-    runs = [fly_noisy(quadratic, inflow, Sensor(rate=20.0), repeats=3, seed=s).energy for s in (1, 1, 2)]
+    runs = [
+        fly_noisy(quadratic, inflow, Sensor(rate=20.0), repeats=3, seed=s).energy for s in (1, 1, 2)
+    ]
     np.testing.assert_array_equal(runs[0], runs[1])
     assert np.all(runs[0] != runs[2])
     assert np.ptp(runs[0]) > 0.0
