@@ -1,0 +1,58 @@
+"""Draw the baseline's power coefficient beside the measurements of Bahaj et al. (2007).
+
+python scripts/plot_measurements.py docs/images/baseline_measured.png
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from hkt_mdo.data import read_table
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.blade import Blade
+
+SETS = {
+    "all 17 tabulated stations": None,
+    "the nine default stations": (*np.arange(2, 10) / 10, 0.999),
+}
+
+
+def main():
+    """Draw measured points and the curves of two sets of stations."""
+    measured = read_table("bahaj2007", ("TSR", "Cp"), "measurement")
+    tabulated = np.minimum(read_table("bahaj2007", ("r_over_R",), "blade")["r_over_R"], 0.999)
+    polar = Polar.from_csv("naca63815_Re2e5")
+    figure = Figure(figsize=(6.2, 4.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    ax = figure.subplots()
+    ax.plot(
+        measured["TSR"],
+        measured["Cp"],
+        "ko",
+        markersize=4,
+        label="measured, 20° hub pitch, 1.73 m/s",
+    )
+    ratios = np.linspace(3.5, 10.5, 141)
+    for (label, stations), line in zip(SETS.items(), ("-", "--"), strict=True):
+        r = tabulated if stations is None else stations
+        blade = Blade.from_csv("bahaj2007", r, 0.4, 0.05, 3, np.deg2rad(5.0))
+        error = bem.rotor_coefficients(blade, polar, measured["TSR"]).power - measured["Cp"]
+        rms = np.sqrt(np.mean(error**2))
+        power = bem.rotor_coefficients(blade, polar, ratios).power
+        ax.plot(ratios, power, line, color="0.25", label=f"BEM, {label} (rms error {rms:.3f})")
+    ax.set_xlabel("tip speed ratio (-)")
+    ax.set_ylabel("power coefficient $C_P$ (-)")
+    ax.set_ylim(0.0, 0.55)
+    ax.grid(True, color="0.88", linewidth=0.6)
+    ax.legend(loc="lower left", fontsize=9)
+    image = Path(sys.argv[1])
+    image.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(image, dpi=130)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,69 @@
+"""The commands that work on finished results: simulate and compare."""
+
+import re
+
+import pytest
+
+from hkt_mdo.cli import main
+
+
+@pytest.fixture(scope="module")
+def folders(solve):
+    return {
+        law: str(solve(f"sine_limited_{law}", "driver.optimizer=IPOPT").folder)
+        for law in ("oloc", "quadratic")
+    }
+
+
+def test_simulate_tells_mean_spread_and_worst(folders, capsys):
+    arguments = ["--flow", "A", "--noise-snr", "20", "--sample-rate", "20", "--repeats", "3"]
+    assert main(["simulate", folders["quadratic"], *arguments, "--seed", "1"]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "rotor stopped in 0 of 3 runs" in printed
+    mean, spread, worst = (
+        float(x)
+        for x in re.search(
+            r"mean ([\d.]+) J, standard deviation ([\d.]+) J, worst ([\d.]+)", printed
+        ).groups()
+    )
+    assert worst <= mean
+    assert 0.0 < spread < 0.01 * mean
+
+
+def test_simulate_says_when_the_rotor_stops(folders, capsys):
+    assert main(["simulate", folders["oloc"], "--flow", "C"]) == 0
+    assert "rotor stops at t = " in capsys.readouterr().out
+
+
+def test_simulate_takes_any_flow(folders, capsys):
+    assert (
+        main(["simulate", folders["quadratic"], "--flow", "{profile: constant, speed: 1.3}"]) == 0
+    )
+    assert "J captured" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["--flow", "D"], "--flow"),
+        (["--flow", "{profile: sine, mean: -1}"], "--flow"),
+        (["--flow", "{profile: [}"], "--flow"),
+        (["--noise-snr", "20", "--noise-reference", "mean"], "--noise-reference"),
+        (["--noise-snr", "nan"], "--noise-snr"),
+    ],
+)
+def test_simulate_refuses_bad_input(folders, capsys, arguments, word):
+    assert main(["simulate", folders["quadratic"], *arguments]) == 2
+    assert word in capsys.readouterr().err
+
+
+def test_compare_prints_a_table_and_draws(folders, capsys, tmp_path):
+    assert main(["compare", *folders.values(), "--out", str(tmp_path / "figures")]) == 0
+    printed = capsys.readouterr().out
+    assert "energy, to the best" in printed
+    assert (tmp_path / "figures" / "operation.png").stat().st_size > 1000
+
+
+def test_compare_needs_results(tmp_path, capsys):
+    assert main(["compare", str(tmp_path)]) == 2
+    assert "no result folder" in capsys.readouterr().err
