@@ -260,9 +260,10 @@ def _figures(paper, folder):
         )
         number += 3
     for flow in FLOWS:
-        lines = []
-        if paper.ensembles[f"oloc_{flow}"]["energy_J"] is not None:
-            lines.append(_flown(paper, "oloc", f"oloc_{flow}", "OLOC replayed"))
+        replay = paper.ensembles[f"oloc_{flow}"]
+        # a replay that stops is not drawn, but keeps its place, so that styles mean the same in all
+        series = replay["series"] if replay["stopped_at_s"] is None else {}
+        lines = [as_solution(paper.solutions["sine_limited_oloc"], "OLOC replayed", series)]
         lines += [_flown(paper, law, default_key(law, flow), LABELS[law]) for law in LAWS[1:]]
         lines.append(as_solution(paper.redesigned[flow], "OLOC redesigned"))
         figure, axes = _stack(3)
@@ -270,8 +271,8 @@ def _figures(paper, folder):
         plots.plot_control_torque(lines, axes[1])
         plots.plot_hydrodynamic_torque(lines, axes[2])
         caption = f"Flow {flow}: rotor speed, control torque, hydrodynamic torque"
-        if len(lines) == 3:
-            stopped = paper.ensembles[f"oloc_{flow}"]["stopped_at_s"]
+        if not series:
+            stopped = replay["stopped_at_s"]
             caption += f" (the replayed OLOC stops at {stopped:.1f} s and is not shown)"
         save(number, caption, _tidy(figure, axes))
         number += 1
