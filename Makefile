@@ -3,7 +3,7 @@ VENV ?= .venv
 PYTHON ?= python3
 BIN = $(VENV)/bin
 
-.PHONY: run test cases lint clean
+.PHONY: run test cases bench lint clean
 
 run: $(VENV)/.installed
 	$(BIN)/hkt run cases/sine_limited_quadratic.yaml --out results/sine_limited_quadratic --force
@@ -28,3 +28,12 @@ $(VENV)/.installed: pyproject.toml
 
 clean:
 	rm -rf $(VENV) build results *.egg-info
+
+# speed and growth, against CCBlade, CasADi and SciPy; writes docs/performance.md (about ten minutes)
+bench: export OPENBLAS_NUM_THREADS = 1
+bench: $(VENV)/.installed
+	$(BIN)/pip install --quiet --editable '.[dev]'
+	mkdir -p results
+	$(BIN)/python -m pytest tests/benchmarks --override-ini addopts= -q \
+	    --benchmark-columns=median,iqr,rounds --benchmark-json=results/benchmarks.json; \
+	status=$$?; $(BIN)/python tests/benchmarks/report.py results/benchmarks.json; exit $$status

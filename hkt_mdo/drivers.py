@@ -16,11 +16,12 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import openmdao.api as om
-from openmdao.core.driver import Driver, RecordingDebugging
+from openmdao.core.driver import Driver, DriverResult, RecordingDebugging
+from scipy.sparse import csc_matrix, csr_matrix
 
 from hkt_mdo.errors import InputError
 
@@ -92,7 +93,7 @@ def make_driver(
     tolerance: float = 1e-7,
     max_iterations: int = 1000,
     *,
-    hessian_memory: int = 20,
+    hessian_memory: int = 60,
     ipopt_options: dict[str, str | int | float] | None = None,
     print_file: str | Path | None = None,
     progress: Progress | None = None,
@@ -227,6 +228,7 @@ class _ReportingDriver(Driver):
     package = ""
     iterations = 0
     _message = "not run"
+    _sparse: Any = None
 
     @property
     def model_evaluations(self) -> int:
@@ -260,6 +262,22 @@ class _ReportingDriver(Driver):
             scaler = meta["total_scaler"]
             if meta.get("equals") is None and scaler is not None and np.any(np.less(scaler, 0.0)):
                 raise ValueError(f"{name}: a negative ref or scaler would swap its bounds")
+
+    def _prepare_totals(self, responses: Sequence[str]) -> None:
+        """Ask the model whether it knows its totals to be sparse; if so, no coloring is needed."""
+        solver, self._sparse = self._problem().model.linear_solver, None
+        if hasattr(solver, "totals"):
+            try:
+                self._sparse = solver.totals(self, responses)
+            except (NotImplementedError, AttributeError):
+                # a part that is not explicit, or an OpenMDAO with other insides: its own way
+                return
+            self._coloring_info.deactivate()
+
+    @DriverResult.track_stats(kind="deriv")
+    def _compute_sparse(self) -> csr_matrix:
+        """Return the totals of all responses, scaled."""
+        return self._sparse.compute()
 
     def _report(self, count: int) -> None:
         """Tell `progress` the state of the model as it stands."""
@@ -325,6 +343,9 @@ class _ScipyDriver(_ReportEachEvaluation, om.ScipyOptimizeDriver):
     def run(self) -> bool:
         """Optimize and return whether that failed."""
         self._message = "stopped by an error"
+        nonlinear = [name for name, meta in self._cons.items() if not meta["linear"]]
+        self._rows = [*self._objs, *nonlinear]
+        self._prepare_totals(self._rows)
         super().run()
         result = self._scipy_optimize_result
         self.iterations = result.nit
@@ -332,6 +353,11 @@ class _ScipyDriver(_ReportEachEvaluation, om.ScipyOptimizeDriver):
         if self._exc_info is not None:
             self._reraise()
         return self._judge(result.success, result.message)
+
+    def _compute_totals(self, of=None, wrt=None, return_format="array", driver_scaling=True):
+        if self._sparse is not None and of == self._rows:
+            return self._compute_sparse().toarray()
+        return super()._compute_totals(of, wrt, return_format, driver_scaling)
 
 
 class _PyOptSparseDriver(_ReportEachEvaluation, om.pyOptSparseDriver):
@@ -425,6 +451,7 @@ class CasadiIpoptDriver(_ReportingDriver):
         self.iter_count = self.iterations = 0
         self._message, self._error = "stopped by an error", None
         self._total_jac = self._total_jac_linear = None
+        self._prepare_totals([*self._objs, *self._cons])
         self._design = self._gradient_design = np.zeros(0)
         self._check_for_missing_objective()
         self._check_for_invalid_desvar_values()
@@ -452,10 +479,8 @@ class CasadiIpoptDriver(_ReportingDriver):
         lower, upper = self._bounds("design_var", self.get_design_var_values())
         lower_g, upper_g = self._bounds("constraint", self.get_constraint_values())
         pattern = self._prepare_jacobian(start.size)
-        columns, rows = pattern.T.nonzero()  # column by column, as CasADi stores them
-        jacobian = casadi.Sparsity.triplet(
-            lower_g.size, start.size, rows.tolist(), columns.tolist()
-        )
+        starts, rows = pattern.indptr.tolist(), pattern.indices.tolist()
+        jacobian = casadi.Sparsity(lower_g.size, start.size, starts, rows)
         x, f, p = casadi.Sparsity.dense(start.size), casadi.Sparsity.dense(1), casadi.Sparsity(0, 0)
         g = casadi.Sparsity.dense(lower_g.size)
 
@@ -466,8 +491,7 @@ class CasadiIpoptDriver(_ReportingDriver):
             return self._evaluate(point)[0], self._differentiate(point)[0]
 
         def constraint_jacobian(point, _):
-            entries = self._differentiate(point)[1][rows, columns]
-            return self._evaluate(point)[1], casadi.DM(jacobian, entries)
+            return self._evaluate(point)[1], casadi.DM(jacobian, self._differentiate(point)[1])
 
         def iteration(*_):
             return (self._count_iteration(),)
@@ -489,8 +513,16 @@ class CasadiIpoptDriver(_ReportingDriver):
         solution = solver(x0=start, lbx=lower, ubx=upper, lbg=lower_g, ubg=upper_g)
         return np.array(solution["x"]).ravel(), solver.stats()
 
-    def _prepare_jacobian(self, size: int) -> np.ndarray:
-        """Fill in the linear constraints' derivatives and return where any may differ from zero."""
+    def _prepare_jacobian(self, size: int) -> csc_matrix:
+        """Return where the constraints' derivatives may differ from zero, column by column.
+
+        Without sparse totals, those of the linear constraints are filled in for good.
+        """
+        if self._sparse is not None:
+            places = self._sparse.pattern[1:]  # 0: the objective
+            places.data = np.arange(self._sparse.pattern.indptr[1], self._sparse.pattern.nnz)
+            self._pattern = places.tocsc()  # its data: places in the totals' data
+            return self._pattern
         values = self.get_constraint_values()
         linear = [name for name in values if self._cons[name]["linear"]]
         is_linear = np.concatenate(
@@ -505,8 +537,9 @@ class CasadiIpoptDriver(_ReportingDriver):
             pattern[is_linear] = totals != 0.0
         coloring = self._coloring_info.coloring
         if coloring is not None:
-            pattern[self._nonlinear_rows] = coloring.get_dense_sparsity()[1:]  # 0: the objective
-        return pattern
+            pattern[self._nonlinear_rows] = coloring.get_dense_sparsity()[1:]
+        self._pattern = csc_matrix(pattern)
+        return self._pattern
 
     def _evaluate(self, point: np.ndarray) -> tuple[float, np.ndarray]:
         """Return objective and constraints at a scaled design, running the model if it is new."""
@@ -540,28 +573,36 @@ class CasadiIpoptDriver(_ReportingDriver):
         return objective, constraints
 
     def _differentiate(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return gradient and constraint Jacobian at a scaled design, reusing those last found."""
+        """Return gradient and constraint derivatives at a scaled design, reusing those last found.
+
+        The latter at the places of the pattern, column by column.
+        """
         objective, _ = self._evaluate(point)
         if not np.array_equal(point, self._gradient_design):
             self._gradient_design = point.copy()
-            gradient = np.full(point.size, np.nan)
+            self._gradient = np.full(point.size, np.nan)
+            self._entries = np.full(self._pattern.nnz, np.nan)
             try:
                 if np.isfinite(objective):
-                    totals = self._compute_totals(
-                        self._get_ordered_nl_responses(),
-                        list(self._designvars),
-                        self._total_jac_format,
-                    )
-                    gradient = totals[0].copy()
-                    self._jacobian[self._nonlinear_rows] = totals[1:]
+                    self._gradient, self._entries = self._differentiate_model()
             except om.AnalysisError:
                 self._problem().model._clear_iprint()
             except BaseException as error:  # as in _evaluate
                 self._error = error
-            self._gradient = gradient
         if self._error is not None:
-            return np.full(point.size, np.nan), self._jacobian
-        return self._gradient, self._jacobian
+            return np.full(point.size, np.nan), self._entries
+        return self._gradient, self._entries
+
+    def _differentiate_model(self) -> tuple[np.ndarray, np.ndarray]:
+        if self._sparse is not None:
+            totals = self._compute_sparse()
+            return totals[0].toarray().ravel(), totals.data[self._pattern.data]
+        totals = self._compute_totals(
+            self._get_ordered_nl_responses(), list(self._designvars), self._total_jac_format
+        )
+        self._jacobian[self._nonlinear_rows] = totals[1:]
+        rows, columns = self._pattern.tocoo().coords
+        return totals[0].copy(), self._jacobian[rows, columns]
 
     def _count_iteration(self) -> int:
         """Report an iteration and return whether IPOPT must stop."""

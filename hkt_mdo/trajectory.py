@@ -9,6 +9,7 @@ from dymos.utils.lgl import lgl
 from dymos.utils.lgr import lgr
 
 from hkt_mdo.dynamics.rotor_ode import RotorODE
+from hkt_mdo.dynamics.totals import Substitution
 
 
 @dataclass(frozen=True)
@@ -143,6 +144,7 @@ def add_trajectory(
     trajectory = dm.Trajectory()
     trajectory.add_phase("phase", phase)
     model.add_subsystem("traj", trajectory)
+    model.linear_solver = Substitution()
     phase.set_time_options(fix_initial=True, fix_duration=True, units="s", targets=["time"])
     for name, units in parameters.items():
         phase.add_parameter(name, opt=False, units=units, static_targets=True)

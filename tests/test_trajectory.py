@@ -89,3 +89,16 @@ def test_the_start_is_nearly_feasible(name):
         if "control_torque" not in key
     }
     assert max(violations.values()) < 0.05, violations
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_sparse_totals_are_openmdaos_own(name):
+    """Substitution in the sparse Jacobian gives what OpenMDAO's linear solves give."""
+    problem, _ = coarse(VARIANTS[name])
+    driver = problem.driver
+    problem.final_setup()
+    driver._coloring_info.deactivate()
+    sparse = problem.model.linear_solver.totals(driver, [*driver._objs, *driver._cons])
+    own = driver._compute_totals(return_format="array")
+    found = sparse.compute().toarray()
+    np.testing.assert_allclose(found, own, rtol=1e-10, atol=1e-12 * np.max(np.abs(own)))

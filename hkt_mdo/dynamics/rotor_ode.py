@@ -122,14 +122,9 @@ class HydrodynamicsComp(om.ExplicitComponent):
         """Return Cq, dCq/dtsr and matrices dCq/dinput by name, derivatives when asked for."""
         spline = self.options["spline"]
         if spline is not None:
-            table, basis = inputs["torque_coefficient_table"], spline.basis(ratio)
-            if not derivatives:
-                return basis @ table, None, {}
-            return (
-                basis @ table,
-                spline.basis(ratio, 1) @ table,
-                {"torque_coefficient_table": basis},
-            )
+            value, slope = spline.values(inputs["torque_coefficient_table"], ratio)
+            by = {"torque_coefficient_table": spline.basis(ratio)} if derivatives else {}
+            return value, slope, by
         blade = self.options["blade"].with_shape(inputs["chord"], inputs["twist"])
         found = self.options["coefficients"](blade, self.options["polar"], ratio, derivatives)
         return (

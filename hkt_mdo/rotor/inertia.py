@@ -3,6 +3,9 @@
 import numpy as np
 import openmdao.api as om
 
+# Three points are exact for (linear chord)² r², a quartic.
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+
 
 def mass_and_inertia(
     r, chord, hub_radius, tip_radius, blade_count, section_area, density, hub_inertia=0.0
@@ -34,12 +37,10 @@ def mass_and_inertia(
     carried = np.concatenate((chord[:1], chord, chord[-1:]))
     inner, width = edges[:-1], np.diff(edges)
     c0, rise = carried[:-1], np.diff(carried)
-    # Gauss-Legendre with three points is exact for (linear chord)² * r², a quartic.
-    points, weights = np.polynomial.legendre.leggauss(3)
-    share = 0.5 * (points + 1.0)[:, None]
+    share = 0.5 * (_POINTS + 1.0)[:, None]
     local_r = inner + share * width
     local_c = c0 + share * rise
-    area = weights[:, None] * 0.5 * width * blade_count * density * section_area
+    area = _WEIGHTS[:, None] * 0.5 * width * blade_count * density * section_area
     mass = np.sum(area * local_c**2)
     inertia = np.sum(area * local_c**2 * local_r**2) + hub_inertia
 

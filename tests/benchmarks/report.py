@@ -11,9 +11,9 @@ from pathlib import Path
 
 HEAD = """# Performance
 
-Written by `make bench` from its own measurements; do not edit. Ratios come first: they hold on any machine. Both sides of
-each were measured in turns within one run, and are medians. Every benchmark also checks the values that it compares
-(`tests/benchmarks/`).
+Written by `make bench` from its own measurements; do not edit. Ratios come first: they hold on any
+machine. Both sides of each were measured in turns within one run, and are medians. Every benchmark
+also checks the values that it compares (`tests/benchmarks/`).
 """
 
 
@@ -40,15 +40,17 @@ def whole_case(found):
         )
         for what, of in (("optimization", inside), ("process", process))
     ]
+    energies = inside["energies"]
     return f"""
 ## The whole case
 
-`sine_limited_quadratic` with each `hydrodynamics.bem`; the process is `hkt run --no-figures` from a cold start, its check by
-the same BEM.
+`sine_limited_quadratic` with each `hydrodynamics.bem`; the process is `hkt run --no-figures` from
+a cold start, its check by the same BEM.
 
 {table(("", "times faster", "CCBlade", "vectorized"), rows)}
-BEM takes {100 * share["vectorized"]:.1f} % of the optimization ({100 * share["ccblade"]:.0f} % with CCBlade). Both find
-{inside["energies"]["vectorized"]:.1f} J; the energies differ by {inside["energies"]["vectorized"] / inside["energies"]["ccblade"] - 1:.0e}.
+BEM takes {100 * share["vectorized"]:.1f} % of the optimization ({100 * share["ccblade"]:.0f} %
+with CCBlade). Both find {energies["vectorized"]:.1f} J; the energies differ by
+{abs(energies["vectorized"] / energies["ccblade"] - 1):.0e}.
 
 Start-up: {", ".join(f"`{name}` {seconds(value)}" for name, value in start.items())}.
 """
@@ -60,15 +62,17 @@ def iteration(found):
     text = f"""
 ## One NLP iteration
 
-Model and totals at 60 segments, over the same phase with a straight line for its hydrodynamics and a fixed blade:
-**{times["this"] / times["bare"]:.1f} times** ({seconds(times["this"])} against {seconds(times["bare"])}). With OpenMDAO's colored
-linear solves instead of substitution in the sparse Jacobian (`hkt_mdo/dynamics/totals.py`) it would be
-{times["openmdao"] / times["bare"]:.1f} times ({seconds(times["openmdao"])}), and a coloring would come first.
+Model and totals at 60 segments, over the same phase with a straight line for its hydrodynamics and
+a fixed blade: **{times["this"] / times["bare"]:.1f} times** ({seconds(times["this"])} against
+{seconds(times["bare"])}). With OpenMDAO's colored linear solves instead of substitution in the
+sparse Jacobian (`hkt_mdo/dynamics/totals.py`) it would be {times["openmdao"] / times["bare"]:.1f}
+times ({seconds(times["openmdao"])}), and a coloring would come first.
 
 ## Growth
 
-A second a segment. *evaluation*: model and totals; *iteration*: the mean of IPOPT's first twelve, line searches and its linear algebra included;
-*memory*: what the problem added to the process at its peak. The growth exponent is that of the evaluation over the last step of each table.
+A second a segment. *evaluation*: model and totals; *iteration*: the mean of IPOPT's first twelve,
+line searches and its own algebra included; *memory*: the process at its peak, imports included.
+The exponent is that of the evaluation over the last step of each table.
 
 ![Growth](images/growth.png)
 """
@@ -77,9 +81,7 @@ A second a segment. *evaluation*: model and totals; *iteration*: the mean of IPO
         rows = [
             (
                 row[what],
-                seconds(row["evaluation"]),
-                seconds(row["iteration"]),
-                seconds(row["setup"]),
+                *(seconds(row[name]) for name in ("evaluation", "iteration", "setup")),
                 f"{row['memory_MB']:.0f} MB",
                 row["nonzeros"],
             )
@@ -87,18 +89,14 @@ A second a segment. *evaluation*: model and totals; *iteration*: the mean of IPO
         ]
         header = (what, "evaluation", "iteration", "set-up", "memory", "nonzeros of the totals")
         text += f"\n{table(header, rows)}\nExponent {of['slope']:.2f}.\n"
-    return (
-        text
-        + """
-Set-up and its memory grow faster than linearly at thousands of segments: Dymos assembles its interpolation matrices dense before it takes
-their nonzeros. This happens once, not in an iteration.
+    return f"""{text}
+Set-up and its memory grow faster than linearly at thousands of segments: Dymos assembles its
+interpolation matrices dense before it takes their nonzeros. That is once, not in an iteration.
 """
-    )
 
 
 def direct(found):
     """Return the section on direct BEM against the torque curve."""
-    rows = found["test_direct_and_curve_agree"]["rows"]
     lines = [
         (
             row["case"],
@@ -107,69 +105,67 @@ def direct(found):
             *(seconds(value) for value in row["seconds"]),
             " / ".join("yes" if good else "no" for good in row["success"]),
         )
-        for row in rows
+        for row in found["test_direct_and_curve_agree"]["rows"]
     ]
     header = ("case", "curve / J", "direct differs by", "curve", "direct", "success of each")
     return f"""
 ## Torque curve or BEM at every node
 
-`hydrodynamics.torque: curve` (the default) and `direct`, simulated energies; whole runs, two at a time.
+`hydrodynamics.torque: curve` (the default) and `direct`, simulated energies; whole runs, several
+at a time.
 
 {table(header, lines)}"""
 
 
 def peers(found):
     """Return the section on what else one might use."""
-    rows, ratios = [], {}
+    rows, ratios = [], []
     for name, of in found.items():
         if not name.startswith("test_the_same_optimum"):
             continue
-        segments = name.partition("[")[2].rstrip("]")
-        best = of["rows"]["CasADi"]
-        ratios[segments] = of["rows"]["hkt_mdo"][2] / best[2]
+        segments, best = within_brackets(name), of["rows"]["CasADi"]
+        ratios.append(f"{of['rows']['hkt_mdo'][2] / best[2]:.0f} at {segments}")
         for method, (energy, count, time) in of["rows"].items():
-            rows.append(
-                (
-                    segments,
-                    method,
-                    f"{energy:.2f}",
-                    f"{energy / best[0] - 1:+.0e}",
-                    count,
-                    seconds(time),
-                )
-            )
+            over = f"{energy / best[0] - 1:+.0e}"
+            rows.append((segments, method, f"{energy:.2f}", over, count, seconds(time)))
     crossing = []
     for name, of in found.items():
         if name.startswith("test_slsqp"):
-            line = [name.partition("[")[2].rstrip("]")]
+            line = [within_brackets(name)]
             for optimizer in ("IPOPT", "SLSQP"):
                 energy, count, time, good = of["rows"][optimizer]
-                line += [
-                    f"{energy:.1f}",
-                    f"{count}{'' if good else ' (no success)'}",
-                    seconds(time),
-                ]
+                line += [f"{energy:.1f}", f"{count}{'' if good else ' (failed)'}", seconds(time)]
             crossing.append(line)
-    said = ", ".join(f"{ratio:.0f} at {segments}" for segments, ratio in ratios.items())
+    smallest = found["test_the_same_optimum[30]"]["rows"]
     header = ("segments", "IPOPT / J", "iterations", "time", "SLSQP / J", "iterations", "time")
     return f"""
 ## Peers
 
-Open loop at a fixed blade, 700 N m, the same torque curve, from a constant tip speed ratio a fifth above the best. CasADi: rotor
-speed as the unknown, torque by inverse dynamics, the same quadratic pieces, IPOPT with exact Hessians. Shooting: SciPy's SLSQP over 21 knots of
-torque with LSODA inside and finite differences. Times include building the problem.
+Open loop at a fixed blade, 700 N m, the same torque curve, from a constant tip speed ratio a fifth
+above the best. CasADi: rotor speed as the unknown, torque by inverse dynamics, the same quadratic
+pieces, IPOPT with exact Hessians. Shooting: SciPy's SLSQP over 21 knots of torque with LSODA inside
+and finite differences. Times include building the problem.
 
 {table(("segments", "method", "energy / J", "over CasADi", "iterations", "time"), rows)}
-**CasADi wins this problem**: this package needs {said} segments times as long. Exact Hessians do not save many iterations here; the time goes into
-OpenMDAO's passes through its components, a fixed cost of milliseconds an evaluation that CasADi's compiled graph does not have. If the blade is
-fixed, use CasADi. What it does not have is the blade: BEM, its derivatives, and the judges. Shooting is
-{found["test_the_same_optimum[30]"]["rows"]["shooting"][2] / found["test_the_same_optimum[30]"]["rows"]["hkt_mdo"][2]:.0f} times slower than this package on the smallest problem; it integrates
-the rotor's time constant of hundredths of a second once a torque knot for every gradient, and its coarser torque captures a little less.
+**CasADi wins this problem.** This package takes longer by a factor of
+{", ".join(ratios)} segments. It needs no more iterations; the time goes into OpenMDAO's
+set-up and its passes through the components, milliseconds an evaluation that a compiled graph does
+not have. Where the blade is fixed, CasADi is the better tool. What it lacks is the blade: BEM with
+its derivatives, and the judges.
 
-SLSQP's own algebra is dense and grows with the cube of the segments. On quadratic feedback with the blade optimized:
+Shooting takes {smallest["shooting"][2] / smallest["hkt_mdo"][2]:.0f} times as long as this package
+on the smallest problem: for every gradient it integrates a time constant of hundredths of a second
+once a knot. Its coarser torque captures a little less.
 
-{table(header, crossing)}
-"""
+SLSQP's algebra is dense and grows with the cube of the segments: it needs fewer iterations and wins
+small problems, IPOPT large ones. Optimizations alone, quadratic feedback, blade optimized:
+
+{table(header, crossing)}"""
+
+
+def within_brackets(name):
+    """Return the parameters of a test's name."""
+    return name.partition("[")[2].rstrip("]")
 
 
 def figure(found, path):
@@ -192,7 +188,7 @@ def figure(found, path):
         ax.set_xticks(sizes, [str(n) for n in sizes])
         ax.minorticks_off()
     ax.legend(frameon=False, fontsize="small")
-    path.parent.mkdir(exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
     sheet.savefig(path, dpi=150)
 
 
@@ -200,23 +196,22 @@ def main(source, docs):
     """Write the document and the figure."""
     data = json.loads(Path(source).read_text(encoding="utf-8"))
     found = {each["name"]: each["extra_info"] for each in data["benchmarks"]}
-    stack = ", ".join(
-        f"{name} {version(name)}"
-        for name in ("openmdao", "dymos", "numpy", "scipy", "numba", "casadi")
-    )
+    packages = ("openmdao", "dymos", "numpy", "scipy", "numba", "casadi")
     text = HEAD + whole_case(found) + iteration(found) + direct(found) + peers(found)
-    bem = {name: info for name, info in found.items() if "times_faster_than_ccblade" in info}
-    if bem:
-        rows = [
-            (name.partition("[")[2].rstrip("]"), info["times_faster_than_ccblade"])
-            for name, info in bem.items()
-        ]
-        text += "\n## BEM alone\n\n" + table(
-            ("points x stations", "times faster than CCBlade"), rows
-        )
+    rows = [
+        (within_brackets(name), info["times_faster_than_ccblade"])
+        for name, info in found.items()
+        if "times_faster_than_ccblade" in info
+    ]
+    if rows:
+        header = ("points x stations", "times faster than CCBlade")
+        text += f"\n## BEM alone\n\n{table(header, rows)}"
     cpu = data["machine_info"].get("cpu", {})
-    text += f"\nMeasured with Python {platform.python_version()}, {stack}, on {cpu.get('count', '?')} cores of "
-    text += f"{cpu.get('brand_raw', 'an unnamed processor')}.\n"
+    text += (
+        f"\nMeasured with Python {platform.python_version()}, "
+        f"{', '.join(f'{name} {version(name)}' for name in packages)}, "
+        f"on {cpu.get('count', '?')} cores of {cpu.get('brand_raw', 'an unnamed processor')}.\n"
+    )
     (docs / "performance.md").write_text(text, encoding="utf-8")
     figure(found, docs / "images" / "growth.png")
 

@@ -1,0 +1,201 @@
+"""Sparse total derivatives of a model of explicit components.
+
+OpenMDAO finds totals by one linear solve a color, through all components in Python, into a dense
+matrix; and the colors by solving three times for every design variable. Here both cost what the
+nonzeros cost, so that an optimization grows in proportion to the segments of its phase.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import openmdao.api as om
+from numba import njit
+from openmdao.core.driver import Driver
+from openmdao.jacobians import jacobian as om_jacobian
+from scipy.sparse import csr_matrix
+
+
+class Substitution(om.LinearRunOnce):
+    """OpenMDAO's own linear solver for groups of explicit components, which can do more.
+
+    A driver that knows of it asks for `totals` instead of solving and coloring.
+    """
+
+    def totals(self, driver: Driver, responses: Sequence[str]) -> "SparseTotals":
+        """Return the totals of a driver's responses by its design variables; see `SparseTotals`."""
+        return SparseTotals(driver, responses)
+
+
+class SparseTotals:
+    """Total derivatives of a model of explicit components, by substitution in its sparse Jacobian.
+
+    Such a model is a list of assignments y_i = f_i(y_j, j < i), so its totals follow row by row,
+
+        dy_i/dx = sum over j of (df_i/dy_j) (dy_j/dx),
+
+    over the nonzeros alone: time and memory are in proportion to them, and where they are is known
+    before anything has run. OpenMDAO's own totals are dense, take a linear solve a color, and its
+    coloring takes three a design variable.
+
+    Parameters
+    ----------
+    driver : Driver
+        After final setup.
+    responses : sequence of str
+        Names of the driver's responses, in the order of the rows.
+
+    Attributes
+    ----------
+    pattern : csr_matrix, shape (n_responses, n_design)
+        Ones where a total may differ from zero.
+
+    Raises
+    ------
+    NotImplementedError
+        Where the model has parts that are not explicit, or that depend on each other in a circle.
+    """
+
+    def __init__(self, driver: Driver, responses: Sequence[str]) -> None:
+        self._model = model = driver._problem().model
+        parts = list(model.system_iter(include_self=True, recurse=True))
+        if any(
+            part._owns_approx_jac if isinstance(part, om.Group) else
+            part.matrix_free or isinstance(part, om.ImplicitComponent)
+            for part in parts
+        ):  # fmt: skip
+            raise NotImplementedError("not all parts of the model are explicit")
+        self._jacobian = om_jacobian.CSRJacobian(model)
+        partials = self._partials()
+
+        design = list(driver._designvars.items())
+        wanted = [(name, driver._responses[name]) for name in responses]
+        seeds, rows = self._places(design), self._places(wanted)
+        is_seed = np.zeros(partials.shape[0], bool)
+        is_seed[seeds] = True
+        chain = partials.indptr, partials.indices
+        order, is_chain = _evaluation_order(rows, is_seed, *chain)
+        if not is_chain:
+            raise NotImplementedError("parts of the model depend on each other in a circle")
+        self._structure = order, *chain, *_total_pattern(order, seeds, *chain)
+
+        *_, first, last, columns = self._structure
+        ends = np.concatenate(([0], np.cumsum(last[rows] - first[rows])))
+        self._chosen = np.concatenate(
+            [np.zeros(0, int), *(np.arange(first[row], last[row]) for row in rows)]
+        )
+        self.pattern = csr_matrix(
+            (np.ones(ends[-1]), columns[self._chosen], ends), (rows.size, seeds.size)
+        )
+        by_row, by_column = self._scalers(driver, wanted), self._scalers(driver, design)
+        self._scalers_of_entries = (
+            np.repeat(by_row, np.diff(ends)) / by_column[self.pattern.indices]
+        )
+
+    def compute(self) -> csr_matrix:
+        """Return the totals, scaled for the optimizer, at the model's present state."""
+        self._model.run_linearize(sub_do_ln=False)
+        self._jacobian._update(self._model)
+        order, indptr, indices, first, last, columns = self._structure
+        found = _substitute(order, indptr, indices, self._partials().data, first, last, columns)
+        totals = self.pattern.copy()
+        totals.data = found[self._chosen] * self._scalers_of_entries
+        return totals
+
+    def _partials(self) -> csr_matrix:
+        return self._jacobian.get_dr_do_matrix()
+
+    def _places(self, variables: list) -> np.ndarray:
+        """Return the places of variables' elements in the model's vector of outputs."""
+        found = [np.zeros(0, int)]
+        for _, meta in variables:
+            start, stop = self._model._outputs.get_range(meta["source"])
+            indices = meta["indices"]
+            everywhere = np.arange(start, stop)
+            found.append(everywhere if indices is None else everywhere[indices.flat()])
+        return np.concatenate(found)
+
+    @staticmethod
+    def _scalers(driver: Driver, variables: list) -> np.ndarray:
+        """Return what each element of variables is multiplied by for the optimizer."""
+        declared = driver._autoscaler._var_meta
+        found = [np.zeros(0)]
+        for name, meta in variables:
+            scaler = next(kind[name]["total_scaler"] for kind in declared.values() if name in kind)
+            units = meta.get("unit_scaler")
+            ones = np.ones(meta["size"])
+            found.append(ones * (1.0 if scaler is None else scaler) * (units or 1.0))
+        return np.concatenate(found)
+
+
+@njit(cache=True)
+def _evaluation_order(wanted, is_seed, indptr, indices):
+    """Return what rows depend on, each after all that it depends on, and whether that can be.
+
+    It cannot where rows depend on each other in a circle. The diagonal does not count.
+    """
+    unseen, open_, done = 0, 1, 2
+    state = np.where(is_seed, done, unseen)
+    following = indptr[:-1].copy()
+    order, stack = np.empty(state.size, np.int64), np.empty(state.size, np.int64)
+    count = 0
+    for root in wanted:
+        depth = 0
+        if state[root] == unseen:
+            stack[0], state[root], depth = root, open_, 1
+        while depth > 0:
+            row = stack[depth - 1]
+            if following[row] == indptr[row + 1]:
+                state[row], order[count] = done, row
+                count += 1
+                depth -= 1
+                continue
+            source = indices[following[row]]
+            following[row] += 1
+            if source != row and state[source] == open_:
+                return order[:0], False
+            if state[source] == unseen:
+                stack[depth], state[source] = source, open_
+                depth += 1
+    return order[:count].copy(), True
+
+
+@njit(cache=True)
+def _total_pattern(order, seeds, indptr, indices):
+    """Return where totals may differ from zero: row i by the seeds columns[first[i] : last[i]]."""
+    first, last = np.zeros(indptr.size - 1, np.int64), np.zeros(indptr.size - 1, np.int64)
+    columns, met = np.arange(seeds.size), np.full(seeds.size, -1)
+    first[seeds], last[seeds] = columns, columns + 1
+    count = seeds.size
+    for row in order:
+        first[row] = count
+        for entry in range(indptr[row], indptr[row + 1]):
+            source = indices[entry]
+            if source == row:
+                continue
+            for place in range(first[source], last[source]):
+                column = columns[place]
+                if met[column] != row:
+                    met[column] = row
+                    if count == columns.size:
+                        columns = np.concatenate((columns, np.empty_like(columns)))
+                    columns[count] = column
+                    count += 1
+        last[row] = count
+        columns[first[row] : count].sort()
+    return first, last, columns[:count].copy()
+
+
+@njit(cache=True)
+def _substitute(order, indptr, indices, partials, first, last, columns):
+    """Return the totals at the places of `_total_pattern`."""
+    totals, sums = np.ones(columns.size), np.zeros(columns.size)
+    for row in order:
+        for entry in range(indptr[row], indptr[row + 1]):
+            source, partial = indices[entry], partials[entry]
+            if source != row:
+                for place in range(first[source], last[source]):
+                    sums[columns[place]] += partial * totals[place]
+        for place in range(first[row], last[row]):
+            totals[place] = sums[columns[place]]
+            sums[columns[place]] = 0.0
+    return totals
