@@ -9,7 +9,7 @@ from dymos.utils.lgl import lgl
 from dymos.utils.lgr import lgr
 
 from hkt_mdo.dynamics.rotor_ode import RotorODE
-from hkt_mdo.dynamics.totals import Substitution
+from hkt_mdo.totals import Substitution
 
 
 @dataclass(frozen=True)

@@ -65,7 +65,7 @@ def iteration(found):
 Model and totals at 60 segments, over the same phase with a straight line for its hydrodynamics and
 a fixed blade: **{times["this"] / times["bare"]:.1f} times** ({seconds(times["this"])} against
 {seconds(times["bare"])}). With OpenMDAO's colored linear solves instead of substitution in the
-sparse Jacobian (`hkt_mdo/dynamics/totals.py`) it would be {times["openmdao"] / times["bare"]:.1f}
+sparse Jacobian (`hkt_mdo/totals.py`) it would be {times["openmdao"] / times["bare"]:.1f}
 times ({seconds(times["openmdao"])}), and a coloring would come first.
 
 ## Growth
