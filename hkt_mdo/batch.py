@@ -2,6 +2,8 @@
 
 import json
 import os
+import signal
+import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from importlib.metadata import version
@@ -18,6 +20,7 @@ def run_batch(
     jobs: int | None = None,
     done: Callable[[Path, str], None] | None = None,
     figures: bool = False,
+    records: bool = True,
 ) -> dict[Path, Solution | None]:
     """Run every case into its folder and return the solutions.
 
@@ -33,6 +36,8 @@ def run_batch(
         error.
     figures : bool
         Whether to draw each result's figures.
+    records : bool
+        Whether to keep each run's databases and N2 diagram, some megabytes a run.
 
     Returns
     -------
@@ -52,10 +57,12 @@ def run_batch(
             report(folder, "reused")
         else:
             waiting[folder] = case
+    main = threading.current_thread() is threading.main_thread()
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler) if main else None
     # spawn: a forked child would share OpenMDAO's and numba's state with its parent
     with ProcessPoolExecutor(jobs or os.cpu_count(), mp_context=get_context("spawn")) as pool:
         futures = {
-            pool.submit(_run_one, case.to_yaml(), str(folder), figures): folder
+            pool.submit(_run_one, case.to_yaml(), str(folder), figures, records): folder
             for folder, case in waiting.items()
         }
         try:
@@ -66,11 +73,17 @@ def run_batch(
                 except InputError as error:
                     report(folder, str(error))
                     continue
+                except Exception as error:  # one broken run must not end the others
+                    report(folder, f"{type(error).__name__}: {error}")
+                    continue
                 found[folder] = Solution.load(folder)
                 report(folder, "ok" if found[folder].success else "failed")
-        except KeyboardInterrupt:
+        except KeyboardInterrupt:  # or SIGTERM: processes without a parent would wait for ever
             pool.shutdown(wait=False, cancel_futures=True)
             raise
+        finally:
+            if main:
+                signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
     return found
 
 
@@ -86,7 +99,7 @@ def is_finished(folder: Path, case: Case) -> bool:
     return stored == case and summary.get("versions", {}).get("hkt_mdo") == version("hkt_mdo")
 
 
-def _run_one(text: str, folder: str, figures: bool) -> None:
+def _run_one(text: str, folder: str, figures: bool, records: bool) -> None:
     """Run a case in a process of its own."""
     # the cores are shared out by processes already
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -96,4 +109,4 @@ def _run_one(text: str, folder: str, figures: bool) -> None:
     warnings.filterwarnings("ignore")
     from hkt_mdo.run import run_case
 
-    run_case(read_case(text), Path(folder), force=True, figures=figures)
+    run_case(read_case(text), Path(folder), force=True, figures=figures, records=records)

@@ -100,7 +100,14 @@ def _hkt(
     f"overrides the file.\n\n{_EXIT_CODES}",
 )
 def run(
-    case: _Case,
+    case: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="CASE",
+            help="Case file in YAML, such as cases/sine_quadratic.yaml; see hkt schema.",
+            show_default=False,
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -113,6 +120,15 @@ def run(
     force: Annotated[
         bool, typer.Option("--force", help="Replace an earlier result in the folder.")
     ] = False,
+    resume: Annotated[
+        Path | None,
+        typer.Option(
+            "--resume",
+            metavar="DIR",
+            help="In place of CASE: go on with the interrupted or failed run in this result folder "
+            "from its last recorded iterate.",
+        ),
+    ] = None,
     optimizer: Annotated[
         str | None,
         typer.Option(
@@ -152,8 +168,16 @@ def run(
 
     given = {"driver.optimizer": optimizer, "driver.package": package, "phase.segments": segments}
     settings = [f"{key}={value}" for key, value in given.items() if value is not None]
-    loaded = load_case(case, [*(overrides or ()), *settings])
-    folder = Path("results") / loaded.name if out is None else out
+    changes = [*(overrides or ()), *settings]
+    if resume is not None:
+        if case is not None or changes or out is not None or force:
+            raise typer.BadParameter("--resume goes on with a run as it is: give nothing else")
+        loaded = load_case(resume / "case.yaml")
+    elif case is not None:
+        loaded = load_case(case, changes)
+    else:
+        raise typer.BadParameter("give a CASE, or --resume DIR")
+    folder = resume or out or Path("results") / loaded.name
 
     from rich.console import Console
 
@@ -161,11 +185,16 @@ def run(
     before = _stamp(folder)
     try:
         with _progress(console, loaded.name) as progress:
-            from hkt_mdo.run import run_case
+            if resume is not None:
+                from hkt_mdo.run import resume_case
 
-            solution = run_case(
-                loaded, folder, force=force, progress=progress, figures=not no_figures
-            )
+                solution = resume_case(folder, progress=progress, figures=not no_figures)
+            else:
+                from hkt_mdo.run import run_case
+
+                solution = run_case(
+                    loaded, folder, force=force, progress=progress, figures=not no_figures
+                )
     except KeyboardInterrupt:
         _complain("interrupted", _saved(folder, before))
         raise typer.Exit(INTERRUPTED) from None
@@ -262,6 +291,272 @@ def show(result: _Result) -> None:
     from hkt_mdo.results import Solution
 
     _print_table(Console(highlight=False), Solution.load(result))
+
+
+@app.command(
+    short_help="Simulate a result in another flow, with sensor noise.",
+    help="Simulate a finished result, blade and controller held, in another flow with direct BEM. "
+    "Open loop replays its recorded torque; feedback reads a noisy, filtered speed sensor when "
+    "--noise-snr is given, many times over. A rotor that stops is said to stop, and its energy is "
+    f"not counted.\n\n{_EXIT_CODES}",
+)
+def simulate(
+    result: _Result,
+    flow: Annotated[
+        str,
+        typer.Option(
+            metavar="FLOW",
+            help="design: the result's own; A, B or C: the paper's uncertain flows (amplitude x 1.1, "
+            "frequency 0.225 rad/s, phase 0.2 pi); or an inflow section in YAML, such as "
+            "'{profile: sine, mean: 1.4}'.",
+        ),
+    ] = "design",
+    snr: Annotated[
+        float | None,
+        typer.Option(
+            "--noise-snr", metavar="DB", help="Signal-to-noise ratio of the speed sensor."
+        ),
+    ] = None,
+    reference: Annotated[
+        str,
+        typer.Option(
+            "--noise-reference",
+            metavar="NAME",
+            help="What is the signal: the speed's fluctuation about its mean, or the total speed.",
+        ),
+    ] = "fluctuation",
+    rate: Annotated[
+        float, typer.Option("--sample-rate", metavar="HZ", help="Samples of the sensor a second.")
+    ] = 100.0,
+    repeats: Annotated[int, typer.Option(min=1, max=100_000, help="Noisy runs.")] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 1,
+) -> None:
+    """Simulate a result in another flow."""
+    import yaml
+    from pydantic import TypeAdapter, ValidationError
+    from rich.console import Console
+
+    from hkt_mdo.case import Inflow
+    from hkt_mdo.errors import InputError
+    from hkt_mdo.results import Solution
+
+    solution = Solution.load(result)
+    for name, value in (("--noise-snr", snr or 0.0), ("--sample-rate", rate)):
+        if not -200.0 <= value <= 1e6:
+            raise InputError(
+                "is out of range", "give a number between -200 and 1e6", key=name, value=value
+            )
+    from hkt_mdo.problem import INFLOWS
+    from hkt_mdo.uncertainty import REFERENCES, Design, Sensor, flow_named, fly_noisy
+
+    if reference not in REFERENCES:
+        raise InputError(
+            "is unknown", "choose fluctuation or total", key="--noise-reference", value=reference
+        )
+    if flow.lstrip().startswith("{"):
+        try:
+            section = TypeAdapter(Inflow).validate_python(yaml.safe_load(flow))
+        except (yaml.YAMLError, ValidationError) as error:
+            reason = str(error).splitlines()[-1].strip()
+            raise InputError(
+                f"is no inflow section: {reason}", "see hkt schema", key="--flow", value=flow
+            ) from None
+    else:
+        section = flow_named(flow, solution.case.inflow)
+    inflow = INFLOWS[section.profile](section)
+    design = Design.of(solution)
+    console = Console(highlight=False)
+    quiet = design.fly(inflow)
+    console.print(f"{solution.name} in flow {section.model_dump()}")
+    if quiet.stopped_at is not None:
+        console.print(
+            f"  without noise: rotor stops at t = {quiet.stopped_at:.2f} s, not generating; energy n/a"
+        )
+    else:
+        console.print(
+            f"  without noise: {quiet.energy:.1f} J captured, {quiet.generator_energy:.1f} J generated"
+        )
+    if snr is None or design.law is None:
+        if snr is not None:
+            console.print("  open loop reads no sensor: the noise changes nothing")
+        return
+    from rich.progress import Progress
+
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(f"{repeats} noisy runs", total=1.0)
+        noisy = fly_noisy(
+            design,
+            inflow,
+            Sensor(snr, reference, rate),
+            repeats,
+            seed,
+            lambda share: bar.update(task, completed=share),
+        )
+    console.print(
+        f"  sensor: {snr:g} dB of the {reference} speed, sigma = {noisy.noise_deviation:.4f} rad/s, "
+        f"{rate:g} Hz, seed {seed}; BEM table within {noisy.torque_error:.1e}"
+    )
+    console.print(f"  rotor stopped in {noisy.stalled} of {repeats} runs")
+    energy = noisy.energy[noisy.energy == noisy.energy]  # without those that stopped
+    if energy.size:
+        spread = energy.std(ddof=1) if energy.size > 1 else 0.0
+        console.print(
+            f"  energy of the others: mean {energy.mean():.1f} J, standard deviation {spread:.1f} J, "
+            f"worst {energy.min():.1f} J ({100.0 * (energy.mean() / quiet.energy - 1.0):+.3f} % "
+            "of the run without noise)"
+        )
+
+
+@app.command(
+    short_help="Compare results: table and overlaid figures.",
+    help="Print the figures of merit of several results side by side and draw them over each "
+    f"other.\n\n{_EXIT_CODES}",
+)
+def compare(
+    results: Annotated[
+        list[Path], typer.Argument(metavar="RESULT...", help="Result folders, two or more.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="DIR", help="Folder of the figures; none are drawn without it."
+        ),
+    ] = None,
+) -> None:
+    """Compare results."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from hkt_mdo.results import Solution, summary_table
+
+    solutions = [Solution.load(result) for result in results]
+    columns = [dict(summary_table(solution)) for solution in solutions]
+    table = Table("", *(str(result) for result in results), box=None)
+    for name in columns[0] | {key: "" for column in columns for key in column}:
+        table.add_row(name, *(column.get(name, "") for column in columns))
+    best = max((s.summary.get("simulated_energy_J") or 0.0 for s in solutions), default=0.0)
+    if best > 0.0:
+        shares = [s.summary.get("simulated_energy_J") for s in solutions]
+        table.add_row(
+            "energy, to the best",
+            *("" if e is None else f"{100.0 * (e / best - 1.0):+.4f} %" for e in shares),
+        )
+    Console(highlight=False).print(table)
+    if out is not None:
+        from hkt_mdo.plots import save_figures
+
+        for path in save_figures(solutions, out):
+            typer.echo(str(path))
+
+
+@app.command(
+    short_help="Reproduce the paper's tables and figures.",
+    help="Reproduce Tables II to V and Figs. 3 to 12 of Amini et al. (ACC 2023) from the shipped "
+    "cases, beside the paper's numbers: paper.json, report.md and report.html. Finished parts are "
+    f"reused, so it can be interrupted.\n\n{_EXIT_CODES}",
+)
+def paper(
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder of the results.")
+    ] = Path("results/paper"),
+    cases: Annotated[
+        Path, typer.Option("--cases", metavar="DIR", help="Folder of the shipped case files.")
+    ] = Path("cases"),
+    jobs: Annotated[
+        int | None,
+        typer.Option(min=1, max=256, help="Parallel processes.", show_default="one a core"),
+    ] = None,
+    repeats: Annotated[
+        int, typer.Option(min=2, max=10_000, help="Noisy runs of each design.")
+    ] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 1,
+) -> None:
+    """Reproduce the paper."""
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    began = time.perf_counter()
+
+    def report(line: str) -> None:
+        console.print(f"[{time.perf_counter() - began:6.1f} s] {line}", markup=False)
+
+    from hkt_mdo.paper import reproduce
+
+    data = reproduce(out, cases, jobs, repeats, seed, report)
+    failed = [check for check in data["checks"] if not check["passed"]]
+    console.print(f"{len(data['checks']) - len(failed)} of {len(data['checks'])} checks hold")
+    for check in failed:
+        console.print(
+            f"  not: {check['statement']} = {check['value']}, asked {check['low']} to {check['high']}",
+            markup=False,
+        )
+    console.print(f"Report: {out / 'report.html'}")
+    if failed:
+        raise typer.Exit(NO_SUCCESS)
+
+
+@app.command(
+    short_help="Run the verification study.",
+    help="Run the verification study, or parts of it: starts (random blades, with the program's "
+    "own start), blades (random blades without it), sweep (other sizes, flows, limits, polars), "
+    "physics (stationarity, energy balance, refinement) and fuzz (mutilated files). It takes "
+    f"hours; what is finished is reused, so it can be interrupted.\n\n{_EXIT_CODES}",
+)
+def verify(
+    parts: Annotated[
+        list[str] | None, typer.Argument(metavar="PART...", help="All of them by default.")
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the study.")] = Path(
+        "results/verification"
+    ),
+    cases: Annotated[
+        Path, typer.Option("--cases", metavar="DIR", help="Folder of the shipped case files.")
+    ] = Path("cases"),
+    count: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            max=100_000,
+            help="Starts a case, random mixtures of the sweep, or examples a kind of file.",
+            show_default="30, 30 or 1500",
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random numbers.")] = 0,
+    jobs: Annotated[
+        int | None,
+        typer.Option(min=1, max=256, help="Parallel processes.", show_default="one a core"),
+    ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            "--report",
+            metavar="FILE",
+            help="Markdown file to write: the figures of all parts that the folder holds.",
+        ),
+    ] = None,
+) -> None:
+    """Run the verification study."""
+    from rich.console import Console
+
+    from hkt_mdo import verify as study
+
+    console = Console(highlight=False)
+    number, began = 0, time.perf_counter()
+
+    def done(folder: Path, word: str) -> None:
+        nonlocal number
+        number += 1
+        if word != "reused":
+            seconds = time.perf_counter() - began
+            console.print(f"[{seconds:7.1f} s] {number}: {folder}: {word}", markup=False)
+
+    for part in parts or study.PARTS:
+        number = 0
+        text = study.run_part(part, out, cases, count, seed, jobs, done)
+        console.print(text, markup=False, soft_wrap=True)
+    if report is not None:
+        report.write_text(study.report(out), encoding="utf-8")
+        console.print(f"Report: {report}", markup=False)
 
 
 @app.command(

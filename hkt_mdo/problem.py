@@ -21,9 +21,10 @@ from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.inertia import InertiaComp
 from hkt_mdo.rotor.torque_curve import TorqueSpline, TorqueTable
 from hkt_mdo.starting_point import QuasiSteady, StartingPoint, starting_point
-from hkt_mdo.trajectory import Scales, add_trajectory, set_speed
+from hkt_mdo.trajectory import Scales, add_trajectory, node_weights, set_speed
 
 BEM = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficients}
+SLOWED = 0.02  # of its speed that a rotor may lose and still recover from
 INFLOWS = {
     "constant": lambda s: inflow.ConstantInflow(s.speed),
     "step": lambda s: inflow.StepInflow(s.before, s.after, s.time, s.width),
@@ -122,8 +123,108 @@ def quadrature(case: Case):
     return time, weights
 
 
+@dataclass(frozen=True)
+class MoveLimits:
+    """How far from its start an optimization may go before it has to start anew from there.
+
+    Rotor speed between `slower` and `faster` times the start's range; chord and gain by factors,
+    twist by an angle (rad). Wherever the case's own bounds are tighter, they hold.
+    """
+
+    slower: float = 0.6
+    faster: float = 1.5
+    chord: float = np.inf
+    twist: float = np.inf
+    gain: float = 5.0
+
+    def bounds(self, case: Case, start: StartingPoint) -> dict[str, tuple]:
+        """Return (lower, upper) of rotor_speed (rad/s), chord (m), twist (rad) and gain."""
+        speed, blade, gains = start.operation.rotor_speed, start.blade, start.gains
+        own = case.design.chord_bounds, np.deg2rad(case.design.twist_bounds)
+        return {
+            "rotor_speed": (self.slower * np.min(speed), self.faster * np.max(speed)),
+            "chord": tuple(np.clip((blade.chord / self.chord, blade.chord * self.chord), *own[0])),
+            "twist": tuple(np.clip((blade.twist - self.twist, blade.twist + self.twist), *own[1])),
+            "gain": tuple(
+                np.clip(
+                    np.sort((gains / self.gain, gains * self.gain), axis=0),
+                    *(case.design.gain_bounds or (-np.inf, np.inf)),
+                )
+            ),
+        }
+
+
+class RecoveryComp(om.ExplicitComponent):
+    """Torque that speeds a rotor under feedback up again after it was slowed a little.
+
+    recovery = Q((1 - SLOWED) w, v) - u((1 - SLOWED) w): positive where the rotor keeps a distance
+    from stall, where stable and unstable equilibrium meet. Collocation cannot tell one from the
+    other, so an optimizer would go to that edge and beyond.
+
+    Inputs rotor_speed, inflow_speed[num_nodes, 1] (rad/s, m/s), torque_coefficient_table[n_nodes],
+    density (kg/m**3) and one scalar gain_0, gain_1, …; output recovery[num_nodes] (N*m).
+    """
+
+    def initialize(self):
+        """Declare the options."""
+        self.options.declare("num_nodes", types=int)
+        self.options.declare("tip_radius", types=float)
+        self.options.declare("spline", types=TorqueSpline, recordable=False)
+        self.options.declare("law", types=controllers.FeedbackLaw, recordable=False)
+
+    def setup(self):
+        """Declare inputs, output and partials."""
+        n, rows = self.options["num_nodes"], np.arange(self.options["num_nodes"])
+        self.add_input("rotor_speed", shape=(n, 1), units="rad/s", desc="rotor speed at the nodes")
+        self.add_input("inflow_speed", shape=(n, 1), units="m/s", desc="flow speed at the nodes")
+        self.add_input(
+            "torque_coefficient_table",
+            shape=self.options["spline"].nodes.shape,
+            desc="torque coefficient over tip speed ratio",
+        )
+        self.add_input("density", units="kg/m**3", desc="density of the water")
+        for i, units in enumerate(self.options["law"].gain_units):
+            self.add_input(f"gain_{i}", units=units, desc="feedback gain")
+        self.add_output("recovery", shape=(n,), units="N*m", desc="torque on the slowed rotor")
+        self.declare_partials("recovery", "rotor_speed", rows=rows, cols=rows)
+        self.declare_partials("recovery", ["torque_coefficient_table", "gain_*"])
+
+    def _operation(self, inputs):
+        """Return slowed speed, its tip speed ratio, torque per coefficient, and gains."""
+        v, radius = inputs["inflow_speed"][:, 0], self.options["tip_radius"]
+        speed = (1.0 - SLOWED) * inputs["rotor_speed"][:, 0]
+        scale = 0.5 * np.pi * radius**3 * inputs["density"] * v**2
+        n_gains = len(self.options["law"].gain_units)
+        gains = np.array([inputs[f"gain_{i}"][0] for i in range(n_gains)])
+        return speed, speed * radius / v, scale, gains
+
+    def compute(self, inputs, outputs):
+        """Evaluate the torque."""
+        speed, ratio, scale, gains = self._operation(inputs)
+        driving = scale * (self.options["spline"].basis(ratio) @ inputs["torque_coefficient_table"])
+        outputs["recovery"] = driving - self.options["law"].torque(speed, gains)
+
+    def compute_partials(self, inputs, partials):
+        """Differentiate it."""
+        speed, ratio, scale, gains = self._operation(inputs)
+        spline, law, table = self.options["spline"], self.options["law"], "torque_coefficient_table"
+        by_speed = scale * (spline.basis(ratio, 1) @ inputs[table]) * ratio / speed
+        partials["recovery", "rotor_speed"] = (1.0 - SLOWED) * (
+            by_speed - law.torque_by_speed(speed, gains)
+        )
+        partials["recovery", table] = scale[:, None] * spline.basis(ratio)
+        for i, column in enumerate(law.torque_by_gain(speed, gains)):
+            partials["recovery", f"gain_{i}"] = -column[:, None]
+
+
 def build_problem(
-    case: Case, world: Physics, start: StartingPoint, nodes, driver=None
+    case: Case,
+    world: Physics,
+    start: StartingPoint,
+    nodes,
+    driver=None,
+    moves: MoveLimits = MoveLimits(),
+    recovering: bool = False,
 ) -> om.Problem:
     """Return the OpenMDAO problem of a case, set up at its start and ready to run.
 
@@ -136,9 +237,13 @@ def build_problem(
         Tip speed ratios of the torque curve.
     driver : om.Driver or None
         None: the case's own.
+    moves : MoveLimits
+    recovering : bool
+        Whether a rotor under feedback must keep its distance from stall; see `RecoveryComp`. Only
+        with a torque curve.
     """
     blade, control = start.blade, case.control
-    speed = start.operation.rotor_speed
+    speed, bounds = start.operation.rotor_speed, moves.bounds(case, start)
     problem = om.Problem(driver=driver or make_driver(case), reports=False)
     model = problem.model
 
@@ -175,7 +280,7 @@ def build_problem(
         parameters |= {"chord": "m", "twist": "rad"}
     parameters |= {f"gain_{i}": units for i, units in enumerate(gain_units)}
 
-    torque = float(np.max(start.operation.hydrodynamic_torque))
+    torque = float(np.max(np.abs(start.operation.hydrodynamic_torque)))
     scales = Scales(float(np.mean(speed)), torque, torque / _inertia(inertia, blade))
     phase = add_trajectory(
         model,
@@ -188,37 +293,62 @@ def build_problem(
         },
         parameters,
         scales,
-        (0.6 * float(np.min(speed)), 1.5 * float(np.max(speed))),
+        bounds["rotor_speed"],
         world.torque_limit,
     )
 
+    if recovering and world.law is not None and case.hydrodynamics.torque == "curve":
+        grid = case.phase
+        n_nodes = node_weights(grid.transcription, grid.segments, grid.order, grid.duration).size
+        _add_recovery(model, world, hydrodynamics, n_nodes, torque)
     if case.design.blade == "optimized":
-        chord_low, chord_high = case.design.chord_bounds
-        twist_low, twist_high = case.design.twist_bounds
+        (chord_low, chord_high), (twist_low, twist_high) = bounds["chord"], bounds["twist"]
         model.add_design_var("chord", lower=chord_low, upper=chord_high, ref=blade.chord, units="m")
-        model.add_design_var("twist", lower=twist_low, upper=twist_high, ref=5.0, units="deg")
+        model.add_design_var(
+            "twist",
+            lower=np.rad2deg(twist_low),
+            upper=np.rad2deg(twist_high),
+            ref=5.0,
+            units="deg",
+        )
     for i in range(len(gain_units)):
-        gain = start.gains[i]
-        low, high = case.design.gain_bounds or sorted((0.2 * gain, 5.0 * gain))
-        model.add_design_var(f"gain_{i}", lower=low, upper=high, ref=abs(gain))
+        low, high = (float(side[i]) for side in bounds["gain"])
+        model.add_design_var(f"gain_{i}", lower=low, upper=high, ref=abs(start.gains[i]))
     # designs differ by parts in a thousand: a tenth of the energy makes those visible to the
-    # tolerance
-    model.add_objective("energy", ref=-0.1 * start.operation.energy, units="J")
+    # tolerance; a start that stalls may capture nothing
+    time, weights = quadrature(case)
+    passing = weights @ world.inflow.speed(time) ** 3 * case.fluid.density * blade.tip_radius**2
+    reference = 0.1 * max(start.operation.energy, 0.05 * float(passing))
+    model.add_objective("energy", ref=-reference, units="J")
     problem.driver.declare_coloring(show_summary=False, show_sparsity=False)
     problem.setup()
-    time, _ = quadrature(case)
     set_speed(phase, time, speed, start.operation.hydrodynamic_torque)
     return problem
 
 
-def make_driver(case, progress=None):
-    """Return the driver of a case."""
+def _add_recovery(model, world, hydrodynamics, n_nodes, torque):
+    """Constrain a feedback trajectory to keep its distance from stall."""
+    component = RecoveryComp(num_nodes=n_nodes, law=world.law, **hydrodynamics)
+    names = [f"gain_{i}" for i in range(len(world.law.gain_units))]
+    model.add_subsystem(
+        "recovery",
+        component,
+        promotes_inputs=["torque_coefficient_table", "density", *names],
+        promotes_outputs=["recovery"],
+    )
+    for name in ("rotor_speed", "inflow_speed"):
+        model.connect(f"traj.phase.timeseries.{name}", f"recovery.{name}")
+    model.add_constraint("recovery", lower=0.0, ref=torque, units="N*m")
+
+
+def make_driver(case, progress=None, most=None):
+    """Return the driver of a case, which gives up after `most` iterations if that is fewer."""
     settings = case.driver
     return drivers.make_driver(
         settings.package,
         settings.optimizer,
         settings.tolerance,
-        settings.max_iterations,
+        min(settings.max_iterations, most or settings.max_iterations),
         progress=progress,
     )
 

@@ -3,6 +3,9 @@
 The optimizer is not the judge. A result is a success only if the optimizer converged and an
 integration that shares neither torque curve nor collocation with it, the quasi-steady bound and
 every bound of the problem agree (`_judge`).
+
+A run can be killed at any moment: files appear whole or not at all, `success` is false until all
+else is written, and `resume_case` goes on from the last iterate in `iterate.json`.
 """
 
 import csv
@@ -10,11 +13,15 @@ import json
 import os
 import platform
 import shutil
+import signal
+import sqlite3
 import tempfile
+import threading
 import time
 from collections.abc import Callable
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 
@@ -23,18 +30,31 @@ import openmdao.api as om
 from scipy.integrate import quad_vec
 from scipy.interpolate import CubicSpline
 
-from hkt_mdo.case import Case
+from hkt_mdo.case import Case, load_case
+from hkt_mdo.data import read_bytes
 from hkt_mdo.drivers import Outcome, outcome
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem import BEM, Physics, build_problem, find_start, make_driver, physics
+from hkt_mdo.problem import (
+    BEM,
+    SLOWED,
+    MoveLimits,
+    Physics,
+    build_problem,
+    find_start,
+    make_driver,
+    physics,
+)
 from hkt_mdo.results import Solution
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum, best_operation, best_rotor
 from hkt_mdo.rotor.torque_curve import TorqueSpline
-from hkt_mdo.simulation import Plant, RecordedTorque, Simulation, simulate
+from hkt_mdo.simulation import SLOWEST_RATIO, Plant, RecordedTorque, Simulation, simulate
 from hkt_mdo.starting_point import Operation, StartingPoint
 
-MAX_PASSES = 4  # of refining the torque curve or re-centring the move limits
+MAX_PASSES = 8  # of refining the torque curve or re-centring the move limits
+WORTHWHILE = 1e-6  # relative gain in energy for which a move limit is re-centred again
+FIRST_ITERATIONS = 300  # after as many, an optimization has lost its way
+NARROW = MoveLimits(slower=0.8, faster=1.25, chord=1.3, twist=np.deg2rad(3.0), gain=1.3)
 COLUMNS = {
     "time_s": "time",
     "inflow_speed_m_s": "inflow_speed",
@@ -47,7 +67,18 @@ COLUMNS = {
 }
 # Limits of the judges, as README.md explains them
 ENERGY_ERROR, SURROGATE_ERROR, SPEED_ERROR = 2e-4, 1e-3, 1e-2
+BELOW_START = 2e-3  # what the rotor's inertia and its distance from stall may cost
 BOUND_MARGIN, NODE_VIOLATION, BETWEEN_VIOLATION = 1e-5, 1e-6, 1e-3
+
+RESUMABLE = 1e-2  # largest scaled violation of an iterate worth going on from
+SECONDS_BETWEEN_SAVES = 0.2
+MAX_ITERATE_BYTES = 64 * 1024**2
+NOT_RUNNING = (
+    "no blade and gain were found on which the rotor runs unstalled throughout this flow: the "
+    "problem may have no solution (try a larger control.torque_limit, another control.law, or "
+    "wider design bounds)"
+)
+UNFINISHED = "interrupted before the end; hkt run --resume goes on from the last iterate"
 
 
 @dataclass(frozen=True)
@@ -77,13 +108,17 @@ class Optimized:
     curve: np.ndarray
 
 
+Progress = Callable[[int, float, float], None]
+
+
 def run_case(
     case: Case,
     out: Path,
     *,
     force: bool = False,
-    progress: Callable[[int, float, float], None] | None = None,
+    progress: Progress | None = None,
     figures: bool = True,
+    records: bool = True,
 ) -> Solution:
     """Optimize a case, judge the result and leave it in a folder.
 
@@ -98,6 +133,8 @@ def run_case(
         Called as progress(count, energy in J, infeasibility) while the optimizer works.
     figures : bool
         Whether to draw the figures.
+    records : bool
+        Whether to write OpenMDAO's databases and the N2 diagram.
 
     Returns
     -------
@@ -109,36 +146,70 @@ def run_case(
     InputError
         If a file of the case is broken or the folder cannot be used; nothing has been written then.
     KeyboardInterrupt
-        After what exists was saved, with success false.
+        After what exists was saved, with success false; SIGTERM does the same as Ctrl-C.
     """
-    began = time.perf_counter()
     out = Path(out)
     world = physics(case)
     make_driver(case)  # a missing package is told before anything is written
-    _prepare(out, force)
-    _write(out / "case.yaml", case.to_yaml())
-    summary: dict = {"case": case.name, "success": False, "message": "interrupted before the end"}
+    _check_folder(out, force)
+    with _locked(out):
+        _clear(out)
+        _write(out / "case.yaml", case.to_yaml())
+        return _run(case, world, out, None, _Log(out, [], progress), figures, records)
+
+
+def resume_case(
+    out: Path, *, progress: Progress | None = None, figures: bool = True, records: bool = True
+) -> Solution:
+    """Go on with an interrupted or failed run from its last recorded iterate.
+
+    Parameters and errors are those of `run_case`. A success is returned as it is; where nothing was
+    recorded yet, the run begins anew.
+    """
+    out = Path(out)
+    case = load_case(out / "case.yaml")
+    world = physics(case)
+    make_driver(case)
+    with _locked(out):
+        if (out / "summary.json").exists() and (solution := Solution.load(out)).success:
+            return solution
+        start, reference, history = _read_iterate(out, case, world)
+        log = _Log(out, history, progress)
+        log.reference = reference
+        return _run(case, world, out, start, log, figures, records)
+
+
+def _run(case, world, out, start, log, figures, records) -> Solution:
+    """Run a case in its locked folder from a start, None: the case's own."""
+    began = time.perf_counter()
+    summary: dict = {"case": case.name, "success": False, "message": UNFINISHED}
     _write_json(out / "summary.json", summary)
-    history: list[tuple[int, float, float]] = []
-
-    def watch(count, energy, infeasibility):
-        history.append((len(history), energy, infeasibility))
-        if progress is not None:
-            progress(len(history), energy, infeasibility)
-
     try:
-        with _scratch_directory():
+        with _scratch_directory(), _termination_interrupts(log):
             optimum = _steady_optimum(case, world)
-            start = find_start(case, world, optimum)
-            result = _optimize(case, world, start, out, watch)
+            if start is None:
+                start = find_start(case, world, optimum)
+                log.reference = start.operation.energy if start.operation.running else 0.0
+            log.save(start)
+            result = _optimize(case, world, start, out, log, records)
             flown = _fly(case, world, result)
-            checks = _judge(case, world, optimum, result, flown)
-            summary |= _summarize(case, world, optimum, start, result, flown, checks)
-            summary["wall_seconds"] = time.perf_counter() - began
-            _write_tables(out, case, world, start, result, flown)
-            om.n2(result.problem, outfile=str(out / "n2.html"), show_browser=False)
+            checks = _judge(case, world, optimum, log.reference, result, flown)
+            finished = _summarize(case, world, optimum, start, result, flown, checks)
+            if not (finished["success"] or start.operation.running):
+                finished["message"] = f"{NOT_RUNNING}; {finished['message']}"
+            _write_tables(out, case, world, result, flown)
+            if records:
+                om.n2(result.problem, outfile=str(out / "n2.html"), show_browser=False)
+            if result.outcome.success:
+                log.save(result.point)
+            summary |= finished | {"wall_seconds": time.perf_counter() - began}
+    except sqlite3.Error as error:
+        raise InputError(
+            f"{out}: OpenMDAO's recorder cannot write there ({error}); make room on the disk and "
+            "give hkt run --resume"
+        ) from error
     finally:
-        _write_csv(out / "convergence.csv", ("evaluation", "energy_J", "infeasibility"), history)
+        log.write_history()
         _write_json(out / "summary.json", summary)
     solution = Solution.load(out)
     if figures:
@@ -146,6 +217,109 @@ def run_case(
 
         save_figures(solution, out / "figures")
     return solution
+
+
+class _Log:
+    """What a run writes as it goes: the energy of every evaluation and a point to resume from.
+
+    The optimizer's `progress`; `point` reads the problem that is being optimized.
+    """
+
+    def __init__(self, out: Path, history: list, progress: Progress | None):
+        self._out, self._history, self._progress = out, history, progress
+        self.reference = 0.0  # J: the energy of the case's own start, if the rotor runs on it
+        self._saved = 0.0
+        self.point: Callable[[], StartingPoint] | None = None
+        self.last: StartingPoint | None = None
+        self.terminated = False
+
+    def __call__(self, count: int, energy: float, infeasibility: float) -> None:
+        """Note an evaluation, and save the iterate if it is worth going on from."""
+        if self.terminated:
+            raise KeyboardInterrupt
+        self._history.append((len(self._history), energy, infeasibility))
+        due = time.monotonic() - self._saved >= SECONDS_BETWEEN_SAVES
+        if due and infeasibility <= RESUMABLE and self.point is not None:
+            self.save(self.point())
+            self.write_history()
+        if self._progress is not None:
+            self._progress(len(self._history), energy, infeasibility)
+
+    def save(self, point: StartingPoint) -> None:
+        """Write the point that `resume_case` goes on from."""
+        _write_json(
+            self._out / "iterate.json",
+            {
+                "chord_m": point.blade.chord,
+                "twist_rad": point.blade.twist,
+                "gains": point.gains,
+                "energy_J": point.operation.energy,
+                "reference_energy_J": self.reference,
+                "rotor_speed_rad_s": point.operation.rotor_speed,
+                "hydrodynamic_torque_Nm": point.operation.hydrodynamic_torque,
+            },
+        )
+        self._saved, self.last = time.monotonic(), point
+
+    def write_history(self) -> None:
+        """Write the energy and infeasibility of every evaluation."""
+        header = ("evaluation", "energy_J", "infeasibility")
+        _write_csv(self._out / "convergence.csv", header, self._history)
+
+
+def _read_iterate(out, case, world) -> tuple[StartingPoint | None, float, list]:
+    """Return an earlier run's point, reference energy (J) and history; None if it recorded none."""
+    path = out / "iterate.json"
+    if not path.exists():
+        return None, 0.0, []
+    n_stations, n_times = world.blade.r.size, 4 * case.phase.segments + 1
+    n_gains = len(world.law.gain_units) if world.law else 0
+    sizes = {
+        "chord_m": n_stations,
+        "twist_rad": n_stations,
+        "gains": n_gains,
+        "energy_J": 1,
+        "reference_energy_J": 1,
+        "rotor_speed_rad_s": n_times,
+        "hydrodynamic_torque_Nm": n_times,
+    }
+    content = read_bytes(path, MAX_ITERATE_BYTES, "iterate of a run")
+    try:
+        data = json.loads(content)
+        values = {
+            key: np.array(data[key], dtype=float).reshape(size) for key, size in sizes.items()
+        }
+        sound = all(np.all(np.isfinite(value)) for value in values.values())
+        for key in ("chord_m", "gains", "rotor_speed_rad_s"):
+            sound = sound and bool(np.all(values[key] > 0.0))
+    except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
+        sound = False
+    if not sound:
+        raise InputError(
+            "is no iterate of this case",
+            "delete it to begin anew, or run the case again with --force",
+            file=path,
+        )
+    table = Solution.load(out).convergence if (out / "summary.json").exists() else {}
+    blade = world.blade.with_shape(
+        np.clip(values["chord_m"], *world.chord_bounds)
+        if case.design.blade == "optimized"
+        else world.blade.chord,
+        np.clip(values["twist_rad"], *world.twist_bounds)
+        if case.design.blade == "optimized"
+        else world.blade.twist,
+    )
+    operation = Operation(
+        float(values["energy_J"][0]),
+        values["rotor_speed_rad_s"],
+        values["hydrodynamic_torque_Nm"],
+        np.empty(0),
+        np.empty(0),
+        True,
+    )
+    history = list(zip(*table.values(), strict=True))
+    reference = float(values["reference_energy_J"][0])
+    return StartingPoint(blade, values["gains"], operation), reference, history
 
 
 def write_n2(case: Case, path: Path) -> None:
@@ -180,32 +354,74 @@ def _steady_optimum(case: Case, world: Physics) -> SteadyOptimum:
 # Optimizing ---------------------------------------------------------------------------------------
 
 
-def _optimize(case, world, start, out, watch) -> Optimized:
-    """Optimize from a start, until the torque curve is fine enough and no move limit is active."""
-    nodes = _curve_nodes(case, world, start)
+def _optimize(case, world, start, out, log, records) -> Optimized:
+    """Optimize from a start, until nothing that the start has set stands in the way.
+
+    That is: the torque curve is fine enough, no move limit is active, the open loop's torque keeps
+    its limit between the nodes too (for that the limit at the nodes is tightened), and a rotor
+    under feedback recovers from a small loss of speed (for that a constraint is added).
+    """
+    nodes, tightened, moves = _curve_nodes(case, world, start), world, MoveLimits()
+    recovering, limited, energy = False, False, np.inf
     for _ in range(MAX_PASSES):
-        driver = make_driver(case, watch)
-        driver.add_recorder(
-            om.SqliteRecorder(str((out / "history.db").resolve()), record_viewer_data=False)
-        )
-        problem = build_problem(case, world, start, nodes, driver)
-        problem.add_recorder(om.SqliteRecorder(str((out / "solution.db").resolve())))
-        problem.recording_options["record_inputs"] = False
-        problem.recording_options["includes"] = ["*"]
+        most = None if moves == NARROW else FIRST_ITERATIONS
+        driver = make_driver(case, log, most)
+        problem = build_problem(case, tightened, start, nodes, driver, moves, recovering)
+        if records:
+            _add_recorders(problem, out)
         try:
+            problem.run_model()  # also what no design moves, which drivers leave out: time
+            log.point = partial(_point, case, world, problem)
             problem.run_driver()
         finally:
-            problem.record("final")
+            if records:
+                problem.record("final")
             problem.cleanup()
         result = _collect(case, world, problem, nodes)
         curve_ok = case.hydrodynamics.torque == "direct" or (
             np.max(_curve_errors(world, result)[1]) <= case.hydrodynamics.tolerance
         )
-        if not result.outcome.success or (curve_ok and not _at_move_limit(case, start, result)):
+        over, _ = _between_nodes(case, world, result)
+        torque_ok = over <= BETWEEN_VIOLATION or world.torque_limit is None
+        if not result.outcome.success:  # it lost its way: once more, in smaller moves
+            if moves == NARROW:
+                break
+            moves = NARROW
+            if log.last.operation.energy > start.operation.energy:
+                start = log.last
+                nodes = _curve_nodes(case, world, start)
+            continue
+        if not recovering and not _recovers(case, world, result):
+            recovering = True
+            continue
+        gained = abs(result.energy / energy - 1.0) > WORTHWHILE
+        energy, limited = result.energy, gained and _at_move_limit(case, start, result, moves)
+        if curve_ok and torque_ok and not limited:
             break
+        if not torque_ok:
+            tightened = replace(tightened, torque_limit=tightened.torque_limit * (1.0 - over))
         start = result.point
         nodes = _curve_nodes(case, world, start, finer=1 if curve_ok else 2)
+    else:
+        if limited:  # an optimum between limits of our own making is none
+            message = f"still at a move limit after {MAX_PASSES} optimizations"
+            ended = replace(result.outcome, success=False, message=message)
+            result = replace(result, outcome=ended)
     return result
+
+
+def _add_recorders(problem, out):
+    """Record the final case and every iteration; the databases of earlier passes are kept."""
+    number, history = 1, out / "history.db"
+    while history.exists():
+        number += 1
+        history = out / f"history_{number}.db"
+    problem.driver.add_recorder(om.SqliteRecorder(str(history.resolve()), record_viewer_data=False))
+    solution = out / "solution.db"
+    solution.unlink(missing_ok=True)
+    problem.add_recorder(om.SqliteRecorder(str(solution.resolve())))
+    problem.recording_options["record_inputs"] = False
+    problem.recording_options["includes"] = ["*"]
 
 
 def _curve_nodes(case, world, start, finer=1):
@@ -249,44 +465,37 @@ def _graded(low, high, spacing, lowest, highest):
     )
 
 
+def _point(case, world, problem) -> StartingPoint:
+    """Return the design and trajectory at which a problem stands as the start of another."""
+    time_nodes, first = np.unique(_series(problem, "time"), return_index=True)
+    time_grid = np.linspace(0.0, case.phase.duration, 4 * case.phase.segments + 1)
+    speed, torque = (
+        CubicSpline(time_nodes, _series(problem, name)[first])(time_grid)
+        for name in ("rotor_speed", "hydrodynamic_torque")
+    )
+    energy = float(problem.get_val("energy")[0])
+    n_gains = len(world.law.gain_units) if world.law else 0
+    gains = np.array([problem.get_val(f"gain_{i}")[0] for i in range(n_gains)])
+    return StartingPoint(
+        world.blade.with_shape(problem.get_val("chord"), problem.get_val("twist")),
+        gains,
+        Operation(energy, speed, torque, np.empty(0), np.empty(0), True),
+    )
+
+
+def _series(problem, name):
+    return problem.get_val(f"traj.phase.timeseries.{name}").ravel()
+
+
 def _collect(case, world, problem, nodes) -> Optimized:
     """Read an optimization's end from its problem."""
-
-    def series(name):
-        return problem.get_val(f"traj.phase.timeseries.{name}").ravel()
-
-    trajectory = {
-        "time": series("time"),
-        **{name: series(name) for name in COLUMNS.values() if name not in ("time", "rotor_speed")},
-    }
-    law = world.law
-    trajectory["rotor_speed"] = series("rotor_speed")
-    gains = np.array(
-        [problem.get_val(f"gain_{i}")[0] for i in range(len(law.gain_units) if law else 0)]
-    )
-    blade = world.blade.with_shape(problem.get_val("chord"), problem.get_val("twist"))
-    energy = float(problem.get_val("energy")[0])
-    time_nodes, first = np.unique(trajectory["time"], return_index=True)
-    time_grid = np.linspace(0.0, case.phase.duration, 4 * case.phase.segments + 1)
-
-    def resample(name):
-        return CubicSpline(time_nodes, trajectory[name][first])(time_grid)
-
-    operation = Operation(
-        energy,
-        resample("rotor_speed"),
-        resample("hydrodynamic_torque"),
-        np.empty(0),
-        np.empty(0),
-        True,
-    )
     return Optimized(
         problem,
         outcome(problem.driver),
-        StartingPoint(blade, gains, operation),
+        _point(case, world, problem),
         nodes,
-        trajectory,
-        energy,
+        {name: _series(problem, name) for name in COLUMNS.values()},
+        float(problem.get_val("energy")[0]),
         float(problem.get_val("generator_energy")[0]),
         float(problem.get_val("inertia")[0]),
         float(problem.get_val("mass")[0]),
@@ -298,7 +507,7 @@ def _collect(case, world, problem, nodes) -> Optimized:
 
 def _curve_errors(world, result):
     """Return the curve's relative torque errors over the trajectory's tip speed ratios."""
-    ratios = result.trajectory["tip_speed_ratio"]
+    ratios = np.maximum(result.trajectory["tip_speed_ratio"], SLOWEST_RATIO)
     probe = np.linspace(np.min(ratios), np.max(ratios), 201)
     exact = bem.rotor_coefficients(result.point.blade, world.polar, probe).torque
     if not result.curve.size:
@@ -306,18 +515,35 @@ def _curve_errors(world, result):
     return probe, np.abs(TorqueSpline(result.nodes).basis(probe) @ result.curve / exact - 1.0)
 
 
-def _at_move_limit(case, start, result):
-    """Tell whether the trajectory or a gain ended at a limit that was set around the start only."""
-    speed, before = result.trajectory["rotor_speed"], start.operation.rotor_speed
-    near = 1e-3
-    if np.min(speed) < 0.6 * np.min(before) * (1.0 + near) or np.max(speed) > 1.5 * np.max(
-        before
-    ) * (1.0 - near):
+def _recovers(case, world, result):
+    """Tell whether a rotor under feedback speeds up again wherever it is slowed a little."""
+    if world.law is None or not result.curve.size:
         return True
-    if case.design.gain_bounds is not None or not start.gains.size:
-        return False
-    ratio = result.point.gains / start.gains
-    return bool(np.any(ratio < 0.2 * (1.0 + near)) or np.any(ratio > 5.0 * (1.0 - near)))
+    speed = (1.0 - SLOWED) * result.trajectory["rotor_speed"]
+    flow, radius = result.trajectory["inflow_speed"], case.rotor.radius
+    basis = TorqueSpline(result.nodes).basis(speed * radius / flow)
+    driving = 0.5 * np.pi * radius**3 * case.fluid.density * flow**2 * (basis @ result.curve)
+    return bool(np.all(driving >= world.law.torque(speed, result.point.gains)))
+
+
+def _at_move_limit(case, start, result, moves):
+    """Tell whether the optimum ended at a limit that is set around the start only."""
+    near, point = 1e-3, result.point
+    own = MoveLimits(0.0, np.inf, np.inf, np.inf, np.inf).bounds(case, start)
+    ends = {
+        "rotor_speed": result.trajectory["rotor_speed"],
+        "chord": point.blade.chord,
+        "twist": point.blade.twist,
+        "gain": point.gains,
+    }
+    for name, (low, high) in moves.bounds(case, start).items():
+        value, (own_low, own_high) = ends[name], own[name]
+        close = near * np.maximum(np.abs(value), 1e-2)
+        if np.any((value < low + close) & (low > own_low)) or np.any(
+            (value > high - close) & (high < own_high)
+        ):
+            return True
+    return False
 
 
 # Judging ------------------------------------------------------------------------------------------
@@ -360,7 +586,7 @@ def _recorded(case, world, result) -> RecordedTorque:
     )
 
 
-def _judge(case, world, optimum, result, flown) -> list[Check]:
+def _judge(case, world, optimum, reference, result, flown) -> list[Check]:
     """Return what every judge says, the optimizer first."""
     trajectory, status = result.trajectory, result.outcome
     checks = [Check("optimizer", float(not status.success), 0.0, status.success, status.message)]
@@ -378,11 +604,16 @@ def _judge(case, world, optimum, result, flown) -> list[Check]:
             f"rotor stops at t = {flown.stopped_at:.2f} s, not generating" if stopped else "",
         )
     )
+    off = np.abs(
+        np.interp(trajectory["time"], flown.time, flown.hydrodynamic_torque * flown.rotor_speed)
+        - trajectory["hydrodynamic_power"]
+    )
     check(
         "energy_error",
         abs(result.energy / flown.energy - 1.0) if flown.energy > 0.0 else np.inf,
         ENERGY_ERROR,
-        "collocated over independently integrated energy, less one",
+        "collocated over independently integrated energy, less one; power differs most at "
+        f"t = {trajectory['time'][np.argmax(off)]:.2f} s",
     )
     error = np.abs(flown.speed_at(trajectory["time"]) / trajectory["rotor_speed"] - 1.0)
     worst = int(np.argmax(error))
@@ -398,22 +629,31 @@ def _judge(case, world, optimum, result, flown) -> list[Check]:
         BOUND_MARGIN,
         "simulated energy over the quasi-steady bound, less one",
     )
+    if reference > 0.0:
+        check(
+            "energy_below_start",
+            1.0 - flown.energy / reference,
+            BELOW_START,
+            "a worse optimum than where the run began",
+        )
     for name, value, where in _node_violations(case, world, result):
         check(name, value, NODE_VIOLATION, where)
     if world.law is None:
-        recorded = _recorded(case, world, result)
-        dense = np.linspace(0.0, case.phase.duration, 20 * case.phase.segments + 1)
-        torque = recorded.unlimited(dense)
-        unit = world.torque_limit or float(np.max(torque))
-        over = np.maximum(torque - (world.torque_limit or np.inf), -torque) / unit
-        worst = int(np.argmax(over))
-        check(
-            "control_torque_between_nodes",
-            over[worst],
-            BETWEEN_VIOLATION,
-            f"at t = {dense[worst]:.2f} s",
-        )
+        over, when = _between_nodes(case, world, result)
+        check("control_torque_between_nodes", over, BETWEEN_VIOLATION, f"at t = {when:.2f} s")
     return checks
+
+
+def _between_nodes(case, world, result):
+    """Return how far the open loop's torque leaves its range between nodes, and when (s)."""
+    if world.law is not None:
+        return 0.0, 0.0
+    dense = np.linspace(0.0, case.phase.duration, 20 * case.phase.segments + 1)
+    torque = _recorded(case, world, result).unlimited(dense)
+    unit = world.torque_limit or float(np.max(torque))
+    over = np.maximum(torque - (world.torque_limit or np.inf), -torque) / unit
+    worst = int(np.argmax(over))
+    return float(over[worst]), float(dense[worst])
 
 
 def _node_violations(case, world, result):
@@ -500,18 +740,37 @@ def _summarize(case, world, optimum, start, result, flown, checks):
         "energy_balance_error": abs(
             flown.energy - flown.generator_energy - flown.kinetic_energy_change
         )
-        / flown.energy,
+        / max(flown.energy, 1e-9),
         "checks": [vars(check) for check in checks],
         "versions": _versions(),
     }
 
 
+FALSE_SOLUTION = (
+    "the collocation is too coarse or met a false solution: try more phase.segments, "
+    "phase.transcription=gauss-lobatto, start.method=quasi_steady"
+)
+TRY = {
+    "optimizer": "try hkt run --resume, the other driver.optimizer, or more driver.max_iterations",
+    "rotor_keeps_turning": "try a larger control.torque_limit, or start.method=quasi_steady",
+    "energy_error": FALSE_SOLUTION,
+    "max_speed_error": FALSE_SOLUTION,
+    "surrogate_error": "try a smaller hydrodynamics.tolerance, or hydrodynamics.torque=direct",
+    "energy_below_start": FALSE_SOLUTION,
+    "energy_over_bound": "try more phase.segments and a smaller hydrodynamics.tolerance",
+    "control_torque_between_nodes": "try more phase.segments",
+}
+
+
 def _explain(check: Check) -> str:
+    """Return which judge refused, why and where, and what to try."""
+    remedy = TRY.get(check.name, "try a smaller driver.tolerance")
     if check.name == "optimizer":
-        return f"the optimizer did not converge: {check.detail}"
+        return f"the optimizer did not converge: {check.detail} ({remedy})"
     if check.name == "rotor_keeps_turning":
-        return check.detail
-    return f"{check.name} = {check.value:.3g} exceeds {check.limit:g} ({check.detail})"
+        return f"{check.detail} ({remedy})"
+    where = f", {check.detail}" if check.detail else ""
+    return f"{check.name} = {check.value:.3g} exceeds {check.limit:g}{where} ({remedy})"
 
 
 def _versions():
@@ -534,7 +793,7 @@ def _versions():
     return versions
 
 
-def _write_tables(out, case, world, start, result, flown):
+def _write_tables(out, case, world, result, flown):
     """Write the trajectory, the simulation and the power curves as CSV files."""
     columns = list(COLUMNS.values())
     _write_csv(
@@ -564,28 +823,91 @@ def _write_tables(out, case, world, start, result, flown):
     _write_csv(out / "power_curve.csv", header, zip(ratios, *power, strict=True))
 
 
-def _prepare(out: Path, force: bool) -> None:
-    """Make the result folder, or empty it of an earlier result."""
+def _check_folder(out: Path, force: bool) -> None:
+    """Refuse a result folder that must not be used; nothing is written."""
+    if out.exists() and not out.is_dir():
+        raise InputError(f"--out {out}: is a file; choose another folder")
     try:
-        if out.exists() and not out.is_dir():
-            raise InputError(f"--out {out}: is a file; choose another folder")
-        if out.is_dir() and any(out.iterdir()):
-            if not force:
-                raise InputError(
-                    f"--out {out}: folder exists; choose another one, or give --force to replace it"
-                )
-            if not (out / "case.yaml").is_file():
-                raise InputError(
-                    f"--out {out}: holds no earlier result; --force replaces only results"
-                )
-            shutil.rmtree(out)
+        # what a run leaves that was killed before it wrote its case is nobody's loss
+        names = {path.name for path in out.iterdir()} if out.is_dir() else set()
+    except OSError as error:
+        raise _unwritable(out, error) from error
+    if not names - {"lock", "case.yaml.part"}:
+        return
+    if not force:
+        raise InputError(
+            f"--out {out}: folder exists; choose another one, give --force to replace it, or "
+            "--resume to go on with it"
+        )
+    if "case.yaml" not in names:
+        raise InputError(f"--out {out}: holds no earlier result; --force replaces only results")
+
+
+@contextmanager
+def _locked(out: Path):
+    """Hold a result folder, made if need be, against other runs.
+
+    SQLite's lock vanishes with its process, however that ends, on every system.
+    """
+    lock = out / "lock"
+    try:
         out.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=out):
             pass
-    except OSError as error:
+        connection = sqlite3.connect(lock, timeout=0.0, isolation_level=None)
+    except (OSError, sqlite3.Error) as error:
+        raise _unwritable(out, error) from error
+    try:
+        connection.execute("BEGIN EXCLUSIVE")
+    except sqlite3.Error as error:
+        connection.close()
         raise InputError(
-            f"--out {out}: cannot be written: {error.strerror}; choose another folder"
+            f"--out {out}: another run is at work there ({error}); wait for its end or choose "
+            "another folder"
         ) from error
+    try:
+        yield
+    finally:
+        with suppress(OSError):  # Windows keeps open files
+            lock.unlink()
+        connection.close()
+
+
+def _clear(out: Path) -> None:
+    """Empty a folder of an earlier result: its verdict first, last what tells that it is one."""
+    last = {"summary.json": 0, "case.yaml": 2}
+    try:
+        for path in sorted(out.iterdir(), key=lambda path: last.get(path.name, 1)):
+            if path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path)
+            elif path.name != "lock":
+                path.unlink()
+    except OSError as error:
+        raise _unwritable(out, error) from error
+
+
+def _unwritable(out, error):
+    reason = getattr(error, "strerror", None) or error
+    return InputError(f"--out {out}: cannot be written: {reason}; choose another folder")
+
+
+@contextmanager
+def _termination_interrupts(log: _Log):
+    """Let SIGTERM end a run as Ctrl-C does."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals are the main thread's
+        return
+
+    def handler(signum, frame):
+        log.terminated = True  # heeded at the next evaluation, should compiled code swallow this
+        interrupt = signal.getsignal(signal.SIGINT)
+        (interrupt if callable(interrupt) else signal.default_int_handler)(signum, frame)
+
+    previous = signal.signal(signal.SIGTERM, handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous or signal.SIG_DFL)
 
 
 @contextmanager

@@ -84,6 +84,15 @@ def test_resuming_a_success_changes_nothing(undisturbed):
     assert (undisturbed.folder / "summary.json").read_bytes() == before
 
 
+def test_resume_takes_no_other_setting(tmp_path, capsys):
+    from hkt_mdo.cli import main
+
+    assert main(["run", "--resume", str(tmp_path), "--segments", "10"]) == 2
+    assert main(["run"]) == 2
+    assert main(["run", "--resume", str(tmp_path)]) == 2
+    assert "case.yaml" in capsys.readouterr().err
+
+
 def test_a_run_that_gave_up_is_resumed(tmp_path, undisturbed):
     folder = tmp_path / "out"
     few = run.run_case(case("sine_limited_quadratic", "driver.max_iterations=3"), folder)

@@ -142,7 +142,7 @@ def test_a_false_solution_is_no_success(tmp_path):
     solution = run_case(case, tmp_path / "out", figures=False)
     assert not solution.success
     failed = {check["name"] for check in solution.summary["checks"] if not check["passed"]}
-    assert failed & {"max_speed_error", "energy_error"}
+    assert failed & {"max_speed_error", "energy_error", "energy_below_start"}
 
 
 def test_an_interrupt_leaves_an_honest_folder(tmp_path):

@@ -8,8 +8,11 @@ import pytest
 
 from hkt_mdo import verify
 from hkt_mdo.case import load_case
+from hkt_mdo.dynamics.controllers import QuadraticLaw
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem import physics
+from hkt_mdo.problem import SLOWED, RecoveryComp, physics
+from hkt_mdo.rotor.bem import rotor_coefficients
+from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.run import run_case
 
 CASES = Path(__file__).parent.parent / "cases"
@@ -60,6 +63,46 @@ def test_coarse_segments_keep_the_torque_limit_between_nodes(tmp_path):
     case = load_case(CASES / "sine_limited_oloc.yaml", overrides)
     solution = run_case(case, tmp_path / "out", figures=False, records=False)
     assert solution.success, solution.message
+
+
+def test_linear_feedback_keeps_its_distance_from_stall(tmp_path):
+    """At this Reynolds number the optimum without that distance is a false one."""
+    overrides = ["rotor.polar=naca63815_Re1e5", "phase.duration=24", "phase.segments=24"]
+    case = load_case(CASES / "sine_limited_linear.yaml", [*overrides, "driver.optimizer=SLSQP"])
+    solution = run_case(case, tmp_path / "out", figures=False, records=False)
+    assert solution.success, solution.message
+    design = verify.Design.of(solution)
+    speed = (1.0 - SLOWED) * solution.simulation["rotor_speed_rad_s"]
+    driving = design.plant.torque(speed, solution.simulation["inflow_speed_m_s"])
+    assert np.min(driving / design.law.torque(speed, design.gains)) > 1.0 - 2e-3
+
+
+def test_recovery_has_exact_derivatives(blade, polar, tmp_path, monkeypatch):
+    import openmdao.api as om
+
+    monkeypatch.chdir(tmp_path)  # OpenMDAO leaves a folder where it runs
+    nodes = np.linspace(3.0, 12.0, 40)
+    problem = om.Problem(reports=False)
+    component = RecoveryComp(
+        num_nodes=4, tip_radius=1.4, spline=TorqueSpline(nodes), law=QuadraticLaw(700.0, 0.001)
+    )
+    problem.model.add_subsystem("recovery", component)
+    problem.setup()
+    for name, value in {
+        "rotor_speed": np.array([[6.0], [7.0], [8.0], [9.0]]),
+        "inflow_speed": np.array([[1.3], [1.4], [1.5], [1.6]]),
+        "torque_coefficient_table": rotor_coefficients(blade, polar, nodes).torque,
+        "density": 1000.0,
+        "gain_0": 9.0,
+    }.items():
+        problem.set_val(f"recovery.{name}", value)
+    problem.run_model()
+    found = problem.check_partials(
+        out_stream=None, method="fd", form="central", step=1e-5, step_calc="rel_avg"
+    )["recovery"]
+    for (_, name), entry in found.items():
+        if name in ("rotor_speed", "torque_coefficient_table", "gain_0"):
+            np.testing.assert_allclose(entry["J_fwd"], entry["J_fd"], rtol=1e-6, atol=1e-4)
 
 
 @pytest.mark.parametrize("law", ["linear", "quadratic"])
