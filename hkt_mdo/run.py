@@ -410,16 +410,29 @@ def _optimize(case, world, start, out, log, records) -> Optimized:
     return result
 
 
+class _Recorder(om.SqliteRecorder):
+    """A recorder that leaves it to the system when its rows reach the disk.
+
+    Waiting for the disk at every row takes longer than an iteration. A killed process loses nothing;
+    a power cut may cost the last rows, and `iterate.json` is what a run is resumed from.
+    """
+
+    def _initialize_database(self, comm):
+        super()._initialize_database(comm)
+        if self.connection is not None:
+            self.connection.execute("PRAGMA synchronous=OFF")
+
+
 def _add_recorders(problem, out):
     """Record the final case and every iteration; the databases of earlier passes are kept."""
     number, history = 1, out / "history.db"
     while history.exists():
         number += 1
         history = out / f"history_{number}.db"
-    problem.driver.add_recorder(om.SqliteRecorder(str(history.resolve()), record_viewer_data=False))
+    problem.driver.add_recorder(_Recorder(str(history.resolve()), record_viewer_data=False))
     solution = out / "solution.db"
     solution.unlink(missing_ok=True)
-    problem.add_recorder(om.SqliteRecorder(str(solution.resolve())))
+    problem.add_recorder(_Recorder(str(solution.resolve())))
     problem.recording_options["record_inputs"] = False
     problem.recording_options["includes"] = ["*"]
 
