@@ -370,11 +370,13 @@ def simulate(
     console.print(f"{solution.name} in flow {section.model_dump()}")
     if quiet.stopped_at is not None:
         console.print(
-            f"  without noise: rotor stops at t = {quiet.stopped_at:.2f} s, not generating; energy n/a"
+            f"  without noise: rotor stops at t = {quiet.stopped_at:.2f} s, not generating; energy "
+            f"n/a"
         )
     else:
         console.print(
-            f"  without noise: {quiet.energy:.1f} J captured, {quiet.generator_energy:.1f} J generated"
+            f"  without noise: {quiet.energy:.1f} J captured, {quiet.generator_energy:.1f} J "
+            f"generated"
         )
     if snr is None or design.law is None:
         if snr is not None:
@@ -393,7 +395,8 @@ def simulate(
             lambda share: bar.update(task, completed=share),
         )
     console.print(
-        f"  sensor: {snr:g} dB of the {reference} speed, sigma = {noisy.noise_deviation:.4f} rad/s, "
+        f"  sensor: {snr:g} dB of the {reference} speed, sigma = {noisy.noise_deviation:.4f} "
+        f"rad/s, "
         f"{rate:g} Hz, seed {seed}; BEM table within {noisy.torque_error:.1e}"
     )
     console.print(f"  rotor stopped in {noisy.stalled} of {repeats} runs")
@@ -401,7 +404,8 @@ def simulate(
     if energy.size:
         spread = energy.std(ddof=1) if energy.size > 1 else 0.0
         console.print(
-            f"  energy of the others: mean {energy.mean():.1f} J, standard deviation {spread:.1f} J, "
+            f"  energy of the others: mean {energy.mean():.1f} J, standard deviation {spread:.1f} "
+            f"J, "
             f"worst {energy.min():.1f} J ({100.0 * (energy.mean() / quiet.energy - 1.0):+.3f} % "
             "of the run without noise)"
         )
@@ -487,7 +491,8 @@ def paper(
     console.print(f"{len(data['checks']) - len(failed)} of {len(data['checks'])} checks hold")
     for check in failed:
         console.print(
-            f"  not: {check['statement']} = {check['value']}, asked {check['low']} to {check['high']}",
+            f"  not: {check['statement']} = {check['value']}, asked {check['low']} to "
+            f"{check['high']}",
             markup=False,
         )
     console.print(f"Report: {out / 'report.html'}")

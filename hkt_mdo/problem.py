@@ -5,6 +5,7 @@ design variables --> inertia ------------------.
    shaft gain          ------------------------------'      '--> energy, the objective
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -25,7 +26,7 @@ from hkt_mdo.trajectory import Scales, add_trajectory, node_weights, set_speed
 
 BEM = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficients}
 SLOWED = 0.02  # of its speed that a rotor may lose and still recover from
-INFLOWS = {
+INFLOWS: dict[str, Callable[..., inflow.Inflow]] = {
     "constant": lambda s: inflow.ConstantInflow(s.speed),
     "step": lambda s: inflow.StepInflow(s.before, s.after, s.time, s.width),
     "sine": lambda s: inflow.SineInflow(s.mean, s.amplitude, s.angular_frequency, s.phase, s.scale),

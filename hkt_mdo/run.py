@@ -413,8 +413,8 @@ def _optimize(case, world, start, out, log, records) -> Optimized:
 class _Recorder(om.SqliteRecorder):
     """A recorder that leaves it to the system when its rows reach the disk.
 
-    Waiting for the disk at every row takes longer than an iteration. A killed process loses nothing;
-    a power cut may cost the last rows, and `iterate.json` is what a run is resumed from.
+    Waiting for the disk at every row takes longer than an iteration. A killed process loses
+    nothing; a power cut may cost the last rows, and a run is resumed from `iterate.json`.
     """
 
     def _initialize_database(self, comm):
