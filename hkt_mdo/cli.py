@@ -306,8 +306,8 @@ def simulate(
         str,
         typer.Option(
             metavar="FLOW",
-            help="design: the result's own; A, B or C: the paper's uncertain flows (amplitude x 1.1, "
-            "frequency 0.225 rad/s, phase 0.2 pi); or an inflow section in YAML, such as "
+            help="design: the result's own; A, B or C: the paper's uncertain flows (amplitude x "
+            "1.1, frequency 0.225 rad/s, phase 0.2 pi); or an inflow section in YAML, such as "
             "'{profile: sine, mean: 1.4}'.",
         ),
     ] = "design",
