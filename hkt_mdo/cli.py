@@ -435,7 +435,10 @@ def compare(
 
     solutions = [Solution.load(result) for result in results]
     columns = [dict(summary_table(solution)) for solution in solutions]
-    table = Table("", *(str(result) for result in results), box=None)
+    names = [result.resolve().name for result in results]
+    if len(set(names)) < len(names):
+        names = [str(result) for result in results]
+    table = Table("", *names, box=None)
     for name in columns[0] | {key: "" for column in columns for key in column}:
         table.add_row(name, *(column.get(name, "") for column in columns))
     best = max((s.summary.get("simulated_energy_J") or 0.0 for s in solutions), default=0.0)

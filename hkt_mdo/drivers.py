@@ -201,7 +201,7 @@ def _carrier(package: str, optimizer: str) -> str:
         if _is_usable(candidate, optimizer):
             return candidate
     remedies = " or ".join(REMEDIES[candidate] for candidate in candidates)
-    raise InputError(f"{optimizer} is not installed", remedies, value=package)
+    raise InputError(f"{optimizer} is not installed", remedies, key="driver.package", value=package)
 
 
 def _is_usable(package: str, optimizer: str) -> bool:

@@ -4,6 +4,7 @@ import base64
 import html
 import json
 import platform
+import re
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -518,7 +519,10 @@ def _page(sections, out):
     for level, section in enumerate(sections):
         tag = "h1" if level == 0 else "h2"
         parts.append(f"<{tag}>{html.escape(section.title)}</{tag}>")
-        parts += [f"<p>{html.escape(text)}</p>" for text in section.text]
+        parts += [
+            f"<p>{re.sub('`([^`]*)`', r'<code>\1</code>', html.escape(text))}</p>"
+            for text in section.text
+        ]
         for header, rows in section.tables:
             head = "".join(f"<th>{html.escape(cell)}</th>" for cell in header)
             body = "".join(
