@@ -507,7 +507,7 @@ def _markdown(sections):
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 62rem; margin: 2rem auto;
 padding: 0 1rem; } table { border-collapse: collapse; font-size: 0.9rem; margin: 1rem 0; } th, td {
-border-bottom: 1px solid #ccc; padding: 0.25rem 0.7rem; text-align: right; } th { border-bottom: 2px
+border-bottom: 1px solid #ccc; padding: 0.25rem 0.6rem; white-space: nowrap; text-align: right; } th { border-bottom: 2px
 solid #555; } th:first-child, td:first-child { text-align: left; } figure { margin: 1.5rem 0; } img
 { max-width: 100%; } figcaption { color: #555; font-size: 0.9rem; } .scroll { overflow-x: auto; }
 """
@@ -519,10 +519,9 @@ def _page(sections, out):
     for level, section in enumerate(sections):
         tag = "h1" if level == 0 else "h2"
         parts.append(f"<{tag}>{html.escape(section.title)}</{tag}>")
-        parts += [
-            f"<p>{re.sub('`([^`]*)`', r'<code>\1</code>', html.escape(text))}</p>"
-            for text in section.text
-        ]
+        for text in section.text:
+            words = re.sub("`([^`]*)`", r"<code>\1</code>", html.escape(text))
+            parts.append(f"<p>{words}</p>")
         for header, rows in section.tables:
             head = "".join(f"<th>{html.escape(cell)}</th>" for cell in header)
             body = "".join(
