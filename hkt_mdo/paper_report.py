@@ -505,11 +505,17 @@ def _markdown(sections):
 
 
 _STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 62rem; margin: 2rem auto;
-padding: 0 1rem; } table { border-collapse: collapse; font-size: 0.9rem; margin: 1rem 0; } th, td {
-border-bottom: 1px solid #ccc; padding: 0.25rem 0.6rem; white-space: nowrap; text-align: right; } th { border-bottom: 2px
-solid #555; } th:first-child, td:first-child { text-align: left; } figure { margin: 1.5rem 0; } img
-{ max-width: 100%; } figcaption { color: #555; font-size: 0.9rem; } .scroll { overflow-x: auto; }
+body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 64rem; margin: 2rem auto;
+       padding: 0 1rem; }
+table { border-collapse: collapse; font-size: 0.9rem; margin: 1rem 0; }
+th, td { border-bottom: 1px solid #ccc; padding: 0.25rem 0.6rem; text-align: right;
+         white-space: nowrap; }
+th { border-bottom: 2px solid #555; }
+th:first-child, td:first-child { text-align: left; }
+figure { margin: 1.5rem 0; }
+img { max-width: 100%; }
+figcaption { color: #555; font-size: 0.9rem; }
+.scroll { overflow-x: auto; }
 """
 
 
