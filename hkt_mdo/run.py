@@ -43,6 +43,7 @@ from hkt_mdo.problem import (
     find_start,
     make_driver,
     physics,
+    quadrature,
 )
 from hkt_mdo.results import Solution
 from hkt_mdo.rotor import bem
@@ -481,7 +482,7 @@ def _graded(low, high, spacing, lowest, highest):
 def _point(case, world, problem) -> StartingPoint:
     """Return the design and trajectory at which a problem stands as the start of another."""
     time_nodes, first = np.unique(_series(problem, "time"), return_index=True)
-    time_grid = np.linspace(0.0, case.phase.duration, 4 * case.phase.segments + 1)
+    time_grid, _ = quadrature(case)  # the instants that a start is sampled at
     speed, torque = (
         CubicSpline(time_nodes, _series(problem, name)[first])(time_grid)
         for name in ("rotor_speed", "hydrodynamic_torque")
