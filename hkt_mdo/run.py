@@ -2,41 +2,47 @@
 
 The optimizer is not the judge. A result is a success only if the optimizer converged and an
 integration that shares neither torque curve nor collocation with it, the quasi-steady bound and
-every bound of the problem agree (`_judge`).
+every bound of the problem agree (`hkt_mdo.judges`).
 
 A run can be killed at any moment: files appear whole or not at all, `success` is false until all
 else is written, and `resume_case` goes on from the last iterate in `iterate.json`.
 """
 
-import csv
 import json
 import os
 import platform
-import shutil
 import signal
 import sqlite3
 import tempfile
 import threading
 import time
 from collections.abc import Callable
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 import openmdao.api as om
-from scipy.integrate import quad_vec
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.data import read_bytes
-from hkt_mdo.drivers import Outcome, outcome
+from hkt_mdo.drivers import outcome
 from hkt_mdo.errors import InputError
+from hkt_mdo.judges import (
+    BETWEEN_VIOLATION,
+    Optimized,
+    between_nodes,
+    curve_errors,
+    energy_bound,
+    explain,
+    fly,
+    judge,
+    recovers,
+)
 from hkt_mdo.problem import (
-    BEM,
-    SLOWED,
     MoveLimits,
     Physics,
     build_problem,
@@ -45,11 +51,11 @@ from hkt_mdo.problem import (
     physics,
     quadrature,
 )
+from hkt_mdo.result_folder import check_folder, clear, locked, write_csv, write_json, write_text
 from hkt_mdo.results import Solution
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum, best_operation, best_rotor
 from hkt_mdo.rotor.torque_curve import TorqueSpline
-from hkt_mdo.simulation import SLOWEST_RATIO, Plant, RecordedTorque, Simulation, simulate
 from hkt_mdo.starting_point import Operation, StartingPoint
 
 MAX_PASSES = 8  # of refining the torque curve or re-centring the move limits
@@ -66,10 +72,6 @@ COLUMNS = {
     "hydrodynamic_power_W": "hydrodynamic_power",
     "generator_power_W": "generator_power",
 }
-# Limits of the judges, as README.md explains them
-ENERGY_ERROR, SURROGATE_ERROR, SPEED_ERROR = 2e-4, 1e-3, 1e-2
-BELOW_START = 2e-3  # what the rotor's inertia and its distance from stall may cost
-BOUND_MARGIN, NODE_VIOLATION, BETWEEN_VIOLATION = 1e-5, 1e-6, 1e-3
 
 RESUMABLE = 1e-2  # largest scaled violation of an iterate worth going on from
 SECONDS_BETWEEN_SAVES = 0.2
@@ -80,33 +82,6 @@ NOT_RUNNING = (
     "wider design bounds)"
 )
 UNFINISHED = "interrupted before the end; hkt run --resume goes on from the last iterate"
-
-
-@dataclass(frozen=True)
-class Check:
-    """One judge's word: a value, the limit that it must not exceed, and where it occurred."""
-
-    name: str
-    value: float
-    limit: float
-    passed: bool
-    detail: str
-
-
-@dataclass(frozen=True, eq=False)
-class Optimized:
-    """An optimization's end: the design, the collocated trajectory and how the optimizer fared."""
-
-    problem: om.Problem
-    outcome: Outcome
-    point: StartingPoint
-    nodes: np.ndarray
-    trajectory: dict[str, np.ndarray]
-    energy: float
-    generator_energy: float
-    inertia: float
-    mass: float
-    curve: np.ndarray
 
 
 Progress = Callable[[int, float, float], None]
@@ -152,10 +127,10 @@ def run_case(
     out = Path(out)
     world = physics(case)
     make_driver(case)  # a missing package is told before anything is written
-    _check_folder(out, force)
-    with _locked(out):
-        _clear(out)
-        _write(out / "case.yaml", case.to_yaml())
+    check_folder(out, force)
+    with locked(out):
+        clear(out)
+        write_text(out / "case.yaml", case.to_yaml())
         return _run(case, world, out, None, _Log(out, [], progress), figures, records)
 
 
@@ -171,7 +146,7 @@ def resume_case(
     case = load_case(out / "case.yaml")
     world = physics(case)
     make_driver(case)
-    with _locked(out):
+    with locked(out):
         if (out / "summary.json").exists() and (solution := Solution.load(out)).success:
             return solution
         start, reference, history = _read_iterate(out, case, world)
@@ -184,7 +159,7 @@ def _run(case, world, out, start, log, figures, records) -> Solution:
     """Run a case in its locked folder from a start, None: the case's own."""
     began = time.perf_counter()
     summary: dict = {"case": case.name, "success": False, "message": UNFINISHED}
-    _write_json(out / "summary.json", summary)
+    write_json(out / "summary.json", summary)
     try:
         with _scratch_directory(), _termination_interrupts(log):
             optimum = _steady_optimum(case, world)
@@ -193,8 +168,8 @@ def _run(case, world, out, start, log, figures, records) -> Solution:
                 log.reference = start.operation.energy if start.operation.running else 0.0
             log.save(start)
             result = _optimize(case, world, start, out, log, records)
-            flown = _fly(case, world, result)
-            checks = _judge(case, world, optimum, log.reference, result, flown)
+            flown = fly(case, world, result)
+            checks = judge(case, world, optimum, log.reference, result, flown)
             finished = _summarize(case, world, optimum, start, result, flown, checks)
             if not (finished["success"] or start.operation.running):
                 finished["message"] = f"{NOT_RUNNING}; {finished['message']}"
@@ -211,7 +186,7 @@ def _run(case, world, out, start, log, figures, records) -> Solution:
         ) from error
     finally:
         log.write_history()
-        _write_json(out / "summary.json", summary)
+        write_json(out / "summary.json", summary)
     solution = Solution.load(out)
     if figures:
         from hkt_mdo.plots import save_figures
@@ -248,7 +223,7 @@ class _Log:
 
     def save(self, point: StartingPoint) -> None:
         """Write the point that `resume_case` goes on from."""
-        _write_json(
+        write_json(
             self._out / "iterate.json",
             {
                 "chord_m": point.blade.chord,
@@ -265,7 +240,7 @@ class _Log:
     def write_history(self) -> None:
         """Write the energy and infeasibility of every evaluation."""
         header = ("evaluation", "energy_J", "infeasibility")
-        _write_csv(self._out / "convergence.csv", header, self._history)
+        write_csv(self._out / "convergence.csv", header, self._history)
 
 
 def _read_iterate(out, case, world) -> tuple[StartingPoint | None, float, list]:
@@ -380,9 +355,9 @@ def _optimize(case, world, start, out, log, records) -> Optimized:
             problem.cleanup()
         result = _collect(case, world, problem, nodes)
         curve_ok = case.hydrodynamics.torque == "direct" or (
-            np.max(_curve_errors(world, result)[1]) <= case.hydrodynamics.tolerance
+            np.max(curve_errors(world, result)[1]) <= case.hydrodynamics.tolerance
         )
-        over, _ = _between_nodes(case, world, result)
+        over, _ = between_nodes(case, world, result)
         torque_ok = over <= BETWEEN_VIOLATION or world.torque_limit is None
         if not result.outcome.success:  # it lost its way: once more, in smaller moves
             if moves == NARROW:
@@ -392,7 +367,7 @@ def _optimize(case, world, start, out, log, records) -> Optimized:
                 start = log.last
                 nodes = _curve_nodes(case, world, start)
             continue
-        if not recovering and not _recovers(case, world, result):
+        if not recovering and not recovers(case, world, result):
             recovering = True
             continue
         gained = abs(result.energy / energy - 1.0) > WORTHWHILE
@@ -519,27 +494,6 @@ def _collect(case, world, problem, nodes) -> Optimized:
     )
 
 
-def _curve_errors(world, result):
-    """Return the curve's relative torque errors over the trajectory's tip speed ratios."""
-    ratios = np.maximum(result.trajectory["tip_speed_ratio"], SLOWEST_RATIO)
-    probe = np.linspace(np.min(ratios), np.max(ratios), 201)
-    exact = bem.rotor_coefficients(result.point.blade, world.polar, probe).torque
-    if not result.curve.size:
-        return probe, np.zeros(probe.size)
-    return probe, np.abs(TorqueSpline(result.nodes).basis(probe) @ result.curve / exact - 1.0)
-
-
-def _recovers(case, world, result):
-    """Tell whether a rotor under feedback speeds up again wherever it is slowed a little."""
-    if world.law is None or not result.curve.size:
-        return True
-    speed = (1.0 - SLOWED) * result.trajectory["rotor_speed"]
-    flow, radius = result.trajectory["inflow_speed"], case.rotor.radius
-    basis = TorqueSpline(result.nodes).basis(speed * radius / flow)
-    driving = 0.5 * np.pi * radius**3 * case.fluid.density * flow**2 * (basis @ result.curve)
-    return bool(np.all(driving >= world.law.torque(speed, result.point.gains)))
-
-
 def _at_move_limit(case, start, result, moves):
     """Tell whether the optimum ended at a limit that is set around the start only."""
     near, point = 1e-3, result.point
@@ -560,157 +514,6 @@ def _at_move_limit(case, start, result, moves):
     return False
 
 
-# Judging ------------------------------------------------------------------------------------------
-
-
-def _fly(case, world, result) -> Simulation:
-    """Integrate the found design under the found controller with direct BEM."""
-    plant = Plant(
-        result.point.blade,
-        world.polar,
-        result.inertia,
-        case.fluid.density,
-        BEM[case.hydrodynamics.check],
-    )
-    if world.law is None:
-        controller = _recorded(case, world, result)
-    else:
-        law, gains = world.law, result.point.gains
-
-        def controller(_, speed):
-            return law.torque(speed, gains)
-
-    return simulate(
-        plant,
-        world.inflow,
-        controller,
-        float(result.trajectory["rotor_speed"][0]),
-        case.phase.duration,
-        samples=20 * case.phase.segments + 1,
-        max_step=case.phase.duration / case.phase.segments,
-    )
-
-
-def _recorded(case, world, result) -> RecordedTorque:
-    return RecordedTorque(
-        result.trajectory["time"],
-        result.trajectory["control_torque"],
-        case.phase.segments,
-        world.torque_limit,
-    )
-
-
-def _judge(case, world, optimum, reference, result, flown) -> list[Check]:
-    """Return what every judge says, the optimizer first."""
-    trajectory, status = result.trajectory, result.outcome
-    checks = [Check("optimizer", float(not status.success), 0.0, status.success, status.message)]
-
-    def check(name, value, limit, detail=""):
-        checks.append(Check(name, float(value), limit, bool(value <= limit), detail))
-
-    stopped = flown.stopped_at is not None
-    checks.append(
-        Check(
-            "rotor_keeps_turning",
-            float(stopped),
-            0.0,
-            not stopped,
-            f"rotor stops at t = {flown.stopped_at:.2f} s, not generating" if stopped else "",
-        )
-    )
-    off = np.abs(
-        np.interp(trajectory["time"], flown.time, flown.hydrodynamic_torque * flown.rotor_speed)
-        - trajectory["hydrodynamic_power"]
-    )
-    check(
-        "energy_error",
-        abs(result.energy / flown.energy - 1.0) if flown.energy > 0.0 else np.inf,
-        ENERGY_ERROR,
-        "collocated over independently integrated energy, less one; power differs most at "
-        f"t = {trajectory['time'][np.argmax(off)]:.2f} s",
-    )
-    error = np.abs(flown.speed_at(trajectory["time"]) / trajectory["rotor_speed"] - 1.0)
-    worst = int(np.argmax(error))
-    check("max_speed_error", error[worst], SPEED_ERROR, f"at t = {trajectory['time'][worst]:.2f} s")
-    ratios, errors = _curve_errors(world, result)
-    worst = int(np.argmax(errors))
-    check(
-        "surrogate_error", errors[worst], SURROGATE_ERROR, f"at tip speed ratio {ratios[worst]:.3f}"
-    )
-    check(
-        "energy_over_bound",
-        flown.energy / _energy_bound(case, world, optimum) - 1.0,
-        BOUND_MARGIN,
-        "simulated energy over the quasi-steady bound, less one",
-    )
-    if reference > 0.0:
-        check(
-            "energy_below_start",
-            1.0 - flown.energy / reference,
-            BELOW_START,
-            "a worse optimum than where the run began",
-        )
-    for name, value, where in _node_violations(case, world, result):
-        check(name, value, NODE_VIOLATION, where)
-    if world.law is None:
-        over, when = _between_nodes(case, world, result)
-        check("control_torque_between_nodes", over, BETWEEN_VIOLATION, f"at t = {when:.2f} s")
-    return checks
-
-
-def _between_nodes(case, world, result):
-    """Return how far the open loop's torque leaves its range between nodes, and when (s)."""
-    if world.law is not None:
-        return 0.0, 0.0
-    dense = np.linspace(0.0, case.phase.duration, 20 * case.phase.segments + 1)
-    torque = _recorded(case, world, result).unlimited(dense)
-    unit = world.torque_limit or float(np.max(torque))
-    over = np.maximum(torque - (world.torque_limit or np.inf), -torque) / unit
-    worst = int(np.argmax(over))
-    return float(over[worst]), float(dense[worst])
-
-
-def _node_violations(case, world, result):
-    """Yield how far each bounded quantity leaves its bounds, over the bounds' own size."""
-
-    def violation(values, low, high, places):
-        size = max(abs(x) for x in (low, high) if np.isfinite(x)) or 1.0
-        over = np.maximum(low - values, values - high) / size
-        worst = int(np.argmax(over))
-        return max(float(over[worst]), 0.0), f"at {places[worst]}"
-
-    blade, trajectory = result.point.blade, result.trajectory
-    stations = [f"r = {r:.3f} m" for r in blade.r]
-    times = [f"t = {t:.2f} s" for t in trajectory["time"]]
-    if case.design.blade == "optimized":
-        yield "chord_bounds", *violation(blade.chord, *world.chord_bounds, stations)
-        yield "twist_bounds", *violation(blade.twist, *world.twist_bounds, stations)
-    if case.design.gain_bounds is not None:
-        yield "gain_bounds", *violation(result.point.gains, *case.design.gain_bounds, ["the gain"])
-    speed = trajectory["rotor_speed"]
-    yield "rotor_speed_at_nodes", max(0.0, -float(np.min(speed) / np.max(np.abs(speed)))), ""
-    torque = trajectory["control_torque"]
-    high = np.inf if world.torque_limit is None else world.torque_limit
-    size = np.max(np.abs(torque)) if world.torque_limit is None else world.torque_limit
-    over = np.maximum(-torque, torque - high) / size
-    worst = int(np.argmax(over))
-    yield "control_torque_at_nodes", max(float(over[worst]), 0.0), f"at {times[worst]}"
-
-
-def _energy_bound(case, world, optimum):
-    """Return the quasi-steady bound, J; see `hkt_mdo.rotor.steady_optimum`."""
-    edges = np.linspace(0.0, case.phase.duration, case.phase.segments + 1)
-    cubed, _ = quad_vec(
-        lambda share: np.sum(
-            world.inflow.speed(edges[:-1] + share * np.diff(edges)) ** 3 * np.diff(edges)
-        ),
-        0.0,
-        1.0,
-    )
-    area = np.pi * case.rotor.radius**2
-    return 0.5 * case.fluid.density * area * optimum.power_coefficient * float(cubed)
-
-
 # Writing ------------------------------------------------------------------------------------------
 
 
@@ -724,14 +527,14 @@ def _summarize(case, world, optimum, start, result, flown, checks):
     turning = flown.stopped_at is None
     return {
         "success": not failed,
-        "message": "; ".join(_explain(check) for check in failed) or "converged and verified",
+        "message": "; ".join(explain(check) for check in failed) or "converged and verified",
         "package": result.outcome.package,
         "optimizer": result.outcome.optimizer,
         "iterations": result.outcome.iterations,
         "energy_J": result.energy,
         "simulated_energy_J": flown.energy if turning else None,
         "generator_energy_J": flown.generator_energy if turning else None,
-        "energy_bound_J": _energy_bound(case, world, optimum),
+        "energy_bound_J": energy_bound(case, world, optimum),
         "bound_power_coefficient": optimum.power_coefficient,
         "bound_tip_speed_ratio": optimum.tip_speed_ratio,
         "gain": None if not gains else gains[0] if len(gains) == 1 else gains,
@@ -760,33 +563,6 @@ def _summarize(case, world, optimum, start, result, flown, checks):
     }
 
 
-FALSE_SOLUTION = (
-    "the collocation is too coarse or met a false solution: try more phase.segments, "
-    "phase.transcription=gauss-lobatto, start.method=quasi_steady"
-)
-TRY = {
-    "optimizer": "try hkt run --resume, the other driver.optimizer, or more driver.max_iterations",
-    "rotor_keeps_turning": "try a larger control.torque_limit, or start.method=quasi_steady",
-    "energy_error": FALSE_SOLUTION,
-    "max_speed_error": FALSE_SOLUTION,
-    "surrogate_error": "try a smaller hydrodynamics.tolerance, or hydrodynamics.torque=direct",
-    "energy_below_start": FALSE_SOLUTION,
-    "energy_over_bound": "try more phase.segments and a smaller hydrodynamics.tolerance",
-    "control_torque_between_nodes": "try more phase.segments",
-}
-
-
-def _explain(check: Check) -> str:
-    """Return which judge refused, why and where, and what to try."""
-    remedy = TRY.get(check.name, "try a smaller driver.tolerance")
-    if check.name == "optimizer":
-        return f"the optimizer did not converge: {check.detail} ({remedy})"
-    if check.name == "rotor_keeps_turning":
-        return f"{check.detail} ({remedy})"
-    where = f", {check.detail}" if check.detail else ""
-    return f"{check.name} = {check.value:.3g} exceeds {check.limit:g}{where} ({remedy})"
-
-
 def _versions():
     versions = {"python": platform.python_version()}
     for name in (
@@ -810,7 +586,7 @@ def _versions():
 def _write_tables(out, case, world, result, flown):
     """Write the trajectory, the simulation and the power curves as CSV files."""
     columns = list(COLUMNS.values())
-    _write_csv(
+    write_csv(
         out / "trajectory.csv",
         COLUMNS,
         zip(*(result.trajectory[name] for name in columns), strict=True),
@@ -826,7 +602,7 @@ def _write_tables(out, case, world, result, flown):
         flown.hydrodynamic_torque * speed,
         flown.control_torque * speed,
     )
-    _write_csv(out / "simulation.csv", COLUMNS, zip(*rows, strict=True))
+    write_csv(out / "simulation.csv", COLUMNS, zip(*rows, strict=True))
     peak = best_operation(result.point.blade, world.polar).tip_speed_ratio
     ratios = np.linspace(0.3, 1.7, 141) * peak
     power = [
@@ -834,75 +610,7 @@ def _write_tables(out, case, world, result, flown):
         for blade in (result.point.blade, world.blade)
     ]
     header = ("tip_speed_ratio", "power_coefficient", "start_power_coefficient")
-    _write_csv(out / "power_curve.csv", header, zip(ratios, *power, strict=True))
-
-
-def _check_folder(out: Path, force: bool) -> None:
-    """Refuse a result folder that must not be used; nothing is written."""
-    if out.exists() and not out.is_dir():
-        raise InputError(f"--out {out}: is a file; choose another folder")
-    try:
-        # what a run leaves that was killed before it wrote its case is nobody's loss
-        names = {path.name for path in out.iterdir()} if out.is_dir() else set()
-    except OSError as error:
-        raise _unwritable(out, error) from error
-    if not names - {"lock", "case.yaml.part"}:
-        return
-    if not force:
-        raise InputError(
-            f"--out {out}: folder exists; choose another one, give --force to replace it, or "
-            "--resume to go on with it"
-        )
-    if "case.yaml" not in names:
-        raise InputError(f"--out {out}: holds no earlier result; --force replaces only results")
-
-
-@contextmanager
-def _locked(out: Path):
-    """Hold a result folder, made if need be, against other runs.
-
-    SQLite's lock vanishes with its process, however that ends, on every system.
-    """
-    lock = out / "lock"
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=out):
-            pass
-        connection = sqlite3.connect(lock, timeout=0.0, isolation_level=None)
-    except (OSError, sqlite3.Error) as error:
-        raise _unwritable(out, error) from error
-    try:
-        connection.execute("BEGIN EXCLUSIVE")
-    except sqlite3.Error as error:
-        connection.close()
-        raise InputError(
-            f"--out {out}: another run is at work there ({error}); wait for its end or choose "
-            "another folder"
-        ) from error
-    try:
-        yield
-    finally:
-        with suppress(OSError):  # Windows keeps open files
-            lock.unlink()
-        connection.close()
-
-
-def _clear(out: Path) -> None:
-    """Empty a folder of an earlier result: its verdict first, last what tells that it is one."""
-    last = {"summary.json": 0, "case.yaml": 2}
-    try:
-        for path in sorted(out.iterdir(), key=lambda path: last.get(path.name, 1)):
-            if path.is_dir() and not path.is_symlink():
-                shutil.rmtree(path)
-            elif path.name != "lock":
-                path.unlink()
-    except OSError as error:
-        raise _unwritable(out, error) from error
-
-
-def _unwritable(out, error):
-    reason = getattr(error, "strerror", None) or error
-    return InputError(f"--out {out}: cannot be written: {reason}; choose another folder")
+    write_csv(out / "power_curve.csv", header, zip(ratios, *power, strict=True))
 
 
 @contextmanager
@@ -937,41 +645,3 @@ def _scratch_directory():
                 del os.environ["OPENMDAO_WORKDIR"]
             else:
                 os.environ["OPENMDAO_WORKDIR"] = before
-
-
-def _write(path: Path, text: str) -> None:
-    """Replace a file in one step, so that no reader ever sees half of it."""
-    part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)
-
-
-def _write_json(path: Path, data) -> None:
-    def plain(value):
-        if isinstance(value, np.ndarray):
-            return value.tolist()
-        if isinstance(value, np.generic):
-            return value.item()
-        raise TypeError(type(value).__name__)
-
-    _write(path, json.dumps(_finite(data), indent=2, default=plain) + "\n")
-
-
-def _finite(value):
-    """Replace what JSON cannot say (NaN, infinity) by null."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    if isinstance(value, float | np.floating) and not np.isfinite(value):
-        return None
-    return value
-
-
-def _write_csv(path: Path, header, rows) -> None:
-    part = path.with_name(path.name + ".part")
-    with part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(header)
-        writer.writerows([[f"{float(value):.10g}" for value in row] for row in rows])
-    part.replace(path)

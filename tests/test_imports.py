@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).parent.parent / "hkt_mdo"
 ALLOWED = {
     "errors": set(),
     "data": {"errors"},
-    "case": {"data", "errors"},
+    "case": {"case", "data", "errors"},
     "rotor": {"rotor", "data", "errors"},
     "dynamics": {"dynamics", "rotor"},
     "totals": set(),
@@ -22,6 +22,8 @@ ALLOWED = {
     "simulation": {"rotor", "dynamics"},
     "drivers": {"errors"},
     "problem": {"case", "drivers", "starting_point", "trajectory", "dynamics", "rotor", "errors"},
+    "judges": {"problem", "simulation", "starting_point", "drivers", "rotor"},
+    "result_folder": {"errors"},
     "results": {"case", "data", "errors"},
     "plots": {"results", "errors"},
     "batch": {"run", "results", "case", "errors"},
@@ -50,6 +52,8 @@ ALLOWED = {
         "errors",
     },
     "run": {
+        "judges",
+        "result_folder",
         "problem",
         "results",
         "plots",

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from hkt_mdo import run
+from hkt_mdo import result_folder, run
 from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.results import Solution
@@ -132,7 +132,7 @@ def test_a_corrupt_recorder_file_does_not_matter(tmp_path):
 
 def test_two_runs_into_one_folder(tmp_path):
     folder = interrupted(tmp_path / "out")
-    with run._locked(folder):
+    with result_folder.locked(folder):
         for start in (run.resume_case, lambda out: run.run_case(case(), out, force=True)):
             with pytest.raises(InputError, match="another run is at work"):
                 start(folder)

@@ -1,0 +1,124 @@
+"""How a case is optimized: sections `design`, `phase`, `start`, `hydrodynamics`, `driver`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    Strict,
+    field_validator,
+    model_validator,
+)
+
+from hkt_mdo.case.base import Quantity, Section, ordered, refusal, upper
+
+_Chords = tuple[Annotated[float, Quantity("m", gt=0)], Annotated[float, Quantity("m", gt=0)]]
+_Angles = tuple[
+    Annotated[float, Quantity("deg", ge=-180, le=180)],
+    Annotated[float, Quantity("deg", ge=-180, le=180)],
+]
+_Gains = tuple[Annotated[float, Quantity(ge=0)], Annotated[float, Quantity(gt=0)]]
+
+
+class Design(Section):
+    """What may be changed, and how far (paper, eq. 7)."""
+
+    blade: Literal["optimized", "fixed"] = "optimized"
+    """Whether chord and twist are optimized along with the control, or kept."""
+
+    chord_bounds: Annotated[_Chords, AfterValidator(ordered)] = (0.01, 1.0)
+    """Bounds on the chord, [lower, upper]."""
+
+    twist_bounds: Annotated[_Angles, AfterValidator(ordered)] = (-30.0, 30.0)
+    """Bounds on the twist, [lower, upper]."""
+
+    gain_bounds: Annotated[_Gains, AfterValidator(ordered)] | None = None
+    """Bounds on the feedback gain, [lower, upper], plain numbers in the unit of `control.gain`;
+    null: scaled from the gain at the start."""
+
+
+class Phase(Section):
+    """The time span and its discretization."""
+
+    duration: Annotated[float, Quantity("s", gt=0)] = 60.0
+    """Duration; the paper gives none, its tables imply this one."""
+
+    segments: Annotated[int, Strict(), Field(ge=2, le=20000)] = 60
+    """Number of collocation segments."""
+
+    transcription: Literal["gauss-lobatto", "radau"] = "gauss-lobatto"
+    """Collocation method."""
+
+    order: Annotated[int, Strict(), Field(ge=3, le=9)] = 3
+    """Order of the polynomials of a segment: 3, 5, 7 or 9."""
+
+    initial_speed: Literal["auto", "free", "equilibrium"] = "auto"
+    """Rotor speed at t = 0: `free` for the optimizer to choose, or in `equilibrium` (hydrodynamic
+    and control torque balance); `auto`: free for open loop, equilibrium for feedback."""
+
+    @field_validator("order")
+    @classmethod
+    def _check_odd(cls, value: int) -> int:
+        if value % 2 == 0:
+            raise refusal("must be odd", "give 3, 5, 7 or 9")
+        return value
+
+
+class Start(Section):
+    """Where the optimization begins."""
+
+    method: Literal["quasi_steady", "blade"] = "quasi_steady"
+    """`quasi_steady` improves blade and gain by quasi-steady co-design before the dynamic
+    optimization; `blade` starts from the blade as given."""
+
+
+class Hydrodynamics(Section):
+    """How the rotor's torque is computed."""
+
+    bem: Literal["vectorized", "ccblade"] = "vectorized"
+    """Blade element momentum solver of the optimization."""
+
+    torque: Literal["curve", "direct"] = "curve"
+    """`curve`: a torque coefficient over tip speed ratio, computed once a design; `direct`: the
+    solver at every node of the trajectory."""
+
+    tolerance: Annotated[float, Quantity(ge=1e-8, le=1e-2)] = 1e-4
+    """Largest relative torque error of the curve along the trajectory; beyond it the curve is
+    refined."""
+
+    check: Literal["vectorized", "ccblade"] = "vectorized"
+    """Blade element momentum solver of the independent simulation."""
+
+
+_PROVIDES = {"casadi": "IPOPT", "scipy": "SLSQP"}
+
+
+class Driver(Section):
+    """The optimizer and the package that provides it."""
+
+    package: Literal["auto", "pyoptsparse", "casadi", "scipy"] = "auto"
+    """Package that provides the optimizer; `auto` takes the first that is installed and has it."""
+
+    optimizer: Annotated[Literal["IPOPT", "SLSQP", "SNOPT"], BeforeValidator(upper)] = "IPOPT"
+    """Optimizer, in capitals or not."""
+
+    tolerance: Annotated[float, Quantity(ge=1e-12, le=1e-2)] = 1e-7
+    """Tolerance on optimality and feasibility of the scaled problem."""
+
+    max_iterations: Annotated[int, Strict(), Field(ge=1, le=1_000_000)] = 1000
+    """Largest number of major iterations."""
+
+    @model_validator(mode="after")
+    def _check_package(self) -> Driver:
+        only = _PROVIDES.get(self.package, self.optimizer)
+        if self.optimizer != only:
+            raise refusal(
+                f"is not provided by the package {self.package}, which provides {only}",
+                f"give driver.optimizer: {only}, or driver.package: auto",
+                key="optimizer",
+                value=self.optimizer,
+            )
+        return self
