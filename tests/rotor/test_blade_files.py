@@ -1,0 +1,291 @@
+"""Blade files: what is read is what the file says, in every format."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hkt_mdo.data import data_path
+from hkt_mdo.errors import InputError
+from hkt_mdo.rotor.blade_files import BladeTable, SectionTable, read_blade, write_blade_csv
+
+AERODYN = """------- AERODYN v15.00.* BLADE DEFINITION INPUT FILE ---------
+A blade
+======  Blade Properties =====================================
+{count}   NumBlNds  - Number of blade nodes used in the analysis (-)
+BlSpn  BlCrvAC  BlSwpAC  BlCrvAng  BlTwist  BlChord  BlAFID
+(m)    (m)      (m)      (deg)     (deg)    (m)      (-)
+{rows}
+"""
+
+
+@pytest.fixture
+def put(tmp_path):
+    """Return a function that writes a file and returns its path."""
+
+    def write(name, text):
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+def refused(path, *fragments, **options):
+    with pytest.raises(InputError) as caught:
+        read_blade(path, **options)
+    message = str(caught.value)
+    assert caught.value.remedy
+    assert "\n" not in message
+    for fragment in (str(path.name), *fragments):
+        assert fragment in message
+    return message
+
+
+# --- theory: units, and what is the same blade in another unit -----------------------------------
+
+
+def test_the_same_blade_in_other_units(put):
+    metres = read_blade(put("m.csv", "r_m,chord_m,twist_rad\n0.5,0.25,0.5\n1,0.125,0.25\n"))
+    others = {
+        "mm.csv": "r_mm,chord_mm,twist_rad\n500,250,0.5\n1000,125,0.25\n",
+        "deg.csv": "r_m,chord_mm,twist_deg\n.5,2.5e2,28.64788975654116\n1,125,14.32394487827058\n",
+        "order.csv": "# a remark\n\ntwist_rad,weight,r_m,chord_m\n0.5,x,+0.5,0.25\n.25,,1.,0.125\n",
+    }
+    for name, text in others.items():
+        other = read_blade(put(name, text))
+        np.testing.assert_array_equal(other.r, metres.r)
+        np.testing.assert_array_equal(other.chord, metres.chord)
+        np.testing.assert_allclose(other.twist, metres.twist, rtol=4e-16)
+    relative = read_blade(put("R.csv", "r_over_R,c_over_R,twist_rad\n.25,.125,.5\n.5,.0625,.25\n"))
+    assert relative.relative
+    doubled = relative.scaled(2.0)
+    np.testing.assert_array_equal(doubled.r, metres.r)
+    np.testing.assert_array_equal(doubled.chord, metres.chord)
+    assert doubled.tip_radius == 2.0
+    assert not doubled.relative
+
+
+def test_every_conversion_is_told(put):
+    table = read_blade(
+        put("a.csv", "r_mm,chord_mm,twist_deg,thickness_percent\n500,250,5,20\n1000,125,2,15\n")
+    )
+    assert table.messages == (
+        "r_mm: mm converted to m",
+        "chord_mm: mm converted to m",
+        "twist_deg: degrees converted to radians",
+        "thickness_percent: per cent converted to a fraction",
+    )
+    assert read_blade(put("b.csv", "r_m,chord_m,twist_rad\n0.5,0.2,0\n1,0.1,0\n")).messages == ()
+
+
+def test_sections_of_a_csv(put):
+    table = read_blade(
+        put("a.csv", 'r_m,chord_m,twist_rad,t_over_c,section\n.5,.2,0,.24,"a, b"\n1,.1,0,.12,tip\n')
+    )
+    assert table.section == ("a, b", "tip")
+    np.testing.assert_array_equal(table.thickness, [0.24, 0.12])
+    assert table.blend([0.4, 0.5, 0.625, 1.0, 2.0]) == (
+        ("a, b", "a, b", 0.0),
+        ("a, b", "a, b", 0.0),
+        ("a, b", "tip", 0.25),
+        ("a, b", "tip", 1.0),
+        ("tip", "tip", 0.0),
+    )
+
+
+def test_sections_are_blended_by_thickness():
+    # thickness falls from 0.4 to 0.2 in the first tenth of the span, then stays
+    sections = (SectionTable("thick", 0.4, ()), SectionTable("thin", 0.2, ()))
+    table = BladeTable(
+        np.array([0.0, 0.1, 1.0]),
+        np.ones(3),
+        np.zeros(3),
+        thickness=np.array([0.4, 0.2, 0.2]),
+        sections=sections,
+        section_position=(("thick", 0.0), ("thin", 1.0)),
+    )
+    shares = [share for _, _, share in table.blend([0.0, 0.05, 0.1, 0.7, 1.0])]
+    np.testing.assert_allclose(shares, [0.0, 0.5, 1.0, 1.0, 1.0], rtol=1e-14)
+    plain = BladeTable(
+        table.r,
+        table.chord,
+        table.twist,
+        sections=sections,
+        section_position=table.section_position,
+    )
+    np.testing.assert_allclose([share for _, _, share in plain.blend([0.05, 0.7])], [0.05, 0.7])
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    data=st.lists(
+        st.tuples(
+            st.floats(1e-3, 1e3),
+            st.floats(1e-300, 1e-3),
+            st.floats(-np.pi, np.pi),
+        ),
+        min_size=2,
+        max_size=20,
+        unique_by=lambda row: row[0],
+    )
+)
+def test_what_is_written_reads_back_bit_by_bit(data, tmp_path_factory):
+    r, chord, twist = np.array(sorted(data)).T
+    path = tmp_path_factory.mktemp("blade") / "blade.csv"
+    write_blade_csv(
+        path, SimpleNamespace(r=r, chord=chord, twist=twist), ["a remark", "two\nlines"]
+    )
+    back = read_blade(path)
+    for name, wanted in (("r", r), ("chord", chord), ("twist", twist)):
+        assert getattr(back, name).tobytes() == wanted.tobytes()
+    assert back.messages == ()
+    assert not list(path.parent.glob("*.part"))
+
+
+def test_a_table_with_sections_reads_back(tmp_path, put):
+    table = read_blade(
+        put("a.csv", "r_m,chord_m,twist_rad,t_over_c,section\n.5,.2,0,.24,root\n1,.1,0,.12,'tip'\n")
+    )
+    write_blade_csv(tmp_path / "b.csv", table)
+    back = read_blade(tmp_path / "b.csv")
+    assert back.section == table.section
+    np.testing.assert_array_equal(back.thickness, table.thickness)
+
+
+def test_what_cannot_be_written_is_said(tmp_path, put):
+    table = read_blade(put("m.csv", "r_m,chord_m,twist_rad\n0.5,0.25,0.5\n1,0.125,0.25\n"))
+    with pytest.raises(InputError, match="cannot be written"):
+        write_blade_csv(tmp_path / "no" / "b.csv", table)
+    relative = read_blade("bahaj2007")
+    with pytest.raises(ValueError, match="scale"):
+        write_blade_csv(tmp_path / "b.csv", relative)
+
+
+# --- radii: scaling, hub and tip -----------------------------------------------------------------
+
+
+def aerodyn(put, rows, count=None, name="blade.dat"):
+    lines = rows.strip().splitlines()
+    return put(name, AERODYN.format(count=count or len(lines), rows="\n".join(lines)))
+
+
+def test_scaling_by_nothing_changes_no_bit(put):
+    table = read_blade(aerodyn(put, "0 0 0 0 10 .3 1\n0.7 0 0 0 5 .2 1\n1.3 0 0 0 1 .1 2"), 0.1)
+    assert table.tip_radius == 0.1 + 1.3
+    assert table.scaled(table.tip_radius) is table
+    larger = table.scaled(2.1)
+    assert larger.r[-1] == larger.tip_radius == 2.1
+    np.testing.assert_allclose(larger.r, table.r * 1.5, rtol=1e-15)
+    np.testing.assert_allclose(larger.chord, table.chord * 1.5, rtol=1e-15)
+    np.testing.assert_array_equal(larger.twist, table.twist)
+    assert larger.hub_radius == pytest.approx(0.15)
+    assert "scaled" in larger.messages[-1]
+
+
+def test_metres_without_a_tip_stay_metres(put):
+    table = read_blade(put("m.csv", "r_m,chord_m,twist_rad\n0.5,0.25,0.5\n1,0.125,0.25\n"))
+    np.testing.assert_array_equal(table.scaled(1.1).r, table.r)
+    assert table.scaled(1.1).tip_radius == 1.1
+    with pytest.raises(InputError, match=r"m\.csv.*beyond the rotor's tip radius of 0\.9 m"):
+        table.scaled(0.9)
+
+
+def test_interior_rows_lie_between_hub_and_tip():
+    table = read_blade("bahaj2007").scaled(1.4)
+    assert table.interior(0.125 * 1.4).r[0] == pytest.approx(0.28)
+    inner = table.interior(0.2 * 1.4)
+    assert inner.r[0] == pytest.approx(0.25 * 1.4)
+    assert inner.r[-1] == pytest.approx(0.95 * 1.4)
+    assert inner.chord.size == inner.twist.size == inner.thickness.size == inner.r.size == 15
+    with pytest.raises(InputError, match="no row between"):
+        table.interior(1.39)
+    with pytest.raises(InputError, match="no hub radius"):
+        table.interior()
+
+
+# --- published files -----------------------------------------------------------------------------
+
+
+def test_the_shipped_blade_reads_as_it_is_printed():
+    table = read_blade("bahaj2007")
+    raw = np.genfromtxt(data_path("bahaj2007", "blade"), delimiter=",", names=True)
+    np.testing.assert_array_equal(table.r, raw["r_over_R"])
+    np.testing.assert_array_equal(table.chord, raw["c_over_R"])
+    np.testing.assert_array_equal(table.twist, np.deg2rad(raw["pitch_deg"]))
+    np.testing.assert_array_equal(table.thickness, raw["t_over_c_pct"] / 100.0)
+    assert table.relative
+    assert table.section is None
+
+
+def test_an_aerodyn_blade_counts_from_the_root(put):
+    table = read_blade(
+        aerodyn(
+            put,
+            "0.0E+00 0 0 0 1.3308000E+01 3.542 1\n1.3667D+00 0 0 0 13.308 3.542 1\n"
+            "4.1 0 0 0 13.308 3.854 3 ! remark",
+        ),
+        hub_radius=1.5,
+    )
+    np.testing.assert_array_equal(table.r, [1.5, 1.5 + 1.3667, 1.5 + 4.1])
+    np.testing.assert_array_equal(table.twist, np.deg2rad([13.308] * 3))
+    assert table.section == ("1", "1", "3")
+    assert (table.hub_radius, table.tip_radius) == (1.5, 5.6)
+    np.testing.assert_array_equal(table.interior().r, [1.5 + 1.3667])
+
+
+def test_aerodyn_columns_go_by_name_not_by_place(put):
+    # OpenFAST 4 with the columns of a marine turbine; t_c = 0 stands for 'not given'
+    newer = """------- AERODYN v15.00.* BLADE DEFINITION INPUT FILE ----
+Marine turbine
+======  Blade Properties ================================
+2        NumBlNds    - Number of blade nodes used in the analysis (-)
+BlSpn BlCrvAC BlSwpAC BlCrvAng BlTwist BlChord BlAFID t_c BlCb   BlCenBn BlCenBt BlCpn
+(m)   (m)     (m)     (deg)    (deg)   (m)     (-)    (-) (-)    (m)     (m)     (-)
+0.0   0.00    0.00    0.00     12.86   0.8     1      0.0 0.9956 0.0     0.0     0.0
+9.0   0.00    0.00    0.00     2.18    0.626   9      0.0 0.1870 0.0097  0.05088 0.0
+
+! what follows the promised rows is passed over
+9.1   0.00    0.00    0.00     2.18    0.626   9      0.0 0.1870 0.0097  0.05088 0.0
+"""
+    table = read_blade(put("marine.dat", newer), 1.0)
+    np.testing.assert_array_equal(table.chord, [0.8, 0.626])
+    assert table.thickness is None
+    assert any("t_c" in message for message in table.messages)
+    assert any("1 rows after these are ignored" in message for message in table.messages)
+    swapped = newer.replace("BlTwist BlChord", "BlChord BlTwist").replace(
+        "(deg)   (m) ", "(m) (deg)   "
+    )
+    other = read_blade(
+        put(
+            "swapped.dat",
+            swapped.replace("12.86   0.8", "0.8 12.86").replace("2.18    0.626", "0.626 2.18"),
+        ),
+        1.0,
+    )
+    np.testing.assert_array_equal(other.chord, table.chord)
+    np.testing.assert_array_equal(other.twist, table.twist)
+
+
+def test_prebend_and_sweep_are_not_ignored_silently(put):
+    rows = "0 0 0 0 10 .3 1\n1 -.25 0.5 -3 5 .2 1"
+    messages = " ".join(read_blade(aerodyn(put, rows), 0.1).messages)
+    assert "BlCrvAC: prebend of up to 0.25 m" in messages
+    assert "BlSwpAC: sweep of up to 0.5 m" in messages
+    assert "BlCrvAng: cant angle of up to 3 deg" in messages
+    assert "straight blade" in messages
+
+
+def test_the_content_tells_the_format_not_the_suffix(put):
+    rows = "0 0 0 0 10 .3 1\n1 0 0 0 5 .2 1"
+    assert read_blade(aerodyn(put, rows, name="blade.csv"), 0.1).section == ("1", "1")
+    assert not read_blade(put("m.dat", "r_m,chord_m,twist_rad\n0.5,0.25,0\n1,0.1,0\n")).relative
+
+
+def test_the_hub_radius_is_asked_for(put):
+    path = aerodyn(put, "0 0 0 0 10 .3 1\n1 0 0 0 5 .2 1")
+    refused(path, "counts from the blade's root", "give the hub radius")
+    with pytest.raises(InputError, match="hub_radius"):
+        read_blade(path, -1.0)
