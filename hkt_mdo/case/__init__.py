@@ -15,7 +15,18 @@ from hkt_mdo.case.control import (
     OpenLoop,
     QuadraticFeedback,
 )
-from hkt_mdo.case.inflow import ConstantInflow, Inflow, SineInflow, StepInflow
+from hkt_mdo.case.inflow import (
+    ConstantInflow,
+    GustInflow,
+    Inflow,
+    RecordInflow,
+    SineInflow,
+    StepInflow,
+    SumInflow,
+    TidalConstituent,
+    TidalInflow,
+    TurbulentInflow,
+)
 from hkt_mdo.case.optimization import Design, Driver, Hydrodynamics, Phase, Start
 from hkt_mdo.case.schema import Case, case_json_schema, load_case, read_case
 from hkt_mdo.case.turbine import Fluid, Rotor
@@ -29,6 +40,7 @@ __all__ = [
     "Driver",
     "Feedback",
     "Fluid",
+    "GustInflow",
     "Hydrodynamics",
     "Inflow",
     "LinearFeedback",
@@ -36,10 +48,15 @@ __all__ = [
     "Phase",
     "QuadraticFeedback",
     "Quantity",
+    "RecordInflow",
     "Rotor",
     "SineInflow",
     "Start",
     "StepInflow",
+    "SumInflow",
+    "TidalConstituent",
+    "TidalInflow",
+    "TurbulentInflow",
     "case_json_schema",
     "load_case",
     "read_case",

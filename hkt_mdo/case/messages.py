@@ -35,6 +35,10 @@ def _find(location: Iterable[int | str], root: type[BaseModel]) -> _Place:
     for part in location:
         if isinstance(part, int):
             path.append(f"[{part}]")
+            item = _item(field)
+            if item is not None:  # of a list of sections; a list of numbers is told by its own key
+                union, field = _members(item), item
+                section = section if union else cast(type[BaseModel], item.annotation)
         elif union:
             section, union, field = union[part], {}, None
         else:
@@ -58,6 +62,16 @@ def _members(field: FieldInfo | None) -> dict[str, type[BaseModel]]:
     return {get_args(m.model_fields[field.discriminator].annotation)[0]: m for m in members}
 
 
+def _item(field: FieldInfo | None) -> FieldInfo | None:
+    """Return what a list holds, if that is sections of one class or of a union."""
+    inner = get_args(field.annotation) if field else ()
+    item = FieldInfo.from_annotation(inner[0]) if inner and inner[-1] is Ellipsis else None
+    kind = item.annotation if item is not None else None
+    if isinstance(kind, type) and issubclass(kind, Section):
+        return item
+    return item if item is not None and _members(item) else None
+
+
 def translate(
     errors: list[ErrorDetails], root: type[BaseModel], file: str, overrides: dict[str, str]
 ) -> InputError:
@@ -73,6 +87,8 @@ def translate(
     overrides : dict of str to str
         The overrides by their keys: an error in one of them is told as such.
     """
+    # a list whose items are refused is not too short as well
+    errors = [e for e in errors if e["type"] != "too_short" or len(e["input"]) < _least(e)]
     error = errors[0]
     context = error.get("ctx", {})
     place = _find(error["loc"], root)
@@ -108,7 +124,7 @@ def translate(
             value = cast(dict[str, Any], value).get(_discriminator(place.field))
             problem, remedy = "unknown", _suggest(value, tuple(_members(place.field)))
         case "literal_error":
-            choices = get_args(place.field.annotation) if place.field else ()
+            choices = _choices(place.field.annotation) if place.field else ()
             problem, remedy = "unknown", _suggest(value, choices)
         case "model_type" | "model_attributes_type" | "dict_type":
             problem = "must be a section of keys and values"
@@ -144,12 +160,22 @@ def translate(
     return InputError(problem, remedy, file=file, key=key, value=value)
 
 
+def _least(error: ErrorDetails) -> int:
+    return cast(int, error["ctx"]["min_length"])
+
+
 def _discriminator(field: FieldInfo | None) -> str:
     return str(field.discriminator) if field else ""
 
 
 def _first_line(field: FieldInfo | None) -> str:
     return (field.description or "").partition("\n")[0] if field else ""
+
+
+def _choices(annotation: Any) -> tuple[Any, ...]:
+    """Return the texts that a Literal allows, also one beside None."""
+    inner = get_args(annotation)
+    return inner if type(None) not in inner else _choices(inner[0])
 
 
 def _suggest(value: object, choices: Sequence[object]) -> str:
