@@ -14,20 +14,52 @@ import numpy as np
 
 from hkt_mdo.errors import InputError
 
-__all__ = ["data_path", "locate", "read_bytes", "read_table", "shipped_names"]
+__all__ = [
+    "POLAR_FAMILIES",
+    "Table",
+    "data_path",
+    "locate",
+    "parse_number",
+    "parse_table",
+    "read_bytes",
+    "read_table",
+    "read_text",
+    "shipped_names",
+]
 
 MAX_TABLE_BYTES = 16 * 1024**2
 """Largest CSV file that is read, in bytes."""
 
+POLAR_FAMILIES: dict[str, dict[str, float]] = {
+    "naca63815": {
+        f"naca63815_Re{reynolds}": float(reynolds)
+        for reynolds in ("1e5", "2e5", "3e5", "5e5", "1e6", "2e6")
+    },
+}
+"""Shipped polars of one section: name of the section, name of the polar, its Reynolds number."""
+
 _FILES: dict[str, dict[str, str]] = {
     "blade": {"bahaj2007": "bahaj2007_blade.csv"},
     "polar": {
-        f"naca63815_{reynolds}": f"naca63815_polar_{reynolds}.csv"
-        for reynolds in ("Re1e5", "Re2e5", "Re3e5", "Re5e5", "Re1e6", "Re2e6")
+        polar: f"{polar.replace('_', '_polar_')}.csv"
+        for family in POLAR_FAMILIES.values()
+        for polar in family
     },
     "outline": {"naca63815": "naca63815_coordinates.csv"},
     "measurement": {"bahaj2007": "bahaj2007_measured_cp.csv"},
     "reported": {"amini2023": "amini2023_reported.yaml"},
+}
+
+_ROTORS: dict[str, dict[str, object]] = {
+    "bahaj2007": {
+        "radius": 1.4,
+        "hub_radius_fraction": 0.125,
+        "blade_count": 3,
+        "stations": (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.999),
+        "set_angle": 5.0,
+        "polar": "naca63815_Re2e5",
+        "outline": "naca63815",
+    },
 }
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
@@ -48,6 +80,11 @@ def shipped_names(kind: str) -> tuple[str, ...]:
         Names that `data_path` takes.
     """
     return tuple(_FILES[kind])
+
+
+def shipped_rotor(blade: object) -> dict[str, object]:
+    """Return what of a case's section `rotor` a shipped blade brings with it; empty for others."""
+    return dict(_ROTORS.get(blade, {})) if isinstance(blade, str) else {}
 
 
 def data_path(name: str, kind: str) -> Path:
@@ -158,9 +195,71 @@ def read_bytes(path: Path, largest: int, what: str) -> bytes:
     return content
 
 
+def read_text(path: Path, what: str) -> str:
+    """Return the text of a regular file of limited size, without a byte order mark.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    what : str
+        What the file is to hold, for the message.
+
+    Returns
+    -------
+    str
+        The text, line ends as they are.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is larger than 16 MiB, or is no UTF-8 text; the message names
+        the line.
+    """
+    content = read_bytes(path, MAX_TABLE_BYTES, what)
+    wrong = None
+    try:
+        text = content.decode("utf-8-sig")
+        if "\0" in text:
+            wrong = content.index(b"\0")
+    except UnicodeDecodeError as error:
+        wrong = error.start
+    if wrong is not None:
+        line = content.count(b"\n", 0, wrong) + 1
+        raise InputError("is not UTF-8 text", "save it as UTF-8", file=path, key=f"line {line}")
+    return text
+
+
+def parse_number(text: str) -> float | None:
+    """Return a finite number written with a decimal point, or None.
+
+    Parameters
+    ----------
+    text : str
+        What stands in a cell, without spaces round it.
+
+    Returns
+    -------
+    float or None
+        None for anything else: words, nan, inf, thousands separators, other digits.
+    """
+    if len(text) > _LONGEST_NUMBER or not _NUMBER.fullmatch(text):
+        return None
+    number = float(text)
+    return number if np.isfinite(number) else None
+
+
+class Table(dict[str, np.ndarray]):
+    """Columns of numbers by name; `lines` holds the number of each row's line in the file."""
+
+    def __init__(self, columns: dict[str, np.ndarray], lines: Sequence[int]) -> None:
+        super().__init__(columns)
+        self.lines = tuple(lines)
+
+
 def read_table(
     path_or_name: str | Path, columns: Sequence[str], what: str, optional: Sequence[str] = ()
-) -> dict[str, np.ndarray]:
+) -> Table:
     """Read columns of numbers from a CSV file with a header line.
 
     Empty lines and lines that begin with ``#`` are passed over; columns that were not asked for are
@@ -179,7 +278,7 @@ def read_table(
 
     Returns
     -------
-    dict of str to numpy.ndarray
+    Table
         Finite numbers, column[n_rows], n_rows >= 1; an optional column that is absent has no entry.
 
     Raises
@@ -190,15 +289,38 @@ def read_table(
         message names file, line, column and value.
     """
     path = locate(path_or_name, what)
-    content = read_bytes(path, MAX_TABLE_BYTES, f"CSV file with the {what}")
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
-        raise InputError(
-            "is not UTF-8 text", "save it as UTF-8", file=path, key=f"line {line}"
-        ) from None
+    text = read_text(path, f"CSV file with the {what}")
+    return parse_table(text, path, columns, what, optional)
 
+
+def parse_table(
+    text: str, path: Path, columns: Sequence[str], what: str, optional: Sequence[str] = ()
+) -> Table:
+    """Read columns of numbers from the text of a CSV file; see `read_table`.
+
+    Parameters
+    ----------
+    text : str
+        The whole file.
+    path : pathlib.Path
+        The file, for messages.
+    columns : sequence of str
+        Columns that must be there.
+    what : str
+        What the table holds, for messages.
+    optional : sequence of str
+        Columns that are read if they are there.
+
+    Returns
+    -------
+    Table
+        Finite numbers, column[n_rows], n_rows >= 1.
+
+    Raises
+    ------
+    InputError
+        As `read_table`.
+    """
     rows = _rows(text, path)
     if not rows:
         raise InputError("is empty", f"its first line is {','.join(columns)}", file=path)
@@ -234,7 +356,10 @@ def read_table(
                 value=",".join(cells),
             )
     wanted = [name for name in (*columns, *optional) if name in header]
-    return {name: _column(rows[1:], header.index(name), name, path) for name in wanted}
+    return Table(
+        {name: _column(rows[1:], header.index(name), name, path) for name in wanted},
+        [line for line, _ in rows[1:]],
+    )
 
 
 def _rows(text: str, path: Path) -> list[tuple[int, list[str]]]:
@@ -256,9 +381,8 @@ def _column(rows: Sequence[tuple[int, list[str]]], index: int, name: str, path: 
     numbers = np.empty(len(rows))
     for place, (line, cells) in enumerate(rows):
         cell = cells[index].strip()
-        plain = len(cell) <= _LONGEST_NUMBER and _NUMBER.fullmatch(cell)
-        number = float(cell) if plain else np.nan
-        if not np.isfinite(number):
+        number = parse_number(cell)
+        if number is None:
             raise InputError(
                 "must be a finite number",
                 "write it with a decimal point, without a unit",

@@ -1,4 +1,4 @@
-"""The polar: a smooth periodic function through its table, and files that are refused."""
+"""The section: a smooth periodic polar, the outline's closed forms, files that are refused."""
 
 import numpy as np
 import pytest
@@ -57,6 +57,19 @@ def test_derivatives_are_those_of_the_values(polar):
     assert np.allclose(lift_slope, lift.imag / 1e-30, rtol=1e-12, atol=1e-12)
     assert np.allclose(drag_slope, drag.imag / 1e-30, rtol=1e-12, atol=1e-12)
     assert by_reynolds == also_by_reynolds == 0.0
+
+
+def test_polar_takes_angles_of_any_shape(polar):
+    """Element by element the same, for CCBlade's numbers and for grids."""
+    grid = np.linspace(-7.0, 7.0, 24).reshape(2, 3, 4)
+    for method in (polar.evaluate, polar.derivatives):
+        for shape in ((24,), (4, 6), (2, 3, 4)):
+            values = method(grid.reshape(shape))
+            for which in (0, -1) if method == polar.evaluate else (0, 2):
+                assert values[which].shape == shape
+                single = [method(float(alpha))[which] for alpha in grid.flat]
+                assert values[which].ravel().tolist() == single
+    assert np.ndim(polar.evaluate(0.1)[0]) == 0
 
 
 def test_drag_is_positive_and_flow_at_right_angles_is_that_over_a_plate(polar):
@@ -127,6 +140,29 @@ def test_good_polar_is_taken_and_a_missing_column_is_not(tmp_path):
         Polar.from_csv(write(tmp_path, good_rows(), header="alpha_deg,cl,drag"))
 
 
+# Outline
+
+
+def ellipse(thickness, n=2000):
+    angle = np.linspace(0.0, 2.0 * np.pi, n, endpoint=False)
+    return Outline(0.5 + 0.5 * np.cos(angle), 0.5 * thickness * np.sin(angle))
+
+
+def naca_4_digit(camber, place, thickness, n=2001):
+    """Points of a NACA 4-digit section (Jacobs, Ward and Pinkerton, NACA Report 460, 1933)."""
+    x = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, n)))
+    a = (0.2969, -0.1260, -0.3516, 0.2843, -0.1015)
+    half = 5.0 * thickness * (a[0] * np.sqrt(x) + x * np.polyval(a[:0:-1], x))
+    ahead = x < place if camber else np.zeros(n, bool)
+    p = place if camber else 0.5
+    q = np.where(ahead, p, 1.0 - p)
+    line = camber / q**2 * (np.where(ahead, 0.0, 1.0 - 2.0 * p) + 2.0 * p * x - x**2)
+    slope = np.arctan(2.0 * camber / q**2 * (p - x))
+    upper = x - half * np.sin(slope), line + half * np.cos(slope)
+    lower = x + half * np.sin(slope), line - half * np.cos(slope)
+    return tuple(np.r_[up[::-1], low[1:]] for up, low in zip(upper, lower, strict=True))
+
+
 def test_outline_area():
     """A rhombus has half the area of its box; the shipped section the area its README states."""
     side = np.linspace(0.0, 1.0, 6)[1:]
@@ -134,6 +170,127 @@ def test_outline_area():
     y = np.concatenate(([0.0], 0.1 * side, 0.1 - 0.1 * side, -0.1 * side, -0.1 + 0.1 * side))
     assert Outline(x, y).area == pytest.approx(0.1, rel=1e-12)
     assert Outline.from_csv("naca63815").area == pytest.approx(0.094, abs=0.001)
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+def test_rectangle_is_exact(turn):
+    """b h, b h³/12, b³ h/12 about the centroid, whichever way round the points run."""
+    x, y = np.array([1.0, 0.0, 0.0, 1.0])[::turn], np.array([0.3, 0.3, 0.1, 0.1])[::turn]
+    outline = Outline(x, y)
+    assert outline.area == pytest.approx(0.2, rel=1e-14)
+    assert outline.thickness == pytest.approx(0.2, rel=1e-14)
+    assert outline.centroid == pytest.approx((0.5, 0.2), rel=1e-14)
+    assert outline.second_moments == pytest.approx((0.2**3 / 12.0, 0.2 / 12.0, 0.0), abs=1e-16)
+
+
+def test_triangle_is_exact():
+    """Right triangle with legs b, h: b h³/36, b³ h/36, product of inertia -b² h²/72."""
+    outline = Outline(np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 0.3]))
+    assert outline.centroid == pytest.approx((1.0 / 3.0, 0.1), rel=1e-14)
+    expected = 0.3**3 / 36.0, 0.3 / 36.0, -(0.3**2) / 72.0
+    assert outline.second_moments == pytest.approx(expected, rel=1e-13)
+
+
+def test_ellipse_has_its_closed_forms():
+    """pi a b, pi a b³/4, pi a³ b/4; the polygon's error falls with the square of its points."""
+    errors = []
+    for n in (200, 2000):
+        outline, a, b = ellipse(0.3, n), 0.5, 0.15
+        moments = outline.second_moments
+        errors.append(
+            [
+                outline.area / (np.pi * a * b) - 1.0,
+                moments.xx / (0.25 * np.pi * a * b**3) - 1.0,
+                moments.yy / (0.25 * np.pi * a**3 * b) - 1.0,
+            ]
+        )
+        assert outline.thickness == pytest.approx(0.3, rel=1e-12)
+        assert outline.centroid == pytest.approx((0.5, 0.0), abs=1e-12)
+        assert moments.xy == pytest.approx(0.0, abs=1e-12)
+    assert np.max(np.abs(errors[1])) < 1e-5
+    assert np.allclose(np.divide(*errors), 100.0, rtol=0.01)
+
+
+def test_principal_axes_turn_with_the_section():
+    """An ellipse turned by an angle keeps its extreme moments, and its axis shows the angle."""
+    level = ellipse(0.2)
+    for angle in (-1.2, -0.3, 0.2, 1.5):
+        x = np.cos(angle) * level.x - np.sin(angle) * level.y
+        y = np.sin(angle) * level.x + np.cos(angle) * level.y
+        turned = Outline(x, y).principal_moments
+        assert turned.smallest == pytest.approx(level.second_moments.xx, rel=1e-9)
+        assert turned.largest == pytest.approx(level.second_moments.yy, rel=1e-9)
+        assert turned.angle == pytest.approx(angle, abs=1e-9)
+
+
+def test_bending_stiffness_grows_with_the_fourth_power_of_the_chord():
+    flapwise, edgewise = ellipse(0.3).bending_stiffness(np.array([1.0, 2.0]), 70e9)
+    assert flapwise == pytest.approx(70e9 * np.pi / 4.0 * 0.5 * 0.15**3 * np.array([1, 16]), 1e-5)
+    assert edgewise == pytest.approx(70e9 * np.pi / 4.0 * 0.5**3 * 0.15 * np.array([1, 16]), 1e-5)
+
+
+@pytest.mark.parametrize("thickness", [0.09, 0.15, 0.21])
+def test_naca_4_digit_area_thickness_and_flapwise_moment(thickness):
+    """Integrals of the thickness polynomial: area 0.6851 t, thickness t."""
+    outline = Outline(*naca_4_digit(0.0, 0.0, thickness))
+    a = (0.2969, -0.1260, -0.3516, 0.2843, -0.1015)
+    powers = np.array([0.5, 1.0, 2.0, 3.0, 4.0])
+    area = 10.0 * thickness * np.sum(np.array(a) / (powers + 1.0))
+    assert area == pytest.approx(0.6851 * thickness, rel=1e-4)
+    assert outline.area == pytest.approx(area, rel=1e-5)
+    # the coefficients are rounded: 1.0002 t
+    assert outline.thickness == pytest.approx(thickness, rel=5e-4)
+    sums = np.array(powers)[:, None, None] + powers[:, None] + powers
+    cubes = np.einsum("i,j,k,ijk", a, a, a, 1.0 / (sums + 1.0))
+    expected = 2.0 / 3.0 * (5.0 * thickness) ** 3 * cubes
+    assert outline.second_moments.xx == pytest.approx(expected, rel=1e-5)
+
+
+def test_camber_leaves_thickness_across_the_camber_line():
+    """Thickness is laid off across the camber line: across the chord it is more by 1 / cos."""
+    outline = Outline(*naca_4_digit(0.04, 0.4, 0.12))
+    assert 0.12 < outline.thickness < 0.1202
+    assert outline.centroid[1] > 0.02
+
+
+def outline_files():
+    x, y = naca_4_digit(0.02, 0.4, 0.12, 41)
+    selig = [f" {a:.6f}  {b:.6f}" for a, b in zip(x, y, strict=True)]
+    sides = [*selig[40::-1], "", *selig[40:]]
+    return {
+        "CSV": ["# NACA 2412", "x_over_c,y_over_c", *(",".join(row.split()) for row in selig)],
+        "Selig with a name": ["NACA 2412", *selig],
+        "Selig without a name": selig,
+        "Selig with commas": ["63 815 by hand", *(", ".join(row.split()) for row in selig)],
+        "Lednicer with a name": ["NACA 2412", "  41.  41.", "", *sides],
+        "Lednicer without a name": ["41 41", *sides],
+    }
+
+
+@pytest.mark.parametrize("name", outline_files())
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_outline_formats_agree(tmp_path, name, end):
+    path = tmp_path / "section.dat"
+    path.write_text(end.join(outline_files()[name]) + end, encoding="utf-8", newline="")
+    outline = Outline.from_file(path)
+    x, y = naca_4_digit(0.02, 0.4, 0.12, 41)
+    assert outline.x.tolist() == np.round(x, 6).tolist()
+    assert outline.y.tolist() == np.round(y, 6).tolist()
+
+
+def test_lednicer_sides_with_noses_apart_keep_both_points(tmp_path):
+    rows = outline_files()["Lednicer with a name"]
+    nose = rows.index(rows[3], 4)
+    rows[nose] = "0.000000 -0.001000"
+    path = tmp_path / "section.dat"
+    path.write_text("\n".join(rows), encoding="utf-8")
+    assert Outline.from_file(path).x.size == 82
+
+
+def test_shipped_outline():
+    outline = Outline.from_file("naca63815")
+    assert outline.thickness == pytest.approx(0.15, abs=0.0005)  # its name
+    assert outline.principal_moments.angle == pytest.approx(0.0, abs=np.deg2rad(3.0))
 
 
 def test_open_outline_is_refused(tmp_path):

@@ -1,0 +1,289 @@
+"""Polar files: three formats, one content; what a family of Reynolds numbers is."""
+
+import numpy as np
+import pytest
+
+from hkt_mdo.data import POLAR_FAMILIES, read_table
+from hkt_mdo.errors import InputError
+from hkt_mdo.rotor.airfoil import Polar, PolarFamily
+from hkt_mdo.rotor.polar_files import read_polars
+
+ALPHA = np.arange(-8.0, 17.0)  # deg
+REYNOLDS = 2e5, 1e6
+
+
+def lift(alpha, reynolds):
+    return np.round(0.3 + 0.1 * alpha * (1.0 + 0.01 * np.log10(reynolds)), 4)
+
+
+def drag(alpha, reynolds):
+    return np.round(0.05 / np.log10(reynolds) + 1e-4 * alpha**2, 5)
+
+
+def moment(alpha, reynolds):
+    return np.round(-0.08 + 0.0 * reynolds - 1e-3 * alpha, 4)
+
+
+def rows(alpha, reynolds):
+    return zip(alpha, *(f(alpha, reynolds) for f in (lift, drag, moment)), strict=True)
+
+
+def csv_text(angle="alpha_deg"):
+    text = ["# a remark", f"reynolds,{angle},cl,cd,cm,confidence", ""]
+    for reynolds in reversed(REYNOLDS):
+        for a, cl, cd, cm in rows(ALPHA, reynolds):
+            value = f"{a:g}" if angle == "alpha_deg" else f"{np.deg2rad(a):.17g}"
+            text.append(f"{reynolds:g},{value},{cl},{cd},{cm},0.9")
+    return "\n".join(text) + "\n"
+
+
+def aerodyn_text(reynolds=REYNOLDS, alpha=ALPHA, names="Alpha Cl Cd Cm", unsteady=True):
+    text = [
+        "! ------------ AirfoilInfo v1.01.x Input File ----------",
+        '"DEFAULT"  InterpOrd   ! order',
+        "1.0  NonDimArea",
+        "2  NumCoords ! the shape",
+        "! x-y coordinates",
+        "0.25 0.0",
+        "1.0  0.0",
+        '"unused"  BL_file',
+        f"{len(reynolds)}  NumTabs  ! how many",
+    ]
+    for number in reynolds:
+        text += [
+            "! data of a table",
+            f"  {number / 1e6:.3f}  Re  ! in millions",
+            "  0  UserProp",
+            f"{unsteady}  InclUAdata",
+        ]
+        if unsteady:
+            text += ["  -3.2  alpha0 ! zero lift", '"DEFAULT"  filtCutOff ! (Hz)', "!......"]
+        text += [f"{len(alpha)}  NumAlf", f"! {names}", "! (deg) (-) (-) (-)"]
+        text += [" ".join(map(str, row)) for row in rows(alpha, number)]
+    return "\n".join(text) + "\n"
+
+
+def xfoil_text(reynolds=REYNOLDS, transition=""):
+    text = []
+    for number in reynolds:
+        text += [
+            "  ",
+            "       XFOIL         Version 6.99",
+            "  ",
+            " Calculated polar for: NACA 63-815",
+            "  ",
+            " 1 1 Reynolds number fixed          Mach number fixed",
+            "  ",
+            " xtrf =   1.000 (top)        1.000 (bottom)",
+            f" Mach =   0.000     Re = {number / 1e6:9.3f} e 6     Ncrit =   9.000  9.000",
+            "  ",
+            "   alpha    CL        CD       CDp       CM     Top_Xtr  Bot_Xtr",
+            "  ------ -------- --------- --------- -------- -------- --------",
+        ]
+        text += [
+            f"{a:8.3f}{cl:9.4f}{cd:10.5f}   0.00100{cm:9.4f}   0.5000   1.0000"
+            for a, cl, cd, cm in rows(ALPHA, number)
+        ]
+    return "\r\n".join(text) + "\r\n"
+
+
+FORMATS = {
+    "csv": csv_text(),
+    "csv in radians": csv_text("alpha_rad"),
+    "aerodyn": aerodyn_text(),
+    "aerodyn with Ctrl": aerodyn_text(unsteady=False).replace("UserProp", "Ctrl"),
+    "aerodyn in Fortran's digits": aerodyn_text().replace("0.200  Re", "2.0D-01  re"),
+    "aerodyn, shape elsewhere": aerodyn_text()
+    .replace("2  NumCoords", '@"shape of it.txt"  NumCoords')
+    .replace("0.25 0.0\n1.0  0.0\n", ""),
+    "aerodyn, tables out of order": aerodyn_text(REYNOLDS[::-1]),
+    "xfoil": xfoil_text(),
+    "xflr5": xfoil_text()
+    .replace("XFOIL         Version 6.99", "xflr5 v6.47")
+    .replace("_Xtr", " Xtr"),
+}
+
+
+def write(folder, text):
+    path = folder / "section.dat"
+    path.write_text(text, encoding="utf-8", newline="")
+    return path
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_format_gives_the_same_tables(tmp_path, name):
+    tables = read_polars(write(tmp_path, FORMATS[name]))
+    assert [table.reynolds for table in tables] == pytest.approx(REYNOLDS, rel=1e-12)
+    for table, reynolds in zip(tables, REYNOLDS, strict=True):
+        assert np.allclose(table.alpha, np.deg2rad(ALPHA), rtol=0.0, atol=1e-15)
+        assert np.array_equal(table.lift, lift(ALPHA, reynolds))
+        assert np.array_equal(table.drag, drag(ALPHA, reynolds))
+        assert np.array_equal(table.moment, moment(ALPHA, reynolds))
+        assert not table.full_circle
+
+
+def test_a_byte_order_mark_changes_nothing(tmp_path):
+    path = tmp_path / "polar.csv"
+    path.write_text(csv_text(), encoding="utf-8-sig")
+    assert len(read_polars(path)) == 2
+
+
+def test_fourth_column_is_the_moment_only_if_it_is_named_so(tmp_path):
+    """Tables for cavitation checks have the lowest pressure coefficient there."""
+    with_pressure = read_polars(write(tmp_path, aerodyn_text(names="Alpha Cl Cd Cpmin")))
+    assert all(table.moment is None for table in with_pressure)
+    unnamed = read_polars(write(tmp_path, aerodyn_text(names="rows")))
+    assert np.array_equal(unnamed[0].moment, moment(ALPHA, REYNOLDS[0]))
+
+
+def circle_text(n_rows=73, gap=0.0):
+    alpha = np.linspace(-180.0, 180.0, n_rows)
+    cl = np.round(np.sin(2.0 * np.deg2rad(alpha)), 6)
+    cl[-1] += gap
+    cd = np.round(1.0 - 0.98 * np.cos(2.0 * np.deg2rad(alpha)), 6)
+    lines = [f"{a:g},{left:.6f},{down:.6f}" for a, left, down in zip(alpha, cl, cd, strict=True)]
+    return "\n".join(["alpha_deg,cl,cd", *lines]) + "\n"
+
+
+def test_full_circle_is_used_as_it_is(tmp_path):
+    (table,) = read_polars(write(tmp_path, circle_text()))
+    assert table.full_circle
+    assert table.alpha[0] == -np.pi
+    assert table.alpha[-1] == np.pi
+    polar = Polar.from_polar_table(table)
+    assert (polar.alpha_min, polar.alpha_max) == (-np.pi, np.pi)
+    alpha = np.linspace(-4.0, 4.0, 999)
+    cl, cd = polar.evaluate(alpha)
+    assert np.allclose(cl, np.sin(2.0 * alpha), atol=1e-4)  # the spline's error at 5 degrees
+    assert np.allclose(cd, 1.0 - 0.98 * np.cos(2.0 * alpha), atol=1e-4)
+
+
+def test_full_circle_in_rounded_radians_is_closed(tmp_path):
+    alpha = np.deg2rad(np.linspace(-180.0, 180.0, 73))
+    text = "alpha_rad,cl,cd\n" + "".join(f"{a:.4f},{np.sin(2 * a):.3f},0.5\n" for a in alpha)
+    (table,) = read_polars(write(tmp_path, text))
+    assert table.full_circle
+    assert table.alpha[-1] == np.pi
+
+
+def test_ends_of_a_full_circle_are_one_angle(tmp_path):
+    with pytest.raises(InputError, match=r"line 74, column cl = .*differs.*one angle"):
+        read_polars(write(tmp_path, circle_text(gap=0.01)))
+
+
+def test_cylinder_needs_but_its_ends(tmp_path):
+    for angles in ((-180, 180), (-180, 0, 180)):
+        text = "alpha_deg,cl,cd\n" + "".join(f"{angle},0,0.5\n" for angle in angles)
+        polar = Polar.from_csv(write(tmp_path, text))
+        cl, cd = polar.evaluate(np.linspace(-4.0, 4.0, 99))
+        assert np.allclose(cl, 0.0, atol=1e-14)
+        assert np.allclose(cd, 0.5, atol=1e-14)
+    with pytest.raises(InputError, match="at least 8"):
+        read_polars(write(tmp_path, text.replace("\n0,0,", "\n0,0.1,")))
+
+
+def test_shipped_names():
+    """A shipped polar is the file's rows; the section's name stands for all of them."""
+    family = read_polars("naca63815")
+    assert [table.reynolds for table in family] == [1e5, 2e5, 3e5, 5e5, 1e6, 2e6]
+    for name, table in zip(POLAR_FAMILIES["naca63815"], family, strict=True):
+        columns = read_table(name, ("alpha_deg", "cl", "cd", "cm"), "polar")
+        (single,) = read_polars(name)
+        assert single.reynolds == table.reynolds
+        for one in (single, table):
+            assert np.array_equal(one.alpha, np.deg2rad(columns["alpha_deg"]))
+            assert np.array_equal(one.lift, columns["cl"])
+            assert np.array_equal(one.drag, columns["cd"])
+            assert np.array_equal(one.moment, columns["cm"])
+
+
+def test_unknown_name_lists_sections_and_formats():
+    with pytest.raises(InputError, match=r"naca63815, naca63815_Re1e5.*AeroDyn.*XFOIL"):
+        read_polars("naca63816")
+
+
+# Blend and family
+
+
+def test_blend_is_linear_in_the_coefficients():
+    low, high = (Polar.from_csv(name) for name in ("naca63815_Re1e5", "naca63815_Re1e6"))
+    alpha = np.linspace(-3.2, 3.2, 777)
+    for weight in (0.0, 0.3, 1.0):
+        blend = np.array(low.blend(high, weight).evaluate(alpha))
+        expected = (1.0 - weight) * np.array(low.evaluate(alpha)) + weight * np.array(
+            high.evaluate(alpha)
+        )
+        assert np.allclose(blend, expected, rtol=0.0, atol=1e-14)
+
+
+def test_blend_knows_the_range_that_both_tables_cover():
+    one = Polar.from_table(np.deg2rad(np.arange(-10.0, 15.5, 0.5)), np.zeros(51), np.ones(51))
+    other = Polar.from_table(np.deg2rad(np.arange(-8.0, 20.5, 0.5)), np.zeros(57), np.ones(57))
+    blend = one.blend(other, 0.5)
+    assert (blend.alpha_min, blend.alpha_max) == (other.alpha_min, one.alpha_max)
+
+
+def test_polars_of_other_knots_do_not_blend():
+    polar = Polar.from_csv("naca63815_Re2e5")
+    coarse = Polar(polar.coefficients[::2], polar.alpha_min, polar.alpha_max)
+    with pytest.raises(ValueError, match="knots"):
+        polar.blend(coarse, 0.5)
+
+
+def test_family_is_linear_in_the_logarithm_and_clamped():
+    family = PolarFamily.from_file("naca63815")
+    assert family.log_reynolds == pytest.approx(np.log(family.reynolds))
+    assert family.coefficients.shape == (6, 1440, 8)
+    for reynolds, polar in zip(family.reynolds, family.polars, strict=True):
+        assert np.array_equal(family.at(reynolds).coefficients, polar.coefficients)
+    assert family.at(1e3) is family.polars[0]
+    assert family.at(1e8) is family.polars[-1]
+    middle = family.at(np.sqrt(1e5 * 2e5)).coefficients  # half-way in the logarithm
+    assert np.allclose(middle, 0.5 * (family.coefficients[0] + family.coefficients[1]), atol=1e-12)
+
+
+def test_family_of_one_is_the_same_everywhere(tmp_path):
+    text = "alpha_deg,cl,cd\n" + "".join(f"{a},{0.1 * a},0.02\n" for a in range(-8, 17))
+    family = PolarFamily.from_file(write(tmp_path, text))
+    assert family.reynolds.tolist() == [np.inf]
+    assert family.at(1e4) is family.at(1e7) is family.polars[0]
+
+
+@pytest.mark.parametrize("reynolds", [[1e5], [2e5, 1e5], [1e5, 1e5], [-1.0, 1e5], [np.nan, 1.0]])
+def test_family_wants_increasing_reynolds_numbers(reynolds):
+    polar = Polar.from_csv("naca63815_Re2e5")
+    with pytest.raises(ValueError, match="Reynolds"):
+        PolarFamily(np.array(reynolds), (polar, polar))
+
+
+def test_polar_at_one_reynolds_number_is_asked_for(tmp_path):
+    with pytest.raises(InputError, match="2 Reynolds numbers"):
+        Polar.from_csv(write(tmp_path, csv_text()))
+
+
+# Curves that overshoot
+
+
+def test_drag_that_dips_below_zero_between_rows_is_refused(tmp_path):
+    """A spline through rows far apart may go where no row is."""
+    text = "alpha_deg,cl,cd\n" + "".join(
+        f"{a},{0.05 * a},{d}\n"
+        for a, d in zip(
+            (-10, -8, -6, -4, -2, 0, 2, 4, 14, 15),
+            (0.9, 0.5, 0.3, 0.2, 0.1, 0.03, 0.01, 0.01, 0.9, 1.8),
+            strict=True,
+        )
+    )
+    path = write(tmp_path, text)
+    read_polars(path)  # the rows themselves are well
+    with pytest.raises(InputError, match=r"section\.dat: .*drag coefficient of -.*add rows"):
+        Polar.from_csv(path)
+
+
+def test_rows_too_close_together_are_refused(tmp_path):
+    angles = [*range(-8, 5), 4.0000001, *range(5, 17)]
+    text = "alpha_deg,cl,cd\n" + "".join(
+        f"{a:.8g},{0.1 * a + 0.01 * (a != int(a)):.4f},1.0\n" for a in angles
+    )
+    with pytest.raises(InputError, match="too close together"):
+        Polar.from_csv(write(tmp_path, text))
