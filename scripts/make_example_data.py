@@ -3,8 +3,8 @@
 pip install neuralfoil==0.3.3
 python scripts/make_example_data.py
 
-Writes naca63424_*.csv, naca4415_*.csv and river_blade.csv. First a shipped polar is computed
-again; if it differs, NeuralFoil is another one and nothing is written. For every polar the
+Writes naca63424_*.csv, naca4415_*.csv, cylinder_*.csv and river_blade.csv. First a shipped polar is
+computed again; if it differs, NeuralFoil is another one and nothing is written. For every polar the
 confidence that NeuralFoil has in itself is printed. hkt_mdo/data/README.md says what all this is
 for. rm1_blade.csv is a published table and not made here.
 """
@@ -49,6 +49,8 @@ HALF_THICKNESS = {
         *(0.392, 0.0),
     ),
 }
+
+CYLINDER_DRAG = 0.7  # beyond Re 3.5e6: Roshko, Journal of Fluid Mechanics 10, 1961
 
 # The river turbine: three blades of 0.8 m in 1.4 m/s, about 1 kW.
 RADIUS = 0.8  # m
@@ -109,6 +111,15 @@ def naca63424():
     return respace(wrap(x, thickness(np.sqrt(x)), mean, slope))
 
 
+def cylinder():
+    """Return the outline of a circle and its polar, the same from all sides."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 2 * INTERVALS + 1)
+    outline = np.column_stack((0.5 + 0.5 * np.cos(angle), 0.5 * np.sin(angle)))
+    alpha = np.arange(-180.0, 185.0, 10.0)
+    zero = np.zeros_like(alpha)
+    return outline, np.column_stack((alpha, zero, np.full_like(alpha, CYLINDER_DRAG), zero))
+
+
 def respace(outline):
     """Turn an outline's farthest point from the trailing edge to the origin, and space it anew."""
     length = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(outline, axis=0).T))))
@@ -141,7 +152,7 @@ def river_blade(alpha, lift):
     c = 8 π r / (B c_l) (1 - cos φ), twist φ - α (Schmitz 1956; Manwell, McGowan and Rogers 2009,
     eqs. 3.105 and 3.106).
     """
-    r = RADIUS * np.linspace(0.2, 1.0, 17)
+    r = RADIUS * np.concatenate((np.linspace(0.2, 0.9, 15), (0.94, 0.97, 0.99, 1.0)))
     inflow = 2.0 / 3.0 * np.arctan(RADIUS / (DESIGN_TIP_SPEED_RATIO * r))
     chord = 8.0 * np.pi * r / (BLADE_COUNT * lift) * (1.0 - np.cos(inflow))
     return np.column_stack((r, chord, np.rad2deg(inflow) - alpha))
@@ -174,14 +185,18 @@ def main():
     if not reproduces_shipped_polar():
         sys.exit("the shipped polar is not reproduced: install neuralfoil==0.3.3")
 
+    outline_header, polar_header = ("x_over_c,y_over_c",), ("alpha_deg,cl,cd,cm",)
+    outline, table = cylinder()
+    write(out / "cylinder_coordinates.csv", outline_header, outline, (6, 6))
+    write(out / "cylinder_polar.csv", polar_header, table, (6, 6, 6, 6))
+
     polars = {}
     for name, outline in (("naca63424", naca63424()), ("naca4415", naca4415())):
         outline = outline.round(6)
-        write(out / f"{name}_coordinates.csv", ("x_over_c,y_over_c",), outline, (6, 6))
+        write(out / f"{name}_coordinates.csv", outline_header, outline, (6, 6))
         for reynolds in REYNOLDS[name]:
             table, confidence = polar(outline, float(reynolds.removeprefix("Re")))
-            header = ("alpha_deg,cl,cd,cm",)
-            write(out / f"{name}_polar_{reynolds}.csv", header, table, (6, 6, 6, 6))
+            write(out / f"{name}_polar_{reynolds}.csv", polar_header, table, (6, 6, 6, 6))
             polars[name, reynolds] = table
             attached = confidence[(ALPHA >= -5.0) & (ALPHA <= 15.0)]
             print(
