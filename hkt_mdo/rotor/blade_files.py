@@ -296,12 +296,17 @@ def _reader(text: str, suffix: str):
     head = "\n".join(lines[:30])
     if _AERODYN.search(head) or (suffix in {".dat", ".inp"} and "," not in lines[0]):
         return _read_aerodyn
+    if _WINDIO.search(head) or suffix in {".yaml", ".yml"}:
+        from hkt_mdo.rotor.windio import read_windio
+
+        return read_windio
     return _read_csv
 
 
 _AERODYN = re.compile(
     r"^[-=! ]*AERODYN\b|^\s*\S+\s+NumBlNds\b|^\s*BlSpn\b", re.MULTILINE | re.IGNORECASE
 )
+_WINDIO = re.compile(r"^(windIO_version|assembly|components|airfoils)\s*:", re.MULTILINE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -709,8 +714,10 @@ def _read_aerodyn(text: str, file: Path, hub_radius: float | None) -> BladeTable
         "subtract the hub radius from the column",
         file,
     )
+    span.refuse(span.values < 0.0, "is a negative span", "count from the blade's root", file)
     messages.append("BlTwist: degrees converted to radians")
-    messages.append(f"BlSpn: counted from the root, hub radius of {hub_radius:g} m added")
+    if hub_radius:
+        messages.append(f"BlSpn: counted from the root, hub radius of {hub_radius:g} m added")
     for name, what in (("BlCrvAC", "prebend"), ("BlSwpAC", "sweep"), ("BlCrvAng", "cant angle")):
         if name in header and np.any(column(name).values != 0.0):
             largest = np.max(np.abs(column(name).values))

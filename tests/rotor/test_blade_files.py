@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from broken.blades import AERODYN, BROKEN, CSV, WINDIO
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -11,7 +12,7 @@ from hkt_mdo.data import data_path
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.blade_files import BladeTable, SectionTable, read_blade, write_blade_csv
 
-AERODYN = """------- AERODYN v15.00.* BLADE DEFINITION INPUT FILE ---------
+TEMPLATE = """------- AERODYN v15.00.* BLADE DEFINITION INPUT FILE ---------
 A blade
 ======  Blade Properties =====================================
 {count}   NumBlNds  - Number of blade nodes used in the analysis (-)
@@ -169,7 +170,7 @@ def test_what_cannot_be_written_is_said(tmp_path, put):
 
 def aerodyn(put, rows, count=None, name="blade.dat"):
     lines = rows.strip().splitlines()
-    return put(name, AERODYN.format(count=count or len(lines), rows="\n".join(lines)))
+    return put(name, TEMPLATE.format(count=count or len(lines), rows="\n".join(lines)))
 
 
 def test_scaling_by_nothing_changes_no_bit(put):
@@ -289,3 +290,52 @@ def test_the_hub_radius_is_asked_for(put):
     refused(path, "counts from the blade's root", "give the hub radius")
     with pytest.raises(InputError, match="hub_radius"):
         read_blade(path, -1.0)
+
+
+# --- refusals ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("flaw", BROKEN)
+def test_a_broken_file_is_refused_by_one_message(flaw, tmp_path):
+    name, content, fragment = BROKEN[flaw]
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        read_blade(path, hub_radius=0.175 if name.endswith(".dat") else None)
+    message = str(caught.value)
+    assert message.isprintable()
+    assert str(path) in message
+    assert fragment in message
+    assert caught.value.key
+    assert caught.value.remedy
+
+
+def test_there_are_many_of_each_kind():
+    for suffix, sound in (("csv", CSV), ("dat", AERODYN), ("yaml", WINDIO)):
+        kind = [content for name, content, _ in BROKEN.values() if name == f"blade.{suffix}"]
+        assert len(kind) >= 20
+        assert len(set(kind)) == len(kind)
+        assert sound.encode() not in kind
+
+
+def test_the_sound_files_are_one_blade(put):
+    tables = [
+        read_blade(put("sound.csv", CSV)),
+        read_blade(put("sound.dat", AERODYN), 0.175),
+        read_blade(put("sound.yaml", WINDIO)),
+    ]
+    for table in tables:
+        np.testing.assert_allclose(table.chord, [0.18, 0.12, 0.09, 0.06], rtol=1e-15)
+        np.testing.assert_allclose(np.rad2deg(table.twist), [20, 9, 4, 1], rtol=1e-15)
+        assert table.r[-1] == pytest.approx(1.4, rel=1e-15)
+
+
+@pytest.mark.parametrize("path", ["", "no such file.csv", "\0", "x" * 5000, "."])
+def test_a_path_that_is_no_file(path):
+    with pytest.raises(InputError, match="shipped: bahaj2007"):
+        read_blade(path)
+
+
+def test_a_file_too_large_is_not_read(put):
+    with pytest.raises(InputError, match="16 MiB"):
+        read_blade(put("large.csv", "r_m,chord_m,twist_rad\n" + "1,1,1\n" * 3_000_000))

@@ -1,0 +1,1 @@
+"""Broken input files, by kind: each is refused by one message."""
