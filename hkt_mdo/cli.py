@@ -581,6 +581,65 @@ def schema() -> None:
     typer.echo(json.dumps(case_json_schema(), indent=2))
 
 
+@app.command(
+    short_help="Compute the polars of an outline.",
+    help="Compute lift, drag and moment of a section from its outline by NeuralFoil (pip install "
+    "'hkt_mdo[neuralfoil]') and write them as a CSV file that rotor.polar takes, with the "
+    "network's confidence in every row, and as a figure. Angles of attack count from the outline's "
+    f"x axis, the chord line.\n\n{_EXIT_CODES}",
+)
+def polar(
+    outline: Annotated[
+        str,
+        typer.Argument(
+            metavar="OUTLINE",
+            help="Shipped name (naca63815) or file: CSV x_over_c,y_over_c, Selig or Lednicer.",
+        ),
+    ],
+    reynolds: Annotated[
+        str, typer.Option("--reynolds", metavar="RE,RE,...", help="Reynolds numbers by the chord.")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the files.")] = Path(
+        "results/polars"
+    ),
+    alpha: Annotated[
+        str, typer.Option("--alpha", metavar="FIRST:LAST:STEP", help="Angles of attack, degrees.")
+    ] = "-16:24:0.5",
+    n_crit: Annotated[
+        float, typer.Option("--n-crit", help="Amplification at transition; less where turbulent.")
+    ] = 9.0,
+    model: Annotated[
+        str, typer.Option("--model", metavar="SIZE", help="Network, xxsmall to xxxlarge.")
+    ] = "xlarge",
+    beside: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--beside",
+            metavar="POLAR",
+            help="Another polar to draw, shipped or a file; may be given several times.",
+        ),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace files that are there already.")
+    ] = False,
+) -> None:
+    """Compute polars."""
+    from hkt_mdo.polar_report import parse_alpha, parse_reynolds, report_polars
+
+    angles, numbers = parse_alpha(alpha), parse_reynolds(reynolds)
+    for line in report_polars(
+        outline,
+        numbers,
+        angles,
+        out,
+        n_crit=n_crit,
+        model=model,
+        beside=beside or (),
+        force=force,
+    ):
+        typer.echo(line)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code; no error ends in a traceback.
 

@@ -1,0 +1,166 @@
+"""`hkt polar`: an outline's polars by NeuralFoil, usable as they are written, or nothing at all."""
+
+import os
+import sys
+
+import numpy as np
+import pytest
+
+from hkt_mdo.cli import main
+from hkt_mdo.data import POLAR_FAMILIES, read_table
+from hkt_mdo.errors import InputError
+from hkt_mdo.polar_report import parse_alpha, parse_reynolds
+from hkt_mdo.rotor.airfoil import Outline, Polar, PolarFamily
+from hkt_mdo.rotor.neuralfoil import compute_polars
+
+
+@pytest.fixture(autouse=True)
+def _own_environment(monkeypatch, tmp_path):
+    monkeypatch.setattr(os, "environ", os.environ.copy())
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def neuralfoil():
+    return pytest.importorskip("neuralfoil")
+
+
+def polar(*arguments):
+    return main(["polar", *arguments])
+
+
+# What is computed
+
+
+def test_shipped_polars_come_out_again(neuralfoil, tmp_path):
+    """Within the rounding of six decimals, all six Reynolds numbers."""
+    family = POLAR_FAMILIES["naca63815"]
+    assert polar("naca63815", "--reynolds", ",".join(f"{r:g}" for r in family.values())) == 0
+    ours = tmp_path / "results/polars/naca63815_polars.csv"
+    new = read_table(ours, ("alpha_deg", "cl", "cd", "cm", "confidence", "reynolds"), "polar")
+    for name, reynolds in family.items():
+        shipped = read_table(name, ("alpha_deg", "cl", "cd", "cm"), "polar")
+        rows = new["reynolds"] == reynolds
+        assert new["alpha_deg"][rows].tolist() == shipped["alpha_deg"].tolist()
+        for column in ("cl", "cd", "cm"):
+            assert np.max(np.abs(new[column][rows] - shipped[column])) < 1.1e-6
+    assert np.all((new["confidence"] >= 0.0) & (new["confidence"] <= 1.0))
+
+
+def test_symmetric_section_has_symmetric_polars(neuralfoil):
+    """Lift odd, drag even; and none of it depends on the way round the points are listed."""
+    x = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, 81)))
+    half = 0.6 * (0.2969 * np.sqrt(x) + x * (-0.126 + x * (-0.3516 + x * (0.2843 - 0.1036 * x))))
+    outline = Outline(np.r_[x[::-1], x[1:]], np.r_[half[::-1], -half[1:]])
+    alpha = np.deg2rad(np.arange(-12.0, 12.5))
+    (one,) = compute_polars(outline, [1e6], alpha)
+    assert np.allclose(one.table.lift, -one.table.lift[::-1], atol=1e-6)
+    assert np.allclose(one.table.drag, one.table.drag[::-1], rtol=1e-6)
+    (other,) = compute_polars(Outline(outline.x[::-1], outline.y[::-1]), [1e6], alpha)
+    assert np.allclose(one.table.lift, other.table.lift, atol=1e-9)
+    slope = np.polyfit(one.table.alpha[8:17], one.table.lift[8:17], 1)[0]
+    assert slope == pytest.approx(2.0 * np.pi, rel=0.1)  # thin-airfoil theory
+
+
+# What is written
+
+
+def test_table_is_a_polar_and_the_figure_is_there(neuralfoil, tmp_path, capsys):
+    code = polar("naca63815", "--reynolds", "1e6,2e5", "--out", "mine", "--alpha", "-10:15:1",
+                 "--beside", "naca63815", "--beside", "mine.csv")  # fmt: skip
+    assert code == 2  # mine.csv is nowhere
+    assert not (tmp_path / "mine").exists()
+    capsys.readouterr()
+    assert polar("naca63815", "--reynolds", "1e6,2e5", "--out", "mine", "--alpha", "-10:15:1",
+                 "--beside", "naca63815") == 0  # fmt: skip
+    told = capsys.readouterr().out
+    assert "Re 2e5: confidence" in told
+    assert "below 0.8 at -10 degrees" in told
+    assert sorted(path.name for path in (tmp_path / "mine").iterdir()) == [
+        "naca63815_polars.csv",
+        "naca63815_polars.png",
+    ]
+    assert (tmp_path / "mine/naca63815_polars.png").read_bytes().startswith(b"\x89PNG")
+    family = PolarFamily.from_file(tmp_path / "mine/naca63815_polars.csv")
+    assert family.reynolds.tolist() == [2e5, 1e6]
+    alpha = np.deg2rad(np.arange(-10.0, 16.0))
+    shipped = Polar.from_csv("naca63815_Re2e5")
+    assert np.allclose(family.at(2e5).evaluate(alpha), shipped.evaluate(alpha), atol=2e-6)
+
+
+def test_files_are_replaced_only_by_force(neuralfoil, tmp_path, capsys):
+    arguments = "naca63815", "--reynolds", "2e5", "--out", ".", "--model", "xxsmall"
+    assert polar(*arguments) == 0
+    before = (tmp_path / "naca63815_polars.csv").read_bytes()
+    assert polar(*arguments, "--n-crit", "4") == 2
+    error = capsys.readouterr().err
+    assert "naca63815_polars.csv: is there already; give --force" in error
+    assert (tmp_path / "naca63815_polars.csv").read_bytes() == before
+    assert polar(*arguments, "--n-crit", "4", "--force") == 0
+    assert (tmp_path / "naca63815_polars.csv").read_bytes() != before
+
+
+def test_failure_half_way_leaves_nothing(neuralfoil, tmp_path, monkeypatch, capsys):
+    def fail(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pathlib.Path.replace", fail)
+    assert polar("naca63815", "--reynolds", "2e5", "--out", "mine", "--model", "xxsmall") == 2
+    assert "No space left" in capsys.readouterr().err
+    assert list((tmp_path / "mine").iterdir()) == []
+
+
+# What is refused
+
+
+def test_without_neuralfoil_the_message_says_how_to_get_it(monkeypatch, tmp_path, capsys):
+    monkeypatch.setitem(sys.modules, "neuralfoil", None)
+    assert polar("naca63815", "--reynolds", "2e5") == 2
+    assert "pip install 'hkt_mdo[neuralfoil]'" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("nowhere.dat", "--reynolds", "2e5"), "nowhere.dat"),
+        (("naca63815", "--reynolds", "2e5,zwei"), "--reynolds"),
+        (("naca63815", "--reynolds", "2e5,2e5"), "different"),
+        (("naca63815", "--reynolds", "0.2"), "reynolds = 0.2"),
+        (("naca63815", "--reynolds", "2e5", "--n-crit", "nan"), "n_crit"),
+        (("naca63815", "--reynolds", "2e5", "--n-crit", "90"), "n_crit"),
+        (("naca63815", "--reynolds", "2e5", "--model", "huge"), "xxsmall"),
+        (("naca63815", "--reynolds", "2e5", "--alpha", "0:10"), "--alpha"),
+        (("naca63815", "--reynolds", "2e5", "--alpha", "-16:24:0"), "--alpha"),
+        (("naca63815", "--reynolds", "2e5", "--alpha", "-16:24:1e-9"), "--alpha"),
+        (("naca63815", "--reynolds", "2e5", "--beside", "naca63815_Re9e9"), "naca63815_Re9e9"),
+    ],
+)
+def test_bad_arguments_are_one_line(arguments, told, tmp_path, capsys):
+    assert polar(*arguments) == 2
+    error = capsys.readouterr().err
+    assert told in error
+    assert error.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_range_too_small_for_a_polar_is_refused(neuralfoil, tmp_path, capsys):
+    assert polar("naca63815", "--reynolds", "2e5", "--alpha", "0:10:0.5") == 2
+    assert "must reach from -5 or less to 12" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+# Arguments
+
+
+def test_range_of_angles():
+    assert parse_alpha("-16:24:0.5").tolist() == np.linspace(-16.0, 24.0, 81).tolist()
+    assert parse_alpha("-10:15:0.1")[-1] == 15.0
+    assert parse_alpha(" -10 : 15 : 10").tolist() == [-10.0, 0.0, 10.0]
+
+
+def test_list_of_reynolds_numbers():
+    assert parse_reynolds("5e5, 200000") == [2e5, 5e5]
+    for text in ("", "2e5,", "2e5;5e5", "inf", "nan"):
+        with pytest.raises(InputError, match="--reynolds"):
+            parse_reynolds(text)
