@@ -178,8 +178,9 @@ class RecordInflow(Section):
 class TurbulentInflow(Section):
     """Turbulence, v = mean + sum_k sqrt(2 S(f_k) df) cos(2 pi f_k t + phase_k), df = 1/duration.
 
-    The phases are random, the spectrum is exact. Frequencies above the cutoff are missing, and the
-    rest is not scaled up in their place: the share of the variance that is kept is told.
+    The phases are random, the spectrum is exact. Frequencies above the cutoff are missing, as are
+    those below 1/duration, and the rest is not scaled up in their place: the share of the variance
+    that is kept is told.
     """
 
     profile: Literal["turbulence"] = "turbulence"
@@ -203,11 +204,12 @@ class TurbulentInflow(Section):
     """Seed of the random phases."""
 
     duration: Annotated[float, Quantity("s", gt=0)] = 60.0
-    """Duration of the realization, after which it repeats; ten times L/V at least."""
+    """Duration of the realization, after which it repeats; ten times L/V at least. What is slower
+    is missing, too."""
 
     cutoff: Annotated[float, Quantity("Hz", gt=0)] | None = None
-    """Highest frequency; null: 2 mean/length_scale, which keeps nine tenths of the variance. A
-    rotor averages over eddies smaller than itself: mean over rotor diameter is a good cutoff."""
+    """Highest frequency; null: 2 mean/length_scale, above which is a tenth of the variance. A rotor
+    averages over eddies smaller than itself: mean over rotor diameter is a good cutoff."""
 
     @property
     def highest_frequency(self) -> float:

@@ -278,14 +278,13 @@ class SampledInflow:
         if self.period is not None:
             if abs(self.period / step - time.size) > 1e-6 * time.size:
                 raise ValueError("the period of a sampled flow must be as many steps as samples")
-            even = np.append(even, time[0] + self.period)
             values, kind = np.append(values, values[0]), "periodic"
-        # columns a, b, c, d of a + b s + c s² + d s³ with s in steps: one row is one look-up
-        cubics = CubicSpline(even - time[0], values, bc_type=kind).c[::-1].T * step ** np.arange(4)
+        # rows d, c, b, a of a + b s + c s² + d s³, with s in steps
+        cubics = CubicSpline(np.arange(float(values.size)), values, bc_type=kind).c
         for name, value in (
             ("_step", float(step)),
             ("_start", float(time[0])),
-            ("_cubics", np.ascontiguousarray(cubics)),
+            ("_cubics", cubics),
             ("cutoff", self.cutoff or 0.25 / float(step)),
         ):
             object.__setattr__(self, name, value)
@@ -293,21 +292,21 @@ class SampledInflow:
     @property
     def duration(self):
         """Length of the record or of its period, s."""
-        return self._cubics.shape[0] * self._step
+        return self._cubics.shape[1] * self._step
 
     def speed(self, time):
         """Return the inflow speed, m/s."""
-        (a, b, c, d), s, _ = self._look_up(time)
+        (d, c, b, a), s, _ = self._look_up(time)
         return a + s * (b + s * (c + s * d))
 
     def rate(self, time):
         """Return the speed's derivative with respect to time, m/s²."""
-        (_, b, c, d), s, inside = self._look_up(time)
+        (d, c, b, _), s, inside = self._look_up(time)
         return inside * (b + s * (2.0 * c + s * 3.0 * d)) / self._step
 
     def _look_up(self, time):
         """Return the coefficients of the cubic at `time`, the place on it, and if it is inside."""
-        count = self._cubics.shape[0]
+        count = self._cubics.shape[1]
         place = (time - self._start) / self._step
         if isinstance(place, float):  # an integrator's call: no array, for it comes very often
             if self.period is not None:
@@ -315,14 +314,14 @@ class SampledInflow:
             inside = 0.0 <= place <= count
             place = min(max(place, 0.0), float(count))
             row = min(int(place), count - 1)
-            return self._cubics[row].tolist(), place - row, inside
+            return self._cubics[:, row].tolist(), place - row, inside
         place = np.asarray(place)
         if self.period is not None:
             place = place - count * np.floor(place.real / count)
         inside = (place.real >= 0.0) & (place.real <= count)
         place = np.where(inside, place, np.clip(place.real, 0.0, count))
         row = np.minimum(place.real.astype(np.intp), count - 1)
-        return np.moveaxis(self._cubics[row], -1, 0), place - row, inside
+        return self._cubics[:, row], place - row, inside
 
 
 def von_karman(frequency):
@@ -401,11 +400,12 @@ class TurbulentInflow:
 
     @property
     def messages(self):
-        """What the cutoff leaves."""
+        """What the realization has of the spectrum."""
         deviation = self.intensity * self.mean * np.sqrt(self.kept_variance)
         return (
-            f"turbulence up to {self.cutoff:.3g} Hz has {100 * self.kept_variance:.3g} % of the "
-            f"spectrum's variance: its standard deviation is {deviation:.3g} m/s",
+            f"turbulence from {1.0 / self.duration:.3g} to {self.cutoff:.3g} Hz has "
+            f"{100 * self.kept_variance:.3g} % of the spectrum's variance: its standard deviation "
+            f"is {deviation:.3g} m/s",
         )
 
     @cached_property
