@@ -332,13 +332,13 @@ class Outline:
     def thickness(self):
         """Largest thickness over the chord, measured perpendicular to the chord line."""
         next_x, next_y = np.roll(self.x, -1), np.roll(self.y, -1)
-        rise = next_x - self.x
-        slope = (next_y - self.y) / np.where(rise == 0.0, np.inf, rise)
+        run, rise = next_x - self.x, next_y - self.y
         largest = 0.0
         for x in self.x:  # the thickness is linear in between
-            inside = (np.minimum(self.x, next_x) <= x) & (x <= np.maximum(self.x, next_x))
-            y = (self.y + slope * (x - self.x))[inside]
-            y = np.concatenate((y, self.y[self.x == x]))  # both ends of an upright side
+            sides = (np.minimum(self.x, next_x) <= x) & (x <= np.maximum(self.x, next_x))
+            upright = run[sides] == 0.0
+            share = (x - self.x[sides]) / np.where(upright, 1.0, run[sides])
+            y = np.concatenate((self.y[sides] + share * rise[sides], next_y[sides][upright]))
             largest = max(largest, float(np.ptp(y)))
         return largest
 

@@ -499,10 +499,12 @@ def _read_aerodyn_table(file: _AeroDynLines, index: int) -> PolarTable:
 
 
 def _refuse_old_aerodyn(text: str, path: Path) -> list[PolarTable]:
+    number = text[: text.lower().index("number of airfoil tables")].count("\n") + 1
     raise InputError(
         "is an airfoil table of AeroDyn 14 or older",
         "copy its rows into a CSV file alpha_deg,cl,cd,cm",
         file=path,
+        key=f"line {number}",
     )
 
 
@@ -518,7 +520,9 @@ def _read_xfoil(text: str, path: Path) -> list[PolarTable]:
     lines = list(enumerate(_lines_of(text), start=1))
     begins = [at for at, (_, line) in enumerate(lines) if _XFOIL_BEGIN.search(line)]
     if not begins:
-        raise InputError("lacks the line Calculated polar for:", _XFOIL_REMEDY, file=path)
+        raise InputError(
+            "lacks the line Calculated polar for:", _XFOIL_REMEDY, file=path, key="line 1"
+        )
     parts = [lines[low:high] for low, high in pairwise([*begins, len(lines)])]
     return [
         _read_xfoil_polar(part, path, f"polar {index}" if len(parts) > 1 else "")

@@ -75,6 +75,8 @@ def test_polar_takes_angles_of_any_shape(polar):
 def test_drag_is_positive_and_flow_at_right_angles_is_that_over_a_plate(polar):
     alpha = np.linspace(-np.pi, np.pi, 5000)
     assert np.min(polar.evaluate(alpha)[1]) > 0.0
+    if polar.alpha_max == np.pi:
+        return  # its table says itself what happens at right angles
     lift, drag = polar.evaluate(0.5 * np.pi)
     assert abs(lift) < 1e-6
     assert drag == pytest.approx(1.11 + 0.018 * 10.0, abs=1e-6)  # Viterna and Janetzke 1982, eq. 4
