@@ -346,7 +346,7 @@ def simulate(
             raise InputError(
                 "is out of range", "give a number between -200 and 1e6", key=name, value=value
             )
-    from hkt_mdo.problem import INFLOWS
+    from hkt_mdo.flow import build_inflow
     from hkt_mdo.uncertainty import REFERENCES, Design, Sensor, flow_named, fly_noisy
 
     if reference not in REFERENCES:
@@ -363,7 +363,7 @@ def simulate(
             ) from None
     else:
         section = flow_named(flow, solution.case.inflow)
-    inflow = INFLOWS[section.profile](section)
+    inflow = build_inflow(section)
     design = Design.of(solution)
     console = Console(highlight=False)
     quiet = design.fly(inflow)

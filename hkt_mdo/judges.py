@@ -170,8 +170,14 @@ def _node_violations(case, world, result):
     stations = [f"r = {r:.3f} m" for r in blade.r]
     times = [f"t = {t:.2f} s" for t in trajectory["time"]]
     if case.design.blade == "optimized":
-        yield "chord_bounds", *violation(blade.chord, *world.chord_bounds, stations)
-        yield "twist_bounds", *violation(blade.twist, *world.twist_bounds, stations)
+        yield "chord_bounds", *violation(blade.chord, *world.shape.chord_bounds, stations)
+        yield "twist_bounds", *violation(blade.twist, *world.shape.twist_bounds, stations)
+    elif case.design.set_angle_bounds is not None:
+        _, angle = world.shape.control(blade)
+        yield "set_angle_bounds", *violation(angle, *world.shape.twist_bounds, ["the set angle"])
+    if world.shape.radius_bounds is not None:
+        radius = np.array([blade.rotor_radius])
+        yield "radius_bounds", *violation(radius, *world.shape.radius_bounds, ["the radius"])
     if case.design.gain_bounds is not None:
         yield "gain_bounds", *violation(result.point.gains, *case.design.gain_bounds, ["the gain"])
     speed = trajectory["rotor_speed"]
@@ -194,7 +200,7 @@ def energy_bound(case, world, optimum):
         0.0,
         1.0,
     )
-    area = np.pi * case.rotor.radius**2
+    area = np.pi * optimum.blade.rotor_radius**2
     return 0.5 * case.fluid.density * area * optimum.power_coefficient * float(cubed)
 
 
@@ -213,7 +219,7 @@ def recovers(case, world, result):
     if world.law is None or not result.curve.size:
         return True
     speed = (1.0 - SLOWED) * result.trajectory["rotor_speed"]
-    flow, radius = result.trajectory["inflow_speed"], case.rotor.radius
+    flow, radius = result.trajectory["inflow_speed"], result.point.blade.rotor_radius
     basis = TorqueSpline(result.nodes).basis(speed * radius / flow)
     driving = 0.5 * np.pi * radius**3 * case.fluid.density * flow**2 * (basis @ result.curve)
     return bool(np.all(driving >= world.law.torque(speed, result.point.gains)))

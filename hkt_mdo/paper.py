@@ -122,7 +122,9 @@ def _sequential_cases(shipped):
     from hkt_mdo.rotor.steady_optimum import best_rotor
 
     world = physics(shipped["sine_oloc"])
-    best = best_rotor(world.blade, world.polar, world.chord_bounds, world.twist_bounds).blade
+    best = best_rotor(
+        world.blade, world.polar, world.shape.chord_bounds, world.shape.twist_bounds
+    ).blade
     return {
         f"{scenario}_sequential_{law}": _fixed(
             shipped[f"{scenario}_{law}"], best.chord, np.rad2deg(best.twist)
@@ -205,12 +207,12 @@ def _one_ensemble(source, flow, reference, rate, repeats, seed, stamp, path):
     import warnings
 
     warnings.filterwarnings("ignore")
-    from hkt_mdo.problem import INFLOWS
+    from hkt_mdo.flow import build_inflow
     from hkt_mdo.uncertainty import Design, Sensor, flow_named, fly_noisy
 
     design = Design.of(Solution.load(source))
     section = flow_named(flow, design.solution.case.inflow)
-    inflow = INFLOWS[section.profile](section)
+    inflow = build_inflow(section)
     if reference is None:
         run = design.fly(inflow)
         result = {

@@ -5,7 +5,6 @@ design variables --> inertia ------------------.
    shaft gain          ------------------------------'      '--> energy, the objective
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -16,35 +15,63 @@ from hkt_mdo import drivers
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics import controllers, inflow
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
+from hkt_mdo.flow import build_inflow, check_flow, flow_messages, horizon
 from hkt_mdo.rotor import bem, ccblade
-from hkt_mdo.rotor.airfoil import Outline, Polar
+from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.inertia import InertiaComp
+from hkt_mdo.rotor.inertia import InertiaComp, mass_and_inertia
+from hkt_mdo.rotor.shape import Shape, ShapeComp
 from hkt_mdo.rotor.torque_curve import TorqueSpline, TorqueTable
 from hkt_mdo.starting_point import QuasiSteady, StartingPoint, starting_point
 from hkt_mdo.trajectory import Scales, add_trajectory, node_weights, set_speed
+from hkt_mdo.turbine import build_turbine
 
 BEM = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficients}
-SLOWED = 0.02  # of its speed that a rotor may lose and still recover from
-INFLOWS: dict[str, Callable[..., inflow.Inflow]] = {
-    "constant": lambda s: inflow.ConstantInflow(s.speed),
-    "step": lambda s: inflow.StepInflow(s.before, s.after, s.time, s.width),
-    "sine": lambda s: inflow.SineInflow(s.mean, s.amplitude, s.angular_frequency, s.phase, s.scale),
+TWIST_UNIT = np.deg2rad(5.0)  # typical change of a twist
+DESIGNED = {
+    "rotor_radius": "radius of the swept disc",
+    "chord_control": "what makes the chord: at the stations, or control points of a spline",
+    "twist_control": "what makes the twist: at the stations, control points, or the set angle",
 }
+DURATION = 60.0  # s, of a flow that has no end of its own
+SEGMENTS_PER_PERIOD = 4.0  # of the highest frequency in the flow
+FEWEST_SEGMENTS, MOST_SEGMENTS = 60, 20_000
+SLOWED = 0.02  # of its speed that a rotor may lose and still recover from
 
 
 @dataclass(frozen=True, eq=False)
 class Physics:
-    """What a case describes, as the objects that physics works with."""
+    """What a case describes, as the objects that physics works with.
 
-    blade: Blade
-    polar: Polar
-    section_area: float
+    `messages` has what was converted, repaired or left out of its files.
+    """
+
+    shape: Shape
+    polar: Polar | tuple[Polar, ...]
+    section_area: float | np.ndarray
     inflow: inflow.Inflow
     law: controllers.FeedbackLaw | None
     torque_limit: float | None
-    chord_bounds: tuple[float, float]
-    twist_bounds: tuple[float, float]
+    messages: tuple[str, ...] = ()
+
+    @property
+    def blade(self) -> Blade:
+        """The blade as given."""
+        return self.shape.blade
+
+
+def complete(case: Case) -> Case:
+    """Return a case whose time span and segments are numbers, taken from its flow if need be."""
+    phase = case.phase
+    if phase.duration is not None and phase.segments is not None:
+        return case
+    own, cutoff = horizon(build_inflow(case.inflow))
+    duration, segments = phase.duration or own or DURATION, phase.segments
+    if segments is None:
+        wanted = np.ceil(SEGMENTS_PER_PERIOD * (cutoff or 0.0) * duration - 1e-9)
+        segments = int(np.clip(wanted, FEWEST_SEGMENTS, MOST_SEGMENTS))
+    whole = phase.model_copy(update={"duration": duration, "segments": segments})
+    return case.model_copy(update={"phase": whole})
 
 
 def physics(case: Case) -> Physics:
@@ -53,40 +80,51 @@ def physics(case: Case) -> Physics:
     Raises
     ------
     InputError
-        If a blade, polar or outline file is broken.
+        If a blade, polar, outline or inflow file is broken, or does not fit the others.
     """
-    rotor, control = case.rotor, case.control
-    hub_radius = rotor.hub_radius_fraction * rotor.radius
-    if rotor.chord is not None:
-        blade = Blade(
-            np.array(rotor.stations) * rotor.radius,
-            np.array(rotor.chord),
-            np.deg2rad(rotor.twist),
-            hub_radius,
-            rotor.radius,
-            rotor.blade_count,
-        )
-    else:
-        blade = Blade.from_csv(
-            rotor.blade,
-            rotor.stations,
-            rotor.radius,
-            hub_radius,
-            rotor.blade_count,
-            np.deg2rad(rotor.set_angle),
-        )
+    case, control = complete(case), case.control
     law = None
     if control.law in controllers.LAWS:
         law = controllers.LAWS[control.law](control.torque_limit, control.smoothing)
+    flow = build_inflow(case.inflow)
+    check_flow(flow, case.phase.duration)
+    time, weights = quadrature(case)
+    speed = flow.speed(time)
+    # that at which most energy passes; only a local Reynolds number asks for it
+    speed = float(weights @ speed**4 / (weights @ speed**3))
+    turbine = build_turbine(case.rotor, case.fluid, speed)
     return Physics(
-        blade,
-        Polar.from_csv(rotor.polar),
-        Outline.from_csv(rotor.outline).area,
-        INFLOWS[case.inflow.profile](case.inflow),
+        build_shape(case, turbine.blade),
+        turbine.polar,
+        turbine.section_area,
+        flow,
         law,
         control.torque_limit,
-        case.design.chord_bounds,
-        tuple(np.deg2rad(case.design.twist_bounds)),
+        (*turbine.messages, *flow_messages(flow)),
+    )
+
+
+def build_shape(case: Case, blade: Blade) -> Shape:
+    """Return what of a case's blade is designed."""
+    design, cosine = case.design, np.cos(blade.cone)
+    radius_bounds = None
+    if design.radius_bounds is not None:
+        radius_bounds = tuple(float(bound * cosine) for bound in design.radius_bounds)
+    if design.blade == "fixed":
+        bounds = design.set_angle_bounds
+        return Shape.fixed(
+            blade,
+            np.deg2rad(case.rotor.set_angle),
+            None if bounds is None else tuple(np.deg2rad(bounds)),
+            radius_bounds,
+        )
+    return Shape.designed(
+        blade,
+        design.chord_points,
+        design.twist_points,
+        design.chord_bounds,
+        tuple(np.deg2rad(design.twist_bounds)),
+        radius_bounds,
     )
 
 
@@ -97,7 +135,7 @@ def find_start(case: Case, world: Physics, optimum) -> StartingPoint:
         world.inflow.speed(time),
         weights,
         case.fluid.density,
-        case.rotor.radius,
+        world.blade.rotor_radius,
         TorqueSpline(np.linspace(0.3, 2.6, 161) * optimum.tip_speed_ratio),
         world.law,
         world.torque_limit,
@@ -105,13 +143,10 @@ def find_start(case: Case, world: Physics, optimum) -> StartingPoint:
     gain = getattr(case.control, "gain", None)
     return starting_point(
         problem,
-        world.blade,
+        world.shape,
         None if gain is None else np.atleast_1d(gain),
         world.polar,
-        world.chord_bounds,
-        world.twist_bounds,
         optimum.tip_speed_ratio * np.geomspace(0.75, 2.0, 10),
-        fixed_blade=case.design.blade == "fixed",
         improve=case.start.method == "quasi_steady",
     )
 
@@ -128,31 +163,40 @@ def quadrature(case: Case):
 class MoveLimits:
     """How far from its start an optimization may go before it has to start anew from there.
 
-    Rotor speed between `slower` and `faster` times the start's range; chord and gain by factors,
-    twist by an angle (rad). Wherever the case's own bounds are tighter, they hold.
+    Rotor speed between `slower` and `faster` times the start's range; chord, disc radius and gain
+    by factors, twist by an angle (rad). Wherever the case's own bounds are tighter, they hold.
     """
 
     slower: float = 0.6
     faster: float = 1.5
     chord: float = np.inf
     twist: float = np.inf
+    radius: float = 1.2
     gain: float = 5.0
 
-    def bounds(self, case: Case, start: StartingPoint) -> dict[str, tuple]:
-        """Return (lower, upper) of rotor_speed (rad/s), chord (m), twist (rad) and gain."""
-        speed, blade, gains = start.operation.rotor_speed, start.blade, start.gains
-        own = case.design.chord_bounds, np.deg2rad(case.design.twist_bounds)
+    def bounds(self, case: Case, shape: Shape, start: StartingPoint) -> dict[str, tuple]:
+        """Return (lower, upper) of what the optimizer changes, and of the rotor speed.
+
+        rotor_speed (rad/s), chord_control (m), twist_control (rad), rotor_radius (m) and gain; what
+        is not designed has no entries.
+        """
+        speed, gains = start.operation.rotor_speed, start.gains
+        chord, twist = shape.control(start.blade)
+        radius = np.full(int(shape.radius_bounds is not None), start.blade.rotor_radius)
+        own = case.design.gain_bounds or (-np.inf, np.inf)
         return {
             "rotor_speed": (self.slower * np.min(speed), self.faster * np.max(speed)),
-            "chord": tuple(np.clip((blade.chord / self.chord, blade.chord * self.chord), *own[0])),
-            "twist": tuple(np.clip((blade.twist - self.twist, blade.twist + self.twist), *own[1])),
-            "gain": tuple(
-                np.clip(
-                    np.sort((gains / self.gain, gains * self.gain), axis=0),
-                    *(case.design.gain_bounds or (-np.inf, np.inf)),
-                )
+            "chord_control": _within(chord / self.chord, chord * self.chord, shape.chord_bounds),
+            "twist_control": _within(twist - self.twist, twist + self.twist, shape.twist_bounds),
+            "rotor_radius": _within(
+                radius / self.radius, radius * self.radius, shape.radius_bounds or own
             ),
+            "gain": _within(*np.sort((gains / self.gain, gains * self.gain), axis=0), own),
         }
+
+
+def _within(low, high, bounds):
+    return np.clip(low, *bounds), np.clip(high, *bounds)
 
 
 class RecoveryComp(om.ExplicitComponent):
@@ -163,13 +207,13 @@ class RecoveryComp(om.ExplicitComponent):
     other, so an optimizer would go to that edge and beyond.
 
     Inputs rotor_speed, inflow_speed[num_nodes, 1] (rad/s, m/s), torque_coefficient_table[n_nodes],
-    density (kg/m**3) and one scalar gain_0, gain_1, …; output recovery[num_nodes] (N*m).
+    density (kg/m**3), rotor_radius (m) and one scalar gain_0, gain_1, …; output
+    recovery[num_nodes] (N*m).
     """
 
     def initialize(self):
         """Declare the options."""
         self.options.declare("num_nodes", types=int)
-        self.options.declare("tip_radius", types=float)
         self.options.declare("spline", types=TorqueSpline, recordable=False)
         self.options.declare("law", types=controllers.FeedbackLaw, recordable=False)
 
@@ -184,15 +228,16 @@ class RecoveryComp(om.ExplicitComponent):
             desc="torque coefficient over tip speed ratio",
         )
         self.add_input("density", units="kg/m**3", desc="density of the water")
+        self.add_input("rotor_radius", units="m", desc="radius of the swept disc")
         for i, units in enumerate(self.options["law"].gain_units):
             self.add_input(f"gain_{i}", units=units, desc="feedback gain")
         self.add_output("recovery", shape=(n,), units="N*m", desc="torque on the slowed rotor")
         self.declare_partials("recovery", "rotor_speed", rows=rows, cols=rows)
-        self.declare_partials("recovery", ["torque_coefficient_table", "gain_*"])
+        self.declare_partials("recovery", ["torque_coefficient_table", "rotor_radius", "gain_*"])
 
     def _operation(self, inputs):
         """Return slowed speed, its tip speed ratio, torque per coefficient, and gains."""
-        v, radius = inputs["inflow_speed"][:, 0], self.options["tip_radius"]
+        v, radius = inputs["inflow_speed"][:, 0], inputs["rotor_radius"]
         speed = (1.0 - SLOWED) * inputs["rotor_speed"][:, 0]
         scale = 0.5 * np.pi * radius**3 * inputs["density"] * v**2
         n_gains = len(self.options["law"].gain_units)
@@ -209,11 +254,16 @@ class RecoveryComp(om.ExplicitComponent):
         """Differentiate it."""
         speed, ratio, scale, gains = self._operation(inputs)
         spline, law, table = self.options["spline"], self.options["law"], "torque_coefficient_table"
-        by_speed = scale * (spline.basis(ratio, 1) @ inputs[table]) * ratio / speed
+        sloped = scale * (spline.basis(ratio, 1) @ inputs[table]) * ratio
+        by_speed = sloped / speed
         partials["recovery", "rotor_speed"] = (1.0 - SLOWED) * (
             by_speed - law.torque_by_speed(speed, gains)
         )
-        partials["recovery", table] = scale[:, None] * spline.basis(ratio)
+        basis = spline.basis(ratio)
+        partials["recovery", table] = scale[:, None] * basis
+        partials["recovery", "rotor_radius"] = (
+            (3.0 * scale * (basis @ inputs[table]) + sloped) / inputs["rotor_radius"]
+        )[:, None]
         for i, column in enumerate(law.torque_by_gain(speed, gains)):
             partials["recovery", f"gain_{i}"] = -column[:, None]
 
@@ -244,20 +294,23 @@ def build_problem(
         with a torque curve.
     """
     blade, control = start.blade, case.control
-    speed, bounds = start.operation.rotor_speed, moves.bounds(case, start)
+    speed, bounds = start.operation.rotor_speed, moves.bounds(case, world.shape, start)
     problem = om.Problem(driver=driver or make_driver(case), reports=False)
     model = problem.model
 
     design = model.add_subsystem("design", om.IndepVarComp(), promotes=["*"])
-    design.add_output("chord", blade.chord, units="m", desc="chord at the stations")
-    design.add_output(
-        "twist", blade.twist, units="rad", desc="twist at the stations, set angle included"
-    )
+    designed = [("rotor_radius", np.atleast_1d(blade.rotor_radius), "m", blade.rotor_radius)]
+    chord, twist = world.shape.control(blade)
+    designed += [("chord_control", chord, "m", chord), ("twist_control", twist, "rad", TWIST_UNIT)]
+    designed = [each for each in designed if each[1].size]
+    for name, value, units, _ in designed:
+        design.add_output(name, value, units=units, desc=DESIGNED[name])
     design.add_output("density", case.fluid.density, units="kg/m**3", desc="density of the water")
     gain_units = world.law.gain_units if world.law else ()
     for i, units in enumerate(gain_units):
         design.add_output(f"gain_{i}", start.gains[i], units=units, desc="feedback gain")
 
+    model.add_subsystem("shape", ShapeComp(shape=world.shape), promotes=["*"])
     inertia = InertiaComp(
         blade=blade,
         section_area=world.section_area,
@@ -267,8 +320,8 @@ def build_problem(
     model.add_subsystem("inertia", inertia, promotes=["*"])
 
     solver = {"polar": world.polar, "coefficients": BEM[case.hydrodynamics.bem]}
-    parameters = {"density": "kg/m**3", "inertia": "kg*m**2"}
-    hydrodynamics = {"tip_radius": blade.tip_radius}
+    parameters = {"density": "kg/m**3", "inertia": "kg*m**2", "rotor_radius": "m"}
+    hydrodynamics = {}
     if case.hydrodynamics.torque == "curve":
         nodes = np.asarray(nodes, dtype=float)
         model.add_subsystem(
@@ -277,12 +330,15 @@ def build_problem(
         hydrodynamics["spline"] = TorqueSpline(nodes)
         parameters["torque_coefficient_table"] = None
     else:
-        hydrodynamics |= {"blade": blade, **solver}
+        hydrodynamics = {"blade": blade, **solver}
         parameters |= {"chord": "m", "twist": "rad"}
     parameters |= {f"gain_{i}": units for i, units in enumerate(gain_units)}
 
+    _, inertia_at_start, _, _ = mass_and_inertia(
+        blade, world.section_area, case.rotor.material_density, case.rotor.hub_inertia
+    )
     torque = float(np.max(np.abs(start.operation.hydrodynamic_torque)))
-    scales = Scales(float(np.mean(speed)), torque, torque / _inertia(inertia, blade))
+    scales = Scales(float(np.mean(speed)), torque, torque / inertia_at_start)
     phase = add_trajectory(
         model,
         case.phase,
@@ -302,23 +358,17 @@ def build_problem(
         grid = case.phase
         n_nodes = node_weights(grid.transcription, grid.segments, grid.order, grid.duration).size
         _add_recovery(model, world, hydrodynamics, n_nodes, torque)
-    if case.design.blade == "optimized":
-        (chord_low, chord_high), (twist_low, twist_high) = bounds["chord"], bounds["twist"]
-        model.add_design_var("chord", lower=chord_low, upper=chord_high, ref=blade.chord, units="m")
-        model.add_design_var(
-            "twist",
-            lower=np.rad2deg(twist_low),
-            upper=np.rad2deg(twist_high),
-            ref=5.0,
-            units="deg",
-        )
+    for name, _, units, unit in designed:
+        if name != "rotor_radius" or world.shape.radius_bounds is not None:
+            low, high = bounds[name]
+            model.add_design_var(name, lower=low, upper=high, ref=unit, units=units)
     for i in range(len(gain_units)):
         low, high = (float(side[i]) for side in bounds["gain"])
         model.add_design_var(f"gain_{i}", lower=low, upper=high, ref=abs(start.gains[i]))
     # designs differ by parts in a thousand: a tenth of the energy makes those visible to the
     # tolerance; a start that stalls may capture nothing
     time, weights = quadrature(case)
-    passing = weights @ world.inflow.speed(time) ** 3 * case.fluid.density * blade.tip_radius**2
+    passing = weights @ world.inflow.speed(time) ** 3 * case.fluid.density * blade.rotor_radius**2
     reference = 0.1 * max(start.operation.energy, 0.05 * float(passing))
     model.add_objective("energy", ref=-reference, units="J")
     problem.driver.declare_coloring(show_summary=False, show_sparsity=False)
@@ -334,7 +384,7 @@ def _add_recovery(model, world, hydrodynamics, n_nodes, torque):
     model.add_subsystem(
         "recovery",
         component,
-        promotes_inputs=["torque_coefficient_table", "density", *names],
+        promotes_inputs=["torque_coefficient_table", "density", "rotor_radius", *names],
         promotes_outputs=["recovery"],
     )
     for name in ("rotor_speed", "inflow_speed"):
@@ -356,7 +406,3 @@ def make_driver(case, progress=None, most=None):
 
 def _hydrodynamics(options, num_nodes):
     return HydrodynamicsComp(num_nodes=num_nodes, **options)
-
-
-def _inertia(component, blade):
-    return float(component._evaluate({"chord": blade.chord})[1])

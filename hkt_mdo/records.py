@@ -193,10 +193,10 @@ def find_spikes(speed: np.ndarray) -> np.ndarray:
     """Return which samples are spikes, by a Hampel filter.
 
     A sample is one if it is farther from the median of the seven around it than `SPIKE` times
-    their spread and `SPIKE` times the spread of all differences of neighbours; a spread is 1.4826
-    times the median absolute deviation (Davies and Gather 1993; Pearson 2002). So up to three bad
-    samples in a row are found, and gusts, steps and crests of waves are spared, for there the
-    neighbours follow.
+    their spread, and `SPIKE` times the usual difference of neighbours among the 51 around it; both
+    are 1.4826 times a median absolute deviation (Davies and Gather 1993; Pearson 2002). So up to
+    three bad samples in a row are found, and gusts, steps and crests of waves are spared, for there
+    the neighbours follow.
 
     Parameters
     ----------
@@ -215,14 +215,14 @@ def find_spikes(speed: np.ndarray) -> np.ndarray:
     if not np.any(steps):
         return found
     # in samples of few digits most differences are zero: the last digit itself is no spike
-    digit = np.min(np.abs(steps[steps != 0.0]))
-    usual = 1.4826 * np.median(np.abs(steps - np.median(steps)))
-    usual = max(usual, min(digit, 0.01 * np.median(np.abs(speed))))
-    padded = np.pad(speed, half, mode="reflect")
-    off = np.abs(speed - median_filter(padded, 2 * half + 1)[half:-half])
+    digit = min(np.min(np.abs(steps[steps != 0.0])), 0.01 * np.median(np.abs(speed)))
+    usual = np.maximum(1.4826 * median_filter(np.abs(np.append(steps, 0.0)), 51), digit)
+    # at the ends the first and the last seven
+    centres = np.clip(np.arange(speed.size), half, speed.size - 1 - half)
+    off = np.abs(speed - median_filter(speed, 2 * half + 1)[centres])
     suspects = np.flatnonzero(off > SPIKE * usual)
     for block in np.array_split(suspects, suspects.size // 100_000 + 1):
-        around = padded[block[:, None] + np.arange(2 * half + 1)]
+        around = speed[centres[block, None] + np.arange(-half, half + 1)]
         middle = np.median(around, axis=1, keepdims=True)
         found[block] = off[block] > SPIKE * 1.4826 * np.median(np.abs(around - middle), axis=1)
     return found

@@ -46,6 +46,7 @@ from hkt_mdo.problem import (
     MoveLimits,
     Physics,
     build_problem,
+    complete,
     find_start,
     make_driver,
     physics,
@@ -54,7 +55,13 @@ from hkt_mdo.problem import (
 from hkt_mdo.result_folder import check_folder, clear, locked, write_csv, write_json, write_text
 from hkt_mdo.results import Solution
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.steady_optimum import SteadyOptimum, best_operation, best_rotor
+from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.steady_optimum import (
+    SteadyOptimum,
+    best_operation,
+    best_rotor,
+    best_set_angle,
+)
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.starting_point import Operation, StartingPoint
 
@@ -125,6 +132,7 @@ def run_case(
         After what exists was saved, with success false; SIGTERM does the same as Ctrl-C.
     """
     out = Path(out)
+    case = complete(case)
     world = physics(case)
     make_driver(case)  # a missing package is told before anything is written
     check_folder(out, force)
@@ -143,7 +151,7 @@ def resume_case(
     recorded yet, the run begins anew.
     """
     out = Path(out)
-    case = load_case(out / "case.yaml")
+    case = complete(load_case(out / "case.yaml"))
     world = physics(case)
     make_driver(case)
     with locked(out):
@@ -162,13 +170,14 @@ def _run(case, world, out, start, log, figures, records) -> Solution:
     write_json(out / "summary.json", summary)
     try:
         with _scratch_directory(), _termination_interrupts(log):
-            optimum = _steady_optimum(case, world)
+            optimum = _steady_optimum(world, world.blade)
             if start is None:
                 start = find_start(case, world, optimum)
                 log.reference = start.operation.energy if start.operation.running else 0.0
             log.save(start)
             result = _optimize(case, world, start, out, log, records)
             flown = fly(case, world, result)
+            optimum = _bounding_optimum(world, result.point.blade, flown.inflow_speed)
             checks = judge(case, world, optimum, log.reference, result, flown)
             finished = _summarize(case, world, optimum, start, result, flown, checks)
             if not (finished["success"] or start.operation.running):
@@ -228,6 +237,7 @@ class _Log:
             {
                 "chord_m": point.blade.chord,
                 "twist_rad": point.blade.twist,
+                "rotor_radius_m": point.blade.rotor_radius,
                 "gains": point.gains,
                 "energy_J": point.operation.energy,
                 "reference_energy_J": self.reference,
@@ -253,6 +263,7 @@ def _read_iterate(out, case, world) -> tuple[StartingPoint | None, float, list]:
     sizes = {
         "chord_m": n_stations,
         "twist_rad": n_stations,
+        "rotor_radius_m": 1,
         "gains": n_gains,
         "energy_J": 1,
         "reference_energy_J": 1,
@@ -266,7 +277,7 @@ def _read_iterate(out, case, world) -> tuple[StartingPoint | None, float, list]:
             key: np.array(data[key], dtype=float).reshape(size) for key, size in sizes.items()
         }
         sound = all(np.all(np.isfinite(value)) for value in values.values())
-        for key in ("chord_m", "gains", "rotor_speed_rad_s"):
+        for key in ("chord_m", "rotor_radius_m", "gains", "rotor_speed_rad_s"):
             sound = sound and bool(np.all(values[key] > 0.0))
     except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
         sound = False
@@ -277,20 +288,18 @@ def _read_iterate(out, case, world) -> tuple[StartingPoint | None, float, list]:
             file=path,
         )
     table = Solution.load(out).convergence if (out / "summary.json").exists() else {}
-    blade = world.blade.with_shape(
-        np.clip(values["chord_m"], *world.chord_bounds)
-        if case.design.blade == "optimized"
-        else world.blade.chord,
-        np.clip(values["twist_rad"], *world.twist_bounds)
-        if case.design.blade == "optimized"
-        else world.blade.twist,
-    )
+    radius = world.blade.rotor_radius
+    if world.shape.radius_bounds is not None:
+        radius = float(np.clip(values["rotor_radius_m"][0], *world.shape.radius_bounds))
+    blade = world.blade.with_rotor_radius(radius)
+    blade = world.shape.nearest(blade.with_shape(values["chord_m"], values["twist_rad"]))
     operation = Operation(
         float(values["energy_J"][0]),
         values["rotor_speed_rad_s"],
         values["hydrodynamic_torque_Nm"],
         np.empty(0),
         np.empty(0),
+        0.0,
         True,
     )
     history = list(zip(*table.values(), strict=True))
@@ -306,6 +315,7 @@ def write_n2(case: Case, path: Path) -> None:
     InputError
         If a file of the case is broken or the diagram cannot be written.
     """
+    case = complete(case)
     world = physics(case)
     as_given = case.model_copy(update={"start": case.start.model_copy(update={"method": "blade"})})
     with _scratch_directory():
@@ -320,11 +330,26 @@ def write_n2(case: Case, path: Path) -> None:
             ) from error
 
 
-def _steady_optimum(case: Case, world: Physics) -> SteadyOptimum:
-    """Return the steady optimum that bounds a case: over the blade too, unless it is fixed."""
-    if case.design.blade == "fixed":
-        return best_operation(world.blade, world.polar)
-    return best_rotor(world.blade, world.polar, world.chord_bounds, world.twist_bounds)
+def _bounding_optimum(world: Physics, blade: Blade, flow_speed: np.ndarray) -> SteadyOptimum:
+    """Return the steady optimum that bounds a case's energy at the radius of a blade.
+
+    Where polars follow the Reynolds number: the best of the slowest, usual and fastest flow.
+    """
+    polars = [world.polar]
+    if isinstance(world.polar, bem.LocalReynolds):
+        polars += [world.polar.at_speed(speed) for speed in (flow_speed.min(), flow_speed.max())]
+    found = [_steady_optimum(replace(world, polar=polar), blade) for polar in polars]
+    return max(found, key=lambda optimum: optimum.power_coefficient)
+
+
+def _steady_optimum(world: Physics, blade: Blade) -> SteadyOptimum:
+    """Return the steady optimum of a case: over the blade too, unless it is fixed."""
+    shape = world.shape
+    if shape.designs_chord:
+        return best_rotor(blade, world.polar, shape.chord_bounds, shape.twist_bounds)
+    if not shape.designs_set_angle:
+        return best_operation(blade, world.polar)
+    return best_set_angle(shape, blade, world.polar)
 
 
 # Optimizing ---------------------------------------------------------------------------------------
@@ -371,7 +396,8 @@ def _optimize(case, world, start, out, log, records) -> Optimized:
             recovering = True
             continue
         gained = abs(result.energy / energy - 1.0) > WORTHWHILE
-        energy, limited = result.energy, gained and _at_move_limit(case, start, result, moves)
+        energy = result.energy
+        limited = gained and _at_move_limit(case, world, start, result, moves)
         if curve_ok and torque_ok and not limited:
             break
         if not torque_ok:
@@ -421,7 +447,7 @@ def _curve_nodes(case, world, start, finer=1):
     """
     speed = start.operation.rotor_speed
     flow = world.inflow.speed(np.linspace(0.0, case.phase.duration, speed.size))
-    ratios = speed * case.rotor.radius / flow
+    ratios = speed * start.blade.rotor_radius / flow
     low, high = float(np.min(ratios)), float(np.max(ratios))
     middle = 0.5 * (low + high)
     spacing = 0.01 * middle
@@ -465,10 +491,11 @@ def _point(case, world, problem) -> StartingPoint:
     energy = float(problem.get_val("energy")[0])
     n_gains = len(world.law.gain_units) if world.law else 0
     gains = np.array([problem.get_val(f"gain_{i}")[0] for i in range(n_gains)])
+    blade = world.blade.with_rotor_radius(float(problem.get_val("rotor_radius")[0]))
     return StartingPoint(
-        world.blade.with_shape(problem.get_val("chord"), problem.get_val("twist")),
+        blade.with_shape(problem.get_val("chord"), problem.get_val("twist")),
         gains,
-        Operation(energy, speed, torque, np.empty(0), np.empty(0), True),
+        Operation(energy, speed, torque, np.empty(0), np.empty(0), 0.0, True),
     )
 
 
@@ -494,17 +521,19 @@ def _collect(case, world, problem, nodes) -> Optimized:
     )
 
 
-def _at_move_limit(case, start, result, moves):
+def _at_move_limit(case, world, start, result, moves):
     """Tell whether the optimum ended at a limit that is set around the start only."""
     near, point = 1e-3, result.point
-    own = MoveLimits(0.0, np.inf, np.inf, np.inf, np.inf).bounds(case, start)
+    own = MoveLimits(0.0, *[np.inf] * 5).bounds(case, world.shape, start)
+    chord, twist = world.shape.control(point.blade)
     ends = {
         "rotor_speed": result.trajectory["rotor_speed"],
-        "chord": point.blade.chord,
-        "twist": point.blade.twist,
+        "chord_control": chord,
+        "twist_control": twist,
+        "rotor_radius": np.array([point.blade.rotor_radius]),
         "gain": point.gains,
     }
-    for name, (low, high) in moves.bounds(case, start).items():
+    for name, (low, high) in moves.bounds(case, world.shape, start).items():
         value, (own_low, own_high) = ends[name], own[name]
         close = near * np.maximum(np.abs(value), 1e-2)
         if np.any((value < low + close) & (low > own_low)) or np.any(
@@ -543,6 +572,8 @@ def _summarize(case, world, optimum, start, result, flown, checks):
         "power_coefficient_max": peak.power_coefficient,
         "tip_speed_ratio_at_power_coefficient_max": peak.tip_speed_ratio,
         "control_torque_max_Nm": np.max(result.trajectory["control_torque"]),
+        "rotor_radius_m": blade.rotor_radius,
+        "tip_radius_m": blade.tip_radius,
         "inertia_kg_m2": result.inertia,
         "mass_kg": result.mass,
         "r_m": blade.r,
@@ -559,6 +590,7 @@ def _summarize(case, world, optimum, start, result, flown, checks):
         )
         / max(flown.energy, 1e-9),
         "checks": [vars(check) for check in checks],
+        "notes": list(world.messages),
         "versions": _versions(),
     }
 
@@ -596,7 +628,7 @@ def _write_tables(out, case, world, result, flown):
         flown.time,
         flow,
         speed,
-        speed * case.rotor.radius / flow,
+        speed * result.point.blade.rotor_radius / flow,
         flown.hydrodynamic_torque,
         flown.control_torque,
         flown.hydrodynamic_torque * speed,

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 from hkt_mdo.dynamics.inflow import Inflow
 from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.bem import LocalReynolds
 from hkt_mdo.rotor.blade import Blade
 
 SLOWEST_RATIO = 0.05  # tip speed ratio at which a rotor counts as standing still
@@ -25,16 +26,18 @@ class Plant:
     """
 
     blade: Blade
-    polar: Polar
+    polar: Polar | tuple[Polar, ...] | LocalReynolds
     inertia: float
     density: float
     coefficients: Callable
 
     def torque(self, speed, inflow_speed):
         """Return the torque, N*m, at speeds (rad/s) and inflow speeds (m/s) of shape (n,)."""
-        radius = self.blade.tip_radius
+        radius, polar = self.blade.rotor_radius, self.polar
         ratio = np.maximum(speed * radius / inflow_speed, SLOWEST_RATIO)
-        coefficient = self.coefficients(self.blade, self.polar, ratio).torque
+        if isinstance(polar, LocalReynolds):  # the flow of the instant, not the torque curve's
+            polar = polar.at_speed(inflow_speed)
+        coefficient = self.coefficients(self.blade, polar, ratio).torque
         return 0.5 * np.pi * radius**3 * self.density * inflow_speed**2 * coefficient
 
 
@@ -89,7 +92,7 @@ def simulate(
     -------
     Simulation
     """
-    radius = plant.blade.tip_radius
+    radius = plant.blade.rotor_radius
     power_unit = 0.5 * np.pi * radius**2 * plant.density * float(inflow.speed(0.0)) ** 3
     energy_unit = power_unit * duration
     speed_unit = max(abs(initial_speed), 1e-3)

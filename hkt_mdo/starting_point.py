@@ -31,6 +31,8 @@ class Operation:
     by_table : ndarray, shape (n_nodes,), J
         Gradient of the energy with respect to the torque coefficient table.
     by_gain : ndarray, shape (n_gains,), J per gain
+    by_radius : float, J/m
+        With respect to the disc's radius, the torque coefficient table held.
     running : bool
         Whether an unstalled equilibrium exists at every instant.
     """
@@ -40,6 +42,7 @@ class Operation:
     hydrodynamic_torque: np.ndarray
     by_table: np.ndarray
     by_gain: np.ndarray
+    by_radius: float
     running: bool
 
 
@@ -52,7 +55,7 @@ class QuasiSteady:
     inflow_speed, weights : ndarray, shape (n_times,), m/s and s
         The flow at quadrature points of time.
     density : float, kg/m**3
-    tip_radius : float, m
+    rotor_radius : float, m
     spline : TorqueSpline
     law : FeedbackLaw or None
         None: open loop, the torque that captures most power at each instant.
@@ -63,14 +66,14 @@ class QuasiSteady:
     inflow_speed: np.ndarray
     weights: np.ndarray
     density: float
-    tip_radius: float
+    rotor_radius: float
     spline: TorqueSpline
     law: object = None
     torque_limit: float | None = None
 
     def operate(self, table, gains=()):
         """Return the `Operation` for a torque coefficient table[n_nodes] and gains[n_gains]."""
-        v, radius, gains = self.inflow_speed, self.tip_radius, np.asarray(gains, dtype=float)
+        v, radius, gains = self.inflow_speed, self.rotor_radius, np.asarray(gains, dtype=float)
         scale = 0.5 * np.pi * radius**3 * self.density * v**2
         curve = CubicSpline(self.spline.nodes, table, bc_type="natural")
         if self.law is None:
@@ -92,7 +95,16 @@ class QuasiSteady:
         gain_w = (torque + w * by_w) / stiffness  # dP/dw dw/dQ
         by_table = (self.weights * scale * (w + gain_w)) @ basis
         by_gain = -by_gains @ (self.weights * gain_w)
-        return Operation(float(self.weights @ (torque * w)), w, torque, by_table, by_gain, running)
+        torque_by_radius = (3.0 * torque + by_w * w) / radius
+        return Operation(
+            float(self.weights @ (torque * w)),
+            w,
+            torque,
+            by_table,
+            by_gain,
+            float((self.weights * (w + gain_w)) @ torque_by_radius),
+            running,
+        )
 
     def _open_loop(self, curve, scale):
         """Operate at the largest power coefficient, or faster at the torque limit."""
@@ -117,7 +129,7 @@ class QuasiSteady:
 
     def _balance(self, curve, scale, controller, needed=True):
         """Find the largest tip speed ratio with Q = u at each instant: the unstalled root."""
-        ratios, speed_per_ratio = self._search(), self.inflow_speed / self.tip_radius
+        ratios, speed_per_ratio = self._search(), self.inflow_speed / self.rotor_radius
         driving = scale[:, None] * curve(ratios) >= controller(ratios * speed_per_ratio[:, None])
         last = ratios.size - 1 - np.argmax(driving[:, ::-1], axis=1)
         has_root = driving.any(axis=1) & (last < ratios.size - 1)
@@ -144,27 +156,23 @@ class StartingPoint:
     operation: Operation
 
 
-def starting_point(
-    problem, blade, gains, polar, chord_bounds, twist_bounds, design_ratios, *, fixed_blade, improve
-):
+def starting_point(problem, shape, gains, polar, design_ratios, *, improve):
     """Return a start near the optimum, found by quasi-steady co-design from a blade.
 
-    Candidates are the blade as given and the steady-optimal blades of a range of tip speed ratios;
-    the best of them under the controller is improved by gradient steps within move limits.
+    Candidates are the blade as given and, where its shape is designed, the steady-optimal blades of
+    a range of tip speed ratios; the best of them under the controller is improved by gradient steps
+    within move limits.
 
     Parameters
     ----------
     problem : QuasiSteady
-    blade : Blade
-        As given by the case.
+    shape : Shape
+        The blades to choose from, and the one given.
     gains : array, shape (n_gains,), or None
         None: fitted to the blade.
-    polar : Polar
-    chord_bounds, twist_bounds : (float, float), m and rad
+    polar : Polar or sequence of Polar
     design_ratios : array
         Tip speed ratios whose steady-optimal blades are tried.
-    fixed_blade : bool
-        Keep the blade and improve only the gains.
     improve : bool
         False: the blade and gains as given.
 
@@ -172,16 +180,17 @@ def starting_point(
     -------
     StartingPoint
     """
-    given = _with_gains(problem, blade, polar, gains)
+    given = _with_gains(problem, shape.blade, polar, gains)
     if not improve:
         return given
     candidates = [given]
-    if not fixed_blade:
+    if shape.designs_chord:
+        bounds = shape.chord_bounds, shape.twist_bounds
         for ratio in design_ratios:
-            shaped = best_blade(blade, polar, ratio, chord_bounds, twist_bounds).blade
-            candidates.append(_with_gains(problem, shaped, polar, None))
+            best = shape.nearest(best_blade(shape.blade, polar, ratio, *bounds).blade)
+            candidates.append(_with_gains(problem, best, polar, None))
     best = max(candidates, key=lambda point: (point.operation.running, point.operation.energy))
-    return _improve(problem, best, polar, chord_bounds, twist_bounds, fixed_blade)
+    return _improve(problem, shape, best, polar)
 
 
 def _table(problem, blade, polar, derivatives=False):
@@ -208,61 +217,75 @@ def _with_gains(problem, blade, polar, gains):
     return StartingPoint(blade, gains, problem.operate(table, gains))
 
 
-def _improve(problem, point, polar, chord_bounds, twist_bounds, fixed_blade):
+def _improve(problem, shape, point, polar):
     """Raise the quasi-steady energy by SLSQP within move limits, re-centred until inactive."""
-    n = 0 if fixed_blade else point.blade.r.size
-    chord_move, twist_move, gain_move = 1.3, np.deg2rad(3.0), 1.2
-    for _ in range(12):
-        blade, gains, reference = point.blade, point.gains, max(point.operation.energy, 1e-9)
-        units = np.concatenate((blade.chord[:n], np.full(n, np.deg2rad(5.0)), np.abs(gains)))
-        center = np.concatenate((blade.chord[:n], blade.twist[:n], gains)) / units
+    chord_move, twist_move, radius_move, gain_move = 1.3, np.deg2rad(3.0), 1.1, 1.2
+    resized = shape.radius_bounds is not None
+    sizes = shape.chord_basis.shape[1], shape.twist_basis.shape[1], int(resized)
+    ends = np.cumsum(sizes)
 
-        def loss(x, units=units, reference=reference, base=blade):
-            physical = x * units
-            shaped = base.with_shape(physical[:n], physical[n : 2 * n]) if n else base
-            found = _table(problem, shaped, polar, derivatives=True)
-            state = problem.operate(found.torque, physical[2 * n :])
-            by = state.by_gain
-            if n:
-                by = np.concatenate(
-                    (
-                        state.by_table @ found.torque_by_chord,
-                        state.by_table @ found.torque_by_twist,
-                        by,
-                    )
+    def split(x):
+        """Return chord and twist control, radius of the disc, and gains."""
+        chord, twist, radius, gains = np.split(x, ends)
+        return chord, twist, radius[0] if resized else shape.blade.rotor_radius, gains
+
+    def operate(x, derivatives):
+        chord, twist, radius, gains = split(x)
+        found = _table(problem, shape.at(chord, twist, radius), polar, derivatives)
+        return found, replace(problem, rotor_radius=radius).operate(found.torque, gains)
+
+    for _ in range(12):
+        chord, twist = shape.control(point.blade)
+        chord, twist = np.clip(chord, *shape.chord_bounds), np.clip(twist, *shape.twist_bounds)
+        radius, gains = np.full(sizes[2], point.blade.rotor_radius), point.gains
+        center = np.concatenate((chord, twist, radius, gains))
+        units = np.concatenate((chord, np.full(sizes[1], np.deg2rad(5.0)), radius, np.abs(gains)))
+        reference = max(point.operation.energy, 1e-9)
+        if not units.size:
+            return point
+
+        def loss(x, units=units, reference=reference):
+            found, state = operate(x * units, derivatives=True)
+            by_chord = state.by_table @ found.torque_by_chord
+            by_radius = state.by_radius + state.by_table @ found.torque_by_rotor_radius
+            if not shape.designs_chord:  # it is scaled with the disc
+                by_radius += by_chord @ shape.chord_offset / shape.blade.rotor_radius
+            by = np.concatenate(
+                (
+                    by_chord @ shape.chord_basis,
+                    state.by_table @ found.torque_by_twist @ shape.twist_basis,
+                    np.full(sizes[2], by_radius),
+                    state.by_gain,
                 )
+            )
             # a point without equilibrium is left by the line search
             value = state.energy if state.running else 0.5 * state.energy
             return -100.0 * value / reference, -100.0 * by * units / reference
 
-        low = np.concatenate(
-            (
-                np.maximum(blade.chord[:n] / chord_move, chord_bounds[0]),
-                np.maximum(blade.twist[:n] - twist_move, twist_bounds[0]),
-                np.minimum(gains / gain_move, gains * gain_move),
-            )
+        low = (
+            np.maximum(chord / chord_move, shape.chord_bounds[0]),
+            np.maximum(twist - twist_move, shape.twist_bounds[0]),
+            np.maximum(radius / radius_move, shape.radius_bounds[0]) if resized else radius,
+            np.minimum(gains / gain_move, gains * gain_move),
         )
-        high = np.concatenate(
-            (
-                np.minimum(blade.chord[:n] * chord_move, chord_bounds[1]),
-                np.minimum(blade.twist[:n] + twist_move, twist_bounds[1]),
-                np.maximum(gains / gain_move, gains * gain_move),
-            )
+        high = (
+            np.minimum(chord * chord_move, shape.chord_bounds[1]),
+            np.minimum(twist + twist_move, shape.twist_bounds[1]),
+            np.minimum(radius * radius_move, shape.radius_bounds[1]) if resized else radius,
+            np.maximum(gains / gain_move, gains * gain_move),
         )
-        if not units.size:
-            return point
+        low, high = np.concatenate(low) / units, np.concatenate(high) / units
         found = minimize(
             loss,
-            np.clip(center, low / units, high / units),
+            np.clip(center / units, low, high),
             jac=True,
             method="SLSQP",
-            bounds=Bounds(low / units, high / units),
+            bounds=Bounds(low, high),
             options={"ftol": 1e-9, "maxiter": 100},
         )
         physical = found.x * units
-        shaped = blade.with_shape(physical[:n], physical[n : 2 * n]) if n else blade
-        operation = problem.operate(_table(problem, shaped, polar).torque, physical[2 * n :])
+        _, operation = operate(physical, derivatives=False)
         if not operation.running or operation.energy <= point.operation.energy * (1.0 + 1e-7):
             break
-        point = StartingPoint(shaped, physical[2 * n :], operation)
+        point = StartingPoint(shape.at(*split(physical)[:3]), split(physical)[3], operation)
     return point

@@ -106,7 +106,10 @@ class Design:
             raise InputError(
                 f"{solution.folder}: holds no finished design; run the case again, or resume it"
             )
-        blade = world.blade.with_shape(summary["chord_m"], np.deg2rad(summary["twist_deg"]))
+        radius = summary.get("rotor_radius_m") or world.blade.rotor_radius
+        blade = world.blade.with_rotor_radius(radius).with_shape(
+            summary["chord_m"], np.deg2rad(summary["twist_deg"])
+        )
         plant = Plant(
             blade,
             world.polar,

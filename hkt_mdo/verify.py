@@ -22,8 +22,8 @@ from hkt_mdo.case import Case, load_case
 from hkt_mdo.data import data_path, shipped_names
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem import physics
-from hkt_mdo.rotor.airfoil import Outline, Polar
-from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.airfoil import Outline, PolarFamily
+from hkt_mdo.rotor.blade_files import read_blade
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.simulation import simulate
 from hkt_mdo.uncertainty import Design
@@ -369,10 +369,7 @@ def _fly(design, chord, twist, gains, tolerance=1e-9, refined=1):
     """Integrate a design with a given blade and gains, from its equilibrium if it has feedback."""
     case, plant = design.solution.case, design.plant
     blade = plant.blade.with_shape(chord, twist)
-    arguments = (blade.hub_radius, blade.tip_radius, blade.blade_count)
-    inertia = [
-        mass_and_inertia(blade.r, c, *arguments, 1.0, 1.0)[1] for c in (chord, plant.blade.chord)
-    ]
+    inertia = [mass_and_inertia(each, 1.0, 1.0)[1] for each in (blade, plant.blade)]
     solid = plant.inertia - case.rotor.hub_inertia
     plant = replace(
         plant, blade=blade, inertia=case.rotor.hub_inertia + solid * inertia[0] / inertia[1]
@@ -402,9 +399,9 @@ def _fly(design, chord, twist, gains, tolerance=1e-9, refined=1):
 
 
 DATA = {
-    "polar": Polar.from_csv,
-    "outline": Outline.from_csv,
-    "blade": lambda path: Blade.from_csv(path, (0.2, 0.6, 0.999), 1.4, 0.175, 3, 0.0),
+    "polar": PolarFamily.from_file,
+    "outline": Outline.from_file,
+    "blade": read_blade,
 }
 
 

@@ -15,10 +15,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from hkt_mdo.case import Fluid
+from hkt_mdo.case import Rotor as Section
 from hkt_mdo.data import read_table, shipped_names
 from hkt_mdo.rotor import bem
+from hkt_mdo.rotor import ccblade as reference
 from hkt_mdo.rotor.airfoil import KNOTS_PER_DEGREE, Polar
 from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.turbine import build_turbine
 
 DATA = Path(__file__).resolve().parents[1] / "tests" / "rotor" / "data"
 SAME_ANGLE = 1e-6  # rad; CCBlade's own tolerance is 2e-12, but folds amplify it
@@ -108,7 +112,7 @@ def nrel_5mw():
 
 def bahaj(stations=STATIONS_5KW, polar="naca63815_Re2e5", ratios=None):
     """Return the Bahaj rotor at 2.8 m diameter, 5 degrees added to its pitch."""
-    blade = Blade.from_csv("bahaj2007", stations, 1.4, 0.175, 3, np.deg2rad(5.0))
+    blade = build_turbine(Section(stations=tuple(stations)), Fluid(), 1.0).blade
     ratios = np.arange(0.5, 15.1, 0.25) if ratios is None else ratios
     return Rotor("Bahaj, 2.8 m", blade, Polar.from_csv(polar), ratios)
 
@@ -168,23 +172,8 @@ def wild_rotor(rng, polars):
 
 def ccblade(rotor, derivatives=False):
     """Run CCBlade; return its coefficients, their gradients, and the loads of its sections."""
-    from wisdem.ccblade.ccblade import CCBlade
-
     blade, ratios = rotor.blade, rotor.tip_speed_ratio
-    polars = [rotor.polar] * blade.r.size if isinstance(rotor.polar, Polar) else list(rotor.polar)
-    solver = CCBlade(
-        blade.r,
-        blade.chord,
-        np.rad2deg(blade.twist),
-        polars,
-        blade.hub_radius,
-        blade.tip_radius,
-        B=blade.blade_count,
-        rho=1.0,
-        mu=1.0,
-        shearExp=0.0,
-        derivatives=derivatives,
-    )
+    solver = reference.ccblade(blade, rotor.polar, derivatives)
     recorded = []
     loads = solver.distributedAeroLoads
 
@@ -237,7 +226,7 @@ def compare(rotor, derivatives=False):
         [(loads["Np"], loads["Tp"]) for loads, _ in recorded]
     )  # (points, 2, stations)
     kinds = np.empty(phi_cc.shape, dtype=object)
-    *arguments, polars, section = bem._arguments(blade, rotor.polar)
+    *arguments, polars, section, _, _ = bem._arguments(blade, rotor.polar)
     for i, j in np.ndindex(kinds.shape):
         station = (blade.chord[j], blade.twist[j], blade.r[j], *arguments[3:], polars[section[j]])
         s, c, _, _ = bem._terms(float(phi_cc[i, j]), *station)[0]

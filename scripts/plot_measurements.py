@@ -10,10 +10,11 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from hkt_mdo.case import Fluid, Rotor
 from hkt_mdo.data import read_table
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
-from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.turbine import build_turbine
 
 SETS = {
     "all 17 tabulated stations": None,
@@ -39,7 +40,7 @@ def main():
     ratios = np.linspace(3.5, 10.5, 141)
     for (label, stations), line in zip(SETS.items(), ("-", "--"), strict=True):
         r = tabulated if stations is None else stations
-        blade = Blade.from_csv("bahaj2007", r, 0.4, 0.05, 3, np.deg2rad(5.0))
+        blade = build_turbine(Rotor(stations=tuple(r), radius=0.4), Fluid(), 1.0).blade
         error = bem.rotor_coefficients(blade, polar, measured["TSR"]).power - measured["Cp"]
         rms = np.sqrt(np.mean(error**2))
         power = bem.rotor_coefficients(blade, polar, ratios).power

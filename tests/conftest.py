@@ -148,10 +148,10 @@ def polar():
 @pytest.fixture(scope="session")
 def blade():
     """The Bahaj blade scaled to R = 1.4 m at the nine default stations, 5 degrees set angle."""
-    from hkt_mdo.rotor.blade import Blade
+    from hkt_mdo.case import Fluid, Rotor
+    from hkt_mdo.turbine import build_turbine
 
-    stations = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.999)
-    return Blade.from_csv("bahaj2007", stations, 1.4, 0.125 * 1.4, 3, np.deg2rad(5.0))
+    return build_turbine(Rotor(), Fluid(), 1.5).blade
 
 
 @pytest.fixture(scope="session")

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from hkt_mdo.case import Fluid, Rotor
 from hkt_mdo.data import read_table
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.turbine import build_turbine
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +19,7 @@ def tabulated_blade():
     """All seventeen tabulated stations, the last moved just inside the tip."""
     table = read_table("bahaj2007", ("r_over_R",), "blade")
     stations = np.minimum(table["r_over_R"], 0.999)
-    return Blade.from_csv("bahaj2007", stations, 1.4, 0.125 * 1.4, 3, np.deg2rad(5.0))
+    return build_turbine(Rotor(stations=tuple(stations)), Fluid(), 1.0).blade
 
 
 def test_power_coefficient_of_the_baseline(measured, tabulated_blade, polar):
@@ -31,10 +32,8 @@ def test_power_coefficient_of_the_baseline(measured, tabulated_blade, polar):
 
 def test_scaling_keeps_the_power_coefficient(measured, polar):
     """The 3.5:1 model and the original have one curve (Reynolds invariance, paper Sec. II-A)."""
-    stations = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.999)
     small, large = (
-        Blade.from_csv("bahaj2007", stations, radius, 0.125 * radius, 3, np.deg2rad(5.0))
-        for radius in (0.4, 1.4)
+        build_turbine(Rotor(radius=radius), Fluid(), 1.0).blade for radius in (0.4, 1.4)
     )
     np.testing.assert_allclose(
         bem.rotor_coefficients(small, polar, measured["TSR"]).power,

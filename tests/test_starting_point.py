@@ -1,11 +1,14 @@
 """Quasi-steady co-design: against formulas, and its gradient against differences."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from hkt_mdo.dynamics.controllers import LinearLaw, QuadraticLaw
 from hkt_mdo.dynamics.inflow import SineInflow
 from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.shape import Shape
 from hkt_mdo.rotor.steady_optimum import best_operation, best_rotor
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.starting_point import QuasiSteady, starting_point
@@ -82,6 +85,11 @@ def test_gradient_of_the_energy(table, law, limit, gains):
         - problem.operate(table - step * direction, gains).energy
     ) / (2.0 * step)
     assert operation.by_table @ direction == pytest.approx(difference, rel=1e-4)
+    larger, smaller = (
+        replace(problem, rotor_radius=RADIUS * factor).operate(table, gains).energy
+        for factor in (1.0 + 1e-6, 1.0 - 1e-6)
+    )
+    assert operation.by_radius == pytest.approx((larger - smaller) / (2e-6 * RADIUS), rel=1e-4)
     for i in range(gains.size):
         change = 1e-5 * gains[i] * np.eye(gains.size)[i]
         difference = (
@@ -96,13 +104,10 @@ def test_co_design_reaches_the_steady_optimum(blade, polar):
     optimum = best_rotor(blade, polar, CHORDS, TWISTS)
     start = starting_point(
         quasi_steady(),
-        blade,
+        Shape.designed(blade, None, None, CHORDS, TWISTS),
         None,
         polar,
-        CHORDS,
-        TWISTS,
         [6.5, 7.5],
-        fixed_blade=False,
         improve=True,
     )
     bound = ideal_energy(optimum.power_coefficient)
@@ -111,17 +116,9 @@ def test_co_design_reaches_the_steady_optimum(blade, polar):
 
 def test_a_fixed_blade_is_kept(blade, polar):
     start = starting_point(
-        quasi_steady(QuadraticLaw()),
-        blade,
-        None,
-        polar,
-        CHORDS,
-        TWISTS,
-        [],
-        fixed_blade=True,
-        improve=True,
+        quasi_steady(QuadraticLaw()), Shape.fixed(blade), None, polar, [], improve=True
     )
-    assert start.blade.chord is blade.chord
+    np.testing.assert_array_equal(start.blade.chord, blade.chord)
     best = best_operation(blade, polar)
     gain = 0.5 * DENSITY * np.pi * RADIUS**5 * best.power_coefficient / best.tip_speed_ratio**3
     assert start.gains[0] == pytest.approx(gain, rel=0.02)

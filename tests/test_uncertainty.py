@@ -6,7 +6,7 @@ from scipy import signal
 
 from hkt_mdo.dynamics.inflow import ConstantInflow, SineInflow
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem import INFLOWS
+from hkt_mdo.flow import build_inflow
 from hkt_mdo.uncertainty import Design, Sensor, flow_named, fly_noisy
 
 
@@ -22,7 +22,7 @@ def open_loop(solve):
 
 def paper_flow(design, name):
     section = flow_named(name, design.solution.case.inflow)
-    return INFLOWS[section.profile](section)
+    return build_inflow(section)
 
 
 def test_design_flow_gives_the_simulated_energy_again(quadratic, open_loop):

@@ -84,7 +84,7 @@ def test_recovery_has_exact_derivatives(blade, polar, tmp_path, monkeypatch):
     nodes = np.linspace(3.0, 12.0, 40)
     problem = om.Problem(reports=False)
     component = RecoveryComp(
-        num_nodes=4, tip_radius=1.4, spline=TorqueSpline(nodes), law=QuadraticLaw(700.0, 0.001)
+        num_nodes=4, spline=TorqueSpline(nodes), law=QuadraticLaw(700.0, 0.001)
     )
     problem.model.add_subsystem("recovery", component)
     problem.setup()
@@ -93,6 +93,7 @@ def test_recovery_has_exact_derivatives(blade, polar, tmp_path, monkeypatch):
         "inflow_speed": np.array([[1.3], [1.4], [1.5], [1.6]]),
         "torque_coefficient_table": rotor_coefficients(blade, polar, nodes).torque,
         "density": 1000.0,
+        "rotor_radius": 1.4,
         "gain_0": 9.0,
     }.items():
         problem.set_val(f"recovery.{name}", value)
@@ -101,7 +102,7 @@ def test_recovery_has_exact_derivatives(blade, polar, tmp_path, monkeypatch):
         out_stream=None, method="fd", form="central", step=1e-5, step_calc="rel_avg"
     )["recovery"]
     for (_, name), entry in found.items():
-        if name in ("rotor_speed", "torque_coefficient_table", "gain_0"):
+        if name in ("rotor_speed", "torque_coefficient_table", "rotor_radius", "gain_0"):
             np.testing.assert_allclose(entry["J_fwd"], entry["J_fd"], rtol=1e-6, atol=1e-4)
 
 

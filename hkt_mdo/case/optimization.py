@@ -35,19 +35,55 @@ class Design(Section):
     twist_bounds: Annotated[_Angles, AfterValidator(ordered)] = (-30.0, 30.0)
     """Bounds on the twist, [lower, upper]."""
 
+    chord_points: Annotated[int, Strict(), Field(ge=2, le=100)] | None = None
+    """Number of control points of a cubic B-spline that is the chord along the span; null: the
+    chord is designed at the stations."""
+
+    twist_points: Annotated[int, Strict(), Field(ge=2, le=100)] | None = None
+    """Number of control points of a cubic B-spline that is the twist along the span; null: the
+    twist is designed at the stations."""
+
+    set_angle_bounds: Annotated[_Angles, AfterValidator(ordered)] | None = None
+    """Bounds on the set angle of a fixed blade, [lower, upper]; null: it is not designed. A twist
+    that is designed has the set angle in it."""
+
+    radius_bounds: Annotated[_Chords, AfterValidator(ordered)] | None = None
+    """Bounds on the tip radius R, [lower, upper]; null: it is not designed. Stations and hub move
+    with it; a fixed blade is scaled as a whole."""
+
     gain_bounds: Annotated[_Gains, AfterValidator(ordered)] | None = None
     """Bounds on the feedback gain, [lower, upper], plain numbers in the unit of `control.gain`;
     null: scaled from the gain at the start."""
+
+    @model_validator(mode="after")
+    def _check_designed(self) -> Design:
+        points = [name for name in ("chord_points", "twist_points") if getattr(self, name)]
+        if self.blade == "fixed" and points:
+            raise refusal(
+                "shapes a blade that is fixed",
+                "give design.blade: optimized, or leave it out",
+                key=points[0],
+                value=getattr(self, points[0]),
+            )
+        if self.blade == "optimized" and self.set_angle_bounds is not None:
+            raise refusal(
+                "bounds a set angle that a designed twist has in it already",
+                "give design.blade: fixed, or widen design.twist_bounds instead",
+                key="set_angle_bounds",
+                value=list(self.set_angle_bounds),
+            )
+        return self
 
 
 class Phase(Section):
     """The time span and its discretization."""
 
-    duration: Annotated[float, Quantity("s", gt=0)] = 60.0
-    """Duration; the paper gives none, its tables imply this one."""
+    duration: Annotated[float, Quantity("s", gt=0)] | None = None
+    """Duration; null: that of the flow's record, or 60 s, which the paper's tables imply."""
 
-    segments: Annotated[int, Strict(), Field(ge=2, le=20000)] = 60
-    """Number of collocation segments."""
+    segments: Annotated[int, Strict(), Field(ge=2, le=20000)] | None = None
+    """Number of collocation segments; null: 60, or as many as the flow's highest frequency asks
+    for, four a period."""
 
     transcription: Literal["gauss-lobatto", "radau"] = "gauss-lobatto"
     """Collocation method."""

@@ -76,6 +76,12 @@ class Case(Section):
             gain = self.control.gain
             if gain is not None and not bounds[0] <= gain <= bounds[1]:
                 raise _outside("control.gain", gain, "design.gain_bounds", bounds)
+        radius, limits = self.rotor.radius, self.design.radius_bounds
+        if radius is not None and limits is not None and not limits[0] <= radius <= limits[1]:
+            raise _outside("rotor.radius", radius, "design.radius_bounds", limits)
+        angle, limits = self.rotor.set_angle or 0.0, self.design.set_angle_bounds
+        if limits is not None and not limits[0] <= angle <= limits[1]:
+            raise _outside("rotor.set_angle", angle, "design.set_angle_bounds", limits)
         if self.design.blade == "optimized":
             for name in ("chord", "twist"):
                 limits = getattr(self.design, f"{name}_bounds")

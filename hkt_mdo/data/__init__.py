@@ -35,17 +35,29 @@ POLAR_FAMILIES: dict[str, dict[str, float]] = {
         f"naca63815_Re{reynolds}": float(reynolds)
         for reynolds in ("1e5", "2e5", "3e5", "5e5", "1e6", "2e6")
     },
+    "naca63424": {f"naca63424_Re{reynolds}": float(reynolds) for reynolds in ("1e6", "3e6", "1e7")},
+    "naca4415": {
+        f"naca4415_Re{reynolds}": float(reynolds) for reynolds in ("1e5", "2e5", "5e5", "1e6")
+    },
 }
 """Shipped polars of one section: name of the section, name of the polar, its Reynolds number."""
 
 _FILES: dict[str, dict[str, str]] = {
-    "blade": {"bahaj2007": "bahaj2007_blade.csv"},
+    "blade": {
+        "bahaj2007": "bahaj2007_blade.csv",
+        "rm1": "rm1_blade.csv",
+        "river": "river_blade.csv",
+    },
     "polar": {
         polar: f"{polar.replace('_', '_polar_')}.csv"
         for family in POLAR_FAMILIES.values()
         for polar in family
+    }
+    | {"cylinder": "cylinder_polar.csv"},
+    "outline": {
+        name: f"{name}_coordinates.csv"
+        for name in ("naca63815", "naca63424", "naca4415", "cylinder")
     },
-    "outline": {"naca63815": "naca63815_coordinates.csv"},
     "measurement": {"bahaj2007": "bahaj2007_measured_cp.csv"},
     "reported": {"amini2023": "amini2023_reported.yaml"},
 }
@@ -59,6 +71,23 @@ _ROTORS: dict[str, dict[str, object]] = {
         "set_angle": 5.0,
         "polar": "naca63815_Re2e5",
         "outline": "naca63815",
+    },
+    "rm1": {
+        "radius": 10.0,
+        "hub_radius_fraction": 0.1,
+        "blade_count": 2,
+        "sections": (
+            {"polar": "naca63424", "outline": "naca63424"},
+            {"polar": "cylinder", "outline": "cylinder"},
+        ),
+        "reynolds_number": 3e6,
+    },
+    "river": {
+        "radius": 0.8,
+        "hub_radius_fraction": 0.15,
+        "blade_count": 3,
+        "polar": "naca4415_Re2e5",
+        "outline": "naca4415",
     },
 }
 

@@ -53,7 +53,7 @@ class HydrodynamicsComp(om.ExplicitComponent):
 
     Q = 0.5 rho v² pi R³ Cq(tsr), tsr = w R / v, P = Q w (paper eq. 5).
 
-    Inputs rotor_speed, inflow_speed[num_nodes], density (kg/m**3), and either
+    Inputs rotor_speed, inflow_speed[num_nodes], density (kg/m**3), rotor_radius (m), and either
     torque_coefficient_table[n_tsr] (spline) or chord (m), twist (rad) of shape (n_stations,) (BEM).
     Outputs tip_speed_ratio, torque_coefficient, hydrodynamic_torque (N*m), hydrodynamic_power (W),
     each [num_nodes].
@@ -62,7 +62,6 @@ class HydrodynamicsComp(om.ExplicitComponent):
     def initialize(self):
         """Declare the options."""
         self.options.declare("num_nodes", types=int)
-        self.options.declare("tip_radius", types=float)
         self.options.declare("spline", default=None, allow_none=True, recordable=False)
         self.options.declare("blade", default=None, allow_none=True, recordable=False)
         self.options.declare("polar", default=None, allow_none=True, recordable=False)
@@ -77,6 +76,9 @@ class HydrodynamicsComp(om.ExplicitComponent):
         )
         self.add_input(
             "density", val=1000.0, units="kg/m**3", desc="density of the water", tags=static
+        )
+        self.add_input(
+            "rotor_radius", val=1.0, units="m", desc="radius of the swept disc", tags=static
         )
         if self.options["spline"] is not None:
             shape = self.options["spline"].nodes.shape
@@ -111,6 +113,7 @@ class HydrodynamicsComp(om.ExplicitComponent):
             ["tip_speed_ratio", *outputs], ["rotor_speed", "inflow_speed"], rows=rows, cols=rows
         )
         self.declare_partials(outputs[1:], "density")
+        self.declare_partials(["tip_speed_ratio", *outputs], "rotor_radius")
         shape = (
             ["torque_coefficient_table"]
             if self.options["spline"] is not None
@@ -119,23 +122,31 @@ class HydrodynamicsComp(om.ExplicitComponent):
         self.declare_partials(outputs, shape)
 
     def _coefficient(self, inputs, ratio, derivatives):
-        """Return Cq, dCq/dtsr and matrices dCq/dinput by name, derivatives when asked for."""
+        """Return Cq, dCq/dtsr and dCq/dinput by name at fixed tsr, derivatives when asked for."""
         spline = self.options["spline"]
         if spline is not None:
             value, slope = spline.values(inputs["torque_coefficient_table"], ratio)
             by = {"torque_coefficient_table": spline.basis(ratio)} if derivatives else {}
             return value, slope, by
-        blade = self.options["blade"].with_shape(inputs["chord"], inputs["twist"])
+        blade = (
+            self.options["blade"]
+            .with_rotor_radius(inputs["rotor_radius"][0])
+            .with_shape(inputs["chord"], inputs["twist"])
+        )
         found = self.options["coefficients"](blade, self.options["polar"], ratio, derivatives)
         return (
             found.torque,
             found.torque_by_tip_speed_ratio,
-            {"chord": found.torque_by_chord, "twist": found.torque_by_twist},
+            {
+                "chord": found.torque_by_chord,
+                "twist": found.torque_by_twist,
+                "rotor_radius": found.torque_by_rotor_radius[:, None],
+            },
         )
 
     def compute(self, inputs, outputs):
         """Evaluate the torque and power."""
-        w, v, radius = inputs["rotor_speed"], inputs["inflow_speed"], self.options["tip_radius"]
+        w, v, radius = inputs["rotor_speed"], inputs["inflow_speed"], inputs["rotor_radius"]
         ratio = w * radius / v
         coefficient, _, _ = self._coefficient(inputs, ratio, derivatives=False)
         torque = 0.5 * np.pi * radius**3 * inputs["density"] * v**2 * coefficient
@@ -146,7 +157,7 @@ class HydrodynamicsComp(om.ExplicitComponent):
 
     def compute_partials(self, inputs, partials):
         """Differentiate through the coefficient."""
-        w, v, radius = inputs["rotor_speed"], inputs["inflow_speed"], self.options["tip_radius"]
+        w, v, radius = inputs["rotor_speed"], inputs["inflow_speed"], inputs["rotor_radius"]
         ratio, by_w, by_v = w * radius / v, radius / v, -w * radius / v**2
         coefficient, by_ratio, by_shape = self._coefficient(inputs, ratio, derivatives=True)
         scale = 0.5 * np.pi * radius**3 * inputs["density"] * v**2
@@ -163,6 +174,13 @@ class HydrodynamicsComp(om.ExplicitComponent):
         partials["hydrodynamic_power", "rotor_speed"] = torque_w * w + torque
         partials["hydrodynamic_power", "inflow_speed"] = torque_v * w
         partials["hydrodynamic_power", "density"] = (torque * w / inputs["density"])[:, None]
+        # the radius moves the tip speed ratio, the torque's scale and, with BEM, the coefficient
+        by_radius = (by_ratio * w / v)[:, None] + by_shape.pop("rotor_radius", 0.0)
+        partials["tip_speed_ratio", "rotor_radius"] = (w / v)[:, None]
+        partials["torque_coefficient", "rotor_radius"] = by_radius
+        torque_radius = scale[:, None] * by_radius + (3.0 * torque / radius)[:, None]
+        partials["hydrodynamic_torque", "rotor_radius"] = torque_radius
+        partials["hydrodynamic_power", "rotor_radius"] = w[:, None] * torque_radius
         for name, matrix in by_shape.items():
             partials["torque_coefficient", name] = matrix
             partials["hydrodynamic_torque", name] = scale[:, None] * matrix

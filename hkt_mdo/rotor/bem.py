@@ -19,12 +19,14 @@ bracket. See docs/bem.md.
 """
 
 import warnings
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.airfoil import Polar
 
 PHI_MIN = 1e-6  # CCBlade's distance from the singular points phi = 0 and pi
@@ -42,7 +44,7 @@ FINEST = 0.004  # rad, about the spacing of a polar's knots: no interval is divi
 MOST_KNOTS = 1024  # on the curve of a station; 50 to 60 are usual
 
 # Rows of `Sections.derivatives`
-INPUTS = ("tip_speed_ratio", "chord", "twist", "r", "hub_radius", "tip_radius")
+INPUTS = ("tip_speed_ratio", "chord", "twist", "r", "hub_radius", "tip_radius", "log_reynolds")
 
 # Values of `Sections.branch`
 BRANCHES = {
@@ -62,7 +64,8 @@ class Sections(NamedTuple):
     metres; residual is f, infinite where there is no root (all else is then zero); branch holds
     keys of `BRANCHES`; roots is the number of roots with 0 < phi < 180 degrees, empty unless
     asked for; derivatives hold those of the tangential, then the normal load with respect to
-    `INPUTS`, shape (2, 6, n_points, n_stations), empty unless asked for.
+    `INPUTS`, shape (2, 7, n_points, n_stations), empty unless asked for; those but the last hold
+    the Reynolds number.
     """
 
     inflow_angle: np.ndarray
@@ -82,8 +85,9 @@ class Coefficients(NamedTuple):
     """Rotor coefficients at n operating points, and the torque coefficient's derivatives.
 
     torque = Q / (0.5 rho V² pi R³), power = P / (0.5 rho V³ pi R²), thrust = T / (0.5 rho V² pi
-    R²), each of shape (n,); torque_by_chord (1/m) and torque_by_twist (1/rad) of shape (n,
-    n_stations).
+    R²), R the radius of the disc, each of shape (n,); torque_by_chord (1/m) and torque_by_twist
+    (1/rad) of shape (n, n_stations); torque_by_rotor_radius (1/m) of shape (n,): hub, stations and
+    tip move with the disc, chord and twist stay.
     """
 
     torque: np.ndarray
@@ -92,6 +96,7 @@ class Coefficients(NamedTuple):
     torque_by_tip_speed_ratio: np.ndarray
     torque_by_chord: np.ndarray
     torque_by_twist: np.ndarray
+    torque_by_rotor_radius: np.ndarray
 
 
 class RootChanges(NamedTuple):
@@ -188,11 +193,14 @@ def _terms(phi, chord, twist, r, hub_radius, tip_radius, blade_count, polar):
 
 
 @njit(cache=True, error_model="numpy")
-def _derivatives(terms, tip_speed_ratio, chord, r, hub_radius, tip_radius, blade_count, out):
+def _derivatives(
+    terms, tip_speed_ratio, chord, r, hub_radius, tip_radius, blade_count, by_reynolds, out
+):
     """Fill out[n_loads, n_inputs]: total derivatives of the loads at a root, by `INPUTS`.
 
     The residual's own partials give dphi/dx = -f_x / f_phi; nothing passes through the solver's
-    steps.
+    steps. by_reynolds has the tangential and the normal force coefficient's derivative with respect
+    to the logarithm of the Reynolds number.
     """
     (s, c, s_phi, c_phi), forces, (k, m, k_unit, m_unit, s_k, s_log_loss), losses = terms
     tip, hub, log_tip, log_hub = losses
@@ -202,7 +210,7 @@ def _derivatives(terms, tip_speed_ratio, chord, r, hub_radius, tip_radius, blade
     chord_load = chord / (s * s)
     for i in range(out.shape[1]):
         # What changes before phi answers: twist, ln(solidity), ln(F), lambda_r, ln(chord)
-        turn = log_solidity = log_loss = ratio = stretch = 0.0
+        turn = log_solidity = log_loss = ratio = stretch = polar_change = 0.0
         if i == 0:
             ratio = r / tip_radius
         elif i == 1:
@@ -217,16 +225,20 @@ def _derivatives(terms, tip_speed_ratio, chord, r, hub_radius, tip_radius, blade
             ratio = tip_speed_ratio / tip_radius
         elif i == 4:
             log_loss = -log_hub * hub * r / (hub_radius * (r - hub_radius))
-        else:
+        elif i == 5:
             log_loss = log_tip * tip / (tip_radius - r)
             ratio = -lambda_r / tip_radius
-        k_x = k_unit * forces[5] * turn + k * (log_solidity - log_loss)
-        m_x = m_unit * forces[4] * turn + m * (log_solidity - log_loss)
+        else:
+            polar_change = 1.0
+        normal_x = forces[5] * turn + by_reynolds[1] * polar_change
+        tangential_x = forces[4] * turn + by_reynolds[0] * polar_change
+        k_x = k_unit * normal_x + k * (log_solidity - log_loss)
+        m_x = m_unit * tangential_x + m * (log_solidity - log_loss)
         s_x = s_k * k_x + s_log_loss * log_loss
         phi_x = -(s_x + m_x / lambda_r + c_by_ratio * ratio) / f_phi
         s_x += s_phi * phi_x
         for load in range(out.shape[0]):
-            force_x = forces[4 + load] * turn + forces[2 + load] * phi_x
+            force_x = (normal_x if load else tangential_x) + forces[2 + load] * phi_x
             out[load, i] = chord_load * (force_x + forces[load] * (stretch - 2.0 * s_x / s))
 
 
@@ -380,11 +392,17 @@ def _solve(
     blade_count,
     polars,
     section,
+    log_reynolds,
+    log_unit,
     full,
     n_loads,
     n_inputs,
 ):
-    """Solve all stations at all points; arrays are station-major: inner loops write in order."""
+    """Solve all stations at all points; arrays are station-major: inner loops write in order.
+
+    Station j has the polars section[j] … section[j] + log_reynolds.size - 1. With more than one,
+    log_unit has the logarithm of the Reynolds number over chord and sqrt(1 + lambda_r²), by point.
+    """
     n_points, n_stations = tip_speed_ratio.size, r.size
     if not np.min(tip_speed_ratio) > 0.0:
         raise ValueError("tip speed ratios must be positive")
@@ -396,21 +414,46 @@ def _solve(
     derivatives = np.zeros((n_loads, n_inputs, n_stations, n_points))
     gradient = np.empty((n_loads, n_inputs))
     knots = np.empty((7, MOST_KNOTS))
+    angle, s_knot, c_knot, s_phi_knot, c_phi_knot, g, running = knots
     lowest = np.min(tip_speed_ratio)
+    local = log_reynolds.size > 1
+    mixed = np.empty_like(polars[0])
+    by_reynolds = (0.0, 0.0)
+    n_knots = 0
     for j in range(n_stations):
-        station = (
-            chord[j],
-            twist[j],
-            r[j],
-            hub_radius,
-            tip_radius,
-            blade_count,
-            polars[section[j]],
-        )
-        n_knots = _curve(lowest * r[j] / tip_radius, full, station, knots)
-        angle, s_knot, c_knot, s_phi_knot, c_phi_knot, g, running = knots
+        lower = upper = station_polar = polars[section[j]]
         for i in range(n_points):
             lambda_r = tip_speed_ratio[i] * r[j] / tip_radius
+            step = 0.0
+            if local:
+                where = log_unit[i] + np.log(chord[j]) + 0.5 * np.log(1.0 + lambda_r * lambda_r)
+                where = min(max(where, log_reynolds[0]), log_reynolds[-1])
+                place = 0
+                while place < log_reynolds.size - 2 and where > log_reynolds[place + 1]:
+                    place += 1
+                step = log_reynolds[place + 1] - log_reynolds[place]
+                lower, upper = polars[section[j] + place], polars[section[j] + place + 1]
+                share = (where - log_reynolds[place]) / step
+                for row in range(mixed.shape[0]):
+                    for column in range(mixed.shape[1]):
+                        mixed[row, column] = (1.0 - share) * lower[row, column] + share * upper[
+                            row, column
+                        ]
+                station_polar = mixed
+                if where == log_reynolds[0] or where == log_reynolds[-1]:
+                    step = np.inf  # beyond the tables nothing changes
+            station = (
+                chord[j],
+                twist[j],
+                r[j],
+                hub_radius,
+                tip_radius,
+                blade_count,
+                station_polar,
+            )
+            if local or i == 0:  # else one curve serves all points
+                ratio = lambda_r if local else lowest * r[j] / tip_radius
+                n_knots = _curve(ratio, full, station, knots)
             if full:
                 for m in range(1, n_knots):
                     roots[j, i] += (g[m] > lambda_r) != (g[m - 1] > lambda_r)
@@ -464,6 +507,12 @@ def _solve(
             state[6, j, i] = chord[j] * terms[1][0] / (s * s)
             state[7, j, i] = s - c / lambda_r
             if n_inputs:
+                if local:
+                    lift_0, drag_0, _, _ = _polar_at(phi - twist[j], lower)
+                    lift_1, drag_1, _, _ = _polar_at(phi - twist[j], upper)
+                    lift, drag = (lift_1 - lift_0) / step, (drag_1 - drag_0) / step
+                    sine, cosine = np.sin(phi), np.cos(phi)
+                    by_reynolds = (lift * sine - drag * cosine, lift * cosine + drag * sine)
                 _derivatives(
                     terms,
                     tip_speed_ratio[i],
@@ -472,6 +521,7 @@ def _solve(
                     hub_radius,
                     tip_radius,
                     blade_count,
+                    by_reynolds,
                     gradient,
                 )
                 derivatives[:, :, j, i] = gradient
@@ -484,10 +534,79 @@ def _stack(polars):
     return np.stack([polar.coefficients for polar in polars])
 
 
-def _arguments(blade, polar):
-    """Return a blade and its polars as `_solve` takes them, from r to section."""
+@dataclass(frozen=True, eq=False)
+class LocalReynolds:
+    """Polars that follow the Reynolds number of their station and operating point.
+
+        Re = chord V sqrt(1 + lambda_r²) / nu,
+
+    that of the undisturbed relative speed: induction would couple it to the inflow angle, for a
+    change of a few hundredths in its logarithm, in which the polars are linear between tables.
+    Beyond the tables the nearest one holds.
+
+    Parameters
+    ----------
+    log_reynolds : ndarray, shape (n_reynolds,)
+        Rising; at least two.
+    polars : tuple, length n_stations, of tuple of Polar, length n_reynolds
+    flow_speed : float or ndarray, shape (n_points,), m/s
+        For all operating points or for each.
+    viscosity : float, m**2/s
+        Kinematic viscosity nu.
+    """
+
+    log_reynolds: np.ndarray
+    polars: tuple[tuple[Polar, ...], ...]
+    flow_speed: float | np.ndarray
+    viscosity: float
+
+    @classmethod
+    def of(cls, families, flow_speed, viscosity):
+        """Take the families of the stations in a flow (m/s) of a kinematic viscosity (m²/s)."""
+        numbers = np.unique(np.concatenate([family.reynolds for family in families]))
+        numbers = numbers[np.isfinite(numbers)]
+        if numbers.size < 2:
+            raise InputError(
+                "needs polars at two or more Reynolds numbers",
+                "give such polars, or rotor.reynolds: invariant",
+                key="rotor.reynolds",
+                value="local",
+            )
+        tables = {family: tuple(family.at(number) for number in numbers) for family in families}
+        return cls(
+            np.log(numbers),
+            tuple(tables[family] for family in families),
+            flow_speed,
+            viscosity,
+        )
+
+    def at_speed(self, flow_speed):
+        """Return the same polars in another flow (m/s), or others by operating point."""
+        return replace(self, flow_speed=flow_speed)
+
+    def __getitem__(self, station):
+        """Return the polars of a station alone, for a single strip."""
+        return replace(self, polars=(self.polars[station],))
+
+
+def polar_at(polar, station):
+    """Return the polar of a station (index), given one for all stations or one for each."""
+    return polar if isinstance(polar, Polar) else polar[station]
+
+
+def _arguments(blade, polar, n_points=1):
+    """Return a blade and its polars as `_solve` takes them, from r to log_unit."""
+    log_reynolds, log_unit = np.zeros(1), np.zeros(n_points)
     if isinstance(polar, Polar):
         polars, section = polar.coefficients[None], np.zeros(blade.r.size, dtype=np.int64)
+    elif isinstance(polar, LocalReynolds):
+        stations = polar.polars * blade.r.size if len(polar.polars) == 1 else polar.polars
+        different = tuple(dict.fromkeys(stations))
+        polars = _stack(tuple(each for station in different for each in station))
+        section = np.array([different.index(each) for each in stations]) * polar.log_reynolds.size
+        log_reynolds = polar.log_reynolds
+        unit = np.log(polar.flow_speed / polar.viscosity * np.cos(blade.cone))
+        log_unit = np.ascontiguousarray(np.broadcast_to(unit, n_points))
     else:
         if len(polar) != blade.r.size:
             raise ValueError(
@@ -504,6 +623,8 @@ def _arguments(blade, polar):
         int(blade.blade_count),
         polars,
         section,
+        log_reynolds,
+        log_unit,
     )
 
 
@@ -514,10 +635,11 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False, count_roots=False
     ----------
     blade : Blade
         Stations strictly between hub and tip, in any order.
-    polar : Polar or sequence of Polar
-        One for all stations, or one for each.
+    polar : Polar, sequence of Polar, or LocalReynolds
+        One for all stations, one for each, or polars that follow the Reynolds number.
     tip_speed_ratio : array, shape (n_points,)
-        Positive.
+        Positive. Here, and in the derivatives, that of the blade as it lies: Omega R / V with R
+        along the blade, which for coned blades is larger than that of the disc.
     derivatives : bool
         Whether to fill `Sections.derivatives`.
     count_roots : bool
@@ -527,13 +649,16 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False, count_roots=False
     -------
     Sections
 
-    Raises ------ ValueError If a tip speed ratio is not positive, a station is not between hub
-    and tip, or the number of polars is not that of the stations.
+    Raises
+    ------
+    ValueError
+        If a tip speed ratio is not positive, a station is not between hub and tip, or the number
+        of polars is not that of the stations.
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
     n_loads, n_inputs = (2, len(INPUTS)) if derivatives else (2, 0)
     state, branch, roots, gradient = _solve(
-        points, *_arguments(blade, polar), count_roots, n_loads, n_inputs
+        points, *_arguments(blade, polar, points.size), count_roots, n_loads, n_inputs
     )
     return Sections(*state.transpose(0, 2, 1), branch.T, roots.T, gradient.transpose(0, 1, 3, 2))
 
@@ -557,7 +682,11 @@ def root_changes(blade, polar, tip_speed_ratio):
         In the order of the tip speed ratio.
     """
     low, high = float(np.min(tip_speed_ratio)), float(np.max(tip_speed_ratio))
-    r, chord, twist, hub_radius, tip_radius, blade_count, polars, section = _arguments(blade, polar)
+    r, chord, twist, hub_radius, tip_radius, blade_count, polars, section, *reynolds = _arguments(
+        blade, polar, 2
+    )
+    if reynolds[0].size > 1:
+        raise ValueError("the polars must not follow the Reynolds number")
     knots = np.empty((7, MOST_KNOTS))
     found = []
     for j in range(r.size):
@@ -587,6 +716,7 @@ def root_changes(blade, polar, tip_speed_ratio):
             blade_count,
             polars,
             section[j : j + 1],
+            *reynolds,
             False,
             2,
             0,
@@ -599,7 +729,9 @@ def root_changes(blade, polar, tip_speed_ratio):
 def torque_weights(blade):
     """Return the weights w[n_stations] with torque coefficient = w @ tangential_load.
 
-    The trapezoidal rule over hub, stations and tip with no load at hub and tip, as in CCBlade.
+    The trapezoidal rule over hub, stations and tip with no load at hub and tip, as in CCBlade. The
+    cone cancels: loads fall with its cosine squared, the lever arm with its cosine, and the disc's
+    radius cubed with all three.
     """
     edges = np.concatenate(([blade.hub_radius], blade.r, [blade.tip_radius]))
     spacing = 0.5 * (edges[2:] - edges[:-2])
@@ -613,8 +745,8 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     ----------
     blade : Blade
         Stations in ascending order.
-    polar : Polar or sequence of Polar
-        One for all stations, or one for each.
+    polar : Polar, sequence of Polar, or LocalReynolds
+        One for all stations, one for each, or polars that follow the Reynolds number.
     tip_speed_ratio : array, shape (n_points,)
     derivatives : bool
 
@@ -627,11 +759,21 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     -----
     RuntimeWarning
         If a station has no root at some point; its load is taken as zero there.
+
+    Notes
+    -----
+    Coned blades meet V cos(cone) at Omega r cos(cone) (CCBlade): a section sees the ratio of blade
+    speed and flow, Omega r / V, that a plane rotor would at the tip speed ratio over cos(cone). The
+    coefficients depend on lengths only through their ratios, hence the derivative by the radius.
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
+    cosine = float(np.cos(blade.cone))
+    local = isinstance(polar, LocalReynolds)
     # Only the tangential load by tip speed ratio, chord and twist is asked for.
-    n_loads, n_inputs = (1, 3) if derivatives else (1, 0)
-    state, branch, _, gradient = _solve(points, *_arguments(blade, polar), False, n_loads, n_inputs)
+    n_inputs = (len(INPUTS) if local else 3) if derivatives else 0
+    state, branch, _, gradient = _solve(
+        points / cosine, *_arguments(blade, polar, points.size), False, 1, n_inputs
+    )
     unsolved = np.count_nonzero(branch < 0)
     if unsolved:
         warnings.warn(
@@ -641,10 +783,16 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
         )
     weights = torque_weights(blade)
     torque = weights @ state[6]
-    thrust = (weights * blade.tip_radius / blade.r) @ state[5]
+    thrust = (weights * blade.rotor_radius / blade.r) @ state[5]
     if derivatives:
-        by_ratio = weights @ gradient[0, 0]
-        by_chord, by_twist = (gradient[0, 1:] * weights[:, None]).transpose(0, 2, 1)
+        by_ratio = weights @ gradient[0, 0] / cosine
+        by_chord, by_twist = (gradient[0, 1:3] * weights[:, None]).transpose(0, 2, 1)
+        by_radius = -(by_chord @ blade.chord) / blade.rotor_radius
+        if local:  # chord and tip speed ratio change the Reynolds number too; the radius does not
+            by_number = (gradient[0, 6] * weights[:, None]).T
+            squared = (points[:, None] / cosine * blade.r / blade.tip_radius) ** 2
+            by_ratio = by_ratio + np.sum(by_number * squared / (1.0 + squared), axis=1) / points
+            by_chord = by_chord + by_number / blade.chord
     else:
-        by_ratio = by_chord = by_twist = np.empty(0)
-    return Coefficients(torque, torque * points, thrust, by_ratio, by_chord, by_twist)
+        by_ratio = by_chord = by_twist = by_radius = np.empty(0)
+    return Coefficients(torque, torque * points, thrust, by_ratio, by_chord, by_twist, by_radius)

@@ -1,11 +1,8 @@
 """Blade geometry: stations, chord and twist of one of the rotor's equal blades."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-
-from hkt_mdo.data import read_table
-from hkt_mdo.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +18,8 @@ class Blade:
         Angle between the section's chord and the rotor plane, set angle included.
     hub_radius, tip_radius : float, m
     blade_count : int
+    cone : float, rad
+        Angle of the blades to the rotor plane; radii are measured along the blade.
     """
 
     r: np.ndarray
@@ -29,61 +28,28 @@ class Blade:
     hub_radius: float
     tip_radius: float
     blade_count: int
+    cone: float = 0.0
+
+    @property
+    def rotor_radius(self):
+        """Radius of the swept disc, tip_radius cos(cone), m."""
+        return self.tip_radius * float(np.cos(self.cone))
 
     def with_shape(self, chord, twist):
         """Return the blade with another chord (m) and twist (rad), each of shape (n_stations,)."""
-        return Blade(
-            self.r,
-            np.array(chord, dtype=float),
-            np.array(twist, dtype=float),
-            self.hub_radius,
-            self.tip_radius,
-            self.blade_count,
-        )
+        return replace(self, chord=np.array(chord, dtype=float), twist=np.array(twist, dtype=float))
 
-    @classmethod
-    def from_csv(cls, source, stations, tip_radius, hub_radius, blade_count, set_angle):
-        """Scale a published blade to a radius and read it at the stations, linearly in between.
+    def with_rotor_radius(self, rotor_radius):
+        """Return the blade with hub, stations and tip moved to another disc radius (m).
 
-        Parameters
-        ----------
-        source : str or Path
-            CSV file with columns r_over_R, c_over_R, pitch_deg, or the name of a shipped blade.
-        stations : array, shape (n_stations,)
-            r/R.
-        tip_radius, hub_radius : float, m
-        blade_count : int
-        set_angle : float, rad
-            Added to the file's pitch.
-
-        Raises
-        ------
-        InputError
-            If the file is missing or broken, its radii do not increase, or it does not cover the
-            stations.
+        Chord and twist stay as they are.
         """
-        table = read_table(source, ("r_over_R", "c_over_R", "pitch_deg"), "blade")
-        radius = table["r_over_R"]
-        if radius.size < 2 or np.any(np.diff(radius) <= 0.0):
-            raise InputError(
-                f"{source}: r_over_R must increase strictly over at least two rows; sort the rows"
-            )
-        if np.min(table["c_over_R"]) <= 0.0:
-            raise InputError(
-                f"{source}: c_over_R = {np.min(table['c_over_R']):g}: chords must be positive"
-            )
-        stations = np.asarray(stations, dtype=float)
-        if stations[0] < radius[0] - 1e-9 or stations[-1] > radius[-1] + 1e-9:
-            raise InputError(
-                f"{source}: blade covers r/R = {radius[0]:g} … {radius[-1]:g} but "
-                f"rotor.stations reach {stations[0]:g} … {stations[-1]:g}; change them or extend "
-                "the file"
-            )
-        return cls(
-            stations * tip_radius,
-            np.interp(stations, radius, table["c_over_R"]) * tip_radius,
-            np.deg2rad(np.interp(stations, radius, table["pitch_deg"])) + set_angle,
-            hub_radius,
-            tip_radius,
-            blade_count,
+        if rotor_radius == self.rotor_radius:
+            return self
+        factor = rotor_radius / self.rotor_radius
+        return replace(
+            self,
+            r=self.r * factor,
+            hub_radius=self.hub_radius * factor,
+            tip_radius=self.tip_radius * factor,
         )

@@ -5,7 +5,7 @@ WISDEM is imported only when a function is called: its import takes seconds.
 
 import numpy as np
 
-from hkt_mdo.rotor.bem import Coefficients
+from hkt_mdo.rotor.bem import Coefficients, polar_at
 
 
 def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
@@ -17,10 +17,10 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
         If WISDEM is not installed.
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-    rotor = _rotor(blade, polar, derivatives)
+    rotor = ccblade(blade, polar, derivatives)
     # At a fixed unit flow the tip speed ratio is the tip speed; CCBlade takes revolutions per
     # minute.
-    rpm_per_ratio = 30.0 / (np.pi * blade.tip_radius)
+    rpm_per_ratio = 30.0 / (np.pi * blade.rotor_radius)
     # CCBlade normalizes side forces that are zero in aligned flow
     with np.errstate(divide="ignore", invalid="ignore"):
         outputs, gradients = rotor.evaluate(
@@ -30,12 +30,15 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
         by = gradients["dCQ"]
         by_ratio = np.diag(by["dOmega"]) * rpm_per_ratio
         by_chord, by_twist = by["dchord"], np.rad2deg(by["dtheta"])
+        by_radius = -(by_chord @ blade.chord) / blade.rotor_radius
     else:
-        by_ratio = by_chord = by_twist = np.empty(0)
-    return Coefficients(outputs["CQ"], outputs["CP"], outputs["CT"], by_ratio, by_chord, by_twist)
+        by_ratio = by_chord = by_twist = by_radius = np.empty(0)
+    return Coefficients(
+        outputs["CQ"], outputs["CP"], outputs["CT"], by_ratio, by_chord, by_twist, by_radius
+    )
 
 
-def _rotor(blade, polar, derivatives):
+def ccblade(blade, polar, derivatives=False):
     """Return WISDEM's CCBlade of a blade in water of unit density, aligned with a uniform flow."""
     try:
         from wisdem.ccblade.ccblade import CCBlade
@@ -50,10 +53,11 @@ def _rotor(blade, polar, derivatives):
         blade.r,
         blade.chord,
         np.rad2deg(blade.twist),
-        [polar] * blade.r.size,
+        [polar_at(polar, station) for station in range(blade.r.size)],
         blade.hub_radius,
         blade.tip_radius,
         B=blade.blade_count,
+        precone=np.rad2deg(blade.cone),
         rho=1.0,
         mu=1.0,
         shearExp=0.0,

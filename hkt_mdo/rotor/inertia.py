@@ -1,27 +1,26 @@
 """Mass and rotational inertia of solid blades (paper Sec. II-B)."""
 
+from dataclasses import replace
+
 import numpy as np
 import openmdao.api as om
 
-# Three points are exact for (linear chord)² r², a quartic.
+# Three points are exact for (linear chord)² times linear shape times r², a quintic.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
-def mass_and_inertia(
-    r, chord, hub_radius, tip_radius, blade_count, section_area, density, hub_inertia=0.0
-):
+def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
     """Return the rotor's mass and inertia, and their gradients with respect to chord.
 
-    A section is similar to the outline, its area section_area * chord²; chord runs linearly between
-    stations and is carried unchanged inward to the hub and outward to the tip:
-    m = B rho integral of A dr, I = B rho integral of A r² dr + hub inertia, both exact.
+    A section is similar to its outline, its area section_area * chord²; chord and section_area run
+    linearly between stations and are carried unchanged inward to the hub and outward to the tip:
+    m = B rho integral of A dr, I = B rho integral of A (r cos(cone))² dr + hub inertia, both exact.
 
     Parameters
     ----------
-    r, chord : array, shape (n_stations,), m
-    hub_radius, tip_radius : float, m
-    blade_count : int
-    section_area : float
+    blade : Blade
+        Its chord may be complex.
+    section_area : float or array, shape (n_stations,)
         Area of the outline over chord squared.
     density : float, kg/m**3
     hub_inertia : float, kg*m**2
@@ -33,14 +32,19 @@ def mass_and_inertia(
     mass_gradient, inertia_gradient : ndarray, shape (n_stations,)
         Per metre of chord.
     """
-    edges = np.concatenate(([hub_radius], r, [tip_radius]))
-    carried = np.concatenate((chord[:1], chord, chord[-1:]))
+    edges = np.concatenate(([blade.hub_radius], blade.r, [blade.tip_radius]))
+
+    def carried(values):
+        return np.concatenate((values[:1], values, values[-1:]))
+
+    chord = carried(np.asarray(blade.chord))
+    shape = carried(np.broadcast_to(np.asarray(section_area, dtype=float), blade.r.shape))
     inner, width = edges[:-1], np.diff(edges)
-    c0, rise = carried[:-1], np.diff(carried)
     share = 0.5 * (_POINTS + 1.0)[:, None]
-    local_r = inner + share * width
-    local_c = c0 + share * rise
-    area = _WEIGHTS[:, None] * 0.5 * width * blade_count * density * section_area
+    local_r = (inner + share * width) * np.cos(blade.cone)
+    local_c = chord[:-1] + share * np.diff(chord)
+    area = _WEIGHTS[:, None] * 0.5 * width * blade.blade_count * density
+    area = area * (shape[:-1] + share * np.diff(shape))
     mass = np.sum(area * local_c**2)
     inertia = np.sum(area * local_c**2 * local_r**2) + hub_inertia
 
@@ -57,50 +61,57 @@ def mass_and_inertia(
 
 
 class InertiaComp(om.ExplicitComponent):
-    """Mass and inertia of the rotor from its chord; see `mass_and_inertia`.
+    """Mass and inertia of the rotor from its chord and radius; see `mass_and_inertia`.
 
-    Input chord[n_stations] (m); outputs mass (kg), inertia (kg*m**2).
+    Inputs chord[n_stations] (m), rotor_radius (m), with which hub, stations and tip move: mass is
+    proportional to it and the blades' inertia to its cube. Outputs mass (kg), inertia (kg*m**2).
     """
 
     def initialize(self):
         """Declare the options."""
         self.options.declare(
-            "blade", desc="the start `Blade`: stations, hub, tip, count", recordable=False
+            "blade", desc="the start `Blade`: stations, hub, tip, count, cone", recordable=False
         )
-        self.options.declare("section_area", types=float, desc="outline area over chord squared")
+        self.options.declare(
+            "section_area", desc="outline area over chord squared, a number or one a station"
+        )
         self.options.declare("density", types=float, desc="of the material, kg/m**3")
         self.options.declare("hub_inertia", types=float, desc="kg*m**2")
 
     def setup(self):
         """Declare inputs and outputs."""
+        blade = self.options["blade"]
+        self.add_input("chord", val=blade.chord, units="m", desc="chord at the stations")
         self.add_input(
-            "chord", val=self.options["blade"].chord, units="m", desc="chord at the stations"
+            "rotor_radius", val=blade.rotor_radius, units="m", desc="radius of the swept disc"
         )
         self.add_output("mass", units="kg", desc="mass of the blades")
         self.add_output("inertia", units="kg*m**2", desc="inertia of the rotor about its axis")
 
     def setup_partials(self):
         """Declare the dense rows."""
-        self.declare_partials(["mass", "inertia"], "chord")
+        self.declare_partials(["mass", "inertia"], ["chord", "rotor_radius"])
 
     def _evaluate(self, inputs):
+        """Return those of the start's radius with this chord, and the stretch of the radius."""
         options = self.options
-        blade = options["blade"]
-        return mass_and_inertia(
-            blade.r,
-            inputs["chord"],
-            blade.hub_radius,
-            blade.tip_radius,
-            blade.blade_count,
-            options["section_area"],
-            options["density"],
-            options["hub_inertia"],
-        )
+        blade = replace(options["blade"], chord=inputs["chord"])
+        found = mass_and_inertia(blade, options["section_area"], options["density"])
+        return *found, inputs["rotor_radius"][0] / blade.rotor_radius
 
     def compute(self, inputs, outputs):
         """Integrate over the blade."""
-        outputs["mass"], outputs["inertia"], _, _ = self._evaluate(inputs)
+        mass, inertia, _, _, stretch = self._evaluate(inputs)
+        outputs["mass"] = mass * stretch
+        outputs["inertia"] = inertia * stretch**3 + self.options["hub_inertia"]
 
     def compute_partials(self, inputs, partials):
         """Differentiate the integrals."""
-        _, _, partials["mass", "chord"], partials["inertia", "chord"] = self._evaluate(inputs)
+        mass, inertia, mass_by, inertia_by, stretch = self._evaluate(inputs)
+        radius = self.options["blade"].rotor_radius
+        partials["mass", "chord"], partials["mass", "rotor_radius"] = (
+            mass_by * stretch,
+            mass / radius,
+        )
+        partials["inertia", "chord"] = inertia_by * stretch**3
+        partials["inertia", "rotor_radius"] = 3.0 * inertia * stretch**2 / radius

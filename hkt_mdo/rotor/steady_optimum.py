@@ -33,8 +33,9 @@ def best_blade(blade, polar, tip_speed_ratio, chord_bounds, twist_bounds, grid=(
     Parameters
     ----------
     blade : Blade
-        Gives stations, hub, tip and blade count.
-    polar : Polar
+        Gives stations, hub, tip, blade count and cone.
+    polar : Polar or sequence of Polar
+        One for all stations, or one for each.
     tip_speed_ratio : float
     chord_bounds, twist_bounds : (float, float), m and rad
     grid : (int, int)
@@ -48,6 +49,7 @@ def best_blade(blade, polar, tip_speed_ratio, chord_bounds, twist_bounds, grid=(
         np.geomspace(*chord_bounds, grid[0]), np.linspace(*twist_bounds, grid[1]), indexing="ij"
     )
     chords, twists = chords.ravel(), twists.ravel()
+    blade_ratio = tip_speed_ratio / np.cos(blade.cone)
     n = blade.r.size
     start, scale = np.empty((2, n)), np.empty(n)
     for j, station in enumerate(blade.r):
@@ -59,7 +61,7 @@ def best_blade(blade, polar, tip_speed_ratio, chord_bounds, twist_bounds, grid=(
             blade.tip_radius,
             blade.blade_count,
         )
-        load = bem.sections(strip, polar, tip_speed_ratio).tangential_load[0]
+        load = bem.sections(strip, bem.polar_at(polar, j), blade_ratio).tangential_load[0]
         best = int(np.argmax(load))
         start[:, j], scale[j] = (chords[best], twists[best]), max(load[best], 1e-9)
 
@@ -69,7 +71,7 @@ def best_blade(blade, polar, tip_speed_ratio, chord_bounds, twist_bounds, grid=(
     def loss(x):
         physical = x * units
         found = bem.sections(
-            blade.with_shape(physical[:n], physical[n:]), polar, tip_speed_ratio, derivatives=True
+            blade.with_shape(physical[:n], physical[n:]), polar, blade_ratio, derivatives=True
         )
         by = found.derivatives[0, 1:3, 0] / scale
         return -np.sum(found.tangential_load[0] / scale), -by.ravel() * units
@@ -122,6 +124,32 @@ def best_operation(blade, polar, search=(1.0, 20.0)):
         )
 
     return _bracketed(operation, ratios, int(np.argmax(power)))
+
+
+def best_set_angle(shape, blade, polar):
+    """Find the set angle and tip speed ratio of a fixed blade's largest power coefficient.
+
+    Parameters
+    ----------
+    shape : Shape
+        Of a fixed blade whose set angle has bounds.
+    blade : Blade
+        Of the radius asked for.
+    polar
+        As in `best_blade`.
+
+    Returns
+    -------
+    SteadyOptimum
+    """
+    chord, _ = shape.control(blade)
+
+    def at(angle):
+        return best_operation(shape.at(chord, np.array([angle]), blade.rotor_radius), polar)
+
+    angles = np.linspace(*shape.twist_bounds, 25)
+    power = [at(angle).power_coefficient for angle in angles]
+    return _bracketed(at, angles, int(np.argmax(power)))
 
 
 def _best_over_ratio(optimum, search):

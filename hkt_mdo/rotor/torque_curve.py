@@ -51,8 +51,8 @@ class TorqueSpline:
 class TorqueTable(om.ExplicitComponent):
     """Torque coefficient of a blade at the nodes of a `TorqueSpline`, by BEM.
 
-    Inputs chord[n_stations] (m), twist[n_stations] (rad); output torque_coefficient_table[n_nodes].
-    Q = 0.5 rho V² pi R³ Cq.
+    Inputs chord[n_stations] (m), twist[n_stations] (rad), rotor_radius (m), with which hub,
+    stations and tip move; output torque_coefficient_table[n_nodes]. Q = 0.5 rho V² pi R³ Cq.
     """
 
     def initialize(self):
@@ -73,6 +73,9 @@ class TorqueTable(om.ExplicitComponent):
         self.add_input(
             "twist", val=blade.twist, units="rad", desc="twist at the stations, set angle included"
         )
+        self.add_input(
+            "rotor_radius", val=blade.rotor_radius, units="m", desc="radius of the swept disc"
+        )
         self.add_output(
             "torque_coefficient_table",
             shape=nodes.shape,
@@ -81,7 +84,7 @@ class TorqueTable(om.ExplicitComponent):
 
     def setup_partials(self):
         """Declare the dense partials."""
-        self.declare_partials("torque_coefficient_table", ["chord", "twist"])
+        self.declare_partials("torque_coefficient_table", ["chord", "twist", "rotor_radius"])
 
     def compute(self, inputs, outputs):
         """Evaluate BEM at the nodes."""
@@ -92,8 +95,13 @@ class TorqueTable(om.ExplicitComponent):
         found = self._solve(inputs, derivatives=True)
         partials["torque_coefficient_table", "chord"] = found.torque_by_chord
         partials["torque_coefficient_table", "twist"] = found.torque_by_twist
+        partials["torque_coefficient_table", "rotor_radius"] = found.torque_by_rotor_radius
 
     def _solve(self, inputs, derivatives):
         options = self.options
-        blade = options["blade"].with_shape(inputs["chord"], inputs["twist"])
+        blade = (
+            options["blade"]
+            .with_rotor_radius(inputs["rotor_radius"][0])
+            .with_shape(inputs["chord"], inputs["twist"])
+        )
         return options["coefficients"](blade, options["polar"], options["nodes"], derivatives)

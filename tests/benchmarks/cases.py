@@ -32,11 +32,13 @@ def start_of(case, cold=False):
     if cold or case.design.blade == "fixed":
         optimum = best_operation(world.blade, world.polar)
     else:
-        optimum = best_rotor(world.blade, world.polar, world.chord_bounds, world.twist_bounds)
+        optimum = best_rotor(
+            world.blade, world.polar, world.shape.chord_bounds, world.shape.twist_bounds
+        )
     start = find_start(case, world, optimum)
     speed = start.operation.rotor_speed
     flow = world.inflow.speed(np.linspace(0.0, case.phase.duration, speed.size))
-    middle = float(np.mean(speed * case.rotor.radius / flow))
+    middle = float(np.mean(speed * world.blade.rotor_radius / flow))
     # dense where the rotor works, as in a run
     nodes = np.unique(np.r_[np.linspace(0.5, 0.85, 6), np.linspace(0.85, 1.15, 27), 1.25, 1.4, 1.6])
     return world, start, middle * nodes

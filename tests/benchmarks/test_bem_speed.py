@@ -9,16 +9,17 @@ import time
 import numpy as np
 import pytest
 
+from hkt_mdo.case import Fluid, Rotor
 from hkt_mdo.rotor import bem, ccblade
 from hkt_mdo.rotor.airfoil import Polar
-from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.turbine import build_turbine
 
 NINE = np.concatenate((np.arange(0.2, 0.95, 0.1), [0.999]))
 FIFTY = np.linspace(0.2, 0.99, 50)
 
 
 def rotor(stations, points):
-    blade = Blade.from_csv("bahaj2007", stations, 1.4, 0.175, 3, np.deg2rad(5.0))
+    blade = build_turbine(Rotor(stations=tuple(stations)), Fluid(), 1.0).blade
     return blade, Polar.from_csv("naca63815_Re2e5"), np.linspace(1.0, 14.0, points)
 
 

@@ -17,7 +17,7 @@ TABLE = 0.09 * np.exp(-((NODES - 6.0) ** 2) / 20.0)
 
 
 def spline_hydrodynamics(num_nodes):
-    return HydrodynamicsComp(num_nodes=num_nodes, tip_radius=RADIUS, spline=TorqueSpline(NODES))
+    return HydrodynamicsComp(num_nodes=num_nodes, spline=TorqueSpline(NODES))
 
 
 def problem_of(**options):
@@ -28,6 +28,7 @@ def problem_of(**options):
     problem.set_val("time", np.linspace(0.0, 20.0, N))
     problem.set_val("rotor_speed", np.linspace(6.0, 9.0, N))
     problem.set_val("density", 998.0)
+    problem.set_val("rotor_radius", RADIUS)
     problem.set_val("inertia", 3.5)
     return problem
 
@@ -107,7 +108,6 @@ def test_partials_of_direct_bem_by_central_difference(blade, polar):
     def direct(num_nodes):
         return HydrodynamicsComp(
             num_nodes=num_nodes,
-            tip_radius=RADIUS,
             blade=blade,
             polar=polar,
             coefficients=bem.rotor_coefficients,

@@ -2,6 +2,7 @@
 
 import itertools
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hkt_mdo.data import shipped_names
-from hkt_mdo.rotor import bem
+from hkt_mdo.rotor import bem, ccblade
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
 
@@ -270,7 +271,7 @@ def test_derivatives_are_those_of_the_complex_step(branch, study, ideal_polar):
             phi = found.inflow_angle[i, j]
             rotor_numbers = (blade.r[j], blade.hub_radius, blade.tip_radius)
             inputs = [rotor.tip_speed_ratio[i], blade.chord[j], blade.twist[j], *rotor_numbers]
-            for place in range(len(bem.INPUTS)):
+            for place in range(len(inputs)):
                 stepped = list(inputs)
                 stepped[place] = inputs[place] + 1e-30j
                 expected = (
@@ -395,6 +396,95 @@ def test_section_derivatives_are_those_of_ccblade(study):
             ]
             for ours_now, theirs_now in pairs:
                 assert np.allclose(ours_now, theirs_now, rtol=1e-7, atol=1e-9)
+
+
+# Cone
+
+
+def test_coned_blades_meet_the_flow_as_plane_ones_at_a_larger_ratio(blade, polar):
+    """Speeds across the blade fall with the cone's cosine, torque with its cube, as R³ does."""
+    coned, ratio = replace(blade, cone=0.25), np.linspace(2.0, 12.0, 21)
+    mine = bem.rotor_coefficients(coned, polar, ratio)
+    plane = bem.rotor_coefficients(blade, polar, ratio / np.cos(0.25))
+    np.testing.assert_allclose(mine.torque, plane.torque, rtol=1e-13)
+    np.testing.assert_allclose(mine.thrust, plane.thrust * np.cos(0.25), rtol=1e-13)
+
+
+@pytest.mark.parametrize("cone", [0.0, 0.1, -0.2])
+def test_coned_rotor_is_that_of_ccblade(blade, cone):
+    """With another polar at every station."""
+    coned, ratio = replace(blade, cone=cone), np.linspace(4.0, 10.0, 7)
+    polars = [POLARS[station % 6] for station in range(blade.r.size)]
+    mine = bem.rotor_coefficients(coned, polars, ratio, derivatives=True)
+    theirs = ccblade.rotor_coefficients(coned, polars, ratio, derivatives=True)
+    for ours, other in zip(mine, theirs, strict=True):
+        np.testing.assert_allclose(ours, other, rtol=1e-6, atol=1e-9)
+
+
+# Local Reynolds number
+
+
+@pytest.fixture(scope="module")
+def local():
+    from hkt_mdo.case import Fluid, Rotor
+    from hkt_mdo.turbine import build_turbine
+
+    return build_turbine(Rotor(polar="naca63815", reynolds="local"), Fluid(), 1.5)
+
+
+def test_local_reynolds_number_picks_the_polar(local):
+    """At the viscosity that brings one station to a table's Reynolds number, it has that table."""
+    blade, ratio, place = local.blade, 7.0, 5
+    relative = blade.chord[place] * np.sqrt(1.0 + (ratio * blade.r[place] / blade.tip_radius) ** 2)
+    for number, polar in zip((1e5, 5e5, 2e6), (POLARS[0], POLARS[3], POLARS[5]), strict=True):
+        polars = replace(local.polar, flow_speed=number * local.polar.viscosity / relative)
+        found, alone = (bem.sections(blade, each, ratio) for each in (polars, polar))
+        assert found.tangential_load[0, place] == pytest.approx(
+            alone.tangential_load[0, place], rel=1e-9
+        )
+
+
+def test_polars_of_one_table_at_all_numbers_are_invariant(local):
+    same = replace(local.polar, polars=((POLARS[1],) * 6,) * local.blade.r.size)
+    ratio = np.linspace(3.0, 11.0, 17)
+    found, alone = (
+        bem.rotor_coefficients(local.blade, each, ratio, True) for each in (same, POLARS[1])
+    )
+    for ours, other in zip(found, alone, strict=True):
+        np.testing.assert_allclose(ours, other, rtol=1e-11, atol=1e-14)
+
+
+def test_derivatives_with_a_local_reynolds_number(local):
+    blade, ratio, step = local.blade, np.linspace(4.0, 10.0, 13), 1e-6
+    found = bem.rotor_coefficients(blade, local.polar, ratio, derivatives=True)
+
+    def slope(at, size):
+        up, down = (bem.rotor_coefficients(*at(1.0 + sign * step)).torque for sign in (1.0, -1.0))
+        return (up - down) / (2.0 * step * size)
+
+    for station in (0, 4, 8):
+        one = np.eye(blade.r.size)[station]
+
+        def thicker(factor, one=one):
+            chord = blade.chord * (1.0 + (factor - 1.0) * one)
+            return blade.with_shape(chord, blade.twist), local.polar, ratio
+
+        np.testing.assert_allclose(
+            found.torque_by_chord[:, station], slope(thicker, blade.chord[station]), atol=1e-8
+        )
+    np.testing.assert_allclose(
+        found.torque_by_tip_speed_ratio,
+        slope(lambda factor: (blade, local.polar, ratio * factor), ratio),
+        atol=1e-8,
+    )
+    radius = blade.rotor_radius
+    np.testing.assert_allclose(
+        found.torque_by_rotor_radius,
+        slope(
+            lambda factor: (blade.with_rotor_radius(radius * factor), local.polar, ratio), radius
+        ),
+        atol=1e-8,
+    )
 
 
 # Published numbers

@@ -12,11 +12,15 @@ AREA, DENSITY, HUB, TIP, COUNT = 0.094, 2700.0, 0.2, 1.4, 3
 R = np.array([0.3, 0.55, 0.9, 1.2, 1.38])
 
 
+def blade(chord, cone=0.0):
+    return Blade(R, chord, np.zeros(5), HUB, TIP, COUNT, cone)
+
+
 # Theory
 
 
 def test_constant_chord_has_the_closed_form():
-    mass, inertia, _, _ = mass_and_inertia(R, np.full(5, 0.2), HUB, TIP, COUNT, AREA, DENSITY, 0.7)
+    mass, inertia, _, _ = mass_and_inertia(blade(np.full(5, 0.2)), AREA, DENSITY, 0.7)
     line = COUNT * DENSITY * AREA * 0.2**2
     assert mass == pytest.approx(line * (TIP - HUB), rel=1e-14)
     assert inertia == pytest.approx(line * (TIP**3 - HUB**3) / 3.0 + 0.7, rel=1e-14)
@@ -26,7 +30,7 @@ def test_tapered_blade_has_the_closed_form():
     """For chord = a + b r between first and last station, m and I are integrals of a polynomial."""
     a, b = 0.3, -0.12
     chord = a + b * R
-    mass, inertia, _, _ = mass_and_inertia(R, chord, HUB, TIP, COUNT, AREA, DENSITY)
+    mass, inertia, _, _ = mass_and_inertia(blade(chord), AREA, DENSITY)
     square = np.polynomial.Polynomial([a, b]) ** 2
 
     def integral(power):
@@ -43,10 +47,37 @@ def test_tapered_blade_has_the_closed_form():
 def test_dimensions():
     """Mass grows with length cubed and inertia with its fifth power."""
     chord = np.array([0.2, 0.18, 0.15, 0.1, 0.08])
-    mass, inertia, _, _ = mass_and_inertia(R, chord, HUB, TIP, COUNT, AREA, DENSITY)
-    large = mass_and_inertia(2 * R, 2 * chord, 2 * HUB, 2 * TIP, COUNT, AREA, DENSITY)
+    mass, inertia, _, _ = mass_and_inertia(blade(chord), AREA, DENSITY)
+    large = mass_and_inertia(
+        Blade(2 * R, 2 * chord, np.zeros(5), 2 * HUB, 2 * TIP, COUNT), AREA, DENSITY
+    )
     assert large[0] == pytest.approx(2**3 * mass, rel=1e-13)
     assert large[1] == pytest.approx(2**5 * inertia, rel=1e-13)
+
+
+def test_coned_blades_have_the_mass_of_plane_ones_and_cosine_squared_of_their_inertia():
+    chord = np.array([0.2, 0.18, 0.15, 0.1, 0.08])
+    plane = mass_and_inertia(blade(chord), AREA, DENSITY)
+    coned = mass_and_inertia(blade(chord, 0.3), AREA, DENSITY)
+    assert coned[0] == pytest.approx(plane[0], rel=1e-14)
+    assert coned[1] == pytest.approx(plane[1] * np.cos(0.3) ** 2, rel=1e-14)
+
+
+def test_section_area_may_run_along_the_span():
+    """With a constant chord, area linear in r gives polynomial integrals."""
+    shape = 0.2 - 0.1 * R
+    mass, inertia, _, _ = mass_and_inertia(blade(np.full(5, 0.2)), shape, DENSITY)
+    line = np.polynomial.Polynomial([0.2, -0.1])
+
+    def integral(power):
+        whole = (line * np.polynomial.Polynomial([0.0] * power + [1.0])).integ()
+        ends = shape[0] * (R[0] ** (power + 1) - HUB ** (power + 1)) + shape[-1] * (
+            TIP ** (power + 1) - R[-1] ** (power + 1)
+        )
+        return COUNT * DENSITY * 0.04 * (whole(R[-1]) - whole(R[0]) + ends / (power + 1))
+
+    assert mass == pytest.approx(integral(0), rel=1e-13)
+    assert inertia == pytest.approx(integral(2), rel=1e-13)
 
 
 # Partials
@@ -56,13 +87,14 @@ def test_partials_are_exact():
     chord = np.array([0.2, 0.18, 0.15, 0.1, 0.08])
     problem = om.Problem()
     component = InertiaComp(
-        blade=Blade(R, chord, np.zeros(5), HUB, TIP, COUNT),
+        blade=blade(chord, 0.1),
         section_area=AREA,
         density=DENSITY,
         hub_inertia=0.5,
     )
     problem.model.add_subsystem("inertia", component, promotes=["*"])
     problem.setup(force_alloc_complex=True)
+    problem.set_val("rotor_radius", 1.1 * TIP)
     problem.run_model()
     assert problem["inertia"][0] > 0.5
     found = problem.check_partials(method="cs", out_stream=None)

@@ -79,3 +79,22 @@ def test_table_is_the_torque_coefficient_and_its_partials_are_right(blade, polar
     )
     found = problem.check_partials(method="fd", form="central", step=1e-6, out_stream=None)
     assert_check_partials(found, atol=1e-6, rtol=1e-6)
+
+
+def test_the_table_depends_on_lengths_through_their_ratios_alone(blade, polar):
+    """A rotor of another radius with a chord in proportion has the same curve."""
+    problem = om.Problem()
+    component = TorqueTable(
+        blade=blade, polar=polar, nodes=NODES, coefficients=bem.rotor_coefficients
+    )
+    problem.model.add_subsystem("table", component, promotes=["*"])
+    problem.setup()
+    problem.set_val("chord", 1.5 * blade.chord)
+    problem.set_val("rotor_radius", 1.5 * blade.rotor_radius)
+    problem.run_model()
+    np.testing.assert_allclose(
+        problem["torque_coefficient_table"],
+        bem.rotor_coefficients(blade, polar, NODES).torque,
+        rtol=1e-12,
+        atol=1e-15,
+    )

@@ -1,0 +1,204 @@
+"""What of a blade is designed: chord and twist at the stations, or a spline through few points."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import openmdao.api as om
+from scipy.interpolate import BSpline
+
+from hkt_mdo.rotor.blade import Blade
+
+DEGREE = 3  # of the splines, where there are control points enough
+
+
+def spline_basis(points, position, low, high):
+    """Return the matrix from the control points of a clamped B-spline to its values.
+
+    Knots are equally spaced from `low` to `high`; the degree is three, or one less than the number
+    of control points if that is fewer than four. Rows are not negative and sum to one, so the curve
+    stays within the range of its control points.
+
+    Parameters
+    ----------
+    points : int
+        Number of control points.
+    position : array, shape (n,)
+        Between `low` and `high`.
+    low, high : float
+
+    Returns
+    -------
+    ndarray, shape (n, points)
+    """
+    degree = min(DEGREE, points - 1)
+    inner = np.linspace(low, high, points - degree + 1)
+    knots = np.concatenate((np.full(degree, low), inner, np.full(degree, high)))
+    return BSpline.design_matrix(np.asarray(position, dtype=float), knots, degree).toarray()
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """The family of blades that a design chooses from.
+
+        chord = stretch (chord_offset + chord_basis @ chord_control),
+        twist = twist_offset + twist_basis @ twist_control,
+
+    where stretch is the rotor's radius over that of the given blade if the chord is not designed
+    (the whole blade is then scaled), and one if it is.
+
+    Parameters
+    ----------
+    blade : Blade
+        As given; where chord and twist are splines, the nearest one to it.
+    chord_offset, twist_offset : ndarray, shape (n_stations,), m and rad
+    chord_basis, twist_basis : ndarray, shape (n_stations, n_chord) and (n_stations, n_twist)
+        With no columns where nothing is designed.
+    chord_bounds, twist_bounds : (float, float), m and rad
+        On the control points, and so on the blade.
+    radius_bounds : (float, float) or None, m
+        Of the disc's radius; None: it is not designed.
+    """
+
+    blade: Blade
+    chord_offset: np.ndarray
+    chord_basis: np.ndarray
+    twist_offset: np.ndarray
+    twist_basis: np.ndarray
+    chord_bounds: tuple[float, float]
+    twist_bounds: tuple[float, float]
+    radius_bounds: tuple[float, float] | None = None
+
+    @classmethod
+    def designed(
+        cls, blade, chord_points, twist_points, chord_bounds, twist_bounds, radius_bounds=None
+    ):
+        """Design chord and twist: at the stations (None), or by a number of control points."""
+        n = blade.r.size
+
+        def basis(points):
+            if points is None:
+                return np.eye(n)
+            return spline_basis(points, blade.r, blade.hub_radius, blade.tip_radius)
+
+        family = cls(
+            blade,
+            np.zeros(n),
+            basis(chord_points),
+            np.zeros(n),
+            basis(twist_points),
+            chord_bounds,
+            twist_bounds,
+            radius_bounds,
+        )
+        if chord_points is None and twist_points is None:
+            return family  # bit by bit the blade as given
+        return replace(family, blade=family.nearest(blade, clip=False))
+
+    @classmethod
+    def fixed(cls, blade, set_angle=0.0, set_angle_bounds=None, radius_bounds=None):
+        """Keep chord and twist, but for the set angle (rad) if that has bounds."""
+        n = blade.r.size
+        turned = np.ones((n, 1)) if set_angle_bounds else np.empty((n, 0))
+        return cls(
+            blade,
+            blade.chord,
+            np.empty((n, 0)),
+            blade.twist - set_angle if set_angle_bounds else blade.twist,
+            turned,
+            (0.0, np.inf),
+            set_angle_bounds or (-np.inf, np.inf),
+            radius_bounds,
+        )
+
+    @property
+    def designs_chord(self):
+        """Whether the chord is designed."""
+        return self.chord_basis.shape[1] > 0
+
+    @property
+    def designs_set_angle(self):
+        """Whether the set angle of a fixed blade is designed."""
+        return not self.designs_chord and self.twist_basis.shape[1] > 0
+
+    def stretch(self, rotor_radius):
+        """Return the factor on chords that are not designed."""
+        return 1.0 if self.designs_chord else rotor_radius / self.blade.rotor_radius
+
+    def control(self, blade):
+        """Return the control points (m, rad) whose blade is nearest to one, by least squares."""
+        found = []
+        for basis, rest in (
+            (self.chord_basis, blade.chord - self.chord_offset),
+            (self.twist_basis, blade.twist - self.twist_offset),
+        ):
+            direct = basis.shape[0] == basis.shape[1]  # the stations themselves
+            found.append(rest if direct else np.linalg.lstsq(basis, rest, rcond=None)[0])
+        return tuple(found)
+
+    def at(self, chord_control, twist_control, rotor_radius=None):
+        """Return the blade of control points (m, rad) and a radius of the disc (m)."""
+        radius = self.blade.rotor_radius if rotor_radius is None else rotor_radius
+        chord = self.chord_offset + self.chord_basis @ chord_control
+        return self.blade.with_rotor_radius(radius).with_shape(
+            chord * self.stretch(radius), self.twist_offset + self.twist_basis @ twist_control
+        )
+
+    def nearest(self, blade, clip=True):
+        """Return the blade of this family nearest to one, of that one's radius."""
+        chord, twist = self.control(blade)
+        if clip:
+            chord, twist = np.clip(chord, *self.chord_bounds), np.clip(twist, *self.twist_bounds)
+        return self.at(chord, twist, blade.rotor_radius)
+
+
+class ShapeComp(om.ExplicitComponent):
+    """Chord and twist at the stations from what is designed; see `Shape`.
+
+    Inputs chord_control[n_chord] (m), twist_control[n_twist] (rad), rotor_radius (m); outputs
+    chord, twist[n_stations] (m, rad).
+    """
+
+    def initialize(self):
+        """Declare the options."""
+        self.options.declare("shape", types=Shape, recordable=False)
+
+    def setup(self):
+        """Declare inputs and outputs."""
+        shape = self.options["shape"]
+        n = shape.blade.r.size
+        for name, units in (("chord", "m"), ("twist", "rad")):
+            points = getattr(shape, f"{name}_basis").shape[1]
+            if points:
+                self.add_input(
+                    f"{name}_control", shape=points, units=units, desc=f"what makes the {name}"
+                )
+        if not shape.designs_chord:
+            self.add_input("rotor_radius", units="m", desc="radius of the swept disc")
+        self.add_output("chord", shape=n, units="m", desc="chord at the stations")
+        self.add_output(
+            "twist", shape=n, units="rad", desc="twist at the stations, set angle included"
+        )
+
+    def setup_partials(self):
+        """Declare the constant partials: the map is linear."""
+        shape = self.options["shape"]
+        for name in ("chord", "twist"):
+            basis = getattr(shape, f"{name}_basis")
+            rows, cols = np.nonzero(basis)
+            if basis.shape[1]:
+                self.declare_partials(
+                    name, f"{name}_control", rows=rows, cols=cols, val=basis[rows, cols]
+                )
+        if not shape.designs_chord:
+            by_radius = shape.chord_offset / shape.blade.rotor_radius
+            self.declare_partials("chord", "rotor_radius", val=by_radius[:, None])
+
+    def compute(self, inputs, outputs):
+        """Evaluate the map."""
+        shape = self.options["shape"]
+        for name in ("chord", "twist"):
+            basis, offset = getattr(shape, f"{name}_basis"), getattr(shape, f"{name}_offset")
+            designed = basis @ inputs[f"{name}_control"] if basis.shape[1] else 0.0
+            outputs[name] = offset + designed
+        if not shape.designs_chord:
+            outputs["chord"] *= inputs["rotor_radius"] / shape.blade.rotor_radius
