@@ -23,7 +23,7 @@ MIN_SAMPLES = 16
 FASTEST = 20.0
 """Speed, m/s, that no river reaches: it is in another unit, or a mark of missing samples."""
 
-SPIKE = 5.0
+SPIKE = 7.0
 """How far, in spreads of its surroundings, a spike stands off from their median."""
 
 UNEVEN = 0.05
@@ -207,16 +207,17 @@ def find_spikes(speed: np.ndarray) -> np.ndarray:
     -------
     array of bool, shape (n,)
     """
-    from scipy.ndimage import median_filter
+    from scipy.ndimage import median_filter, minimum_filter
 
     speed = np.clip(speed, -1e6, 1e6)  # absurd ones are spikes, too, and must not overflow
-    half, steps = 3, np.diff(speed)
+    half = 3
+    steps = np.abs(np.diff(speed, append=speed[-1]))
     found = np.zeros(speed.size, dtype=bool)
-    if not np.any(steps):
-        return found
-    # in samples of few digits most differences are zero: the last digit itself is no spike
-    digit = min(np.min(np.abs(steps[steps != 0.0])), 0.01 * np.median(np.abs(speed)))
-    usual = np.maximum(1.4826 * median_filter(np.abs(np.append(steps, 0.0)), 51), digit)
+    # where samples have few digits most steps are zero: the last digit itself is no spike, but a
+    # hundredth of the speed may be
+    digit = minimum_filter(np.where(steps > 0.0, steps, np.inf), 51)
+    digit = np.minimum(digit, 0.01 * np.median(np.abs(speed)))
+    usual = np.maximum(1.4826 * median_filter(steps, 51), digit)
     # at the ends the first and the last seven
     centres = np.clip(np.arange(speed.size), half, speed.size - 1 - half)
     off = np.abs(speed - median_filter(speed, 2 * half + 1)[centres])
