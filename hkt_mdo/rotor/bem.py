@@ -20,11 +20,12 @@ bracket. See docs/bem.md.
 
 import warnings
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from scipy.interpolate import CubicSpline
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.airfoil import Polar
@@ -382,6 +383,18 @@ def _brake_bracket(samples, lambda_r, station):
 
 
 @njit(cache=True, error_model="numpy")
+def _mix(polars, weights, out):
+    """Write the weighted sum of polars (n, n_knots, 8) to out."""
+    out[:] = 0.0
+    for number in range(weights.size):
+        weight = weights[number]
+        if weight != 0.0:
+            for row in range(out.shape[0]):
+                for column in range(out.shape[1]):
+                    out[row, column] += weight * polars[number, row, column]
+
+
+@njit(cache=True, error_model="numpy")
 def _solve(
     tip_speed_ratio,
     r,
@@ -392,16 +405,15 @@ def _solve(
     blade_count,
     polars,
     section,
-    log_reynolds,
-    log_unit,
+    mixture,
     full,
     n_loads,
     n_inputs,
 ):
     """Solve all stations at all points; arrays are station-major: inner loops write in order.
 
-    Station j has the polars section[j] … section[j] + log_reynolds.size - 1. With more than one,
-    log_unit has the logarithm of the Reynolds number over chord and sqrt(1 + lambda_r²), by point.
+    Station j has the polar section[j]; or, where mixture is not empty, those from section[j] on
+    times the weights mixture[0, j, i], whose derivatives by ln(Re) are mixture[1, j, i].
     """
     n_points, n_stations = tip_speed_ratio.size, r.size
     if not np.min(tip_speed_ratio) > 0.0:
@@ -416,32 +428,17 @@ def _solve(
     knots = np.empty((7, MOST_KNOTS))
     angle, s_knot, c_knot, s_phi_knot, c_phi_knot, g, running = knots
     lowest = np.min(tip_speed_ratio)
-    local = log_reynolds.size > 1
+    local = mixture.shape[3] > 0
     mixed = np.empty_like(polars[0])
     by_reynolds = (0.0, 0.0)
     n_knots = 0
     for j in range(n_stations):
-        lower = upper = station_polar = polars[section[j]]
+        station_polar = polars[section[j]]
         for i in range(n_points):
             lambda_r = tip_speed_ratio[i] * r[j] / tip_radius
-            step = 0.0
             if local:
-                where = log_unit[i] + np.log(chord[j]) + 0.5 * np.log(1.0 + lambda_r * lambda_r)
-                where = min(max(where, log_reynolds[0]), log_reynolds[-1])
-                place = 0
-                while place < log_reynolds.size - 2 and where > log_reynolds[place + 1]:
-                    place += 1
-                step = log_reynolds[place + 1] - log_reynolds[place]
-                lower, upper = polars[section[j] + place], polars[section[j] + place + 1]
-                share = (where - log_reynolds[place]) / step
-                for row in range(mixed.shape[0]):
-                    for column in range(mixed.shape[1]):
-                        mixed[row, column] = (1.0 - share) * lower[row, column] + share * upper[
-                            row, column
-                        ]
+                _mix(polars[section[j] : section[j] + mixture.shape[3]], mixture[0, j, i], mixed)
                 station_polar = mixed
-                if where == log_reynolds[0] or where == log_reynolds[-1]:
-                    step = np.inf  # beyond the tables nothing changes
             station = (
                 chord[j],
                 twist[j],
@@ -508,9 +505,11 @@ def _solve(
             state[7, j, i] = s - c / lambda_r
             if n_inputs:
                 if local:
-                    lift_0, drag_0, _, _ = _polar_at(phi - twist[j], lower)
-                    lift_1, drag_1, _, _ = _polar_at(phi - twist[j], upper)
-                    lift, drag = (lift_1 - lift_0) / step, (drag_1 - drag_0) / step
+                    lift = drag = 0.0
+                    for number in range(mixture.shape[3]):
+                        found = _polar_at(phi - twist[j], polars[section[j] + number])
+                        lift += mixture[1, j, i, number] * found[0]
+                        drag += mixture[1, j, i, number] * found[1]
                     sine, cosine = np.sin(phi), np.cos(phi)
                     by_reynolds = (lift * sine - drag * cosine, lift * cosine + drag * sine)
                 _derivatives(
@@ -584,6 +583,25 @@ class LocalReynolds:
         """Return the same polars in another flow (m/s), or others by operating point."""
         return replace(self, flow_speed=flow_speed)
 
+    @cached_property
+    def _cardinal(self):
+        level = (1, np.zeros(self.log_reynolds.size))
+        return CubicSpline(
+            self.log_reynolds, np.eye(self.log_reynolds.size), bc_type=(level, level)
+        )
+
+    def mixture(self, blade, blade_ratio):
+        """Return the weights of the tables and their slopes over ln(Re), by station and point.
+
+        Shape (2, n_stations, n_points, n_reynolds), for Omega R / V at the points.
+        """
+        lambda_r = blade.r[:, None] / blade.tip_radius * blade_ratio
+        unit = self.flow_speed * np.cos(blade.cone) / self.viscosity
+        number = np.log(unit * blade.chord[:, None] * np.sqrt(1.0 + lambda_r**2))
+        inside = np.clip(number, self.log_reynolds[0], self.log_reynolds[-1])
+        slopes = self._cardinal(inside, 1) * (inside == number)[:, :, None]
+        return np.stack((self._cardinal(inside), slopes))
+
     def __getitem__(self, station):
         """Return the polars of a station alone, for a single strip."""
         return replace(self, polars=(self.polars[station],))
@@ -594,9 +612,9 @@ def polar_at(polar, station):
     return polar if isinstance(polar, Polar) else polar[station]
 
 
-def _arguments(blade, polar, n_points=1):
-    """Return a blade and its polars as `_solve` takes them, from r to log_unit."""
-    log_reynolds, log_unit = np.zeros(1), np.zeros(n_points)
+def _arguments(blade, polar, blade_ratio=()):
+    """Return a blade and its polars as `_solve` takes them, from r to mixture."""
+    mixture = np.empty((2, 0, 0, 0))
     if isinstance(polar, Polar):
         polars, section = polar.coefficients[None], np.zeros(blade.r.size, dtype=np.int64)
     elif isinstance(polar, LocalReynolds):
@@ -604,9 +622,7 @@ def _arguments(blade, polar, n_points=1):
         different = tuple(dict.fromkeys(stations))
         polars = _stack(tuple(each for station in different for each in station))
         section = np.array([different.index(each) for each in stations]) * polar.log_reynolds.size
-        log_reynolds = polar.log_reynolds
-        unit = np.log(polar.flow_speed / polar.viscosity * np.cos(blade.cone))
-        log_unit = np.ascontiguousarray(np.broadcast_to(unit, n_points))
+        mixture = polar.mixture(blade, blade_ratio)
     else:
         if len(polar) != blade.r.size:
             raise ValueError(
@@ -623,8 +639,7 @@ def _arguments(blade, polar, n_points=1):
         int(blade.blade_count),
         polars,
         section,
-        log_reynolds,
-        log_unit,
+        mixture,
     )
 
 
@@ -658,7 +673,7 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False, count_roots=False
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
     n_loads, n_inputs = (2, len(INPUTS)) if derivatives else (2, 0)
     state, branch, roots, gradient = _solve(
-        points, *_arguments(blade, polar, points.size), count_roots, n_loads, n_inputs
+        points, *_arguments(blade, polar, points), count_roots, n_loads, n_inputs
     )
     return Sections(*state.transpose(0, 2, 1), branch.T, roots.T, gradient.transpose(0, 1, 3, 2))
 
@@ -682,11 +697,11 @@ def root_changes(blade, polar, tip_speed_ratio):
         In the order of the tip speed ratio.
     """
     low, high = float(np.min(tip_speed_ratio)), float(np.max(tip_speed_ratio))
-    r, chord, twist, hub_radius, tip_radius, blade_count, polars, section, *reynolds = _arguments(
-        blade, polar, 2
-    )
-    if reynolds[0].size > 1:
+    if isinstance(polar, LocalReynolds):
         raise ValueError("the polars must not follow the Reynolds number")
+    r, chord, twist, hub_radius, tip_radius, blade_count, polars, section, mixture = _arguments(
+        blade, polar
+    )
     knots = np.empty((7, MOST_KNOTS))
     found = []
     for j in range(r.size):
@@ -716,7 +731,7 @@ def root_changes(blade, polar, tip_speed_ratio):
             blade_count,
             polars,
             section[j : j + 1],
-            *reynolds,
+            mixture,
             False,
             2,
             0,
@@ -772,7 +787,7 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     # Only the tangential load by tip speed ratio, chord and twist is asked for.
     n_inputs = (len(INPUTS) if local else 3) if derivatives else 0
     state, branch, _, gradient = _solve(
-        points / cosine, *_arguments(blade, polar, points.size), False, 1, n_inputs
+        points / cosine, *_arguments(blade, polar, points / cosine), False, 1, n_inputs
     )
     unsolved = np.count_nonzero(branch < 0)
     if unsolved:

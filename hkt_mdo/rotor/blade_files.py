@@ -11,15 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from hkt_mdo.data import locate, read_bytes
+from hkt_mdo.data import locate, parse_number, read_text
 from hkt_mdo.errors import InputError
 
 __all__ = ["BladeTable", "SectionTable", "read_blade", "write_blade_csv"]
 
-MAX_BYTES = 16 * 1024**2
-"""Largest blade file that is read, in bytes."""
-
-FEWEST_ROWS = 2
+FEWEST_ROWS, MOST_ROWS = 2, 100_000
 EDGE = 1e-9
 """A row this close to the hub or the tip, over the tip radius, lies on it."""
 
@@ -250,8 +247,8 @@ def read_blade(source: str | Path, hub_radius: float | None = None) -> BladeTabl
     source : str or pathlib.Path
         The name of a shipped blade or the path of a file.
     hub_radius : float, optional, m
-        Where the blade's root lies: for a file that counts the span from the root without saying
-        so (AeroDyn).
+        Where the blade's root lies; an AeroDyn file counts from there and does not say it. Other
+        files need none.
 
     Returns
     -------
@@ -264,14 +261,7 @@ def read_blade(source: str | Path, hub_radius: float | None = None) -> BladeTabl
         line or key, value and remedy.
     """
     path = locate(source, "blade")
-    content = read_bytes(path, MAX_BYTES, "blade file")
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
-        raise InputError(
-            "is not UTF-8 text", "save it as UTF-8", file=path, key=f"line {line}"
-        ) from None
+    text = read_text(path, "blade file")
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     if not re.search(r"^\s*[^#\s]", text, re.MULTILINE):
         raise InputError(
@@ -284,23 +274,18 @@ def read_blade(source: str | Path, hub_radius: float | None = None) -> BladeTabl
         raise InputError(
             "must not be negative", "give it in metres", key="hub_radius", value=hub_radius
         )
-    read = _reader(text, path.suffix.lower())
-    return read(text, path, hub_radius)
-
-
-def _reader(text: str, suffix: str):
-    """Return the function that reads this kind of file."""
+    # What a file is shows in its first lines that are no remarks.
     lines = [
         line for line in text.split("\n") if line.strip() and not line.lstrip().startswith("#")
     ]
-    head = "\n".join(lines[:30])
+    head, suffix = "\n".join(lines[:30]), path.suffix.lower()
     if _AERODYN.search(head) or (suffix in {".dat", ".inp"} and "," not in lines[0]):
-        return _read_aerodyn
+        return _read_aerodyn(text, path, hub_radius)
     if _WINDIO.search(head) or suffix in {".yaml", ".yml"}:
         from hkt_mdo.rotor.windio import read_windio
 
-        return read_windio
-    return _read_csv
+        return read_windio(text, path)
+    return _read_csv(text, path)
 
 
 _AERODYN = re.compile(
@@ -409,7 +394,7 @@ _UNIT = re.compile(
 )
 
 
-def _read_csv(text: str, file: Path, hub_radius: float | None) -> BladeTable:
+def _read_csv(text: str, file: Path) -> BladeTable:
     """Read a CSV table; see `read_blade`."""
     rows = _csv_rows(text, file)
     header_line, header = rows[0][0], [cell.strip() for cell in rows[0][1]]
@@ -513,6 +498,13 @@ def _csv_rows(text: str, file: Path) -> list[tuple[int, list[str]]]:
         for cells in reader:
             if any(cell.strip() for cell in cells) and not cells[0].lstrip().startswith("#"):
                 rows.append((reader.line_num, cells))
+                if len(rows) > MOST_ROWS + 1:
+                    raise InputError(
+                        f"is beyond {MOST_ROWS} rows",
+                        "give a blade of usual length",
+                        file=file,
+                        key=f"line {reader.line_num}",
+                    )
     except csv.Error as error:
         raise InputError(
             f"is not CSV ({error})", "mend the line", file=file, key=f"line {reader.line_num}"
@@ -582,17 +574,10 @@ def _twice(name: str, line: int, file: Path) -> InputError:
     )
 
 
-# A Fortran program writes 1.0D+00 where others write 1.0e+00.
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?", re.ASCII)
-_LONGEST_NUMBER = 64
-
-
 def to_number(text: str) -> float:
     """Return the number that a text writes, NaN where it writes none that is finite."""
-    if len(text) > _LONGEST_NUMBER or not _NUMBER.fullmatch(text):
-        return np.nan
-    number = float(text.replace("d", "e").replace("D", "e"))
-    return number if np.isfinite(number) else np.nan
+    number = parse_number(re.sub("[dD]", "e", text))  # Fortran writes 1.0D+00 for 1.0e+00
+    return np.nan if number is None else number
 
 
 def _numbers(cells: Sequence[str], keys: Sequence[str], file: Path) -> np.ndarray:
@@ -610,7 +595,6 @@ def _numbers(cells: Sequence[str], keys: Sequence[str], file: Path) -> np.ndarra
 _AERODYN_UNITS = {"BlSpn": "m", "BlCrvAC": "m", "BlSwpAC": "m", "BlCrvAng": "deg"}
 _AERODYN_UNITS |= {"BlTwist": "deg", "BlChord": "m", "BlAFID": "-", "t_c": "-"}
 _AERODYN_NEEDED = ("BlSpn", "BlTwist", "BlChord", "BlAFID")
-_MOST_NODES = 100_000
 
 
 def _read_aerodyn(text: str, file: Path, hub_radius: float | None) -> BladeTable:
@@ -766,9 +750,9 @@ def _node_count(lines: Sequence[str], file: Path) -> tuple[int, int]:
         if not found:
             continue
         count = to_number(found[1])
-        if not (count == np.floor(count) and FEWEST_ROWS <= count <= _MOST_NODES):
+        if not (count == np.floor(count) and FEWEST_ROWS <= count <= MOST_ROWS):
             raise InputError(
-                f"is no number of rows from {FEWEST_ROWS} to {_MOST_NODES}",
+                f"is no number of rows from {FEWEST_ROWS} to {MOST_ROWS}",
                 "write how many rows the blade has",
                 file=file,
                 key=f"line {index + 1}, NumBlNds",

@@ -9,14 +9,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.rotor.blade_files import EDGE, BladeTable, Column, SectionTable, check_rows, to_number
+from hkt_mdo.rotor.blade_files import (
+    EDGE,
+    MOST_ROWS,
+    BladeTable,
+    Column,
+    SectionTable,
+    check_rows,
+    to_number,
+)
 from hkt_mdo.rotor.polar_files import PolarTable, polar_table
 
 __all__ = ["read_windio"]
@@ -33,6 +41,7 @@ DIAMETER_OFF = 0.02
 # What files round: a circle of angles to ±3.14 rad, and a section's coefficients at its ends.
 _CIRCLE_ROUNDED = math.radians(0.1)
 _ENDS_ROUNDED = 0.01
+_THICK_ROUNDED = 1e-6
 
 
 class _Node:
@@ -208,6 +217,8 @@ class _Place:
         items = self.items()
         if not items:
             raise self.refuse("is empty", "give its numbers")
+        if len(items) > MOST_ROWS:
+            raise self.refuse(f"has more than {MOST_ROWS} numbers", "give fewer")
         values = np.array(
             [math.nan if item.node.quoted else _plain_number(item.node.value) for item in items]
         )
@@ -258,7 +269,7 @@ def _spanwise(place: _Place) -> tuple[np.ndarray, Column]:
     return grid.values, values
 
 
-def read_windio(text: str, file: Path, hub_radius: float | None = None) -> BladeTable:
+def read_windio(text: str, file: Path) -> BladeTable:
     """Read the blade of a windIO turbine file.
 
     Rows are the grid of the chord together with that of the twist; what is given on another grid is
@@ -270,8 +281,6 @@ def read_windio(text: str, file: Path, hub_radius: float | None = None) -> Blade
         The whole file.
     file : pathlib.Path
         For messages.
-    hub_radius : float, optional, m
-        Taken only where the file says no hub diameter.
 
     Returns
     -------
@@ -286,141 +295,121 @@ def read_windio(text: str, file: Path, hub_radius: float | None = None) -> Blade
     root = _Place(_compose(text, file), "", file)
     messages: list[str] = []
     blade = root.get("components.blade", "give a turbine with a blade")
+    shape, first_version = _shape(blade)
+    diameter = root.get("components").get("hub.diameter", "add the hub's diameter in metres")
+    hub = 0.5 * diameter.number(0.0, 100.0, "give the hub's diameter in metres")
+    s_axis, height = _height(shape.find("reference_axis") or blade.get("reference_axis"), messages)
+
+    s_chord, chord = _spanwise(shape.get("chord"))
+    s_twist, twist = _spanwise(shape.get("twist"))
+    unit = "windIO 1 counts it in radians" if first_version else "windIO 2 counts it in degrees"
+    if not first_version:
+        twist = replace(twist, values=np.deg2rad(twist.values))
+        messages.append("windIO 2: degrees converted to radians")
+    twist.refuse(np.abs(twist.values) > np.pi * (1.0 + EDGE), "is beyond 180 degrees", unit, file)
+    s = _union(s_chord, s_twist)
+    if s_chord.size != s_twist.size or np.any(s_chord != s_twist):
+        messages.append("chord and twist have different grids: rows are both, linear in between")
+    r = hub + np.interp(s, s_axis, height)
+    places = [f"components.blade, row at s = {share:.6g}" for share in s]
+    check_rows(file, Column("r", r, places, r.tolist()), chord, twist, None, float(r[-1]))
+
+    names, stands, sections = _sections(root, shape, first_version, messages)
+    cone = root.get("components.hub").find("cone_angle")
+    angle = None
+    if cone is not None:
+        turn = np.pi if first_version else 180.0
+        angle = cone.number(-0.5 * turn, 0.5 * turn, unit) / turn * np.pi
+    _check_diameter(root, float(r[-1]), angle or 0.0, messages)
+    return BladeTable(
+        r,
+        np.interp(s, s_chord, chord.values),
+        np.interp(s, s_twist, twist.values),
+        thickness=_thickness(shape, s, names, stands, sections),
+        sections=sections,
+        section_position=tuple(
+            (name, float(hub + z))
+            for name, z in zip(names, np.interp(stands, s_axis, height), strict=True)
+        ),
+        tip_radius=float(r[-1]),
+        hub_radius=hub,
+        blade_count=_blade_count(root),
+        cone=angle,
+        messages=tuple(dict.fromkeys(messages)),
+        file=str(file),
+    )
+
+
+def _shape(blade: _Place) -> tuple[_Place, bool]:
+    """Return the blade's outer shape, and whether it is that of windIO 1."""
     old, new = blade.find("outer_shape_bem"), blade.find("outer_shape")
-    shape = old or new
-    if shape is None:
-        raise blade.refuse(
-            "is missing", "add outer_shape (windIO 2) or outer_shape_bem (windIO 1)",
-            key="components.blade.outer_shape", shown=False,
-        )  # fmt: skip
     if old and new:
         raise blade.refuse(
             "holds outer_shape and outer_shape_bem", "keep that of the file's windIO version"
         )
-    first_version = shape is old
+    shape = old or new
+    if shape is None:
+        raise blade.refuse(
+            "is missing",
+            "add outer_shape (windIO 2) or outer_shape_bem (windIO 1)",
+            key=f"{blade.key}.outer_shape",
+            shown=False,
+        )
+    return shape, new is None
 
-    s_chord, chord = _spanwise(shape.get("chord"))
-    s_twist, twist = _spanwise(shape.get("twist"))
-    twist.refuse(
-        np.abs(twist.values) > (np.pi if first_version else 180.0) * (1.0 + EDGE),
-        "is beyond 180 degrees",
-        "windIO 1 counts the twist in radians" if first_version else "windIO 2 counts in degrees",
-        file,
-    )
-    axis = shape.find("reference_axis") or blade.get("reference_axis")
-    s_axis, z = _spanwise(axis.get("z"))
-    at_root = np.zeros(z.values.size)
-    at_root[0] = abs(z.values[0]) > EDGE * abs(z.values[-1])
-    z.refuse(at_root > 0.0, "is not 0 at the blade's root", "count z from the root", file)
+
+def _height(axis: _Place, messages: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the grid of a blade's axis and z over it, which begins at 0 and rises."""
+    grid, z = _spanwise(axis.get("z"))
+    aside = np.zeros(z.values.size, dtype=bool)
+    aside[0] = abs(z.values[0]) > EDGE * abs(z.values[-1])
+    z.refuse(aside, "is not 0 at the blade's root", "count z from the root", axis.file)
+    height = np.concatenate(([0.0], z.values[1:]))
     z.refuse(
-        np.diff(z.values, prepend=-np.inf) <= 0.0,
+        np.diff(height, prepend=-np.inf) <= 0.0,
         "does not exceed the value before: the blade must run outwards",
         "sort z from root to tip, in metres",
-        file,
+        axis.file,
     )
-    height = np.concatenate(([0.0], z.values[1:]))
-    rows = _union(s_chord, s_twist)
-    if s_chord.size != s_twist.size or np.any(s_chord != s_twist):
-        messages.append("chord and twist have different grids: rows are both, linear in between")
-    hub, hub_place = _hub_radius(root, hub_radius)
-    r = hub + np.interp(rows, s_axis, height)
     for name, what in (("x", "prebend"), ("y", "sweep")):
         side = axis.find(name)
-        if side is not None:
-            largest = float(np.max(np.abs(_spanwise(side)[1].values)))
-            if largest > 0.0:
-                messages.append(
-                    f"{side.key}: {what} of up to {largest:g} m is ignored: straight blade"
-                )
-    at_rows = np.interp(rows, s_chord, chord.values)
-    angles = np.interp(rows, s_twist, twist.values)
-    if first_version:
-        messages.append("windIO 1: angles are radians")
-    else:
-        angles = np.deg2rad(angles)
-        messages.append("windIO 2: degrees converted to radians")
+        largest = 0.0 if side is None else np.max(np.abs(_spanwise(side)[1].values))
+        if largest > 0.0:
+            messages.append(
+                f"{axis.key}.{name}: {what} of up to {largest:g} m is ignored: straight blade"
+            )
+    return grid, height
 
-    names, places, sections = _sections(root, shape, first_version, messages)
-    thickness = None
-    given = shape.find("rthick")
-    known = {section.name: section.thickness for section in sections}
-    if given is not None:
-        s_thick, column = _spanwise(given)
-        column.refuse(
-            (column.values <= 0.0) | (column.values > 1.0 + 1e-6),
-            "is no thickness over chord",
-            "rthick lies within 0 (a plate) and 1 (a cylinder)",
-            file,
-        )
-        thickness = np.minimum(np.interp(rows, s_thick, column.values), 1.0)
-    elif all(known[name] is not None for name in names):
-        thickness = np.interp(rows, places, [float(known[name] or 0.0) for name in names])
-    where = [f"row at s = {s:.4g}" for s in rows]
-    shown_chord = chord if rows.size == chord.values.size else None
-    check_rows(
-        file,
-        Column("r", r, [f"{axis.key}.z, {place}" for place in where], r.tolist()),
-        shown_chord
-        or Column(
-            "chord", at_rows, [f"{shape.key}.chord, {place}" for place in where], at_rows.tolist()
-        ),
-        Column("twist", angles, where, angles.tolist()),
-        None,
-        float(r[-1]),
-    )
 
-    cone = root.find("components").find("hub")  # type: ignore[union-attr]
-    cone = cone and cone.find("cone_angle")
-    cone_angle = None
-    if cone is not None:
-        limit = 0.5 * np.pi if first_version else 90.0
-        number = cone.number(
-            -limit, limit, "windIO 1 counts it in radians" if first_version else "in degrees"
-        )
-        cone_angle = number if first_version else math.radians(number)
-    blade_count = _blade_count(root)
-    _check_diameter(root, float(r[-1]), cone_angle or 0.0, messages)
-    if hub_place is None:
-        messages.append("components.hub.diameter is not given: hub radius taken from the case")
-    return BladeTable(
-        r,
-        at_rows,
-        angles,
-        thickness=thickness,
-        sections=sections,
-        section_position=tuple(
-            (name, float(hub + z_section))
-            for name, z_section in zip(names, np.interp(places, s_axis, height), strict=True)
-        ),
-        tip_radius=float(r[-1]),
-        hub_radius=hub,
-        blade_count=blade_count,
-        cone=cone_angle,
-        messages=tuple(dict.fromkeys(messages)),
-        file=str(file),
+def _thickness(
+    shape: _Place,
+    s: np.ndarray,
+    names: list[str],
+    stands: np.ndarray,
+    sections: tuple[SectionTable, ...],
+) -> np.ndarray | None:
+    """Return the thickness of rows: the blade's own, or linear between its sections."""
+    own = shape.find("rthick")
+    if own is None:
+        known = {section.name: section.thickness for section in sections}
+        between = [known[name] for name in names]
+        if None in between:
+            return None
+        return np.interp(s, stands, np.array(between, dtype=float))
+    grid, column = _spanwise(own)
+    column.refuse(
+        (column.values <= 0.0) | (column.values > 1.0 + _THICK_ROUNDED),
+        "is no thickness over chord",
+        "rthick lies within 0 (a plate) and 1 (a cylinder)",
+        shape.file,
     )
+    return np.minimum(np.interp(s, grid, column.values), 1.0)
 
 
 def _union(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Return the points of two grids; those closer than a billionth are one."""
     points = np.union1d(one, other)
     return points[np.diff(points, prepend=-1.0) > EDGE]
-
-
-def _hub_radius(root: _Place, given: float | None) -> tuple[float, _Place | None]:
-    components = root.get("components")
-    hub = components.find("hub")
-    diameter = hub and hub.find("diameter")
-    if diameter is not None:
-        return 0.5 * diameter.number(0.0, 100.0, "give the hub's diameter in metres"), diameter
-    if given is None:
-        raise (hub or components).refuse(
-            "is missing",
-            "add the hub's diameter in metres",
-            key="components.hub.diameter",
-            shown=False,
-        )
-    return float(given), None
 
 
 def _blade_count(root: _Place) -> int | None:
@@ -555,7 +544,7 @@ def _section(
     thick = airfoil.find("relative_thickness" if first_version else "rthick")
     thickness = None
     if thick is not None:
-        thickness = min(thick.number(0.0, 1.0 + 1e-6, "it lies within 0 and 1"), 1.0)
+        thickness = min(thick.number(0.0, 1.0 + _THICK_ROUNDED, "it is over the chord"), 1.0)
     outline_x = outline_y = None
     coordinates = airfoil.find("coordinates")
     if coordinates is not None:

@@ -205,7 +205,9 @@ _AERODYN = _changed(
 _BILLION = "l0: &l0 [1, 1, 1, 1, 1, 1, 1, 1, 1]\n"
 for _level in range(1, 20):
     _BILLION += f"l{_level}: &l{_level} [{', '.join([f'*l{_level - 1}'] * 9)}]\n"
-_BILLION += "components: {blade: {outer_shape: {chord: {grid: *l19, values: *l19}}}}\n"
+_BILLION += (
+    "components: {hub: {diameter: 1}, blade: {outer_shape: {}, reference_axis: {z: *l19}}}\n"
+)
 
 _OUTER = "components.blade.outer_shape"
 
@@ -312,7 +314,7 @@ _WINDIO = _changed(
         "degrees in version 1": (
             "outer_shape:",
             "outer_shape_bem:",
-            "windIO 1 counts the twist in radians",
+            "windIO 1 counts it in radians",
         ),
     },
 ) | {
@@ -321,7 +323,7 @@ _WINDIO = _changed(
     "truncated": (WINDIO[: len(WINDIO) // 2].encode(), "line"),
     "not UTF-8": (WINDIO.replace("a sound", "ein sch\xf6ner").encode("latin-1"), "is not UTF-8"),
     "deep": (b"components: " + b"[" * 100_000, "nested deeper"),
-    "aliases by the billion": (_BILLION.encode(), "components.blade.outer_shape.chord.grid[0]"),
+    "aliases by the billion": (_BILLION.encode(), "components.blade.reference_axis.z"),
     "a control character": (
         WINDIO.replace("sound", "so\x07und").encode(),
         "cannot be read as YAML",

@@ -1,5 +1,8 @@
 """Blade files: what is read is what the file says, in every format."""
 
+import json
+import random
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -292,6 +295,102 @@ def test_the_hub_radius_is_asked_for(put):
         read_blade(path, -1.0)
 
 
+def test_windio_says_more_than_rows(put):
+    table = read_blade(put("a.yaml", WINDIO))
+    np.testing.assert_allclose(table.r, 0.175 + 1.225 * np.array([0.0, 0.3, 0.7, 1.0]), rtol=1e-15)
+    assert (table.hub_radius, table.blade_count, table.tip_radius) == (0.175, 3, 0.175 + 1.225)
+    assert table.cone == pytest.approx(np.deg2rad(2.5), rel=1e-15)
+    np.testing.assert_array_equal(table.thickness, [0.24, 0.18, 0.15, 0.12])
+    assert table.section_position == (("thick", 0.175), ("thin", table.tip_radius))
+    thick, thin = table.sections
+    assert (thick.name, thick.thickness, thin.name, thin.thickness) == ("thick", 0.24, "thin", 0.12)
+    assert thick.outline_x.size == 5
+    assert thin.outline_x is None
+    (polar,) = thick.polars
+    assert polar.full_circle
+    assert polar.reynolds == 1e6
+    assert polar.lift[np.argmin(np.abs(polar.alpha - np.deg2rad(5.0)))] == 0.7
+    # 2 (0.175 + 1.225) cos 2.5 deg is not quite what the file says
+    assert any("rotor_diameter = 2.8 m" in message for message in table.messages)
+    shares = [share for _, _, share in table.blend(table.r)]
+    np.testing.assert_allclose(shares, [0.0, 0.5, 0.75, 1.0], rtol=1e-14)
+
+
+def test_windio_1_counts_in_radians(put):
+    def radians(numbers):
+        return str([float(np.deg2rad(number)) for number in numbers])
+
+    text = WINDIO.replace("outer_shape:", "outer_shape_bem:").replace("2.5", "0.04363323129985824")
+    text = text.replace("[20.0, 9.0, 4.0, 1.0]", radians([20.0, 9.0, 4.0, 1.0]))
+    start, end = text.index("            airfoils:"), text.index("    hub:")
+    position = "            airfoil_position: {grid: [0.0, 1.0], labels: [thick, thin]}\n"
+    text = text[:start] + position + text[end:]
+    head, library = text.split("\nairfoils:")
+    degrees = library[library.index("[-180") : library.index("], values") + 1]
+    library = library.replace(degrees, radians(json.loads(degrees)))
+    library = library.replace("        re_sets:\n          - re:", "        re:")
+    library = library.replace("            cl:", "        c_l:").replace(
+        "            cd:", "        c_d:"
+    )
+    library = library.replace("rthick", "relative_thickness")
+    old = read_blade(put("old.yaml", f"{head}\nairfoils:{library}"))
+    new = read_blade(put("new.yaml", WINDIO))
+    for name in ("r", "chord", "twist", "thickness"):
+        np.testing.assert_allclose(getattr(old, name), getattr(new, name), rtol=1e-15)
+    assert old.cone == pytest.approx(new.cone, rel=1e-15)
+    assert old.section_position == new.section_position
+    for one, other in zip(old.sections, new.sections, strict=True):
+        np.testing.assert_allclose(one.polars[0].alpha, other.polars[0].alpha, rtol=1e-15)
+        np.testing.assert_array_equal(one.polars[0].lift, other.polars[0].lift)
+
+
+def test_windio_grids_of_their_own(put):
+    # a chord given at root and tip only is linear: its value at the twist's grid is known
+    text = WINDIO.replace(
+        "chord:\n                grid: &grid [0.0, 0.3, 0.7, 1.0]",
+        "chord:\n                grid: [0.0, 1.0]",
+    )
+    text = text.replace("[0.18, 0.12, 0.09, 0.06]", "[0.2, 0.1]").replace(
+        "grid: *grid", "grid: &grid [0.0, 0.3, 0.7, 1.0]", 1
+    )
+    table = read_blade(
+        put(
+            "a.yaml",
+            text.replace(
+                "x: {grid: [0.0, 1.0], values: [0.0, 0.0]}", "x: {grid: [0, 1], values: [0, -0.5]}"
+            ),
+        )
+    )
+    np.testing.assert_allclose(table.chord, [0.2, 0.17, 0.13, 0.1], rtol=1e-14)
+    assert any("different grids" in message for message in table.messages)
+    assert any("prebend of up to 0.5 m is ignored" in message for message in table.messages)
+    # without rthick the thickness is linear between the sections
+    start = text.index("            rthick:")
+    bare = text[:start] + text[text.index("            airfoils:") :]
+    np.testing.assert_allclose(
+        read_blade(put("b.yaml", bare)).thickness, 0.24 - 0.12 * np.array([0.0, 0.3, 0.7, 1.0])
+    )
+
+
+def test_a_reference_turbine_reads_as_it_is_published():
+    """IEA Wind 15 MW (Gaertner et al., NREL/TP-5000-75698): hub 7.94 m, blade 117 m, cone 4 deg."""
+    examples = pytest.importorskip("windIO.examples")
+    path = Path(examples.__file__).parent / "turbine" / "IEA-15-240-RWT.yaml"
+    if not path.is_file():
+        pytest.skip("this windIO comes without the turbine")
+    table = read_blade(path)
+    assert table.hub_radius == pytest.approx(3.97)
+    assert table.tip_radius == pytest.approx(120.97)
+    assert table.blade_count == 3
+    assert np.rad2deg(table.cone) == pytest.approx(4.0)
+    assert table.chord.max() == pytest.approx(5.77, abs=0.01)
+    assert np.rad2deg(table.twist[0]) == pytest.approx(15.6, abs=0.01)
+    assert table.thickness[0] == 1.0
+    assert [section.name for section in table.sections][-1] == "FFA-W3-211"
+    assert all(polar.full_circle for section in table.sections for polar in section.polars)
+    assert any("prebend of up to 4 m" in message for message in table.messages)
+
+
 # --- refusals ------------------------------------------------------------------------------------
 
 
@@ -339,3 +438,73 @@ def test_a_path_that_is_no_file(path):
 def test_a_file_too_large_is_not_read(put):
     with pytest.raises(InputError, match="16 MiB"):
         read_blade(put("large.csv", "r_m,chord_m,twist_rad\n" + "1,1,1\n" * 3_000_000))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_damage_escapes_as_another_error(seed, tmp_path):
+    dice = random.Random(seed)
+    pieces = [
+        "0",
+        "-1",
+        "1e400",
+        "nan",
+        "[]",
+        "{}",
+        "null",
+        "*grid",
+        "&grid ",
+        "!!x",
+        "'",
+        '"',
+        "\n",
+    ]
+    pieces += [
+        "\t",
+        ":",
+        "- ",
+        ",",
+        "#",
+        "1e-320",
+        "{a: 1}",
+        "[1]",
+        "é",
+        "\0",
+        "\ufeff",
+        "...",
+        "4",
+    ]
+    sound = [("b.csv", CSV), ("b.dat", AERODYN), ("b.yaml", WINDIO)]
+    sound += [("b.yaml", WINDIO.replace("outer_shape:", "outer_shape_bem:"))]
+    for _ in range(150):
+        name, text = dice.choice(sound)
+        for _ in range(dice.choice([1, 1, 2, 4])):
+            at, length = dice.randrange(len(text)), dice.choice([1, 3, 10, 60])
+            lines = text.split("\n")
+            other = dice.randrange(len(lines))
+            match dice.randrange(4):
+                case 0:
+                    text = text[:at] + text[at + length :]
+                case 1:
+                    text = text[:at] + dice.choice(pieces) + text[at + dice.choice([0, 1, 3]) :]
+                case 2:
+                    lines.insert(dice.randrange(len(lines)), lines[other])
+                    text = "\n".join(lines)
+                case 3:
+                    del lines[other]
+                    text = "\n".join(lines)
+            text = text or "x"
+        path = tmp_path / name
+        path.write_bytes(text.encode())
+        table = refusal = None
+        try:
+            table = read_blade(path, 0.175)
+        except InputError as error:
+            refusal = error
+        if table is None:
+            assert str(path) in str(refusal)
+            assert refusal.key
+            assert refusal.remedy
+        else:
+            assert np.all(np.diff(table.r) > 0.0)
+            assert np.all(np.isfinite(table.twist))
+            assert np.min(table.chord) > 0.0
