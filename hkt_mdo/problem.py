@@ -49,6 +49,7 @@ class Physics:
     shape: Shape
     polar: Polar | tuple[Polar, ...]
     section_area: float | np.ndarray
+    thickness: float | np.ndarray
     inflow: inflow.Inflow
     law: controllers.FeedbackLaw | None
     torque_limit: float | None
@@ -97,6 +98,7 @@ def physics(case: Case) -> Physics:
         build_shape(case, turbine.blade),
         turbine.polar,
         turbine.section_area,
+        turbine.thickness,
         flow,
         law,
         control.torque_limit,

@@ -124,8 +124,11 @@ class Columns:
 
     def refuse(self, problem: str, remedy: str, row: int, column: int) -> InputError:
         """Return the error that lies in a row, in the column of the time (0) or the speed (1)."""
-        value = f"{(self.time, self.speed)[column][row]:.10g} {('s', 'm/s')[column]}"
+        number = float((self.time, self.speed)[column][row])
         key = f"{self.place(row)}, {self.columns[column]}"
+        if np.isnan(number):
+            return InputError(problem, remedy, file=self.file, key=key)
+        value = f"{number:.10g} {('s since the first', 'm/s')[column]}"
         return InputError(problem, remedy, file=self.file, key=key, value=value)
 
 
@@ -263,7 +266,8 @@ def _columns(
         )
     if not dated:
         unit = _unit(file, names[0], options.time_unit, _TIMES, "time_unit")
-        time = (time - time[:1]) * TIME_UNITS[unit]
+        with np.errstate(over="ignore"):  # infinite times are refused later, with their place
+            time = (time - time[:1]) * TIME_UNITS[unit]
     return Columns(
         file,
         (names[0].place, names[1].place),
@@ -323,8 +327,8 @@ def _choose(
         others = [name for name in names if name != time]
         if len(others) != 1:
             raise InputError(
-                f"has {len(others)} columns besides the time, {time[:_LONGEST_NAME]}",
-                f"give speed_column: of {shown}",
+                f"has {len(others) or 'no'} columns besides the time, {time[:_LONGEST_NAME]}",
+                f"give speed_column: of {shown}" if others else "add the speed",
                 file=file,
             )
         speed = others[0]
@@ -410,7 +414,7 @@ def _parse(reader: Any, path: Path, options: RecordOptions) -> Columns:
         if len(cells) != len(names):
             raise InputError(
                 f"has {len(cells)} cells where the header has {len(names)}",
-                "give every column a cell, which may be empty, and quote texts with commas",
+                "give every column one cell, empty or not, and write decimals with a point",
                 file=path,
                 key=f"line {line}",
                 value=",".join(cells),

@@ -147,7 +147,7 @@ def _check_order(raw: Columns) -> None:
         row = int(back[0]) + 1
         same = raw.time[row] == raw.time[row - 1]
         raise raw.refuse(
-            f"since the first is {'also the time of' if same else 'before'} {raw.place(row - 1)}",
+            f"is {'also the time of' if same else 'before'} {raw.place(row - 1)}",
             "sort the rows by time and keep one of each; if the clock was changed, give dates with "
             "their zone",
             row,
@@ -259,7 +259,7 @@ def _even(
     resample = bool(np.any(uneven))
     if resample and options.uneven == "refuse":
         row = int(np.argmax(uneven))
-        problem = f"since the first is {miss[row]:.3g} s off an even spacing of {step:.6g} s"
+        problem = f"is {miss[row]:.3g} s off an even spacing of {step:.6g} s"
         raise raw.refuse(problem, "give uneven: resample to interpolate at even times", row, 0)
     if resample:
         step = float(np.median(np.diff(raw.time)))

@@ -56,6 +56,7 @@ from hkt_mdo.result_folder import check_folder, clear, locked, write_csv, write_
 from hkt_mdo.results import Solution
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.blade_files import BladeTable, write_blade_csv
 from hkt_mdo.rotor.steady_optimum import (
     SteadyOptimum,
     best_operation,
@@ -635,6 +636,7 @@ def _write_tables(out, case, world, result, flown):
         flown.control_torque * speed,
     )
     write_csv(out / "simulation.csv", COLUMNS, zip(*rows, strict=True))
+    _write_blade(out / "blade.csv", case, world, result.point.blade)
     peak = best_operation(result.point.blade, world.polar).tip_speed_ratio
     ratios = np.linspace(0.3, 1.7, 141) * peak
     power = [
@@ -643,6 +645,33 @@ def _write_tables(out, case, world, result, flown):
     ]
     header = ("tip_speed_ratio", "power_coefficient", "start_power_coefficient")
     write_csv(out / "power_curve.csv", header, zip(ratios, *power, strict=True))
+
+
+def _write_blade(path, case, world, blade):
+    """Write the found blade as a file that another case can begin from."""
+    rotor = {
+        "blade": "blade.csv",
+        "radius": blade.tip_radius,
+        "hub_radius_fraction": blade.hub_radius / blade.tip_radius,
+        "blade_count": blade.blade_count,
+        "cone": float(np.rad2deg(blade.cone)),
+        "set_angle": 0.0,
+        "stations": None,
+    }
+    section = ", ".join(
+        f"{key}: {'null' if value is None else value}" for key, value in rotor.items()
+    )
+    remarks = (
+        f"blade found by the case {case.name}; the twist has the set angle in it",
+        f"to begin from it, with the path of this file: rotor: {{{section}}}",
+    )
+    table = BladeTable(
+        blade.r,
+        blade.chord,
+        blade.twist,
+        thickness=np.broadcast_to(np.asarray(world.thickness, dtype=float), blade.r.shape),
+    )
+    write_blade_csv(path, table, remarks)
 
 
 @contextmanager

@@ -1,0 +1,69 @@
+"""A result's blade is the start of the next case, bit by bit."""
+
+import numpy as np
+import pytest
+
+from hkt_mdo.case import load_case
+from hkt_mdo.problem import physics
+from hkt_mdo.run import run_case
+
+SHORT = ("phase.duration=20", "phase.segments=20")
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory):
+    from conftest import CASES
+
+    case = load_case(CASES / "sine_limited_quadratic.yaml", SHORT)
+    return run_case(case, tmp_path_factory.mktemp("first") / "out", figures=False, records=False)
+
+
+@pytest.mark.parametrize("stations", ["null", None], ids=["rows of the file", "the case's own"])
+def test_the_next_run_starts_from_exactly_that_blade(first, tmp_path, stations):
+    changes = ["rotor.blade=blade.csv", "rotor.set_angle=0", "start.method=blade"]
+    changes += [f"control.gain={first.gain!r}"]
+    if stations is not None:
+        changes.append(f"rotor.stations={stations}")
+    case = load_case(first.folder / "case.yaml", changes)
+    blade = physics(case).blade
+    assert blade.r.tolist() == first.summary["r_m"]
+    assert blade.chord.tolist() == first.summary["chord_m"]
+    assert np.rad2deg(blade.twist).tolist() == first.summary["twist_deg"]
+    again = run_case(case, tmp_path / "again", figures=False, records=False)
+    assert again.success, again.message
+    assert again.summary["start_chord_m"] == first.summary["chord_m"]
+    assert again.summary["start_twist_deg"] == first.summary["twist_deg"]
+    assert again.summary["starting_energy_J"] == pytest.approx(
+        first.summary["simulated_energy_J"], rel=2e-5
+    )
+    assert again.summary["simulated_energy_J"] == pytest.approx(
+        first.summary["simulated_energy_J"], rel=1e-6
+    )
+
+
+def test_the_file_says_how_to_begin_from_it(first):
+    import yaml
+
+    line = (first.folder / "blade.csv").read_text(encoding="utf-8").splitlines()[1]
+    section = yaml.safe_load(line.partition("rotor: ")[2])
+    case = load_case(
+        first.folder / "case.yaml",
+        [f"rotor.{key}={'null' if value is None else value}" for key, value in section.items()],
+    )
+    np.testing.assert_array_equal(physics(case).blade.chord, first.summary["chord_m"])
+
+
+def test_a_spline_is_found_again(tmp_path):
+    from conftest import CASES
+
+    changes = ["rotor.station_count=24", "design.chord_points=5", "design.twist_points=6"]
+    case = load_case(CASES / "sine_limited_quadratic.yaml", [*SHORT, *changes])
+    first = run_case(case, tmp_path / "first", figures=False, records=False)
+    assert first.success, first.message
+    again = physics(
+        load_case(first.folder / "case.yaml", ["rotor.blade=blade.csv", "rotor.set_angle=0"])
+    )
+    np.testing.assert_allclose(again.blade.chord, first.summary["chord_m"], rtol=1e-13)
+    np.testing.assert_allclose(
+        np.rad2deg(again.blade.twist), first.summary["twist_deg"], rtol=0.0, atol=1e-12
+    )
