@@ -204,10 +204,10 @@ def _named_unit(name: str, spellings: dict[str, str]) -> str | None:
     bracket = re.search(r"[\[(]([^\[\]()]*)[\])]$", text)
     text = bracket[1] if bracket else text.rpartition(",")[2]
     words = re.split(r"[\s_.·]+", text.strip())
-    for first in range(len(words)):  # the longest ending that is a unit
-        unit = spellings.get("_".join(words[first:]))
-        if unit is not None:
-            return unit
+    for first in range(len(words)):  # the longest ending that is a unit: m_s, not s
+        ending = "_".join(words[first:])
+        if ending in _SPEEDS or ending in _TIMES:
+            return spellings.get(ending)
     return None
 
 
@@ -256,7 +256,6 @@ def _columns(
     messages: Sequence[str] = (),
 ) -> Columns:
     """Return columns in s and m/s of what a file holds: seconds where dated, else in its units."""
-    factor, told = _speed_factor(file, names[1], options)
     if dated and options.time_unit is not None:
         raise InputError(
             f"holds dates, and time_unit is {options.time_unit}",
@@ -268,6 +267,7 @@ def _columns(
         unit = _unit(file, names[0], options.time_unit, _TIMES, "time_unit")
         with np.errstate(over="ignore"):  # infinite times are refused later, with their place
             time = (time - time[:1]) * TIME_UNITS[unit]
+    factor, told = _speed_factor(file, names[1], options)
     return Columns(
         file,
         (names[0].place, names[1].place),
@@ -657,7 +657,8 @@ def _read_netcdf(path: Path, options: RecordOptions) -> Columns:
     else:
         raise InputError("is not NetCDF", "write the file anew, or as CSV", file=path)
     try:
-        dataset = xarray.open_dataset(path, engine=engine, decode_timedelta=False)
+        further = {"mmap": False} if engine == "scipy" else {}
+        dataset = xarray.open_dataset(path, engine=engine, decode_timedelta=False, **further)
     except Exception as error:  # whatever a broken file makes the library say
         raise _unreadable("NetCDF", error, path) from None
     with dataset:

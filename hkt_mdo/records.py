@@ -23,7 +23,7 @@ MIN_SAMPLES = 16
 FASTEST = 20.0
 """Speed, m/s, that no river reaches: it is in another unit, or a mark of missing samples."""
 
-SPIKE = 7.0
+SPIKE = 6.0
 """How far, in spreads of its surroundings, a spike stands off from their median."""
 
 UNEVEN = 0.05
@@ -194,25 +194,36 @@ def find_spikes(speed: np.ndarray) -> np.ndarray:
 
     A sample is one if it is farther from the median of the seven around it than `SPIKE` times
     their spread, and `SPIKE` times the usual difference of neighbours among the 51 around it; both
-    are 1.4826 times a median absolute deviation (Davies and Gather 1993; Pearson 2002). So up to
-    three bad samples in a row are found, and gusts, steps and crests of waves are spared, for there
-    the neighbours follow.
+    are 1.4826 times a median absolute deviation (Davies and Gather 1993; Pearson 2002). What is
+    left without the spikes is looked at again, until there are none. So two or three bad samples in
+    a row are found, too; gusts, steps and crests of waves are spared, for the neighbours follow.
 
     Parameters
     ----------
-    speed : array, shape (n,), n >= 7
+    speed : array, shape (n,), n >= 16
         Finite.
 
     Returns
     -------
     array of bool, shape (n,)
     """
+    spikes = np.zeros(speed.size, dtype=bool)
+    left = np.arange(speed.size)
+    while left.size >= MIN_SAMPLES:
+        found = _stand_off(np.clip(speed[left], -1e6, 1e6))  # absurd ones must not overflow
+        if not np.any(found):
+            break
+        spikes[left[found]] = True
+        left = left[~found]
+    return spikes
+
+
+def _stand_off(speed: np.ndarray) -> np.ndarray:
+    """Return which samples stand off from the seven around them."""
     from scipy.ndimage import median_filter, minimum_filter
 
-    speed = np.clip(speed, -1e6, 1e6)  # absurd ones are spikes, too, and must not overflow
     half = 3
     steps = np.abs(np.diff(speed, append=speed[-1]))
-    found = np.zeros(speed.size, dtype=bool)
     # where samples have few digits most steps are zero: the last digit itself is no spike, but a
     # hundredth of the speed may be
     digit = minimum_filter(np.where(steps > 0.0, steps, np.inf), 51)
@@ -221,6 +232,7 @@ def find_spikes(speed: np.ndarray) -> np.ndarray:
     # at the ends the first and the last seven
     centres = np.clip(np.arange(speed.size), half, speed.size - 1 - half)
     off = np.abs(speed - median_filter(speed, 2 * half + 1)[centres])
+    found = np.zeros(speed.size, dtype=bool)
     suspects = np.flatnonzero(off > SPIKE * usual)
     for block in np.array_split(suspects, suspects.size // 100_000 + 1):
         around = speed[centres[block, None] + np.arange(-half, half + 1)]
@@ -246,7 +258,10 @@ def _spikes(raw: Columns, options: RecordOptions, messages: list[str]) -> np.nda
         )
     if found.size:
         spikes[found] = True
-        messages.append(f"{_count(found.size, 'spike')} replaced, at t = {_times(raw.time[found])}")
+        messages.append(
+            f"{_count(found.size, 'spike')} replaced ({100.0 * np.mean(spikes):.2g} %), "
+            f"at t = {_times(raw.time[found])}"
+        )
     return spikes
 
 

@@ -1,0 +1,630 @@
+"""Measured records: filters against their formulas, readers against each other, flaws told."""
+
+import subprocess
+import sys
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+from broken.records import BROKEN, ROWS, SOUND, SPEEDS, TIMES, binary
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hkt_mdo import record_files, records
+from hkt_mdo.dynamics.inflow import GustInflow, StepInflow, TurbulentInflow
+from hkt_mdo.errors import InputError
+from hkt_mdo.records import find_spikes, low_pass, read_record, record_from
+
+STEP = 0.25
+TIME = STEP * np.arange(2400)
+NOISE = 0.02 * np.random.default_rng(5).standard_normal(TIME.size)
+SLOW = 1.5 + 0.2 * np.sin(0.25 * TIME)
+SPEED = SLOW + NOISE
+
+
+def csv(folder, time=TIME, speed=SPEED, header="time_s,speed_m_s", name="record.csv"):
+    """Write two columns of numbers or texts; NaN as an empty cell."""
+    rows = [
+        f"{t},{v if isinstance(v, str) else '' if np.isnan(v) else repr(float(v))}"
+        for t, v in zip(time, speed, strict=True)
+    ]
+    path = folder / name
+    path.write_text("\n".join([header, *rows, ""]), encoding="utf-8")
+    return path
+
+
+def told(record, *words):
+    """Return whether one of the messages has all words."""
+    return any(all(word in message for word in words) for message in record.messages)
+
+
+def refused(path, **options):
+    with pytest.raises(InputError) as caught:
+        read_record(path, **options)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    assert message.isprintable()
+    return message.removeprefix(f"{path}: ")
+
+
+# Low-pass -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("half_waves", [1, 20, 150, 300, 450, 1000, 2300])
+def test_low_pass_has_its_gain(half_waves):
+    count, cutoff = 2399, 0.25
+    frequency = half_waves / (2.0 * count * STEP)
+    wave = np.sin(np.pi * half_waves * np.arange(count + 1) / count)
+    gain = 1.0 / (1.0 + (frequency / cutoff) ** 8)
+    np.testing.assert_allclose(low_pass(wave, STEP, cutoff), gain * wave, atol=1e-12)
+
+
+def test_low_pass_leaves_a_slow_sine_and_removes_a_fast_one():
+    slow = 1.5 + 0.2 * np.sin(2.0 * np.pi * 0.02 * TIME + 0.7)
+    fast = 0.1 * np.sin(2.0 * np.pi * 1.2 * TIME + 0.3)
+    inner = slice(80, -80)  # twenty seconds from either end
+    np.testing.assert_allclose(low_pass(slow, STEP, 0.3)[inner], slow[inner], atol=2e-9)
+    np.testing.assert_allclose(low_pass(slow, STEP, 0.3), slow, atol=2e-4)
+    assert np.max(np.abs(low_pass(fast, STEP, 0.3)[inner])) < 0.1 * (0.3 / 1.2) ** 8 * 1.01
+    np.testing.assert_allclose(low_pass(slow + fast, STEP, 0.3)[inner], slow[inner], atol=2e-6)
+
+
+def test_low_pass_keeps_straight_lines_ends_and_symmetry():
+    line = 1.2 + 0.003 * TIME
+    np.testing.assert_allclose(low_pass(line, STEP, 0.1), line, rtol=1e-14)
+    smooth = low_pass(SPEED, STEP, 0.1)
+    assert (smooth[0], smooth[-1]) == (SPEED[0], SPEED[-1])
+    np.testing.assert_allclose(low_pass(SPEED[::-1], STEP, 0.1)[::-1], smooth, rtol=1e-12)
+
+
+def test_low_pass_is_butterworths_forwards_and_backwards():
+    from scipy.signal import butter, sosfiltfilt
+
+    # far below Nyquist's frequency, where the digital filter is the analogue one
+    smooth = sosfiltfilt(butter(4, 0.02, fs=1.0 / STEP, output="sos"), SPEED, padlen=2000)
+    np.testing.assert_allclose(low_pass(SPEED, STEP, 0.02)[400:-400], smooth[400:-400], atol=2e-5)
+
+
+# Spikes -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("length", [1, 2, 3])
+def test_planted_spikes_are_found(length):
+    speed = SPEED.copy()
+    planted = (np.arange(60, 2340, 120)[:, None] + np.arange(length)).ravel()
+    speed[planted] += np.where(np.arange(planted.size) // length % 2, 1.0, -1.0)
+    np.testing.assert_array_equal(np.flatnonzero(find_spikes(speed)), planted)
+
+
+@pytest.mark.parametrize("place", [0, 1, 2, -3, -2, -1])
+def test_spikes_at_the_ends_are_found(place):
+    speed = SPEED.copy()
+    speed[place] += 1.0
+    np.testing.assert_array_equal(np.flatnonzero(find_spikes(speed)), [place % speed.size])
+
+
+def test_spikes_in_still_water_are_found():
+    for height in (0.5, -1.5, 1e300):
+        speed = np.full(100, 1.5)
+        speed[50] += height
+        np.testing.assert_array_equal(np.flatnonzero(find_spikes(speed)), [50])
+
+
+@pytest.mark.parametrize("spectrum", ["von_karman", "kaimal"])
+@pytest.mark.parametrize("cutoff", [0.5, 4.0, 15.9])
+@pytest.mark.parametrize("digit", [1e-9, 1e-3, 1e-2])
+def test_clean_turbulence_has_no_spikes(spectrum, cutoff, digit):
+    inflow = TurbulentInflow(spectrum, 1.5, 0.2, 4.0, 3, 3200.0, cutoff)
+    speed = inflow.speed(np.arange(100_000) / 32.0)
+    for noise in (0.0, 0.03):
+        noisy = speed + noise * np.random.default_rng(1).standard_normal(speed.size)
+        assert not np.any(find_spikes(np.round(noisy / digit) * digit))
+
+
+def test_gusts_steps_and_crests_are_no_spikes():
+    flows = [
+        GustInflow(1.5, 0.8, 200.0, 3.0),
+        GustInflow(1.5, -0.8, 200.0, 3.0, "mexican_hat"),
+        StepInflow(1.0, 2.0, 300.0, 0.05),
+    ]
+    for speed in [*(flow.speed(TIME) for flow in flows), SLOW, np.abs(np.sin(TIME)), TIME]:
+        assert not np.any(find_spikes(speed))
+        assert not np.any(find_spikes(np.round(speed, 2)))
+
+
+# CSV ----------------------------------------------------------------------------------------------
+
+
+def test_a_record_is_its_samples_low_passed(tmp_path):
+    record = read_record(csv(tmp_path))
+    assert record.step == pytest.approx(STEP, rel=1e-12)
+    assert record.cutoff == pytest.approx(1.0, rel=1e-12)  # half of Nyquist's 2 Hz
+    np.testing.assert_allclose(record.time, TIME, atol=1e-9)
+    np.testing.assert_allclose(record.speed, low_pass(SPEED, STEP, 1.0), rtol=1e-12)
+    removed = 100.0 * (1.0 - np.var(record.speed) / np.var(SPEED))
+    assert len(record.messages) == 2
+    assert told(record, "record.csv: 2400 samples every 0.25 s, mean 1.5")
+    assert told(record, f"low-passed at 1 Hz, which removed {removed:.2g} % of the variance")
+
+
+def test_what_may_stand_in_a_csv_file(tmp_path):
+    path = tmp_path / "record.txt"
+    rows = [f'"{v:.4f}", calm ,{t * 1000.0:.0f}' for t, v in zip(TIME, SPEED, strict=True)]
+    text = "\r\n".join(
+        ["# source", "", 'v [m/s],"note, remark",t [ms]', *rows[:40], "", *rows[40:]]
+    )
+    path.write_bytes(b"\xef\xbb\xbf" + text.encode())
+    record = read_record(path, time_column="t [ms]", speed_column="v [m/s]")
+    np.testing.assert_allclose(record.speed, low_pass(np.round(SPEED, 4), STEP, 1.0), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("header", "options", "factor"),
+    [
+        ("time_s,speed_m_s", {}, 1.0),
+        ("t [s],v [m/s]", {}, 1.0),
+        ("t (s),Velocity (m s-1)", {}, 1.0),
+        ("t (s),Velocity (m·s^-1)", {}, 1.0),
+        ("seconds,speed_mps", {}, 1.0),
+        ("time,speed", {"time_unit": "s", "speed_unit": "m/s"}, 1.0),
+        ("time_s,speed_cm_s", {}, 0.01),
+        ("time_s,speed mm/s", {}, 0.001),
+        ('time_s,"Stream velocity, feet per second"', {}, 0.3048),
+        ("time_s,speed_knots", {}, 1852.0 / 3600.0),
+        ("time_s,speed", {"speed_unit": "km/h"}, 1.0 / 3.6),
+        ("time_s,speed", {"speed_unit": "mph"}, 0.44704),
+        ('time_s,"Discharge, cubic feet per second"', {"area": 40.0}, 0.3048**3 / 40.0),
+        ("time_s,Q [m³/s]", {"area": 40.0}, 1.0 / 40.0),
+        ("time_s,flow", {"speed_unit": "L/s", "area": 40.0}, 0.001 / 40.0),
+    ],
+)
+def test_units_are_converted_and_told(tmp_path, header, options, factor):
+    record = read_record(csv(tmp_path, speed=SPEED / factor, header=header), **options)
+    np.testing.assert_allclose(record.speed, low_pass(SPEED, STEP, 1.0), rtol=1e-9)
+    assert len(record.messages) == (2 if factor == 1.0 else 3)
+    if "area" in options:
+        assert told(record, "discharge in", "over the area of 40 m2")
+    elif factor != 1.0:
+        assert told(record, "speed converted from", f"to m/s, times {factor:.6g}")
+
+
+@pytest.mark.parametrize(
+    ("unit", "seconds"), [("ms", 1e-3), ("min", 60.0), ("h", 3600.0), ("days", 86400.0)]
+)
+def test_times_in_other_units(tmp_path, unit, seconds):
+    record = read_record(csv(tmp_path, time=(7.0 + TIME) / seconds, header=f"t_{unit},v_m_s"))
+    np.testing.assert_allclose(record.time, TIME, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "form", ["%Y-%m-%dT%H:%M:%S.%f", "%Y-%m-%d %H:%M:%S.%f+00:00", "%Y-%m-%dT%H:%M:%S.%fZ"]
+)
+def test_dates(tmp_path, form):
+    first = datetime(2024, 2, 28, 23, 58, tzinfo=UTC)  # over midnight, into a leap day
+    dates = [(first + timedelta(seconds=t)).strftime(form) for t in TIME.tolist()]
+    record = read_record(csv(tmp_path, time=dates, header="time,speed_m_s"))
+    np.testing.assert_allclose(record.time, TIME, atol=1e-9)
+    assert "leave time_unit out" in refused(
+        csv(tmp_path, time=dates, header="time,speed_m_s"), time_unit="s"
+    )
+
+
+def test_a_clock_that_was_changed_counts_on_if_zones_say_so(tmp_path):
+    dates = [
+        (datetime(2024, 10, 27, 2, 50) + timedelta(seconds=t, hours=-1 if t >= 300 else 0))
+        for t in TIME.tolist()
+    ]
+    zones = ["+02:00" if t < 300 else "+01:00" for t in TIME.tolist()]
+    told_apart = [f"{date.isoformat()}{zone}" for date, zone in zip(dates, zones, strict=True)]
+    record = read_record(csv(tmp_path, time=told_apart, header="time,speed_m_s"))
+    np.testing.assert_allclose(record.time, TIME, atol=1e-9)
+    path = csv(tmp_path, time=[date.isoformat() for date in dates], header="time,speed_m_s")
+    assert "if the clock was changed, give dates with their zone" in refused(path)
+
+
+# Columns, units and parts that do not fit ---------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"speed_column": "u"}, "speed_column = 'u': is no column; there are time_s, speed_m_s"),
+        ({"speed_column": "speed"}, "did you mean speed_m_s?"),
+        ({"speed_column": "time_s"}, "= 'time_s': is the time"),
+        ({"time_column": "speed_m_s"}, "column speed_m_s: has no unit that is known (s, ms"),
+        ({"speed_unit": "ft/s"}, "column speed_m_s: is in m/s by its own name or attributes, and"),
+        ({"time_unit": "h"}, "column time_s: is in s by its own name"),
+        ({"area": 40.0}, "column speed_m_s: is a speed in m/s, and area is given for a discharge"),
+        ({"start": 601.0}, "start = 601.0: asks for 601 s, and the record ends 599.75 s after"),
+        ({"start": 500.0, "duration": 100.0}, "duration = 100.0: asks for 600 s"),
+        ({"start": 599.0}, "start = 599.0: leaves 4 samples of the record; take a longer part"),
+        ({"duration": 1.0}, "duration = 1.0: leaves 5 samples"),
+        ({"cutoff": 2.0}, "cutoff = 2.0: must lie between 0.001667 Hz, one wave in the record"),
+        ({"cutoff": 1e-3}, "and 2 Hz, half the sampling rate; give another cutoff"),
+    ],
+)
+def test_options_that_do_not_fit_the_file(tmp_path, options, message):
+    assert message in refused(csv(tmp_path), **options)
+
+
+@pytest.mark.parametrize(
+    "options", [{"gaps": "ignore"}, {"spikes": "no"}, {"uneven": ""}, {"speed_unit": "fps"}]
+)
+def test_words_that_are_no_option(tmp_path, options):
+    (key,) = options
+    with pytest.raises(InputError, match=f"{key} = .*: unknown; give one of"):
+        read_record(csv(tmp_path), **options)
+
+
+def test_a_part_is_taken(tmp_path):
+    record = read_record(csv(tmp_path, time=1000.0 + TIME), start=100.0, duration=60.0)
+    part = slice(400, 641)
+    np.testing.assert_allclose(record.time, TIME[:241], atol=1e-9)
+    np.testing.assert_allclose(record.speed, low_pass(SPEED[part], STEP, 1.0), rtol=1e-12)
+    assert told(record, "taken from 100 s to 160 s of the record")
+    whole = read_record(csv(tmp_path), duration=599.75)
+    assert whole.time.size == TIME.size
+
+
+def test_flaws_outside_the_part_do_not_matter(tmp_path):
+    speed = SPEED.copy()
+    speed[100], speed[2000] = np.nan, 9.0
+    record = read_record(csv(tmp_path, speed=speed), start=100.0, duration=60.0)
+    assert record.time.size == 241
+
+
+# Gaps, spikes, uneven samples ---------------------------------------------------------------------
+
+
+def test_gaps_are_interpolated_where_allowed(tmp_path):
+    cells, rows = SLOW.copy(), np.ones(TIME.size, dtype=bool)
+    cells[[100, 300, 301, 302]] = np.nan
+    rows[[500, 501]] = False
+    path = csv(tmp_path, TIME[rows], cells[rows])
+    assert "is missing, as are 3 more; give gaps: interpolate" in refused(path)
+    record = read_record(path, gaps="interpolate")
+    np.testing.assert_allclose(record.time, TIME, atol=1e-9)
+    np.testing.assert_allclose(record.speed, low_pass(SLOW, STEP, 1.0), atol=1e-3)
+    # 6 of 2400
+    assert told(record, "3 gaps interpolated, 6 samples (0.25 %), the longest 0.75 s, at t = 25,")
+    rows[[502, 503]] = False
+    path = csv(tmp_path, TIME[rows], cells[rows])
+    message = refused(path, gaps="interpolate")
+    assert "ends a gap of 1 s, and no more than 0.75 s may be interpolated" in message
+    assert "give a longest_gap of up to an hour" in message
+    longer = read_record(path, gaps="interpolate", longest_gap=1.0)
+    np.testing.assert_allclose(longer.speed, low_pass(SLOW, STEP, 1.0), atol=2e-3)
+
+
+def test_gaps_at_the_ends_are_left_to_start_and_duration(tmp_path):
+    cells = SPEED.copy()
+    cells[[0, -1]] = np.nan
+    path = csv(tmp_path, speed=cells)
+    assert "line 2, column speed_m_s: is missing at an end" in refused(path, gaps="interpolate")
+    record = read_record(path, gaps="interpolate", start=STEP, duration=599.25)
+    assert record.time.size == TIME.size - 2
+    assert "leave it out by duration" in refused(path, gaps="interpolate", start=STEP)
+
+
+def test_spikes_are_replaced_or_kept(tmp_path):
+    speed = SLOW + 0.1 * NOISE
+    speed[[400, 900, 901]] = 0.2, 4.0, 4.1
+    speed[0] = 3.0
+    path = csv(tmp_path, speed=speed)
+    message = refused(path)
+    assert message.startswith("line 2, column speed_m_s = '3 m/s': stands off from its neighbours")
+    assert "and 3 more do; give spikes: replace" in message
+    record = read_record(path, spikes="replace")
+    assert told(record, "4 spikes replaced (0.17 %), at t = 0, 100, 225, 225.25 s")
+    np.testing.assert_allclose(record.speed, SLOW, atol=0.02)
+    kept = read_record(path, spikes="keep")
+    assert np.max(kept.speed) > 3.0
+
+
+def test_uneven_samples_are_resampled_where_allowed(tmp_path):
+    time = TIME + 0.3 * STEP * np.sin(np.arange(TIME.size))
+    slow = 1.5 + 0.2 * np.sin(0.25 * time)
+    path = csv(tmp_path, time, slow)
+    assert "give uneven: resample to interpolate at even times" in refused(path)
+    record = read_record(path, uneven="resample")
+    assert told(record, f"resampled every {np.median(np.diff(time)):.6g} s")
+    expected = 1.5 + 0.2 * np.sin(0.25 * (record.time + time[0]))
+    np.testing.assert_allclose(record.speed, expected, atol=2e-4)
+    hole = np.delete(np.arange(TIME.size), slice(800, 820))
+    path = csv(tmp_path, time[hole], slow[hole])
+    assert "ends a gap of " in refused(path, uneven="resample")
+
+
+def test_rounded_and_drifting_times_are_even(tmp_path):
+    # 30 Hz in hundredths of a second is a sixth of a step off: too much; in thousandths it is not
+    time = np.arange(3000) / 30.0
+    speed = 1.5 + 0.2 * np.sin(0.25 * time)
+    assert "off an even spacing of 0.03333" in refused(csv(tmp_path, np.round(time, 2), speed))
+    record = read_record(csv(tmp_path, np.round(time, 3), speed))
+    assert record.step == pytest.approx(1.0 / 30.0, rel=1e-5)
+    assert told(record, "times taken as even", "% of a step off")
+    gap = np.delete(np.arange(3000), [1000, 1001])
+    whole = read_record(csv(tmp_path, np.round(time, 3)[gap], speed[gap]), gaps="interpolate")
+    assert (whole.time.size, whole.step) == (3000, record.step)
+    assert told(whole, "1 gap interpolated, 2 samples")
+
+
+def test_constant_flow_is_a_record(tmp_path):
+    record = read_record(csv(tmp_path, speed=np.full(TIME.size, 1.4)))
+    np.testing.assert_allclose(record.speed, 1.4, rtol=1e-14)
+    assert told(record, "removed 0 % of the variance")
+
+
+# Other files, and data in memory ------------------------------------------------------------------
+
+
+def usgs():
+    """Return data as `mhkit.river.io.usgs.request_usgs_data` does: columns by their description."""
+    pd = pytest.importorskip("pandas")
+    index = pd.date_range("2019-01-01T07:00:00", periods=TIME.size, freq="15min", name="dateTime")
+    return pd.DataFrame(
+        {
+            "Discharge, cubic feet per second": SPEED * 60.0 / 0.3048**3,
+            "Mean water velocity for discharge computation, feet per second": SPEED / 0.3048,
+        },
+        index=index,
+    )
+
+
+USGS = [
+    {"speed_column": "Discharge, cubic feet per second", "area": 60.0},
+    {"speed_column": "Mean water velocity for discharge computation, feet per second"},
+]
+SMOOTH = low_pass(SPEED, STEP, 1.0)
+
+
+@pytest.mark.parametrize("options", USGS)
+@pytest.mark.parametrize("form", ["frame", "zone", "column", "dataset", "csv", "parquet"])
+def test_usgs_data(tmp_path, form, options):
+    data = usgs()
+    match form:
+        case "zone":
+            data = data.tz_localize("UTC").tz_convert("America/Denver")
+        case "column":
+            data = data.reset_index()
+        case "dataset":
+            pytest.importorskip("xarray")
+            data = data.to_xarray()
+        case "csv":
+            data.to_csv(tmp_path / "usgs.csv")
+            data = tmp_path / "usgs.csv"
+        case "parquet":
+            pytest.importorskip("pyarrow")
+            data.to_parquet(tmp_path / "usgs.parquet")
+            data = tmp_path / "usgs.parquet"
+    read = read_record if form in ("csv", "parquet") else record_from
+    record = read(data, **options)
+    assert record.step == 900.0
+    np.testing.assert_allclose(record.speed, SMOOTH, rtol=1e-9)
+
+
+def test_a_series_is_a_record():
+    data = usgs()
+    record = record_from(data[USGS[1]["speed_column"]])
+    np.testing.assert_allclose(record.speed, SMOOTH, rtol=1e-9)
+    with pytest.raises(InputError, match="give speed_column: of dateTime, Discharge, cubic feet"):
+        record_from(data)
+
+
+def adcp():
+    """Return data as `mhkit.dolfyn.read` does: velocity over direction, range and time."""
+    xr = pytest.importorskip("xarray")
+    shear = np.array([0.8, 0.9, 1.0, 1.1, 1.2])[:, None]
+    east, north = 0.6 * shear * SPEED, -0.8 * shear * SPEED
+    return xr.Dataset(
+        {
+            "vel": (("dir", "range", "time"), [east, north, 0 * east], {"units": "m s-1"}),
+            "U_mag": (("range", "time"), shear * SPEED, {"units": "m s-1"}),
+            "pressure": ("time", SPEED, {"units": "dbar"}),
+            "c_sound": ("time", 1500.0 + SPEED, {"units": "m s-1"}),
+        },
+        {
+            "time": np.datetime64("2020-08-15T00:20:00.5", "ns")
+            + (TIME * 1e9).astype("timedelta64[ns]"),
+            "range": ("range", [1.0, 2.0, 3.0, 4.0, 5.0], {"units": "m"}),
+            "dir": ("dir", ["E", "N", "U"]),
+        },
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "factor", "message"),
+    [
+        ({"speed_column": "vel", "bins": (2.5, 3.5)}, 1.0, "vel: horizontal speed of E and N"),
+        ({"speed_column": "vel", "bins": (3.5, 9.0)}, 1.15, "average of 2 bins from 4 to 5 m"),
+        ({"speed_column": "vel", "bins": (1.0, 5.0), "component": "E"}, 0.6, "vel: component E"),
+        ({"speed_column": "U_mag", "bins": (1.0, 2.0)}, 0.85, "average of 2 bins from 1 to 2 m"),
+    ],
+)
+@pytest.mark.parametrize("form", ["dataset", "array", "NETCDF4", "NETCDF3_64BIT"])
+def test_profiles(tmp_path, form, options, factor, message):
+    data = adcp()
+    if form.startswith("NETCDF"):
+        pytest.importorskip("netCDF4")
+        data.to_netcdf(tmp_path / "adcp.nc", format=form)
+        record = read_record(tmp_path / "adcp.nc", **options)
+    else:
+        data = data if form == "dataset" else data[options["speed_column"]]
+        record = record_from(data, **options)
+    np.testing.assert_allclose(record.speed, factor * SMOOTH, rtol=1e-9)
+    np.testing.assert_allclose(record.time, TIME, atol=1e-6)
+    assert told(record, message)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, "give speed_column: of time, vel, U_mag, c_sound, pressure"),
+        ({"speed_column": "U_mag"}, "has depth bins along range; give bins: [lower, upper]; there"),
+        ({"speed_column": "U_mag", "bins": (8.0, 9.0)}, "bins = [8.0, 9.0]: has no bin; widen it"),
+        ({"speed_column": "vel", "bins": (1, 2), "component": "W"}, "there are E, N, U"),
+        ({"speed_column": "vel", "bins": (1, 2), "component": "N"}, "mend the sign"),
+        ({"speed_column": "pressure"}, "column pressure: has no unit that is known"),
+        ({"speed_column": "c_sound"}, "is faster than any river"),
+        ({"speed_column": "c_sound", "bins": (1, 2)}, "are given for a record without depth bins"),
+        ({"speed_column": "c_sound", "component": "E"}, "for a record without components"),
+        ({"speed_column": "vel", "time_column": "range"}, "has no distances along time"),
+        ({"speed_column": "vel", "time_column": "times"}, "did you mean time?"),
+    ],
+)
+def test_profiles_that_are_not_plain(options, message):
+    with pytest.raises(InputError) as caught:
+        record_from(adcp(), **options)
+    assert message in str(caught.value)
+
+
+def test_a_nan_in_one_bin_is_a_gap():
+    data = adcp()
+    data["U_mag"][1, 40] = np.nan
+    with pytest.raises(InputError, match="row 41, column U_mag: is missing"):
+        record_from(data, speed_column="U_mag", bins=(1.0, 5.0))
+    record_from(data, speed_column="U_mag", bins=(3.0, 5.0))
+
+
+def test_times_of_a_netcdf_file_may_be_numbers(tmp_path):
+    pytest.importorskip("netCDF4")
+    data = adcp()[["pressure"]].assign_coords(time=("time", TIME / 60.0, {"units": "minutes"}))
+    data.to_netcdf(tmp_path / "a.nc")
+    record = read_record(tmp_path / "a.nc", speed_unit="m/s")
+    np.testing.assert_allclose(record.time, TIME, atol=1e-9)
+    np.testing.assert_allclose(record.speed, SMOOTH, rtol=1e-12)
+
+
+def test_other_objects_are_refused():
+    with pytest.raises(InputError, match="'list': is no record; give a pandas DataFrame"):
+        record_from([1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("name", "package"), [("a.nc", "xarray"), ("a.parquet", "pyarrow"), ("a.parquet", "pandas")]
+)
+def test_missing_packages_are_told(tmp_path, monkeypatch, name, package):
+    pytest.importorskip("pyarrow.parquet" if package == "pandas" else package)
+    (tmp_path / name).write_bytes(b"CDF")
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet" if package == "pyarrow" else package, None)
+    message = refused(tmp_path / name)
+    assert f"needs the package {package}, which is not installed" in message
+    assert "pip install 'hkt_mdo[records]', or save the record as CSV" in message
+
+
+def test_csv_needs_no_package_of_the_extra(tmp_path):
+    program = (
+        "import sys\nsys.modules.update(pandas=None, xarray=None, pyarrow=None, netCDF4=None)\n"
+        "from hkt_mdo.records import read_record\n"
+        "heavy = {'scipy', 'openmdao'} & set(sys.modules)\n"
+        f"print(read_record({str(csv(tmp_path))!r}).time.size, *heavy)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == [str(TIME.size)]
+
+
+# What is refused ----------------------------------------------------------------------------------
+
+
+def test_the_sound_file_is_read(tmp_path):
+    name, content = SOUND
+    (tmp_path / name).write_bytes(content)
+    record = read_record(tmp_path / name)
+    assert len(record.messages) == 2
+    np.testing.assert_allclose(record.time, TIMES, atol=1e-9)
+    assert len(BROKEN) >= 40
+    assert len(ROWS) == len(SPEEDS) == record.time.size
+
+
+def check_refusal(folder, flaw):
+    name, content, message = flaw
+    path = folder / name
+    path.write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        read_record(path)
+    error = caught.value
+    assert str(error).startswith(f"{path}: ")
+    assert message in str(error)
+    assert str(error).isprintable()
+    assert len(str(error)) < len(str(path)) + 500
+    assert error.file == str(path)
+    assert error.remedy
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("flaw", BROKEN)
+def test_broken_csv_is_refused_with_file_place_and_remedy(flaw, tmp_path):
+    if "Parquet" in BROKEN[flaw][2]:
+        pytest.importorskip("pyarrow")
+    if "NetCDF" in BROKEN[flaw][2]:
+        pytest.importorskip("xarray")
+    check_refusal(tmp_path, BROKEN[flaw])
+
+
+def test_broken_netcdf_and_parquet_are_refused_with_file_place_and_remedy(tmp_path):
+    for package in ("xarray", "netCDF4", "pyarrow"):
+        pytest.importorskip(package)
+    flaws = binary()
+    assert len(flaws) >= 20
+    for flaw in flaws.values():
+        check_refusal(tmp_path, flaw)
+
+
+def test_limits(tmp_path, monkeypatch):
+    path = csv(tmp_path)
+    monkeypatch.setattr(record_files, "MAX_BYTES", 1024)
+    assert "is larger than 0.000976562 MiB" in refused(path)
+    monkeypatch.undo()
+    monkeypatch.setattr(record_files, "MAX_ROWS", 1000)
+    assert "has more than 1,000 samples; give a part of it" in refused(path)
+    monkeypatch.undo()
+    monkeypatch.setattr(records, "MAX_ROWS", 2402)
+    gap = csv(tmp_path, np.where(TIME > 300.0, TIME + 1.0, TIME))
+    told_gap = refused(gap, gaps="interpolate", longest_gap=2.0)
+    assert "has 2,404 even samples, and 2,402 are taken" in told_gap
+    with pytest.raises(InputError, match="does not exist; give the path of a record"):
+        read_record(tmp_path / "none.csv")
+
+
+def test_gaps_cost_no_memory_before_they_are_refused(tmp_path):
+    time = np.append(TIME, 1e15)
+    message = refused(csv(tmp_path, time, np.append(SPEED, 1.5)), gaps="interpolate")
+    assert "line 2402" in message
+
+
+CELLS = st.sampled_from(
+    ["1.5", "0", "-1", "", "nan", "1e5", "1e308", "-1e308", "x", '"', "2024-01-01", "1,2", "#", "٣"]
+)
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(0, 40), st.sampled_from([0, 1]), CELLS), max_size=6),
+    st.sampled_from(["refuse", "interpolate"]),
+    st.sampled_from(["refuse", "replace", "keep"]),
+    st.sampled_from(["refuse", "resample"]),
+)
+def test_any_table_is_a_record_or_an_input_error(tmp_path_factory, changes, gaps, spikes, uneven):
+    rows = [row.split(",") for row in ROWS[:40]]
+    for row, column, cell in changes:
+        if row < len(rows):
+            rows[row][column] = cell
+    path = tmp_path_factory.getbasetemp() / "any.csv"
+    path.write_text("time_s,speed_m_s\n" + "\n".join(map(",".join, rows)), encoding="utf-8")
+    try:
+        record = read_record(path, gaps=gaps, spikes=spikes, uneven=uneven)
+    except InputError:
+        return
+    assert np.all(record.speed > 0.0)
+    assert np.all(np.isfinite(record.speed))
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.binary(max_size=200) | st.text(max_size=100).map(str.encode))
+def test_any_bytes_are_an_input_error(tmp_path_factory, content):
+    path = tmp_path_factory.getbasetemp() / "any.csv"
+    path.write_bytes(content)
+    with pytest.raises(InputError):
+        read_record(path)
