@@ -660,3 +660,163 @@ def test_unknown_shipped_names_are_told_with_those_there_are(tmp_path):
         read_table(tmp_path / "none.csv", ("x",), "blade")
     with pytest.raises(InputError, match="no such kind"):
         data_path("bahaj2007", "balde")
+
+
+# Flows of one's own -------------------------------------------------------------------------------
+
+TIDE = "{profile: tide, mean: 2, constituents: [{name: M2, amplitude: 0.5, phase: 30 deg}]}"
+FLOWS = {
+    "record": "{profile: record, file: river.csv, longest_gap: 2 min, bins: [1, 250 cm]}",
+    "turbulence": "{profile: turbulence, intensity: 0.15, cutoff: 0.5, seed: 7}",
+    "tide": TIDE,
+    "gust": "{profile: gust, shape: mexican_hat, amplitude: -20 cm/s, width: 1 min}",
+    "sum": f"{{profile: sum, parts: [{TIDE}, {{profile: turbulence}}, {{profile: gust}}]}}",
+}
+LINEAR = "\ncontrol: {law: linear}"
+
+
+@pytest.fixture
+def river(tmp_path):
+    write(tmp_path, "time_s,speed_m_s\n0,1\n", "river.csv")
+    return tmp_path
+
+
+@pytest.mark.parametrize("profile", FLOWS)
+def test_every_flow_comes_back_from_its_own_yaml(profile, river):
+    case = read_case(f"inflow: {FLOWS[profile]}{LINEAR}", folder=river)
+    assert case.inflow.profile == profile
+    assert read_case(case.to_yaml()) == case
+    assert hash(case) == hash(read_case(case.to_yaml()))
+
+
+def test_record_path_counts_from_the_folder_of_the_case(river):
+    path = write(river, f"inflow: {FLOWS['record']}{LINEAR}")
+    case = load_case(path)
+    assert case.inflow.file == str((river / "river.csv").resolve())
+    assert (case.inflow.longest_gap, case.inflow.bins) == (120.0, (1.0, 2.5))
+    (river / "river.csv").unlink()
+    with pytest.raises(InputError, match=r"inflow\.file = 'river\.csv': is not a file; give the"):
+        load_case(path)
+    assert load_case(path, check_files=False) == case
+
+
+def test_units_reach_into_lists():
+    case = read_case(f"inflow: {FLOWS['sum']}{LINEAR}")
+    tide, turbulence, _ = case.inflow.parts
+    assert tide.constituents[0].phase == pytest.approx(np.pi / 6.0)
+    assert turbulence.highest_frequency == pytest.approx(2.0 * 1.5 / 5.0)
+
+
+@pytest.mark.parametrize(
+    ("flow", "key", "message"),
+    [
+        ("{profile: record}", "inflow.file", "is missing; give it: Path of the record"),
+        ("{profile: record, file: a.csv}", "inflow.file", "counts from the case's folder"),
+        ("{profile: record, file: river.csv, gaps: fill}", "inflow.gaps", "refuse, interpolate"),
+        (
+            "{profile: record, file: river.csv, speed_unit: ft/sec}",
+            "inflow.speed_unit",
+            "did you mean ft/s? give one of m/s, cm/s",
+        ),
+        (
+            "{profile: record, file: river.csv, longest_gap: 3 h}",
+            "inflow.longest_gap",
+            "must be at most 3600 s",
+        ),
+        (
+            "{profile: record, file: river.csv, bins: [3, 2]}",
+            "inflow.bins",
+            "write [lower, upper]",
+        ),
+        (
+            "{profile: turbulence, duration: 20}",
+            "inflow.duration",
+            "give at least 10 length_scale/mean = 33.3333 s",
+        ),
+        ("{profile: turbulence, cutoff: 1 MHz}", "inflow.cutoff", "between 4 and 1000000"),
+        ("{profile: turbulence, cutoff: 0.05}", "inflow.cutoff", "makes 3 waves"),
+        ("{profile: turbulence, seed: -1}", "inflow.seed", "at least 0"),
+        ("{profile: turbulence, spectrum: karman}", "inflow.spectrum", "did you mean von_karman?"),
+        ("{profile: tide}", "inflow.constituents", "is missing"),
+        ("{profile: tide, constituents: []}", "inflow.constituents", "at least 1 values"),
+        (
+            "{profile: tide, constituents: [{name: M2, amplitude: 1}, {name: M3, amplitude: 1}]}",
+            "inflow.constituents[1].name",
+            "give one of M2, S2",
+        ),
+        (
+            "{profile: tide, constituents: [{name: M2, period: 1, amplitude: 1}]}",
+            "inflow.constituents[0]",
+            "has both a name and a period",
+        ),
+        (
+            "{profile: tide, constituents: [{amplitude: 1}]}",
+            "inflow.constituents[0]",
+            "has neither name nor period",
+        ),
+        ("{profile: tide, constituents: [M2]}", "inflow.constituents[0]", "must be a section"),
+        ("{profile: gust, shape: hat}", "inflow.shape", "one_minus_cosine, mexican_hat"),
+        ("{profile: sum, parts: [{profile: sine}]}", "inflow.parts", "at least 2 values"),
+        (
+            "{profile: sum, parts: [{profile: sine}, {profile: turbulence, mean: -1}]}",
+            "inflow.parts[1].mean",
+            "must be greater than 0 m/s; give the mean inflow speed V as a number in m/s",
+        ),
+        (
+            "{profile: sum, parts: [{profile: sine}, {profile: turbulence, men: 1}]}",
+            "inflow.parts[1].men",
+            "did you mean mean?",
+        ),
+        (
+            "{profile: sum, parts: [{profile: sine, amplitude: 3}, {profile: gust}]}",
+            "inflow.parts[0].amplitude",
+            "lets the flow reach zero",
+        ),
+        (
+            "{profile: sum, parts: [{profile: sine}, {profile: sum, parts: []}]}",
+            "inflow.parts[1].profile",
+            "give one of constant, step, sine, record, turbulence, tide, gust",
+        ),
+        (
+            "{profile: sum, parts: [{profile: sine}, {mean: 1}]}",
+            "inflow.parts[1].profile",
+            "is missing; give one of",
+        ),
+        (
+            f"{{profile: sum, parts: [{TIDE.replace('30 deg', '30 m')}, {{profile: gust}}]}}",
+            "inflow.parts[0].constituents[0].phase",
+            "which does not convert to rad",
+        ),
+        ("{profile: tides}", "inflow.profile", "did you mean tide?"),
+    ],
+)
+def test_bad_flows_are_told_with_key_and_remedy(flow, key, message, river):
+    path = write(river, f"inflow: {flow}{LINEAR}")
+    with pytest.raises(InputError) as caught:
+        load_case(path)
+    text = str(caught.value)
+    assert text.startswith(f"{path}: {key}")
+    assert caught.value.key == key
+    assert message in text
+    assert "more)" not in text
+    assert text.isprintable()
+
+
+@MANY
+@given(
+    st.sampled_from([*FLOWS, "sine"]),
+    st.dictionaries(
+        st.sampled_from(["parts", "constituents", "mean", "file", "bins", "cutoff", "name"]),
+        TREES
+        | st.lists(
+            st.fixed_dictionaries(
+                {"profile": st.sampled_from(list(FLOWS))}, optional={"mean": TREES}
+            ),
+            max_size=3,
+        ),
+        max_size=4,
+    ),
+)
+def test_any_flow_gives_a_case_or_an_input_error(profile, keys):
+    data = {"inflow": {"profile": profile, **keys}, "control": {"law": "linear"}}
+    read_or_refuse(yaml.safe_dump(data, allow_unicode=True))
