@@ -568,17 +568,25 @@ def verify(
 
 
 @app.command(
-    short_help="Print the JSON schema of a case file.",
+    short_help="Print every key of a case file.",
     help="Print the JSON schema of a case file: every key with its meaning, default, unit and "
-    "range. An editor that is given it checks and completes cases.",
+    "range. An editor that is given it checks and completes cases (see docs/cases.md).",
 )
-def schema() -> None:
-    """Print the JSON schema."""
+def schema(
+    markdown: Annotated[
+        bool,
+        typer.Option("--markdown", help="Print a page to read in place of the JSON schema."),
+    ] = False,
+) -> None:
+    """Print the schema."""
     import json
 
-    from hkt_mdo.case import case_json_schema
+    from hkt_mdo.case import case_json_schema, case_markdown
 
-    typer.echo(json.dumps(case_json_schema(), indent=2))
+    if markdown:
+        typer.echo(case_markdown(), nl=False)
+    else:
+        typer.echo(json.dumps(case_json_schema(), indent=2))
 
 
 @app.command(

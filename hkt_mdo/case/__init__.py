@@ -15,6 +15,7 @@ from hkt_mdo.case.control import (
     OpenLoop,
     QuadraticFeedback,
 )
+from hkt_mdo.case.document import case_json_schema, case_markdown, commented_case
 from hkt_mdo.case.inflow import (
     ConstantInflow,
     GustInflow,
@@ -28,7 +29,7 @@ from hkt_mdo.case.inflow import (
     TurbulentInflow,
 )
 from hkt_mdo.case.optimization import Design, Driver, Hydrodynamics, Phase, Start
-from hkt_mdo.case.schema import Case, case_json_schema, load_case, read_case
+from hkt_mdo.case.schema import Case, load_case, read_case
 from hkt_mdo.case.turbine import Fluid, Rotor
 
 __all__ = [
@@ -58,6 +59,8 @@ __all__ = [
     "TidalInflow",
     "TurbulentInflow",
     "case_json_schema",
+    "case_markdown",
+    "commented_case",
     "load_case",
     "read_case",
 ]

@@ -88,8 +88,8 @@ class Phase(Section):
     transcription: Literal["gauss-lobatto", "radau"] = "gauss-lobatto"
     """Collocation method."""
 
-    order: Annotated[int, Strict(), Field(ge=3, le=9)] = 3
-    """Order of the polynomials of a segment: 3, 5, 7 or 9."""
+    order: Annotated[int, Strict(), Field(ge=3, le=9, json_schema_extra={"enum": [3, 5, 7, 9]})] = 3
+    """Order of the polynomials of a segment."""
 
     initial_speed: Literal["auto", "free", "equilibrium"] = "auto"
     """Rotor speed at t = 0: `free` for the optimizer to choose, or in `equilibrium` (hydrodynamic
@@ -129,6 +129,7 @@ class Hydrodynamics(Section):
     """Blade element momentum solver of the independent simulation."""
 
 
+_OPTIMIZERS = "IPOPT", "SLSQP", "SNOPT"
 _PROVIDES = {"casadi": "IPOPT", "scipy": "SLSQP"}
 
 
@@ -138,7 +139,11 @@ class Driver(Section):
     package: Literal["auto", "pyoptsparse", "casadi", "scipy"] = "auto"
     """Package that provides the optimizer; `auto` takes the first that is installed and has it."""
 
-    optimizer: Annotated[Literal["IPOPT", "SLSQP", "SNOPT"], BeforeValidator(upper)] = "IPOPT"
+    optimizer: Annotated[
+        Literal["IPOPT", "SLSQP", "SNOPT"],
+        BeforeValidator(upper),
+        Field(json_schema_extra={"enum": [*_OPTIMIZERS, *map(str.lower, _OPTIMIZERS)]}),
+    ] = "IPOPT"
     """Optimizer, in capitals or not."""
 
     tolerance: Annotated[float, Quantity(ge=1e-12, le=1e-2)] = 1e-7

@@ -140,17 +140,6 @@ def _outside(
     )
 
 
-def case_json_schema() -> dict[str, Any]:
-    """Return the JSON schema of a case file.
-
-    Returns
-    -------
-    dict
-        Descriptions are the attribute docstrings; a physical quantity has its ``unit``.
-    """
-    return Case.model_json_schema()
-
-
 # Reading ------------------------------------------------------------------------------------------
 
 
