@@ -178,7 +178,7 @@ def _run(case, world, out, start, log, figures, records) -> Solution:
             log.save(start)
             result = _optimize(case, world, start, out, log, records)
             flown = fly(case, world, result)
-            optimum = _bounding_optimum(world, result.point.blade, flown.inflow_speed)
+            optimum = _bounding_optimum(world, optimum, result.point.blade, flown.inflow_speed)
             checks = judge(case, world, optimum, log.reference, result, flown)
             finished = _summarize(case, world, optimum, start, result, flown, checks)
             if not (finished["success"] or start.operation.running):
@@ -331,16 +331,22 @@ def write_n2(case: Case, path: Path) -> None:
             ) from error
 
 
-def _bounding_optimum(world: Physics, blade: Blade, flow_speed: np.ndarray) -> SteadyOptimum:
-    """Return the steady optimum that bounds a case's energy at the radius of a blade.
+def _bounding_optimum(
+    world: Physics, optimum: SteadyOptimum, blade: Blade, flow_speed: np.ndarray
+) -> SteadyOptimum:
+    """Return the steady optimum that bounds a case's energy, which may have found another radius.
 
     Where polars follow the Reynolds number: the best of the slowest, usual and fastest flow.
     """
-    polars = [world.polar]
+    polars = []
+    if blade.rotor_radius != optimum.blade.rotor_radius:
+        polars.append(world.polar)
     if isinstance(world.polar, bem.LocalReynolds):
         polars += [world.polar.at_speed(speed) for speed in (flow_speed.min(), flow_speed.max())]
     found = [_steady_optimum(replace(world, polar=polar), blade) for polar in polars]
-    return max(found, key=lambda optimum: optimum.power_coefficient)
+    if blade.rotor_radius == optimum.blade.rotor_radius:
+        found.append(optimum)
+    return max(found, key=lambda each: each.power_coefficient)
 
 
 def _steady_optimum(world: Physics, blade: Blade) -> SteadyOptimum:

@@ -71,7 +71,8 @@ class Rotor(Section):
 
     station_count: Annotated[int, Strict(), Field(ge=3, le=200)] | None = None
     """In place of `stations`: that many, closer together towards hub and tip (equal steps of the
-    angle whose cosine is the radius), where the load changes fastest."""
+    angle whose cosine is the radius), where the load changes fastest. Null: 40 where chord or twist
+    are splines and no stations are given."""
 
     blade: str = "bahaj2007"
     """Blade at the start: a shipped name, or the path of a CSV file (columns such as `r_m, chord_m,

@@ -1,0 +1,112 @@
+"""What of a blade is designed: splines, scaling, set angle, and the component's partials."""
+
+import numpy as np
+import openmdao.api as om
+import pytest
+from openmdao.utils.assert_utils import assert_check_partials
+
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.shape import Shape, ShapeComp, spline_basis
+
+CHORDS, TWISTS = (0.01, 1.0), (-0.5, 0.5)
+
+
+@pytest.mark.parametrize("points", [2, 3, 4, 7, 12])
+def test_spline_basis_is_a_partition_of_unity_and_reproduces_straight_lines(points):
+    """A clamped B-spline is a straight line where its control points are one over their places."""
+    position = np.linspace(0.2, 1.4, 57)
+    basis = spline_basis(points, position, 0.2, 1.4)
+    assert np.all(basis >= 0.0)
+    np.testing.assert_allclose(basis.sum(axis=1), 1.0, rtol=1e-14)
+    degree = min(3, points - 1)
+    knots = np.concatenate(
+        ([0.2] * degree, np.linspace(0.2, 1.4, points - degree + 1), [1.4] * degree)
+    )
+    greville = np.array([knots[i + 1 : i + degree + 1].mean() for i in range(points)])
+    np.testing.assert_allclose(basis @ greville, position, rtol=1e-13)
+
+
+def test_ends_of_the_spline_are_its_first_and_last_control_points():
+    basis = spline_basis(6, np.array([0.2, 1.4]), 0.2, 1.4)
+    np.testing.assert_allclose(basis, np.eye(6)[[0, -1]], rtol=0.0, atol=1e-15)
+
+
+def test_chord_stays_within_the_bounds_of_its_control_points(blade):
+    shape = Shape.designed(blade, 5, 6, CHORDS, TWISTS)
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        control = rng.uniform(*CHORDS, 5)
+        made = shape.at(control, rng.uniform(*TWISTS, 6))
+        assert control.min() <= made.chord.min() <= made.chord.max() <= control.max()
+
+
+def test_design_at_the_stations_is_the_blade_bit_by_bit(blade):
+    shape = Shape.designed(blade, None, None, CHORDS, TWISTS)
+    assert shape.blade is blade
+    chord, twist = shape.control(blade)
+    np.testing.assert_array_equal(chord, blade.chord)
+    np.testing.assert_array_equal(shape.at(chord, twist).twist, blade.twist)
+
+
+def test_nearest_blade_of_the_family_is_found_again(blade):
+    shape = Shape.designed(blade, 4, 5, CHORDS, TWISTS)
+    once = shape.nearest(blade)
+    twice = shape.nearest(once)
+    np.testing.assert_allclose(twice.chord, once.chord, rtol=1e-13)
+    np.testing.assert_allclose(twice.twist, once.twist, rtol=1e-12)
+
+
+def test_a_fixed_blade_is_scaled_with_its_radius_and_keeps_its_power(blade, polar):
+    """Power coefficients depend on the ratios of lengths alone."""
+    shape = Shape.fixed(blade, radius_bounds=(1.0, 2.0))
+    large = shape.at(*shape.control(blade), 1.7)
+    np.testing.assert_allclose(large.chord / blade.chord, 1.7 / 1.4, rtol=1e-14)
+    assert large.rotor_radius == pytest.approx(1.7, rel=1e-15)
+    assert large.hub_radius / large.tip_radius == pytest.approx(0.125, rel=1e-14)
+    ratio = np.linspace(3.0, 10.0, 9)
+    np.testing.assert_allclose(
+        bem.rotor_coefficients(large, polar, ratio).power,
+        bem.rotor_coefficients(blade, polar, ratio).power,
+        rtol=1e-11,
+    )
+
+
+def test_the_set_angle_turns_the_whole_blade(blade):
+    shape = Shape.fixed(blade, 0.1, (-0.2, 0.3))
+    assert shape.designs_set_angle
+    assert shape.control(blade)[1] == pytest.approx([0.1], rel=1e-13)
+    turned = shape.at(np.empty(0), np.array([0.25]))
+    np.testing.assert_allclose(turned.twist - blade.twist, 0.15, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda blade: Shape.designed(blade, None, None, CHORDS, TWISTS),
+        lambda blade: Shape.designed(blade, 5, 4, CHORDS, TWISTS, (1.0, 2.0)),
+        lambda blade: Shape.designed(blade, 5, None, CHORDS, TWISTS),
+        lambda blade: Shape.fixed(blade),
+        lambda blade: Shape.fixed(blade, 0.1, (-0.2, 0.3), (1.0, 2.0)),
+    ],
+    ids=["stations", "splines and radius", "chord spline", "fixed", "set angle and radius"],
+)
+def test_component_is_the_shape_with_exact_partials(blade, make):
+    shape = make(blade)
+    chord, twist = shape.control(blade)
+    problem = om.Problem(reports=False)
+    problem.model.add_subsystem("shape", ShapeComp(shape=shape), promotes=["*"])
+    problem.setup(force_alloc_complex=True)
+    values = {"chord_control": 1.1 * chord, "twist_control": twist + 0.02}
+    for name, value in values.items():
+        if value.size:
+            problem.set_val(name, value)
+    radius = blade.rotor_radius
+    if not shape.designs_chord:
+        radius = 1.2 * radius
+        problem.set_val("rotor_radius", radius)
+    problem.run_model()
+    made = shape.at(*values.values(), radius)
+    np.testing.assert_allclose(problem.get_val("chord"), made.chord, rtol=1e-14)
+    np.testing.assert_allclose(problem.get_val("twist"), made.twist, rtol=1e-14)
+    found = problem.check_partials(method="cs", out_stream=None)
+    assert_check_partials(found, atol=1e-12, rtol=1e-12)
