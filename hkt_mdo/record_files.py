@@ -717,6 +717,9 @@ def _from_dataset(data: Any, file: str, options: RecordOptions) -> Columns:
     )
 
 
+_HORIZONTAL = {("e", "n"), ("x", "y"), ("u", "v"), ("streamwise", "x-stream")}
+
+
 def _profile(
     speed: Any, dimension: Any, file: str, options: RecordOptions, messages: list[str]
 ) -> np.ndarray:
@@ -745,9 +748,12 @@ def _profile(
             raise refuse(
                 "is along the beams of the instrument", "rotate it to earth or flow coordinates"
             )
+        known = f"there are {', '.join(labels)}"
         taken = labels[:2] if options.component is None else [options.component]
+        if options.component is None and tuple(map(str.lower, taken)) not in _HORIZONTAL:
+            raise refuse("has no two horizontal components at its head", f"give component: {known}")
         if taken[0] not in labels:
-            raise refuse("is no component", f"there are {', '.join(labels)}", value=taken[0])
+            raise refuse("is no component", known, key="component", value=options.component)
         parts = [speed.isel({labelled[0]: labels.index(label)}) for label in taken]
         kind = "component" if options.component else "horizontal speed of"
         messages.append(f"{speed.name}: {kind} {' and '.join(taken)}")
@@ -786,6 +792,8 @@ def _bins(
     if name not in parts[0].coords or parts[0][name].dtype.kind not in "iuf":
         raise refuse(f"has no distances along {name}", f"give {name} its values in metres")
     centres = parts[0][name].values.astype(float)
+    if not centres.size:
+        raise refuse(f"has no bin along {name}", "give a record that has some")
     known = f"{centres.size} from {np.min(centres):.4g} to {np.max(centres):.4g} m"
     if options.bins is None:
         raise refuse(

@@ -478,6 +478,25 @@ def test_profiles_that_are_not_plain(options, message):
     assert message in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("labels", "message"),
+    [
+        (["U", "E", "N"], "give component: there are U, E, N"),
+        ([1, 2, 3], "is along the beams of the instrument; rotate it to earth"),
+        (["streamwise", "x-stream", "vert"], None),
+        (["X", "Y", "Z"], None),
+    ],
+)
+def test_the_horizontal_speed_is_of_horizontal_components(labels, message):
+    data = adcp().assign_coords(dir=labels)
+    if message is None:
+        record_from(data, speed_column="vel", bins=(3.0, 3.5))
+        return
+    with pytest.raises(InputError) as caught:
+        record_from(data, speed_column="vel", bins=(3.0, 3.5))
+    assert message in str(caught.value)
+
+
 def test_a_nan_in_one_bin_is_a_gap():
     data = adcp()
     data["U_mag"][1, 40] = np.nan
