@@ -590,6 +590,32 @@ def schema(
 
 
 @app.command(
+    short_help="Write a commented case to begin from.",
+    help="Write a case file with the usual keys of every section, each below what it means, and "
+    "beside it the sample file that it needs. It runs as it is. Kinds: paper, the turbine and the "
+    "sinusoidal flow of Amini et al.; turbine, with a sample blade as CSV; river, with a sample "
+    f"record of the flow as CSV.\n\n{_EXIT_CODES}",
+)
+def new(
+    name: Annotated[
+        Path,
+        typer.Argument(metavar="NAME", help="Name or path of the case; .yaml is added to it."),
+    ],
+    kind: Annotated[
+        str, typer.Option("--kind", metavar="KIND", help="paper, turbine or river.")
+    ] = "paper",
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace files that are there already.")
+    ] = False,
+) -> None:
+    """Write a new case."""
+    from hkt_mdo.new_case import write_new_case
+
+    for path in write_new_case(name, kind, force=force):
+        typer.echo(str(path))
+
+
+@app.command(
     short_help="Compute the polars of an outline.",
     help="Compute lift, drag and moment of a section from its outline by NeuralFoil (pip install "
     "'hkt_mdo[neuralfoil]') and write them as a CSV file that rotor.polar takes, with the "

@@ -67,6 +67,7 @@ ALLOWED = {
         "errors",
     },
     "polar_report": {"rotor", "data", "errors"},
+    "new_case": {"flow", "case", "data", "errors"},
     "run": {
         "judges",
         "result_folder",
@@ -87,6 +88,7 @@ ALLOWED = {
         "paper",
         "plots",
         "polar_report",
+        "new_case",
         "flow",
         "problem",
         "results",

@@ -311,7 +311,8 @@ def commented_case(
         What differs from the defaults, by section and key; the tags of `inflow` and `control`
         among it.
     usual : dict of sequence of str
-        The keys that are shown of each section; of a section that is not there, all of them.
+        The keys that are shown of each section, in this order, one with a default among them; of a
+        section that is not there, all of them.
 
     Returns
     -------
@@ -327,27 +328,28 @@ def commented_case(
             members = [_resolve(member, schema["$defs"]) for member in part["oneOf"]]
             tags = [member["properties"][tag]["const"] for member in members]
             section = members[tags.index(given[tag])]
-            about = f"{part['description']} Choices: {', '.join(tags)}."
-            head = f"{_comment(about)}\n{name}:\n{_comment(section['description'], '  ')}"
+            about = _comment(f"{part['description']} Choices: {', '.join(tags)}.")
+            first = [f"{_comment(section['description'], '  ')}\n  {tag}: {given[tag]}"]
         elif "$ref" in part:
             section = _resolve(part, schema["$defs"])
-            head = f"{_comment(section['description'])}\n{name}:"
+            about, first = _comment(section["description"]), []
         else:
             continue  # the name is the file's
-        shown = usual.get(name, section["properties"])
-        keys = []
-        for key, value in section["properties"].items():
-            if "const" in value:
-                keys.append(f"  {key}: {value['const']}")
-            elif key in shown or key in given:
-                default = value.get("default")
-                mark = "" if key in given or default not in (None, []) else "# "
-                kind = _kind(value).replace("`", "")
-                remark = "" if kind.startswith("text") else f"  # {kind}"
-                line = f"  {mark}{key}: {_yaml(given.get(key, default))}{remark}"
-                keys.append(f"{_comment(value['description'], '  ')}\n{line}")
-        blocks.append("\n".join((head, "\n\n".join(keys), "")))
+        keys = {key: value for key, value in section["properties"].items() if "const" not in value}
+        wanted = dict.fromkeys((*usual.get(name, keys), *given))
+        lines = [_commented(key, keys[key], given) for key in wanted if key in keys]
+        blocks.append("\n".join((about, f"{name}:", "\n\n".join((*first, *lines)), "")))
     return "\n\n".join(blocks)
+
+
+def _commented(key: str, value: dict[str, Any], given: Mapping[str, Any]) -> str:
+    """Return a key with its value or default, below its docstring; a comment if it has neither."""
+    default = value.get("default")
+    mark = "" if key in given or default not in (None, []) else "# "
+    kind = _kind(value).replace("`", "")
+    remark = "" if kind.startswith("text") else f"  # {kind}"
+    about = _comment(value["description"], "  ")
+    return f"{about}\n  {mark}{key}: {_yaml(given.get(key, default))}{remark}"
 
 
 def _comment(text: str, indent: str = "") -> str:

@@ -90,7 +90,7 @@ _Bins = tuple[Annotated[float, Quantity("m")], Annotated[float, Quantity("m")]]
 
 
 class RecordInflow(Section):
-    """A measured flow: samples of a file, low-passed, and a C2 cubic spline through them.
+    """A measured flow: the samples of a file, low-passed, and a smooth cubic spline through them.
 
     Nothing in the record is repaired unless a key below says so, and every repair is told.
     """

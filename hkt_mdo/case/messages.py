@@ -146,7 +146,7 @@ def translate(
             problem, remedy = "must be a text", "write it in quotes if it looks like a number"
         case "string_pattern_mismatch" | "string_too_long" | "string_too_short":
             problem = "must be up to 100 letters, digits, _ - . and begin with none of - ."
-            remedy = "give such a name:; without one the case is named after its file"
+            remedy = "give such a name, or none: the case is then named after its file"
         case _:
             problem, remedy = error["msg"], _first_line(place.field)
     if len(errors) > 1:

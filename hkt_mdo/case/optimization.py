@@ -86,7 +86,7 @@ class Phase(Section):
     for, four a period."""
 
     transcription: Literal["gauss-lobatto", "radau"] = "gauss-lobatto"
-    """Collocation method."""
+    """Collocation method: Gauss-Lobatto's or Radau's nodes in each segment."""
 
     order: Annotated[int, Strict(), Field(ge=3, le=9, json_schema_extra={"enum": [3, 5, 7, 9]})] = 3
     """Order of the polynomials of a segment."""
@@ -115,7 +115,8 @@ class Hydrodynamics(Section):
     """How the rotor's torque is computed."""
 
     bem: Literal["vectorized", "ccblade"] = "vectorized"
-    """Blade element momentum solver of the optimization."""
+    """Blade element momentum solver of the optimization: `vectorized`, the package's own, or
+    `ccblade`, WISDEM's CCBlade, which is slower and needs `hkt_mdo[ccblade]`."""
 
     torque: Literal["curve", "direct"] = "curve"
     """`curve`: a torque coefficient over tip speed ratio, computed once a design; `direct`: the
@@ -126,7 +127,7 @@ class Hydrodynamics(Section):
     refined."""
 
     check: Literal["vectorized", "ccblade"] = "vectorized"
-    """Blade element momentum solver of the independent simulation."""
+    """Blade element momentum solver of the independent simulation, as `bem`."""
 
 
 _OPTIMIZERS = "IPOPT", "SLSQP", "SNOPT"
@@ -137,7 +138,8 @@ class Driver(Section):
     """The optimizer and the package that provides it."""
 
     package: Literal["auto", "pyoptsparse", "casadi", "scipy"] = "auto"
-    """Package that provides the optimizer; `auto` takes the first that is installed and has it."""
+    """Package that provides the optimizer; `auto` takes pyoptsparse where it is installed and has
+    it, else casadi (IPOPT) or scipy (SLSQP). SNOPT comes with pyoptsparse alone."""
 
     optimizer: Annotated[
         Literal["IPOPT", "SLSQP", "SNOPT"],

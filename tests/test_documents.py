@@ -1,0 +1,428 @@
+"""What the schema tells its readers: the page, the JSON schema of editors, and new cases."""
+
+import json
+import re
+from itertools import pairwise
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+import yaml
+from jsonschema import Draft202012Validator
+
+from hkt_mdo.case import (
+    Case,
+    Control,
+    Inflow,
+    case_json_schema,
+    case_markdown,
+    load_case,
+    read_case,
+)
+from hkt_mdo.case.base import Section
+from hkt_mdo.case.turbine import SectionFile
+from hkt_mdo.case.yaml_text import parse
+from hkt_mdo.cli import main
+from hkt_mdo.data import POLAR_FAMILIES, shipped_names
+from hkt_mdo.errors import InputError
+from hkt_mdo.flow import build_inflow
+from hkt_mdo.new_case import KINDS, write_new_case
+from hkt_mdo.rotor.blade_files import read_blade
+
+ROOT = Path(__file__).parent.parent
+CASES = sorted((ROOT / "cases").glob("*.yaml"))
+MINIMAL = "inflow: {profile: sine}\ncontrol: {law: quadratic}\n"
+
+
+def members(union):
+    """Return the classes that a tagged union chooses from."""
+    return get_args(get_args(union)[0])
+
+
+def sections():
+    """Return every class of a case, found from the case itself."""
+    found = [Case, SectionFile, *members(Inflow), *members(Control)]
+    for field in Case.model_fields.values():
+        kind = field.annotation
+        if isinstance(kind, type) and issubclass(kind, Section):
+            found.append(kind)
+    return found
+
+
+def one_line(text):
+    return " ".join(text.split())
+
+
+# The page -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("section", sections(), ids=lambda section: section.__name__)
+def test_page_has_every_key_with_its_whole_docstring(section):
+    page = one_line(case_markdown())
+    if section is not Case:
+        assert one_line(section.__doc__) in page
+    for name, field in section.model_fields.items():
+        tag = name in ("profile", "law")
+        if section is Case and name != "name":
+            assert f"`{name}`" in page
+        elif not tag:
+            assert f"- **`{name}`**: " in page
+            assert one_line(field.description) in page
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "- **`radius`**: number in m, greater than 0; or null. Default: `null`.",
+        "- **`torque_limit`**: number in N*m, greater than 0; or null. Default: `null`.",
+        "- **`cone`**: number in deg, -45 to 45; or null. Default: `null`.",
+        "- **`density`**: number in kg/m**3, greater than 0. Default: `1000`.",
+        "- **`speed`**: number in m/s, greater than 0. Required.",
+        "- **`reynolds`**: one of `invariant`, `local`. Default: `invariant`.",
+        "- **`optimizer`**: one of `IPOPT`, `SLSQP`, `SNOPT`. Default: `IPOPT`.",
+        "- **`order`**: one of `3`, `5`, `7`, `9`. Default: `3`.",
+        "- **`chord_bounds`**: list of 2, each a number in m, greater than 0. "
+        "Default: `[0.01, 1]`.",
+        "- **`stations`**: list of 3 to 200, each a number, greater than 0 and less than 1; or "
+        "null. Default: `null`.",
+        "- **`gain_bounds`**: list of 2: a number, at least 0; a number, greater than 0; or null. "
+        "Default: `null`.",
+        "- **`sections`**: list of up to 50 entries. Default: `[]`.",
+        "- **`parts`**: list of 2 to 20 sections, each with its `profile`. Required.",
+        "- **`segments`**: whole number, 2 to 20000; or null. Default: `null`.",
+        "- **`tolerance`**: number, 1e-12 to 0.01. Default: `1e-07`.",
+    ],
+)
+def test_page_says_type_unit_range_choices_and_default(line):
+    assert f"\n{line}\n" in case_markdown()
+
+
+def test_page_has_every_tag_shipped_name_and_shipped_case():
+    page = case_markdown()
+    for tag, union in (("profile", Inflow), ("law", Control)):
+        for member in members(union):
+            assert f"\n### `{tag}: {member.model_fields[tag].default}`\n" in page
+    polars = {name for family in POLAR_FAMILIES.values() for name in family}
+    for kind in ("blade", "polar", "outline"):
+        for name in (*shipped_names(kind), *POLAR_FAMILIES, *polars):
+            assert f"`{name}`" in page
+    for case in CASES:
+        assert f"[{case.stem}](../cases/{case.name})" in page
+
+
+def test_page_without_a_checkout_has_no_cases(monkeypatch, tmp_path):
+    monkeypatch.setattr("hkt_mdo.case.document.CHECKOUT_CASES", tmp_path / "cases")
+    assert "Shipped cases" not in case_markdown()
+
+
+def test_links_of_the_page_lead_to_its_headings_and_to_files():
+    page = case_markdown()
+    headings = re.findall(r"^## (\w+)$", page, re.MULTILINE)
+    anchors = re.findall(r"\]\(#(\w+)\)", page)
+    assert anchors
+    assert set(anchors) <= set(headings)
+    for target in re.findall(r"\]\((\.\./[^)]+)\)", page):
+        assert (ROOT / "docs" / target).is_file(), target
+
+
+def test_tables_of_the_page_are_whole():
+    rows = [line for line in case_markdown().splitlines() if line.startswith("|")]
+    for row, below in pairwise(rows):
+        if set(below) <= set("| -"):
+            columns = row.count("|")
+        assert row.replace("\\|", "").count("|") == columns, row
+
+
+def test_what_the_preface_shows_is_so(tmp_path):
+    page = case_markdown()
+    example = re.search(r"```yaml\n(inflow.*?)```", page, re.DOTALL)[1]
+    case = read_case(example)
+    assert case.control.torque_limit == 700.0
+    overrides = re.findall(r"--set (\w\S*|\"[^\"]*\")", page.partition("## In an editor")[0])
+    assert len(overrides) == 3
+    for override in overrides:
+        read_case(example, [override.strip('"`.')])
+    for text, key, value in (
+        ("1400 mm", "rotor.radius", 1.4),
+        ("150 cm/s", "inflow.mean", 1.5),
+        ("0.7 kN*m", "control.torque_limit", 700.0),
+        ("1.025 g/cm**3", "fluid.density", 1025.0),
+        ("0.1 rad", "rotor.cone", np.rad2deg(0.1)),
+    ):
+        assert f"`{text}`" in page
+        section, name = key.split(".")
+        found = getattr(getattr(read_case(example, [f"{key}={text}"]), section), name)
+        assert found == pytest.approx(value, rel=1e-12)
+    assert parse("a: yes\nb: on\nc: 2024-05-01\nd: 1e-4", "x") == {
+        "a": "yes",
+        "b": "on",
+        "c": "2024-05-01",
+        "d": 1e-4,
+    }
+
+
+def test_page_in_docs_is_what_the_schema_says():
+    page = (ROOT / "docs" / "cases.md").read_text(encoding="utf-8")
+    assert page == case_markdown(), (
+        "docs/cases.md is not what the schema says: hkt schema --markdown > docs/cases.md"
+    )
+
+
+def test_command_prints_the_page(capsys):
+    assert main(["schema", "--markdown"]) == 0
+    assert capsys.readouterr().out == case_markdown()
+
+
+# The JSON schema ----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def validator():
+    schema = json.loads(json.dumps(case_json_schema()))
+    Draft202012Validator.check_schema(schema)
+    return Draft202012Validator(schema)
+
+
+def test_schema_says_what_it_is():
+    schema = case_json_schema()
+    assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    assert schema["title"] == "Case"
+    assert schema["required"] == ["inflow", "control"]
+    for section in (schema, *schema["$defs"].values()):
+        assert section["additionalProperties"] is False
+        for value in section["properties"].values():
+            if "description" in value:  # editors keep line ends
+                assert "\n" not in value["description"].replace("\n\n", "")
+
+
+@pytest.mark.parametrize(("union", "tag"), [("inflow", "profile"), ("control", "law")])
+def test_schema_of_a_union_is_told_apart_by_a_required_constant(union, tag):
+    schema = case_json_schema()
+    kinds = {"inflow": Inflow, "control": Control}[union]
+    found = set()
+    for option in schema["properties"][union]["oneOf"]:
+        section = schema["$defs"][option["$ref"].rpartition("/")[2]]
+        assert section["required"][0] == tag
+        found.add(section["properties"][tag]["const"])
+        assert section["title"] == f"{tag}: {section['properties'][tag]['const']}"
+    assert found == {member.model_fields[tag].default for member in members(kinds)}
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "unit"),
+    [
+        ("Rotor", "radius", "m"),
+        ("Fluid", "density", "kg/m**3"),
+        ("Design", "twist_bounds", "deg"),
+        ("Design", "radius_bounds", "m"),
+        ("QuadraticFeedback", "gain", "N*m*s**2/rad**2"),
+    ],
+)
+def test_editors_show_units_in_titles(section, key, unit):
+    assert case_json_schema()["$defs"][section]["properties"][key]["title"] == f"{key} [{unit}]"
+
+
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+def test_schema_takes_every_shipped_case_short_and_written_out(validator, path):
+    text = path.read_text(encoding="utf-8")
+    validator.validate(parse(text, path.name))
+    validator.validate(parse(load_case(path, check_files=False).to_yaml(), path.name))
+
+
+GOOD = {
+    "unit": "rotor: {radius: 1400 mm, cone: '-0.1 rad'}\nfluid: {density: 1.025 g/cm**3}",
+    "null": "rotor: {radius: null, stations: null}\ndesign: {radius_bounds: null}",
+    "bounds": "design: {chord_bounds: [20 mm, 0.3], gain_bounds: [1, 20.5]}",
+    "sections": "rotor: {sections: [{polar: naca4415, thickness: 0.15}]}",
+    "small letters": "driver: {optimizer: slsqp}",
+    "order": "phase: {order: 9, duration: 1 min}",
+    "whole number": "rotor: {blade_count: 4}\ndesign: {chord_points: 5}",
+}
+
+BAD = {
+    "unknown section": ("rotr: {radius: 1}", []),
+    "unknown key": ("rotor: {radios: 1}", ["rotor"]),
+    "below a bound": ("rotor: {radius: 0}", ["rotor", "radius"]),
+    "above a bound": ("driver: {tolerance: 1}", ["driver", "tolerance"]),
+    "text without a unit": ("rotor: {radius: '1.4'}", ["rotor", "radius"]),
+    "text that is no quantity": ("rotor: {radius: large}", ["rotor", "radius"]),
+    "unit for a plain number": (
+        "rotor: {hub_radius_fraction: 0.1 m}",
+        ["rotor", "hub_radius_fraction"],
+    ),
+    "true for a number": ("rotor: {radius: true}", ["rotor", "radius"]),
+    "fraction for a count": ("rotor: {blade_count: 2.5}", ["rotor", "blade_count"]),
+    "even order": ("phase: {order: 4}", ["phase", "order"]),
+    "no such choice": ("start: {method: quasi}", ["start", "method"]),
+    "number for a name": ("rotor: {blade: 3}", ["rotor", "blade"]),
+    "one bound": ("design: {chord_bounds: [0.1]}", ["design", "chord_bounds"]),
+    "three bounds": ("design: {chord_bounds: [0.1, 0.2, 0.3]}", ["design", "chord_bounds"]),
+    "bound below its own": ("design: {chord_bounds: [-1, 1]}", ["design", "chord_bounds", 0]),
+    "station beyond the tip": ("rotor: {stations: [0.2, 0.5, 1.5]}", ["rotor", "stations"]),
+    "section without polar": ("rotor: {sections: [{thickness: 1}]}", ["rotor", "sections", 0]),
+    "section for a number": ("rotor: {radius: {m: 1}}", ["rotor", "radius"]),
+    "list for a section": ("rotor: [1]", ["rotor"]),
+    "null for a section": ("rotor: null", ["rotor"]),
+    "name with a blank": ("name: a b", ["name"]),
+}
+
+BAD_UNIONS = {
+    "no inflow": "control: {law: linear}",
+    "no control": "inflow: {profile: sine}",
+    "no tag": "inflow: {speed: 1.5}\ncontrol: {law: linear}",
+    "unknown tag": "inflow: {profile: sinus}\ncontrol: {law: linear}",
+    "key of another tag": "inflow: {profile: sine, speed: 1}\ncontrol: {law: linear}",
+    "required key of a tag": "inflow: {profile: constant}\ncontrol: {law: linear}",
+    "wrong value in a tag": "inflow: {profile: sine, mean: -1}\ncontrol: {law: linear}",
+    "gain of open loop": "inflow: {profile: sine}\ncontrol: {law: open_loop, gain: 3}",
+    "sum of one": "inflow: {profile: sum, parts: [{profile: sine}]}\ncontrol: {law: linear}",
+    "sum of a sum": "inflow: {profile: sum, parts: [{profile: sine}, {profile: sum, parts: "
+    "[{profile: sine}, {profile: gust}]}]}\ncontrol: {law: linear}",
+    "constituent without amplitude": "inflow: {profile: tide, constituents: [{name: M2}]}\n"
+    "control: {law: linear}",
+}
+
+
+@pytest.mark.parametrize("text", GOOD.values(), ids=GOOD.keys())
+def test_schema_takes_what_a_case_takes(validator, text):
+    read_case(MINIMAL + text)
+    validator.validate(parse(MINIMAL + text, "x"))
+
+
+@pytest.mark.parametrize(("text", "place"), BAD.values(), ids=BAD.keys())
+def test_schema_refuses_what_a_case_refuses_at_the_same_place(validator, text, place):
+    with pytest.raises(InputError):
+        read_case(MINIMAL + text)
+    (error,) = validator.iter_errors(parse(MINIMAL + text, "x"))
+    found = list(error.absolute_path)
+    assert found[: len(place)] == place
+
+
+@pytest.mark.parametrize("text", BAD_UNIONS.values(), ids=BAD_UNIONS.keys())
+def test_schema_refuses_unions_that_a_case_refuses(validator, text):
+    with pytest.raises(InputError):
+        read_case(text)
+    assert not validator.is_valid(parse(text, "x"))
+
+
+# New cases ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_new_case_loads_and_explains_itself(tmp_path, validator, kind):
+    path, *samples = write_new_case(tmp_path / "mine", kind)
+    assert path == tmp_path / "mine.yaml"
+    assert len(samples) == (kind != "paper")
+    text = path.read_text(encoding="utf-8")
+    case = load_case(path)
+    assert case.name == "mine"
+    validator.validate(parse(text, path.name))
+    comments = " ".join(re.findall(r"^ *# (.*)$", text, re.MULTILINE))
+    for name in Case.model_fields:
+        if name == "name":
+            continue
+        assert re.search(rf"^{name}:$", text, re.MULTILINE), name
+        section = type(getattr(case, name))
+        assert one_line(section.__doc__) in comments
+        part = text.partition(f"\n{name}:\n")[2].partition("\n\n\n")[0]
+        shown = [
+            key
+            for key in section.model_fields
+            if re.search(rf"^  (# )?{key}: ", part, re.MULTILINE) and key not in ("profile", "law")
+        ]
+        assert shown
+        for key in shown:
+            assert one_line(section.model_fields[key].description) in comments
+    assert max(map(len, text.splitlines())) <= 130
+    assert build_inflow(case.inflow) is not None
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_keys_shown_as_comments_are_keys_that_null_leaves_as_they_are(tmp_path, kind):
+    path, *_ = write_new_case(tmp_path / "mine.yaml", kind)
+    case = load_case(path)
+    text = path.read_text(encoding="utf-8")
+    shown = re.findall(r"^  # (\w+): null\b", text, re.MULTILINE)
+    assert {"torque_limit", "gain", "duration", "segments", "radius_bounds"} <= set(shown)
+    path.write_text(re.sub(r"^  # (\w+: null\b)", r"  \1", text, flags=re.MULTILINE), "utf-8")
+    assert load_case(path) == case
+
+
+def test_new_paper_case_is_the_default_case(tmp_path):
+    (path,) = write_new_case(tmp_path / "mine")
+    assert load_case(path) == read_case(MINIMAL, name="mine")
+
+
+def test_new_turbine_is_the_shipped_one_from_a_file_of_its_own(tmp_path):
+    path, blade = write_new_case(tmp_path / "mine", "turbine")
+    case, shipped = load_case(path), read_case(MINIMAL + "rotor: {blade: river}")
+    assert case.rotor.blade == str(blade.resolve())
+    assert case.rotor.model_copy(update={"blade": "river"}) == shipped.rotor
+    for name in ("r", "chord", "twist", "thickness"):
+        found, wanted = (getattr(read_blade(source), name) for source in (blade, "river"))
+        np.testing.assert_array_equal(found, wanted)
+
+
+def test_new_river_has_the_variance_of_its_spectrum_and_is_always_the_same(tmp_path):
+    path, record = write_new_case(tmp_path / "mine", "river")
+    header, *rows = record.read_text(encoding="utf-8").splitlines()[1:]
+    assert header == "time_s,speed_m_s"
+    time, speed = np.array([row.split(",") for row in rows], dtype=float).T
+    np.testing.assert_array_equal(time, np.arange(301.0))
+    # von Karman, L/V = 5/1.4 s, s = 0.14 m/s, in steps of 1/300 Hz up to 0.4 Hz: over one period
+    # the sum of the waves' variances is exact, up to the record's four decimals
+    frequency = np.arange(1, 121) / 300.0
+    density = 4 * 0.14**2 * (5 / 1.4) / (1 + 70.8 * (frequency * 5 / 1.4) ** 2) ** (5 / 6)
+    assert np.mean(speed[:-1]) == pytest.approx(1.4, abs=1e-4)
+    assert np.var(speed[:-1]) == pytest.approx(np.sum(density) / 300.0, rel=0.01)
+    flow = build_inflow(load_case(path).inflow)
+    assert flow.duration == 300.0
+    assert not any("spike" in line or "gap" in line for line in flow.messages)
+    _, again = write_new_case(tmp_path / "again", "river")
+    assert again.read_bytes() == record.read_bytes()
+
+
+def test_new_case_replaces_nothing_unless_told(tmp_path, capsys):
+    sample = tmp_path / "mine_record.csv"
+    sample.write_text("mine", encoding="utf-8")
+    assert main(["new", str(tmp_path / "mine"), "--kind", "river"]) == 2
+    assert "mine_record.csv: is there already; give --force" in capsys.readouterr().err
+    assert sample.read_text(encoding="utf-8") == "mine"
+    assert not (tmp_path / "mine.yaml").exists()
+    assert main(["new", str(tmp_path / "mine"), "--kind", "river", "--force"]) == 0
+    assert capsys.readouterr().out.split() == [str(tmp_path / "mine.yaml"), str(sample)]
+    load_case(tmp_path / "mine.yaml")
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "a b", "-x", "a" * 101, "ü"])
+def test_new_case_has_a_name_that_a_case_can_have(tmp_path, name):
+    with pytest.raises(InputError, match="name = "):
+        write_new_case(tmp_path / f"{name}.yaml")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["", ".", ".."])
+def test_new_case_needs_a_name(capsys, name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", name]) == 2
+    assert "name = " in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_new_case_of_an_unknown_kind_is_refused(tmp_path):
+    with pytest.raises(InputError, match="--kind = 'boat': unknown; give one of paper, turbine"):
+        write_new_case(tmp_path / "mine", "boat")
+
+
+def test_new_case_in_new_folders_with_another_ending(tmp_path):
+    path, sample = write_new_case(tmp_path / "a" / "b" / "mine.yml", "turbine")
+    assert (path.name, sample.name) == ("mine.yml", "mine_blade.csv")
+    load_case(path)
+
+
+def test_new_case_is_yaml_for_other_readers_too(tmp_path):
+    (path,) = write_new_case(tmp_path / "mine")
+    data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    assert data["inflow"]["mean"] == 1.5
+    assert float(data["driver"]["tolerance"]) == 1e-7
