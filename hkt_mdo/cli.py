@@ -208,6 +208,54 @@ def run(
 
 
 @app.command(
+    short_help="Check a case before a long run.",
+    help="Read and build all that a run of a case needs and tell what the case means: turbine, "
+    "flow, control law, size, and what follows from them for the starting blade. Notes say what "
+    "was done to the files, warnings what may not be meant. Nothing is optimized. Draws blade, "
+    f"polar, inflow and power_curve as PNG.\n\n{_EXIT_CODES}",
+)
+def check(
+    case: _Case,
+    overrides: _Set = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder of the figures, made if need be.",
+            show_default="check/<name of the case>",
+        ),
+    ] = None,
+    no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
+) -> None:
+    """Check a case."""
+    from rich.console import Console
+
+    from hkt_mdo.case import load_case
+
+    loaded = load_case(case, overrides or ())
+
+    from hkt_mdo.check import check_case
+
+    report = check_case(loaded)
+    console = Console(highlight=False)
+    for title, rows in report.tables.items():
+        _print_rows(console, rows, title)
+    for title, lines in (("Notes", report.notes), ("Warnings", report.warnings)):
+        if lines:
+            _print_rows(console, [("-", line) for line in lines], title)
+    if not no_figures:
+        from hkt_mdo.plots import save_check_figures
+
+        written = save_check_figures(report.figures, out or Path("check") / report.name)
+        names = ", ".join(path.name for path in written)
+        console.print(f"Figures: {written[0].parent}: {names}", markup=False, soft_wrap=True)
+    found = f", with {len(report.warnings)} warnings" if report.warnings else ""
+    found = found.removesuffix("s") if len(report.warnings) == 1 else found
+    console.print(f"{report.name} can be run{found}.", markup=False, soft_wrap=True)
+
+
+@app.command(
     short_help="Write the N2 diagram of a case.",
     help="Write the N2 diagram of a case's OpenMDAO problem: an HTML page that shows what feeds "
     f"what. Nothing is optimized.\n\n{_EXIT_CODES}",
@@ -791,6 +839,18 @@ def _print_table(console: Console, solution: Solution) -> None:
         table.add_row(Text(what), Text(value))  # as text: what stands in brackets is no markup
     for check in solution.failed_checks:
         table.add_row(Text("check not passed", style="bold"), Text(check))
+    console.print(table)
+
+
+def _print_rows(console: Console, rows: Sequence[tuple[str, str]], title: str) -> None:
+    """Print a table of words below its title."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, show_header=False, pad_edge=True, padding=(0, 1))
+    for what, text in rows:
+        table.add_row(Text(what, no_wrap=True), Text(text))
+    console.print(Text(f"\n{title}", style="bold"))
     console.print(table)
 
 

@@ -6,12 +6,12 @@ line style and marker, so that a grey print is read too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
+from matplotlib import colormaps, rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -22,18 +22,25 @@ from hkt_mdo.results import Solution
 
 __all__ = [
     "blade_figure",
+    "check_figures",
     "convergence_figure",
     "operation_figure",
     "plot_chord",
     "plot_control_torque",
     "plot_convergence",
     "plot_hydrodynamic_torque",
+    "plot_inflow",
+    "plot_polar",
     "plot_power_curve",
     "plot_rotor_speed",
+    "plot_spectrum",
+    "plot_starting_blade",
+    "plot_starting_power",
     "plot_tip_speed_ratio",
     "plot_torque",
     "plot_twist",
     "power_curve_figure",
+    "save_check_figures",
     "save_figures",
 ]
 
@@ -43,6 +50,7 @@ _COLORS = ("#0b3c6f", "#c4501b", "#4fb286", "#8a4fa3", "#b8860b", "#4a4a4a")
 _LINES = ("-", "--", "-.", (0, (5, 1, 1, 1, 1, 1)), ":", (0, (8, 2)))
 _MARKERS = ("o", "s", "^", "D", "v", "X")
 _REFERENCE: dict[str, Any] = {"color": "0.45", "linewidth": 1.1}
+_POINTS: dict[str, Any] = {"color": "#c4501b", "linewidth": 0.8}
 _BAR: dict[str, Any] = {"linewidth": 2.5, "marker": "|", "markersize": 8, "markeredgewidth": 1.5}
 _MARKS_PER_LINE = 12
 _LABEL_SIZE = 9
@@ -452,6 +460,237 @@ def save_figures(
             with rc_context({"pdf.fonttype": 42}):
                 figure.savefig(path, dpi=200, metadata=metadata)
             written.append(path)
+    return written
+
+
+# Figures of a check -------------------------------------------------------------------------------
+
+
+def plot_starting_blade(
+    data: Mapping[str, Any],
+    column: str = "chord_m",
+    label: str = "chord (m)",
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw a column of the starting blade over the radius, with its stations and control points.
+
+    Parameters
+    ----------
+    data : mapping
+        `blade` of a check's figures.
+    column : {'chord_m', 'twist_deg', 'thickness_percent'}
+    label : str
+        Of the vertical axis.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure's by default.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes drawn on.
+    """
+    ax = _axes(ax)
+    style = _style(0)
+    if f"{column}_file" in data:
+        ax.plot(data["r_m"], data[f"{column}_file"], ":", **_REFERENCE, label="blade of the file")
+    ax.plot(data["r_m"], data[column], label="blade at the start, its stations", **style)
+    if f"{column}_points" in data:
+        places, values = data[f"{column}_points"]
+        ax.plot(places, values, "--", marker="s", markersize=5, **_POINTS, label="control points")
+    for end in data["ends_m"]:
+        ax.axvline(end, **_REFERENCE | {"linewidth": 0.8})
+    _finish(ax, "radius (m), from hub to tip", label)
+    return ax
+
+
+def plot_polar(data: Mapping[str, Any], column: str = "lift", ax: Axes | None = None) -> Axes:
+    """Draw a coefficient of all polars over the angle of attack; dotted where it is extended.
+
+    Shaded are the angles of attack that the stations meet.
+
+    Parameters
+    ----------
+    data : mapping
+        `polar` of a check's figures.
+    column : {'lift', 'drag'}
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure's by default.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes drawn on.
+    """
+    ax = _axes(ax)
+    curves = data["curves"]
+    for index, curve in enumerate(curves):
+        shade = index / max(len(curves) - 1, 1)
+        color = _COLORS[index] if len(curves) <= len(_COLORS) else colormaps["viridis"](0.9 * shade)
+        alpha = curve["alpha_deg"]
+        inside = (alpha >= curve["table_deg"][0]) & (alpha <= curve["table_deg"][1])
+        ax.plot(alpha, curve[column], color=color, linestyle=":", linewidth=1.0)
+        # of very many the first and the last are named
+        named = len(curves) <= 2 * _MOST_INSIDE or index in (0, len(curves) - 1)
+        ax.plot(
+            alpha[inside],
+            curve[column][inside],
+            color=color,
+            linestyle=_LINES[index % len(_LINES)] if len(curves) <= len(_LINES) else "-",
+            linewidth=1.4,
+            label=curve["label"] if named else None,
+        )
+    ax.axvspan(*data["met_deg"], color="0.5", alpha=0.2, linewidth=0, label="met in this flow")
+    ax.set_xlim(curves[0]["alpha_deg"][[0, -1]])
+    _finish(ax, "angle of attack (deg)", f"{column} coefficient (-)", above=True)
+    return ax
+
+
+def plot_inflow(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
+    """Draw a flow over time, its mean, and the speed at which the torque limit is met.
+
+    Parameters
+    ----------
+    data : mapping
+        `inflow` of a check's figures.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure's by default.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes drawn on.
+    """
+    ax = _axes(ax)
+    time, speed = data["time_s"], data["speed_m_s"]
+    ax.plot(time, speed, color=_COLORS[0], linewidth=1.2 if time.size < 5000 else 0.6)
+    ax.axhline(data["mean_m_s"], linestyle="--", **_REFERENCE, label="mean")
+    rated, low, high = data["rated_m_s"], float(np.min(speed)), float(np.max(speed))
+    if rated is not None and low - (high - low) < rated < high + (high - low):
+        ax.axhline(
+            rated, linestyle="-.", color=_COLORS[1], linewidth=1.1, label="torque limit is met"
+        )
+    ax.set_xlim(time[0], time[-1])
+    _keep_small_small(ax)
+    _finish(ax, "time (s)", "inflow speed (m/s)", above=True)
+    return ax
+
+
+def plot_spectrum(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
+    """Draw the power spectral density of a flow and its cutoff; of a steady flow nothing.
+
+    Parameters
+    ----------
+    data : mapping
+        `inflow` of a check's figures.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure's by default.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes drawn on.
+    """
+    ax = _axes(ax)
+    if "spectrum" in data:
+        frequency, density = data["spectrum"]
+        ax.loglog(frequency, density, color=_COLORS[0], linewidth=1.2)
+        top = float(np.max(density))
+        ax.set_ylim(1e-8 * top, 4.0 * top)  # below is rounding
+        if data["cutoff_hz"]:
+            ax.axvline(data["cutoff_hz"], linestyle="--", **_REFERENCE, label="cutoff")
+    else:
+        ax.text(0.5, 0.5, "steady flow", ha="center", va="center", transform=ax.transAxes)
+    _finish(ax, "frequency (Hz)", "spectral density (m²/s)", above=True)
+    return ax
+
+
+def plot_starting_power(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
+    """Draw the starting blade's power coefficient, its peak and the range it works in.
+
+    Parameters
+    ----------
+    data : mapping
+        `power_curve` of a check's figures.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure's by default.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes drawn on.
+    """
+    ax = _axes(ax)
+    style = _style(0) | {"marker": ""}
+    ax.plot(data["tip_speed_ratio"], data["power_coefficient"], label="blade at the start", **style)
+    ratio, power = data["best"]
+    ax.plot([ratio], [power], color=style["color"], **_mark(0))
+    if data["working"] is not None:
+        ax.axvspan(
+            *data["working"], color="0.5", alpha=0.2, linewidth=0, label="met under the control law"
+        )
+    ax.set_ylim(bottom=0.0)
+    _finish(ax, "tip speed ratio (-)", "power coefficient $C_P$ (-)")
+    return ax
+
+
+def check_figures(data: Mapping[str, Mapping[str, Any]]) -> dict[str, Figure]:
+    """Return the figures of a check: blade, polar, inflow and power_curve.
+
+    Parameters
+    ----------
+    data : mapping
+        `figures` of a `hkt_mdo.check.CheckReport`.
+
+    Returns
+    -------
+    dict of str to matplotlib.figure.Figure
+    """
+    figures = {}
+    figures["blade"] = _figure(5.6, 6.8)
+    panels = figures["blade"].subplots(3, 1, sharex=True)
+    columns = ("chord_m", "twist_deg", "thickness_percent")
+    labels = ("chord (m)", "twist (deg)", "thickness (% of the chord)")
+    for panel, column, label in zip(panels, columns, labels, strict=True):
+        plot_starting_blade(data["blade"], column, label, panel)
+        if panel is not panels[-1]:
+            panel.set_xlabel("")
+    _drop_legend(panels[-1])
+    figures["polar"] = _figure(6.4, 6.4)
+    top, bottom = figures["polar"].subplots(2, 1, sharex=True)
+    plot_polar(data["polar"], "lift", top).set_xlabel("")
+    plot_polar(data["polar"], "drag", bottom)
+    _drop_legend(bottom)
+    figures["inflow"] = _figure(6.8, 5.8)
+    top, bottom = figures["inflow"].subplots(2, 1)
+    plot_inflow(data["inflow"], top)
+    plot_spectrum(data["inflow"], bottom)
+    figures["power_curve"] = _figure(5.6, 3.9)
+    plot_starting_power(data["power_curve"], figures["power_curve"].subplots())
+    return figures
+
+
+def save_check_figures(data: Mapping[str, Mapping[str, Any]], folder: str | Path) -> list[Path]:
+    """Write the figures of a check as PNG files; files of the same names are replaced.
+
+    Parameters
+    ----------
+    data : mapping
+        `figures` of a `hkt_mdo.check.CheckReport`.
+    folder : str or pathlib.Path
+        Where to; made if it does not exist.
+
+    Returns
+    -------
+    list of pathlib.Path
+        The files written.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name, figure in check_figures(data).items():
+        path = folder / f"{name}.png"
+        figure.savefig(path, dpi=150)
+        written.append(path)
     return written
 
 

@@ -67,6 +67,15 @@ ALLOWED = {
         "errors",
     },
     "polar_report": {"rotor", "data", "errors"},
+    "check": {
+        "problem",
+        "turbine",
+        "starting_point",
+        "simulation",
+        "dynamics",
+        "rotor",
+        "case",
+    },
     "new_case": {"flow", "case", "data", "errors"},
     "run": {
         "judges",
@@ -84,6 +93,7 @@ ALLOWED = {
     },
     "cli": {
         "run",
+        "check",
         "verify",
         "paper",
         "plots",
