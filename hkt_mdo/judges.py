@@ -11,11 +11,11 @@ import openmdao.api as om
 from scipy.integrate import quad_vec
 
 from hkt_mdo.drivers import Outcome
-from hkt_mdo.problem import BEM, SLOWED
+from hkt_mdo.problem import BEM
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.simulation import SLOWEST_RATIO, Plant, RecordedTorque, Simulation, simulate
-from hkt_mdo.starting_point import StartingPoint
+from hkt_mdo.starting_point import SLOWED, StartingPoint
 
 # Limits of the judges, as README.md explains them
 ENERGY_ERROR, SURROGATE_ERROR, SPEED_ERROR = 2e-4, 1e-3, 1e-2

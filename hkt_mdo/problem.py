@@ -22,7 +22,7 @@ from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.inertia import InertiaComp, mass_and_inertia
 from hkt_mdo.rotor.shape import Shape, ShapeComp
 from hkt_mdo.rotor.torque_curve import TorqueSpline, TorqueTable
-from hkt_mdo.starting_point import QuasiSteady, StartingPoint, starting_point
+from hkt_mdo.starting_point import SLOWED, QuasiSteady, StartingPoint, starting_point
 from hkt_mdo.trajectory import Scales, add_trajectory, node_weights, set_speed
 from hkt_mdo.turbine import build_turbine
 
@@ -36,7 +36,9 @@ DESIGNED = {
 DURATION = 60.0  # s, of a flow that has no end of its own
 SEGMENTS_PER_PERIOD = 4.0  # of the highest frequency in the flow
 FEWEST_SEGMENTS, MOST_SEGMENTS = 60, 20_000
-SLOWED = 0.02  # of its speed that a rotor may lose and still recover from
+# IPOPT's barrier is a sum over the bounds and so over the segments; the objective is not. Where it
+# outweighs the objective, the iterates leave the start for the middle of all bounds.
+BARRIER = 0.06
 
 
 @dataclass(frozen=True, eq=False)
@@ -396,12 +398,14 @@ def _add_recovery(model, world, hydrodynamics, n_nodes, torque):
 
 def make_driver(case, progress=None, most=None):
     """Return the driver of a case, which gives up after `most` iterations if that is fewer."""
-    settings = case.driver
+    settings, segments = case.driver, complete(case).phase.segments
+    barrier = {"mu_max": BARRIER / segments} if segments > 100 else None
     return drivers.make_driver(
         settings.package,
         settings.optimizer,
         settings.tolerance,
         min(settings.max_iterations, most or settings.max_iterations),
+        ipopt_options=barrier if settings.optimizer == "IPOPT" else None,
         progress=progress,
     )
 

@@ -67,6 +67,7 @@ from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.starting_point import Operation, StartingPoint
 
 MAX_PASSES = 8  # of refining the torque curve or re-centring the move limits
+NEAR_STALL = 0.015  # recovery over torque at the start below which it is a constraint from there on
 WORTHWHILE = 1e-6  # relative gain in energy for which a move limit is re-centred again
 FIRST_ITERATIONS = 300  # after as many, an optimization has lost its way
 NARROW = MoveLimits(slower=0.8, faster=1.25, chord=1.3, twist=np.deg2rad(3.0), gain=1.3)
@@ -370,7 +371,8 @@ def _optimize(case, world, start, out, log, records) -> Optimized:
     under feedback recovers from a small loss of speed (for that a constraint is added).
     """
     nodes, tightened, moves = _curve_nodes(case, world, start), world, MoveLimits()
-    recovering, limited, energy = False, False, np.inf
+    margin = start.operation.recovery.margin if start.operation.recovery else np.inf
+    recovering, limited, energy = bool(np.min(margin) < NEAR_STALL), False, np.inf
     for _ in range(MAX_PASSES):
         most = None if moves == NARROW else FIRST_ITERATIONS
         driver = make_driver(case, log, most)
@@ -449,8 +451,9 @@ def _add_recorders(problem, out):
 def _curve_nodes(case, world, start, finer=1):
     """Return tip speed ratios for the torque curve: dense where the start works, sparse beyond.
 
-    The dense spacing is halved until the curve of the start's blade is twenty times as accurate
-    there as the case asks for, since the blade will change.
+    Where the curve of the start's blade is not twenty times as accurate as the case asks for, since
+    the blade will change, nodes are added: in and beside the intervals that need them, which are
+    those where a station changes from attached to stalled flow.
     """
     speed = start.operation.rotor_speed
     flow = world.inflow.speed(np.linspace(0.0, case.phase.duration, speed.size))
@@ -458,15 +461,19 @@ def _curve_nodes(case, world, start, finer=1):
     low, high = float(np.min(ratios)), float(np.max(ratios))
     middle = 0.5 * (low + high)
     spacing = 0.01 * middle
+    nodes = _graded(low - 0.06 * middle, high + 0.06 * middle, spacing, 0.5 * low, 1.6 * high)
     for _ in range(6):
-        nodes = _graded(low - 0.06 * middle, high + 0.06 * middle, spacing, 0.5 * low, 1.6 * high)
-        probe = np.linspace(low, high, 101)
+        centers = 0.5 * (nodes[1:] + nodes[:-1])
         table = bem.rotor_coefficients(start.blade, world.polar, nodes).torque
-        exact = bem.rotor_coefficients(start.blade, world.polar, probe).torque
-        error = np.max(np.abs(TorqueSpline(nodes).basis(probe) @ table / exact - 1.0))
-        if error <= 0.05 * case.hydrodynamics.tolerance:
+        exact = bem.rotor_coefficients(start.blade, world.polar, centers).torque
+        error = np.abs(TorqueSpline(nodes).basis(centers) @ table / exact - 1.0)
+        coarse = error > 0.05 * case.hydrodynamics.tolerance
+        coarse &= (centers > low - 0.03 * middle) & (centers < high + 0.03 * middle)
+        if not np.any(coarse):
             break
-        spacing *= 0.5
+        # a jump makes the spline ring beside it
+        coarse = np.convolve(coarse, np.ones(3), mode="same") > 0.0
+        nodes = np.sort(np.r_[nodes, centers[coarse]])
     return nodes if finer == 1 else np.sort(np.r_[nodes, 0.5 * (nodes[1:] + nodes[:-1])])
 
 

@@ -7,6 +7,7 @@ of the dynamic one.
 """
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -17,6 +18,10 @@ from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.steady_optimum import best_blade
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
+SLOWED = 0.02  # of its speed that a rotor may lose and still recover from
+SAFE = 1e-2  # least recovery of a start, over the torque: the optimization begins inside
+PROBES = 12  # flow speeds at which the distance from stall is looked at
+MOST_SPEEDS = 400  # of a flow whose quasi-steady energy is optimized
 N_SEARCH = 240  # points of the search for the unstalled root over the torque curve
 
 
@@ -35,6 +40,8 @@ class Operation:
         With respect to the disc's radius, the torque coefficient table held.
     running : bool
         Whether an unstalled equilibrium exists at every instant.
+    recovery : Recovery or None
+        The rotor's distance from stall under feedback; None without it.
     """
 
     energy: float
@@ -44,6 +51,28 @@ class Operation:
     by_gain: np.ndarray
     by_radius: float
     running: bool
+    recovery: "Recovery | None" = None
+
+
+@dataclass(frozen=True, eq=False)
+class Recovery:
+    """Torque that speeds a rotor under feedback up again after it was slowed by `SLOWED`.
+
+    margin = Q((1 - SLOWED) w) - u((1 - SLOWED) w) over the torque's largest value, at speeds of the
+    flow from the slowest to the fastest: positive where stable and unstable equilibrium, which meet
+    at stall, are apart.
+
+    Parameters
+    ----------
+    margin : ndarray, shape (n,)
+    by_table, by_gain, by_radius : ndarray, shape (n, n_nodes), (n, n_gains), (n, 1)
+        Its derivatives along the equilibria.
+    """
+
+    margin: np.ndarray
+    by_table: np.ndarray
+    by_gain: np.ndarray
+    by_radius: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +99,26 @@ class QuasiSteady:
     spline: TorqueSpline
     law: object = None
     torque_limit: float | None = None
+
+    def condensed(self):
+        """Return the same problem at `MOST_SPEEDS` flow speeds or fewer: their order is nothing.
+
+        Instants of nearly one speed become one with their weights and mean speed; the slowest and
+        the fastest are kept.
+        """
+        v = self.inflow_speed
+        if v.size <= MOST_SPEEDS:
+            return self
+        edges = np.linspace(np.min(v), np.max(v), MOST_SPEEDS - 1)
+        place = np.clip(np.digitize(v, edges) - 1, 0, MOST_SPEEDS - 3)
+        weights = np.bincount(place, self.weights)
+        speeds = np.bincount(place, self.weights * v)
+        met = weights > 0.0
+        return replace(
+            self,
+            inflow_speed=np.concatenate(([v.min()], speeds[met] / weights[met], [v.max()])),
+            weights=np.concatenate(([0.0], weights[met], [0.0])),
+        )
 
     def operate(self, table, gains=()):
         """Return the `Operation` for a torque coefficient table[n_nodes] and gains[n_gains]."""
@@ -104,6 +153,38 @@ class QuasiSteady:
             by_gain,
             float((self.weights * (w + gain_w)) @ torque_by_radius),
             running,
+            self._recovery(table, gains, w, stiffness, torque_by_radius),
+        )
+
+    def _recovery(self, table, gains, speed, stiffness, torque_by_radius):
+        """Return the `Recovery` of an operation; None for open loop."""
+        if self.law is None:
+            return None
+        order = np.argsort(self.inflow_speed)
+        few = order[np.unique(np.linspace(0, order.size - 1, PROBES).round().astype(int))]
+        v, w, stiffness = self.inflow_speed[few], speed[few], stiffness[few]
+        radius = self.rotor_radius
+        scale = 0.5 * np.pi * radius**3 * self.density * v**2
+        slowed, ratio = (1.0 - SLOWED) * w, w * radius / v
+        basis = self.spline.basis((1.0 - SLOWED) * ratio)
+        slope = self.spline.basis((1.0 - SLOWED) * ratio, 1)
+        driving, by_w = scale * (basis @ table), scale * (slope @ table) * radius / v
+        margin = driving - self.law.torque(slowed, gains)
+        by_speed = (1.0 - SLOWED) * (by_w - self.law.torque_by_speed(slowed, gains))
+        # the equilibrium itself moves: dw = d(Q - u) / stiffness
+        by_equilibrium = (by_speed / stiffness)[:, None]
+        held = -self.law.torque_by_gain(w, gains).T
+        unit = float(np.max(np.abs(driving))) or 1.0
+        return Recovery(
+            margin / unit,
+            (scale[:, None] * basis + by_equilibrium * scale[:, None] * self.spline.basis(ratio))
+            / unit,
+            (-self.law.torque_by_gain(slowed, gains).T + by_equilibrium * held) / unit,
+            (
+                ((3.0 * driving + by_w * slowed) / radius)[:, None]
+                + by_equilibrium * torque_by_radius[few][:, None]
+            )
+            / unit,
         )
 
     def _open_loop(self, curve, scale):
@@ -183,14 +264,26 @@ def starting_point(problem, shape, gains, polar, design_ratios, *, improve):
     given = _with_gains(problem, shape.blade, polar, gains)
     if not improve:
         return given
+    whole, problem = problem, problem.condensed()
+    given = _with_gains(problem, shape.blade, polar, gains)
     candidates = [given]
     if shape.designs_chord:
         bounds = shape.chord_bounds, shape.twist_bounds
         for ratio in design_ratios:
             best = shape.nearest(best_blade(shape.blade, polar, ratio, *bounds).blade)
             candidates.append(_with_gains(problem, best, polar, None))
-    best = max(candidates, key=lambda point: (point.operation.running, point.operation.energy))
-    return _improve(problem, shape, best, polar)
+    best = _improve(problem, shape, max(candidates, key=lambda each: _worth(each.operation)), polar)
+    if problem is whole:
+        return best
+    whole = replace(whole, rotor_radius=best.blade.rotor_radius)
+    table = _table(whole, best.blade, polar).torque
+    return replace(best, operation=whole.operate(table, best.gains))
+
+
+def _worth(operation):
+    """Return what ranks operations: one that runs, then one that recovers, then energy."""
+    safe = operation.recovery is None or bool(np.all(operation.recovery.margin >= SAFE))
+    return operation.running, safe, operation.energy
 
 
 def _table(problem, blade, polar, derivatives=False):
@@ -209,11 +302,8 @@ def _with_gains(problem, blade, polar, gains):
     ideal = replace(few, law=None, torque_limit=problem.law.torque_limit).operate(table)
     fitted = problem.law.fit(ideal.rotor_speed, ideal.hydrodynamic_torque)
 
-    def worth(factor):
-        operation = few.operate(table, fitted * factor)
-        return operation.running, operation.energy
-
-    gains = fitted * max(np.linspace(0.6, 1.1, 11), key=worth)
+    factors = np.linspace(0.6, 1.1, 11)
+    gains = fitted * max(factors, key=lambda by: _worth(few.operate(table, fitted * by)))
     return StartingPoint(blade, gains, problem.operate(table, gains))
 
 
@@ -244,23 +334,42 @@ def _improve(problem, shape, point, polar):
         if not units.size:
             return point
 
-        def loss(x, units=units, reference=reference):
-            found, state = operate(x * units, derivatives=True)
-            by_chord = state.by_table @ found.torque_by_chord
-            by_radius = state.by_radius + state.by_table @ found.torque_by_rotor_radius
+        @lru_cache(maxsize=1)
+        def at(x, units=units):
+            """Return an operation and its energy's and recovery's gradients by the unknowns."""
+            found, state = operate(np.array(x) * units, derivatives=True)
+            recovery = state.recovery
+            by_table = state.by_table[None]
+            if recovery is not None:
+                by_table = np.vstack((by_table, recovery.by_table))
+            by_chord = by_table @ found.torque_by_chord
+            by_radius = by_table @ found.torque_by_rotor_radius
             if not shape.designs_chord:  # it is scaled with the disc
                 by_radius += by_chord @ shape.chord_offset / shape.blade.rotor_radius
-            by = np.concatenate(
-                (
-                    by_chord @ shape.chord_basis,
-                    state.by_table @ found.torque_by_twist @ shape.twist_basis,
-                    np.full(sizes[2], by_radius),
-                    state.by_gain,
-                )
+            by_radius[0] += state.by_radius
+            by_gain = state.by_gain[None]
+            if recovery is not None:
+                by_radius[1:] += recovery.by_radius[:, 0]
+                by_gain = np.vstack((by_gain, recovery.by_gain))
+            by = (
+                by_chord @ shape.chord_basis,
+                by_table @ found.torque_by_twist @ shape.twist_basis,
+                by_radius[:, None] * np.ones(sizes[2]),
+                by_gain,
             )
+            return state, np.hstack(by) * units
+
+        def loss(x, reference=reference, at=at):
+            state, gradients = at(tuple(x))
             # a point without equilibrium is left by the line search
             value = state.energy if state.running else 0.5 * state.energy
-            return -100.0 * value / reference, -100.0 * by * units / reference
+            return -100.0 * value / reference, -100.0 * gradients[0] / reference
+
+        distance = {
+            "type": "ineq",
+            "fun": lambda x, at=at: at(tuple(x))[0].recovery.margin - SAFE,
+            "jac": lambda x, at=at: at(tuple(x))[1][1:],
+        }
 
         low = (
             np.maximum(chord / chord_move, shape.chord_bounds[0]),
@@ -281,11 +390,13 @@ def _improve(problem, shape, point, polar):
             jac=True,
             method="SLSQP",
             bounds=Bounds(low, high),
+            constraints=() if problem.law is None else distance,
             options={"ftol": 1e-9, "maxiter": 100},
         )
         physical = found.x * units
         _, operation = operate(physical, derivatives=False)
-        if not operation.running or operation.energy <= point.operation.energy * (1.0 + 1e-7):
+        new, old = _worth(operation), _worth(point.operation)
+        if new[:2] < old[:2] or (new[:2] == old[:2] and new[2] <= old[2] * (1.0 + 1e-7)):
             break
         point = StartingPoint(shape.at(*split(physical)[:3]), split(physical)[3], operation)
     return point

@@ -99,6 +99,61 @@ def test_gradient_of_the_energy(table, law, limit, gains):
         assert operation.by_gain[i] == pytest.approx(difference, rel=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("law", "gains"), [(LinearLaw(), [110.0]), (LinearLaw(700.0), [80.0]), (QuadraticLaw(), [9.0])]
+)
+def test_gradients_of_the_distance_from_stall(table, law, gains):
+    problem, gains = quasi_steady(law), np.array(gains)
+    recovery = problem.operate(table, gains).recovery
+
+    def slope(at):
+        up, down = at(1.0), at(-1.0)
+        # the margins are over the largest torque, which is held in the gradients
+        return (up[0] * up[1] - down[0] * down[1]) / base
+
+    def unscaled(table, gains, radius=RADIUS):
+        changed = replace(problem, rotor_radius=radius)
+        found = changed.operate(table, gains)
+        speeds = np.sort(FLOW)[np.unique(np.linspace(0, 120, 12).round().astype(int))]
+        w = np.interp(speeds, np.sort(FLOW), found.rotor_speed[np.argsort(FLOW)]) * 0.98
+        scale = 0.5 * np.pi * radius**3 * DENSITY * speeds**2
+        driving = scale * (SPLINE.basis(w * radius / speeds) @ table)
+        assert found.recovery.margin * np.max(driving) == pytest.approx(
+            driving - law.torque(w, gains), rel=1e-6, abs=1e-6
+        )
+        return found.recovery.margin, np.max(driving)
+
+    base = unscaled(table, gains)[1]
+    step = 1e-6
+    difference = slope(lambda sign: unscaled(table, gains * (1.0 + sign * step)))
+    np.testing.assert_allclose(
+        recovery.by_gain @ gains, difference / (2.0 * step), rtol=1e-4, atol=1e-6
+    )
+    difference = slope(lambda sign: unscaled(table, gains, RADIUS * (1.0 + sign * step)))
+    np.testing.assert_allclose(
+        recovery.by_radius[:, 0] * RADIUS, difference / (2.0 * step), rtol=1e-4, atol=1e-6
+    )
+    direction = np.cos(np.arange(table.size)) * 1e-2
+    difference = slope(lambda sign: unscaled(table + sign * step * direction, gains))
+    np.testing.assert_allclose(
+        recovery.by_table @ direction, difference / (2.0 * step), rtol=1e-4, atol=1e-6
+    )
+
+
+def test_a_condensed_flow_has_the_same_energy(table):
+    time = np.linspace(0.0, 600.0, 24001)
+    flow = 1.5 + 0.2 * np.sin(0.25 * time) + 0.1 * np.sin(1.7 * time + 1.0)
+    weights = np.full(time.size, time[1])
+    problem = QuasiSteady(flow, weights, DENSITY, RADIUS, SPLINE, LinearLaw(700.0))
+    few = problem.condensed()
+    assert few.inflow_speed.size <= 400
+    assert few.weights.sum() == pytest.approx(weights.sum(), rel=1e-12)
+    assert (few.inflow_speed[0], few.inflow_speed[-1]) == (flow.min(), flow.max())
+    assert few.operate(table, [80.0]).energy == pytest.approx(
+        problem.operate(table, [80.0]).energy, rel=2e-6
+    )
+
+
 def test_co_design_reaches_the_steady_optimum(blade, polar):
     """Without a limit, co-design of open loop is the best rotor at its best tip speed ratio."""
     optimum = best_rotor(blade, polar, CHORDS, TWISTS)

@@ -10,10 +10,11 @@ from hkt_mdo import verify
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.controllers import QuadraticLaw
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem import SLOWED, RecoveryComp, physics
+from hkt_mdo.problem import RecoveryComp, physics
 from hkt_mdo.rotor.bem import rotor_coefficients
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.run import run_case
+from hkt_mdo.starting_point import SLOWED
 
 CASES = Path(__file__).parent.parent / "cases"
 
