@@ -5,8 +5,11 @@ from dataclasses import dataclass
 import dymos as dm
 import numpy as np
 import openmdao.api as om
+from dymos.utils.hermite import hermite_matrices
+from dymos.utils.lagrange import lagrange_matrices
 from dymos.utils.lgl import lgl
 from dymos.utils.lgr import lgr
+from scipy.sparse import block_diag
 
 from hkt_mdo.dynamics.rotor_ode import RotorODE
 from hkt_mdo.totals import Substitution
@@ -24,11 +27,42 @@ class Scales:
     acceleration: float
 
 
-class _Stateless:
-    """Lets a phase do without states: with rotor speed as a control, nothing needs collocation.
+def _blocks(grid, given, wanted, matrices, sparse):
+    """Return a grid's interpolation matrices: one block a segment.
 
-    Dymos sets such a phase up but for a component of initial guesses, which refuses to be empty.
+    Dymos assembles them dense before it takes their nonzeros, in memory that grows with the square
+    of the segments: gigabytes for an hour.
     """
+    blocks = []
+    for segment in range(grid.num_segments):
+        nodes = []
+        for name in (given, wanted):
+            first, last = grid.subset_segment_indices[name][segment]
+            nodes.append(grid.node_stau[grid.subset_node_indices[name][first:last]])
+        blocks.append(matrices(*nodes))
+    found = (block_diag(each, format="csr") for each in zip(*blocks, strict=True))
+    return tuple(each if sparse else each.toarray() for each in found)
+
+
+class _Lean:
+    """Lets a phase of thousands of segments be set up, and one without states.
+
+    With rotor speed as a control nothing needs collocation; Dymos sets such a phase up but for a
+    component of initial guesses, which refuses to be empty.
+    """
+
+    def init_grid(self):
+        """Give the grid matrices that are sparse from the start."""
+        super().init_grid()
+        grid = self.grid_data
+
+        def lagrange(given, wanted, sparse=False):
+            return _blocks(grid, given, wanted, lagrange_matrices, sparse)
+
+        def hermite(given, wanted, sparse=False):
+            return _blocks(grid, given, wanted, hermite_matrices, sparse)
+
+        grid.phase_lagrange_matrices, grid.phase_hermite_matrices = lagrange, hermite
 
     def setup_states(self, phase):
         """Skip the component where there are no states."""
@@ -41,12 +75,12 @@ class _Stateless:
             super().configure_states(phase)
 
 
-class GaussLobatto(_Stateless, dm.GaussLobatto):
-    """Gauss-Lobatto transcription, also for phases without states."""
+class GaussLobatto(_Lean, dm.GaussLobatto):
+    """Gauss-Lobatto transcription; see `_Lean`."""
 
 
-class Radau(_Stateless, dm.Radau):
-    """Radau transcription, also for phases without states."""
+class Radau(_Lean, dm.Radau):
+    """Radau transcription; see `_Lean`."""
 
 
 class EnergyComp(om.ExplicitComponent):

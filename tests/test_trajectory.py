@@ -1,5 +1,6 @@
 """The transcription's quadrature and the totals of a coarse problem."""
 
+import dymos as dm
 import numpy as np
 import openmdao.api as om
 import pytest
@@ -8,7 +9,7 @@ from openmdao.utils.assert_utils import assert_check_partials, assert_check_tota
 from hkt_mdo.case import read_case
 from hkt_mdo.problem import build_problem, find_start, physics
 from hkt_mdo.rotor.steady_optimum import best_operation
-from hkt_mdo.trajectory import EnergyComp, node_weights
+from hkt_mdo.trajectory import EnergyComp, GaussLobatto, Radau, node_weights
 
 VARIANTS = {
     "quadratic": "control: {law: quadratic, torque_limit: 700}",
@@ -102,3 +103,27 @@ def test_sparse_totals_are_openmdaos_own(name):
     own = driver._compute_totals(return_format="array")
     found = sparse.compute().toarray()
     np.testing.assert_allclose(found, own, rtol=1e-10, atol=1e-12 * np.max(np.abs(own)))
+
+
+@pytest.mark.parametrize("name", ["gauss-lobatto", "radau"])
+def test_sparse_interpolation_matrices_are_those_of_dymos(name):
+    ours, theirs = {
+        "gauss-lobatto": (GaussLobatto, dm.GaussLobatto),
+        "radau": (Radau, dm.Radau),
+    }[name]
+    grids = []
+    for kind in (ours, theirs):
+        transcription = kind(num_segments=7, order=3)
+        transcription.init_grid()
+        grids.append(transcription.grid_data)
+    for method, given, wanted in (
+        ("phase_lagrange_matrices", "control_disc", "all"),
+        ("phase_lagrange_matrices", "state_disc", "col"),
+        ("phase_hermite_matrices", "state_disc", "col"),
+    ):
+        for sparse in (True, False):
+            mine, dymos = (getattr(grid, method)(given, wanted, sparse) for grid in grids)
+            for one, other in zip(mine, dymos, strict=True):
+                if sparse:
+                    one, other = one.toarray(), other.toarray()
+                np.testing.assert_array_equal(one, other)
