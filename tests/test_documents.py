@@ -174,6 +174,52 @@ def test_command_prints_the_page(capsys):
     assert capsys.readouterr().out == case_markdown()
 
 
+# The how-to ---------------------------------------------------------------------------------------
+
+HOW_TO = (ROOT / "docs" / "own_turbine.md").read_text(encoding="utf-8")
+
+
+def blocks(kind):
+    return re.findall(rf"^```{kind}\n(.*?)^```$", HOW_TO, re.DOTALL | re.MULTILINE)
+
+
+@pytest.mark.parametrize("block", blocks("yaml"), ids=one_line)
+def test_what_the_how_to_shows_is_a_case(block, validator):
+    text = block if "inflow:" in block else f"{block}\ninflow: {{profile: sine}}\n"
+    text += "control: {law: quadratic}\n"
+    read_case(text, check_files=False)
+    validator.validate(parse(text, "x"))
+
+
+def test_blades_of_the_how_to_are_one_blade(tmp_path):
+    (aerodyn,) = blocks("text")
+    tables = []
+    for name, text in (("blade.csv", blocks("csv")[0]), ("blade.dat", aerodyn)):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+        tables.append(read_blade(tmp_path / name, hub_radius=0.12))
+    csv, aerodyn = tables
+    np.testing.assert_allclose(csv.r, [0.16, 0.8], rtol=1e-12)
+    np.testing.assert_allclose(aerodyn.r, [0.12, 0.8], rtol=1e-12)
+    for name in ("chord", "twist"):
+        np.testing.assert_allclose(getattr(csv, name), getattr(aerodyn, name), rtol=1e-12)
+    np.testing.assert_allclose(csv.thickness, [0.21, 0.15])
+
+
+def test_commands_of_the_how_to_exist():
+    from typer.main import get_command
+
+    from hkt_mdo.cli import app
+
+    commands = get_command(app).commands
+    lines = re.sub(r"\\\n", " ", "".join(blocks("sh"))).splitlines()
+    assert len(lines) >= 6
+    for line in lines:
+        program, command, *_ = line.split()
+        assert program == "hkt"
+        known = {name for option in commands[command].params for name in option.opts}
+        assert set(re.findall(r"(?<= )--[a-z-]+", line.partition("  #")[0])) <= known, line
+
+
 # The JSON schema ----------------------------------------------------------------------------------
 
 
@@ -347,6 +393,13 @@ def test_keys_shown_as_comments_are_keys_that_null_leaves_as_they_are(tmp_path, 
     assert {"torque_limit", "gain", "duration", "segments", "radius_bounds"} <= set(shown)
     path.write_text(re.sub(r"^  # (\w+: null\b)", r"  \1", text, flags=re.MULTILINE), "utf-8")
     assert load_case(path) == case
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_new_case_passes_the_check(tmp_path, capsys, kind):
+    path, *_ = write_new_case(tmp_path / "mine", kind)
+    assert main(["check", str(path), "--no-figures"]) == 0
+    assert "mine can be run." in capsys.readouterr().out
 
 
 def test_new_paper_case_is_the_default_case(tmp_path):
