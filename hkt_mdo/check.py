@@ -1,170 +1,52 @@
 """What `hkt check` tells before a run: all that a run needs is read and built, nothing optimized.
 
-The starting blade is put into the case's flow: blade element momentum theory and quasi-steady
-operation give the figures that tell whether a case means what its author meant.
+The figures are those of `hkt_mdo.findings`; here they are put into words, with what was done to the
+files and what their author may not have meant.
 """
 
 import os
-import time
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
 
 from hkt_mdo.case import Case, Quantity
-from hkt_mdo.dynamics.inflow import ConstantInflow
-from hkt_mdo.problem import (
-    BEM,
-    MOST_SEGMENTS,
-    SEGMENTS_PER_PERIOD,
-    Physics,
-    build_problem,
-    complete,
-    find_start,
-    make_driver,
-    physics,
+from hkt_mdo.findings import (
+    ITERATIONS,
+    MARGIN,
+    PASSES,
+    Cost,
+    Findings,
+    ProblemSize,
+    Range,
+    examine,
+    expected_cost,
+    problem_size,
+    torque_at,
 )
+from hkt_mdo.problem import MOST_SEGMENTS, SEGMENTS_PER_PERIOD, complete, make_driver, physics
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade_files import read_blade
-from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.polar_files import read_polars
 from hkt_mdo.rotor.shape import spline_basis
-from hkt_mdo.rotor.steady_optimum import SteadyOptimum, best_operation
-from hkt_mdo.simulation import Plant
-from hkt_mdo.starting_point import StartingPoint
-from hkt_mdo.turbine import POLAR, Turbine, build_turbine
+from hkt_mdo.turbine import POLAR
 
 Rows = list[tuple[str, str]]
-Range = tuple[float, float]
-
-MARGIN = 0.7, 1.3
-"""Tip speed ratios over the best one, to which a rotor may come while it is designed."""
-
-MOST_INSTANTS = 2**17
-"""At which the flow is looked at."""
-
-MOST_START_SEGMENTS = 2000
-"""In which the starting blade's operation is looked at."""
 
 FIT = 0.02, float(np.deg2rad(0.5))
 """How far splines may leave chord (over the largest) and twist (rad) of the blade's file."""
 
+POOR = 0.2
+"""Largest power coefficient, below which a blade was hardly meant as it stands."""
+
+OUTERMOST = 0.9
+"""Radius of the last station over the tip radius, below which a part of the blade is missing."""
+
 EDDY = 1.25
 """Cutoff times diameter over flow speed, above which eddies are smaller than the rotor."""
-
-# The rule of `expected_cost`: lowest and highest of what whole runs of 60 to 8640 segments took
-# (docs/performance.md has iterations and memory up to 3000 segments).
-TRIAL_SEGMENTS = 20, 200  # of the two problems that are built to count and to time
-PASSES = 1, 2
-ITERATIONS = 30, 120  # a pass
-EVALUATIONS = 3.5, 6.0  # an iteration of IPOPT: line searches and its own algebra
-SLSQP_EVALUATIONS = 1.2, 2.0
-SLSQP_SECONDS = 4e-10, 1e-9  # unknowns³ of its dense algebra, an iteration
-BASE_SECONDS = 4.0, 7.0  # imports, steady optimum, figures
-START_SECONDS = 3e-4, 1.5e-3  # a segment: quasi-steady co-design
-SETUP_SECONDS = 2.5e-8, 8e-8  # nodes²: Dymos' dense interpolation of states
-CONTROL_SECONDS = 2.8e-11  # nodes³: that of an open loop's control
-CALLS = 20, 120  # of BEM, a segment of the independent integration
-OPEN_LOOP_CALLS = 3.0  # times as many where a recorded torque, which has kinks, is looked up
-CALL_SECONDS = 4e-5  # of the integrator itself
-BASE_BYTES, NODE_BYTES = 290e6, 20e3
-PAIR_BYTES = 6.5, 15.0  # nodes²
-
-
-@dataclass(frozen=True)
-class ProblemSize:
-    """Size of an optimization.
-
-    Parameters
-    ----------
-    unknowns, constraints : dict of str to int
-        By their names in the OpenMDAO problem.
-    nodes : int
-        At which the rotor's equation is evaluated.
-    evaluation_seconds : float
-        Of the model and its total derivatives, on this machine.
-    """
-
-    unknowns: dict[str, int]
-    constraints: dict[str, int]
-    nodes: int
-    evaluation_seconds: float
-
-
-@dataclass(frozen=True)
-class Cost:
-    """What a run may take, lowest and highest: seconds and bytes; integration_seconds are part."""
-
-    seconds: Range
-    integration_seconds: Range
-    memory_bytes: Range
-
-
-@dataclass(frozen=True, eq=False)
-class Findings:
-    """A case's flow, and its starting blade in it, in SI units.
-
-    Parameters
-    ----------
-    case : Case
-        Complete, its start the blade as given.
-    world : Physics
-    turbine : Turbine
-        With the blade of the file, which splines may have left.
-    plant : Plant
-        The rotor with the starting blade, as it would be simulated.
-    mass, inertia : float
-    time, speed : array, shape (n,)
-        Even instants of the whole duration, and the flow then.
-    mean, deviation, mean_cube : float
-        Of the flow's speed over time: mean, standard deviation, mean of the cubes.
-    cutoff : float
-        Highest frequency that matters in the flow; 0 where it is steady.
-    best : SteadyOptimum
-        Largest power coefficient of the starting blade.
-    start : StartingPoint
-        Its quasi-steady operation over the flow under the control law.
-    working : (float, float)
-        Tip speed ratios met in it; if it does not turn throughout, `MARGIN` round the best one.
-    steady_speed : float or None
-        Rotor speed at which the law holds it in the mean flow; None: it does not turn there.
-    time_constant : float or None
-        There, see `time_constant`.
-    rated_speed : float or None
-        Flow speed at which the torque limit is met at the best tip speed ratio; None: no limit.
-    above_rated : float
-        Share of the time in which the flow is faster.
-    """
-
-    case: Case
-    world: Physics
-    turbine: Turbine
-    plant: Plant
-    mass: float
-    inertia: float
-    time: np.ndarray
-    speed: np.ndarray
-    mean: float
-    deviation: float
-    mean_cube: float
-    cutoff: float
-    best: SteadyOptimum
-    start: StartingPoint
-    working: Range
-    steady_speed: float | None
-    time_constant: float | None
-    rated_speed: float | None
-    above_rated: float
-
-    @property
-    def rated_power(self) -> float | None:
-        """Power at the rated flow speed, W."""
-        limit, rated = self.world.torque_limit, self.rated_speed
-        if limit is None or rated is None:
-            return None
-        return limit * self.best.tip_speed_ratio * rated / self.world.blade.rotor_radius
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +102,7 @@ def check_case(case: Case) -> CheckReport:
     package = make_driver(whole).package
     found = examine(whole, world)
     size = problem_size(found.case, world, found.best)
-    cost = expected_cost(found.case, size, _call_seconds(found))
+    cost = expected_cost(found, size)
     met = _Met.of(found)
     told, notes = met.told()
     tables = {
@@ -246,214 +128,6 @@ def check_case(case: Case) -> CheckReport:
     }
     notes = (*world.messages, *notes)
     return CheckReport(case.name, tables, notes, warnings, found, size, cost, figures)
-
-
-# The starting blade in the flow -------------------------------------------------------------------
-
-
-def examine(case: Case, world: Physics) -> Findings:
-    """Put the starting blade of a complete case into its flow; see `Findings`."""
-    as_given = case.start.model_copy(update={"method": "blade"})
-    case = case.model_copy(update={"start": as_given})
-    duration, cutoff = case.phase.duration, getattr(world.inflow, "cutoff", None) or 0.0
-    count = int(np.clip(16.0 * duration * cutoff, 2048, MOST_INSTANTS)) + 1
-    instants, weights = np.linspace(0.0, duration, count), np.full(count, 1.0 / (count - 1))
-    weights[[0, -1]] *= 0.5
-    speed = np.asarray(world.inflow.speed(instants))
-    mean = float(weights @ speed)
-
-    blade = world.blade
-    best = best_operation(blade, world.polar)
-    mass, inertia, _, _ = mass_and_inertia(
-        blade, world.section_area, case.rotor.material_density, case.rotor.hub_inertia
-    )
-    check = BEM[case.hydrodynamics.check]
-    plant = Plant(blade, world.polar, float(inertia), case.fluid.density, check)
-    few = case.phase.model_copy(update={"segments": min(case.phase.segments, MOST_START_SEGMENTS)})
-    coarse = case.model_copy(update={"phase": few})
-    start = find_start(coarse, world, best)
-    flow = world.inflow.speed(np.linspace(0.0, duration, start.operation.rotor_speed.size))
-    ratios = start.operation.rotor_speed * blade.rotor_radius / flow
-    working = best.tip_speed_ratio * MARGIN[0], best.tip_speed_ratio * MARGIN[1]
-    if start.operation.running:
-        working = float(ratios.min()), float(ratios.max())
-    steady_speed, constant = _steady(coarse, world, best, start, plant, mean)
-    rated, above = None, 0.0
-    if world.torque_limit is not None:
-        rated = rated_speed(plant, best.tip_speed_ratio, world.torque_limit)
-        above = float(weights @ (speed > rated))
-    return Findings(
-        case,
-        world,
-        build_turbine(case.rotor, case.fluid, mean),
-        plant,
-        float(mass),
-        float(inertia),
-        instants,
-        speed,
-        mean,
-        float(np.sqrt(weights @ (speed - mean) ** 2)),
-        float(weights @ speed**3),
-        cutoff,
-        best,
-        start,
-        working,
-        steady_speed,
-        constant,
-        rated,
-        above,
-    )
-
-
-def _steady(case, world, best, start, plant, mean) -> tuple[float | None, float | None]:
-    """Return rotor speed (rad/s) and time constant (s) where the law holds the mean flow (m/s)."""
-    if world.law is not None:
-        gains = {"gain": tuple(start.gains)}
-        case = case.model_copy(update={"control": case.control.model_copy(update=gains)})
-    held = find_start(case, replace(world, inflow=ConstantInflow(mean)), best)
-    if not held.operation.running:
-        return None, None
-    speed = held.operation.rotor_speed[:1]
-    slope = 0.0 if world.law is None else float(world.law.torque_by_speed(speed, held.gains)[0])
-    return float(speed[0]), time_constant(plant, float(speed[0]), mean, slope)
-
-
-def rated_speed(plant: Plant, tip_speed_ratio: float, torque: float) -> float:
-    """Return the flow speed (m/s) at which a rotor kept at a tip speed ratio has a torque (N*m).
-
-    0.5 rho pi R³ Cq v² = torque, by iteration, for Cq depends on v where polars follow the Reynolds
-    number. Infinite where the rotor has no torque.
-    """
-    flow = 1.0
-    for _ in range(50):
-        found = _torque(plant, tip_speed_ratio * flow / plant.blade.rotor_radius, flow)
-        if found <= 0.0:
-            return np.inf
-        before, flow = flow, flow * float(np.sqrt(torque / found))
-        if abs(flow - before) <= 1e-12 * flow:
-            break
-    return flow
-
-
-def time_constant(
-    plant: Plant, rotor_speed: float, flow_speed: float, control_slope: float = 0.0
-) -> float:
-    """Return the time constant of a rotor near an equilibrium, s.
-
-    I dw/dt = Q(w, v) - u(w), linearized: I / (du/dw - dQ/dw). Negative where the equilibrium is
-    unstable.
-
-    Parameters
-    ----------
-    plant : Plant
-    rotor_speed, flow_speed : float, rad/s and m/s
-    control_slope : float, N*m*s/rad
-        du/dw; zero for a torque that does not follow the speed.
-    """
-    step = 1e-4 * rotor_speed
-    faster = _torque(plant, rotor_speed + step, flow_speed)
-    slower = _torque(plant, rotor_speed - step, flow_speed)
-    return plant.inertia / (control_slope - (faster - slower) / (2.0 * step))
-
-
-def _torque(plant: Plant, rotor_speed: float, flow_speed: float) -> float:
-    return float(plant.torque(np.array([rotor_speed]), np.array([flow_speed]))[0])
-
-
-# Size and cost ------------------------------------------------------------------------------------
-
-
-def problem_size(case: Case, world: Physics, best: SteadyOptimum) -> ProblemSize:
-    """Return the size of a case's optimization and the time of one evaluation.
-
-    Two problems of 20 and 200 segments are built, or of all where that is fewer, and carried on:
-    unknowns, constraints and the time of an evaluation grow linearly in the segments; Dymos' set-up
-    does not, and would take longest.
-    """
-    phase = case.phase
-    few, many = (min(count, phase.segments) for count in TRIAL_SEGMENTS)
-    small, large = (_trial(case, world, best, count) for count in (few, many))
-    share = 0.0 if few == many else (phase.segments - many) / (many - few)
-
-    def carried(before, after):
-        return {name: round(n + share * (n - before[name])) for name, n in after.items()}
-
-    nodes = phase.order + int(phase.transcription == "radau")
-    return ProblemSize(
-        carried(small[0], large[0]),
-        carried(small[1], large[1]),
-        nodes * phase.segments,
-        large[2] + share * max(large[2] - small[2], 0.0),
-    )
-
-
-def _trial(case, world, best, segments):
-    """Return unknowns and constraints by name of a problem of fewer segments, and its time, s."""
-    duration = case.phase.duration * segments / case.phase.segments
-    phase = case.phase.model_copy(update={"segments": segments, "duration": duration})
-    case = case.model_copy(update={"phase": phase})
-    nodes = best.tip_speed_ratio * np.linspace(0.5, 1.6, 80)
-    problem = build_problem(case, world, find_start(case, world, best), nodes)
-    problem.final_setup()
-    problem.run_model()
-    driver = problem.driver
-    unknowns, constraints = driver.get_design_var_values(), driver.get_constraint_values()
-    responses = [*driver.get_objective_values(), *constraints]
-    totals = problem.model.linear_solver.totals(driver, responses)
-    totals.compute()
-    seconds = []
-    for _ in range(3):
-        began = time.perf_counter()
-        problem.run_model()
-        totals.compute()
-        seconds.append(time.perf_counter() - began)
-    problem.cleanup()
-    unknowns, constraints = (
-        {name: value.size for name, value in values.items()} for values in (unknowns, constraints)
-    )
-    return unknowns, constraints, min(seconds)
-
-
-def _call_seconds(found: Findings) -> float:
-    """Return the time of one call of the simulation's BEM, s."""
-    speed, calls = found.best.tip_speed_ratio * found.mean / found.world.blade.rotor_radius, 20
-    _torque(found.plant, speed, found.mean)
-    began = time.perf_counter()
-    for _ in range(calls):
-        _torque(found.plant, speed, found.mean)
-    return (time.perf_counter() - began) / calls
-
-
-def expected_cost(case: Case, size: ProblemSize, call_seconds: float) -> Cost:
-    """Return what a run may take, by a rule from measured runs.
-
-        base + start n + passes (set-up nodes² + iterations evaluations t) + calls n t_BEM
-
-    with n segments. The times t of an evaluation and t_BEM of a call are measured on this machine,
-    the rest is this module's constants. SLSQP's dense algebra adds the cube of the unknowns to an
-    iteration, an open loop's set-up the cube of the nodes. Iterations are a guess: few cases take
-    fewer, few take more.
-    """
-    segments, nodes = case.phase.segments, float(size.nodes)
-    open_loop, slsqp = case.control.law == "open_loop", case.driver.optimizer == "SLSQP"
-    evaluations = SLSQP_EVALUATIONS if slsqp else EVALUATIONS
-    kinks = (1.0, OPEN_LOOP_CALLS if open_loop else 1.0)
-    seconds, integration, memory = [], [], []
-    for side in range(2):
-        iteration = evaluations[side] * size.evaluation_seconds
-        if slsqp:
-            iteration += SLSQP_SECONDS[side] * sum(size.unknowns.values()) ** 3
-        setup = SETUP_SECONDS[side] * nodes**2 + (CONTROL_SECONDS * nodes**3 if open_loop else 0.0)
-        iterations = min(ITERATIONS[side], case.driver.max_iterations)
-        integration.append(kinks[side] * CALLS[side] * segments * (call_seconds + CALL_SECONDS))
-        seconds.append(
-            BASE_SECONDS[side]
-            + START_SECONDS[side] * segments
-            + PASSES[side] * (setup + iterations * iteration)
-            + integration[side]
-        )
-        memory.append(BASE_BYTES + NODE_BYTES * nodes + PAIR_BYTES[side] * nodes**2)
-    return Cost(*((low, high) for low, high in (seconds, integration, memory)))
 
 
 # What the stations meet ---------------------------------------------------------------------------
@@ -515,12 +189,12 @@ class _Met:
         outside = self._outside(self.low, self.high)
         wider = self._outside(self.margin_low, self.margin_high)
         if outside:
-            ratios = _span(found.working, form=".3g")
-            warnings.append(f"at tip speed ratios of {ratios} {outside}: {beyond}")
+            ratios = _span(found.working, digits=3)
+            warnings.append(f"{outside}, at tip speed ratios of {ratios}: {beyond}")
         elif wider:
             low, high = (side * found.best.tip_speed_ratio for side in MARGIN)
             notes.append(
-                f"should the tip speed ratio come to {low:.3g} or {high:.3g}, {wider}: {beyond}"
+                f"{wider}, should the tip speed ratio be {low:.3g} or {high:.3g}: {beyond}"
             )
         if isinstance(found.world.polar, bem.LocalReynolds):
             low, high = np.exp(found.world.polar.log_reynolds[[0, -1]])
@@ -634,7 +308,7 @@ def _turbine_rows(found: Findings) -> Rows:
     own = [section.name for section in _own_sections(found.case)]
     sections = [Path(section.polar).name for section in rotor.sections] or own
     names = ", ".join(sections) or Path(rotor.polar or POLAR).name
-    thickness = _span(100.0 * np.atleast_1d(found.turbine.thickness), "%", ".3g")
+    thickness = _span(100.0 * np.atleast_1d(found.turbine.thickness), "%", 3)
     besides = f", and {rotor.hub_inertia:g} kg m^2 besides" if rotor.hub_inertia else ""
     return [
         (
@@ -645,13 +319,13 @@ def _turbine_rows(found: Findings) -> Rows:
         (
             "blade at the start",
             f"{source}: {blade.r.size} stations at {_stations(found, slice(None))}, chord "
-            f"{_span(blade.chord, 'm')}, twist {_span(np.rad2deg(blade.twist), 'deg', '.3g')}",
+            f"{_span(blade.chord, 'm')}, twist {_span(np.rad2deg(blade.twist), 'deg', 3)}",
         ),
         ("sections", f"{names}; {thickness} thick"),
         ("designed", "; ".join(_designed(found)) or "nothing of the blade"),
         (
             "mass, inertia",
-            f"{found.mass:.4g} kg and {found.inertia:.4g} kg m^2: solid blades of "
+            f"{_number(found.mass)} kg and {_number(found.inertia)} kg m^2: solid blades of "
             f"{rotor.material_density:g} kg/m^3{besides}",
         ),
     ]
@@ -682,7 +356,7 @@ def _flow_rows(found: Findings, by_default: bool) -> Rows:
     if found.cutoff:
         changes = f"up to {found.cutoff:.3g} Hz, a period of {_seconds(1.0 / found.cutoff)}"
     flux = 0.5 * case.fluid.density * found.mean_cube
-    through = _power(flux * np.pi * found.world.blade.rotor_radius**2)
+    through = _large(flux * np.pi * found.world.blade.rotor_radius**2, "W")
     return [
         ("kind", _flow_words(case.inflow)),
         (
@@ -692,7 +366,10 @@ def _flow_rows(found: Findings, by_default: bool) -> Rows:
         ),
         ("time", f"{_duration(duration)}, {why}"),
         ("changes", changes),
-        ("power in it", f"{_power(flux)} a square metre on average, {through} through the rotor"),
+        (
+            "power in it",
+            f"{_large(flux, 'W')} a square metre on average, {through} through the rotor",
+        ),
     ]
 
 
@@ -700,7 +377,7 @@ def _control_rows(found: Findings) -> Rows:
     control, law, case = found.case.control, found.world.law, found.case
     limit = "none"
     if control.torque_limit is not None:
-        limit = f"{control.torque_limit:g} N m"
+        limit = _large(control.torque_limit, "N m")
         if law is not None:
             limit += f", approached smoothly (smoothing {control.smoothing:g})"
     said = (type(control).__doc__ or control.law).strip().partition("\n")[0].rstrip(".")
@@ -708,7 +385,7 @@ def _control_rows(found: Findings) -> Rows:
     initial = case.phase.initial_speed
     if law is not None:
         gains = ", ".join(
-            f"{gain:.4g} {unit.replace('**', '^').replace('*', ' ')}"
+            f"{_number(gain)} {unit.replace('**', '^').replace('*', ' ')}"
             for gain, unit in zip(found.start.gains, law.gain_units, strict=True)
         )
         how = "as the case says"
@@ -726,7 +403,7 @@ def _control_rows(found: Findings) -> Rows:
 def _start_rows(found: Findings) -> Rows:
     world, best, mean = found.world, found.best, found.mean
     speed = best.tip_speed_ratio * mean / world.blade.rotor_radius
-    torque = _torque(found.plant, speed, mean)
+    torque = torque_at(found.plant, speed, mean)
     rows = [
         (
             "largest power coefficient",
@@ -734,24 +411,25 @@ def _start_rows(found: Findings) -> Rows:
         ),
         (
             "there, in the mean flow",
-            f"{_turning(speed)}, {torque:.4g} N m, {_power(torque * speed)} at {mean:.4g} m/s",
+            f"{_large(torque * speed, 'W')} at {mean:.4g} m/s: {_large(torque, 'N m')}, "
+            f"{_turning(speed)}",
         ),
     ]
     if found.rated_speed is not None:
-        often = f"{100.0 * found.above_rated:.3g} % of the time"
+        often = f"{100.0 * found.above_rated:.3g} % of the time" if found.above_rated else "never"
         rows.append(
             (
                 "there, at the torque limit",
-                f"{_power(found.rated_power)} at {found.rated_speed:.4g} m/s; the flow is faster "
-                f"{often if found.above_rated else 'at no time'}",
+                f"{_large(found.rated_power, 'W')} at {found.rated_speed:.4g} m/s; flow above it: "
+                f"{often}",
             )
         )
     if found.start.operation.running:
         rows.append(
             (
                 "under the control law",
-                f"tip speed ratio {_span(found.working, form='.3g')}; "
-                f"{found.start.operation.energy / 1e3:.4g} kJ, if it followed the flow at once",
+                f"tip speed ratio {_span(found.working, digits=3)}; "
+                f"{_large(found.start.operation.energy, 'J')}, if it followed the flow at once",
             )
         )
     else:
@@ -779,6 +457,7 @@ def _optimization_rows(found: Findings, size: ProblemSize, package: str) -> Rows
     if hydro.torque == "curve":
         torque = "as a curve over the tip speed ratio, one for each blade"
     solver = {"vectorized": "this package's BEM", "ccblade": "CCBlade"}
+    check = "too" if hydro.check == hydro.bem else f"by {solver[hydro.check]}"
     return [
         (
             "segments",
@@ -787,7 +466,7 @@ def _optimization_rows(found: Findings, size: ProblemSize, package: str) -> Rows
         ),
         ("unknowns", _sizes(size.unknowns, found.world.shape.designs_set_angle)),
         ("constraints", _sizes(size.constraints)),
-        ("torque", f"{torque}, by {solver[hydro.bem]}; simulated by {solver[hydro.check]}"),
+        ("torque", f"{torque}, by {solver[hydro.bem]}; in the simulation {check}"),
         (
             "optimizer",
             f"{driver.optimizer} of {package}, to {driver.tolerance:g}, for the captured energy",
@@ -802,8 +481,9 @@ def _cost_rows(size: ProblemSize, cost: Cost) -> Rows:
         ("memory", f"about {_memory_span(cost.memory_bytes)}"),
         (
             "as measured runs tell",
-            f"{PASSES[0]} or {PASSES[1]} passes of {ITERATIONS[0]} to {ITERATIONS[1]} iterations; "
-            f"an evaluation with its derivatives takes {_seconds(size.evaluation_seconds)} here",
+            f"{PASSES[0]} or {PASSES[1]} passes of {ITERATIONS[0]} to {ITERATIONS[1]} iterations, "
+            "unless it loses its way; an evaluation with its derivatives takes "
+            f"{_seconds(size.evaluation_seconds)} here",
         ),
     ]
 
@@ -811,16 +491,22 @@ def _cost_rows(size: ProblemSize, cost: Cost) -> Rows:
 # Warnings -----------------------------------------------------------------------------------------
 
 
-def _start_warnings(found: Findings):
+def _start_warnings(found: Findings) -> Iterator[str]:
     """Yield what speaks against torque limit, law and gain."""
     case, limit = found.case, found.world.torque_limit
-    fastest = float(found.speed.max())
+    fastest, most = float(found.speed.max()), found.best.power_coefficient
+    if most < POOR:
+        yield (
+            f"the starting blade's power coefficient is {most:.3g} at most: look at the sign and "
+            "unit of its twist, at rotor.set_angle and at the polar"
+        )
     if limit is not None and not found.above_rated:
         speed = found.best.tip_speed_ratio * fastest / found.world.blade.rotor_radius
+        most = _large(torque_at(found.plant, speed, fastest), "N m")
         yield (
-            f"control.torque_limit = {limit:g} N m is more than the flow gives: at its best tip "
-            f"speed ratio the starting blade has {_torque(found.plant, speed, fastest):.4g} N m "
-            f"in the fastest flow, {fastest:.4g} m/s"
+            f"control.torque_limit = {_large(limit, 'N m')} is more than the flow gives: at its "
+            f"best tip speed ratio the starting blade has {most} in the fastest flow, "
+            f"{fastest:.4g} m/s"
         )
     if not found.start.operation.running:
         given = " and this gain" if getattr(case.control, "gain", None) is not None else ""
@@ -833,7 +519,7 @@ def _start_warnings(found: Findings):
         )
 
 
-def _design_warnings(found: Findings):
+def _design_warnings(found: Findings) -> Iterator[str]:
     """Yield what speaks against bounds, which may leave out the start, and control points."""
     shape, design, blade = found.world.shape, found.case.design, found.world.blade
     chord, twist = shape.control(blade)
@@ -856,6 +542,11 @@ def _design_warnings(found: Findings):
                 f"design.{key} = [{low:g}, {high:g}] leaves out the {what} of the starting blade, "
                 f"{_span(value, unit)}: the run moves it inside"
             )
+    if blade.r[-1] < OUTERMOST * blade.tip_radius:
+        yield (
+            f"the outermost station is at {_stations(found, [-1])}, and the load falls to zero "
+            "from there to the tip: give stations farther out, or look at rotor.radius"
+        )
     given = found.turbine.blade
     for name, off, most, words in (
         (
@@ -877,7 +568,7 @@ def _design_warnings(found: Findings):
             )
 
 
-def _flow_warnings(found: Findings):
+def _flow_warnings(found: Findings) -> Iterator[str]:
     """Yield what speaks against the flow's cutoff: segments, rotor and disc may not follow."""
     phase, cutoff = found.case.phase, found.cutoff
     if not cutoff:
@@ -909,7 +600,7 @@ def _flow_warnings(found: Findings):
         )
 
 
-def _memory_warnings(cost: Cost):
+def _memory_warnings(cost: Cost) -> Iterator[str]:
     """Yield a word where a run may not fit into this machine."""
     try:
         installed = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
@@ -1055,14 +746,14 @@ def _sizes(sizes: dict[str, int], set_angle: bool = False) -> str:
     parts: dict[str, int] = {}
     for name, size in sizes.items():
         last = name.rpartition(".")[2]
-        words = _NAMES.get(last) or _NAMES.get(last.rpartition(":")[2])
+        plain = last.rpartition(":")[2].removesuffix("_rate")
+        words = _NAMES.get(last) or _NAMES.get(plain) or plain.replace("_", " ")
         if last.startswith("defect_control"):
-            words = "smoothness of it"
+            words = f"smoothness of the {words.removesuffix(' over time')}"
         elif last.startswith("gain_"):
             words = "gain"
         elif last == "twist_control" and set_angle:
             words = "set angle"
-        words = words or last.replace("_", " ")
         parts[words] = parts.get(words, 0) + size
     listed = ", ".join(f"{size} {words}" for words, size in parts.items())
     return f"{sum(parts.values())}: {listed}" if parts else "none"
@@ -1070,12 +761,17 @@ def _sizes(sizes: dict[str, int], set_angle: bool = False) -> str:
 
 def _stations(found: Findings, chosen) -> str:
     blade = found.world.blade
-    return f"r/R = {_span(blade.r[chosen] / blade.tip_radius, form='.3g')}"
+    return f"r/R = {_span(blade.r[chosen] / blade.tip_radius)}"
 
 
-def _span(values, unit: str = "", form: str = ".4g") -> str:
+def _number(value: float, digits: int = 4) -> str:
+    """Return a number with so many digits, without a power of ten where it can be avoided."""
+    return f"{float(f'{value:.{digits}g}'):.10g}"
+
+
+def _span(values, unit: str = "", digits: int = 4) -> str:
     """Return the range of values with its unit."""
-    low, high = (f"{end:{form}}" for end in (np.min(values), np.max(values)))
+    low, high = (_number(end, digits) for end in (np.min(values), np.max(values)))
     return f"{low if low == high else f'{low} to {high}'} {unit}".rstrip()
 
 
@@ -1092,8 +788,12 @@ def _count(number: int, what: str) -> str:
     return f"{number} {what}{'s' if number != 1 else ''}"
 
 
-def _power(watts: float) -> str:
-    return f"{watts / 1e3:.4g} kW" if abs(watts) >= 1e3 else f"{watts:.4g} W"
+def _large(value: float, unit: str) -> str:
+    """Return a quantity in its unit, or thousands or millions of it."""
+    for prefix, size in (("M", 1e6), ("k", 1e3)):
+        if abs(value) >= size:
+            return f"{value / size:.4g} {prefix}{unit}"
+    return f"{value:.4g} {unit}"
 
 
 def _turning(speed: float) -> str:

@@ -237,7 +237,8 @@ def check(
 
     from hkt_mdo.check import check_case
 
-    report = check_case(loaded)
+    with _named(case):
+        report = check_case(loaded)
     console = Console(highlight=False)
     for title, rows in report.tables.items():
         _print_rows(console, rows, title)
@@ -250,9 +251,9 @@ def check(
         written = save_check_figures(report.figures, out or Path("check") / report.name)
         names = ", ".join(path.name for path in written)
         console.print(f"Figures: {written[0].parent}: {names}", markup=False, soft_wrap=True)
-    found = f", with {len(report.warnings)} warnings" if report.warnings else ""
-    found = found.removesuffix("s") if len(report.warnings) == 1 else found
-    console.print(f"{report.name} can be run{found}.", markup=False, soft_wrap=True)
+    number = len(report.warnings)
+    doubts = f", with {number} warning{'s' if number > 1 else ''}" if number else ""
+    console.print(f"{report.name} can be run{doubts}.", markup=False, soft_wrap=True)
 
 
 @app.command(
@@ -777,6 +778,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 # Parts --------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _named(case: Path) -> Iterator[None]:
+    """Name the case's file in bad input that is found only when the parts of a case meet."""
+    from hkt_mdo.errors import InputError
+
+    try:
+        yield
+    except InputError as error:
+        error.file = error.file or str(case)
+        raise
 
 
 def _complain(what: str, message: str) -> None:

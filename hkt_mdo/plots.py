@@ -1,7 +1,8 @@
 """Figures of results: each plot takes one solution or several and axes, and returns the axes.
 
 A plot computes nothing and changes no global setting of Matplotlib. Solutions differ by colour,
-line style and marker, so that a grey print is read too.
+line style and marker, so that a grey print is read too. What `hkt check` shows is drawn from arrays
+by the functions `draw_...`, which take and return axes as well.
 """
 
 from __future__ import annotations
@@ -24,18 +25,18 @@ __all__ = [
     "blade_figure",
     "check_figures",
     "convergence_figure",
+    "draw_blade",
+    "draw_inflow",
+    "draw_polar",
+    "draw_power",
+    "draw_spectrum",
     "operation_figure",
     "plot_chord",
     "plot_control_torque",
     "plot_convergence",
     "plot_hydrodynamic_torque",
-    "plot_inflow",
-    "plot_polar",
     "plot_power_curve",
     "plot_rotor_speed",
-    "plot_spectrum",
-    "plot_starting_blade",
-    "plot_starting_power",
     "plot_tip_speed_ratio",
     "plot_torque",
     "plot_twist",
@@ -466,7 +467,7 @@ def save_figures(
 # Figures of a check -------------------------------------------------------------------------------
 
 
-def plot_starting_blade(
+def draw_blade(
     data: Mapping[str, Any],
     column: str = "chord_m",
     label: str = "chord (m)",
@@ -490,7 +491,7 @@ def plot_starting_blade(
         The axes drawn on.
     """
     ax = _axes(ax)
-    style = _style(0)
+    style = _style(0) | {"marker": "o", "markersize": 4}
     if f"{column}_file" in data:
         ax.plot(data["r_m"], data[f"{column}_file"], ":", **_REFERENCE, label="blade of the file")
     ax.plot(data["r_m"], data[column], label="blade at the start, its stations", **style)
@@ -499,11 +500,13 @@ def plot_starting_blade(
         ax.plot(places, values, "--", marker="s", markersize=5, **_POINTS, label="control points")
     for end in data["ends_m"]:
         ax.axvline(end, **_REFERENCE | {"linewidth": 0.8})
+    if np.min(data[column]) > 0.0:
+        ax.set_ylim(bottom=0.0)
     _finish(ax, "radius (m), from hub to tip", label)
     return ax
 
 
-def plot_polar(data: Mapping[str, Any], column: str = "lift", ax: Axes | None = None) -> Axes:
+def draw_polar(data: Mapping[str, Any], column: str = "lift", ax: Axes | None = None) -> Axes:
     """Draw a coefficient of all polars over the angle of attack; dotted where it is extended.
 
     Shaded are the angles of attack that the stations meet.
@@ -545,7 +548,7 @@ def plot_polar(data: Mapping[str, Any], column: str = "lift", ax: Axes | None = 
     return ax
 
 
-def plot_inflow(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
+def draw_inflow(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
     """Draw a flow over time, its mean, and the speed at which the torque limit is met.
 
     Parameters
@@ -575,7 +578,7 @@ def plot_inflow(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
     return ax
 
 
-def plot_spectrum(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
+def draw_spectrum(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
     """Draw the power spectral density of a flow and its cutoff; of a steady flow nothing.
 
     Parameters
@@ -595,7 +598,9 @@ def plot_spectrum(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
         frequency, density = data["spectrum"]
         ax.loglog(frequency, density, color=_COLORS[0], linewidth=1.2)
         top = float(np.max(density))
-        ax.set_ylim(1e-8 * top, 4.0 * top)  # below is rounding
+        loud = frequency[density > 1e-8 * top]  # the rest is rounding
+        ax.set_ylim(1e-8 * top, 4.0 * top)
+        ax.set_xlim(0.8 * loud[0], 1.25 * max(loud[-1], data["cutoff_hz"] or 0.0))
         if data["cutoff_hz"]:
             ax.axvline(data["cutoff_hz"], linestyle="--", **_REFERENCE, label="cutoff")
     else:
@@ -604,7 +609,7 @@ def plot_spectrum(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
     return ax
 
 
-def plot_starting_power(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
+def draw_power(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
     """Draw the starting blade's power coefficient, its peak and the range it works in.
 
     Parameters
@@ -626,7 +631,7 @@ def plot_starting_power(data: Mapping[str, Any], ax: Axes | None = None) -> Axes
     ax.plot([ratio], [power], color=style["color"], **_mark(0))
     if data["working"] is not None:
         ax.axvspan(
-            *data["working"], color="0.5", alpha=0.2, linewidth=0, label="met under the control law"
+            *data["working"], color="0.5", alpha=0.2, linewidth=2, label="met under the control law"
         )
     ax.set_ylim(bottom=0.0)
     _finish(ax, "tip speed ratio (-)", "power coefficient $C_P$ (-)")
@@ -651,21 +656,22 @@ def check_figures(data: Mapping[str, Mapping[str, Any]]) -> dict[str, Figure]:
     columns = ("chord_m", "twist_deg", "thickness_percent")
     labels = ("chord (m)", "twist (deg)", "thickness (% of the chord)")
     for panel, column, label in zip(panels, columns, labels, strict=True):
-        plot_starting_blade(data["blade"], column, label, panel)
+        draw_blade(data["blade"], column, label, panel)
         if panel is not panels[-1]:
             panel.set_xlabel("")
-    _drop_legend(panels[-1])
+        if panel is not panels[0]:
+            _drop_legend(panel)
     figures["polar"] = _figure(6.4, 6.4)
     top, bottom = figures["polar"].subplots(2, 1, sharex=True)
-    plot_polar(data["polar"], "lift", top).set_xlabel("")
-    plot_polar(data["polar"], "drag", bottom)
+    draw_polar(data["polar"], "lift", top).set_xlabel("")
+    draw_polar(data["polar"], "drag", bottom)
     _drop_legend(bottom)
     figures["inflow"] = _figure(6.8, 5.8)
     top, bottom = figures["inflow"].subplots(2, 1)
-    plot_inflow(data["inflow"], top)
-    plot_spectrum(data["inflow"], bottom)
+    draw_inflow(data["inflow"], top)
+    draw_spectrum(data["inflow"], bottom)
     figures["power_curve"] = _figure(5.6, 3.9)
-    plot_starting_power(data["power_curve"], figures["power_curve"].subplots())
+    draw_power(data["power_curve"], figures["power_curve"].subplots())
     return figures
 
 

@@ -67,7 +67,7 @@ ALLOWED = {
         "errors",
     },
     "polar_report": {"rotor", "data", "errors"},
-    "check": {
+    "findings": {
         "problem",
         "turbine",
         "starting_point",
@@ -76,6 +76,7 @@ ALLOWED = {
         "rotor",
         "case",
     },
+    "check": {"findings", "problem", "turbine", "rotor", "case"},
     "new_case": {"flow", "case", "data", "errors"},
     "run": {
         "judges",

@@ -1,0 +1,403 @@
+"""`hkt check`: its figures held to closed forms, its counts to the problem that a run builds."""
+
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import openmdao.api as om
+import pytest
+
+from hkt_mdo.case import load_case, read_case
+from hkt_mdo.check import CheckReport, check_case, power_spectrum
+from hkt_mdo.cli import main
+from hkt_mdo.dynamics.inflow import ConstantInflow
+from hkt_mdo.findings import (
+    ProblemSize,
+    expected_cost,
+    problem_size,
+    rated_speed,
+    time_constant,
+    torque_at,
+)
+from hkt_mdo.problem import build_problem, complete, find_start, physics
+from hkt_mdo.rotor.bem import LocalReynolds, rotor_coefficients
+from hkt_mdo.rotor.steady_optimum import best_operation
+from hkt_mdo.simulation import simulate
+from tests.broken.blades import WINDIO
+
+CASES = Path(__file__).parents[1] / "cases"
+BASE = "{inflow: {profile: sine}, control: {law: quadratic}}"
+
+
+@pytest.fixture(autouse=True)
+def _nothing_is_optimized(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("a check runs no optimizer")
+
+    monkeypatch.setattr(om.Problem, "run_driver", refuse)
+    monkeypatch.setattr(os, "environ", os.environ.copy())
+    monkeypatch.chdir(tmp_path)
+
+
+@cache
+def check(*overrides: str) -> CheckReport:
+    return check_case(read_case(BASE, overrides))
+
+
+def rows(report: CheckReport, title: str) -> str:
+    return "\n".join(f"{what}: {text}" for what, text in report.tables[title])
+
+
+# Theory -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "polar",
+    [[], ["rotor={polar: naca63815, reynolds: local}"]],
+    ids=["one polar", "local Reynolds numbers"],
+)
+def test_torque_at_the_rated_speed_is_the_limit(polar: list[str]) -> None:
+    found = check("control.torque_limit=700", *polar).findings
+    ratio, radius = found.best.tip_speed_ratio, found.world.blade.rotor_radius
+    assert isinstance(found.world.polar, LocalReynolds) == bool(polar)
+    torque = torque_at(found.plant, ratio * found.rated_speed / radius, found.rated_speed)
+    assert torque == pytest.approx(700.0, rel=1e-9)
+    assert found.rated_power == pytest.approx(torque * ratio * found.rated_speed / radius)
+
+
+def test_rated_speed_by_hand() -> None:
+    found = check("control.torque_limit=700").findings
+    blade, ratio = found.world.blade, found.best.tip_speed_ratio
+    torque = rotor_coefficients(blade, found.world.polar, ratio).torque[0]
+    by_hand = np.sqrt(700.0 / (0.5 * 1000.0 * np.pi * blade.rotor_radius**3 * torque))
+    assert found.rated_speed == pytest.approx(by_hand, rel=1e-12)
+    assert found.above_rated == pytest.approx(np.mean(found.speed > by_hand), abs=1e-3)
+    assert rated_speed(found.plant, 30.0, 700.0) == np.inf  # it brakes
+
+
+def test_time_constant_at_the_best_tip_speed_ratio() -> None:
+    """There Cp' = 0, so dQ/dw = -Q/w: I w/Q for a torque held, and I w/(3 Q) for u = K w²."""
+    found = check().findings
+    speed = found.best.tip_speed_ratio * found.mean / found.world.blade.rotor_radius
+    torque = torque_at(found.plant, speed, found.mean)
+    held = found.inertia * speed / torque
+    assert time_constant(found.plant, speed, found.mean) == pytest.approx(held, rel=5e-3)
+    slope = 2.0 * torque / speed
+    followed = time_constant(found.plant, speed, found.mean, slope)
+    assert followed == pytest.approx(held / 3.0, rel=5e-3)
+
+
+@pytest.mark.parametrize("law", ["quadratic", "linear"])
+def test_time_constant_by_simulation(law: str) -> None:
+    """A rotor pushed off its equilibrium by a thousandth comes back as exp(-t/time constant)."""
+    found = check(f"control.law={law}", "control.torque_limit=900").findings
+    constant = found.time_constant
+
+    def control(_: float, speed: float) -> float:
+        return found.world.law.torque(speed, found.start.gains)
+
+    def fly(push: float):
+        flow, span = ConstantInflow(found.mean), 2.0 * constant
+        begin = found.steady_speed * push
+        return simulate(found.plant, flow, control, begin, span, 41, 0.01 * span, 1e-12)
+
+    pushed, left = fly(1.001), fly(1.0)
+    assert left.rotor_speed[-1] == pytest.approx(found.steady_speed, rel=1e-6)
+    off = pushed.rotor_speed - left.rotor_speed
+    rate = -np.polyfit(pushed.time, np.log(off), 1)[0]
+    assert 1.0 / rate == pytest.approx(constant, rel=5e-3)
+
+
+def test_own_time_constant_of_open_loop() -> None:
+    found = check("control={law: open_loop}").findings
+    torque = torque_at(found.plant, found.steady_speed, found.mean)
+    own = found.inertia * found.steady_speed / torque
+    assert found.time_constant == pytest.approx(own, rel=5e-3)
+
+
+def test_statistics_of_a_sine_over_whole_periods() -> None:
+    found = check("phase.duration=251.32741228718345").findings  # ten periods
+    assert found.mean == pytest.approx(1.5, rel=1e-9)
+    assert found.deviation == pytest.approx(0.2 / np.sqrt(2.0), rel=1e-6)
+    assert found.mean_cube == pytest.approx(1.5**3 + 1.5 * 1.5 * 0.2**2, rel=1e-6)
+
+
+def test_spectrum_has_the_variance() -> None:
+    time = np.arange(20_000) * 0.05
+    speed = 2.0 + 0.3 * np.sin(2.0 * np.pi * 0.25 * time) + 0.1 * np.cos(2.0 * np.pi * 2.0 * time)
+    frequency, density = power_spectrum(speed, 0.05)
+    power = np.fft.rfftfreq(time.size, 0.05)[1]
+    # the bands are twelfths of an octave: wide ones hold many frequencies
+    edges = frequency[0] * 2.0 ** (np.arange(-0.5, 400) / 12.0)
+    assert frequency[np.argmax(density)] == pytest.approx(0.25, rel=0.06)
+    assert np.all(np.diff(frequency) > 0.0)
+    for center, amplitude in ((0.25, 0.3), (2.0, 0.1)):
+        near = np.abs(np.log2(frequency / center)) < 0.2
+        count = [np.ptp(edges[np.searchsorted(edges, each) - 1 :][:2]) for each in frequency[near]]
+        width = np.maximum(power, count)
+        assert np.sum(density[near] * width) == pytest.approx(0.5 * amplitude**2, rel=0.25)
+
+
+# Size ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        (),
+        ("phase.segments=7",),
+        ("phase.segments=263",),
+        ("control={law: open_loop, torque_limit: 700}", "phase.segments=231"),
+        ("control={law: open_loop, unknown: torque}", "phase.transcription=radau"),
+        ("phase={segments: 220, order: 5, transcription: radau}", "hydrodynamics.torque=direct"),
+        (
+            "rotor={blade: river}",
+            "design={chord_points: 5, twist_points: 4, radius_bounds: [0.7, 1]}",
+        ),
+        ("design={blade: fixed, set_angle_bounds: [0, 10]}", "control.law=linear"),
+    ],
+)
+def test_counts_are_those_of_the_problem(overrides: tuple[str, ...]) -> None:
+    case = complete(read_case(BASE, [*overrides, "start.method=blade"]))
+    world = physics(case)
+    best = best_operation(world.blade, world.polar)
+    size = problem_size(case, world, best)
+    start = find_start(case, world, best)
+    problem = build_problem(case, world, start, np.linspace(0.5, 1.6, 40) * best.tip_speed_ratio)
+    problem.final_setup()
+    driver = problem.driver
+    unknowns, constraints = driver.get_design_var_values(), driver.get_constraint_values()
+    assert size.unknowns == {name: value.size for name, value in unknowns.items()}
+    assert size.constraints == {name: value.size for name, value in constraints.items()}
+    problem.run_model()
+    weights = problem.model.energy.options["weights"]
+    assert size.nodes == weights.size
+    assert size.evaluation_seconds > 0.0
+
+
+def test_cost_grows_with_the_work() -> None:
+    found = check().findings
+    size = ProblemSize({"a": 100}, {"b": 100}, 180, 3e-3)
+    cost = expected_cost(found, size)
+    for ends in (cost.seconds, cost.integration_seconds, cost.memory_bytes):
+        assert 0.0 < ends[0] < ends[1]
+    slower = expected_cost(found, replace(size, evaluation_seconds=1.0))
+    larger = expected_cost(found, replace(size, nodes=20_000))
+    assert all(np.greater(slower.seconds, cost.seconds))
+    assert all(np.greater(larger.memory_bytes, cost.memory_bytes))
+    # 8640 segments took 171 s and 5.1 GB where an evaluation took 0.15 s
+    phase = found.case.phase.model_copy(update={"segments": 8640})
+    hour = replace(found, case=found.case.model_copy(update={"phase": phase}))
+    size = ProblemSize({"a": 8660}, {"b": 8641}, 25_920, 0.15)
+    cost = expected_cost(hour, size)
+    assert cost.seconds[0] < 171.0 < cost.seconds[1]
+    assert cost.memory_bytes[0] < 5.1e9 < cost.memory_bytes[1]
+
+
+def test_memory_that_no_machine_has() -> None:
+    report = check_case(read_case(BASE, ["phase.segments=20000", "phase.duration=20 h"]))
+    assert any("of memory, and this machine has" in line for line in report.warnings) == (
+        report.cost.memory_bytes[1] > 0.9 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    )
+
+
+# Words --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", sorted(CASES.glob("*.yaml")), ids=lambda path: path.stem)
+def test_the_cases_of_the_paper(path: Path) -> None:
+    report = check_case(load_case(path))
+    assert report.warnings == ()
+    assert report.notes == ()
+    assert report.name == path.stem
+    found = report.findings
+    assert found.best.power_coefficient == pytest.approx(0.4459, abs=1e-4)
+    assert found.start.operation.running
+    assert 0.01 < found.time_constant < 0.1
+    assert 3.0 < report.cost.seconds[0] < report.cost.seconds[1]
+    for title, table in report.tables.items():
+        assert table, title
+        for what, text in table:
+            assert what
+            assert text == " ".join(text.split())
+            assert not any(word in text for word in ("nan", "None", "e+", "inf "))
+
+
+def test_what_stands_in_the_tables() -> None:
+    report = check("control.torque_limit=700")
+    assert "3 blades, tip radius 1.4 m" in rows(report, "Turbine")
+    assert "the polar is for 2e5" in rows(report, "Turbine")
+    assert "mean 1.5 m/s, amplitude 0.2 m/s, angular frequency 0.25 rad/s" in rows(report, "Flow")
+    assert "a period of 25.1 s" in rows(report, "Flow")
+    assert "u = K2 w^2" in rows(report, "Control")
+    assert "700 N m, approached smoothly" in rows(report, "Control")
+    assert "0.4459 at a tip speed ratio of 5.5" in rows(report, "Starting blade")
+    assert "80: 9 chord, 9 twist, 1 gain, 61 rotor speed over time" in rows(report, "Optimization")
+    assert "61: 1 balance at t = 0, 60 equation of motion" in rows(report, "Optimization")
+
+
+TURBULENCE = "inflow={profile: turbulence, cutoff: 0.5}"
+
+
+@pytest.mark.parametrize(
+    ("told", "overrides"),
+    [
+        (
+            "design.chord_bounds = [0.01, 0.1] leaves out the chord",
+            ["design.chord_bounds=[0.01,0.1]"],
+        ),
+        ("design.twist_bounds = [-5, 15] leaves out the twist", ["design.twist_bounds=[-5,15]"]),
+        ("design.gain_bounds = [1, 2] leaves out the gain", ["design.gain_bounds=[1,2]"]),
+        (
+            "the spline through design.chord_points = 2 leaves the chord",
+            ["rotor.blade=river", "design.chord_points=2"],
+        ),
+        ("the spline through design.twist_points = 3 leaves the twist", ["design.twist_points=3"]),
+        (
+            "control.torque_limit = 5 kN m is more than the flow gives",
+            ["control.torque_limit=5000"],
+        ),
+        (
+            "does not turn unstalled throughout this flow under this law and this gain",
+            ["control.gain=200"],
+        ),
+        ("power coefficient is", ["rotor.set_angle=60"]),
+        (
+            "phase.segments = 60 gives 2 to the flow's shortest period, 2 s, and 4 are wanted",
+            [TURBULENCE, "phase.segments=60"],
+        ),
+        (
+            "a cutoff of 0.15 Hz, mean speed over diameter",
+            [TURBULENCE, "rotor.radius=5", "design.chord_bounds=[0.01, 2]"],
+        ),
+        ("the flow changes faster, within", [TURBULENCE, "rotor.hub_inertia=1000"]),
+        ("Viterna's extension", ["rotor.stations=[0.2, 0.5, 0.9]", "rotor.set_angle=-15"]),
+        (
+            "Reynolds numbers at r/R",
+            [
+                "rotor={polar: naca63815, reynolds: local}",
+                "fluid.kinematic_viscosity=2e-5",
+            ],
+        ),
+    ],
+    ids=lambda value: value[:30] if isinstance(value, str) else "",
+)
+def test_warnings(told: str, overrides: list[str]) -> None:
+    report = check_case(read_case(BASE, overrides))
+    assert any(told in line for line in report.warnings), report.warnings
+
+
+def test_stations_that_end_early() -> None:
+    report = check_case(read_case(BASE, ["rotor.stations=[0.2, 0.4, 0.6]"]))
+    assert any("the outermost station is at r/R = 0.6" in line for line in report.warnings)
+
+
+def test_bounds_that_leave_out_the_radius_of_a_file(tmp_path: Path) -> None:
+    (tmp_path / "turbine.yaml").write_text(WINDIO)
+    (tmp_path / "a.yaml").write_text(
+        "rotor: {blade: turbine.yaml, station_count: 6}\ninflow: {profile: sine}\n"
+        "control: {law: open_loop}\ndesign: {radius_bounds: [2, 3]}\n"
+    )
+    report = check_case(load_case(tmp_path / "a.yaml"))
+    told = "design.radius_bounds = [2, 3] leaves out the tip radius of the starting blade, 1.4 m"
+    assert any(told in line for line in report.warnings)
+    assert "thick, thin" in rows(report, "Turbine")
+    assert "the polar is for 1e6" in rows(report, "Turbine")
+
+
+def test_notes_of_files(tmp_path: Path) -> None:
+    time = np.arange(0.0, 60.0, 0.5)
+    speed = 150.0 + 20.0 * np.sin(0.25 * time)
+    lines = [f"{t:g},{v:.3f}" for t, v in zip(time, speed, strict=True)]
+    lines[40] = "20,"
+    (tmp_path / "river.csv").write_text("\n".join(["time_s,speed [cm/s]", *lines]))
+    (tmp_path / "a.yaml").write_text(
+        "inflow: {profile: record, file: river.csv, gaps: interpolate}\ncontrol: {law: linear}\n"
+    )
+    report = check_case(load_case(tmp_path / "a.yaml"))
+    assert any("1 gap interpolated" in note for note in report.notes)
+    assert "river.csv" in rows(report, "Flow")
+    assert "the length of the flow's data" in rows(report, "Flow")
+    assert report.findings.mean == pytest.approx(np.mean(speed) / 100.0, rel=0.01)
+
+
+def test_sections_of_a_blade_that_blends() -> None:
+    report = check("rotor={blade: rm1}", "design.chord_bounds=[0.1, 2]", "inflow.mean=2")
+    assert "naca63424, cylinder; 24 to 100 % thick" in rows(report, "Turbine")
+    assert "taken at 3e6" in rows(report, "Turbine")
+    assert len(report.figures["polar"]["curves"]) > 2
+    assert report.findings.rated_speed is None
+
+
+# The command --------------------------------------------------------------------------------------
+
+
+def folders(path: Path) -> Iterator[str]:
+    return (str(each.relative_to(path)) for each in sorted(path.rglob("*")) if each.is_file())
+
+
+def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    case = str(CASES / "sine_limited_quadratic.yaml")
+    assert main(["check", case, "--set", "design.chord_bounds=[0.01,0.1]"]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    for title in ("Turbine", "Flow", "Control", "Starting blade", "Optimization", "Warnings"):
+        assert f"\n{title}\n" in out
+    assert out.endswith("sine_limited_quadratic can be run, with 1 warning.\n")
+    names = ("blade", "inflow", "polar", "power_curve")
+    folder = "check/sine_limited_quadratic"
+    assert list(folders(tmp_path)) == [f"{folder}/{name}.png" for name in names]
+
+
+def test_command_draws_where_told_or_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.yaml").write_text(
+        "rotor: {blade: river}\ninflow: {profile: constant, "
+        "speed: 1.5}\ncontrol: {law: open_loop}\ndesign: {chord_points: 6, twist_points: 5}\n"
+    )
+    assert main(["check", "a.yaml", "--no-figures"]) == 0
+    assert list(folders(tmp_path)) == ["a.yaml"]
+    assert main(["check", "a.yaml", "--out", "b"]) == 0
+    assert (tmp_path / "b" / "polar.png").stat().st_size > 10_000
+    assert "a can be run" in capsys.readouterr().out
+    assert main(["check", "a.yaml", "--out", "a.yaml"]) == 2
+    assert "a.yaml" in capsys.readouterr().err
+
+
+def test_a_missing_optimizer_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hkt_mdo.drivers._is_usable", lambda *_: False)
+    case = str(CASES / "sine_oloc.yaml")
+    assert main(["check", case, "--no-figures"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith(f"error: {case}: driver.package = 'auto': IPOPT is not installed; ")
+
+
+def test_figures_show_what_the_report_says() -> None:
+    from matplotlib import rcParams
+
+    from hkt_mdo import plots
+
+    report, before = check("control.torque_limit=700", "design.twist_points=5"), dict(rcParams)
+    figures = plots.check_figures(report.figures)
+    assert list(figures) == ["blade", "polar", "inflow", "power_curve"]
+    for figure in figures.values():
+        figure.canvas.draw()
+        for ax in figure.axes:
+            assert ax.lines
+            assert ax.get_ylabel().endswith(")")
+    found, twist = report.findings, figures["blade"].axes[1]
+    file, start, points, *_ = twist.lines
+    np.testing.assert_allclose(start.get_ydata(), np.rad2deg(found.world.blade.twist))
+    np.testing.assert_allclose(file.get_ydata(), np.rad2deg(found.turbine.blade.twist))
+    assert points.get_xdata().size == 5
+    assert points.get_xdata()[[0, -1]] == pytest.approx([0.175, 1.4])
+    ax = plots.draw_power(report.figures["power_curve"])
+    assert ax.lines[0].get_ydata().max() == pytest.approx(found.best.power_coefficient, rel=1e-3)
+    assert dict(rcParams) == before
