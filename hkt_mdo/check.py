@@ -42,6 +42,12 @@ FIT = 0.02, float(np.deg2rad(0.5))
 POOR = 0.2
 """Largest power coefficient, below which a blade was hardly meant as it stands."""
 
+LIGHT = 0.02
+"""Share of the torque, below which stations outside their polars' tables are but noted."""
+
+WASTED = 0.5
+"""Share of what a blade can capture, below which a gain was hardly meant."""
+
 OUTERMOST = 0.9
 """Radius of the last station over the tip radius, below which a part of the blade is missing."""
 
@@ -140,7 +146,7 @@ class _Met:
     low, high : shape (n_stations,), in the starting blade's operation; margin_low, margin_high,
     within `MARGIN` of its best tip speed ratio; table_low, table_high, where polars were measured;
     reynolds, shape (2, n_stations), at the slowest and the fastest; unsolved, stations without a
-    root.
+    root; weight, shape (n_stations,), largest share of a station in the torque, without signs.
     """
 
     found: Findings
@@ -152,6 +158,7 @@ class _Met:
     table_high: np.ndarray
     reynolds: np.ndarray
     unsolved: np.ndarray
+    weight: np.ndarray
 
     @classmethod
     def of(cls, found: Findings) -> "_Met":
@@ -165,6 +172,7 @@ class _Met:
         tables = [_tables(polar, station) for station in range(blade.r.size)]
         ratio = np.array(found.working)[:, None] / cosine * blade.r / blade.tip_radius
         flow = np.array([[found.speed.min()], [found.speed.max()]]) * cosine
+        torque = np.abs(bem.torque_weights(blade) * working.tangential_load)
         return cls(
             found,
             working.angle_of_attack.min(axis=0),
@@ -175,6 +183,7 @@ class _Met:
             np.array([min(each.alpha_max for each in table) for table in tables]),
             blade.chord * flow * np.hypot(1.0, ratio) / found.case.fluid.kinematic_viscosity,
             np.flatnonzero(np.any(working.branch < 0, axis=0)),
+            np.max(torque / torque.sum(axis=1, keepdims=True), axis=0),
         )
 
     def told(self) -> tuple[list[str], list[str]]:
@@ -185,42 +194,42 @@ class _Met:
                 "blade element momentum theory has no solution at "
                 f"{_stations(found, self.unsolved)} of the starting blade: no load counts there"
             )
-        beyond = "beyond it the polar is Viterna's extension"
-        outside = self._outside(self.low, self.high)
-        wider = self._outside(self.margin_low, self.margin_high)
+        low, high = (f"{side * found.best.tip_speed_ratio:.3g}" for side in MARGIN)
+        outside, weight = self._outside(self.low, self.high)
+        wider, _ = self._outside(self.margin_low, self.margin_high)
         if outside:
-            ratios = _span(found.working, digits=3)
-            warnings.append(f"{outside}, at tip speed ratios of {ratios}: {beyond}")
+            kind = warnings if weight > LIGHT else notes
+            kind.append(f"{outside}, at tip speed ratios of {_span(found.working, digits=3)}")
         elif wider:
-            low, high = (side * found.best.tip_speed_ratio for side in MARGIN)
-            notes.append(
-                f"{wider}, should the tip speed ratio be {low:.3g} or {high:.3g}: {beyond}"
-            )
+            notes.append(f"{wider}, should the tip speed ratio be {low} or {high}")
         if isinstance(found.world.polar, bem.LocalReynolds):
             low, high = np.exp(found.world.polar.log_reynolds[[0, -1]])
             off = np.any((self.reynolds < 0.99 * low) | (self.reynolds > 1.01 * high), axis=0)
             if np.any(off):
                 warnings.append(
-                    f"Reynolds numbers at {_stations(found, off)} are {_powers(self.reynolds)}, "
-                    f"and the polars' tables run from {_powers((low, high))}: beyond them the "
-                    "nearest table holds"
+                    f"Reynolds numbers at {_stations(found, off)} are "
+                    f"{_powers(self.reynolds[:, off])}, and the polars' tables run from "
+                    f"{_powers((low, high))}: beyond them the nearest table holds"
                 )
         return warnings, notes
 
-    def _outside(self, low: np.ndarray, high: np.ndarray) -> str:
-        """Tell which stations leave their polar's table, and the worst; nothing if none does."""
+    def _outside(self, low: np.ndarray, high: np.ndarray) -> tuple[str, float]:
+        """Tell which stations leave their polar's table, if any, and their share of the torque."""
         above, below = high - self.table_high, self.table_low - low
         over = np.maximum(above, below)
         stations = np.flatnonzero(over > 1e-9)
         if not stations.size:
-            return ""
-        worst = int(np.argmax(over))
+            return "", 0.0
+        worst, weight = int(np.argmax(over)), float(self.weight[stations].sum())
         angle = np.rad2deg(high[worst] if above[worst] >= below[worst] else low[worst])
         table = np.rad2deg([self.table_low[worst], self.table_high[worst]])
-        who = f"the station at {_stations(self.found, [worst])} meets"
-        if stations.size > 1:
-            who = f"{stations.size} stations leave their polars' tables; {who}"
-        return f"{who} an angle of attack of {angle:.3g} deg, and its table has {_span(table)} deg"
+        who = f"{_count(stations.size, 'station')} at {_stations(self.found, stations)}"
+        return (
+            f"{who} with {_number(100.0 * weight, 2)} % of the torque: beyond the polar's table, "
+            f"{_span(table)} deg, in Viterna's extension, with angles of attack up to "
+            f"{angle:.3g} deg",
+            weight,
+        )
 
     def rows(self) -> Rows:
         """Return rows of the turbine's table."""
@@ -429,7 +438,8 @@ def _start_rows(found: Findings) -> Rows:
             (
                 "under the control law",
                 f"tip speed ratio {_span(found.working, digits=3)}; "
-                f"{_large(found.start.operation.energy, 'J')}, if it followed the flow at once",
+                f"{_large(found.start.operation.energy, 'J')} if it followed the flow at once, "
+                f"{100.0 * found.captured:.3g} % of what the largest power coefficient gives",
             )
         )
     else:
@@ -508,8 +518,14 @@ def _start_warnings(found: Findings) -> Iterator[str]:
             f"best tip speed ratio the starting blade has {most} in the fastest flow, "
             f"{fastest:.4g} m/s"
         )
+    gain = getattr(case.control, "gain", None)
+    if found.start.operation.running and gain is not None and found.captured < WASTED:
+        yield (
+            f"control.gain = {_span(gain)} lets the starting blade capture "
+            f"{100.0 * found.captured:.2g} % of what its largest power coefficient gives"
+        )
     if not found.start.operation.running:
-        given = " and this gain" if getattr(case.control, "gain", None) is not None else ""
+        given = " and this gain" if gain is not None else ""
         looks = "with this blade a run may find no solution"
         if found.world.shape.designs_chord and case.start.method == "quasi_steady":
             looks = "the run looks for one that does"
@@ -705,11 +721,22 @@ def _flow_words(section) -> str:
             words.insert(0, Path(value).name)
         elif name == "constituents":
             words += [each.name or _duration(each.period) for each in value]
-        elif name != "profile" and value is not None:
+        elif name != "profile" and value is not None and (name, value) not in _NEUTRAL:
             value = _span(value) if isinstance(value, tuple) else value
             value = f"{value:g}" if isinstance(value, float) else value
             words.append(f"{name.replace('_', ' ')} {value} {_unit(field)}".rstrip())
     return f"{section.profile}: {', '.join(words)}"
+
+
+_NEUTRAL = (
+    ("start", 0.0),
+    ("phase", 0.0),
+    ("scale", 1.0),
+    ("gaps", "refuse"),
+    ("spikes", "refuse"),
+    ("uneven", "refuse"),
+)
+"""Values of a flow that change nothing."""
 
 
 def _unit(field) -> str:

@@ -138,6 +138,14 @@ class Findings:
     above_rated: float
 
     @property
+    def captured(self) -> float:
+        """Energy of the start over that at the largest power coefficient throughout."""
+        area, duration = np.pi * self.world.blade.rotor_radius**2, self.time[-1]
+        passing = 0.5 * self.case.fluid.density * area * self.mean_cube * duration
+        most = max(self.best.power_coefficient, 1e-9) * passing
+        return float(self.start.operation.energy / most)
+
+    @property
     def rated_power(self) -> float | None:
         """Power at the rated flow speed, W."""
         limit, rated = self.world.torque_limit, self.rated_speed

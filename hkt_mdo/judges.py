@@ -87,6 +87,25 @@ def _recorded(case, world, result) -> RecordedTorque:
     )
 
 
+def energy_error(result, flown) -> float:
+    """Return the relative difference of the collocated from the integrated energy."""
+    return abs(result.energy / flown.energy - 1.0) if flown.energy > 0.0 else np.inf
+
+
+def speed_errors(result, flown) -> np.ndarray:
+    """Return the relative differences of the integrated from the collocated speed at the nodes."""
+    trajectory = result.trajectory
+    return np.abs(flown.speed_at(trajectory["time"]) / trajectory["rotor_speed"] - 1.0)
+
+
+def is_false(result, flown) -> bool:
+    """Tell whether an integration denies what the collocation has solved."""
+    return bool(
+        energy_error(result, flown) > ENERGY_ERROR
+        or np.max(speed_errors(result, flown)) > SPEED_ERROR
+    )
+
+
 def judge(case, world, optimum, reference, result, flown) -> list[Check]:
     """Return what every judge says, the optimizer first."""
     trajectory, status = result.trajectory, result.outcome
@@ -111,12 +130,12 @@ def judge(case, world, optimum, reference, result, flown) -> list[Check]:
     )
     check(
         "energy_error",
-        abs(result.energy / flown.energy - 1.0) if flown.energy > 0.0 else np.inf,
+        energy_error(result, flown),
         ENERGY_ERROR,
         "collocated over independently integrated energy, less one; power differs most at "
         f"t = {trajectory['time'][np.argmax(off)]:.2f} s",
     )
-    error = np.abs(flown.speed_at(trajectory["time"]) / trajectory["rotor_speed"] - 1.0)
+    error = speed_errors(result, flown)
     worst = int(np.argmax(error))
     check("max_speed_error", error[worst], SPEED_ERROR, f"at t = {trajectory['time'][worst]:.2f} s")
     ratios, errors = curve_errors(world, result)
@@ -214,11 +233,11 @@ def curve_errors(world, result):
     return probe, np.abs(TorqueSpline(result.nodes).basis(probe) @ result.curve / exact - 1.0)
 
 
-def recovers(case, world, result):
-    """Tell whether a rotor under feedback speeds up again wherever it is slowed a little."""
+def recovers(case, world, result, slowed=SLOWED):
+    """Tell whether a rotor under feedback speeds up again wherever it is slowed by a share."""
     if world.law is None or not result.curve.size:
         return True
-    speed = (1.0 - SLOWED) * result.trajectory["rotor_speed"]
+    speed = (1.0 - slowed) * result.trajectory["rotor_speed"]
     flow, radius = result.trajectory["inflow_speed"], result.point.blade.rotor_radius
     basis = TorqueSpline(result.nodes).basis(speed * radius / flow)
     driving = 0.5 * np.pi * radius**3 * case.fluid.density * flow**2 * (basis @ result.curve)

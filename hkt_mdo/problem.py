@@ -108,6 +108,14 @@ def physics(case: Case) -> Physics:
     )
 
 
+def has_curve(case: Case, world: Physics) -> bool:
+    """Tell whether the optimization takes torque from a curve over the tip speed ratio.
+
+    A local Reynolds number depends on the flow's speed too, for which the curve has no room.
+    """
+    return case.hydrodynamics.torque == "curve" and not isinstance(world.polar, bem.LocalReynolds)
+
+
 def build_shape(case: Case, blade: Blade) -> Shape:
     """Return what of a case's blade is designed."""
     design, cosine = case.design, np.cos(blade.cone)
@@ -118,7 +126,7 @@ def build_shape(case: Case, blade: Blade) -> Shape:
         bounds = design.set_angle_bounds
         return Shape.fixed(
             blade,
-            np.deg2rad(case.rotor.set_angle),
+            np.deg2rad(case.rotor.set_angle or 0.0),
             None if bounds is None else tuple(np.deg2rad(bounds)),
             radius_bounds,
         )
@@ -206,7 +214,7 @@ def _within(low, high, bounds):
 class RecoveryComp(om.ExplicitComponent):
     """Torque that speeds a rotor under feedback up again after it was slowed a little.
 
-    recovery = Q((1 - SLOWED) w, v) - u((1 - SLOWED) w): positive where the rotor keeps a distance
+    recovery = Q((1 - slowed) w, v) - u((1 - slowed) w): positive where the rotor keeps a distance
     from stall, where stable and unstable equilibrium meet. Collocation cannot tell one from the
     other, so an optimizer would go to that edge and beyond.
 
@@ -220,6 +228,7 @@ class RecoveryComp(om.ExplicitComponent):
         self.options.declare("num_nodes", types=int)
         self.options.declare("spline", types=TorqueSpline, recordable=False)
         self.options.declare("law", types=controllers.FeedbackLaw, recordable=False)
+        self.options.declare("slowed", default=SLOWED, desc="share of its speed that it loses")
 
     def setup(self):
         """Declare inputs, output and partials."""
@@ -242,7 +251,7 @@ class RecoveryComp(om.ExplicitComponent):
     def _operation(self, inputs):
         """Return slowed speed, its tip speed ratio, torque per coefficient, and gains."""
         v, radius = inputs["inflow_speed"][:, 0], inputs["rotor_radius"]
-        speed = (1.0 - SLOWED) * inputs["rotor_speed"][:, 0]
+        speed = (1.0 - self.options["slowed"]) * inputs["rotor_speed"][:, 0]
         scale = 0.5 * np.pi * radius**3 * inputs["density"] * v**2
         n_gains = len(self.options["law"].gain_units)
         gains = np.array([inputs[f"gain_{i}"][0] for i in range(n_gains)])
@@ -260,7 +269,7 @@ class RecoveryComp(om.ExplicitComponent):
         spline, law, table = self.options["spline"], self.options["law"], "torque_coefficient_table"
         sloped = scale * (spline.basis(ratio, 1) @ inputs[table]) * ratio
         by_speed = sloped / speed
-        partials["recovery", "rotor_speed"] = (1.0 - SLOWED) * (
+        partials["recovery", "rotor_speed"] = (1.0 - self.options["slowed"]) * (
             by_speed - law.torque_by_speed(speed, gains)
         )
         basis = spline.basis(ratio)
@@ -279,7 +288,7 @@ def build_problem(
     nodes,
     driver=None,
     moves: MoveLimits = MoveLimits(),
-    recovering: bool = False,
+    slowed: float = 0.0,
 ) -> om.Problem:
     """Return the OpenMDAO problem of a case, set up at its start and ready to run.
 
@@ -293,9 +302,9 @@ def build_problem(
     driver : om.Driver or None
         None: the case's own.
     moves : MoveLimits
-    recovering : bool
-        Whether a rotor under feedback must keep its distance from stall; see `RecoveryComp`. Only
-        with a torque curve.
+    slowed : float
+        Share of its speed that a rotor under feedback must be able to lose; see `RecoveryComp`.
+        Only with a torque curve; 0: nothing is asked.
     """
     blade, control = start.blade, case.control
     speed, bounds = start.operation.rotor_speed, moves.bounds(case, world.shape, start)
@@ -326,7 +335,7 @@ def build_problem(
     solver = {"polar": world.polar, "coefficients": BEM[case.hydrodynamics.bem]}
     parameters = {"density": "kg/m**3", "inertia": "kg*m**2", "rotor_radius": "m"}
     hydrodynamics = {}
-    if case.hydrodynamics.torque == "curve":
+    if has_curve(case, world):
         nodes = np.asarray(nodes, dtype=float)
         model.add_subsystem(
             "torque_table", TorqueTable(blade=blade, nodes=nodes, **solver), promotes=["*"]
@@ -358,9 +367,10 @@ def build_problem(
         world.torque_limit,
     )
 
-    if recovering and world.law is not None and case.hydrodynamics.torque == "curve":
+    if slowed and world.law is not None and has_curve(case, world):
         grid = case.phase
         n_nodes = node_weights(grid.transcription, grid.segments, grid.order, grid.duration).size
+        hydrodynamics = hydrodynamics | {"slowed": slowed}
         _add_recovery(model, world, hydrodynamics, n_nodes, torque)
     for name, _, units, unit in designed:
         if name != "rotor_radius" or world.shape.radius_bounds is not None:

@@ -39,6 +39,7 @@ from hkt_mdo.judges import (
     energy_bound,
     explain,
     fly,
+    is_false,
     judge,
     recovers,
 )
@@ -48,6 +49,7 @@ from hkt_mdo.problem import (
     build_problem,
     complete,
     find_start,
+    has_curve,
     make_driver,
     physics,
     quadrature,
@@ -64,7 +66,8 @@ from hkt_mdo.rotor.steady_optimum import (
     best_set_angle,
 )
 from hkt_mdo.rotor.torque_curve import TorqueSpline
-from hkt_mdo.starting_point import Operation, StartingPoint
+from hkt_mdo.simulation import Simulation
+from hkt_mdo.starting_point import SLOWED, Operation, StartingPoint
 
 MAX_PASSES = 8  # of refining the torque curve or re-centring the move limits
 NEAR_STALL = 0.015  # recovery over torque at the start below which it is a constraint from there on
@@ -177,8 +180,7 @@ def _run(case, world, out, start, log, figures, records) -> Solution:
                 start = find_start(case, world, optimum)
                 log.reference = start.operation.energy if start.operation.running else 0.0
             log.save(start)
-            result = _optimize(case, world, start, out, log, records)
-            flown = fly(case, world, result)
+            result, flown = _optimize(case, world, start, out, log, records)
             optimum = _bounding_optimum(world, optimum, result.point.blade, flown.inflow_speed)
             checks = judge(case, world, optimum, log.reference, result, flown)
             finished = _summarize(case, world, optimum, start, result, flown, checks)
@@ -363,20 +365,22 @@ def _steady_optimum(world: Physics, blade: Blade) -> SteadyOptimum:
 # Optimizing ---------------------------------------------------------------------------------------
 
 
-def _optimize(case, world, start, out, log, records) -> Optimized:
-    """Optimize from a start, until nothing that the start has set stands in the way.
+def _optimize(case, world, start, out, log, records) -> tuple[Optimized, Simulation]:
+    """Optimize from a start, until nothing that the start has set stands in the way; integrate.
 
     That is: the torque curve is fine enough, no move limit is active, the open loop's torque keeps
     its limit between the nodes too (for that the limit at the nodes is tightened), and a rotor
-    under feedback recovers from a small loss of speed (for that a constraint is added).
+    under feedback recovers from a small loss of speed (for that a constraint is added, of twice the
+    loss where the integration denies the collocation).
     """
     nodes, tightened, moves = _curve_nodes(case, world, start), world, MoveLimits()
     margin = start.operation.recovery.margin if start.operation.recovery else np.inf
-    recovering, limited, energy = bool(np.min(margin) < NEAR_STALL), False, np.inf
+    slowed = SLOWED if np.min(margin) < NEAR_STALL else 0.0
+    limited, energy = False, np.inf
     for _ in range(MAX_PASSES):
         most = None if moves == NARROW else FIRST_ITERATIONS
         driver = make_driver(case, log, most)
-        problem = build_problem(case, tightened, start, nodes, driver, moves, recovering)
+        problem = build_problem(case, tightened, start, nodes, driver, moves, slowed)
         if records:
             _add_recorders(problem, out)
         try:
@@ -388,7 +392,7 @@ def _optimize(case, world, start, out, log, records) -> Optimized:
                 problem.record("final")
             problem.cleanup()
         result = _collect(case, world, problem, nodes)
-        curve_ok = case.hydrodynamics.torque == "direct" or (
+        curve_ok = not has_curve(case, world) or (
             np.max(curve_errors(world, result)[1]) <= case.hydrodynamics.tolerance
         )
         over, _ = between_nodes(case, world, result)
@@ -401,14 +405,18 @@ def _optimize(case, world, start, out, log, records) -> Optimized:
                 start = log.last
                 nodes = _curve_nodes(case, world, start)
             continue
-        if not recovering and not recovers(case, world, result):
-            recovering = True
+        if not slowed and not recovers(case, world, result):
+            slowed = SLOWED
             continue
         gained = abs(result.energy / energy - 1.0) > WORTHWHILE
         energy = result.energy
         limited = gained and _at_move_limit(case, world, start, result, moves)
         if curve_ok and torque_ok and not limited:
-            break
+            flown = fly(case, world, result)
+            if world.law is None or slowed > SLOWED or not is_false(result, flown):
+                return result, flown
+            slowed = 2.0 * SLOWED  # near stall, where collocation is deceived
+            continue
         if not torque_ok:
             tightened = replace(tightened, torque_limit=tightened.torque_limit * (1.0 - over))
         start = result.point
@@ -418,7 +426,7 @@ def _optimize(case, world, start, out, log, records) -> Optimized:
             message = f"still at a move limit after {MAX_PASSES} optimizations"
             ended = replace(result.outcome, success=False, message=message)
             result = replace(result, outcome=ended)
-    return result
+    return result, fly(case, world, result)
 
 
 class _Recorder(om.SqliteRecorder):
@@ -529,9 +537,7 @@ def _collect(case, world, problem, nodes) -> Optimized:
         float(problem.get_val("generator_energy")[0]),
         float(problem.get_val("inertia")[0]),
         float(problem.get_val("mass")[0]),
-        problem.get_val("torque_coefficient_table")
-        if case.hydrodynamics.torque == "curve"
-        else np.empty(0),
+        problem.get_val("torque_coefficient_table") if has_curve(case, world) else np.empty(0),
     )
 
 

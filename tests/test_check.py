@@ -118,6 +118,12 @@ def test_own_time_constant_of_open_loop() -> None:
     assert found.time_constant == pytest.approx(own, rel=5e-3)
 
 
+def test_open_loop_captures_all_that_the_blade_can() -> None:
+    """Without a limit the speed may follow the flow: the largest power coefficient throughout."""
+    assert check("control={law: open_loop}").findings.captured == pytest.approx(1.0, abs=2e-4)
+    assert check("control.torque_limit=700").findings.captured < 1.0
+
+
 def test_statistics_of_a_sine_over_whole_periods() -> None:
     found = check("phase.duration=251.32741228718345").findings  # ten periods
     assert found.mean == pytest.approx(1.5, rel=1e-9)
@@ -264,6 +270,7 @@ TURBULENCE = "inflow={profile: turbulence, cutoff: 0.5}"
             "does not turn unstalled throughout this flow under this law and this gain",
             ["control.gain=200"],
         ),
+        ("control.gain = 0.5 lets the starting blade capture", ["control.gain=0.5"]),
         ("power coefficient is", ["rotor.set_angle=60"]),
         (
             "phase.segments = 60 gives 2 to the flow's shortest period, 2 s, and 4 are wanted",

@@ -21,7 +21,7 @@ def plant(blade, polar):
 def constant_torque_coefficient(value):
     def coefficients(blade, polar, ratio, derivatives=False):
         empty = np.empty(0)
-        return Coefficients(np.full(ratio.shape, value), ratio * value, *[empty] * 5)
+        return Coefficients(np.full(ratio.shape, value), ratio * value, *[empty] * 6)
 
     return coefficients
 

@@ -107,8 +107,9 @@ class Rotor(Section):
 
     reynolds: Literal["invariant", "local"] = "invariant"
     """Whether the polar of a station follows its Reynolds number, chord times relative speed over
-    the water's viscosity (`local`; the polar then has tables for several), or does not
-    (`invariant`, the paper's assumption)."""
+    the water's viscosity (`local`; the polar then has tables for several, and torque is computed at
+    every node: `hydrodynamics.torque` is direct), or does not (`invariant`, the paper's
+    assumption)."""
 
     reynolds_number: Annotated[float, Quantity(gt=0)] | None = None
     """Reynolds number at which an `invariant` polar with tables for several is read."""

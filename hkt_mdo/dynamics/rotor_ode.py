@@ -5,6 +5,7 @@ import openmdao.api as om
 
 from hkt_mdo.dynamics.controllers import FeedbackComp
 from hkt_mdo.dynamics.inflow import InflowComp
+from hkt_mdo.rotor.bem import LocalReynolds
 
 
 class RotorODE(om.Group):
@@ -122,33 +123,38 @@ class HydrodynamicsComp(om.ExplicitComponent):
         self.declare_partials(outputs, shape)
 
     def _coefficient(self, inputs, ratio, derivatives):
-        """Return Cq, dCq/dtsr and dCq/dinput by name at fixed tsr, derivatives when asked for."""
+        """Return Cq, its slopes over tsr and over ln(v), and dCq/dinput by name at fixed tsr.
+
+        Derivatives when asked for.
+        """
         spline = self.options["spline"]
         if spline is not None:
             value, slope = spline.values(inputs["torque_coefficient_table"], ratio)
             by = {"torque_coefficient_table": spline.basis(ratio)} if derivatives else {}
-            return value, slope, by
+            return value, slope, 0.0, by
+        if np.any(ratio <= 0.0):  # an optimizer's trial: let it take a shorter step
+            raise om.AnalysisError("the rotor turns backwards")
+        polar = self.options["polar"]
+        if isinstance(polar, LocalReynolds):
+            polar = polar.at_speed(inputs["inflow_speed"])
         blade = (
             self.options["blade"]
             .with_rotor_radius(inputs["rotor_radius"][0])
             .with_shape(inputs["chord"], inputs["twist"])
         )
-        found = self.options["coefficients"](blade, self.options["polar"], ratio, derivatives)
-        return (
-            found.torque,
-            found.torque_by_tip_speed_ratio,
-            {
-                "chord": found.torque_by_chord,
-                "twist": found.torque_by_twist,
-                "rotor_radius": found.torque_by_rotor_radius[:, None],
-            },
-        )
+        found = self.options["coefficients"](blade, polar, ratio, derivatives)
+        by = {
+            "chord": found.torque_by_chord,
+            "twist": found.torque_by_twist,
+            "rotor_radius": found.torque_by_rotor_radius[:, None],
+        }
+        return found.torque, found.torque_by_tip_speed_ratio, found.torque_by_log_reynolds, by
 
     def compute(self, inputs, outputs):
         """Evaluate the torque and power."""
         w, v, radius = inputs["rotor_speed"], inputs["inflow_speed"], inputs["rotor_radius"]
         ratio = w * radius / v
-        coefficient, _, _ = self._coefficient(inputs, ratio, derivatives=False)
+        coefficient, *_ = self._coefficient(inputs, ratio, derivatives=False)
         torque = 0.5 * np.pi * radius**3 * inputs["density"] * v**2 * coefficient
         outputs["tip_speed_ratio"] = ratio
         outputs["torque_coefficient"] = coefficient
@@ -159,15 +165,18 @@ class HydrodynamicsComp(om.ExplicitComponent):
         """Differentiate through the coefficient."""
         w, v, radius = inputs["rotor_speed"], inputs["inflow_speed"], inputs["rotor_radius"]
         ratio, by_w, by_v = w * radius / v, radius / v, -w * radius / v**2
-        coefficient, by_ratio, by_shape = self._coefficient(inputs, ratio, derivatives=True)
+        coefficient, by_ratio, by_log_v, by_shape = self._coefficient(
+            inputs, ratio, derivatives=True
+        )
+        coefficient_v = by_ratio * by_v + by_log_v / v
         scale = 0.5 * np.pi * radius**3 * inputs["density"] * v**2
         torque = scale * coefficient
         partials["tip_speed_ratio", "rotor_speed"] = by_w
         partials["tip_speed_ratio", "inflow_speed"] = by_v
         partials["torque_coefficient", "rotor_speed"] = by_ratio * by_w
-        partials["torque_coefficient", "inflow_speed"] = by_ratio * by_v
+        partials["torque_coefficient", "inflow_speed"] = coefficient_v
         torque_w = scale * by_ratio * by_w
-        torque_v = scale * by_ratio * by_v + 2.0 * torque / v
+        torque_v = scale * coefficient_v + 2.0 * torque / v
         partials["hydrodynamic_torque", "rotor_speed"] = torque_w
         partials["hydrodynamic_torque", "inflow_speed"] = torque_v
         partials["hydrodynamic_torque", "density"] = (torque / inputs["density"])[:, None]

@@ -88,7 +88,8 @@ class Coefficients(NamedTuple):
     torque = Q / (0.5 rho V² pi R³), power = P / (0.5 rho V³ pi R²), thrust = T / (0.5 rho V² pi
     R²), R the radius of the disc, each of shape (n,); torque_by_chord (1/m) and torque_by_twist
     (1/rad) of shape (n, n_stations); torque_by_rotor_radius (1/m) of shape (n,): hub, stations and
-    tip move with the disc, chord and twist stay.
+    tip move with the disc, chord and twist stay; torque_by_log_reynolds of shape (n,): the Reynolds
+    numbers of all stations grow by one factor, as with the flow's speed.
     """
 
     torque: np.ndarray
@@ -98,6 +99,7 @@ class Coefficients(NamedTuple):
     torque_by_chord: np.ndarray
     torque_by_twist: np.ndarray
     torque_by_rotor_radius: np.ndarray
+    torque_by_log_reynolds: np.ndarray
 
 
 class RootChanges(NamedTuple):
@@ -803,11 +805,15 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
         by_ratio = weights @ gradient[0, 0] / cosine
         by_chord, by_twist = (gradient[0, 1:3] * weights[:, None]).transpose(0, 2, 1)
         by_radius = -(by_chord @ blade.chord) / blade.rotor_radius
+        by_reynolds = np.zeros(points.size)
         if local:  # chord and tip speed ratio change the Reynolds number too; the radius does not
             by_number = (gradient[0, 6] * weights[:, None]).T
             squared = (points[:, None] / cosine * blade.r / blade.tip_radius) ** 2
             by_ratio = by_ratio + np.sum(by_number * squared / (1.0 + squared), axis=1) / points
             by_chord = by_chord + by_number / blade.chord
+            by_reynolds = np.sum(by_number, axis=1)
     else:
-        by_ratio = by_chord = by_twist = by_radius = np.empty(0)
-    return Coefficients(torque, torque * points, thrust, by_ratio, by_chord, by_twist, by_radius)
+        by_ratio = by_chord = by_twist = by_radius = by_reynolds = np.empty(0)
+    return Coefficients(
+        torque, torque * points, thrust, by_ratio, by_chord, by_twist, by_radius, by_reynolds
+    )

@@ -31,10 +31,18 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
         by_ratio = np.diag(by["dOmega"]) * rpm_per_ratio
         by_chord, by_twist = by["dchord"], np.rad2deg(by["dtheta"])
         by_radius = -(by_chord @ blade.chord) / blade.rotor_radius
+        by_reynolds = np.zeros(points.size)
     else:
-        by_ratio = by_chord = by_twist = by_radius = np.empty(0)
+        by_ratio = by_chord = by_twist = by_radius = by_reynolds = np.empty(0)
     return Coefficients(
-        outputs["CQ"], outputs["CP"], outputs["CT"], by_ratio, by_chord, by_twist, by_radius
+        outputs["CQ"],
+        outputs["CP"],
+        outputs["CT"],
+        by_ratio,
+        by_chord,
+        by_twist,
+        by_radius,
+        by_reynolds,
     )
 
 

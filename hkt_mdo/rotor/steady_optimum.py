@@ -73,7 +73,10 @@ def best_blade(blade, polar, tip_speed_ratio, chord_bounds, twist_bounds, grid=(
         found = bem.sections(
             blade.with_shape(physical[:n], physical[n:]), polar, blade_ratio, derivatives=True
         )
-        by = found.derivatives[0, 1:3, 0] / scale
+        by = found.derivatives[0, 1:3, 0]
+        if isinstance(polar, bem.LocalReynolds):  # the chord changes the Reynolds number too
+            by[0] += found.derivatives[0, 6, 0] / physical[:n]
+        by = by / scale
         return -np.sum(found.tangential_load[0] / scale), -by.ravel() * units
 
     lower = np.concatenate((np.full(n, chord_bounds[0]), np.full(n, twist_bounds[0])))

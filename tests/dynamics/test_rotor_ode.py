@@ -5,11 +5,13 @@ import openmdao.api as om
 import pytest
 from openmdao.utils.assert_utils import assert_check_partials
 
+from hkt_mdo.case import Fluid, Rotor
 from hkt_mdo.dynamics.controllers import QuadraticLaw
 from hkt_mdo.dynamics.inflow import SineInflow
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp, RotorODE
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.torque_curve import TorqueSpline
+from hkt_mdo.turbine import build_turbine
 
 N, RADIUS = 5, 1.4
 NODES = np.linspace(3.0, 11.0, 33)
@@ -102,8 +104,12 @@ def test_partials_by_complex_step(options):
     assert_check_partials(data, atol=1e-9, rtol=1e-12)
 
 
-def test_partials_of_direct_bem_by_central_difference(blade, polar):
+@pytest.mark.parametrize("reynolds", ["invariant", "local"])
+def test_partials_of_direct_bem_by_central_difference(reynolds):
     """Compiled BEM is not complex-safe, so this one is held to 1e-6 by differences."""
+    polars = "naca63815_Re2e5" if reynolds == "invariant" else "naca63815"
+    turbine = build_turbine(Rotor(polar=polars, reynolds=reynolds), Fluid(), 1.5)
+    blade, polar = turbine.blade, turbine.polar
 
     def direct(num_nodes):
         return HydrodynamicsComp(
