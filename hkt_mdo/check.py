@@ -26,7 +26,14 @@ from hkt_mdo.findings import (
     problem_size,
     torque_at,
 )
-from hkt_mdo.problem import MOST_SEGMENTS, SEGMENTS_PER_PERIOD, complete, make_driver, physics
+from hkt_mdo.problem import (
+    MOST_SEGMENTS,
+    SEGMENTS_PER_PERIOD,
+    complete,
+    has_curve,
+    make_driver,
+    physics,
+)
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade_files import read_blade
@@ -464,7 +471,7 @@ def _optimization_rows(found: Findings, size: ProblemSize, package: str) -> Rows
         periods = f" ({1.0 / (found.cutoff * length):.3g} in the flow's shortest period)"
     name = {"gauss-lobatto": "Gauss-Lobatto", "radau": "Radau"}[phase.transcription]
     torque = "at every node of the trajectory"
-    if hydro.torque == "curve":
+    if has_curve(found.case, found.world):
         torque = "as a curve over the tip speed ratio, one for each blade"
     solver = {"vectorized": "this package's BEM", "ccblade": "CCBlade"}
     check = "too" if hydro.check == hydro.bem else f"by {solver[hydro.check]}"

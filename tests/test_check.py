@@ -63,6 +63,8 @@ def test_torque_at_the_rated_speed_is_the_limit(polar: list[str]) -> None:
     found = check("control.torque_limit=700", *polar).findings
     ratio, radius = found.best.tip_speed_ratio, found.world.blade.rotor_radius
     assert isinstance(found.world.polar, LocalReynolds) == bool(polar)
+    told = rows(check("control.torque_limit=700", *polar), "Optimization")
+    assert ("torque: at every node" in told) == bool(polar)
     torque = torque_at(found.plant, ratio * found.rated_speed / radius, found.rated_speed)
     assert torque == pytest.approx(700.0, rel=1e-9)
     assert found.rated_power == pytest.approx(torque * ratio * found.rated_speed / radius)
