@@ -23,7 +23,7 @@ from hkt_mdo.rotor.inertia import InertiaComp, mass_and_inertia
 from hkt_mdo.rotor.shape import Shape, ShapeComp
 from hkt_mdo.rotor.torque_curve import TorqueSpline, TorqueTable
 from hkt_mdo.starting_point import SLOWED, QuasiSteady, StartingPoint, starting_point
-from hkt_mdo.trajectory import Scales, add_trajectory, node_weights, set_speed
+from hkt_mdo.trajectory import Scales, add_trajectory, node_times, set_speed
 from hkt_mdo.turbine import build_turbine
 
 BEM = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficients}
@@ -34,11 +34,12 @@ DESIGNED = {
     "twist_control": "what makes the twist: at the stations, control points, or the set angle",
 }
 DURATION = 60.0  # s, of a flow that has no end of its own
-SEGMENTS_PER_PERIOD = 4.0  # of the highest frequency in the flow
+SEGMENTS_PER_PERIOD = 8.0  # of the highest frequency in the flow
 FEWEST_SEGMENTS, MOST_SEGMENTS = 60, 20_000
 # IPOPT's barrier is a sum over the bounds and so over the segments; the objective is not. Where it
 # outweighs the objective, the iterates leave the start for the middle of all bounds.
 BARRIER = 0.06
+NEAR = 0.05  # of the largest torque: the recovery below which a node is held to its distance
 
 
 @dataclass(frozen=True, eq=False)
@@ -368,10 +369,7 @@ def build_problem(
     )
 
     if slowed and world.law is not None and has_curve(case, world):
-        grid = case.phase
-        n_nodes = node_weights(grid.transcription, grid.segments, grid.order, grid.duration).size
-        hydrodynamics = hydrodynamics | {"slowed": slowed}
-        _add_recovery(model, world, hydrodynamics, n_nodes, torque)
+        _add_recovery(model, case, world, start, hydrodynamics["spline"], slowed, torque)
     for name, _, units, unit in designed:
         if name != "rotor_radius" or world.shape.radius_bounds is not None:
             low, high = bounds[name]
@@ -391,9 +389,19 @@ def build_problem(
     return problem
 
 
-def _add_recovery(model, world, hydrodynamics, n_nodes, torque):
-    """Constrain a feedback trajectory to keep its distance from stall."""
-    component = RecoveryComp(num_nodes=n_nodes, law=world.law, **hydrodynamics)
+def _add_recovery(model, case, world, start, spline, slowed, torque):
+    """Constrain a feedback trajectory to keep its distance from stall, where it is near at all."""
+    phase, sampled, v = case.phase, quadrature(case)[0], world.inflow.speed
+    times = node_times(phase.transcription, phase.segments, phase.order, phase.duration)
+    slow, flow = (1.0 - slowed) * start.operation.rotor_speed, v(sampled)
+    radius = start.blade.rotor_radius
+    table = bem.rotor_coefficients(start.blade, world.polar, spline.nodes).torque
+    driving, _ = spline.values(table, slow * radius / flow)
+    driving *= 0.5 * np.pi * radius**3 * case.fluid.density * flow**2
+    margin = np.interp(times, sampled, driving - world.law.torque(slow, start.gains))
+    near = np.flatnonzero(margin <= max(NEAR * torque, np.sort(margin)[min(20, margin.size - 1)]))
+
+    component = RecoveryComp(num_nodes=near.size, law=world.law, spline=spline, slowed=slowed)
     names = [f"gain_{i}" for i in range(len(world.law.gain_units))]
     model.add_subsystem(
         "recovery",
@@ -402,7 +410,9 @@ def _add_recovery(model, world, hydrodynamics, n_nodes, torque):
         promotes_outputs=["recovery"],
     )
     for name in ("rotor_speed", "inflow_speed"):
-        model.connect(f"traj.phase.timeseries.{name}", f"recovery.{name}")
+        model.connect(
+            f"traj.phase.timeseries.{name}", f"recovery.{name}", src_indices=om.slicer[near, :]
+        )
     model.add_constraint("recovery", lower=0.0, ref=torque, units="N*m")
 
 

@@ -142,6 +142,19 @@ def node_weights(transcription, segments, order, duration):
     return np.tile(0.5 * duration / segments * weights, segments)
 
 
+def node_times(transcription, segments, order, duration):
+    """Return the times of a phase's nodes, s, in the order of its time series.
+
+    Parameters are those of `node_weights`.
+    """
+    if transcription == "radau":
+        places = np.append(lgr(order, include_endpoint=False)[0], 1.0)
+    else:
+        places = lgl(order)[0]
+    starts = np.arange(segments)[:, None]
+    return ((starts + 0.5 * (places + 1.0)) * duration / segments).ravel()
+
+
 def add_trajectory(
     model, case_phase, law, unknown, ode_options, parameters, scales, speed_bounds, torque_limit
 ):

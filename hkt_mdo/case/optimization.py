@@ -83,7 +83,7 @@ class Phase(Section):
 
     segments: Annotated[int, Strict(), Field(ge=2, le=20000)] | None = None
     """Number of collocation segments; null: 60, or as many as the flow's highest frequency asks
-    for, four a period."""
+    for, eight a period."""
 
     transcription: Literal["gauss-lobatto", "radau"] = "gauss-lobatto"
     """Collocation method: Gauss-Lobatto's or Radau's nodes in each segment."""
