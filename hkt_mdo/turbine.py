@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hkt_mdo.case import Fluid, Rotor
-from hkt_mdo.data import shipped_names
+from hkt_mdo.data import shipped_names, shipped_rotor
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.airfoil import Outline, Polar, PolarFamily
 from hkt_mdo.rotor.bem import LocalReynolds
@@ -110,6 +110,9 @@ def _blade_table(rotor: Rotor) -> tuple[BladeTable, float]:
         )
         return rows, HUB if fraction is None else fraction
     table = read_blade(rotor.blade, hub_radius=0.0)
+    own = shipped_rotor(rotor.blade).get("radius")
+    if own is not None and not table.relative:  # a shipped file in metres is of this size
+        table = replace(table, tip_radius=own)
     if table.hub_radius == 0.0 and not table.relative:  # its span is counted from the root
         if fraction is None:
             raise InputError(

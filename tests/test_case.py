@@ -621,6 +621,18 @@ def test_a_shipped_blade_brings_its_turbine_with_it(name):
     assert best.tip_speed_ratio == pytest.approx(ratio, rel=0.05)
 
 
+@pytest.mark.parametrize("name", shipped_names("blade"))
+def test_a_shipped_blade_is_scaled_to_the_radius(name):
+    from hkt_mdo.turbine import build_turbine
+
+    own = read_case(f"{MINIMAL}rotor: {{blade: {name}}}\n")
+    larger = own.with_overrides(f"rotor.radius={1.5 * own.rotor.radius}")
+    small, large = (build_turbine(case.rotor, case.fluid, 1.5).blade for case in (own, larger))
+    for lengths in ("r", "chord", "hub_radius", "tip_radius"):
+        ratio = np.array(getattr(large, lengths)) / getattr(small, lengths)
+        np.testing.assert_allclose(ratio, 1.5, rtol=1e-12)
+
+
 def test_shipped_outline_has_the_area_its_source_states():
     outline = read_table("naca63815", ("x_over_c", "y_over_c"), "outline")
     x, y = outline["x_over_c"], outline["y_over_c"]
