@@ -352,8 +352,8 @@ def _designed(found: Findings) -> list[str]:
     shape, design, words = found.world.shape, found.case.design, []
     if shape.designs_chord:
         for name, unit in (("chord", "m"), ("twist", "deg")):
-            points = getattr(design, f"{name}_points")
-            where = f"at {shape.blade.r.size} stations" if points is None else f"by {points} points"
+            points, stations = shape.points[name], shape.blade.r.size
+            where = f"at {stations} stations" if points == stations else f"by {points} points"
             words.append(f"{name} {where}, {_span(getattr(design, f'{name}_bounds'), unit)}")
     if shape.designs_set_angle:
         words.append(f"set angle, {_span(design.set_angle_bounds, 'deg')}")
@@ -585,7 +585,7 @@ def _design_warnings(found: Findings) -> Iterator[str]:
         if share > most:
             words = words.format(100.0 * share if name == "chord" else np.rad2deg(share))
             yield (
-                f"the spline through design.{name}_points = {getattr(design, f'{name}_points')} "
+                f"the spline through design.{name}_points = {shape.points[name]} "
                 f"leaves the {name} of the blade's file by {words} at {_stations(found, [worst])}: "
                 "the run begins with the spline; more points follow the file closer"
             )
@@ -652,10 +652,10 @@ def _blade_data(found: Findings) -> dict:
     }
     chord, twist = shape.control(blade)
     for name, points, control, file in (
-        ("chord_m", found.case.design.chord_points, chord, given.chord),
-        ("twist_deg", found.case.design.twist_points, np.rad2deg(twist), np.rad2deg(given.twist)),
+        ("chord_m", shape.points["chord"], chord, given.chord),
+        ("twist_deg", shape.points["twist"], np.rad2deg(twist), np.rad2deg(given.twist)),
     ):
-        if points is not None:
+        if shape.designs_chord and points < blade.r.size:
             # they stand where their own spline is the radius itself
             dense = np.linspace(blade.hub_radius, blade.tip_radius, 8 * points)
             basis = spline_basis(points, dense, blade.hub_radius, blade.tip_radius)

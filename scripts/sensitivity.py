@@ -27,7 +27,11 @@ VARIANTS = {
     "hub radius 0.15 R": ["rotor.hub_radius_fraction=0.15"],
     "hub radius 0.19 R": ["rotor.hub_radius_fraction=0.19"],
     "17 stations": [f"rotor.stations={STATIONS_17}"],
-    "33 stations": [f"rotor.stations={STATIONS_33}"],
+    "33 stations": [
+        f"rotor.stations={STATIONS_33}",
+        "design.chord_points=33",
+        "design.twist_points=33",
+    ],
     "density 998 kg/m³": ["fluid.density=998"],
     "density 1025 kg/m³": ["fluid.density=1025"],
     "30 segments": ["phase.segments=30"],

@@ -275,7 +275,7 @@ TURBULENCE = "inflow={profile: turbulence, cutoff: 0.5}"
         ("control.gain = 0.5 lets the starting blade capture", ["control.gain=0.5"]),
         ("power coefficient is", ["rotor.set_angle=60"]),
         (
-            "phase.segments = 60 gives 2 to the flow's shortest period, 2 s, and 4 are wanted",
+            "phase.segments = 60 gives 2 to the flow's shortest period, 2 s, and 8 are wanted",
             [TURBULENCE, "phase.segments=60"],
         ),
         (

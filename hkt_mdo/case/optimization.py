@@ -35,13 +35,15 @@ class Design(Section):
     twist_bounds: Annotated[_Angles, AfterValidator(ordered)] = (-30.0, 30.0)
     """Bounds on the twist, [lower, upper]."""
 
-    chord_points: Annotated[int, Strict(), Field(ge=2, le=100)] | None = None
-    """Number of control points of a cubic B-spline that is the chord along the span; null: the
-    chord is designed at the stations."""
+    chord_points: Annotated[int, Strict(), Field(ge=2, le=200)] | None = None
+    """Number of control points of a cubic B-spline that is the chord along the span; as many as
+    there are stations, or more: the chord is designed at the stations. Null: at the stations if
+    there are 20 or fewer, else 8."""
 
-    twist_points: Annotated[int, Strict(), Field(ge=2, le=100)] | None = None
-    """Number of control points of a cubic B-spline that is the twist along the span; null: the
-    twist is designed at the stations."""
+    twist_points: Annotated[int, Strict(), Field(ge=2, le=200)] | None = None
+    """Number of control points of a cubic B-spline that is the twist along the span; as many as
+    there are stations, or more: the twist is designed at the stations. Null: at the stations if
+    there are 20 or fewer, else 8."""
 
     set_angle_bounds: Annotated[_Angles, AfterValidator(ordered)] | None = None
     """Bounds on the set angle of a fixed blade, [lower, upper]; null: it is not designed. A twist

@@ -9,6 +9,9 @@ from scipy.interpolate import BSpline
 from hkt_mdo.rotor.blade import Blade
 
 DEGREE = 3  # of the splines, where there are control points enough
+# Many stations designed one by one choose stalled and unstalled flow by turns, beside each other,
+# and no optimizer comes to rest on that: beyond so many they are a spline of so many points.
+FREE_STATIONS, POINTS = 20, 8
 
 
 def spline_basis(points, position, low, high):
@@ -72,25 +75,31 @@ class Shape:
     def designed(
         cls, blade, chord_points, twist_points, chord_bounds, twist_bounds, radius_bounds=None
     ):
-        """Design chord and twist: at the stations (None), or by a number of control points."""
+        """Design chord and twist by a number of control points, or at the stations.
+
+        The latter where the number is not less than that of the stations; None: where there are
+        `FREE_STATIONS` or fewer, else by `POINTS`.
+        """
         n = blade.r.size
+        usual = n if n <= FREE_STATIONS else POINTS
+        points = [usual if each is None else each for each in (chord_points, twist_points)]
 
         def basis(points):
-            if points is None:
+            if points >= n:
                 return np.eye(n)
             return spline_basis(points, blade.r, blade.hub_radius, blade.tip_radius)
 
         family = cls(
             blade,
             np.zeros(n),
-            basis(chord_points),
+            basis(points[0]),
             np.zeros(n),
-            basis(twist_points),
+            basis(points[1]),
             chord_bounds,
             twist_bounds,
             radius_bounds,
         )
-        if chord_points is None and twist_points is None:
+        if min(points) >= n:
             return family  # bit by bit the blade as given
         return replace(family, blade=family.nearest(blade, clip=False))
 
@@ -114,6 +123,11 @@ class Shape:
     def designs_chord(self):
         """Whether the chord is designed."""
         return self.chord_basis.shape[1] > 0
+
+    @property
+    def points(self):
+        """Number of control points, or of stations designed, of chord and twist, by name."""
+        return {"chord": self.chord_basis.shape[1], "twist": self.twist_basis.shape[1]}
 
     @property
     def designs_set_angle(self):

@@ -48,6 +48,17 @@ def test_design_at_the_stations_is_the_blade_bit_by_bit(blade):
     np.testing.assert_array_equal(shape.at(chord, twist).twist, blade.twist)
 
 
+def test_many_stations_are_a_spline_unless_asked_otherwise(blade):
+    from dataclasses import replace
+
+    r = np.linspace(0.2, 1.38, 30)
+    many = replace(blade, r=r, chord=0.2 - 0.1 * r, twist=0.3 - 0.2 * r)
+    assert Shape.designed(many, None, None, CHORDS, TWISTS).chord_basis.shape == (30, 8)
+    free = Shape.designed(many, 30, 40, CHORDS, TWISTS)
+    assert free.blade is many
+    np.testing.assert_array_equal(free.twist_basis, np.eye(30))
+
+
 def test_nearest_blade_of_the_family_is_found_again(blade):
     shape = Shape.designed(blade, 4, 5, CHORDS, TWISTS)
     once = shape.nearest(blade)
