@@ -89,9 +89,12 @@ def run_batch(
 
 def is_finished(folder: Path, case: Case) -> bool:
     """Return whether a folder holds this version's finished result of an equal case."""
+    from hkt_mdo.problem import complete
+
     try:
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         stored = read_case((folder / "case.yaml").read_text(encoding="utf-8"))
+        case = complete(case)  # as a run writes it
     except (OSError, ValueError, InputError):
         return False
     if not isinstance(summary, dict) or "checks" not in summary:

@@ -314,7 +314,9 @@ def build_problem(
 
     design = model.add_subsystem("design", om.IndepVarComp(), promotes=["*"])
     designed = [("rotor_radius", np.atleast_1d(blade.rotor_radius), "m", blade.rotor_radius)]
-    chord, twist = world.shape.control(blade)
+    shape = world.shape
+    chord, twist = shape.control(blade)  # within the bounds, but for the last digit
+    chord, twist = np.clip(chord, *shape.chord_bounds), np.clip(twist, *shape.twist_bounds)
     designed += [("chord_control", chord, "m", chord), ("twist_control", twist, "rad", TWIST_UNIT)]
     designed = [each for each in designed if each[1].size]
     for name, value, units, _ in designed:

@@ -40,7 +40,7 @@ ALLOWED = {
     "result_folder": {"errors"},
     "results": {"case", "data", "errors"},
     "plots": {"results", "errors"},
-    "batch": {"run", "results", "case", "errors"},
+    "batch": {"run", "problem", "results", "case", "errors"},
     "uncertainty": {"problem", "simulation", "results", "dynamics", "errors"},
     "paper": {
         "flow",

@@ -1,0 +1,181 @@
+"""What Reynolds-dependent polars do to the paper's conclusions: writes docs/reynolds.md.
+
+python scripts/reynolds_study.py --out results/reynolds --page docs/reynolds.md
+"""
+
+import argparse
+import os
+from dataclasses import replace
+from pathlib import Path
+
+for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
+
+import numpy as np
+
+from hkt_mdo.batch import run_batch
+from hkt_mdo.case import load_case
+from hkt_mdo.problem import physics
+from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.simulation import simulate
+from hkt_mdo.uncertainty import Design
+
+LAWS = {"oloc": "open loop", "quadratic": "quadratic", "linear": "linear"}
+CASES = {
+    f"sine_{limit}{law}": (words, "700 N m" if limit else "none")
+    for limit in ("", "limited_")
+    for law, words in LAWS.items()
+}
+LOCAL = ("rotor.polar=naca63815", "rotor.reynolds=local")
+VARIANTS = {
+    "invariant": (),
+    "local": LOCAL,
+    # five times the size in the same flow: Reynolds numbers five times as large
+    "large_invariant": ("rotor.radius=7", "design.chord_bounds=[0.05, 5]"),
+    "large_local": ("rotor.radius=7", "design.chord_bounds=[0.05, 5]", *LOCAL),
+}
+BIG = ("sine_oloc", "sine_quadratic", "sine_linear")
+
+PAGE = """# Reynolds-dependent polars
+
+The paper assumes Reynolds invariance: one polar, at Re = 2·10⁵, for every station at every speed.
+With `rotor.reynolds: local` a station's lift and drag follow its own Reynolds number, chord times
+relative speed over viscosity (docs/theory.md), in the flow of the instant. Here the paper's
+sinusoidal cases are optimized both ways, and the invariant designs are then flown with local
+polars. Written by `scripts/reynolds_study.py`; every run converged and was verified unless the
+table says no. Kinematic viscosity 10⁻⁶ m²/s.
+
+## The paper's turbine (R = 1.4 m)
+
+{table}
+
+*to open loop*: simulated energy against open loop of the same polars and limit. *flown*: the
+invariant blade and gain integrated with local polars, against the design that knew of them
+(feedback only: open loop's torque is a record of another rotor).
+
+Stations of the blade that open loop finds with local polars see Reynolds numbers of {low:.2g} to
+{high:.2g}.
+
+## Five times the size (R = 7 m), without a limit
+
+{large}
+
+## What it does to the conclusions
+
+{conclusions}
+"""
+
+
+def describe(solution):
+    """Return the figures of a result that the tables show."""
+    summary = solution.summary
+    return {
+        "success": "yes" if solution.success else "no",
+        "energy": summary["simulated_energy_J"],
+        "gain": summary["gain"],
+        "ratio": summary["tip_speed_ratio_at_power_coefficient_max"],
+        "power": summary["power_coefficient_max"],
+        "chord": float(np.interp(0.7, summary["r_m"] / np.max(summary["r_m"]), summary["chord_m"])),
+    }
+
+
+def flown(invariant, local):
+    """Return the energy (J) of an invariant feedback design in the flow with local polars."""
+    world = physics(local.case)
+    design = Design.of(invariant)
+    _, inertia, _, _ = mass_and_inertia(
+        design.plant.blade,
+        world.section_area,
+        local.case.rotor.material_density,
+        local.case.rotor.hub_inertia,
+    )
+    plant = replace(design.plant, polar=world.polar, inertia=inertia)
+    phase = local.case.phase
+    start = float(invariant.trajectory["rotor_speed_rad_s"][0])
+    found = simulate(
+        plant,
+        world.inflow,
+        lambda _, speed: design.law.torque(speed, design.gains),
+        start,
+        phase.duration,
+        max_step=phase.duration / phase.segments,
+    )
+    return None if found.stopped_at is not None else found.energy
+
+
+def reynolds_range(solution):
+    """Return the smallest and the largest Reynolds number of the stations."""
+    world, summary = physics(solution.case), solution.summary
+    blade = world.blade.with_shape(summary["chord_m"], np.deg2rad(summary["twist_deg"]))
+    ratio, flow = (np.array(solution.simulation[key]) for key in
+                   ("tip_speed_ratio", "inflow_speed_m_s"))  # fmt: skip
+    local = blade.r / blade.tip_radius * ratio[:, None]
+    number = blade.chord * np.sqrt(1.0 + local**2) * flow[:, None]
+    number = number / solution.case.fluid.kinematic_viscosity
+    return float(number.min()), float(number.max())
+
+
+def rows(results, cases, variants):
+    """Return the rows of a table: one a case and variant."""
+    lines = [
+        "| control | limit | polars | success | energy / kJ | to open loop | gain | Cp max "
+        "| at TSR | chord at 0.7 R / m | flown |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for case in cases:
+        law, limit = CASES[case]
+        for variant in variants:
+            solution = results[variant, case]
+            best = results[variant, case.rpartition("_")[0] + "_oloc"].summary
+            found = describe(solution)
+            less = 100.0 * (found["energy"] / best["simulated_energy_J"] - 1.0)
+            apart = ""
+            if variant.endswith("invariant") and found["gain"] is not None:
+                local = results[variant.replace("invariant", "local"), case]
+                energy = flown(solution, local)
+                apart = "stops"
+                if energy is not None:
+                    share = 100.0 * (energy / local.summary["simulated_energy_J"] - 1.0)
+                    apart = f"{share:+.2f} %"
+            gain = "" if found["gain"] is None else f"{found['gain']:.4g}"
+            lines.append(
+                f"| {law} | {limit} | {variant.rpartition('_')[2]} | {found['success']} | "
+                f"{found['energy'] / 1e3:.2f} | {less:+.3f} % | {gain} | {found['power']:.4f} | "
+                f"{found['ratio']:.2f} | {found['chord']:.4f} | {apart} |"
+            )
+    return "\n".join(lines)
+
+
+def main():
+    """Run the cases and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cases", type=Path, default=Path(__file__).parent.parent / "cases")
+    parser.add_argument("--out", type=Path, default=Path("results/reynolds"))
+    parser.add_argument("--page", type=Path, default=Path("docs/reynolds.md"))
+    parser.add_argument("--jobs", type=int, default=None)
+    parser.add_argument("--conclusions", type=Path, help="Markdown text for the last section.")
+    arguments = parser.parse_args()
+
+    plan = {
+        arguments.out / variant / case: load_case(arguments.cases / f"{case}.yaml", overrides)
+        for variant, overrides in VARIANTS.items()
+        for case in (BIG if variant.startswith("large") else CASES)
+    }
+    found = run_batch(plan, arguments.jobs, lambda folder, word: print(folder, word, flush=True))
+    results = {(folder.parent.name, folder.name): found[folder] for folder in plan}
+    low, high = reynolds_range(results["local", "sine_oloc"])
+    text = "See the tables."
+    if arguments.conclusions is not None:
+        text = arguments.conclusions.read_text(encoding="utf-8").strip()
+    page = PAGE.format(
+        table=rows(results, CASES, ("invariant", "local")),
+        large=rows(results, BIG, ("large_invariant", "large_local")),
+        low=low,
+        high=high,
+        conclusions=text,
+    )
+    arguments.page.write_text(page, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
