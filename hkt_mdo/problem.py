@@ -290,6 +290,7 @@ def build_problem(
     driver=None,
     moves: MoveLimits = MoveLimits(),
     slowed: float = 0.0,
+    torque_limits=None,
 ) -> om.Problem:
     """Return the OpenMDAO problem of a case, set up at its start and ready to run.
 
@@ -306,6 +307,8 @@ def build_problem(
     slowed : float
         Share of its speed that a rotor under feedback must be able to lose; see `RecoveryComp`.
         Only with a torque curve; 0: nothing is asked.
+    torque_limits : array, shape (segments,), or None, N*m
+        Of the open loop at the nodes of each segment; None: the case's own.
     """
     blade, control = start.blade, case.control
     speed, bounds = start.operation.rotor_speed, moves.bounds(case, world.shape, start)
@@ -367,7 +370,7 @@ def build_problem(
         parameters,
         scales,
         bounds["rotor_speed"],
-        world.torque_limit,
+        world.torque_limit if torque_limits is None else torque_limits,
     )
 
     if slowed and world.law is not None and has_curve(case, world):

@@ -369,18 +369,18 @@ def _optimize(case, world, start, out, log, records) -> tuple[Optimized, Simulat
     """Optimize from a start, until nothing that the start has set stands in the way; integrate.
 
     That is: the torque curve is fine enough, no move limit is active, the open loop's torque keeps
-    its limit between the nodes too (for that the limit at the nodes is tightened), and a rotor
+    its limit between the nodes too (for that it is lowered at the nodes of a segment), and a rotor
     under feedback recovers from a small loss of speed (for that a constraint is added, of twice the
     loss where the integration denies the collocation).
     """
-    nodes, tightened, moves = _curve_nodes(case, world, start), world, MoveLimits()
+    nodes, limits, moves = _curve_nodes(case, world, start), None, MoveLimits()
     margin = start.operation.recovery.margin if start.operation.recovery else np.inf
     slowed = SLOWED if np.min(margin) < NEAR_STALL else 0.0
     limited, energy = False, np.inf
     for _ in range(MAX_PASSES):
         most = None if moves == NARROW else FIRST_ITERATIONS
         driver = make_driver(case, log, most)
-        problem = build_problem(case, tightened, start, nodes, driver, moves, slowed)
+        problem = build_problem(case, world, start, nodes, driver, moves, slowed, limits)
         if records:
             _add_recorders(problem, out)
         try:
@@ -396,7 +396,7 @@ def _optimize(case, world, start, out, log, records) -> tuple[Optimized, Simulat
             np.max(curve_errors(world, result)[1]) <= case.hydrodynamics.tolerance
         )
         over, _ = between_nodes(case, world, result)
-        torque_ok = over <= BETWEEN_VIOLATION or world.torque_limit is None
+        torque_ok = np.max(over) <= BETWEEN_VIOLATION or world.torque_limit is None
         if not result.outcome.success:  # it lost its way: once more, in smaller moves
             if moves == NARROW:
                 break
@@ -418,7 +418,9 @@ def _optimize(case, world, start, out, log, records) -> tuple[Optimized, Simulat
             slowed = 2.0 * SLOWED  # near stall, where collocation is deceived
             continue
         if not torque_ok:
-            tightened = replace(tightened, torque_limit=tightened.torque_limit * (1.0 - over))
+            limits = world.torque_limit if limits is None else limits
+            # where it is exceeded: elsewhere a lower limit would only cost energy
+            limits = limits * (1.0 - np.where(over > 0.5 * BETWEEN_VIOLATION, over, 0.0))
         start = result.point
         nodes = _curve_nodes(case, world, start, finer=1 if curve_ok else 2)
     else:

@@ -177,8 +177,8 @@ def add_trajectory(
         ODE inputs fed by the model, with their units.
     scales : Scales
     speed_bounds : (float, float), rad/s
-    torque_limit : float or None, N*m
-        Path constraint of the open loop; a feedback law saturates itself.
+    torque_limit : float, array of shape (segments,), or None, N*m
+        Of the open loop at the nodes, one or one a segment; a feedback law saturates itself.
     """
     transcription = {"gauss-lobatto": GaussLobatto, "radau": Radau}[case_phase.transcription]
     phase = dm.Phase(
@@ -213,8 +213,18 @@ def add_trajectory(
             rate_continuity_ref=scales.rotor_speed,
             **bounds,
         )
-        phase.add_path_constraint(
-            "control_torque", lower=0.0, upper=torque_limit, ref=scales.torque, units="N*m"
+        # a path constraint of Dymos has one limit for all segments
+        upper = None
+        if torque_limit is not None:
+            limits = np.broadcast_to(np.asarray(torque_limit, dtype=float), case_phase.segments)
+            n_nodes = node_weights(case_phase.transcription, 1, case_phase.order, 1.0).size
+            upper = np.repeat(limits, n_nodes)[:, None]
+        model.add_constraint(
+            "traj.phase.timeseries.control_torque",
+            lower=0.0,
+            upper=upper,
+            ref=scales.torque,
+            units="N*m",
         )
     else:
         phase.add_state(
@@ -232,7 +242,7 @@ def add_trajectory(
                 rate_continuity=True,
                 rate_continuity_ref=scales.torque,
                 lower=0.0,
-                upper=torque_limit,
+                upper=None if torque_limit is None else float(np.min(torque_limit)),
                 ref=scales.torque,
                 units="N*m",
             )

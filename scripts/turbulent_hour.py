@@ -1,0 +1,161 @@
+"""An hour of turbulence under the three controllers: writes docs/hour.md and its figure.
+
+python scripts/turbulent_hour.py --out results/hour
+
+Each case is one `hkt run` of its own, so that time and memory are those of the command.
+"""
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from hkt_mdo.problem import physics
+from hkt_mdo.results import Solution
+
+ROOT = Path(__file__).parent.parent
+LAWS = {"oloc": "open loop", "quadratic": "quadratic feedback", "linear": "linear feedback"}
+
+PAGE = """# An hour of turbulence
+
+`cases/examples/turbulent_hour_*.yaml`: the paper's turbine under its 700 N m limit in {flow}
+Written by `scripts/turbulent_hour.py`; each case is one `hkt run` from the command line.
+
+![Rotor speed and power over two minutes of the hour](images/example_turbulent_hour.png)
+
+| control | success | energy / MJ | to open loop | share of bound | gain | tip speed ratio |
+|---|---|---|---|---|---|---|
+{results}
+
+| control | segments | unknown speeds | evaluations | energy error | speed error | curve error |
+|---|---|---|---|---|---|---|
+{judges}
+
+Energy is that of the independent simulation. Errors are those of the judges: collocation against
+the independent integration with direct BEM
+(limits 2e-4 in energy and 1e-2 in speed), curve against direct BEM (1e-3).
+
+| control | time | peak memory |
+|---|---|---|
+{costs}
+
+{machine}
+
+## What to look at
+
+{text}
+"""
+
+
+def run(case: Path, folder: Path) -> dict:
+    """Run a case by the command line; return its exit code, seconds and peak memory (bytes)."""
+    command = [sys.executable, "-W", "ignore", "-m", "hkt_mdo", "run", str(case)]
+    began = time.perf_counter()
+    process = subprocess.Popen([*command, "--out", str(folder), "--force"])
+    _, status, usage = os.wait4(process.pid, 0)
+    return {
+        "exit": os.waitstatus_to_exitcode(status),
+        "seconds": time.perf_counter() - began,
+        "bytes": usage.ru_maxrss * 1024,
+    }
+
+
+def draw(solutions: dict, path: Path, span=(1500.0, 1620.0)) -> None:
+    """Draw flow, rotor speed, torque and power of all controllers over a part of the hour."""
+    figure = Figure(figsize=(8.0, 7.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(4, 1, sharex=True)
+    columns = {
+        "inflow_speed_m_s": "flow (m/s)",
+        "rotor_speed_rad_s": "rotor speed (rad/s)",
+        "control_torque_Nm": "control torque (N m)",
+        "hydrodynamic_power_W": "captured power (W)",
+    }
+    for law, solution in solutions.items():
+        table = solution.simulation
+        inside = (table["time_s"] >= span[0]) & (table["time_s"] <= span[1])
+        for ax, (column, label) in zip(axes, columns.items(), strict=True):
+            if column != "inflow_speed_m_s" or law == "oloc":
+                line = {"oloc": "-", "quadratic": "--", "linear": "-."}[law]
+                name = "flow" if column == "inflow_speed_m_s" else LAWS[law]
+                ax.plot(table["time_s"][inside], table[column][inside], line, lw=1.2, label=name)
+            ax.set_ylabel(label)
+            ax.grid(True, color="0.88", linewidth=0.6)
+    axes[1].legend(fontsize=8, ncols=3)
+    axes[-1].set_xlabel("time (s)")
+    figure.savefig(path, dpi=110)
+
+
+def main() -> None:
+    """Run the three cases, unless they are there already, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("results/hour"))
+    parser.add_argument("--page", type=Path, default=ROOT / "docs" / "hour.md")
+    parser.add_argument("--text", type=Path, help="Markdown text for the last section.")
+    arguments = parser.parse_args()
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    solutions, costs = {}, {}
+    for law in LAWS:
+        folder, record = arguments.out / law, arguments.out / f"{law}.json"
+        if not record.exists():
+            case = ROOT / "cases" / "examples" / f"turbulent_hour_{law}.yaml"
+            record.write_text(json.dumps(run(case, folder)), encoding="utf-8")
+        costs[law] = json.loads(record.read_text(encoding="utf-8"))
+        solutions[law] = Solution.load(folder)
+    draw(solutions, ROOT / "docs" / "images" / "example_turbulent_hour.png")
+
+    results, judges, spent = [], [], []
+    best = solutions["oloc"].summary["simulated_energy_J"]
+    for law, solution in solutions.items():
+        summary = solution.summary
+        values = {check["name"]: check["value"] for check in summary["checks"]}
+        energy, ratio = summary["simulated_energy_J"], summary["tip_speed_ratio"]
+        gain = "" if summary["gain"] is None else f"{summary['gain']:.4g}"
+        results.append(
+            f"| {LAWS[law]} | {'yes' if solution.success else 'no: ' + solution.message} | "
+            f"{energy / 1e6:.4f} | {100.0 * (energy / best - 1.0):+.4f} % | "
+            f"{100.0 * energy / summary['energy_bound_J']:.3f} % | {gain} | "
+            f"{ratio['min']:.2f} to {ratio['max']:.2f} |"
+        )
+        judges.append(
+            f"| {LAWS[law]} | {solution.case.phase.segments} | "
+            f"{solution.case.phase.segments + 1} | "
+            f"{solution.convergence['evaluation'].size} | {values['energy_error']:.1e} | "
+            f"{values['max_speed_error']:.1e} | {values['surrogate_error']:.1e} |"
+        )
+        spent.append(
+            f"| {LAWS[law]} | {costs[law]['seconds'] / 60.0:.1f} min | "
+            f"{costs[law]['bytes'] / 1e9:.2f} GB |"
+        )
+    flow = physics(solutions["oloc"].case).inflow
+    speed = flow.speed(np.linspace(0.0, 3600.0, 36_001))
+    words = (
+        f"von Kármán turbulence of {np.mean(speed):.2f} m/s with a standard deviation of "
+        f"{np.std(speed):.3f} m/s, {speed.min():.2f} to {speed.max():.2f} m/s, up to "
+        f"{flow.cutoff:g} Hz."
+    )
+    text = "See the tables."
+    if arguments.text is not None:
+        text = arguments.text.read_text(encoding="utf-8").strip()
+    page = PAGE.format(
+        flow=words,
+        results="\n".join(results),
+        judges="\n".join(judges),
+        costs="\n".join(spent),
+        machine=f"{os.cpu_count()} cores, {platform.machine()}, Python "
+        f"{platform.python_version()}; other work ran beside it.",
+        text=text,
+    )
+    arguments.page.write_text(page, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
