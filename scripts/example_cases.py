@@ -1,0 +1,428 @@
+"""Run the cases of cases/examples and what they are compared with, draw figures, print a table.
+
+python scripts/example_cases.py [--hour] [--only NAME ...] [--out results/examples]
+
+Results that are there already are used again. The files of cases/examples/files are made by
+`--files`, from the package's data and a seed; nothing in them was measured.
+"""
+
+import argparse
+import io
+import os
+import sys
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+
+for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+from rich.console import Console
+from rich.table import Table
+from scipy.optimize import minimize_scalar
+
+from hkt_mdo import plots
+from hkt_mdo.batch import run_batch
+from hkt_mdo.case import TurbulentInflow, load_case
+from hkt_mdo.flow import build_inflow
+from hkt_mdo.problem import BEM, complete, physics
+from hkt_mdo.rotor.blade_files import read_blade
+from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.rotor.outline_files import read_outline
+from hkt_mdo.rotor.polar_files import read_polars
+from hkt_mdo.simulation import Plant, simulate
+
+ROOT = Path(__file__).parent.parent
+CASES = ROOT / "cases" / "examples"
+IMAGES = ROOT / "docs" / "images"
+DPI = 110
+LARGEST = 120_000  # bytes of a figure
+RM1_GENERATOR = (
+    139.5 * 53**2
+)  # kg m2 at the rotor: OpenFAST's RM1, generator inertia and gear ratio
+
+RUNS = {
+    "rm1_turbulent": ("rm1_turbulent",),
+    "rm1_set_angle": ("rm1_set_angle",),
+    "rm1_set_angle_zero": ("rm1_set_angle", "design={blade: fixed}"),
+    "river_gust": ("river_gust",),
+    "river_gust_quadratic": ("river_gust", "control.law=quadratic"),
+    "river_gust_unlimited": ("river_gust", "control.torque_limit=null"),
+    "river_gust_unlimited_quadratic": ("river_gust", "control={law: quadratic}"),
+    "river_resized": ("river_resized",),
+    "river_resized_kept": ("river_resized", "design.radius_bounds=null"),
+    "own_files": ("own_files",),
+    "own_files_kept": ("own_files", "design={blade: fixed}"),
+}
+"""By the name of the result: the case, and what is set otherwise in it."""
+
+SCANS = {
+    "rm1_turbulent": {
+        "rm1_turbulent_kept": (),
+        "rm1_turbulent_geared": (f"rotor.hub_inertia={79.6 + RM1_GENERATOR:.1f}",),
+    },
+    "river_gust": {
+        "river_gust_kept": (),
+        "river_gust_kept_quadratic": ("control.law=quadratic",),
+    },
+}
+"""By the case: its blade kept, the gain found by simulations alone, no optimizer asked."""
+
+HOUR = {
+    name: (name,) for name in (f"turbulent_hour_{law}" for law in ("oloc", "linear", "quadratic"))
+}
+
+
+def main():
+    """Run, draw, print the table; exit with 3 unless every run succeeded."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--out", type=Path, default=ROOT / "results" / "examples")
+    parser.add_argument("--images", type=Path, default=IMAGES)
+    parser.add_argument("--only", nargs="+", choices=(*RUNS, *HOUR), metavar="NAME")
+    parser.add_argument("--hour", action="store_true", help="the turbulent hour too: minutes")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--files", action="store_true", help="make cases/examples/files, no run")
+    arguments = parser.parse_args()
+    if arguments.files:
+        write_files(CASES / "files")
+        return
+
+    runs = RUNS | HOUR if arguments.hour else RUNS
+    if arguments.only:
+        runs = {name: (RUNS | HOUR)[name] for name in arguments.only}
+    cases = {
+        arguments.out / name: load_case(CASES / f"{case}.yaml", [f"name={name}", *overrides])
+        for name, (case, *overrides) in runs.items()
+    }
+    console = Console(width=160)
+    found = run_batch(
+        cases,
+        arguments.jobs,
+        lambda folder, word: console.print(f"  {folder.name}: {word}"),
+        records=False,
+    )
+    solutions = {folder.name: solution for folder, solution in found.items() if solution}
+    arguments.images.mkdir(parents=True, exist_ok=True)
+    scanned = {
+        name: scan(CASES / f"{case}.yaml", name, overrides)
+        for case, scans in SCANS.items()
+        if case in solutions
+        for name, overrides in scans.items()
+    }
+    for image, (draw, *names) in FIGURES.items():
+        known = solutions | scanned
+        if all(name in known for name in names):
+            path = arguments.images / f"example_{image}.png"
+            save(draw([known[name] for name in names]), path)
+            if path.stat().st_size > LARGEST:
+                console.print(f"  {path.name}: {path.stat().st_size} bytes, more than {LARGEST}")
+    console.print(table(solutions))
+    for each in scanned.values():
+        console.print(f"  {each}")
+    for name, solution in solutions.items():
+        for line in (*solution.failed_checks, *solution.summary.get("notes", ())):
+            console.print(f"  {name}: {line}")
+    sys.exit(0 if all(s is not None and s.success for s in found.values()) else 3)
+
+
+def table(solutions):
+    """Return the figures of merit of every run."""
+    columns = ("energy / kJ", "of bound", "gain", "tip speed ratio", "C_P, at", "torque / N m")
+    columns += ("tip / m/s", "radius / m", "set angle / deg", "inertia", "s")
+    rows = Table("run", "success", *columns)
+    for name, solution in solutions.items():
+        get, ratio = solution.summary.get, solution.summary.get("tip_speed_ratio") or {}
+        if get("simulated_energy_J") is None:
+            rows.add_row(name, "no", solution.message)
+            continue
+        turned = np.subtract(get("twist_deg"), get("start_twist_deg"))
+        fastest = solution.simulation["rotor_speed_rad_s"].max() * get("rotor_radius_m")
+        rows.add_row(
+            name,
+            "yes" if solution.success else "no",
+            f"{get('simulated_energy_J') / 1e3:.2f}",
+            f"{100.0 * get('simulated_energy_J') / get('energy_bound_J'):.2f} %",
+            "" if solution.gain is None else f"{solution.gain:.5g}",
+            f"{ratio['min']:.2f} to {ratio['max']:.2f}, {ratio['mean']:.2f}",
+            f"{get('power_coefficient_max'):.4f}, "
+            f"{get('tip_speed_ratio_at_power_coefficient_max'):.2f}",
+            f"{get('control_torque_max_Nm'):.5g}",
+            f"{fastest:.1f}",
+            f"{get('tip_radius_m'):.3f}",
+            f"{turned[0]:+.2f}" if np.ptp(turned) < 1e-9 else "twist designed",
+            f"{get('inertia_kg_m2'):.4g}",
+            f"{get('wall_seconds') or 0.0:.0f}",
+        )
+    return rows
+
+
+# The blade as it is -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Scanned:
+    """A kept blade under the gain with which simulations capture most."""
+
+    name: str
+    gain: float
+    inertia: float
+    energy: float
+    simulation: dict
+
+    def __str__(self):
+        """Return its numbers in a line."""
+        ratio = self.simulation["tip_speed_ratio"]
+        return (
+            f"{self.name}, by simulation: {self.energy / 1e3:.2f} kJ, gain {self.gain:.5g}, "
+            f"tip speed ratio {ratio.min():.2f} to {ratio.max():.2f}, mean {ratio.mean():.2f}, "
+            f"inertia {self.inertia:.4g} kg m2, "
+            f"largest torque {self.simulation['control_torque_Nm'].max():.5g} N m"
+        )
+
+
+def scan(file, name, overrides):
+    """Return a case's blade as it is, under the best gain, from simulations by direct BEM."""
+    case = complete(load_case(file, [f"name={name}", "design={blade: fixed}", *overrides]))
+    world, rotor, duration = physics(case), case.rotor, case.phase.duration
+    radius, flow = world.blade.rotor_radius, float(world.inflow.speed(0.0))
+    _, inertia, _, _ = mass_and_inertia(
+        world.blade, world.section_area, rotor.material_density, rotor.hub_inertia
+    )
+    plant = Plant(
+        world.blade, world.polar, inertia, case.fluid.density, BEM[case.hydrodynamics.check]
+    )
+    speeds = np.linspace(12.0, 3.0, 400) * flow / radius
+    driving = plant.torque(speeds, np.full(speeds.size, flow))
+    best = int(np.argmax(driving * speeds))
+
+    def fly(gain):
+        balance = driving - world.law.torque(speeds, np.array([gain]))
+        first = speeds[int(np.argmax(balance > 0.0))]  # the fastest equilibrium, unstalled
+        return simulate(
+            plant,
+            world.inflow,
+            lambda _, speed: world.law.torque(speed, np.array([gain])),
+            first,
+            duration,
+            samples=2 * case.phase.segments + 1,
+            max_step=duration / case.phase.segments,
+            tolerance=1e-7,
+        )
+
+    power = 1 if case.control.law == "linear" else 2
+    ideal = driving[best] / speeds[best] ** power
+    found = minimize_scalar(
+        lambda factor: -fly(factor * ideal).energy,
+        bounds=(0.6, 1.4),
+        method="bounded",
+        options={"xatol": 2e-3},
+    )
+    run = fly(found.x * ideal)
+    table = {
+        "time_s": run.time,
+        "inflow_speed_m_s": run.inflow_speed,
+        "rotor_speed_rad_s": run.rotor_speed,
+        "tip_speed_ratio": run.rotor_speed * radius / run.inflow_speed,
+        "control_torque_Nm": run.control_torque,
+    }
+    return Scanned(name, found.x * ideal, inertia, run.energy, table)
+
+
+# Figures ------------------------------------------------------------------------------------------
+
+
+def panels(solutions, *draws):
+    """Return a figure of two columns, one panel a function of (solutions, ax), one legend."""
+    figure = Figure(figsize=(9.6, 2.75 * ((len(draws) + 1) // 2)), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots((len(draws) + 1) // 2, 2).ravel()
+    for draw, ax in zip(draws, axes, strict=True):
+        draw(solutions, ax)
+        if ax is not axes[0] and ax.get_legend():
+            ax.get_legend().remove()
+    handles, labels = axes[0].get_legend_handles_labels()
+    axes[0].get_legend().remove()
+    figure.legend(handles, labels, loc="outside upper center", ncols=4, fontsize=8, frameon=False)
+    return figure
+
+
+def save(figure, path):
+    """Write a figure with few colours: small files."""
+    memory = io.BytesIO()
+    figure.savefig(memory, dpi=DPI)
+    Image.open(memory).convert("RGB").quantize(96).save(path, optimize=True)
+
+
+def over(column, label, *, hours=False, across=None, ends=None):
+    """Return a function that draws a column of the simulation over time or another column."""
+
+    def draw(solutions, ax):
+        for index, solution in enumerate(solutions):
+            data = solution.simulation
+            x = data[across or "time_s"] / (3600.0 if hours else 1.0)
+            part = slice(None) if ends is None else (x >= ends[0]) & (x <= ends[1])
+            style = {"linestyle": ("-", "--", "-.", ":")[index % 4], "linewidth": 1.2}
+            ax.plot(x[part], data[column][part], label=solution.name, **style)
+        ax.set_xlabel("inflow speed (m/s)" if across else "time (h)" if hours else "time (s)")
+        ax.set_ylabel(label)
+        ax.grid(True, color="0.88", linewidth=0.6)
+        ax.legend()
+
+    return draw
+
+
+def inflow(label="inflow speed (m/s)", **options):
+    """Return a function that draws the flow of the first solution alone."""
+    return lambda solutions, ax: over("inflow_speed_m_s", label, **options)(solutions[:1], ax)
+
+
+SPEED, RATIO = "rotor speed (rad/s)", "tip speed ratio (-)"
+TORQUE, POWER = "control torque (N m)", "rotor power (W)"
+FIGURES = {
+    "rm1_turbulent": (
+        lambda found: panels(
+            found,
+            plots.plot_chord,
+            plots.plot_twist,
+            plots.plot_power_curve,
+            over("rotor_speed_rad_s", SPEED, ends=(0.0, 200.0)),
+        ),
+        "rm1_turbulent",
+    ),
+    "rm1_set_angle": (
+        lambda found: panels(
+            found,
+            over("inflow_speed_m_s", "inflow speed (m/s)", hours=True),
+            over("rotor_speed_rad_s", SPEED, hours=True),
+            over("tip_speed_ratio", RATIO, across="inflow_speed_m_s"),
+            over("hydrodynamic_power_W", POWER, across="inflow_speed_m_s"),
+        ),
+        "rm1_set_angle",
+        "rm1_set_angle_zero",
+    ),
+    "river_gust": (
+        lambda found: panels(
+            found,
+            over("inflow_speed_m_s", "inflow speed (m/s)", ends=(15.0, 35.0)),
+            over("rotor_speed_rad_s", SPEED, ends=(15.0, 35.0)),
+            over("tip_speed_ratio", RATIO, ends=(15.0, 35.0)),
+            over("control_torque_Nm", TORQUE, ends=(15.0, 35.0)),
+        ),
+        "river_gust",
+        "river_gust_quadratic",
+        "river_gust_kept",
+        "river_gust_kept_quadratic",
+    ),
+    "river_resized": (
+        lambda found: panels(
+            found,
+            plots.plot_chord,
+            plots.plot_twist,
+            plots.plot_power_curve,
+            over("control_torque_Nm", TORQUE),
+        ),
+        "river_resized",
+        "river_resized_kept",
+    ),
+    "own_files": (
+        lambda found: panels(
+            found,
+            over("inflow_speed_m_s", "inflow speed (m/s)"),
+            plots.plot_chord,
+            over("tip_speed_ratio", RATIO, ends=(200.0, 300.0)),
+            over("control_torque_Nm", TORQUE, ends=(200.0, 300.0)),
+        ),
+        "own_files",
+        "own_files_kept",
+    ),
+    "turbulent_hour": (
+        lambda found: panels(
+            found,
+            plots.plot_chord,
+            plots.plot_twist,
+            over("tip_speed_ratio", RATIO, ends=(0.0, 120.0)),
+            over("control_torque_Nm", TORQUE, ends=(0.0, 120.0)),
+        ),
+        *HOUR,
+    ),
+}
+"""By the name of the figure: what draws it, and the runs that it shows."""
+
+
+# Files --------------------------------------------------------------------------------------------
+
+BEGIN = datetime(2024, 5, 1, 12)
+EMPTY, ABSENT = (45, 46, 301), (150, 151, 152, 153, 420)  # s: cells without a number, rows left out
+
+
+def write_files(folder):
+    """Write the files that cases/examples/own_files.yaml reads: blade, section, outline, record."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, lines in files().items():
+        (folder / name).write_text("\n".join((*lines, "")), encoding="utf-8")
+
+
+def files():
+    """Return the lines of each file by its name."""
+    hub, blade = 0.12, read_blade("river")
+    rows = [(hub, blade.chord[0], blade.twist[0])]  # carried on unchanged to the root
+    rows += zip(blade.r, blade.chord, blade.twist, strict=True)
+    dat = [
+        "! AeroDyn 15 blade file: the shipped river turbine, a design on paper, in another format",
+        "! made by scripts/example_cases.py; span counted from the root at 0.12 m",
+        f"{len(rows)} NumBlNds - number of blade nodes",
+        "BlSpn BlCrvAC BlSwpAC BlCrvAng BlTwist BlChord BlAFID",
+        "(m) (m) (m) (deg) (deg) (m) (-)",
+        *(f"{r - hub:.3f} 0 0 0 {np.rad2deg(t):.2f} {c:.4f} 1" for r, c, t in rows),
+    ]
+    polars = [each for number in ("2e5", "5e5") for each in read_polars(f"naca4415_Re{number}")]
+    airfoil = [
+        "! ------------ AirfoilInfo v1.01.x Input File ----------",
+        "! NACA 4415, computed by NeuralFoil (hkt_mdo/data/README.md), not measured",
+        "! made by scripts/example_cases.py",
+        '"DEFAULT" InterpOrd ! interpolation',
+        "1 NonDimArea ! not used",
+        "0 NumCoords ! shape: see outline.dat",
+        '"unused" BL_file ! not used',
+        f"{len(polars)} NumTabs ! tables, one a Reynolds number",
+    ]
+    for polar, millions in zip(polars, (0.2, 0.5), strict=True):
+        airfoil += [
+            f"{millions} Re ! Reynolds number in millions",
+            "0 UserProp ! not used",
+            "False InclUAdata ! no unsteady data",
+            f"{polar.alpha.size} NumAlf ! rows",
+            "! Alpha Cl Cd Cm",
+            "! (deg) (-) (-) (-)",
+        ]
+        columns = (np.rad2deg(polar.alpha), polar.lift, polar.drag, polar.moment)
+        airfoil += [
+            f"{a:.1f} {left:.4f} {d:.5f} {m:.4f}" for a, left, d, m in zip(*columns, strict=True)
+        ]
+    outline = [
+        "NACA 4415, closed form, by scripts/example_cases.py",
+        *(f"{x:.5f} {y:.5f}" for x, y in zip(*read_outline("naca4415"), strict=True)),
+    ]
+    section = TurbulentInflow(
+        mean=1.4, intensity=0.12, length_scale=4.0, seed=11, duration=600.0, cutoff=0.2
+    )
+    time = np.arange(601)
+    speed = build_inflow(section).speed(time.astype(float))
+    record = [
+        "# Synthetic: turbulence of 12 %, seed 11; not measured; eight samples are missing",
+        "# made by scripts/example_cases.py",
+        "time,Stream velocity [m/s]",
+    ]
+    for t, v in zip(time, speed, strict=True):
+        if t not in ABSENT:
+            stamp = (BEGIN + timedelta(seconds=int(t))).isoformat()
+            record.append(f"{stamp}Z,{'' if t in EMPTY else format(v, '.3f')}")
+    return {"blade.dat": dat, "airfoil.dat": airfoil, "outline.dat": outline, "record.csv": record}
+
+
+if __name__ == "__main__":
+    main()
