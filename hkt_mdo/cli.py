@@ -199,6 +199,8 @@ def run(
         _complain("interrupted", _saved(folder, before))
         raise typer.Exit(INTERRUPTED) from None
     _print_table(console, solution)
+    for note in solution.notes:
+        console.print(f"note: {note}", markup=False, soft_wrap=True)
     console.print(f"Results: {folder}", markup=False, soft_wrap=True)
     if not solution.success:
         _complain("error", f"no success: {solution.message or 'the run gives no reason'}")

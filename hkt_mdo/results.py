@@ -142,6 +142,11 @@ class Solution:
         return self.summary.get("gain")
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What was converted, repaired or left out of the case's files, a printable line each."""
+        return tuple(_line(note) for note in self.summary.get("notes") or ())
+
+    @property
     def failed_checks(self) -> tuple[str, ...]:
         """Checks that the result did not pass, each as one printable line."""
         return tuple(
@@ -207,6 +212,7 @@ def summary_table(solution: Solution) -> list[tuple[str, str]]:
             f"{_number(get('control_torque_max_Nm'), '.5g', ' N m')} "
             f"({'no limit' if limit is None else f'limit {limit:g} N m'})",
         ),
+        *_designed(solution),
         ("inertia", _number(get("inertia_kg_m2"), ".4g", " kg m^2")),
         ("mass", _number(get("mass_kg"), ".4g", " kg")),
         ("torque curve, relative error", _number(get("surrogate_error"), ".2g")),
@@ -223,6 +229,16 @@ def summary_table(solution: Solution) -> list[tuple[str, str]]:
         (what, text if any(map(str.isdigit, text)) or what in _WORDS else "-")
         for what, text in rows
     ]
+
+
+def _designed(solution: Solution) -> list[tuple[str, str]]:
+    """Return the rows of what is seldom designed."""
+    design, get, rows = solution.case.design, solution.summary.get, []
+    if design.radius_bounds is not None:
+        rows.append(("tip radius", _number(get("tip_radius_m"), ".4g", " m")))
+    if design.set_angle_bounds is not None:
+        rows.append(("set angle", _number(get("set_angle_deg"), ".4g", " deg")))
+    return rows
 
 
 def _number(value: float | None, form: str = ".4g", unit: str = "") -> str:
@@ -346,6 +362,10 @@ def _is_checks(value: object) -> bool:
     )
 
 
+def _is_texts(value: object) -> bool:
+    return isinstance(value, list) and all(map(_is_text, value))
+
+
 _Check = tuple[Callable[[object], bool], str]
 _SUMMARY: dict[str, _Check] = {
     "success": (lambda value: isinstance(value, bool), "true or false"),
@@ -353,6 +373,7 @@ _SUMMARY: dict[str, _Check] = {
     "tip_speed_ratio": (_is_range, "min, max and mean"),
     "checks": (_is_checks, "a list of checks, each of name, value, limit, passed and detail"),
     **dict.fromkeys(("case", "message", "package", "optimizer"), (_is_text, "a text")),
+    "notes": (_is_texts, "a list of texts"),
     **dict.fromkeys(_BLADE, (_is_numbers, "a list of numbers")),
     **dict.fromkeys(
         (
@@ -365,6 +386,9 @@ _SUMMARY: dict[str, _Check] = {
             "power_coefficient_max",
             "tip_speed_ratio_at_power_coefficient_max",
             "control_torque_max_Nm",
+            "rotor_radius_m",
+            "tip_radius_m",
+            "set_angle_deg",
             "inertia_kg_m2",
             "mass_kg",
             "surrogate_error",

@@ -596,6 +596,7 @@ def _summarize(case, world, optimum, start, result, flown, checks):
         "control_torque_max_Nm": np.max(result.trajectory["control_torque"]),
         "rotor_radius_m": blade.rotor_radius,
         "tip_radius_m": blade.tip_radius,
+        "set_angle_deg": _set_angle(case, world, blade),
         "inertia_kg_m2": result.inertia,
         "mass_kg": result.mass,
         "r_m": blade.r,
@@ -615,6 +616,13 @@ def _summarize(case, world, optimum, start, result, flown, checks):
         "notes": list(world.messages),
         "versions": _versions(),
     }
+
+
+def _set_angle(case, world, blade):
+    """Return the set angle, deg: what was found, or given; None where a designed twist has it."""
+    if world.shape.designs_set_angle:
+        return float(np.rad2deg(world.shape.control(blade)[1][0]))
+    return None if world.shape.designs_chord else case.rotor.set_angle or 0.0
 
 
 def _versions():

@@ -16,6 +16,7 @@ from hkt_mdo.dynamics.inflow import Inflow
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem import BEM, physics
 from hkt_mdo.results import Solution
+from hkt_mdo.rotor.bem import LocalReynolds
 from hkt_mdo.simulation import SLOWEST_RATIO, Plant, RecordedTorque, Simulation, simulate
 
 LONGEST_STEP = 0.25  # of the rotor's time constant: Runge-Kutta's steps within a sample time
@@ -197,7 +198,7 @@ def fly_noisy(
     deviation = sensor.deviation(quiet.speed_at(even))
 
     plant, law, gains = design.plant, design.law, design.gains
-    radius, curve = plant.blade.tip_radius, _tabulate(plant)
+    radius, curve = plant.blade.rotor_radius, _tabulate(plant)
     scale = 0.5 * np.pi * radius**3 * plant.density
 
     def torque(speed, flow):
@@ -273,6 +274,13 @@ def _runge_kutta(torque, speed, control, flow, inertia, step):
 def _tabulate(plant):
     """Return the torque coefficient over tip speed ratio as a cubic spline of direct BEM."""
     ratios = np.concatenate((np.arange(SLOWEST_RATIO, 2.0, 0.02), np.arange(2.0, 20.0, 0.004)))
+    if isinstance(plant.polar, LocalReynolds):
+        raise InputError(
+            "has polars that follow the Reynolds number, for which the noisy runs' table over the "
+            "tip speed ratio has no room",
+            "leave --noise-snr out, or take a result with rotor.reynolds: invariant",
+            key="--noise-snr",
+        )
     return CubicSpline(ratios, plant.coefficients(plant.blade, plant.polar, ratios).torque)
 
 

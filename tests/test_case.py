@@ -204,6 +204,42 @@ def test_schema_documents_every_key_with_its_unit():
 # What is refused ----------------------------------------------------------------------------------
 
 BAD = {
+    "two blades' set angles": (
+        MINIMAL + "design: {set_angle_bounds: [-5, 5]}",
+        "design.set_angle_bounds",
+        "[-5.0, 5.0]",
+        "design.blade: fixed",
+    ),
+    "spline of a fixed blade": (
+        MINIMAL + "design: {blade: fixed, chord_points: 5}",
+        "design.chord_points",
+        "5",
+        "design.blade: optimized",
+    ),
+    "radius outside its bounds": (
+        MINIMAL + "design: {radius_bounds: [2, 3]}",
+        "rotor.radius",
+        "1.4",
+        "design.radius_bounds",
+    ),
+    "stations twice": (
+        MINIMAL + "rotor: {stations: [0.3, 0.6, 0.9], station_count: 12}",
+        "rotor.station_count",
+        "12",
+        "one of the two",
+    ),
+    "section without its polar": (
+        MINIMAL + "rotor: {sections: [{outline: naca4415}]}",
+        "rotor.sections[0].polar",
+        "",
+        "is missing",
+    ),
+    "Reynolds number of another speed": (
+        MINIMAL + "rotor: {polar: naca63815, reynolds: local}\nhydrodynamics: {bem: ccblade}",
+        "hydrodynamics.bem",
+        "ccblade",
+        "vectorized",
+    ),
     "unknown key": (MINIMAL + "rotor: {radios: 2}", "rotor.radios", "2", "did you mean radius?"),
     "key of another section": (MINIMAL + "gain: 7", "gain", "7", "did you mean control.gain?"),
     "wrong type": (MINIMAL + "rotor: {radius: [1]}", "rotor.radius", "[1]", "number in m"),

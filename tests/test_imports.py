@@ -41,7 +41,7 @@ ALLOWED = {
     "results": {"case", "data", "errors"},
     "plots": {"results", "errors"},
     "batch": {"run", "problem", "results", "case", "errors"},
-    "uncertainty": {"problem", "simulation", "results", "dynamics", "errors"},
+    "uncertainty": {"problem", "simulation", "results", "dynamics", "rotor", "errors"},
     "paper": {
         "flow",
         "paper_report",

@@ -120,7 +120,7 @@ def case_markdown() -> str:
     -------
     str
         Preface, every section with every key, the shipped names, and, in a checkout, the case files
-        of its folder ``cases``.
+        of its folder ``cases`` and of the folders in it.
     """
     schema = case_json_schema()
     definitions = schema["$defs"]
@@ -276,7 +276,7 @@ def _plain(value: object) -> object:
 
 def _cases() -> Iterator[str]:
     """Yield the table of the shipped case files, where they are there."""
-    files = sorted(CHECKOUT_CASES.glob("*.yaml"))
+    files = [*sorted(CHECKOUT_CASES.glob("*.yaml")), *sorted(CHECKOUT_CASES.glob("*/*.yaml"))]
     if not files:
         return
     yield "## Shipped cases"
@@ -288,7 +288,7 @@ def _cases() -> Iterator[str]:
         first = next((line for line in remarks if not line.startswith("yaml-language-server")), "")
         rows.append(
             (
-                f"[{file.stem}](../cases/{file.name})",
+                f"[{file.stem}](../cases/{file.relative_to(CHECKOUT_CASES).as_posix()})",
                 data["inflow"]["profile"],
                 data["control"]["law"],
                 first.replace("|", "\\|"),

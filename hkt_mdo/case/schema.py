@@ -94,6 +94,14 @@ class Case(Section):
             gain = self.control.gain
             if gain is not None and not bounds[0] <= gain <= bounds[1]:
                 raise _outside("control.gain", gain, "design.gain_bounds", bounds)
+        for name in ("bem", "check"):
+            if self.rotor.reynolds == "local" and getattr(self.hydrodynamics, name) == "ccblade":
+                raise refusal(
+                    "takes the Reynolds number of the induced speed, not that of rotor.reynolds",
+                    "give vectorized, or rotor.reynolds: invariant",
+                    key=f"hydrodynamics.{name}",
+                    value="ccblade",
+                )
         radius, limits = self.rotor.radius, self.design.radius_bounds
         if radius is not None and limits is not None and not limits[0] <= radius <= limits[1]:
             raise _outside("rotor.radius", radius, "design.radius_bounds", limits)
