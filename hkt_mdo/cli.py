@@ -669,7 +669,7 @@ def new(
 @app.command(
     short_help="Compute the polars of an outline.",
     help="Compute lift, drag and moment of a section from its outline by NeuralFoil (pip install "
-    "'hkt_mdo[neuralfoil]') and write them as a CSV file that rotor.polar takes, with the "
+    "'hkt_mdo\\[neuralfoil]') and write them as a CSV file that rotor.polar takes, with the "
     "network's confidence in every row, and as a figure. Angles of attack count from the outline's "
     f"x axis, the chord line.\n\n{_EXIT_CODES}",
 )

@@ -87,6 +87,7 @@ COLUMNS = {
 
 RESUMABLE = 1e-2  # largest scaled violation of an iterate worth going on from
 SECONDS_BETWEEN_SAVES = 0.2
+EVALUATIONS_BETWEEN_POINTS = 5
 MAX_ITERATE_BYTES = 64 * 1024**2
 NOT_RUNNING = (
     "no blade and gain were found on which the rotor runs unstalled throughout this flow: the "
@@ -227,15 +228,22 @@ class _Log:
         if self.terminated:
             raise KeyboardInterrupt
         self._history.append((len(self._history), energy, infeasibility))
-        due = time.monotonic() - self._saved >= SECONDS_BETWEEN_SAVES
-        if due and infeasibility <= RESUMABLE and self.point is not None:
-            self.save(self.point())
-            self.write_history()
+        if infeasibility <= RESUMABLE and self.point is not None:
+            # by count, not by time: what an optimization goes on from must not depend on the clock
+            if len(self._history) % EVALUATIONS_BETWEEN_POINTS == 0:
+                self.last = self.point()
+            if time.monotonic() - self._saved >= SECONDS_BETWEEN_SAVES:
+                self._write(self.point())
+                self.write_history()
         if self._progress is not None:
             self._progress(len(self._history), energy, infeasibility)
 
     def save(self, point: StartingPoint) -> None:
-        """Write the point that `resume_case` goes on from."""
+        """Keep the point that `resume_case` goes on from, and write it."""
+        self.last = point
+        self._write(point)
+
+    def _write(self, point: StartingPoint) -> None:
         write_json(
             self._out / "iterate.json",
             {
@@ -249,7 +257,7 @@ class _Log:
                 "hydrodynamic_torque_Nm": point.operation.hydrodynamic_torque,
             },
         )
-        self._saved, self.last = time.monotonic(), point
+        self._saved = time.monotonic()
 
     def write_history(self) -> None:
         """Write the energy and infeasibility of every evaluation."""
@@ -413,7 +421,8 @@ def _optimize(case, world, start, out, log, records) -> tuple[Optimized, Simulat
         limited = gained and _at_move_limit(case, world, start, result, moves)
         if curve_ok and torque_ok and not limited:
             flown = fly(case, world, result)
-            if world.law is None or slowed > SLOWED or not is_false(result, flown):
+            near = world.law is not None and has_curve(case, world) and slowed <= SLOWED
+            if not (near and is_false(result, flown)):
                 return result, flown
             slowed = 2.0 * SLOWED  # near stall, where collocation is deceived
             continue

@@ -49,11 +49,18 @@ RUNS = {
     "rm1_turbulent": ("rm1_turbulent",),
     "rm1_set_angle": ("rm1_set_angle",),
     "rm1_set_angle_zero": ("rm1_set_angle", "design={blade: fixed}"),
+    "rm1_set_angle_unlimited": ("rm1_set_angle", "control.torque_limit=null"),
+    "rm1_set_angle_unlimited_zero": (
+        "rm1_set_angle",
+        "control.torque_limit=null",
+        "design={blade: fixed}",
+    ),
     "river_gust": ("river_gust",),
     "river_gust_quadratic": ("river_gust", "control.law=quadratic"),
     "river_gust_unlimited": ("river_gust", "control.torque_limit=null"),
     "river_gust_unlimited_quadratic": ("river_gust", "control={law: quadratic}"),
     "river_resized": ("river_resized",),
+    "river_resized_wide": ("river_resized", "design.radius_bounds=[0.6, 1.4]"),
     "river_resized_kept": ("river_resized", "design.radius_bounds=null"),
     "own_files": ("own_files",),
     "own_files_kept": ("own_files", "design={blade: fixed}"),
@@ -273,11 +280,6 @@ def over(column, label, *, hours=False, across=None, ends=None):
         ax.legend()
 
     return draw
-
-
-def inflow(label="inflow speed (m/s)", **options):
-    """Return a function that draws the flow of the first solution alone."""
-    return lambda solutions, ax: over("inflow_speed_m_s", label, **options)(solutions[:1], ax)
 
 
 SPEED, RATIO = "rotor speed (rad/s)", "tip speed ratio (-)"

@@ -36,6 +36,8 @@ VARIANTS = {
 }
 BIG = ("sine_oloc", "sine_quadratic", "sine_linear")
 
+LAST = "## What it does to the conclusions"
+
 PAGE = """# Reynolds-dependent polars
 
 The paper assumes Reynolds invariance: one polar, at Re = 2·10⁵, for every station at every speed.
@@ -60,7 +62,7 @@ Stations of the blade that open loop finds with local polars see Reynolds number
 
 {large}
 
-## What it does to the conclusions
+{last}
 
 {conclusions}
 """
@@ -153,7 +155,6 @@ def main():
     parser.add_argument("--out", type=Path, default=Path("results/reynolds"))
     parser.add_argument("--page", type=Path, default=Path("docs/reynolds.md"))
     parser.add_argument("--jobs", type=int, default=None)
-    parser.add_argument("--conclusions", type=Path, help="Markdown text for the last section.")
     arguments = parser.parse_args()
 
     plan = {
@@ -164,15 +165,16 @@ def main():
     found = run_batch(plan, arguments.jobs, lambda folder, word: print(folder, word, flush=True))
     results = {(folder.parent.name, folder.name): found[folder] for folder in plan}
     low, high = reynolds_range(results["local", "sine_oloc"])
-    text = "See the tables."
-    if arguments.conclusions is not None:
-        text = arguments.conclusions.read_text(encoding="utf-8").strip()
+    # the last section is written by hand
+    old = arguments.page.read_text(encoding="utf-8") if arguments.page.exists() else ""
+    text = old.partition(LAST)[2].strip() or "See the tables."
     page = PAGE.format(
         table=rows(results, CASES, ("invariant", "local")),
         large=rows(results, BIG, ("large_invariant", "large_local")),
         low=low,
         high=high,
         conclusions=text,
+        last=LAST,
     )
     arguments.page.write_text(page, encoding="utf-8")
 

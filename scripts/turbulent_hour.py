@@ -24,6 +24,8 @@ from hkt_mdo.results import Solution
 ROOT = Path(__file__).parent.parent
 LAWS = {"oloc": "open loop", "quadratic": "quadratic feedback", "linear": "linear feedback"}
 
+LAST = "## What to look at"
+
 PAGE = """# An hour of turbulence
 
 `cases/examples/turbulent_hour_*.yaml`: the paper's turbine under its 700 N m limit in {flow}
@@ -49,7 +51,7 @@ the independent integration with direct BEM
 
 {machine}
 
-## What to look at
+{last}
 
 {text}
 """
@@ -99,7 +101,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("results/hour"))
     parser.add_argument("--page", type=Path, default=ROOT / "docs" / "hour.md")
-    parser.add_argument("--text", type=Path, help="Markdown text for the last section.")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     solutions, costs = {}, {}
@@ -142,9 +143,9 @@ def main() -> None:
         f"{np.std(speed):.3f} m/s, {speed.min():.2f} to {speed.max():.2f} m/s, up to "
         f"{flow.cutoff:g} Hz."
     )
-    text = "See the tables."
-    if arguments.text is not None:
-        text = arguments.text.read_text(encoding="utf-8").strip()
+    # the last section is written by hand
+    old = arguments.page.read_text(encoding="utf-8") if arguments.page.exists() else ""
+    text = old.partition(LAST)[2].strip() or "See the tables."
     page = PAGE.format(
         flow=words,
         results="\n".join(results),
@@ -153,6 +154,7 @@ def main() -> None:
         machine=f"{os.cpu_count()} cores, {platform.machine()}, Python "
         f"{platform.python_version()}; other work ran beside it.",
         text=text,
+        last=LAST,
     )
     arguments.page.write_text(page, encoding="utf-8")
 

@@ -67,7 +67,7 @@ class Case(Section):
     @model_validator(mode="before")
     @classmethod
     def _fill_stations(cls, data: Any) -> Any:
-        """Give a blade of splines the stations that resolve it; see docs/verification.md."""
+        """Give a blade of splines the stations that resolve it; see docs/stations.md."""
         if not isinstance(data, dict):
             return data
         design, rotor = data.get("design"), data.get("rotor", {})

@@ -9,8 +9,9 @@ from scipy.interpolate import BSpline
 from hkt_mdo.rotor.blade import Blade
 
 DEGREE = 3  # of the splines, where there are control points enough
-# Many stations designed one by one choose stalled and unstalled flow by turns, beside each other,
-# and no optimizer comes to rest on that: beyond so many they are a spline of so many points.
+# Of many stations designed one by one, the innermost and outermost jump to the high induction of
+# Buhl's branch and back, and optimizers hardly come to rest (docs/stations.md): beyond so many they
+# are a spline of so many points.
 FREE_STATIONS, POINTS = 20, 8
 
 
