@@ -105,7 +105,7 @@ def main():
         arguments.out / name: load_case(CASES / f"{case}.yaml", [f"name={name}", *overrides])
         for name, (case, *overrides) in runs.items()
     }
-    console = Console(width=160)
+    console = Console(width=230)
     found = run_batch(
         cases,
         arguments.jobs,

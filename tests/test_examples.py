@@ -1,0 +1,88 @@
+"""The shipped examples: every one is whole, the cheapest run, and their files are what they say."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hkt_mdo.case import load_case
+from hkt_mdo.problem import complete, physics
+from hkt_mdo.rotor.blade_files import read_blade
+from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.rotor.polar_files import read_polars
+from hkt_mdo.run import run_case
+
+ROOT = Path(__file__).parent.parent
+EXAMPLES = ROOT / "cases" / "examples"
+FILES = EXAMPLES / "files"
+CASES = sorted(EXAMPLES.glob("*.yaml"))
+RM1_INERTIA = 92169.0  # kg m2, rotor_inertia in ROSCO's RM1_MHK.yaml
+
+
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+def test_example_is_whole_and_says_what_it_is(path):
+    case = complete(load_case(path))
+    world = physics(case)
+    assert case.name == path.stem
+    assert path.read_text(encoding="utf-8").startswith("# ")
+    assert case.phase.duration > 0.0
+    assert case.phase.segments >= 60
+    speed = world.inflow.speed(np.linspace(0.0, case.phase.duration, 2001))
+    assert np.all(speed > 0.0)
+    assert f"{path.stem}.yaml" in (ROOT / "docs" / "examples.md").read_text(encoding="utf-8") or (
+        path.stem.startswith("turbulent_hour")
+    )
+
+
+@pytest.mark.parametrize("name", ["rm1_turbulent", "rm1_set_angle"])
+def test_rm1_has_its_published_inertia_and_torque(name):
+    case = load_case(EXAMPLES / f"{name}.yaml", ["design={blade: fixed}"])
+    world, rotor = physics(case), case.rotor
+    _, inertia, _, _ = mass_and_inertia(
+        world.blade, world.section_area, rotor.material_density, rotor.hub_inertia
+    )
+    assert inertia == pytest.approx(RM1_INERTIA, rel=1e-4)
+    rated = 500e3 / (11.5 * 2.0 * np.pi / 60.0)  # 500 kW at 11.5 rpm
+    assert case.control.torque_limit == pytest.approx(rated, rel=1e-3)
+    assert case.fluid.density == 1025.0
+
+
+def test_gain_that_the_tide_begins_with_is_that_of_the_best_ratio():
+    case = load_case(EXAMPLES / "rm1_set_angle.yaml")
+    ideal = 0.5 * 1025.0 * np.pi * 10.0**5 * 0.4529 / 6.76**3
+    assert case.control.gain == pytest.approx(ideal, rel=1e-3)
+
+
+def test_own_files_are_the_shipped_turbine_and_its_record_is_repaired():
+    river, own = read_blade("river"), read_blade(FILES / "blade.dat", hub_radius=0.12)
+    np.testing.assert_allclose(np.interp(river.r, own.r, own.chord), river.chord, atol=1e-12)
+    np.testing.assert_allclose(np.interp(river.r, own.r, own.twist), river.twist, atol=1e-12)
+    for table, name in zip(read_polars(FILES / "airfoil.dat"), ("2e5", "5e5"), strict=True):
+        (shipped,) = read_polars(f"naca4415_Re{name}")
+        assert table.reynolds == pytest.approx(float(name))
+        np.testing.assert_allclose(table.lift, shipped.lift, atol=1e-4)
+        np.testing.assert_allclose(table.drag, shipped.drag, atol=1e-5)
+    messages = " ".join(physics(load_case(EXAMPLES / "own_files.yaml")).messages)
+    assert "4 gaps interpolated, 8 samples" in messages
+
+
+def test_own_files_are_what_the_script_makes():
+    path = ROOT / "scripts" / "example_cases.py"
+    spec = importlib.util.spec_from_file_location("example_cases", path)
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    for name, lines in script.files().items():
+        text = (FILES / name).read_text(encoding="utf-8")
+        assert text.splitlines() == lines
+        assert "example_cases.py" in text
+
+
+@pytest.mark.parametrize("name", ["rm1_set_angle", "river_gust"])
+def test_cheapest_examples_are_a_success(tmp_path, name):
+    case = load_case(EXAMPLES / f"{name}.yaml")
+    solution = run_case(case, tmp_path / name, figures=False, records=False)
+    assert solution.success, solution.message
+    summary = solution.summary
+    assert summary["simulated_energy_J"] <= summary["energy_bound_J"]
+    assert summary["control_torque_max_Nm"] <= case.control.torque_limit * (1.0 + 1e-6)
