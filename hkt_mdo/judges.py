@@ -246,14 +246,18 @@ def curve_errors(world, result):
 
 
 def recovers(case, world, result, slowed=SLOWED):
-    """Tell whether a rotor under feedback speeds up again wherever it is slowed by a share."""
+    """Tell whether a rotor under feedback keeps its distance from stall; see `RecoveryComp`."""
     if world.law is None or not result.curve.size:
         return True
-    speed = (1.0 - slowed) * result.trajectory["rotor_speed"]
     flow, radius = result.trajectory["inflow_speed"], result.point.blade.rotor_radius
-    basis = TorqueSpline(result.nodes).basis(speed * radius / flow)
-    driving = 0.5 * np.pi * radius**3 * case.fluid.density * flow**2 * (basis @ result.curve)
-    return bool(np.all(driving >= world.law.torque(speed, result.point.gains)))
+    scale = 0.5 * np.pi * radius**3 * case.fluid.density * flow**2
+
+    def net(share):
+        speed = share * result.trajectory["rotor_speed"]
+        basis = TorqueSpline(result.nodes).basis(speed * radius / flow)
+        return scale * (basis @ result.curve) - world.law.torque(speed, result.point.gains)
+
+    return bool(np.all(net(1.0 - slowed) >= net(1.0)))
 
 
 FALSE_SOLUTION = (

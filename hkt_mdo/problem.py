@@ -213,11 +213,12 @@ def _within(low, high, bounds):
 
 
 class RecoveryComp(om.ExplicitComponent):
-    """Torque that speeds a rotor under feedback up again after it was slowed a little.
+    """Torque that brings a rotor under feedback back after it was slowed a little.
 
-    recovery = Q((1 - slowed) w, v) - u((1 - slowed) w): positive where the rotor keeps a distance
-    from stall, where stable and unstable equilibrium meet. Collocation cannot tell one from the
-    other, so an optimizer would go to that edge and beyond.
+    recovery = N((1 - slowed) w) - N(w), N = Q(w, v) - u(w): positive where the rotor keeps a
+    distance from stall, where stable and unstable equilibrium meet. Collocation cannot tell one
+    from the other, so an optimizer would go to that edge and beyond. N(w) = I dw/dt is what the
+    flow's changes ask for, and no stall.
 
     Inputs rotor_speed, inflow_speed[num_nodes, 1] (rad/s, m/s), torque_coefficient_table[n_nodes],
     density (kg/m**3), rotor_radius (m) and one scalar gain_0, gain_1, …; output
@@ -249,37 +250,42 @@ class RecoveryComp(om.ExplicitComponent):
         self.declare_partials("recovery", "rotor_speed", rows=rows, cols=rows)
         self.declare_partials("recovery", ["torque_coefficient_table", "rotor_radius", "gain_*"])
 
-    def _operation(self, inputs):
-        """Return slowed speed, its tip speed ratio, torque per coefficient, and gains."""
-        v, radius = inputs["inflow_speed"][:, 0], inputs["rotor_radius"]
-        speed = (1.0 - self.options["slowed"]) * inputs["rotor_speed"][:, 0]
-        scale = 0.5 * np.pi * radius**3 * inputs["density"] * v**2
+    def _gains(self, inputs):
         n_gains = len(self.options["law"].gain_units)
-        gains = np.array([inputs[f"gain_{i}"][0] for i in range(n_gains)])
-        return speed, speed * radius / v, scale, gains
+        return np.array([inputs[f"gain_{i}"][0] for i in range(n_gains)])
+
+    def _net(self, inputs, share):
+        """Return N at a share of the rotor's speed, shape (num_nodes,), and its derivatives.
+
+        By name of the input; columns of shape (num_nodes, …).
+        """
+        v, radius = inputs["inflow_speed"][:, 0], inputs["rotor_radius"]
+        spline, law, table = self.options["spline"], self.options["law"], "torque_coefficient_table"
+        gains, speed = self._gains(inputs), share * inputs["rotor_speed"][:, 0]
+        scale, ratio = 0.5 * np.pi * radius**3 * inputs["density"] * v**2, speed * radius / v
+        basis = spline.basis(ratio)
+        driving = scale * (basis @ inputs[table])
+        sloped = scale * (spline.basis(ratio, 1) @ inputs[table]) * ratio
+        by = {
+            "rotor_speed": share * (sloped / speed - law.torque_by_speed(speed, gains)),
+            table: scale[:, None] * basis,
+            "rotor_radius": ((3.0 * driving + sloped) / radius)[:, None],
+        }
+        for i, column in enumerate(law.torque_by_gain(speed, gains)):
+            by[f"gain_{i}"] = -column[:, None]
+        return driving - law.torque(speed, gains), by
 
     def compute(self, inputs, outputs):
         """Evaluate the torque."""
-        speed, ratio, scale, gains = self._operation(inputs)
-        driving = scale * (self.options["spline"].basis(ratio) @ inputs["torque_coefficient_table"])
-        outputs["recovery"] = driving - self.options["law"].torque(speed, gains)
+        slowed, _ = self._net(inputs, 1.0 - self.options["slowed"])
+        outputs["recovery"] = slowed - self._net(inputs, 1.0)[0]
 
     def compute_partials(self, inputs, partials):
         """Differentiate it."""
-        speed, ratio, scale, gains = self._operation(inputs)
-        spline, law, table = self.options["spline"], self.options["law"], "torque_coefficient_table"
-        sloped = scale * (spline.basis(ratio, 1) @ inputs[table]) * ratio
-        by_speed = sloped / speed
-        partials["recovery", "rotor_speed"] = (1.0 - self.options["slowed"]) * (
-            by_speed - law.torque_by_speed(speed, gains)
-        )
-        basis = spline.basis(ratio)
-        partials["recovery", table] = scale[:, None] * basis
-        partials["recovery", "rotor_radius"] = (
-            (3.0 * scale * (basis @ inputs[table]) + sloped) / inputs["rotor_radius"]
-        )[:, None]
-        for i, column in enumerate(law.torque_by_gain(speed, gains)):
-            partials["recovery", f"gain_{i}"] = -column[:, None]
+        _, slowed = self._net(inputs, 1.0 - self.options["slowed"])
+        _, here = self._net(inputs, 1.0)
+        for name, column in slowed.items():
+            partials["recovery", name] = column - here[name]
 
 
 def build_problem(

@@ -1,5 +1,7 @@
 """A result's blade is the start of the next case, bit by bit."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -7,13 +9,12 @@ from hkt_mdo.case import load_case
 from hkt_mdo.problem import physics
 from hkt_mdo.run import run_case
 
+CASES = Path(__file__).parent.parent / "cases"
 SHORT = ("phase.duration=20", "phase.segments=20")
 
 
 @pytest.fixture(scope="module")
 def first(tmp_path_factory):
-    from conftest import CASES
-
     case = load_case(CASES / "sine_limited_quadratic.yaml", SHORT)
     return run_case(case, tmp_path_factory.mktemp("first") / "out", figures=False, records=False)
 
@@ -54,8 +55,6 @@ def test_the_file_says_how_to_begin_from_it(first):
 
 
 def test_a_spline_is_found_again(tmp_path):
-    from conftest import CASES
-
     changes = ["rotor.station_count=24", "design.chord_points=5", "design.twist_points=6"]
     case = load_case(CASES / "sine_limited_quadratic.yaml", [*SHORT, *changes])
     first = run_case(case, tmp_path / "first", figures=False, records=False)
