@@ -22,7 +22,7 @@ from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.inertia import InertiaComp, mass_and_inertia
 from hkt_mdo.rotor.shape import Shape, ShapeComp
 from hkt_mdo.rotor.torque_curve import TorqueSpline, TorqueTable
-from hkt_mdo.starting_point import SLOWED, QuasiSteady, StartingPoint, starting_point
+from hkt_mdo.starting_point import SLOWED, TYPICAL, QuasiSteady, StartingPoint, starting_point
 from hkt_mdo.trajectory import Scales, add_trajectory, node_times, set_speed
 from hkt_mdo.turbine import build_turbine
 
@@ -39,7 +39,7 @@ FEWEST_SEGMENTS, MOST_SEGMENTS = 60, 20_000
 # IPOPT's barrier is a sum over the bounds and so over the segments; the objective is not. Where it
 # outweighs the objective, the iterates leave the start for the middle of all bounds.
 BARRIER = 0.06
-NEAR = 0.05  # of the largest torque: the recovery below which a node is held to its distance
+NEAR = 0.05  # of a typical torque: the recovery below which a node is held to its distance
 
 
 @dataclass(frozen=True, eq=False)
@@ -408,9 +408,10 @@ def _add_recovery(model, case, world, start, spline, slowed, torque):
     radius = start.blade.rotor_radius
     table = bem.rotor_coefficients(start.blade, world.polar, spline.nodes).torque
     driving, _ = spline.values(table, slow * radius / flow)
-    driving *= 0.5 * np.pi * radius**3 * case.fluid.density * flow**2
-    margin = np.interp(times, sampled, driving - world.law.torque(slow, start.gains))
-    near = np.flatnonzero(margin <= max(NEAR * torque, np.sort(margin)[min(20, margin.size - 1)]))
+    unit = 0.5 * np.pi * radius**3 * case.fluid.density * flow**2
+    margin = (driving * unit - world.law.torque(slow, start.gains)) / (TYPICAL * unit)
+    margin = np.interp(times, sampled, margin)
+    near = np.flatnonzero(margin <= max(NEAR, np.sort(margin)[min(20, margin.size - 1)]))
 
     component = RecoveryComp(num_nodes=near.size, law=world.law, spline=spline, slowed=slowed)
     names = [f"gain_{i}" for i in range(len(world.law.gain_units))]

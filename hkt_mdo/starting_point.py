@@ -19,7 +19,8 @@ from hkt_mdo.rotor.steady_optimum import best_blade
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 SLOWED = 0.02  # of its speed that a rotor may lose and still recover from
-SAFE = 1e-2  # least recovery of a start, over the torque: the optimization begins inside
+TYPICAL = 0.05  # torque coefficient
+SAFE = 1e-2  # least recovery of a start, over a typical torque: the optimization begins inside
 PROBES = 12  # flow speeds at which the distance from stall is looked at
 MOST_SPEEDS = 400  # of a flow whose quasi-steady energy is optimized
 N_SEARCH = 240  # points of the search for the unstalled root over the torque curve
@@ -58,9 +59,9 @@ class Operation:
 class Recovery:
     """Torque that speeds a rotor under feedback up again after it was slowed by `SLOWED`.
 
-    margin = Q((1 - SLOWED) w) - u((1 - SLOWED) w) over the torque's largest value, at speeds of the
-    flow from the slowest to the fastest: positive where stable and unstable equilibrium, which meet
-    at stall, are apart.
+    margin = Q((1 - SLOWED) w) - u((1 - SLOWED) w) over a typical torque, TYPICAL 0.5 rho pi R³ v², at
+    speeds of the flow from the slowest to the fastest: positive where stable and unstable
+    equilibrium, which meet at stall, are apart.
 
     Parameters
     ----------
@@ -174,18 +175,13 @@ class QuasiSteady:
         # the equilibrium itself moves: dw = d(Q - u) / stiffness
         by_equilibrium = (by_speed / stiffness)[:, None]
         held = -self.law.torque_by_gain(w, gains).T
-        unit = float(np.max(np.abs(driving))) or 1.0
-        return Recovery(
-            margin / unit,
-            (scale[:, None] * basis + by_equilibrium * scale[:, None] * self.spline.basis(ratio))
-            / unit,
-            (-self.law.torque_by_gain(slowed, gains).T + by_equilibrium * held) / unit,
-            (
-                ((3.0 * driving + by_w * slowed) / radius)[:, None]
-                + by_equilibrium * torque_by_radius[few][:, None]
-            )
-            / unit,
-        )
+        unit = (TYPICAL * scale)[:, None]
+        by_table = scale[:, None] * (basis + by_equilibrium * self.spline.basis(ratio))
+        by_radius = ((3.0 * driving + by_w * slowed) / radius)[:, None]
+        by_radius += by_equilibrium * torque_by_radius[few][:, None]
+        by_radius -= (3.0 * margin / radius)[:, None]  # of the unit
+        by_gain = -self.law.torque_by_gain(slowed, gains).T + by_equilibrium * held
+        return Recovery(margin / unit[:, 0], by_table / unit, by_gain / unit, by_radius / unit)
 
     def _open_loop(self, curve, scale):
         """Operate at the largest power coefficient, or faster at the torque limit."""
