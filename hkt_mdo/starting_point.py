@@ -59,8 +59,8 @@ class Operation:
 class Recovery:
     """Torque that speeds a rotor under feedback up again after it was slowed by `SLOWED`.
 
-    margin = Q((1 - SLOWED) w) - u((1 - SLOWED) w) over a typical torque, TYPICAL 0.5 rho pi R³ v², at
-    speeds of the flow from the slowest to the fastest: positive where stable and unstable
+    margin = Q((1 - SLOWED) w) - u((1 - SLOWED) w) over a typical torque, TYPICAL 0.5 rho pi R³ v²,
+    at speeds of the flow from the slowest to the fastest: positive where stable and unstable
     equilibrium, which meet at stall, are apart.
 
     Parameters
