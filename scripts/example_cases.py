@@ -10,7 +10,6 @@ import argparse
 import io
 import os
 import sys
-from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -23,30 +22,28 @@ from matplotlib.figure import Figure
 from PIL import Image
 from rich.console import Console
 from rich.table import Table
-from scipy.optimize import minimize_scalar
 
 from hkt_mdo import plots
 from hkt_mdo.batch import run_batch
 from hkt_mdo.case import TurbulentInflow, load_case
 from hkt_mdo.flow import build_inflow
-from hkt_mdo.problem import BEM, complete, physics
 from hkt_mdo.rotor.blade_files import read_blade
-from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.outline_files import read_outline
 from hkt_mdo.rotor.polar_files import read_polars
-from hkt_mdo.simulation import Plant, simulate
 
 ROOT = Path(__file__).parent.parent
 CASES = ROOT / "cases" / "examples"
 IMAGES = ROOT / "docs" / "images"
 DPI = 110
 LARGEST = 120_000  # bytes of a figure
-RM1_GENERATOR = (
-    139.5 * 53**2
-)  # kg m2 at the rotor: OpenFAST's RM1, generator inertia and gear ratio
+GEARED = f"rotor.hub_inertia={79.6 + 139.5 * 53**2:.1f}"
+"""RM1's hub and its generator (kg m2) behind the gear, as in OpenFAST's model of it."""
 
 RUNS = {
     "rm1_turbulent": ("rm1_turbulent",),
+    "rm1_turbulent_kept": ("rm1_turbulent", "design={blade: fixed}"),
+    "rm1_turbulent_geared": ("rm1_turbulent", GEARED),
+    "rm1_turbulent_kept_geared": ("rm1_turbulent", "design={blade: fixed}", GEARED),
     "rm1_set_angle": ("rm1_set_angle",),
     "rm1_set_angle_zero": ("rm1_set_angle", "design={blade: fixed}"),
     "rm1_set_angle_unlimited": ("rm1_set_angle", "control.torque_limit=null"),
@@ -59,6 +56,12 @@ RUNS = {
     "river_gust_quadratic": ("river_gust", "control.law=quadratic"),
     "river_gust_unlimited": ("river_gust", "control.torque_limit=null"),
     "river_gust_unlimited_quadratic": ("river_gust", "control={law: quadratic}"),
+    "river_gust_kept": ("river_gust", "design={blade: fixed}"),
+    "river_gust_kept_quadratic": (
+        "river_gust",
+        "design={blade: fixed}",
+        "control.law=quadratic",
+    ),
     "river_resized": ("river_resized",),
     "river_resized_wide": ("river_resized", "design.radius_bounds=[0.6, 1.4]"),
     "river_resized_kept": ("river_resized", "design.radius_bounds=null"),
@@ -66,18 +69,6 @@ RUNS = {
     "own_files_kept": ("own_files", "design={blade: fixed}"),
 }
 """By the name of the result: the case, and what is set otherwise in it."""
-
-SCANS = {
-    "rm1_turbulent": {
-        "rm1_turbulent_kept": (),
-        "rm1_turbulent_geared": (f"rotor.hub_inertia={79.6 + RM1_GENERATOR:.1f}",),
-    },
-    "river_gust": {
-        "river_gust_kept": (),
-        "river_gust_kept_quadratic": ("control.law=quadratic",),
-    },
-}
-"""By the case: its blade kept, the gain found by simulations alone, no optimizer asked."""
 
 HOUR = {
     name: (name,) for name in (f"turbulent_hour_{law}" for law in ("oloc", "linear", "quadratic"))
@@ -114,22 +105,13 @@ def main():
     )
     solutions = {folder.name: solution for folder, solution in found.items() if solution}
     arguments.images.mkdir(parents=True, exist_ok=True)
-    scanned = {
-        name: scan(CASES / f"{case}.yaml", name, overrides)
-        for case, scans in SCANS.items()
-        if case in solutions
-        for name, overrides in scans.items()
-    }
     for image, (draw, *names) in FIGURES.items():
-        known = solutions | scanned
-        if all(name in known for name in names):
+        if all(name in solutions for name in names):
             path = arguments.images / f"example_{image}.png"
-            save(draw([known[name] for name in names]), path)
+            save(draw([solutions[name] for name in names]), path)
             if path.stat().st_size > LARGEST:
                 console.print(f"  {path.name}: {path.stat().st_size} bytes, more than {LARGEST}")
     console.print(table(solutions))
-    for each in scanned.values():
-        console.print(f"  {each}")
     for name, solution in solutions.items():
         for line in (*solution.failed_checks, *solution.summary.get("notes", ())):
             console.print(f"  {name}: {line}")
@@ -165,78 +147,6 @@ def table(solutions):
             f"{get('wall_seconds') or 0.0:.0f}",
         )
     return rows
-
-
-# The blade as it is -------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Scanned:
-    """A kept blade under the gain with which simulations capture most."""
-
-    name: str
-    gain: float
-    inertia: float
-    energy: float
-    simulation: dict
-
-    def __str__(self):
-        """Return its numbers in a line."""
-        ratio = self.simulation["tip_speed_ratio"]
-        return (
-            f"{self.name}, by simulation: {self.energy / 1e3:.2f} kJ, gain {self.gain:.5g}, "
-            f"tip speed ratio {ratio.min():.2f} to {ratio.max():.2f}, mean {ratio.mean():.2f}, "
-            f"inertia {self.inertia:.4g} kg m2, "
-            f"largest torque {self.simulation['control_torque_Nm'].max():.5g} N m"
-        )
-
-
-def scan(file, name, overrides):
-    """Return a case's blade as it is, under the best gain, from simulations by direct BEM."""
-    case = complete(load_case(file, [f"name={name}", "design={blade: fixed}", *overrides]))
-    world, rotor, duration = physics(case), case.rotor, case.phase.duration
-    radius, flow = world.blade.rotor_radius, float(world.inflow.speed(0.0))
-    _, inertia, _, _ = mass_and_inertia(
-        world.blade, world.section_area, rotor.material_density, rotor.hub_inertia
-    )
-    plant = Plant(
-        world.blade, world.polar, inertia, case.fluid.density, BEM[case.hydrodynamics.check]
-    )
-    speeds = np.linspace(12.0, 3.0, 400) * flow / radius
-    driving = plant.torque(speeds, np.full(speeds.size, flow))
-    best = int(np.argmax(driving * speeds))
-
-    def fly(gain):
-        balance = driving - world.law.torque(speeds, np.array([gain]))
-        first = speeds[int(np.argmax(balance > 0.0))]  # the fastest equilibrium, unstalled
-        return simulate(
-            plant,
-            world.inflow,
-            lambda _, speed: world.law.torque(speed, np.array([gain])),
-            first,
-            duration,
-            samples=2 * case.phase.segments + 1,
-            max_step=duration / case.phase.segments,
-            tolerance=1e-7,
-        )
-
-    power = 1 if case.control.law == "linear" else 2
-    ideal = driving[best] / speeds[best] ** power
-    found = minimize_scalar(
-        lambda factor: -fly(factor * ideal).energy,
-        bounds=(0.6, 1.4),
-        method="bounded",
-        options={"xatol": 2e-3},
-    )
-    run = fly(found.x * ideal)
-    table = {
-        "time_s": run.time,
-        "inflow_speed_m_s": run.inflow_speed,
-        "rotor_speed_rad_s": run.rotor_speed,
-        "tip_speed_ratio": run.rotor_speed * radius / run.inflow_speed,
-        "control_torque_Nm": run.control_torque,
-    }
-    return Scanned(name, found.x * ideal, inertia, run.energy, table)
 
 
 # Figures ------------------------------------------------------------------------------------------
@@ -294,6 +204,7 @@ FIGURES = {
             over("rotor_speed_rad_s", SPEED, ends=(0.0, 200.0)),
         ),
         "rm1_turbulent",
+        "rm1_turbulent_kept",
     ),
     "rm1_set_angle": (
         lambda found: panels(
@@ -340,16 +251,6 @@ FIGURES = {
         ),
         "own_files",
         "own_files_kept",
-    ),
-    "turbulent_hour": (
-        lambda found: panels(
-            found,
-            plots.plot_chord,
-            plots.plot_twist,
-            over("tip_speed_ratio", RATIO, ends=(0.0, 120.0)),
-            over("control_torque_Nm", TORQUE, ends=(0.0, 120.0)),
-        ),
-        *HOUR,
     ),
 }
 """By the name of the figure: what draws it, and the runs that it shows."""

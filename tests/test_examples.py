@@ -30,9 +30,7 @@ def test_example_is_whole_and_says_what_it_is(path):
     assert case.phase.segments >= 60
     speed = world.inflow.speed(np.linspace(0.0, case.phase.duration, 2001))
     assert np.all(speed > 0.0)
-    assert f"{path.stem}.yaml" in (ROOT / "docs" / "examples.md").read_text(encoding="utf-8") or (
-        path.stem.startswith("turbulent_hour")
-    )
+    assert f"{path.stem}.yaml" in (ROOT / "docs" / "examples.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", ["rm1_turbulent", "rm1_set_angle"])
@@ -46,12 +44,6 @@ def test_rm1_has_its_published_inertia_and_torque(name):
     rated = 500e3 / (11.5 * 2.0 * np.pi / 60.0)  # 500 kW at 11.5 rpm
     assert case.control.torque_limit == pytest.approx(rated, rel=1e-3)
     assert case.fluid.density == 1025.0
-
-
-def test_gain_that_the_tide_begins_with_is_that_of_the_best_ratio():
-    case = load_case(EXAMPLES / "rm1_set_angle.yaml")
-    ideal = 0.5 * 1025.0 * np.pi * 10.0**5 * 0.4529 / 6.76**3
-    assert case.control.gain == pytest.approx(ideal, rel=1e-3)
 
 
 def test_own_files_are_the_shipped_turbine_and_its_record_is_repaired():
@@ -78,9 +70,17 @@ def test_own_files_are_what_the_script_makes():
         assert "example_cases.py" in text
 
 
-@pytest.mark.parametrize("name", ["rm1_set_angle", "river_gust"])
-def test_cheapest_examples_are_a_success(tmp_path, name):
-    case = load_case(EXAMPLES / f"{name}.yaml")
+@pytest.mark.parametrize(
+    ("name", "overrides"),
+    [
+        ("rm1_set_angle", ()),
+        ("river_gust", ()),
+        ("river_gust", ("design={blade: fixed}",)),
+        ("river_gust", ("design={blade: fixed}", "control.law=quadratic")),
+    ],
+)
+def test_cheapest_examples_are_a_success(tmp_path, name, overrides):
+    case = load_case(EXAMPLES / f"{name}.yaml", list(overrides))
     solution = run_case(case, tmp_path / name, figures=False, records=False)
     assert solution.success, solution.message
     summary = solution.summary
