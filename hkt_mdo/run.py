@@ -66,7 +66,7 @@ from hkt_mdo.rotor.steady_optimum import (
     best_set_angle,
 )
 from hkt_mdo.rotor.torque_curve import TorqueSpline
-from hkt_mdo.simulation import Simulation
+from hkt_mdo.simulation import SLOWEST_RATIO, Simulation
 from hkt_mdo.starting_point import SLOWED, Operation, StartingPoint
 
 MAX_PASSES = 8  # of refining the torque curve or re-centring the move limits
@@ -477,7 +477,8 @@ def _curve_nodes(case, world, start, finer=1):
     """
     speed = start.operation.rotor_speed
     flow = world.inflow.speed(np.linspace(0.0, case.phase.duration, speed.size))
-    ratios = speed * start.blade.rotor_radius / flow
+    # an optimizer that lost its way may have left the rotor standing somewhere
+    ratios = np.maximum(speed * start.blade.rotor_radius / flow, SLOWEST_RATIO)
     low, high = float(np.min(ratios)), float(np.max(ratios))
     middle = 0.5 * (low + high)
     spacing = 0.01 * middle
@@ -509,9 +510,8 @@ def _graded(low, high, spacing, lowest, highest):
             steps.append(place)
         return steps
 
-    return np.array(
-        [*reversed([x for x in outward(low, lowest) if x > 0.02]), *inner, *outward(high, highest)]
-    )
+    nodes = np.array([*reversed(outward(low, lowest)), *inner, *outward(high, highest)])
+    return nodes[nodes > 0.02]
 
 
 def _point(case, world, problem) -> StartingPoint:
