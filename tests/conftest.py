@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import signal
 from functools import cache
 from pathlib import Path
 
@@ -166,6 +167,13 @@ def solve(tmp_path_factory):
         return run_case(case, tmp_path_factory.mktemp("runs") / name, figures=False)
 
     return run
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _ctrl_c_interrupts():
+    """A shell starts jobs in the background with Ctrl-C ignored, which processes inherit."""
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session", autouse=True)
