@@ -22,7 +22,14 @@ from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.inertia import InertiaComp, mass_and_inertia
 from hkt_mdo.rotor.shape import Shape, ShapeComp
 from hkt_mdo.rotor.torque_curve import TorqueSpline, TorqueTable
-from hkt_mdo.starting_point import SLOWED, TYPICAL, QuasiSteady, StartingPoint, starting_point
+from hkt_mdo.starting_point import (
+    LEAST,
+    SLOWED,
+    TYPICAL,
+    QuasiSteady,
+    StartingPoint,
+    starting_point,
+)
 from hkt_mdo.trajectory import Scales, add_trajectory, node_times, set_speed
 from hkt_mdo.turbine import build_turbine
 
@@ -39,7 +46,7 @@ FEWEST_SEGMENTS, MOST_SEGMENTS = 60, 20_000
 # IPOPT's barrier is a sum over the bounds and so over the segments; the objective is not. Where it
 # outweighs the objective, the iterates leave the start for the middle of all bounds.
 BARRIER = 0.06
-NEAR = 0.05  # of a typical torque: the recovery below which a node is held to its distance
+NEAR = 0.2  # of a typical torque: the recovery below which a node is held to its distance
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +225,9 @@ class RecoveryComp(om.ExplicitComponent):
     recovery = N((1 - slowed) w) - N(w), N = Q(w, v) - u(w): positive where the rotor keeps a
     distance from stall, where stable and unstable equilibrium meet. Collocation cannot tell one
     from the other, so an optimizer would go to that edge and beyond. N(w) = I dw/dt is what the
-    flow's changes ask for, and no stall.
+    flow's changes ask for, and no stall. What is asked for, LEAST of a typical torque, is
+    subtracted: the nearer to stall, the slower a rotor returns, and the worse the problem is
+    conditioned.
 
     Inputs rotor_speed, inflow_speed[num_nodes, 1] (rad/s, m/s), torque_coefficient_table[n_nodes],
     density (kg/m**3), rotor_radius (m) and one scalar gain_0, gain_1, …; output
@@ -275,10 +284,22 @@ class RecoveryComp(om.ExplicitComponent):
             by[f"gain_{i}"] = -column[:, None]
         return driving - law.torque(speed, gains), by
 
+    def _least(self, inputs):
+        """Return the recovery that is asked for, N*m."""
+        return (
+            LEAST
+            * TYPICAL
+            * 0.5
+            * np.pi
+            * inputs["rotor_radius"] ** 3
+            * inputs["density"]
+            * inputs["inflow_speed"][:, 0] ** 2
+        )
+
     def compute(self, inputs, outputs):
         """Evaluate the torque."""
         slowed, _ = self._net(inputs, 1.0 - self.options["slowed"])
-        outputs["recovery"] = slowed - self._net(inputs, 1.0)[0]
+        outputs["recovery"] = slowed - self._net(inputs, 1.0)[0] - self._least(inputs)
 
     def compute_partials(self, inputs, partials):
         """Differentiate it."""
@@ -286,6 +307,9 @@ class RecoveryComp(om.ExplicitComponent):
         _, here = self._net(inputs, 1.0)
         for name, column in slowed.items():
             partials["recovery", name] = column - here[name]
+        partials["recovery", "rotor_radius"] -= (
+            3.0 * self._least(inputs) / inputs["rotor_radius"]
+        )[:, None]
 
 
 def build_problem(

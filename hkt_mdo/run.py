@@ -71,7 +71,7 @@ from hkt_mdo.starting_point import SLOWED, Operation, StartingPoint
 
 MAX_PASSES = 8  # of refining the torque curve or re-centring the move limits
 # recovery of the start, over a typical torque, below which it is a constraint from the beginning
-NEAR_STALL = 0.02
+NEAR_STALL = 0.022
 WORTHWHILE = 1e-6  # relative gain in energy for which a move limit is re-centred again
 FIRST_ITERATIONS = 300  # after as many, an optimization has lost its way
 NARROW = MoveLimits(slower=0.8, faster=1.25, chord=1.3, twist=np.deg2rad(3.0), gain=1.3)

@@ -20,7 +20,8 @@ from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 SLOWED = 0.02  # of its speed that a rotor may lose and still recover from
 TYPICAL = 0.05  # torque coefficient
-SAFE = 1e-2  # least recovery of a start, over a typical torque: the optimization begins inside
+LEAST = 5e-3  # recovery over a typical torque that a trajectory keeps: nearer, stall is too slow
+SAFE = 2e-2  # the same of a start: the optimization begins inside
 PROBES = 12  # flow speeds at which the distance from stall is looked at
 MOST_SPEEDS = 400  # of a flow whose quasi-steady energy is optimized
 N_SEARCH = 240  # points of the search for the unstalled root over the torque curve
