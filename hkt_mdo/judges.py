@@ -239,9 +239,9 @@ def curve_errors(world, result):
     """Return the curve's relative torque errors over the trajectory's tip speed ratios."""
     ratios = np.maximum(result.trajectory["tip_speed_ratio"], SLOWEST_RATIO)
     probe = np.linspace(np.min(ratios), np.max(ratios), 201)
-    exact = bem.rotor_coefficients(result.point.blade, world.polar, probe).torque
     if not result.curve.size:
         return probe, np.zeros(probe.size)
+    exact = bem.rotor_coefficients(result.point.blade, world.polar, probe).torque
     return probe, np.abs(TorqueSpline(result.nodes).basis(probe) @ result.curve / exact - 1.0)
 
 
