@@ -15,9 +15,9 @@ _HOMES = {
     "Case": "case",
     "load_case": "case",
     "InputError": "errors",
-    "Solution": "results",
-    "build_problem": "problem",
-    "run_case": "run",
+    "Solution": "results.solution",
+    "build_problem": "problem.build",
+    "run_case": "run.run",
 }
 
 

@@ -17,12 +17,12 @@ from scipy.interpolate import CubicSpline
 
 from hkt_mdo.case import Fluid
 from hkt_mdo.case import Rotor as Section
-from hkt_mdo.data import read_table, shipped_names
+from hkt_mdo.files.shipped import read_table, shipped_names
+from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor import ccblade as reference
 from hkt_mdo.rotor.airfoil import KNOTS_PER_DEGREE, Polar
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.turbine import build_turbine
 
 DATA = Path(__file__).resolve().parents[1] / "tests" / "rotor" / "data"
 SAME_ANGLE = 1e-6  # rad; CCBlade's own tolerance is 2e-12, but folds amplify it

@@ -23,13 +23,13 @@ from PIL import Image
 from rich.console import Console
 from rich.table import Table
 
-from hkt_mdo import plots
-from hkt_mdo.batch import run_batch
 from hkt_mdo.case import TurbulentInflow, load_case
-from hkt_mdo.flow import build_inflow
-from hkt_mdo.rotor.blade_files import read_blade
-from hkt_mdo.rotor.outline_files import read_outline
-from hkt_mdo.rotor.polar_files import read_polars
+from hkt_mdo.files.blade import read_blade
+from hkt_mdo.files.outline import read_outline
+from hkt_mdo.files.polar import read_polars
+from hkt_mdo.problem.flow import build_inflow
+from hkt_mdo.results import plots
+from hkt_mdo.run.batch import run_batch
 
 ROOT = Path(__file__).parent.parent
 CASES = ROOT / "cases" / "examples"
@@ -285,7 +285,7 @@ def files():
     polars = [each for number in ("2e5", "5e5") for each in read_polars(f"naca4415_Re{number}")]
     airfoil = [
         "! ------------ AirfoilInfo v1.01.x Input File ----------",
-        "! NACA 4415, computed by NeuralFoil (hkt_mdo/data/README.md), not measured",
+        "! NACA 4415, computed by NeuralFoil (hkt_mdo/files/data/README.md), not measured",
         "! made by scripts/example_cases.py",
         '"DEFAULT" InterpOrd ! interpolation',
         "1 NonDimArea ! not used",

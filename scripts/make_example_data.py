@@ -5,8 +5,8 @@ python scripts/make_example_data.py
 
 Writes naca63424_*.csv, naca4415_*.csv, cylinder_*.csv and river_blade.csv. First a shipped polar is
 computed again; if it differs, NeuralFoil is another one and nothing is written. For every polar the
-confidence that NeuralFoil has in itself is printed. hkt_mdo/data/README.md says what all this is
-for. rm1_blade.csv is a published table and not made here.
+confidence that NeuralFoil has in itself is printed. hkt_mdo/files/data/README.md says what all this
+is for. rm1_blade.csv is a published table and not made here.
 """
 
 import argparse
@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from hkt_mdo.data import data_path, read_table
+from hkt_mdo.files.shipped import data_path, read_table
 
-DATA = Path(__file__).parent.parent / "hkt_mdo" / "data"
+DATA = Path(__file__).parent.parent / "hkt_mdo" / "files" / "data"
 ALPHA = np.arange(-16.0, 24.5, 0.5)  # deg
 REYNOLDS = {
     "naca63424": ("Re1e6", "Re3e6", "Re1e7"),

@@ -11,10 +11,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hkt_mdo.case import Fluid, Rotor
-from hkt_mdo.data import read_table
+from hkt_mdo.files.shipped import read_table
+from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
-from hkt_mdo.turbine import build_turbine
 
 SETS = {
     "all 17 tabulated stations": None,

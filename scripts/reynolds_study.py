@@ -13,12 +13,12 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np
 
-from hkt_mdo.batch import run_batch
 from hkt_mdo.case import load_case
-from hkt_mdo.problem import physics
+from hkt_mdo.dynamics.simulation import simulate
+from hkt_mdo.problem.build import physics
 from hkt_mdo.rotor.inertia import mass_and_inertia
-from hkt_mdo.simulation import simulate
-from hkt_mdo.uncertainty import Design
+from hkt_mdo.run.batch import run_batch
+from hkt_mdo.studies.uncertainty import Design
 
 LAWS = {"oloc": "open loop", "quadratic": "quadratic", "linear": "linear"}
 CASES = {

@@ -11,8 +11,8 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 from rich.console import Console
 from rich.table import Table
 
-from hkt_mdo.batch import run_batch
 from hkt_mdo.case import load_case
+from hkt_mdo.run.batch import run_batch
 
 AGREEMENT = 2e-4  # relative difference in energy that the optimizers may have
 

@@ -10,8 +10,8 @@ from pathlib import Path
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
-from hkt_mdo.batch import run_batch
 from hkt_mdo.case import load_case
+from hkt_mdo.run.batch import run_batch
 
 CASES = ("sine_quadratic", "sine_linear", "sine_limited_quadratic", "sine_limited_linear")
 STATIONS_17 = [*(round(0.2 + 0.05 * i, 2) for i in range(16)), 0.999]

@@ -13,9 +13,9 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np
 
-from hkt_mdo.batch import run_batch
 from hkt_mdo.case import load_case
 from hkt_mdo.case.schema import STATION_COUNT
+from hkt_mdo.run.batch import run_batch
 
 LAWS = ("quadratic", "oloc", "linear")
 COUNTS = (9, 18, 36, 72, 144)
@@ -270,7 +270,7 @@ def _roughness(solution):
 
 def _flow(solution):
     """Return smallest and largest angle of attack, deg, and how many stations have a > 0.5."""
-    from hkt_mdo.problem import physics
+    from hkt_mdo.problem.build import physics
     from hkt_mdo.rotor import bem
 
     summary, world = solution.summary, physics(solution.case)

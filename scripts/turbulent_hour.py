@@ -18,8 +18,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from hkt_mdo.problem import physics
-from hkt_mdo.results import Solution
+from hkt_mdo.problem.build import physics
+from hkt_mdo.results.solution import Solution
 
 ROOT = Path(__file__).parent.parent
 LAWS = {"oloc": "open loop", "quadratic": "quadratic feedback", "linear": "linear feedback"}

@@ -150,7 +150,7 @@ def polar():
 def blade():
     """The Bahaj blade scaled to R = 1.4 m at the nine default stations, 5 degrees set angle."""
     from hkt_mdo.case import Fluid, Rotor
-    from hkt_mdo.turbine import build_turbine
+    from hkt_mdo.problem.turbine import build_turbine
 
     return build_turbine(Rotor(), Fluid(), 1.5).blade
 
@@ -159,7 +159,7 @@ def blade():
 def solve(tmp_path_factory):
     """Run a shipped case once per session and return its solution."""
 
-    from hkt_mdo.run import run_case
+    from hkt_mdo.run.run import run_case
 
     @cache
     def run(name, *overrides):

@@ -25,8 +25,8 @@ from hkt_mdo.case import (
     load_case,
     read_case,
 )
-from hkt_mdo.data import data_path, read_table, shipped_names
 from hkt_mdo.errors import InputError, show
+from hkt_mdo.files.shipped import data_path, read_table, shipped_names
 
 CASES = Path(__file__).parents[1] / "cases"
 NAMES = sorted(
@@ -644,14 +644,14 @@ def test_shipped_tables_are_read(kind):
 
 @pytest.mark.parametrize("name", shipped_names("blade"))
 def test_a_shipped_blade_brings_its_turbine_with_it(name):
+    from hkt_mdo.problem.turbine import build_turbine
     from hkt_mdo.rotor.steady_optimum import best_operation
-    from hkt_mdo.turbine import build_turbine
 
     case = read_case(f"{MINIMAL}rotor: {{blade: {name}}}\n")
     assert read_case(case.to_yaml()) == case
     turbine = build_turbine(case.rotor, case.fluid, 1.5)
     best = best_operation(turbine.blade, turbine.polar)
-    # bahaj2007: as measured; RM1: ROSCO (hkt_mdo/data/README.md); river: designed for 5
+    # bahaj2007: as measured; RM1: ROSCO (hkt_mdo/files/data/README.md); river: designed for 5
     expected, ratio = {"bahaj2007": (0.458, 5.37), "rm1": (0.447, 7.0), "river": (0.45, 5.0)}[name]
     assert best.power_coefficient == pytest.approx(expected, rel=0.04)
     assert best.tip_speed_ratio == pytest.approx(ratio, rel=0.05)
@@ -659,7 +659,7 @@ def test_a_shipped_blade_brings_its_turbine_with_it(name):
 
 @pytest.mark.parametrize("name", shipped_names("blade"))
 def test_a_shipped_blade_is_scaled_to_the_radius(name):
-    from hkt_mdo.turbine import build_turbine
+    from hkt_mdo.problem.turbine import build_turbine
 
     own = read_case(f"{MINIMAL}rotor: {{blade: {name}}}\n")
     larger = own.with_overrides(f"rotor.radius={1.5 * own.rotor.radius}")

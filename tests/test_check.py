@@ -11,10 +11,14 @@ import openmdao.api as om
 import pytest
 
 from hkt_mdo.case import load_case, read_case
-from hkt_mdo.check import CheckReport, check_case, power_spectrum
 from hkt_mdo.cli import main
 from hkt_mdo.dynamics.inflow import ConstantInflow
-from hkt_mdo.findings import (
+from hkt_mdo.dynamics.simulation import simulate
+from hkt_mdo.problem.build import build_problem, complete, find_start, physics
+from hkt_mdo.rotor.bem import LocalReynolds, rotor_coefficients
+from hkt_mdo.rotor.steady_optimum import best_operation
+from hkt_mdo.run.check import CheckReport, check_case, power_spectrum
+from hkt_mdo.run.findings import (
     ProblemSize,
     expected_cost,
     problem_size,
@@ -22,10 +26,6 @@ from hkt_mdo.findings import (
     time_constant,
     torque_at,
 )
-from hkt_mdo.problem import build_problem, complete, find_start, physics
-from hkt_mdo.rotor.bem import LocalReynolds, rotor_coefficients
-from hkt_mdo.rotor.steady_optimum import best_operation
-from hkt_mdo.simulation import simulate
 from tests.broken.blades import WINDIO
 
 CASES = Path(__file__).parents[1] / "cases"
@@ -380,7 +380,7 @@ def test_command_draws_where_told_or_nothing(
 def test_a_missing_optimizer_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hkt_mdo.drivers._is_usable", lambda *_: False)
+    monkeypatch.setattr("hkt_mdo.solve.drivers._is_usable", lambda *_: False)
     case = str(CASES / "sine_oloc.yaml")
     assert main(["check", case, "--no-figures"]) == 2
     out, err = capsys.readouterr()
@@ -391,7 +391,7 @@ def test_a_missing_optimizer_is_told(
 def test_figures_show_what_the_report_says() -> None:
     from matplotlib import rcParams
 
-    from hkt_mdo import plots
+    from hkt_mdo.results import plots
 
     report, before = check("control.torque_limit=700", "design.twist_points=5"), dict(rcParams)
     figures = plots.check_figures(report.figures)

@@ -15,17 +15,17 @@ import pytest
 from hkt_mdo.case import Case
 from hkt_mdo.cli import main
 from hkt_mdo.errors import InputError
-from hkt_mdo.results import Solution
+from hkt_mdo.results.solution import Solution
 
 ROOT = Path(__file__).parents[1]
 CASE = str(ROOT / "cases" / "sine_limited_quadratic.yaml")
 
 
 class FakeRun(types.ModuleType):
-    """In place of `hkt_mdo.run`: remembers what it was asked for and does as it is told."""
+    """In place of `hkt_mdo.run.run`: remembers what it was asked for and does as it is told."""
 
     def __init__(self) -> None:
-        super().__init__("hkt_mdo.run")
+        super().__init__("hkt_mdo.run.run")
         self.result: Path | None = None
         self.error: BaseException | None = None
         self.saves = False
@@ -55,8 +55,8 @@ def _own_environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 def fake(monkeypatch: pytest.MonkeyPatch, result_folder: Path) -> FakeRun:
     module = FakeRun()
     module.result = result_folder
-    monkeypatch.setitem(sys.modules, "hkt_mdo.run", module)
-    monkeypatch.setattr("hkt_mdo.run", module, raising=False)
+    monkeypatch.setitem(sys.modules, "hkt_mdo.run.run", module)
+    monkeypatch.setattr("hkt_mdo.run.run", module, raising=False)
     return module
 
 
@@ -254,8 +254,8 @@ def test_few_threads_by_default(fake: FakeRun, monkeypatch: pytest.MonkeyPatch) 
     ("modules", "absent"),
     [
         ("hkt_mdo.cli", "dymos openmdao wisdem matplotlib numba scipy"),
-        ("hkt_mdo.cli, hkt_mdo.results", "dymos openmdao wisdem matplotlib numba"),
-        ("hkt_mdo.plots", "dymos openmdao wisdem numba matplotlib.pyplot"),
+        ("hkt_mdo.cli, hkt_mdo.results.solution", "dymos openmdao wisdem matplotlib numba"),
+        ("hkt_mdo.results.plots", "dymos openmdao wisdem numba matplotlib.pyplot"),
     ],
 )
 def test_imports_are_light(modules: str, absent: str) -> None:

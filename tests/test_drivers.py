@@ -10,9 +10,9 @@ import numpy as np
 import openmdao.api as om
 import pytest
 
-from hkt_mdo import drivers
-from hkt_mdo.drivers import make_driver, outcome
 from hkt_mdo.errors import InputError
+from hkt_mdo.solve import drivers
+from hkt_mdo.solve.drivers import make_driver, outcome
 
 # OpenMDAO makes a directory '<problem>_out' where it runs: keep it out of the checkout.
 pytestmark = pytest.mark.usefixtures("empty_directory")
@@ -359,7 +359,7 @@ def test_ipopt_backs_away_from_a_failed_evaluation(package, optimizer, not_a_num
 
 
 def test_optimizers_are_imported_only_when_used():
-    code = "import sys, hkt_mdo.drivers; print({'casadi', 'pyoptsparse'} & set(sys.modules))"
+    code = "import sys, hkt_mdo.solve.drivers; print({'casadi', 'pyoptsparse'} & set(sys.modules))"
     path = os.pathsep.join(sys.path)
     run = subprocess.run(
         [sys.executable, "-c", code],

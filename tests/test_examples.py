@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from hkt_mdo.case import load_case
-from hkt_mdo.problem import complete, physics
-from hkt_mdo.rotor.blade_files import read_blade
+from hkt_mdo.files.blade import read_blade
+from hkt_mdo.files.polar import read_polars
+from hkt_mdo.problem.build import complete, physics
 from hkt_mdo.rotor.inertia import mass_and_inertia
-from hkt_mdo.rotor.polar_files import read_polars
-from hkt_mdo.run import run_case
+from hkt_mdo.run.run import run_case
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = ROOT / "cases" / "examples"

@@ -16,10 +16,10 @@ from hkt_mdo.case import (
     read_case,
 )
 from hkt_mdo.dynamics import inflow
+from hkt_mdo.dynamics.records import RecordOptions, read_record
 from hkt_mdo.errors import InputError
-from hkt_mdo.flow import build_inflow, check_flow, flow_messages, horizon
-from hkt_mdo.record_files import DISCHARGE_UNITS, SPEED_UNITS, TIME_UNITS
-from hkt_mdo.records import RecordOptions, read_record
+from hkt_mdo.files.record import DISCHARGE_UNITS, SPEED_UNITS, TIME_UNITS
+from hkt_mdo.problem.flow import build_inflow, check_flow, flow_messages, horizon
 
 TIME = np.linspace(0.0, 50.0, 501)
 TIDE = "{profile: tide, mean: 2, constituents: [{name: M2, amplitude: 0.5, phase: 60 deg}]}"

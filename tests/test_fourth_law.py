@@ -8,7 +8,7 @@ from pydantic import Field
 
 from hkt_mdo import case as case_module
 from hkt_mdo.dynamics import controllers
-from hkt_mdo.run import run_case
+from hkt_mdo.run.run import run_case
 
 
 class MixedLaw(controllers.FeedbackLaw):
@@ -36,7 +36,7 @@ def test_a_law_of_two_gains_runs_and_is_at_least_as_good_as_its_parts(tmp_path, 
     monkeypatch.setitem(controllers.LAWS, "mixed", MixedLaw)
     # the real package would have the entry in its own schema, and read results back with it
     monkeypatch.setattr(
-        "hkt_mdo.results.load_case",
+        "hkt_mdo.results.solution.load_case",
         lambda path, **_: CaseWithMixed.model_validate(yaml.safe_load(path.read_text())),
     )
 

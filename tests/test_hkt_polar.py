@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from hkt_mdo.cli import main
-from hkt_mdo.data import POLAR_FAMILIES, read_table
+from hkt_mdo.cli.polar_report import parse_alpha, parse_reynolds
 from hkt_mdo.errors import InputError
-from hkt_mdo.polar_report import parse_alpha, parse_reynolds
+from hkt_mdo.files.shipped import POLAR_FAMILIES, read_table
 from hkt_mdo.rotor.airfoil import Outline, Polar, PolarFamily
 from hkt_mdo.rotor.neuralfoil import compute_polars
 

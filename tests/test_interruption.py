@@ -11,10 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from hkt_mdo import result_folder, run
 from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
-from hkt_mdo.results import Solution
+from hkt_mdo.results import folder as result_folder
+from hkt_mdo.results.solution import Solution
+from hkt_mdo.run import run
 
 CASES = Path(__file__).parent.parent / "cases"
 SHORT = ["phase.segments=15", "phase.duration=15"]

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from hkt_mdo.case import Fluid, Rotor
-from hkt_mdo.data import read_table
+from hkt_mdo.files.shipped import read_table
+from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem
-from hkt_mdo.turbine import build_turbine
 
 
 @pytest.fixture(scope="module")

@@ -5,11 +5,11 @@ import json
 import pytest
 import yaml
 
-from hkt_mdo import paper as paper_module
-from hkt_mdo.data import data_path
 from hkt_mdo.errors import InputError
-from hkt_mdo.paper import LAWS, SENSOR_RATES, TABLES, Paper, reproduce
-from hkt_mdo.paper_report import write_report
+from hkt_mdo.files.shipped import data_path
+from hkt_mdo.studies import paper as paper_module
+from hkt_mdo.studies.paper import LAWS, SENSOR_RATES, TABLES, Paper, reproduce
+from hkt_mdo.studies.paper_report import write_report
 
 
 @pytest.fixture(scope="module")

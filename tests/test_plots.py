@@ -9,9 +9,9 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hkt_mdo import plots
 from hkt_mdo.errors import InputError
-from hkt_mdo.results import Solution
+from hkt_mdo.results import plots
+from hkt_mdo.results.solution import Solution
 
 PLOTS = [getattr(plots, name) for name in plots.__all__ if name.startswith("plot_")]
 FIGURES = ("blade", "power_curve", "operation", "convergence")

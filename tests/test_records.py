@@ -10,10 +10,11 @@ from broken.records import BROKEN, ROWS, SOUND, SPEEDS, TIMES, binary
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hkt_mdo import record_files, records
+from hkt_mdo.dynamics import records
 from hkt_mdo.dynamics.inflow import GustInflow, StepInflow, TurbulentInflow
+from hkt_mdo.dynamics.records import find_spikes, low_pass, read_record, record_from
 from hkt_mdo.errors import InputError
-from hkt_mdo.records import find_spikes, low_pass, read_record, record_from
+from hkt_mdo.files import record as record_files
 
 STEP = 0.25
 TIME = STEP * np.arange(2400)
@@ -534,7 +535,7 @@ def test_missing_packages_are_told(tmp_path, monkeypatch, name, package):
 def test_csv_needs_no_package_of_the_extra(tmp_path):
     program = (
         "import sys\nsys.modules.update(pandas=None, xarray=None, pyarrow=None, netCDF4=None)\n"
-        "from hkt_mdo.records import read_record\n"
+        "from hkt_mdo.dynamics.records import read_record\n"
         "heavy = {'scipy', 'openmdao'} & set(sys.modules)\n"
         f"print(read_record({str(csv(tmp_path))!r}).time.size, *heavy)\n"
     )

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hkt_mdo import results
 from hkt_mdo.errors import InputError
-from hkt_mdo.results import Solution, summary_table
+from hkt_mdo.results import solution as results
+from hkt_mdo.results.solution import Solution, summary_table
 
 
 def edit(folder: Path, **changes: object) -> None:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hkt_mdo.case import load_case
-from hkt_mdo.problem import physics
-from hkt_mdo.run import run_case
+from hkt_mdo.problem.build import physics
+from hkt_mdo.run.run import run_case
 
 CASES = Path(__file__).parent.parent / "cases"
 SHORT = ("phase.duration=20", "phase.segments=20")

@@ -8,7 +8,7 @@ import pytest
 
 from hkt_mdo.case import load_case, read_case
 from hkt_mdo.errors import InputError
-from hkt_mdo.run import run_case
+from hkt_mdo.run.run import run_case
 
 CASES = Path(__file__).parent.parent / "cases"
 RADIUS, DENSITY = 1.4, 1000.0

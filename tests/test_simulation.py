@@ -5,10 +5,10 @@ import pytest
 
 from hkt_mdo.dynamics.controllers import QuadraticLaw
 from hkt_mdo.dynamics.inflow import ConstantInflow, SineInflow
+from hkt_mdo.dynamics.simulation import Plant, RecordedTorque, simulate
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.bem import Coefficients
 from hkt_mdo.rotor.steady_optimum import best_operation
-from hkt_mdo.simulation import Plant, RecordedTorque, simulate
 
 DENSITY = 1000.0
 

@@ -7,11 +7,11 @@ import pytest
 
 from hkt_mdo.dynamics.controllers import LinearLaw, QuadraticLaw
 from hkt_mdo.dynamics.inflow import SineInflow
+from hkt_mdo.problem.start import QuasiSteady, starting_point
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.shape import Shape
 from hkt_mdo.rotor.steady_optimum import best_operation, best_rotor
 from hkt_mdo.rotor.torque_curve import TorqueSpline
-from hkt_mdo.starting_point import QuasiSteady, starting_point
 
 RADIUS, DENSITY = 1.4, 1000.0
 CHORDS, TWISTS = (0.01, 1.0), (-np.pi / 6.0, np.pi / 6.0)

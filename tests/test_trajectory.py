@@ -7,9 +7,9 @@ import pytest
 from openmdao.utils.assert_utils import assert_check_partials, assert_check_totals
 
 from hkt_mdo.case import read_case
-from hkt_mdo.problem import build_problem, find_start, physics
+from hkt_mdo.problem.build import build_problem, find_start, physics
+from hkt_mdo.problem.scenario import EnergyComp, GaussLobatto, Radau, node_weights
 from hkt_mdo.rotor.steady_optimum import best_operation
-from hkt_mdo.trajectory import EnergyComp, GaussLobatto, Radau, node_weights
 
 VARIANTS = {
     "quadratic": "control: {law: quadratic, torque_limit: 700}",

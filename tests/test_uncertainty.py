@@ -6,8 +6,8 @@ from scipy import signal
 
 from hkt_mdo.dynamics.inflow import ConstantInflow, SineInflow
 from hkt_mdo.errors import InputError
-from hkt_mdo.flow import build_inflow
-from hkt_mdo.uncertainty import Design, Sensor, flow_named, fly_noisy
+from hkt_mdo.problem.flow import build_inflow
+from hkt_mdo.studies.uncertainty import Design, Sensor, flow_named, fly_noisy
 
 
 @pytest.fixture(scope="module")

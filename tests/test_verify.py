@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hkt_mdo import verify
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.controllers import QuadraticLaw
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem import RecoveryComp, physics
+from hkt_mdo.problem.build import RecoveryComp, physics
+from hkt_mdo.problem.start import SLOWED
 from hkt_mdo.rotor.bem import rotor_coefficients
 from hkt_mdo.rotor.torque_curve import TorqueSpline
-from hkt_mdo.run import run_case
-from hkt_mdo.starting_point import SLOWED
+from hkt_mdo.run.run import run_case
+from hkt_mdo.studies import verify
 
 CASES = Path(__file__).parent.parent / "cases"
 

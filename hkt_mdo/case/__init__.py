@@ -6,7 +6,6 @@ text with a unit, such as ``1400 mm``, which is converted. Whatever is wrong wit
 one `InputError`.
 """
 
-from hkt_mdo.case.base import Quantity
 from hkt_mdo.case.control import (
     Control,
     Controller,
@@ -15,6 +14,7 @@ from hkt_mdo.case.control import (
     OpenLoop,
     QuadraticFeedback,
 )
+from hkt_mdo.case.design import Design, Driver, Hydrodynamics, Phase, Start
 from hkt_mdo.case.document import case_json_schema, case_markdown, commented_case
 from hkt_mdo.case.inflow import (
     ConstantInflow,
@@ -28,9 +28,9 @@ from hkt_mdo.case.inflow import (
     TidalInflow,
     TurbulentInflow,
 )
-from hkt_mdo.case.optimization import Design, Driver, Hydrodynamics, Phase, Start
 from hkt_mdo.case.schema import Case, load_case, read_case
 from hkt_mdo.case.turbine import Fluid, Rotor
+from hkt_mdo.sections import Quantity
 
 __all__ = [
     "Case",

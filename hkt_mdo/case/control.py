@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from hkt_mdo.case.base import Quantity, Section
+from hkt_mdo.sections import Quantity, Section
 
 
 class Controller(Section):

@@ -14,7 +14,7 @@ import yaml
 
 from hkt_mdo.case.schema import Case
 from hkt_mdo.case.yaml_text import Dumper, parse
-from hkt_mdo.data import POLAR_FAMILIES, read_text, shipped_names, shipped_rotor
+from hkt_mdo.files.shipped import POLAR_FAMILIES, read_text, shipped_names, shipped_rotor
 
 CHECKOUT_CASES = Path(__file__).parents[2] / "cases"
 """Where the case files lie beside the package; an installed package has none."""
@@ -249,7 +249,7 @@ def _shipped() -> Iterator[str]:
     yield "## Shipped names"
     yield (
         "`rotor.blade`: a shipped blade fills in these keys of `rotor` where they are not given. "
-        "Sources are in [hkt_mdo/data/README.md](../hkt_mdo/data/README.md)."
+        "Sources are in [hkt_mdo/files/data/README.md](../hkt_mdo/files/data/README.md)."
     )
     names = shipped_names("blade")
     brought = {name: shipped_rotor(name) for name in names}

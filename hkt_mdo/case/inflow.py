@@ -14,7 +14,7 @@ from pydantic import (
     model_validator,
 )
 
-from hkt_mdo.case.base import Quantity, Section, ordered, refusal
+from hkt_mdo.sections import Quantity, Section, ordered, refusal
 
 MOST_WAVES = 1_000_000
 """Largest number of frequencies that turbulence is made of."""

@@ -11,15 +11,15 @@ import yaml
 from pydantic import Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
-from hkt_mdo.case.base import Section, refusal
 from hkt_mdo.case.control import Control, Feedback
+from hkt_mdo.case.design import Design, Driver, Hydrodynamics, Phase, Start
 from hkt_mdo.case.inflow import Inflow
 from hkt_mdo.case.messages import translate
-from hkt_mdo.case.optimization import Design, Driver, Hydrodynamics, Phase, Start
 from hkt_mdo.case.turbine import Fluid, Rotor
 from hkt_mdo.case.yaml_text import Dumper, parse
-from hkt_mdo.data import read_bytes
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.shipped import read_bytes
+from hkt_mdo.sections import Section, refusal
 
 STATION_COUNT = 40
 """Stations of a blade of splines: within 0.1 % of the energy at any number of them."""

@@ -10,9 +10,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, Strict, ValidationInfo, field_validator, model_validator
 
-from hkt_mdo.case.base import Quantity, Section, refusal
-from hkt_mdo.data import POLAR_FAMILIES, locate, shipped_names, shipped_rotor
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.shipped import POLAR_FAMILIES, locate, shipped_names, shipped_rotor
+from hkt_mdo.sections import Quantity, Section, refusal
 
 
 class SectionFile(Section):
@@ -195,7 +195,7 @@ def find_file(value: str, kind: str, info: ValidationInfo) -> str:
     ----------
     value : str
     kind : str
-        What the file holds, as `hkt_mdo.data.shipped_names` knows it.
+        What the file holds, as `hkt_mdo.files.shipped.shipped_names` knows it.
     info : ValidationInfo
         Its context has the folder, and whether the file must exist.
 

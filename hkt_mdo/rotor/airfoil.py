@@ -8,8 +8,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.rotor.outline_files import read_outline
-from hkt_mdo.rotor.polar_files import LARGEST, read_polars
+from hkt_mdo.files.outline import read_outline
+from hkt_mdo.files.polar import LARGEST, read_polars
 
 # One knot every quarter of a degree: every polar on a 0.25 or 0.5 degree grid is interpolated
 # exactly at its own points, and a lookup is one multiplication instead of a search.
@@ -62,7 +62,7 @@ class Polar:
 
         Parameters
         ----------
-        table : hkt_mdo.rotor.polar_files.PolarTable
+        table : hkt_mdo.files.polar.PolarTable
             A table as `read_polars` returns it.
 
         Raises

@@ -6,10 +6,10 @@ import warnings
 import numpy as np
 
 from hkt_mdo.case import read_case
-from hkt_mdo.drivers import outcome
-from hkt_mdo.problem import BEM, build_problem, find_start, physics
+from hkt_mdo.problem.build import BEM, build_problem, find_start, physics
 from hkt_mdo.rotor.steady_optimum import best_operation, best_rotor
 from hkt_mdo.rotor.torque_curve import TorqueSpline
+from hkt_mdo.solve.drivers import outcome
 
 QUADRATIC = "{law: quadratic, torque_limit: 700}"
 OPEN_LOOP = "{law: open_loop, torque_limit: 700}"

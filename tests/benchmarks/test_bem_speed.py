@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from hkt_mdo.case import Fluid, Rotor
+from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem, ccblade
 from hkt_mdo.rotor.airfoil import Polar
-from hkt_mdo.turbine import build_turbine
 
 NINE = np.concatenate((np.arange(0.2, 0.95, 0.1), [0.999]))
 FIFTY = np.linspace(0.2, 0.99, 50)

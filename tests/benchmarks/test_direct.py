@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hkt_mdo.batch import run_batch
 from hkt_mdo.case import load_case
+from hkt_mdo.run.batch import run_batch
 
 CASES = sorted((Path(__file__).parents[2] / "cases").glob("*.yaml"))
 

@@ -13,7 +13,7 @@ import openmdao.api as om
 import pytest
 
 from cases import case_of, optimize, start_of
-from hkt_mdo import problem as builder
+from hkt_mdo.problem import build as builder
 
 SEGMENTS = (30, 100, 300, 1000, 3000)
 STATIONS = (9, 20, 50, 100)

@@ -15,9 +15,9 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.optimize import minimize
 
 from cases import OPEN_LOOP, case_of, optimize, start_of, torque_table
-from hkt_mdo.problem import quadrature
+from hkt_mdo.problem.build import quadrature
+from hkt_mdo.problem.scenario import set_speed
 from hkt_mdo.rotor.steady_optimum import best_operation
-from hkt_mdo.trajectory import set_speed
 
 LIMIT, FASTER = 700.0, 1.2
 SIZES = (30, 100, 300)
@@ -47,8 +47,8 @@ class Plant:
 
 def by_this_package(plant):
     """Return energy, iterations and seconds; the start is the peers'."""
-    from hkt_mdo.drivers import outcome
-    from hkt_mdo.problem import build_problem
+    from hkt_mdo.problem.build import build_problem
+    from hkt_mdo.solve.drivers import outcome
 
     began = time.perf_counter()
     problem = build_problem(plant.case, *plant.prepared)

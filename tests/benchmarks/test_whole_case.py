@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from cases import TimedBEM, case_of, optimize, start_of
-from hkt_mdo import problem
+from hkt_mdo.problem import build as problem
 
 ROOT = Path(__file__).parents[2]
 

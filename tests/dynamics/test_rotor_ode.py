@@ -9,9 +9,9 @@ from hkt_mdo.case import Fluid, Rotor
 from hkt_mdo.dynamics.controllers import QuadraticLaw
 from hkt_mdo.dynamics.inflow import SineInflow
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp, RotorODE
+from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.torque_curve import TorqueSpline
-from hkt_mdo.turbine import build_turbine
 
 N, RADIUS = 5, 1.4
 NODES = np.linspace(3.0, 11.0, 33)

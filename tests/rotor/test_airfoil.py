@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from hkt_mdo.data import read_table, shipped_names
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.shipped import read_table, shipped_names
 from hkt_mdo.rotor.airfoil import KNOTS_PER_DEGREE, Outline, Polar
 
 POLARS = shipped_names("polar")

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hkt_mdo.data import shipped_names
+from hkt_mdo.files.shipped import shipped_names
 from hkt_mdo.rotor import bem, ccblade
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
@@ -427,7 +427,7 @@ def test_coned_rotor_is_that_of_ccblade(blade, cone):
 @pytest.fixture(scope="module")
 def local():
     from hkt_mdo.case import Fluid, Rotor
-    from hkt_mdo.turbine import build_turbine
+    from hkt_mdo.problem.turbine import build_turbine
 
     return build_turbine(Rotor(polar="naca63815", reynolds="local"), Fluid(), 1.5)
 

@@ -11,9 +11,9 @@ from broken.blades import AERODYN, BROKEN, CSV, WINDIO
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hkt_mdo.data import data_path
 from hkt_mdo.errors import InputError
-from hkt_mdo.rotor.blade_files import BladeTable, SectionTable, read_blade, write_blade_csv
+from hkt_mdo.files.blade import BladeTable, SectionTable, read_blade, write_blade_csv
+from hkt_mdo.files.shipped import data_path
 
 TEMPLATE = """------- AERODYN v15.00.* BLADE DEFINITION INPUT FILE ---------
 A blade

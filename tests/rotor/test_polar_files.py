@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from broken import polars as broken
 
-from hkt_mdo.data import POLAR_FAMILIES, read_table
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.polar import read_polars
+from hkt_mdo.files.shipped import POLAR_FAMILIES, read_table
 from hkt_mdo.rotor.airfoil import Outline, Polar, PolarFamily
-from hkt_mdo.rotor.polar_files import read_polars
 
 ALPHA = np.arange(-8.0, 17.0)  # deg
 REYNOLDS = 2e5, 1e6

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import yaml
 
+from hkt_mdo.files.blade import read_blade, write_blade_csv
+from hkt_mdo.files.polar import polar_table
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.blade_files import read_blade, write_blade_csv
-from hkt_mdo.rotor.polar_files import polar_table
 
 TIP, HUB, BLADES = 1.4, 0.175, 3
 TIP_SPEED_RATIOS = np.linspace(2.0, 9.0, 15)

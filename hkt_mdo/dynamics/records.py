@@ -1,0 +1,426 @@
+"""Measured records of a flow: checked, brought to even samples, and low-passed.
+
+A record that is not what a turbine could stand in is refused with file, place and remedy. Nothing
+is repaired unless an option says so, and every repair is told in `Record.messages`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hkt_mdo.errors import InputError
+from hkt_mdo.files.record import MAX_ROWS, Columns, RecordOptions, columns_from, read_columns
+
+__all__ = ["Record", "RecordOptions", "find_spikes", "low_pass", "read_record", "record_from"]
+
+MIN_SAMPLES = 16
+"""Smallest number of samples that make a record."""
+
+FASTEST = 20.0
+"""Speed, m/s, that no river reaches: it is in another unit, or a mark of missing samples."""
+
+SPIKE = 6.0
+"""How far, in spreads of its surroundings, a spike stands off from their median."""
+
+UNEVEN = 0.05
+"""Share of a step by which a sample may miss its even time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Even samples of a measured flow.
+
+    Parameters
+    ----------
+    time : array, shape (n,), s
+        From 0 in equal steps.
+    speed : array, shape (n,), m/s
+        Positive, low-passed.
+    step : float, s
+    cutoff : float, Hz
+        Frequency at which the low-pass halves an amplitude.
+    messages : tuple of str
+        What was read and what was done to it, one line each.
+    """
+
+    time: np.ndarray
+    speed: np.ndarray
+    step: float
+    cutoff: float
+    messages: tuple[str, ...]
+
+
+def read_record(path: str | Path, **options: Any) -> Record:
+    """Read a record from a CSV, NetCDF or Parquet file, told apart by the file's ending.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        `.csv` or `.txt`: columns separated by commas, a header line, UTF-8; empty cells and `nan`
+        are gaps. `.nc`, `.nc4` or `.cdf`, `.parquet` or `.pq`: as MHKiT's data are saved.
+    **options
+        As in `RecordOptions`.
+
+    Returns
+    -------
+    Record
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is larger than 256 MiB or 10 million rows, or anything in it is
+        not as the options say; the message names file, line, column, value and remedy. Also if the
+        packages for NetCDF or Parquet are not installed.
+    """
+    chosen = RecordOptions(**options)
+    return _record(read_columns(Path(path), chosen), chosen)
+
+
+def record_from(data: Any, **options: Any) -> Record:
+    """Make a record of data in memory, as MHKiT returns them.
+
+    Parameters
+    ----------
+    data : pandas DataFrame or Series, or xarray Dataset or DataArray
+        As of `mhkit.river.io.usgs` or `mhkit.dolfyn`.
+    **options
+        As in `RecordOptions`.
+
+    Returns
+    -------
+    Record
+
+    Raises
+    ------
+    InputError
+        As `read_record`, without a file.
+    """
+    chosen = RecordOptions(**options)
+    return _record(columns_from(data, chosen), chosen)
+
+
+# From columns to a record -------------------------------------------------------------------------
+
+
+def _record(raw: Columns, options: RecordOptions) -> Record:
+    """Check, cut, repair as far as allowed, and low-pass."""
+    messages = list(raw.messages)
+    _check_order(raw)
+    raw = _part(raw, options, messages)
+    spikes = _spikes(raw, options, messages)
+    fast = np.flatnonzero((np.abs(raw.speed) > FASTEST) & ~spikes)
+    if fast.size:
+        problem = f"is faster than any river, {FASTEST:g} m/s"
+        remedy = "mend speed_unit, or leave cells empty where samples are missing"
+        raise raw.refuse(problem, remedy, int(fast[0]), 1)
+    step, speed = _even(raw, spikes, options, messages)
+    cutoff, smooth = _cut_off(raw.file, step, speed, options, messages)
+    low = int(np.argmin(smooth))
+    if not smooth[low] > 0.0:
+        row = min(int(np.searchsorted(raw.time, low * step)), raw.time.size - 1)
+        problem = f"falls to {smooth[low]:.3g} m/s when low-passed: the flow stands still or turns"
+        remedy = "take a part where it runs one way by start and duration, or mend the sign"
+        raise raw.refuse(problem, remedy, row, 1)
+    summary = (
+        f"{Path(raw.file).name or 'record'}: {_count(smooth.size, 'sample')} every {step:.6g} s, "
+        f"mean {np.mean(smooth):.4g} m/s, from {smooth[low]:.4g} to {np.max(smooth):.4g} m/s"
+    )
+    time = step * np.arange(smooth.size)
+    return Record(time, smooth, step, cutoff, (summary, *messages))
+
+
+def _check_order(raw: Columns) -> None:
+    """Refuse a record that is too short, lacks a time, or whose times do not rise."""
+    if raw.time.size < MIN_SAMPLES:
+        raise InputError(
+            f"has {_count(raw.time.size, 'sample')}", f"give {MIN_SAMPLES} at least", file=raw.file
+        )
+    absent = np.flatnonzero(~np.isfinite(raw.time))
+    if absent.size:
+        raise raw.refuse("is no time", "give every sample its time", int(absent[0]), 0)
+    back = np.flatnonzero(np.diff(raw.time) <= 0.0)
+    if back.size:
+        row = int(back[0]) + 1
+        same = raw.time[row] == raw.time[row - 1]
+        raise raw.refuse(
+            f"is {'also the time of' if same else 'before'} {raw.place(row - 1)}",
+            "sort the rows by time and keep one of each; if the clock was changed, give dates with "
+            "their zone",
+            row,
+            0,
+        )
+
+
+def _part(raw: Columns, options: RecordOptions, messages: list[str]) -> Columns:
+    """Return the rows from start to start + duration, times anew from 0."""
+    time, start, whole = raw.time, options.start, raw.place
+    end = np.inf if options.duration is None else start + options.duration
+    near = 1e-9 * (1.0 + time[-1])
+    for key, value in (("start", start), ("duration", end)):
+        if np.isfinite(value) and value > time[-1] + near:
+            raise InputError(
+                f"asks for {value:.6g} s, and the record ends {time[-1]:.6g} s after it begins",
+                f"give a smaller {key}, or none",
+                file=raw.file,
+                key=key,
+                value=getattr(options, key),
+            )
+    first, last = map(int, np.searchsorted(time, (start - near, end + near)))
+    if last - first == time.size:
+        return raw
+    if last - first < MIN_SAMPLES:
+        raise InputError(
+            f"leaves {_count(last - first, 'sample')} of the record",
+            f"take a longer part, {MIN_SAMPLES} samples at least",
+            file=raw.file,
+            key="start" if options.duration is None else "duration",
+            value=start if options.duration is None else options.duration,
+        )
+    messages.append(f"taken from {time[first]:.6g} s to {time[last - 1]:.6g} s of the record")
+    return replace(
+        raw,
+        time=time[first:last] - time[first],
+        speed=raw.speed[first:last],
+        place=lambda row: whole(row + first),
+    )
+
+
+def find_spikes(speed: np.ndarray) -> np.ndarray:
+    """Return which samples are spikes, by a Hampel filter.
+
+    A sample is one if it is farther from the median of the seven around it than `SPIKE` times
+    their spread, and `SPIKE` times the usual difference of neighbours among the 51 around it; both
+    are 1.4826 times a median absolute deviation (Davies and Gather 1993; Pearson 2002). What is
+    left without the spikes is looked at again, until there are none. So two or three bad samples in
+    a row are found, too; gusts, steps and crests of waves are spared, for the neighbours follow.
+
+    Parameters
+    ----------
+    speed : array, shape (n,), n >= 16
+        Finite.
+
+    Returns
+    -------
+    array of bool, shape (n,)
+    """
+    spikes = np.zeros(speed.size, dtype=bool)
+    left = np.arange(speed.size)
+    while left.size >= MIN_SAMPLES:
+        found = _stand_off(np.clip(speed[left], -1e6, 1e6))  # absurd ones must not overflow
+        if not np.any(found):
+            break
+        spikes[left[found]] = True
+        left = left[~found]
+    return spikes
+
+
+def _stand_off(speed: np.ndarray) -> np.ndarray:
+    """Return which samples stand off from the seven around them."""
+    from scipy.ndimage import median_filter, minimum_filter
+
+    half = 3
+    steps = np.abs(np.diff(speed, append=speed[-1]))
+    # where samples have few digits most steps are zero: the last digit itself is no spike, but a
+    # hundredth of the speed may be
+    digit = minimum_filter(np.where(steps > 0.0, steps, np.inf), 51)
+    digit = np.minimum(digit, 0.01 * np.median(np.abs(speed)))
+    usual = np.maximum(1.4826 * median_filter(steps, 51), digit)
+    # at the ends the first and the last seven
+    centres = np.clip(np.arange(speed.size), half, speed.size - 1 - half)
+    off = np.abs(speed - median_filter(speed, 2 * half + 1)[centres])
+    found = np.zeros(speed.size, dtype=bool)
+    suspects = np.flatnonzero(off > SPIKE * usual)
+    for block in np.array_split(suspects, suspects.size // 100_000 + 1):
+        around = speed[centres[block, None] + np.arange(-half, half + 1)]
+        middle = np.median(around, axis=1, keepdims=True)
+        found[block] = off[block] > SPIKE * 1.4826 * np.median(np.abs(around - middle), axis=1)
+    return found
+
+
+def _spikes(raw: Columns, options: RecordOptions, messages: list[str]) -> np.ndarray:
+    """Return which samples are spikes that are to be replaced."""
+    spikes = np.zeros(raw.speed.size, dtype=bool)
+    present = np.flatnonzero(np.isfinite(raw.speed))
+    if options.spikes == "keep" or present.size < MIN_SAMPLES:
+        return spikes
+    found = present[find_spikes(raw.speed[present])]
+    if found.size and options.spikes == "refuse":
+        others = f", and {found.size - 1} more do" if found.size > 1 else ""
+        raise raw.refuse(
+            f"stands off from its neighbours like a spike{others}",
+            "give spikes: replace to interpolate there, or spikes: keep if that is the flow",
+            int(found[0]),
+            1,
+        )
+    if found.size:
+        spikes[found] = True
+        messages.append(
+            f"{_count(found.size, 'spike')} replaced ({100.0 * np.mean(spikes):.2g} %), "
+            f"at t = {_times(raw.time[found])}"
+        )
+    return spikes
+
+
+def _even(
+    raw: Columns, spikes: np.ndarray, options: RecordOptions, messages: list[str]
+) -> tuple[float, np.ndarray]:
+    """Return the step, and the speeds at even times, interpolated where the record has none."""
+    step, index, miss = _grid(raw.time)
+    uneven = miss > UNEVEN * step
+    resample = bool(np.any(uneven))
+    if resample and options.uneven == "refuse":
+        row = int(np.argmax(uneven))
+        problem = f"is {miss[row]:.3g} s off an even spacing of {step:.6g} s"
+        raise raw.refuse(problem, "give uneven: resample to interpolate at even times", row, 0)
+    if resample:
+        step = float(np.median(np.diff(raw.time)))
+    longest = _check_gaps(raw, step, resample, options)
+    count = int(raw.time[-1] / step * (1.0 + 1e-12)) + 1 if resample else int(index[-1]) + 1
+    if count > MAX_ROWS:
+        raise InputError(
+            f"has {count:,} even samples, and {MAX_ROWS:,} are taken",
+            "take a part of it by start and duration",
+            file=raw.file,
+        )
+    good = np.isfinite(raw.speed) & ~spikes
+    if resample:
+        messages.append(
+            f"resampled every {step:.6g} s: samples were up to {np.max(miss):.3g} s off even times"
+        )
+        return step, _interpolate(raw, good, step * np.arange(count))
+
+    if np.max(miss) > 1e-3 * step:
+        share = 100.0 * np.max(miss) / step
+        messages.append(f"times taken as even: they are up to {share:.2g} % of a step off")
+    place = index.astype(np.intp)
+    speed = np.full(count, np.nan)
+    speed[place[good]] = raw.speed[good]
+    holes = np.isnan(speed)
+    gaps = holes.copy()
+    gaps[place[spikes]] = False
+    if np.any(gaps):
+        begins = np.flatnonzero(gaps & ~np.append(False, gaps[:-1]))
+        messages.append(
+            f"{_count(begins.size, 'gap')} interpolated, {_count(int(np.sum(gaps)), 'sample')} "
+            f"({100.0 * np.mean(gaps):.2g} %), the longest {longest:.6g} s, "
+            f"at t = {_times(step * begins)}"
+        )
+    if np.any(holes):
+        speed[holes] = _interpolate(raw, good, step * np.flatnonzero(holes))
+    return step, speed
+
+
+def _grid(time: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return the step of even samples with gaps, each one's place, and how far (s) it is off it."""
+    steps = np.diff(time)
+    median = float(np.median(steps))
+    # the mean of the single steps, as times may be rounded: 0.03, 0.07, 0.10
+    usual = float(np.mean(steps[np.abs(steps - median) <= 0.5 * median]))
+    index = np.concatenate(([0.0], np.cumsum(np.maximum(np.rint(steps / usual), 1.0))))
+    step = float(time[-1] / index[-1])
+    return step, index, np.abs(time - step * index)
+
+
+def _interpolate(raw: Columns, good: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Return speeds between the good samples, without overshoot; the end values beyond them."""
+    from scipy.interpolate import PchipInterpolator
+
+    known = raw.time[good]
+    return PchipInterpolator(known, raw.speed[good])(np.clip(time, known[0], known[-1]))
+
+
+def _check_gaps(raw: Columns, step: float, resample: bool, options: RecordOptions) -> float:
+    """Return the longest gap, s; refuse one that may not be interpolated.
+
+    Where samples are uneven, all of them are interpolated, and only the longest gap counts.
+    """
+    present = np.isfinite(raw.speed)
+    empty = np.flatnonzero(~present)
+    another = "take a part without it by start and duration"
+    if empty.size and options.gaps == "refuse":
+        others = f", as are {empty.size - 1} more" if empty.size > 1 else ""
+        remedy = f"give gaps: interpolate, or {another}"
+        raise raw.refuse(f"is missing{others}", remedy, int(empty[0]), 1)
+    for row, key in ((0, "start"), (-1, "duration")):
+        if not present[row]:
+            problem = "is missing at an end of the record, where nothing can be interpolated"
+            raise raw.refuse(problem, f"leave it out by {key}", row % present.size, 1)
+    rows = np.flatnonzero(present)
+    missing = np.diff(raw.time[rows]) - step
+    longest = min(3.0 * step, 3600.0) if options.longest_gap is None else options.longest_gap
+    allowed = longest + 0.1 * step
+    found = missing > (allowed if options.gaps == "interpolate" or resample else 0.5 * step)
+    if np.any(found):
+        gap = int(np.argmax(found))
+        problem = f"ends a gap of {missing[gap]:.6g} s"
+        remedy = f"give gaps: interpolate, or {another}"
+        if missing[gap] > allowed:
+            problem += f", and no more than {longest:.6g} s may be interpolated"
+            remedy = f"{another}, or give a longest_gap of up to an hour"
+        raise raw.refuse(problem, remedy, int(rows[gap + 1]), 0)
+    return float(np.max(missing))
+
+
+def low_pass(speed: np.ndarray, step: float, cutoff: float) -> np.ndarray:
+    """Return even samples low-passed without shift: amplitudes times 1 / (1 + (f/cutoff)^8).
+
+    That is Butterworth's filter of fourth order, forwards and backwards. The record is continued
+    point-symmetrically about its ends, which keeps their value and slope: the straight line through
+    the two ends passes as it is, the rest as a sum of sines.
+
+    Parameters
+    ----------
+    speed : array, shape (n,)
+    step : float, s
+    cutoff : float, Hz
+        Frequency at which an amplitude is halved.
+
+    Returns
+    -------
+    array, shape (n,)
+    """
+    from scipy.fft import dst, idst
+
+    count = speed.size - 1
+    line = speed[0] + (speed[-1] - speed[0]) * np.arange(count + 1) / count
+    frequency = np.arange(1, count) / (2.0 * count * step)
+    sines = dst((speed - line)[1:-1], type=1)
+    smooth = line.copy()
+    smooth[1:-1] += idst(sines / (1.0 + (frequency / cutoff) ** 8), type=1)
+    return smooth
+
+
+def _cut_off(
+    file: str, step: float, speed: np.ndarray, options: RecordOptions, messages: list[str]
+) -> tuple[float, np.ndarray]:
+    """Return the cutoff and the low-passed speeds."""
+    nyquist, slowest = 0.5 / step, 1.0 / (step * (speed.size - 1))
+    cutoff = 0.5 * nyquist if options.cutoff is None else options.cutoff
+    if not slowest <= cutoff < nyquist:
+        raise InputError(
+            f"must lie between {slowest:.4g} Hz, one wave in the record, and {nyquist:.4g} Hz, "
+            "half the sampling rate",
+            "give another cutoff, or none for half of the upper one",
+            file=file,
+            key="cutoff",
+            value=cutoff,
+        )
+    smooth, variance = low_pass(speed, step, cutoff), float(np.var(speed))
+    removed = 1.0 - float(np.var(smooth)) / variance if variance > 0.0 else 0.0
+    messages.append(
+        f"low-passed at {cutoff:.4g} Hz, which removed {100.0 * removed:.2g} % of the variance"
+    )
+    return cutoff, smooth
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'s' if number != 1 else ''}"
+
+
+def _times(times: np.ndarray) -> str:
+    shown = ", ".join(f"{time:.6g}" for time in times[:5])
+    return f"{shown}{', ...' if times.size > 5 else ''} s"

@@ -1,0 +1,1 @@
+"""Every format, both ways, and the shipped data."""

@@ -1,0 +1,180 @@
+"""Outline files: CSV, Selig and Lednicer coordinates of a section in units of its chord."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from hkt_mdo.errors import InputError
+from hkt_mdo.files.shipped import locate, parse_number, parse_table, read_text
+
+__all__ = ["read_outline"]
+
+FEWEST_POINTS, MOST_POINTS = 10, 5000
+EDGE = 0.02
+"""How far the leading edge may lie from x = 0 and the trailing edge from x = 1, over the chord."""
+
+AREA_RANGE = 0.005, 0.8
+
+_ORDER = "give the points from the trailing edge over the upper side to the leading edge and back"
+_CHORD_AXES = "give coordinates over the chord: leading edge at (0, 0), trailing edge at (1, 0)"
+_FORMATS = "a CSV file x_over_c,y_over_c, or coordinates in Selig's or Lednicer's order"
+
+
+def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
+    """Read the outline of a section.
+
+    The format is told by the content: a CSV file with the columns ``x_over_c`` and ``y_over_c``, or
+    pairs of numbers, with or without a line of text above them, in Selig's order (from the trailing
+    edge round to it) or Lednicer's (number of points of either side, then the upper and the lower
+    side from the leading edge).
+
+    Parameters
+    ----------
+    source : str or pathlib.Path
+        A shipped name or the path of a file.
+
+    Returns
+    -------
+    x, y : ndarray, shape (n_points,)
+        Over the chord, as the file has them, from the trailing edge round to the trailing edge.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or broken, or the points are no closed section of unit chord; the
+        message names file, line, value and remedy.
+    """
+    path = locate(source, "outline")
+    text = read_text(path, "file with an outline")
+    lines = [
+        (number, line.strip())
+        for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1)
+        if line.strip() and line.lstrip()[0] not in "#!%"
+    ]
+    if not lines:
+        raise InputError("is empty", f"give {_FORMATS}", file=path)
+    if re.search(r"[xy]_over_c", lines[0][1]):
+        table = parse_table(text, path, ("x_over_c", "y_over_c"), "outline")
+        x, y, numbers = table["x_over_c"], table["y_over_c"], table.lines
+    else:
+        x, y, numbers = _read_pairs(lines, path)
+    _check(x, y, numbers, path)
+    return x, y
+
+
+def _pair(line: str) -> list[float | None]:
+    return [parse_number(cell) for cell in re.split(r"[\s,;]+", line)]
+
+
+def _read_pairs(
+    lines: list[tuple[int, str]], path: Path
+) -> tuple[np.ndarray, np.ndarray, list[int]]:
+    """Read pairs of numbers in Selig's or Lednicer's order."""
+    first = _pair(lines[0][1])
+    if len(first) != 2 or None in first:
+        lines = lines[1:]  # the name of the section
+    points = []
+    for number, line in lines:
+        pair = _pair(line)
+        if len(pair) != 2 or None in pair:
+            raise InputError(
+                "must be two finite numbers",
+                f"give {_FORMATS}",
+                file=path,
+                key=f"line {number}",
+                value=line,
+            )
+        points.append(pair)
+    if not points:
+        raise InputError("has no coordinates", f"give {_FORMATS}", file=path, key="line 1")
+    numbers = [number for number, _ in lines]
+    x, y = np.array(points, dtype=float).T
+    if not (min(x[0], y[0]) >= 2.0 and x[0] == int(x[0]) and y[0] == int(y[0])):
+        return x, y, numbers
+    n_upper, n_lower = int(x[0]), int(y[0])
+    key = f"line {numbers[0]}"
+    if n_upper + n_lower != x.size - 1:
+        raise InputError(
+            f"{x.size - 1} points follow, not {n_upper} + {n_lower}",
+            "count the points of the upper and the lower side, or give coordinates over the chord",
+            file=path,
+            key=key,
+            value=lines[0][1],
+        )
+    upper, lower = np.arange(1, n_upper + 1), np.arange(n_upper + 1, x.size)
+    for side, name in ((upper, "upper"), (lower, "lower")):
+        if x[side[0]] > x[side[-1]]:
+            raise InputError(
+                f"the {name} side begins nearer to the trailing edge than it ends",
+                "in Lednicer's order both sides run from the leading edge to the trailing edge",
+                file=path,
+                key=f"line {numbers[side[0]]}",
+                value=lines[side[0]][1],
+            )
+    shared = x[upper[0]] == x[lower[0]] and y[upper[0]] == y[lower[0]]
+    order = np.concatenate((upper[::-1], lower[1:] if shared else lower))
+    return x[order], y[order], [numbers[point] for point in order]
+
+
+def _check(x: np.ndarray, y: np.ndarray, numbers: Sequence[int], path: Path) -> None:
+    def refuse(problem: str, remedy: str, point: int) -> InputError:
+        value = f"{x[point]:g}, {y[point]:g}"
+        return InputError(problem, remedy, file=path, key=f"line {numbers[point]}", value=value)
+
+    if not FEWEST_POINTS <= x.size <= MOST_POINTS:
+        raise InputError(
+            f"the outline has {x.size} points, not {FEWEST_POINTS} to {MOST_POINTS}",
+            "give some hundred points",
+            file=path,
+            key=f"line {numbers[-1]}",
+        )
+    for edge, end, what in (
+        (0.0, int(np.argmin(x)), "smallest"),
+        (1.0, int(np.argmax(x)), "largest"),
+    ):
+        if abs(x[end] - edge) > EDGE:
+            raise refuse(f"the {what} x is {x[end]:g} instead of {edge:g}", _CHORD_AXES, end)
+    far = int(np.argmax(np.abs(y)))
+    if abs(y[far]) > 0.6:
+        raise refuse("lies more than 0.6 of the chord beside it", _CHORD_AXES, far)
+    for point, name in ((0, "first"), (-1, "last")):
+        if x[point] < 1.0 - 2.0 * EDGE:
+            raise refuse(f"the {name} point is not at the trailing edge", _ORDER, point)
+    nose = int(np.argmin(x))
+    if not 2 < nose < x.size - 3:
+        raise refuse("the outline does not go round the leading edge", _ORDER, nose)
+    crossing = _first_crossing(x, y)
+    if crossing:
+        one, other = crossing
+        raise refuse(f"the outline crosses itself: here and at line {numbers[other]}", _ORDER, one)
+    area = 0.5 * abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
+    low, high = AREA_RANGE
+    if not low <= area <= high:
+        raise InputError(
+            f"encloses {area:.4g} chord², no area of a section",
+            _ORDER,
+            file=path,
+            key=f"line {numbers[0]} to {numbers[-1]}",
+        )
+
+
+def _first_crossing(x: np.ndarray, y: np.ndarray) -> tuple[int, int] | None:
+    """Return two sides (by their first points) that cross within both, or None."""
+    dx, dy = np.diff(x, append=x[0]), np.diff(y, append=y[0])
+
+    def turn(i, j, k):  # of point k from side i..j: positive on its left
+        return dx[i] * (y[k] - y[i]) - dy[i] * (x[k] - x[i])
+
+    for side in range(x.size - 2):
+        others = np.arange(side + 2, x.size - (side == 0))
+        after = (others + 1) % x.size
+        apart = turn(side, None, others) * turn(side, None, after)
+        own = turn(others, None, side) * turn(others, None, side + 1)
+        crossed = np.flatnonzero((apart < 0.0) & (own < 0.0))
+        if crossed.size:
+            return side, int(others[crossed[0]])
+    return None

@@ -1,0 +1,1 @@
+"""Optimizers and sparse total derivatives; nothing here knows a turbine."""

@@ -1,0 +1,1 @@
+"""What runs many cases: the paper, verification, uncertainty."""

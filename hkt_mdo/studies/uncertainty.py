@@ -1,0 +1,327 @@
+"""A finished design in flows it was not made for, read by a noisy sensor (paper Sec. V).
+
+Blade and controller are held. Open loop replays its recorded torque. A feedback law is run as the
+digital controller that it would be: every sample time it reads F[w + n], where n is Gaussian and F
+a second-order Butterworth low-pass, and holds its torque until the next.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import signal
+from scipy.interpolate import CubicSpline
+
+from hkt_mdo.dynamics.inflow import Inflow
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant, RecordedTorque, Simulation, simulate
+from hkt_mdo.errors import InputError
+from hkt_mdo.problem.build import BEM, physics
+from hkt_mdo.results.solution import Solution
+from hkt_mdo.rotor.bem import LocalReynolds
+
+LONGEST_STEP = 0.25  # of the rotor's time constant: Runge-Kutta's steps within a sample time
+REFERENCES = ("fluctuation", "total")
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A rotor speed sensor with noise, and the filter behind it.
+
+    The paper gives 20 dB 'compared with the turbine rotational speed signal', and neither the
+    sampling rate nor whether the signal's mean counts as signal. Both matter: filtered noise falls
+    with the square root of the rate.
+
+    Parameters
+    ----------
+    snr : float, dB
+        Signal-to-noise ratio; infinity for a sensor without noise.
+    reference : {"fluctuation", "total"}
+        What is the signal: the speed's deviation from its mean, which is what the controller has to
+        follow, or the speed itself, whose rms is some ten times larger.
+    rate : float, Hz
+        Samples of the sensor, and of the controller, a second.
+    cutoff : float, Hz
+        Of the second-order Butterworth low-pass.
+    """
+
+    snr: float = 20.0
+    reference: str = "fluctuation"
+    rate: float = 100.0
+    cutoff: float = 0.5
+
+    def deviation(self, speed):
+        """Return the noise's standard deviation, rad/s, for a speed signal sampled evenly."""
+        signal_part = speed - np.mean(speed) if self.reference == "fluctuation" else speed
+        return float(np.sqrt(np.mean(signal_part**2)) * 10.0 ** (-self.snr / 20.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Ensemble:
+    """Repeated noisy runs of one design in one flow.
+
+    energy, generator_energy (J) and stopped_at (s) have one entry a repeat; energies of repeats
+    whose rotor stopped are NaN and stopped_at of those that did not. time, rotor_speed,
+    control_torque, hydrodynamic_torque are the first repeat's samples; torque_error is the largest
+    relative difference between the tabulated and the direct BEM torque along them.
+    """
+
+    energy: np.ndarray
+    generator_energy: np.ndarray
+    stopped_at: np.ndarray
+    noise_deviation: float
+    time: np.ndarray
+    inflow_speed: np.ndarray
+    rotor_speed: np.ndarray
+    control_torque: np.ndarray
+    hydrodynamic_torque: np.ndarray
+    torque_error: float
+
+    @property
+    def stalled(self):
+        """Number of repeats in which the rotor stopped."""
+        return int(np.sum(np.isfinite(self.stopped_at)))
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """A finished design, ready to be simulated: plant, controller and the flow it was made for."""
+
+    solution: Solution
+    plant: Plant
+    law: object
+    gains: np.ndarray
+    inflow: Inflow
+    torque_limit: float | None
+
+    @classmethod
+    def of(cls, solution: Solution):
+        """Rebuild the plant and controller of a result.
+
+        Raises
+        ------
+        InputError
+            If the result is of an interrupted run, or a file of its case is gone.
+        """
+        world, summary = physics(solution.case), solution.summary
+        if "chord_m" not in summary or not solution.trajectory:
+            raise InputError(
+                f"{solution.folder}: holds no finished design; run the case again, or resume it"
+            )
+        radius = summary.get("rotor_radius_m") or world.blade.rotor_radius
+        blade = world.blade.with_rotor_radius(radius).with_shape(
+            summary["chord_m"], np.deg2rad(summary["twist_deg"])
+        )
+        plant = Plant(
+            blade,
+            world.polar,
+            summary["inertia_kg_m2"],
+            solution.case.fluid.density,
+            BEM[solution.case.hydrodynamics.check],
+        )
+        gains = np.atleast_1d([] if summary["gain"] is None else summary["gain"]).astype(float)
+        return cls(solution, plant, world.law, gains, world.inflow, world.torque_limit)
+
+    @property
+    def recorded_torque(self) -> RecordedTorque:
+        """The open loop's torque history."""
+        table = self.solution.trajectory
+        return RecordedTorque(
+            table["time_s"],
+            table["control_torque_Nm"],
+            self.solution.case.phase.segments,
+            self.torque_limit,
+        )
+
+    def initial_speed(self, inflow):
+        """Return a run's first speed in another flow: at the design's first tip speed ratio."""
+        start = float(self.solution.trajectory["rotor_speed_rad_s"][0])
+        return start * float(inflow.speed(0.0) / self.inflow.speed(0.0))
+
+    def fly(self, inflow: Inflow) -> Simulation:
+        """Integrate the design in a flow with direct BEM and a perfect, unfiltered sensor."""
+        controller: Callable
+        if self.law is None:
+            controller = self.recorded_torque
+        else:
+
+            def controller(_, speed):
+                return self.law.torque(speed, self.gains)
+
+        phase = self.solution.case.phase
+        return simulate(
+            self.plant,
+            inflow,
+            controller,
+            self.initial_speed(inflow),
+            phase.duration,
+            samples=20 * phase.segments + 1,
+            max_step=phase.duration / phase.segments,
+        )
+
+
+def fly_noisy(
+    design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed: int, progress=None
+) -> Ensemble:
+    """Run a feedback design in a flow under a noisy sensor, many times at once.
+
+    Between samples the speed is integrated by the classical Runge-Kutta method. The plant's torque
+    coefficient is direct BEM, tabulated so finely that the table's error (`Ensemble.torque_error`)
+    is far below what the noise changes.
+
+    Parameters
+    ----------
+    design : Design
+        Of a feedback law.
+    inflow : Inflow
+    sensor : Sensor
+    repeats, seed : int
+        Number of runs, and the seed of `numpy.random.default_rng` for all of them.
+    progress : callable or None
+        Called as progress(share) now and then, share from 0 to 1.
+
+    Returns
+    -------
+    Ensemble
+
+    Raises
+    ------
+    InputError
+        If the design is open loop, which reads no sensor.
+    """
+    if design.law is None:
+        raise InputError(
+            f"{design.solution.folder}: open loop reads no sensor; leave out the noise"
+        )
+    duration = design.solution.case.phase.duration
+    quiet = design.fly(inflow)
+    even = np.linspace(0.0, quiet.time[-1], 2001)
+    deviation = sensor.deviation(quiet.speed_at(even))
+
+    plant, law, gains = design.plant, design.law, design.gains
+    radius, curve = plant.blade.rotor_radius, _tabulate(plant)
+    scale = 0.5 * np.pi * radius**3 * plant.density
+
+    def torque(speed, flow):
+        ratio = np.clip(speed * radius / flow, SLOWEST_RATIO, curve.x[-1])
+        return scale * flow**2 * curve(ratio)
+
+    n_samples = round(duration * sensor.rate)
+    period = duration / n_samples
+    substeps = max(int(np.ceil(period / (LONGEST_STEP * _time_constant(design, quiet)))), 1)
+    step = period / substeps
+    numerator, denominator = signal.butter(2, sensor.cutoff, fs=1.0 / period)
+    start = design.initial_speed(inflow)
+    # the filter starts in steady state at w(0)
+    memory = signal.lfilter_zi(numerator, denominator)[:, None] * np.full(repeats, start)
+    random = np.random.default_rng(seed)
+    speed = np.full(repeats, start)
+    energy, generated, stopped = np.zeros(repeats), np.zeros(repeats), np.full(repeats, np.nan)
+    times = period * np.arange(n_samples)
+    flows = inflow.speed(times[:, None] + step * np.arange(0.0, substeps + 0.25, 0.5))
+    record = np.full((3, n_samples), np.nan)
+    for k in range(n_samples):
+        measured = speed + deviation * random.standard_normal(repeats)
+        filtered = numerator[0] * measured + memory[0]
+        memory[0] = numerator[1] * measured - denominator[1] * filtered + memory[1]
+        memory[1] = numerator[2] * measured - denominator[2] * filtered
+        control = law.torque(np.maximum(filtered, 0.0), gains)
+        running = np.isnan(stopped)
+        record[:, k] = speed[0], control[0], torque(speed[:1], flows[k, 0])[0]
+        for j in range(substeps):
+            speed, captured, turned = _runge_kutta(
+                torque, speed, control, flows[k, 2 * j : 2 * j + 3], plant.inertia, step
+            )
+            energy += np.where(running, captured, 0.0)
+            generated += np.where(running, control * turned, 0.0)
+        halted = running & (speed * radius / flows[k, -1] <= SLOWEST_RATIO)
+        stopped[halted] = times[k] + period
+        speed = np.where(np.isnan(stopped), speed, SLOWEST_RATIO * flows[k, -1] / radius)
+        if progress is not None and k % 200 == 0:
+            progress((k + 1) / n_samples)
+    lost = np.isfinite(stopped)
+    energy[lost] = generated[lost] = np.nan
+    kept = slice(0, n_samples if np.isnan(stopped[0]) else int(stopped[0] / period))
+    along = record[0, kept] * radius / flows[kept, 0]
+    exact = plant.coefficients(plant.blade, plant.polar, along[::10]).torque
+    error = np.max(np.abs(curve(along[::10]) - exact)) / np.max(np.abs(exact))
+    return Ensemble(
+        energy,
+        generated,
+        stopped,
+        deviation,
+        times[kept],
+        flows[kept, 0],
+        *record[:, kept],
+        float(error),
+    )
+
+
+def _runge_kutta(torque, speed, control, flow, inertia, step):
+    """Advance the speed with the torque held; return it, the energy captured and the angle."""
+    q1 = torque(speed, flow[0])
+    w2 = speed + 0.5 * step * (q1 - control) / inertia
+    q2 = torque(w2, flow[1])
+    w3 = speed + 0.5 * step * (q2 - control) / inertia
+    q3 = torque(w3, flow[1])
+    w4 = speed + step * (q3 - control) / inertia
+    q4 = torque(w4, flow[2])
+    new = speed + step / 6.0 * (q1 + 2.0 * q2 + 2.0 * q3 + q4 - 6.0 * control) / inertia
+    captured = step / 6.0 * (q1 * speed + 2.0 * q2 * w2 + 2.0 * q3 * w3 + q4 * w4)
+    turned = step / 6.0 * (speed + 2.0 * w2 + 2.0 * w3 + w4)
+    return new, captured, turned
+
+
+def _tabulate(plant):
+    """Return the torque coefficient over tip speed ratio as a cubic spline of direct BEM."""
+    ratios = np.concatenate((np.arange(SLOWEST_RATIO, 2.0, 0.02), np.arange(2.0, 20.0, 0.004)))
+    if isinstance(plant.polar, LocalReynolds):
+        raise InputError(
+            "has polars that follow the Reynolds number, for which the noisy runs' table over the "
+            "tip speed ratio has no room",
+            "leave --noise-snr out, or take a result with rotor.reynolds: invariant",
+            key="--noise-snr",
+        )
+    return CubicSpline(ratios, plant.coefficients(plant.blade, plant.polar, ratios).torque)
+
+
+def _time_constant(design, quiet):
+    """Return the rotor's smallest time constant, s, along a run: I / |dQ/dw|."""
+    h = 1e-4 * quiet.rotor_speed
+    plant = design.plant
+    slope = (
+        plant.torque(quiet.rotor_speed + h, quiet.inflow_speed) - quiet.hydrodynamic_torque
+    ) / h
+    return plant.inertia / float(np.max(np.abs(slope)))
+
+
+def flow_named(name: str, inflow):
+    """Return an inflow section as the paper's flow A, B or C changes it, or as it is (`design`).
+
+    Parameters
+    ----------
+    name : {"design", "A", "B", "C"}
+        A: amplitude times 1.1; B: angular frequency 0.225 rad/s; C: phase 0.2 pi (paper Sec. V).
+    inflow : hkt_mdo.case.SineInflow
+        Flows A to C change a sine.
+
+    Raises
+    ------
+    InputError
+        If the name is unknown or the flow is no sine.
+    """
+    changes = {
+        "design": {},
+        "A": {"scale": 1.1},
+        "B": {"angular_frequency": 0.225},
+        "C": {"phase": 0.2 * np.pi},
+    }
+    if name not in changes:
+        raise InputError(
+            f"--flow {name}: unknown; choose design, A, B, C or give an inflow section"
+        )
+    if changes[name] and inflow.profile != "sine":
+        raise InputError(
+            f"--flow {name}: changes a sine, but the case's flow is {inflow.profile}; give an "
+            f"inflow section"
+        )
+    return inflow.model_copy(update=changes[name])
