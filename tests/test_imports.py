@@ -84,5 +84,3 @@ def test_public_names_exist():
         assert getattr(hkt_mdo, name) is not None
     with pytest.raises(AttributeError):
         _ = hkt_mdo.nothing
-
-

@@ -1,0 +1,18 @@
+"""The quantities of a rotor's trajectory: their names, units and columns, stated once."""
+
+QUANTITIES = {
+    "time": ("s", "time since the start"),
+    "inflow_speed": ("m/s", "undisturbed flow speed at the rotor"),
+    "rotor_speed": ("rad/s", "angular speed of the rotor"),
+    "tip_speed_ratio": (None, "tip speed over inflow speed"),
+    "hydrodynamic_torque": ("N*m", "torque of the flow on the rotor"),
+    "control_torque": ("N*m", "generator torque on the rotor"),
+    "hydrodynamic_power": ("W", "power captured from the flow"),
+    "generator_power": ("W", "power taken by the generator"),
+}
+"""Unit (None: dimensionless) and description of each quantity, by its name in the ODE."""
+
+_SUFFIXES = {None: "", "N*m": "_Nm", "m/s": "_m_s", "rad/s": "_rad_s"}
+
+COLUMNS = {name: name + _SUFFIXES.get(unit, f"_{unit}") for name, (unit, _) in QUANTITIES.items()}
+"""Header of each quantity's column in `trajectory.csv` and `simulation.csv`: name and unit."""
