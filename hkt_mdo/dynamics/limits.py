@@ -48,6 +48,13 @@ class Limit(Section):
         bare = "bound" in cls.model_fields and isinstance(data, str | int | float)
         return {"bound": data} if bare and not isinstance(data, bool) else data
 
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
+        """Return the JSON schema: a section, or the value of `bound` alone."""
+        whole = handler(schema)
+        bound = handler.resolve_ref_schema(whole)["properties"].get("bound")
+        return {"anyOf": [bound, whole]} if bound else whole
+
     @property
     def lower(self) -> Any:
         """Lower bound, in `unit`."""

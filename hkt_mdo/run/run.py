@@ -49,7 +49,7 @@ def run_case(
     *,
     force: bool = False,
     progress: Progress | None = None,
-    figures: Iterable[str] = ("png",),
+    figures: bool | Iterable[str] = True,
     records: bool = True,
 ) -> Solution:
     """Optimize a case, judge the result and leave it in a folder.
@@ -63,8 +63,8 @@ def run_case(
         Replace an earlier result in `out`.
     progress : callable or None
         Called as progress(count, objective in J, infeasibility) while the optimizer works.
-    figures : iterable of str
-        Formats in which figures are drawn; empty: none are.
+    figures : bool or iterable of str
+        Whether figures are drawn, as PNG; or the formats, such as ("png", "pdf").
     records : bool
         Whether to write OpenMDAO's databases and the N2 diagram.
 
@@ -94,7 +94,7 @@ def resume_case(
     out: str | Path,
     *,
     progress: Progress | None = None,
-    figures: Iterable[str] = ("png",),
+    figures: bool | Iterable[str] = True,
     records: bool = True,
     extensions: Iterable = (),
 ) -> Solution:
@@ -143,7 +143,7 @@ def _run(
     if figures:
         from hkt_mdo.results.plots import save_figures
 
-        save_figures(solution, out / "figures", figures)
+        save_figures(solution, out / "figures", ("png",) if figures is True else tuple(figures))
     return solution
 
 
