@@ -4,7 +4,22 @@ import numpy as np
 import openmdao.api as om
 
 from hkt_mdo.dynamics.laws import FeedbackLaw
+from hkt_mdo.dynamics.trajectory import QUANTITIES
 from hkt_mdo.rotor.bem import LocalReynolds
+from hkt_mdo.rotor.scales import torque_scale
+
+OVER_TIME = QUANTITIES | {
+    "rotor_acceleration": ("rad/s**2", "rate of the rotor's angular speed"),
+    "torque_coefficient": (None, "Q / (0.5 rho V^2 pi R^3)"),
+}
+FIXED = {
+    "density": ("kg/m**3", "density of the water"),
+    "rotor_radius": ("m", "radius of the swept disc"),
+    "inertia": ("kg*m**2", "moment of inertia about the shaft"),
+    "torque_coefficient_table": (None, "torque coefficient at the nodes of the curve"),
+    "chord": ("m", "chord at the stations"),
+    "twist": ("rad", "twist at the stations"),
+}
 
 
 class RotorODE(om.Group):
@@ -14,8 +29,7 @@ class RotorODE(om.Group):
     - a feedback law: u follows from w (`law`);
     - open loop in torque: u is an input, dw/dt an output (`unknown="torque"`);
     - open loop in speed: w and its rate are inputs, u = Q - I dw/dt an output (`unknown="speed"`).
-      The rotor
-      is differentially flat in w, which turns a singular control into a regular one
+      The rotor is differentially flat in w, which turns a singular control into a regular one
       (docs/theory.md).
 
     Inputs, at num_nodes unless scalar: time, rotor_speed, density, inertia, and either
@@ -48,7 +62,34 @@ class RotorODE(om.Group):
         self.add_subsystem("shaft", ShaftComp(num_nodes=n, inverse=inverse), **everything)
 
 
-class InflowComp(om.ExplicitComponent):
+class _NodeComp(om.ExplicitComponent):
+    """A component of quantities at the nodes of a phase."""
+
+    def initialize(self):
+        """Declare the number of nodes."""
+        self.options.declare("num_nodes", types=int)
+
+    @property
+    def _shape(self):
+        return (self.options["num_nodes"],)
+
+    def _add_series(self, add, *names, **options):
+        """Add quantities over time by `add`: self.add_input or self.add_output."""
+        for name in names:
+            units, text = OVER_TIME[name]
+            add(name, shape=self._shape, units=units, desc=text, **options)
+
+    def _add_fixed(self, name, val=1.0):
+        """Add an input that does not vary over time."""
+        units, text = FIXED[name]
+        self.add_input(name, val=val, units=units, desc=text, tags=["dymos.static_target"])
+
+    def _declare_diagonal(self, of, wrt, **options):
+        rows = np.arange(self.options["num_nodes"])
+        self.declare_partials(of, wrt, rows=rows, cols=rows, **options)
+
+
+class InflowComp(_NodeComp):
     """Inflow speed at the nodes of a phase.
 
     Input time[num_nodes] (s); output inflow_speed[num_nodes] (m/s).
@@ -56,23 +97,17 @@ class InflowComp(om.ExplicitComponent):
 
     def initialize(self):
         """Declare the options."""
-        self.options.declare("num_nodes", types=int)
+        super().initialize()
         self.options.declare("inflow", desc="the flow, an `Inflow`", recordable=False)
 
     def setup(self):
-        """Declare inputs and outputs."""
-        n = self.options["num_nodes"]
-        self.add_input(
-            "time", shape=(n,), units="s", desc="time since the start", tags=["dymos.targets:time"]
-        )
-        self.add_output(
-            "inflow_speed", shape=(n,), units="m/s", desc="undisturbed flow speed at the rotor"
-        )
+        """Declare input and output."""
+        self._add_series(self.add_input, "time", tags=["dymos.targets:time"])
+        self._add_series(self.add_output, "inflow_speed")
 
     def setup_partials(self):
         """Declare the diagonal partial."""
-        rows = np.arange(self.options["num_nodes"])
-        self.declare_partials("inflow_speed", "time", rows=rows, cols=rows)
+        self._declare_diagonal("inflow_speed", "time")
 
     def compute(self, inputs, outputs):
         """Evaluate the flow."""
@@ -83,90 +118,64 @@ class InflowComp(om.ExplicitComponent):
         partials["inflow_speed", "time"] = self.options["inflow"].rate_at(inputs["time"])
 
 
-class HydrodynamicsComp(om.ExplicitComponent):
+class HydrodynamicsComp(_NodeComp):
     """Hydrodynamic torque and power at a phase's nodes, by the torque spline or by BEM itself.
 
     Q = 0.5 rho v² pi R³ Cq(tsr), tsr = w R / v, P = Q w (paper eq. 5).
 
-    Inputs rotor_speed, inflow_speed[num_nodes], density (kg/m**3), rotor_radius (m), and either
-    torque_coefficient_table[n_tsr] (spline) or chord (m), twist (rad) of shape (n_stations,) (BEM).
-    Outputs tip_speed_ratio, torque_coefficient, hydrodynamic_torque (N*m), hydrodynamic_power (W),
-    each [num_nodes].
+    Inputs rotor_speed, inflow_speed[num_nodes], density (kg/m**3), rotor_radius (m) and, with a
+    `spline`, torque_coefficient_table[n_tsr], else chord, twist[n_stations]. Outputs
+    tip_speed_ratio, torque_coefficient, hydrodynamic_torque (N*m), hydrodynamic_power (W), all at
+    num_nodes.
     """
 
     def initialize(self):
         """Declare the options."""
-        self.options.declare("num_nodes", types=int)
-        self.options.declare("spline", default=None, allow_none=True, recordable=False)
-        self.options.declare("blade", default=None, allow_none=True, recordable=False)
-        self.options.declare("polar", default=None, allow_none=True, recordable=False)
-        self.options.declare("coefficients", default=None, allow_none=True, recordable=False)
+        super().initialize()
+        self.options.declare("spline", default=None, desc="TorqueSpline; None: direct BEM")
+        self.options.declare("blade", default=None, desc="Blade for direct BEM", recordable=False)
+        self.options.declare("polar", default=None, desc="Polar for direct BEM", recordable=False)
+        self.options.declare("coefficients", default=None, desc="BEM solver", recordable=False)
+
+    @property
+    def _designed(self):
+        """What the blade sends: the table of its torque curve, or its shape."""
+        spline = self.options["spline"]
+        return ["torque_coefficient_table"] if spline is not None else ["chord", "twist"]
 
     def setup(self):
         """Declare inputs and outputs."""
-        n, static = self.options["num_nodes"], ["dymos.static_target"]
-        self.add_input("rotor_speed", shape=(n,), units="rad/s", desc="angular speed of the rotor")
-        self.add_input(
-            "inflow_speed", shape=(n,), units="m/s", desc="undisturbed flow speed at the rotor"
-        )
-        self.add_input(
-            "density", val=1000.0, units="kg/m**3", desc="density of the water", tags=static
-        )
-        self.add_input(
-            "rotor_radius", val=1.0, units="m", desc="radius of the swept disc", tags=static
-        )
-        if self.options["spline"] is not None:
-            shape = self.options["spline"].nodes.shape
-            self.add_input(
-                "torque_coefficient_table",
-                shape=shape,
-                desc="torque coefficient at the nodes",
-                tags=static,
-            )
-        else:
-            blade = self.options["blade"]
-            self.add_input(
-                "chord", val=blade.chord, units="m", desc="chord at the stations", tags=static
-            )
-            self.add_input(
-                "twist", val=blade.twist, units="rad", desc="twist at the stations", tags=static
-            )
-        self.add_output("tip_speed_ratio", shape=(n,), desc="tip speed over inflow speed")
-        self.add_output("torque_coefficient", shape=(n,), desc="Q / (0.5 rho V^2 pi R^3)")
-        self.add_output(
-            "hydrodynamic_torque", shape=(n,), units="N*m", desc="torque of the flow on the rotor"
-        )
-        self.add_output(
-            "hydrodynamic_power", shape=(n,), units="W", desc="power captured from the flow"
+        self._add_series(self.add_input, "rotor_speed", "inflow_speed")
+        self._add_fixed("density", 1000.0)
+        self._add_fixed("rotor_radius")
+        for name in self._designed:
+            spline, blade = self.options["spline"], self.options["blade"]
+            value = np.ones(spline.nodes.shape) if spline is not None else getattr(blade, name)
+            self._add_fixed(name, value)
+        self._add_series(
+            self.add_output,
+            "tip_speed_ratio",
+            "torque_coefficient",
+            "hydrodynamic_torque",
+            "hydrodynamic_power",
         )
 
     def setup_partials(self):
         """Declare diagonal partials by speed and flow, full columns by what the blade sends."""
-        rows = np.arange(self.options["num_nodes"])
         outputs = ["torque_coefficient", "hydrodynamic_torque", "hydrodynamic_power"]
-        self.declare_partials(
-            ["tip_speed_ratio", *outputs], ["rotor_speed", "inflow_speed"], rows=rows, cols=rows
-        )
+        self._declare_diagonal(["tip_speed_ratio", *outputs], ["rotor_speed", "inflow_speed"])
         self.declare_partials(outputs[1:], "density")
         self.declare_partials(["tip_speed_ratio", *outputs], "rotor_radius")
-        shape = (
-            ["torque_coefficient_table"]
-            if self.options["spline"] is not None
-            else ["chord", "twist"]
-        )
-        self.declare_partials(outputs, shape)
+        self.declare_partials(outputs, self._designed)
 
     def _coefficient(self, inputs, ratio, derivatives):
-        """Return Cq, its slopes over tsr and over ln(v), and dCq/dinput by name at fixed tsr.
-
-        Derivatives when asked for.
-        """
+        """Return Cq, its slopes over tsr and over ln(v), and dCq/dinput by name at fixed tsr."""
         spline = self.options["spline"]
         if spline is not None:
             value, slope = spline.values(inputs["torque_coefficient_table"], ratio)
             by = {"torque_coefficient_table": spline.basis(ratio)} if derivatives else {}
             return value, slope, 0.0, by
-        if np.any(ratio <= 0.0):  # an optimizer's trial: let it take a shorter step
+        if np.any(ratio <= 0.0):  # at a trial of the optimizer, which then takes a shorter step
             raise om.AnalysisError("the rotor turns backwards")
         polar = self.options["polar"]
         if isinstance(polar, LocalReynolds):
@@ -189,7 +198,7 @@ class HydrodynamicsComp(om.ExplicitComponent):
         w, v, radius = inputs["rotor_speed"], inputs["inflow_speed"], inputs["rotor_radius"]
         ratio = w * radius / v
         coefficient, *_ = self._coefficient(inputs, ratio, derivatives=False)
-        torque = 0.5 * np.pi * radius**3 * inputs["density"] * v**2 * coefficient
+        torque = torque_scale(inputs["density"], radius, v) * coefficient
         outputs["tip_speed_ratio"] = ratio
         outputs["torque_coefficient"] = coefficient
         outputs["hydrodynamic_torque"] = torque
@@ -198,39 +207,80 @@ class HydrodynamicsComp(om.ExplicitComponent):
     def compute_partials(self, inputs, partials):
         """Differentiate through the coefficient."""
         w, v, radius = inputs["rotor_speed"], inputs["inflow_speed"], inputs["rotor_radius"]
+        density = inputs["density"]
         ratio, by_w, by_v = w * radius / v, radius / v, -w * radius / v**2
-        coefficient, by_ratio, by_log_v, by_shape = self._coefficient(
-            inputs, ratio, derivatives=True
-        )
+        coefficient, by_ratio, by_log_v, by_shape = self._coefficient(inputs, ratio, True)
         coefficient_v = by_ratio * by_v + by_log_v / v
-        scale = 0.5 * np.pi * radius**3 * inputs["density"] * v**2
+        scale = torque_scale(density, radius, v)
         torque = scale * coefficient
-        partials["tip_speed_ratio", "rotor_speed"] = by_w
-        partials["tip_speed_ratio", "inflow_speed"] = by_v
-        partials["torque_coefficient", "rotor_speed"] = by_ratio * by_w
-        partials["torque_coefficient", "inflow_speed"] = coefficient_v
-        torque_w = scale * by_ratio * by_w
-        torque_v = scale * coefficient_v + 2.0 * torque / v
-        partials["hydrodynamic_torque", "rotor_speed"] = torque_w
-        partials["hydrodynamic_torque", "inflow_speed"] = torque_v
-        partials["hydrodynamic_torque", "density"] = (torque / inputs["density"])[:, None]
-        partials["hydrodynamic_power", "rotor_speed"] = torque_w * w + torque
-        partials["hydrodynamic_power", "inflow_speed"] = torque_v * w
-        partials["hydrodynamic_power", "density"] = (torque * w / inputs["density"])[:, None]
         # the radius moves the tip speed ratio, the torque's scale and, with BEM, the coefficient
         by_radius = (by_ratio * w / v)[:, None] + by_shape.pop("rotor_radius", 0.0)
+        columns = {
+            "rotor_speed": (by_ratio * by_w, scale * by_ratio * by_w),
+            "inflow_speed": (coefficient_v, scale * coefficient_v + 2.0 * torque / v),
+            "rotor_radius": (
+                by_radius,
+                scale[:, None] * by_radius + (3.0 * torque / radius)[:, None],
+            ),
+        }
+        columns |= {name: (by, scale[:, None] * by) for name, by in by_shape.items()}
+        for name, (of_coefficient, of_torque) in columns.items():
+            partials["torque_coefficient", name] = of_coefficient
+            partials["hydrodynamic_torque", name] = of_torque
+            turned = w if of_torque.ndim == 1 else w[:, None]
+            partials["hydrodynamic_power", name] = turned * of_torque
+        partials["hydrodynamic_power", "rotor_speed"] = scale * by_ratio * by_w * w + torque
+        partials["tip_speed_ratio", "rotor_speed"] = by_w
+        partials["tip_speed_ratio", "inflow_speed"] = by_v
         partials["tip_speed_ratio", "rotor_radius"] = (w / v)[:, None]
-        partials["torque_coefficient", "rotor_radius"] = by_radius
-        torque_radius = scale[:, None] * by_radius + (3.0 * torque / radius)[:, None]
-        partials["hydrodynamic_torque", "rotor_radius"] = torque_radius
-        partials["hydrodynamic_power", "rotor_radius"] = w[:, None] * torque_radius
-        for name, matrix in by_shape.items():
-            partials["torque_coefficient", name] = matrix
-            partials["hydrodynamic_torque", name] = scale[:, None] * matrix
-            partials["hydrodynamic_power", name] = (scale * w)[:, None] * matrix
+        partials["hydrodynamic_torque", "density"] = (torque / density)[:, None]
+        partials["hydrodynamic_power", "density"] = (torque * w / density)[:, None]
 
 
-class ShaftComp(om.ExplicitComponent):
+class FeedbackComp(_NodeComp):
+    """A feedback law at the nodes of a phase.
+
+    Inputs rotor_speed[num_nodes] (rad/s) and one scalar gain_0, gain_1, … in the law's units;
+    output control_torque[num_nodes] (N*m).
+    """
+
+    def initialize(self):
+        """Declare the options."""
+        super().initialize()
+        self.options.declare("law", types=FeedbackLaw, recordable=False)
+
+    def setup(self):
+        """Declare inputs and output."""
+        self._add_series(self.add_input, "rotor_speed")
+        for i, units in enumerate(self.options["law"].gain_units):
+            tags = ["dymos.static_target"]
+            self.add_input(f"gain_{i}", val=1.0, units=units, desc="feedback gain", tags=tags)
+        self._add_series(self.add_output, "control_torque")
+
+    def setup_partials(self):
+        """Declare the diagonal partial by speed and the column by each gain."""
+        self._declare_diagonal("control_torque", "rotor_speed")
+        self.declare_partials("control_torque", "gain_*")
+
+    def _gains(self, inputs):
+        return np.array(
+            [inputs[f"gain_{i}"][0] for i in range(len(self.options["law"].gain_units))]
+        )
+
+    def compute(self, inputs, outputs):
+        """Evaluate the law."""
+        law = self.options["law"]
+        outputs["control_torque"] = law.torque(inputs["rotor_speed"], self._gains(inputs))
+
+    def compute_partials(self, inputs, partials):
+        """Differentiate the law."""
+        law, speed, gains = self.options["law"], inputs["rotor_speed"], self._gains(inputs)
+        partials["control_torque", "rotor_speed"] = law.torque_by_speed(speed, gains)
+        for i, column in enumerate(law.torque_by_gain(speed, gains)):
+            partials["control_torque", f"gain_{i}"] = column[:, None]
+
+
+class ShaftComp(_NodeComp):
     """Rigid shaft, I dw/dt = Q - u (paper eq. 6), solved for the acceleration or for the torque.
 
     Inputs hydrodynamic_torque, rotor_speed[num_nodes], inertia (kg*m**2) and control_torque
@@ -240,54 +290,34 @@ class ShaftComp(om.ExplicitComponent):
 
     def initialize(self):
         """Declare the options."""
-        self.options.declare("num_nodes", types=int)
+        super().initialize()
         self.options.declare("inverse", types=bool)
+
+    @property
+    def _given_and_found(self):
+        names = "control_torque", "rotor_acceleration"
+        return names[::-1] if self.options["inverse"] else names
 
     def setup(self):
         """Declare inputs and outputs."""
-        n = self.options["num_nodes"]
-        torque = {"shape": (n,), "units": "N*m", "desc": "generator torque on the rotor"}
-        rate = {"shape": (n,), "units": "rad/s**2", "desc": "rate of the rotor's angular speed"}
-        self.add_input(
-            "hydrodynamic_torque", shape=(n,), units="N*m", desc="torque of the flow on the rotor"
-        )
-        self.add_input("rotor_speed", shape=(n,), units="rad/s", desc="angular speed of the rotor")
-        self.add_input(
-            "inertia", val=1.0, units="kg*m**2", desc="rotor inertia", tags=["dymos.static_target"]
-        )
-        if self.options["inverse"]:
-            self.add_input("rotor_acceleration", **rate)
-            self.add_output("control_torque", **torque)
-        else:
-            self.add_input("control_torque", **torque)
-            self.add_output("rotor_acceleration", **rate)
-        self.add_output(
-            "generator_power", shape=(n,), units="W", desc="power taken by the generator"
-        )
+        given, found = self._given_and_found
+        self._add_series(self.add_input, "hydrodynamic_torque", "rotor_speed", given)
+        self._add_fixed("inertia")
+        self._add_series(self.add_output, found, "generator_power")
 
     def setup_partials(self):
         """Declare the diagonal partials and the column by inertia."""
-        rows = np.arange(self.options["num_nodes"])
-        diagonal = {"rows": rows, "cols": rows}
-        given, found = self._names()
-        sign = -1.0 if found == "rotor_acceleration" else 1.0
-        self.declare_partials(found, "hydrodynamic_torque", **diagonal, val=1.0)
-        self.declare_partials(found, given, **diagonal, val=sign)
+        given, found = self._given_and_found
+        self._declare_diagonal(found, ["hydrodynamic_torque", given])
+        self._declare_diagonal("generator_power", ["rotor_speed", given])
         self.declare_partials(found, "inertia")
-        self.declare_partials("generator_power", "rotor_speed", **diagonal)
-        self.declare_partials("generator_power", given, **diagonal)
         if self.options["inverse"]:
-            self.declare_partials("generator_power", "hydrodynamic_torque", **diagonal)
+            self._declare_diagonal("generator_power", "hydrodynamic_torque")
             self.declare_partials("generator_power", "inertia")
-
-    def _names(self):
-        if self.options["inverse"]:
-            return "rotor_acceleration", "control_torque"
-        return "control_torque", "rotor_acceleration"
 
     def compute(self, inputs, outputs):
         """Balance the shaft."""
-        given, found = self._names()
+        given, found = self._given_and_found
         torque, inertia = inputs["hydrodynamic_torque"], inputs["inertia"]
         if self.options["inverse"]:
             outputs[found] = torque - inertia * inputs[given]
@@ -298,10 +328,11 @@ class ShaftComp(om.ExplicitComponent):
 
     def compute_partials(self, inputs, partials):
         """Differentiate the balance."""
-        given, found = self._names()
+        given, found = self._given_and_found
         torque, inertia, w = inputs["hydrodynamic_torque"], inputs["inertia"], inputs["rotor_speed"]
         if self.options["inverse"]:
             rate = inputs[given]
+            partials[found, "hydrodynamic_torque"] = 1.0
             partials[found, given] = -inertia
             partials[found, "inertia"] = -rate[:, None]
             partials["generator_power", "rotor_speed"] = torque - inertia * rate
@@ -314,56 +345,3 @@ class ShaftComp(om.ExplicitComponent):
             partials[found, "inertia"] = (-(torque - inputs[given]) / inertia**2)[:, None]
             partials["generator_power", "rotor_speed"] = inputs[given]
             partials["generator_power", given] = w
-
-
-class FeedbackComp(om.ExplicitComponent):
-    """A feedback law at the nodes of a phase.
-
-    Inputs rotor_speed[num_nodes] (rad/s) and one scalar gain_0, gain_1, … in the law's units;
-    output control_torque[num_nodes] (N*m).
-    """
-
-    def initialize(self):
-        """Declare the options."""
-        self.options.declare("num_nodes", types=int)
-        self.options.declare("law", types=FeedbackLaw, recordable=False)
-
-    def setup(self):
-        """Declare inputs and outputs."""
-        n = self.options["num_nodes"]
-        self.add_input("rotor_speed", shape=(n,), units="rad/s", desc="angular speed of the rotor")
-        for i, units in enumerate(self.options["law"].gain_units):
-            self.add_input(
-                f"gain_{i}",
-                val=1.0,
-                units=units,
-                desc="feedback gain",
-                tags=["dymos.static_target"],
-            )
-        self.add_output(
-            "control_torque", shape=(n,), units="N*m", desc="generator torque on the rotor"
-        )
-
-    def setup_partials(self):
-        """Declare the diagonal partial by speed and the column by each gain."""
-        rows = np.arange(self.options["num_nodes"])
-        self.declare_partials("control_torque", "rotor_speed", rows=rows, cols=rows)
-        self.declare_partials("control_torque", "gain_*")
-
-    def compute(self, inputs, outputs):
-        """Evaluate the law."""
-        outputs["control_torque"] = self.options["law"].torque(
-            inputs["rotor_speed"], self._gains(inputs)
-        )
-
-    def compute_partials(self, inputs, partials):
-        """Differentiate the law."""
-        law, speed, gains = self.options["law"], inputs["rotor_speed"], self._gains(inputs)
-        partials["control_torque", "rotor_speed"] = law.torque_by_speed(speed, gains)
-        for i, column in enumerate(law.torque_by_gain(speed, gains)):
-            partials["control_torque", f"gain_{i}"] = column[:, None]
-
-    def _gains(self, inputs):
-        return np.array(
-            [inputs[f"gain_{i}"][0] for i in range(len(self.options["law"].gain_units))]
-        )
