@@ -1,0 +1,113 @@
+"""Kinds of one's own: a limit, an objective, a law and a flow that the package does not know.
+
+`data/extension.py` defines them with the public names alone; nothing of the package is changed.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from hkt_mdo import InputError, Solution, load_case, run_case
+from hkt_mdo.cli import main
+
+EXTENSION = Path(__file__).parent / "data" / "extension.py"
+SHORT = {"inflow": "sine", "control": "open_loop", "phase": {"segments": 30, "duration": 30}}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """Run a short case with the extension; equal cases once."""
+    found = {}
+
+    def solve(**sections):
+        key = json.dumps(sections, sort_keys=True)
+        if key not in found:
+            case = load_case(SHORT | sections, extensions=[EXTENSION])
+            found[key] = run_case(case, tmp_path_factory.mktemp("runs") / "out", figures=False)
+        return found[key]
+
+    return solve
+
+
+@pytest.mark.parametrize("control", ["open_loop", "quadratic"])
+def test_a_limit_is_kept_and_told(run, control):
+    free, held = run(control=control), run(control=control, limits={"tip_speed": "11.5 m/s"})
+    assert held.success, held.message
+    told = held.summary["limits"]["tip_speed"]
+    assert told["limit"] == 11.5
+    assert told["unit"] == "m/s"
+    assert told["binding"]
+    assert told["value"] == pytest.approx(11.5, rel=1e-3)
+    speed = held.trajectory["rotor_speed_rad_s"] * held.summary["rotor_radius_m"]
+    assert np.max(speed) <= 11.5 * (1.0 + 1e-6)
+    assert np.max(free.trajectory["rotor_speed_rad_s"]) * 1.4 > 11.8
+    assert held.summary["simulated_energy_J"] < free.summary["simulated_energy_J"]
+    checks = {check["name"] for check in held.summary["checks"]}
+    assert {"tip_speed_at_nodes", "tip_speed_between_nodes"} <= checks
+
+
+def test_an_objective_is_maximized(run):
+    plain = run()
+    priced = run(objective={"kind": "priced_torque", "price": 1e-3})
+    assert priced.success, priced.message
+    told = priced.summary["objective"]
+    assert told["kind"] == "priced_torque"
+    torque = priced.simulation["control_torque_Nm"]
+    expected = priced.summary["simulated_energy_J"] - 1e-3 * 30.0 * np.mean(torque[:-1] ** 2)
+    assert told["simulated_J"] == pytest.approx(expected, rel=1e-4)
+    # it gives up energy for torque, and is better by its own measure
+    assert priced.summary["energy_J"] < plain.summary["energy_J"]
+    own = np.mean(plain.simulation["control_torque_Nm"][:-1] ** 2)
+    assert told["simulated_J"] > plain.summary["simulated_energy_J"] - 1e-3 * 30.0 * own
+
+
+def test_a_law_of_two_gains_is_at_least_as_good_as_its_parts(run):
+    limited = {
+        law: run(control={"law": law, "torque_limit": 700})
+        for law in ("mixed", "quadratic", "open_loop")
+    }
+    mixed = limited["mixed"]
+    assert mixed.success, mixed.message
+    assert len(mixed.summary["gain"]) == 2
+    energy = {law: found.summary["simulated_energy_J"] for law, found in limited.items()}
+    assert energy["quadratic"] * (1.0 - 1e-6) <= energy["mixed"]
+    assert energy["mixed"] <= energy["open_loop"] * (1.0 + 2e-5)
+
+
+def test_a_flow_is_followed(run):
+    ramp = run(inflow={"profile": "ramp", "rise": "40 cm/s"})
+    assert ramp.success, ramp.message
+    time = ramp.trajectory["time_s"]
+    share = (time / 20.0) ** 2
+    expected = 1.3 + 0.4 * share / (1.0 + share)
+    np.testing.assert_allclose(ramp.trajectory["inflow_speed_m_s"], expected, rtol=1e-9)
+
+
+def test_the_command_line_takes_the_same(tmp_path, capsys):
+    case = SHORT | {"limits": {"tip_speed": "11.5 m/s"}, "phase": {"segments": 15, "duration": 15}}
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(case))
+    file, out = str(tmp_path / "own.yaml"), str(tmp_path / "out")
+    extend = ["--extend", str(EXTENSION)]
+    assert main(["check", file, "--no-figures"]) == 2
+    assert "limits.tip_speed" in capsys.readouterr().err
+    assert main([*extend, "check", file, "--no-figures"]) == 0
+    assert "tip speed" in capsys.readouterr().out
+    assert main([*extend, "schema"]) == 0
+    schema = capsys.readouterr().out
+    assert all(name in schema for name in ("tip_speed", "priced_torque", "mixed", "ramp"))
+    assert main([*extend, "run", file, "--out", out, "--no-figures"]) == 0
+    assert "tip speed" in capsys.readouterr().out
+    assert main([*extend, "show", out]) == 0
+    assert "tip speed" in capsys.readouterr().out
+
+
+def test_a_result_is_read_only_with_its_extension(run):
+    """Its folder must not choose what is executed."""
+    folder = run(limits={"tip_speed": "11.5 m/s"}).folder
+    with pytest.raises(InputError, match="tip_speed"):
+        Solution.load(folder)
+    again = Solution.load(folder, extensions=[EXTENSION])
+    assert again.case == load_case(folder / "case.yaml", extensions=[EXTENSION])
