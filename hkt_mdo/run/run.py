@@ -10,7 +10,6 @@ else is written, and `resume_case` goes on from the last iterate in `iterate.jso
 
 import json
 import os
-import platform
 import signal
 import sqlite3
 import tempfile
@@ -20,7 +19,6 @@ from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
-from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -29,8 +27,8 @@ from scipy.interpolate import CubicSpline
 
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Simulation
+from hkt_mdo.dynamics.trajectory import QUANTITIES
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.blade import BladeTable, write_blade_csv
 from hkt_mdo.files.shipped import read_bytes
 from hkt_mdo.problem.build import (
     MoveLimits,
@@ -46,6 +44,7 @@ from hkt_mdo.problem.build import (
 from hkt_mdo.problem.start import SLOWED, Operation, StartingPoint
 from hkt_mdo.results.folder import check_folder, clear, locked, write_csv, write_json, write_text
 from hkt_mdo.results.solution import Solution
+from hkt_mdo.results.summary import Summary
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.steady_optimum import (
@@ -60,13 +59,12 @@ from hkt_mdo.run.judge import (
     Optimized,
     between_nodes,
     curve_errors,
-    energy_bound,
-    explain,
     fly,
     is_false,
     judge,
     recovers,
 )
+from hkt_mdo.run.summary import _summarize, _write_tables
 from hkt_mdo.solve.drivers import outcome
 
 MAX_PASSES = 8  # of refining the torque curve or re-centring the move limits
@@ -75,17 +73,6 @@ NEAR_STALL = 0.022
 WORTHWHILE = 1e-6  # relative gain in energy for which a move limit is re-centred again
 FIRST_ITERATIONS = 300  # after as many, an optimization has lost its way
 NARROW = MoveLimits(slower=0.8, faster=1.25, chord=1.3, twist=np.deg2rad(3.0), gain=1.3)
-COLUMNS = {
-    "time_s": "time",
-    "inflow_speed_m_s": "inflow_speed",
-    "rotor_speed_rad_s": "rotor_speed",
-    "tip_speed_ratio": "tip_speed_ratio",
-    "hydrodynamic_torque_Nm": "hydrodynamic_torque",
-    "control_torque_Nm": "control_torque",
-    "hydrodynamic_power_W": "hydrodynamic_power",
-    "generator_power_W": "generator_power",
-}
-
 RESUMABLE = 1e-2  # largest scaled violation of an iterate worth going on from
 SECONDS_BETWEEN_SAVES = 0.2
 EVALUATIONS_BETWEEN_POINTS = 5
@@ -173,8 +160,8 @@ def resume_case(
 def _run(case, world, out, start, log, figures, records) -> Solution:
     """Run a case in its locked folder from a start, None: the case's own."""
     began = time.perf_counter()
-    summary: dict = {"case": case.name, "success": False, "message": UNFINISHED}
-    write_json(out / "summary.json", summary)
+    summary = Summary(case=case.name, success=False, message=UNFINISHED)
+    write_json(out / "summary.json", dict(summary))
     try:
         with _scratch_directory(), _termination_interrupts(log):
             optimum = _steady_optimum(world, world.blade)
@@ -186,14 +173,15 @@ def _run(case, world, out, start, log, figures, records) -> Solution:
             optimum = _bounding_optimum(world, optimum, result.point.blade, flown.inflow_speed)
             checks = judge(case, world, optimum, log.reference, result, flown)
             finished = _summarize(case, world, optimum, start, result, flown, checks)
-            if not (finished["success"] or start.operation.running):
-                finished["message"] = f"{NOT_RUNNING}; {finished['message']}"
+            if not (finished.success or start.operation.running):
+                message = f"{NOT_RUNNING}; {finished.message}"
+                finished = finished.model_copy(update={"message": message})
             _write_tables(out, case, world, result, flown)
             if records:
                 om.n2(result.problem, outfile=str(out / "n2.html"), show_browser=False)
             if result.outcome.success:
                 log.save(result.point)
-            summary |= finished | {"wall_seconds": time.perf_counter() - began}
+            summary = finished.model_copy(update={"wall_seconds": time.perf_counter() - began})
     except sqlite3.Error as error:
         raise InputError(
             f"{out}: OpenMDAO's recorder cannot write there ({error}); make room on the disk and "
@@ -201,7 +189,7 @@ def _run(case, world, out, start, log, figures, records) -> Solution:
         ) from error
     finally:
         log.write_history()
-        write_json(out / "summary.json", summary)
+        write_json(out / "summary.json", dict(summary))
     solution = Solution.load(out)
     if figures:
         from hkt_mdo.results.plots import save_figures
@@ -544,7 +532,7 @@ def _collect(case, world, problem, nodes) -> Optimized:
         outcome(problem.driver),
         _point(case, world, problem),
         nodes,
-        {name: _series(problem, name) for name in COLUMNS.values()},
+        {name: _series(problem, name) for name in QUANTITIES},
         float(problem.get_val("energy")[0]),
         float(problem.get_val("generator_energy")[0]),
         float(problem.get_val("inertia")[0]),
@@ -575,142 +563,7 @@ def _at_move_limit(case, world, start, result, moves):
     return False
 
 
-# Writing ------------------------------------------------------------------------------------------
-
-
-def _summarize(case, world, optimum, start, result, flown, checks):
-    """Return the summary of a finished run."""
-    failed = [check for check in checks if not check.passed]
-    blade, ratios = result.point.blade, result.trajectory["tip_speed_ratio"]
-    peak = best_operation(blade, world.polar)
-    by_name = {check.name: check.value for check in checks}
-    gains = [float(gain) for gain in result.point.gains]
-    turning = flown.stopped_at is None
-    return {
-        "success": not failed,
-        "message": "; ".join(explain(check) for check in failed) or "converged and verified",
-        "package": result.outcome.package,
-        "optimizer": result.outcome.optimizer,
-        "iterations": result.outcome.iterations,
-        "energy_J": result.energy,
-        "simulated_energy_J": flown.energy if turning else None,
-        "generator_energy_J": flown.generator_energy if turning else None,
-        "energy_bound_J": energy_bound(case, world, optimum),
-        "bound_power_coefficient": optimum.power_coefficient,
-        "bound_tip_speed_ratio": optimum.tip_speed_ratio,
-        "gain": None if not gains else gains[0] if len(gains) == 1 else gains,
-        "gain_units": list(world.law.gain_units) if world.law else [],
-        "tip_speed_ratio": {"min": np.min(ratios), "max": np.max(ratios), "mean": np.mean(ratios)},
-        "power_coefficient_max": peak.power_coefficient,
-        "tip_speed_ratio_at_power_coefficient_max": peak.tip_speed_ratio,
-        "control_torque_max_Nm": np.max(result.trajectory["control_torque"]),
-        "rotor_radius_m": blade.rotor_radius,
-        "tip_radius_m": blade.tip_radius,
-        "set_angle_deg": _set_angle(case, world, blade),
-        "inertia_kg_m2": result.inertia,
-        "mass_kg": result.mass,
-        "r_m": blade.r,
-        "chord_m": blade.chord,
-        "twist_deg": np.rad2deg(blade.twist),
-        "start_chord_m": world.blade.chord,
-        "start_twist_deg": np.rad2deg(world.blade.twist),
-        "starting_energy_J": start.operation.energy,
-        "surrogate_error": by_name["surrogate_error"],
-        "surrogate_nodes": int(result.curve.size),
-        "max_speed_error": by_name["max_speed_error"],
-        "energy_balance_error": abs(
-            flown.energy - flown.generator_energy - flown.kinetic_energy_change
-        )
-        / max(flown.energy, 1e-9),
-        "checks": [vars(check) for check in checks],
-        "notes": list(world.messages),
-        "versions": _versions(),
-    }
-
-
-def _set_angle(case, world, blade):
-    """Return the set angle, deg: what was found, or given; None where a designed twist has it."""
-    if world.shape.designs_set_angle:
-        return float(np.rad2deg(world.shape.control(blade)[1][0]))
-    return None if world.shape.designs_chord else case.rotor.set_angle or 0.0
-
-
-def _versions():
-    versions = {"python": platform.python_version()}
-    for name in (
-        "hkt_mdo",
-        "openmdao",
-        "dymos",
-        "numpy",
-        "scipy",
-        "numba",
-        "casadi",
-        "wisdem",
-        "pyoptsparse",
-    ):
-        try:
-            versions[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
-    return versions
-
-
-def _write_tables(out, case, world, result, flown):
-    """Write the trajectory, the simulation and the power curves as CSV files."""
-    columns = list(COLUMNS.values())
-    write_csv(
-        out / "trajectory.csv",
-        COLUMNS,
-        zip(*(result.trajectory[name] for name in columns), strict=True),
-    )
-    speed, flow = flown.rotor_speed, flown.inflow_speed
-    rows = (
-        flown.time,
-        flow,
-        speed,
-        speed * result.point.blade.rotor_radius / flow,
-        flown.hydrodynamic_torque,
-        flown.control_torque,
-        flown.hydrodynamic_torque * speed,
-        flown.control_torque * speed,
-    )
-    write_csv(out / "simulation.csv", COLUMNS, zip(*rows, strict=True))
-    _write_blade(out / "blade.csv", case, world, result.point.blade)
-    peak = best_operation(result.point.blade, world.polar).tip_speed_ratio
-    ratios = np.linspace(0.3, 1.7, 141) * peak
-    power = [
-        bem.rotor_coefficients(blade, world.polar, ratios).power
-        for blade in (result.point.blade, world.blade)
-    ]
-    header = ("tip_speed_ratio", "power_coefficient", "start_power_coefficient")
-    write_csv(out / "power_curve.csv", header, zip(ratios, *power, strict=True))
-
-
-def _write_blade(path, case, world, blade):
-    """Write the found blade as a file that another case can begin from."""
-    rotor = {
-        "blade": "blade.csv",
-        "radius": blade.tip_radius,
-        "hub_radius_fraction": blade.hub_radius / blade.tip_radius,
-        "blade_count": blade.blade_count,
-        "cone": float(np.rad2deg(blade.cone)),
-        "set_angle": 0.0,
-        "stations": None,
-    }
-    section = ", ".join(
-        f"{key}: {'null' if value is None else value}" for key, value in rotor.items()
-    )
-    remarks = (
-        f"blade found by the case {case.name}; the twist has the set angle in it",
-        f"to begin from it, with the path of this file: rotor: {{{section}}}",
-    )
-    table = BladeTable(
-        blade.r,
-        blade.chord,
-        blade.twist,
-        thickness=np.broadcast_to(np.asarray(world.thickness, dtype=float), blade.r.shape),
-    )
-    write_blade_csv(path, table, remarks)
+# Surroundings of a run ----------------------------------------------------------------------------
 
 
 @contextmanager
