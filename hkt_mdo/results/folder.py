@@ -1,6 +1,5 @@
 """Writing a result folder: one run at a time, and every file appears complete or not at all."""
 
-import csv
 import json
 import shutil
 import sqlite3
@@ -109,9 +108,5 @@ def plain(value):
 
 def write_csv(path: Path, header, rows) -> None:
     """Write rows of numbers, to ten digits, below a header."""
-    part = path.with_name(path.name + ".part")
-    with part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(header)
-        writer.writerows([[f"{float(value):.10g}" for value in row] for row in rows])
-    part.replace(path)
+    lines = [",".join(f"{float(value):.10g}" for value in row) for row in rows]
+    write_text(path, "\n".join([",".join(header), *lines, ""]))

@@ -45,7 +45,7 @@ def plot_power_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
     """
     ax = _beside_start(solutions, ax, "power_curve", "tip_speed_ratio", "power_coefficient")
     bar = None
-    for index, solution in enumerate(_listed(solutions)):
+    for index, (solution, _) in enumerate(_named(solutions)):
         if not solution.power_curve:
             continue
         get, color = solution.summary.get, style.line(index)["color"]
@@ -75,7 +75,7 @@ def plot_tip_speed_ratio(solutions: Solutions, ax: Axes | None = None) -> Axes:
 
 def plot_control_torque(solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot the control torque (N m) over time and its limit; collocation nodes as above."""
-    return _over_time(solutions, ax, "control_torque", _torque_limits)
+    return _over_time(solutions, ax, "control_torque")
 
 
 def plot_hydrodynamic_torque(solutions: Solutions, ax: Axes | None = None) -> Axes:
@@ -88,16 +88,16 @@ def plot_torque(solutions: Solutions, ax: Axes | None = None) -> Axes:
 
     The simulation is shown, or the collocation nodes where there is none.
     """
-    chosen, ax = _listed(solutions), ax or style.new_axes()
-    for index, solution in enumerate(chosen):
+    chosen, ax = _named(solutions), ax or style.new_axes()
+    for index, (solution, name) in enumerate(chosen):
         table = solution.simulation or solution.trajectory
-        for name, line in (("control", "-"), ("hydrodynamic", "--")) if table else ():
+        for torque, dashes in (("control", "-"), ("hydrodynamic", "--")) if table else ():
             look = style.line(index) | _sparse_marks(index, table, len(chosen))
-            if len(chosen) == 1 and name == "hydrodynamic":
+            if not name and torque == "hydrodynamic":
                 look["color"] = style.COLORS[1]  # the two torques of a light rotor nearly coincide
-            label, look["linestyle"] = _prefix(solution, chosen) + name, line
-            ax.plot(table["time_s"], table[f"{name}_torque_Nm"], label=label, **look)
-    _torque_limits(chosen, ax)
+            label, look["linestyle"] = ", ".join(filter(None, (name, torque))), dashes
+            ax.plot(table["time_s"], table[f"{torque}_torque_Nm"], label=label, **look)
+    _torque_limits(solutions, ax)
     return style.finish(ax, "time (s)", "torque (N m)", above=True)
 
 
@@ -106,17 +106,15 @@ def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:
 
     The axes returned are those of the energy.
     """
-    chosen, ax = _listed(solutions), ax or style.new_axes()
+    ax = ax or style.new_axes()
     right = ax.twinx()
-    for index, solution in enumerate(chosen):
+    for index, (solution, name) in enumerate(_named(solutions)):
         if not (table := solution.convergence):
             continue
-        count, prefix, look = table["evaluation"], _prefix(solution, chosen), style.line(index)
+        count, look, prefix = table["evaluation"], style.line(index), f"{name}, " if name else ""
         ax.plot(count, table["energy_J"], label=f"{prefix}energy", **look)
         look |= {"linestyle": ":", "linewidth": 1.0, "markevery": max(1, count.size // 40)}
-        look |= style.marker(index, 3.0)
-        if len(chosen) == 1:
-            look["color"] = style.COLORS[1]
+        look |= style.marker(index, 3.0) | ({} if name else {"color": style.COLORS[1]})
         right.plot(count, table["infeasibility"], label=f"{prefix}infeasibility", **look)
     values = np.concatenate([[0.0], *(line.get_ydata() for line in right.lines)])
     if np.any(np.isfinite(values) & (values > 0.0)):
@@ -160,7 +158,7 @@ def _figure(
     height: float,
 ) -> Figure | None:
     """Return plots one below the other; None if no solution has one of the tables."""
-    if not any(getattr(each, table) for each in _listed(solutions) for table in tables):
+    if not any(getattr(each, table) for each, _ in _named(solutions) for table in tables):
         return None
     figure, panels = style.stack(len(plots), width, height)
     for panel, plot in zip(panels, plots, strict=True):
@@ -196,17 +194,14 @@ def save_figures(
 # Parts --------------------------------------------------------------------------------------------
 
 
-def _listed(solutions: Solutions) -> list[Solution]:
-    return [solutions] if isinstance(solutions, Solution) else list(solutions)
-
-
-def _label(solution: Solution) -> str:
+def _named(solutions: Solutions) -> list[tuple[Solution, str]]:
+    """Return solutions and their names in a legend; a single solution needs no name."""
+    if isinstance(solutions, Solution):
+        return [(solutions, "")]
+    if len(solutions) == 1:
+        return [(solutions[0], "")]
     # Matplotlib leaves labels that begin with an underscore out of legends
-    return f" {solution.name}" if solution.name.startswith("_") else solution.name
-
-
-def _prefix(solution: Solution, chosen: list[Solution]) -> str:
-    return f"{_label(solution)}, " if len(chosen) > 1 else ""
+    return [(each, f" {each.name}" if each.name[0] == "_" else each.name) for each in solutions]
 
 
 def _sparse_marks(index: int, table: dict[str, np.ndarray], count: int) -> dict[str, Any]:
@@ -218,13 +213,13 @@ def _sparse_marks(index: int, table: dict[str, np.ndarray], count: int) -> dict[
 
 
 def _beside_start(
-    solutions: Solutions, ax: Axes | None, name: str, x: str, y: str, markers: bool = False
+    solutions: Solutions, ax: Axes | None, source: str, x: str, y: str, markers: bool = False
 ) -> Axes:
     """Plot a column over another, and that of the blade at the start: once if it is the same."""
-    chosen, ax = _listed(solutions), ax or style.new_axes()
+    ax = ax or style.new_axes()
     starts: list[np.ndarray] = []
-    for index, solution in enumerate(chosen):
-        table = getattr(solution, name)
+    for index, (solution, name) in enumerate(_named(solutions)):
+        table = getattr(solution, source)
         if y not in table:
             continue
         label, start = "optimized blade", table.get(f"start_{y}")
@@ -236,37 +231,31 @@ def _beside_start(
             ax.plot(table[x], start, linestyle=":", label=text, **look)
             starts.append(start)
         look = style.line(index) | (style.marker(index, 4.5) if markers else {})
-        ax.plot(table[x], table[y], label=_label(solution) if len(chosen) > 1 else label, **look)
+        ax.plot(table[x], table[y], label=name or label, **look)
     return ax
 
 
-def _over_time(
-    solutions: Solutions,
-    ax: Axes | None,
-    quantity: str,
-    extra: Callable[[list[Solution], Axes], None] | None = None,
-) -> Axes:
-    """Plot a quantity over time, and what `extra` adds."""
-    chosen, ax, column = _listed(solutions), ax or style.new_axes(), COLUMNS[quantity]
-    for index, solution in enumerate(chosen):
-        table = solution.simulation or (solution.trajectory if len(chosen) > 1 else {})
-        if table:
-            label = _label(solution) if len(chosen) > 1 else "simulation"
+def _over_time(solutions: Solutions, ax: Axes | None, quantity: str) -> Axes:
+    """Plot a quantity over time, and the limit of the control torque."""
+    chosen, ax, column = _named(solutions), ax or style.new_axes(), COLUMNS[quantity]
+    for index, (solution, name) in enumerate(chosen):
+        nodes = solution.trajectory
+        if table := solution.simulation or (nodes if name else {}):
             look = style.line(index) | _sparse_marks(index, table, len(chosen))
-            ax.plot(table["time_s"], table[column], label=label, **look)
-        if len(chosen) == 1 and (nodes := solution.trajectory):
+            ax.plot(table["time_s"], table[column], label=name or "simulation", **look)
+        if nodes and not name:
             look = style.marker(0, 3.2) | {"linestyle": "none", "markerfacecolor": "none"}
             look |= {"color": style.COLORS[1], "zorder": 2.5}
             ax.plot(nodes["time_s"], nodes[column], label="collocation nodes", **look)
-    if extra is not None:
-        extra(chosen, ax)
+    if quantity == "control_torque":
+        _torque_limits(solutions, ax)
     style.widen(ax)
     unit = (QUANTITIES[quantity][0] or "-").replace("*", " ")
     return style.finish(ax, "time (s)", f"{quantity.replace('_', ' ')} ({unit})", above=True)
 
 
-def _torque_limits(chosen: list[Solution], ax: Axes) -> None:
-    limits = {solution.case.control.torque_limit for solution in chosen} - {None}
+def _torque_limits(solutions: Solutions, ax: Axes) -> None:
+    limits = {solution.case.control.torque_limit for solution, _ in _named(solutions)} - {None}
     for limit in sorted(limits):
         label = f"torque limit {limit:g} N m"
         ax.axhline(limit, linestyle="-.", label=label, **style.REFERENCE)

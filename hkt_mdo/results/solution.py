@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import html
 import importlib
-from array import array
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,8 @@ __all__ = ["TABLES", "Solution", "summary_table"]
 
 MAX_CSV_BYTES = 64 * 1024**2
 """Largest CSV file that is read, in bytes."""
+
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*([eE][-+]?\d+)?|nan|inf)", re.ASCII)
 
 _OVER_TIME = {COLUMNS[name]: about for name, about in QUANTITIES.items()}
 
@@ -53,37 +55,24 @@ TABLES: dict[str, dict[str, tuple[str | None, str]]] = {
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution:
-    """What a run left in its folder.
+    """What a run left in its folder; a table that the run did not reach is an empty dict.
 
-    Parameters
-    ----------
-    folder : pathlib.Path
-        The result folder.
-    case : Case
-        The case that was run, every default written out.
-    summary : Summary
-        Figures of merit: attributes, or values by the keys of ``summary.json``.
-    trajectory : dict of str to numpy.ndarray
-        The optimized trajectory, column[n_nodes] at the collocation nodes.
-    simulation : dict of str to numpy.ndarray
-        The independent integration of the same design, column[n_times].
-    power_curve : dict of str to numpy.ndarray
-        Power coefficients of the blade and of the blade at the start, column[n_tip_speed_ratios].
-    convergence : dict of str to numpy.ndarray
-        Energy and infeasibility, column[n_evaluations].
-
-    Notes
-    -----
-    A table that the run did not reach is an empty dict. `TABLES` has the units of all columns.
+    `TABLES` has the units of all columns.
     """
 
     folder: Path
     case: Case
+    """The case that was run, every default written out."""
     summary: Summary
+    """Figures of merit: attributes, or values by the keys of ``summary.json``."""
     trajectory: dict[str, np.ndarray]
+    """The optimized trajectory, column[n_nodes] at the collocation nodes."""
     simulation: dict[str, np.ndarray]
+    """The independent integration of the same design, column[n_times]."""
     power_curve: dict[str, np.ndarray]
+    """Power coefficients of the blade and of that at the start, column[n_tip_speed_ratios]."""
     convergence: dict[str, np.ndarray]
+    """Energy and infeasibility, column[n_evaluations]."""
 
     @classmethod
     def load(cls, folder: str | Path) -> Solution:
@@ -152,13 +141,7 @@ class Solution:
         return {name: np.array(values) for name, values in columns.items() if values is not None}
 
     def table(self, name: str) -> dict[str, np.ndarray]:
-        """Return a table of the result by its name in `TABLES`.
-
-        Raises
-        ------
-        InputError
-            If there is no such table, or the run did not reach it.
-        """
+        """Return a table by its name in `TABLES`; InputError if the run did not reach it."""
         if name not in TABLES:
             raise InputError("unknown table", f"known: {', '.join(TABLES)}", value=name)
         if not (table := getattr(self, name)):
@@ -166,12 +149,9 @@ class Solution:
         return table
 
     def to_pandas(self, name: str = "trajectory") -> Any:
-        """Return a table as a pandas DataFrame; the units of the columns are in ``attrs['units']``.
+        """Return a table as a pandas DataFrame; ``attrs["units"]`` has the units of the columns.
 
-        Raises
-        ------
-        InputError
-            If pandas is not installed or there is no such table.
+        Raises InputError if pandas is not installed or there is no such table.
         """
         frame = _package("pandas").DataFrame(self.table(name))
         frame.attrs["units"] = {column: TABLES[name][column][0] or "1" for column in frame}
@@ -180,16 +160,11 @@ class Solution:
     def to_xarray(self, name: str = "simulation") -> Any:
         """Return a table as an xarray Dataset over its first column, such as time.
 
-        Every variable has the attributes ``units`` and ``long_name``.
-
-        Raises
-        ------
-        InputError
-            If xarray is not installed or there is no such table.
+        Every variable has the attributes ``units`` and ``long_name``. Raises InputError if xarray
+        is not installed or there is no such table.
         """
         xarray, table = _package("xarray"), self.table(name)
-        dimension = next(iter(table))
-        variables = {}
+        dimension, variables = next(iter(table)), {}
         for column, values in table.items():
             unit, description = TABLES[name][column]
             attributes = {"units": unit or "1", "long_name": description}
@@ -197,7 +172,6 @@ class Solution:
         return xarray.Dataset(variables, attrs={"case": self.name, "table": name})
 
     def __repr__(self) -> str:
-        """Return the name, the outcome, the energy and the folder in one line."""
         outcome = "success" if self.success else "no success"
         energy = "" if self.energy is None else f", {self.energy / 1e3:.2f} kJ"
         return f"<Solution {self.name}: {outcome}{energy}, {str(self.folder)!r}>"
@@ -226,30 +200,18 @@ def _read_csv(path: Path, columns: tuple[str, ...]) -> dict[str, np.ndarray]:
     """Return the columns of a table, which may hold nan and inf; empty without file or rows."""
     if not path.exists():
         return {}
-    remedy = "delete the file, or run the case again"
-    content = read_bytes(path, MAX_CSV_BYTES, "table of a result")
-    try:
-        header, *lines = content.decode("ascii").splitlines() or [""]
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
-        raise InputError("is not plain text", remedy, file=path, key=f"line {line}") from None
-    names = header.split(",")
-    missing = [name for name in columns if names.count(name) != 1]
-    if missing:
-        raise InputError(f"must have one column {missing[0]}", remedy, file=path, value=header)
-    numbers = array("d")
-    for number, row in enumerate(lines, start=2):
-        cells = row.split(",")
-        try:
-            numbers.extend(map(float, cells))
-            sound = len(cells) == len(names) and "_" not in row  # Python reads 1_000 as a number
-        except ValueError:
-            sound = False
-        if not sound:
+    content = read_bytes(path, MAX_CSV_BYTES, "table of a result").decode("utf-8", "replace")
+    header, *lines = content.splitlines() or [""]
+    names, remedy = header.split(","), "delete the file, or run the case again"
+    for name in columns:
+        if names.count(name) != 1:
+            raise InputError(f"must have one column {name}", remedy, file=path, value=header)
+    table = np.empty((len(lines), len(names)))
+    for row, line in enumerate(lines):
+        cells = line.split(",")
+        if len(cells) != len(names) or not all(map(_NUMBER.fullmatch, cells)):
             problem = f"must hold {len(names)} numbers separated by commas"
-            raise InputError(problem, remedy, file=path, key=f"line {number}", value=row)
-    if not lines:
-        return {}
-    table = np.array(numbers).reshape(len(lines), len(names)).T.copy()
+            raise InputError(problem, remedy, file=path, key=f"line {row + 2}", value=line)
+        table[row] = cells
     table.flags.writeable = False
-    return {name: table[names.index(name)] for name in columns}
+    return {name: table[:, names.index(name)] for name in columns} if lines else {}
