@@ -9,6 +9,7 @@ that they can be told apart in grey.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -160,10 +161,7 @@ def _figure(
     """Return plots one below the other; None if no solution has one of the tables."""
     if not any(getattr(each, table) for each, _ in _named(solutions) for table in tables):
         return None
-    figure, panels = style.stack(len(plots), width, height)
-    for panel, plot in zip(panels, plots, strict=True):
-        plot(solutions, panel)
-    return style.arrange(figure)
+    return style.figure_of(width, height, [partial(plot, solutions) for plot in plots])
 
 
 _FIGURES: dict[str, Callable[[Solutions], Figure | None]] = {
@@ -179,13 +177,8 @@ def save_figures(
 ) -> list[Path]:
     """Write the figures blade, power_curve, operation and convergence for which there are data.
 
-    Files are named FIGURE.FORMAT; the folder is made if it does not exist, files of the same names
-    are replaced, and the paths are returned. Formats are those that Matplotlib knows: png, pdf, ...
-
-    Raises
-    ------
-    InputError
-        If Matplotlib does not know a format; nothing has been written then.
+    Returns the paths, FIGURE.FORMAT; the folder is made if it does not exist, and files of the same
+    names are replaced. Raises InputError if Matplotlib does not know a format.
     """
     figures = {name: draw(solutions) for name, draw in _FIGURES.items()}
     return style.save({name: each for name, each in figures.items() if each}, folder, formats)
