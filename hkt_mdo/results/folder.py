@@ -91,18 +91,22 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, data) -> None:
-    """Write data as JSON; see `plain` for arrays and for numbers that JSON does not have."""
-    write_text(path, json.dumps(plain(data), indent=2) + "\n")
+    """Write data as JSON (`to_json`)."""
+    write_text(path, to_json(data) + "\n")
 
 
-def plain(value):
-    """Return data as JSON has them: arrays as lists, None in place of NaN and infinity."""
+def to_json(data) -> str:
+    """Return data as JSON: arrays as lists, null in place of NaN and infinity."""
+    return json.dumps(_plain(data), indent=2)
+
+
+def _plain(value):
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, dict):
-        return {key: plain(item) for key, item in value.items()}
+        return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
+        return [_plain(item) for item in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 

@@ -3,11 +3,13 @@
 Each `plot_...` takes one solution or several and, optionally, the axes to draw on (of a new figure
 by default), and returns the axes. Each `..._figure` returns a figure, or None without data for it.
 A plot computes nothing and sets no rcParams. Solutions differ by colour, line style and marker, so
-that they can be told apart in grey.
+that they can be told apart in grey. Over time, the simulation is shown; of a single solution, the
+collocation nodes, too.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -65,22 +67,22 @@ def plot_power_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
 
 
 def plot_rotor_speed(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot the rotor speed (rad/s) over time; of a single solution, the collocation nodes too."""
+    """Plot the rotor speed (rad/s) over time."""
     return _over_time(solutions, ax, "rotor_speed")
 
 
 def plot_tip_speed_ratio(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot the tip speed ratio over time; of a single solution, the collocation nodes too."""
+    """Plot the tip speed ratio over time."""
     return _over_time(solutions, ax, "tip_speed_ratio")
 
 
 def plot_control_torque(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot the control torque (N m) over time and its limit; collocation nodes as above."""
+    """Plot the control torque (N m) over time, and its limit."""
     return _over_time(solutions, ax, "control_torque")
 
 
 def plot_hydrodynamic_torque(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot the hydrodynamic torque (N m) over time; collocation nodes as above."""
+    """Plot the hydrodynamic torque (N m) over time."""
     return _over_time(solutions, ax, "hydrodynamic_torque")
 
 
@@ -164,14 +166,6 @@ def _figure(
     return style.figure_of(width, height, [partial(plot, solutions) for plot in plots])
 
 
-_FIGURES: dict[str, Callable[[Solutions], Figure | None]] = {
-    "blade": blade_figure,
-    "power_curve": power_curve_figure,
-    "operation": operation_figure,
-    "convergence": convergence_figure,
-}
-
-
 def save_figures(
     solutions: Solutions, folder: str | Path, formats: Sequence[str] = ("png",)
 ) -> list[Path]:
@@ -180,7 +174,12 @@ def save_figures(
     Returns the paths, FIGURE.FORMAT; the folder is made if it does not exist, and files of the same
     names are replaced. Raises InputError if Matplotlib does not know a format.
     """
-    figures = {name: draw(solutions) for name, draw in _FIGURES.items()}
+    figures = {
+        "blade": blade_figure(solutions),
+        "power_curve": power_curve_figure(solutions),
+        "operation": operation_figure(solutions),
+        "convergence": convergence_figure(solutions),
+    }
     return style.save({name: each for name, each in figures.items() if each}, folder, formats)
 
 
@@ -189,12 +188,11 @@ def save_figures(
 
 def _named(solutions: Solutions) -> list[tuple[Solution, str]]:
     """Return solutions and their names in a legend; a single solution needs no name."""
-    if isinstance(solutions, Solution):
-        return [(solutions, "")]
-    if len(solutions) == 1:
-        return [(solutions[0], "")]
+    several = [solutions] if isinstance(solutions, Solution) else list(solutions)
+    if len(several) == 1:
+        return [(several[0], "")]
     # Matplotlib leaves labels that begin with an underscore out of legends
-    return [(each, f" {each.name}" if each.name[0] == "_" else each.name) for each in solutions]
+    return [(each, re.sub("^_", " _", each.name)) for each in several]
 
 
 def _sparse_marks(index: int, table: dict[str, np.ndarray], count: int) -> dict[str, Any]:

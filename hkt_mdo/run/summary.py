@@ -7,7 +7,7 @@ import numpy as np
 
 from hkt_mdo.dynamics.trajectory import COLUMNS
 from hkt_mdo.files.blade import BladeTable, write_blade_csv
-from hkt_mdo.results.folder import plain, write_csv
+from hkt_mdo.results.folder import to_json, write_csv
 from hkt_mdo.results.summary import Summary
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.steady_optimum import best_operation
@@ -73,7 +73,7 @@ def _summarize(case, world, optimum, start, result, flown, checks) -> Summary:
         "notes": list(world.messages),
         "versions": _versions(),
     }
-    return Summary.checked(plain(values))
+    return Summary.parse(to_json(values))
 
 
 def _set_angle(case, world, blade):
