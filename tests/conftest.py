@@ -1,7 +1,5 @@
 """What several test modules share."""
 
-import csv
-import json
 import os
 import signal
 from functools import cache
@@ -11,28 +9,10 @@ import numpy as np
 import pytest
 
 from hkt_mdo.case import load_case, read_case
+from hkt_mdo.dynamics.trajectory import COLUMNS
+from hkt_mdo.results.folder import write_csv, write_json
 
 CASES = Path(__file__).parent.parent / "cases"
-
-OVER_TIME = (
-    "time_s",
-    "inflow_speed_m_s",
-    "rotor_speed_rad_s",
-    "tip_speed_ratio",
-    "hydrodynamic_torque_Nm",
-    "control_torque_Nm",
-    "hydrodynamic_power_W",
-    "generator_power_W",
-)
-
-
-def write_csv(path: Path, columns: dict[str, np.ndarray]) -> None:
-    """Write columns as a run does."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(columns)
-        rows = zip(*columns.values(), strict=True)
-        writer.writerows([[f"{value:.10g}" for value in row] for row in rows])
 
 
 def operate(time: np.ndarray, limit: float | None, law: str) -> dict[str, np.ndarray]:
@@ -43,7 +23,7 @@ def operate(time: np.ndarray, limit: float | None, law: str) -> dict[str, np.nda
     torque = 0.47 / ratio * 0.5 * 1000.0 * np.pi * 1.4**3 * flow**2
     control = np.minimum(torque * (1.0 - 0.01 * np.cos(0.25 * time)), limit or np.inf)
     values = (time, flow, speed, ratio, torque, control, torque * speed, control * speed)
-    return dict(zip(OVER_TIME, values, strict=True))
+    return dict(zip(COLUMNS.values(), values, strict=True))
 
 
 def make_result(folder: Path, law: str = "quadratic", limit: float | None = 700.0) -> Path:
@@ -59,27 +39,29 @@ def make_result(folder: Path, law: str = "quadratic", limit: float | None = 700.
     edges = np.linspace(0.0, 60.0, 61)
     nodes = np.sort(np.r_[edges, 0.5 * (edges[1:] + edges[:-1]), edges[1:]])  # 181 of them
     trajectory = operate(nodes, limit, law)
-    write_csv(folder / "trajectory.csv", trajectory)
-    write_csv(folder / "simulation.csv", operate(np.linspace(0.0, 60.0, 1201), limit, law))
-    ratio = np.linspace(2.2, 12.4, 141)
-    write_csv(
-        folder / "power_curve.csv",
-        {
+    ratio, count = np.linspace(2.2, 12.4, 141), np.arange(45.0)
+    tables = {
+        "trajectory": trajectory,
+        "simulation": operate(np.linspace(0.0, 60.0, 1201), limit, law),
+        "power_curve": {
             "tip_speed_ratio": ratio,
             "power_coefficient": 0.47 - 0.015 * (ratio - 7.2) ** 2,
             "start_power_coefficient": 0.43 - 0.02 * (ratio - 6.4) ** 2,
         },
-    )
-    count = np.arange(45.0)
-    write_csv(
-        folder / "convergence.csv",
-        {
+        "convergence": {
             "evaluation": count,
             "energy_J": 322239.0 - 16000.0 * np.exp(-count / 6.0) * np.cos(0.5 * count),
             "infeasibility": 0.3 * np.exp(-count / 2.2) * (1.5 + np.sin(3.0 * count)),
         },
-    )
+    }
+    for name, table in tables.items():
+        write_csv(folder / f"{name}.csv", table, zip(*table.values(), strict=True))
     radius = 1.4 * np.array(case.rotor.stations)
+    gain, unit = {
+        "open_loop": (None, []),
+        "linear": (90.9, ["N*m*s/rad"]),
+        "quadratic": (10.98, ["N*m*s**2/rad**2"]),
+    }[law]
     summary = {
         "case": case.name,
         "success": True,
@@ -92,22 +74,23 @@ def make_result(folder: Path, law: str = "quadratic", limit: float | None = 700.
         "simulated_energy_J": 322240.5,
         "generator_energy_J": 321000.0,
         "energy_bound_J": 322300.0,
-        "gain": {"open_loop": None, "linear": 90.9, "quadratic": 10.98}[law],
+        "gain": gain,
+        "gain_units": unit,
         "tip_speed_ratio": {
-            "min": float(trajectory["tip_speed_ratio"].min()),
-            "max": float(trajectory["tip_speed_ratio"].max()),
-            "mean": float(trajectory["tip_speed_ratio"].mean()),
+            "min": trajectory["tip_speed_ratio"].min(),
+            "max": trajectory["tip_speed_ratio"].max(),
+            "mean": trajectory["tip_speed_ratio"].mean(),
         },
         "power_coefficient_max": 0.47,
         "tip_speed_ratio_at_power_coefficient_max": 7.2,
-        "control_torque_max_Nm": float(trajectory["control_torque_Nm"].max()),
+        "control_torque_max_Nm": trajectory["control_torque_Nm"].max(),
         "inertia_kg_m2": 35.2,
         "mass_kg": 90.1,
-        "r_m": list(radius),
-        "chord_m": list(0.22 - 0.1 * radius),
-        "twist_deg": list(21.0 * (1.0 - radius / 1.5)),
-        "start_chord_m": list(0.19 - 0.06 * radius),
-        "start_twist_deg": list(5.0 + 15.0 * (1.0 - radius / 1.4) ** 2),
+        "r_m": radius,
+        "chord_m": 0.22 - 0.1 * radius,
+        "twist_deg": 21.0 * (1.0 - radius / 1.5),
+        "start_chord_m": 0.19 - 0.06 * radius,
+        "start_twist_deg": 5.0 + 15.0 * (1.0 - radius / 1.4) ** 2,
         "surrogate_error": 2.3e-5,
         "max_speed_error": 4.0e-6,
         "versions": {"numpy": "2.0"},
@@ -122,7 +105,7 @@ def make_result(folder: Path, law: str = "quadratic", limit: float | None = 700.
             },
         ],
     }
-    (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    write_json(folder / "summary.json", summary)
     return folder
 
 

@@ -391,7 +391,7 @@ def test_a_missing_optimizer_is_told(
 def test_figures_show_what_the_report_says() -> None:
     from matplotlib import rcParams
 
-    from hkt_mdo.results import plots
+    from hkt_mdo.results import check_plots as plots
 
     report, before = check("control.torque_limit=700", "design.twist_points=5"), dict(rcParams)
     figures = plots.check_figures(report.figures)

@@ -18,7 +18,7 @@ ALLOWED = {
     "rotor": {"errors", "files"},
     "dynamics": {"errors", "files", "rotor", "sections"},
     "case": {"errors", "files", "sections"},
-    "results": {"case", "errors", "files", "rotor"},
+    "results": {"case", "dynamics", "errors", "files"},
     "problem": {"case", "dynamics", "errors", "files", "rotor", "solve"},
     "run": {"case", "dynamics", "errors", "files", "problem", "results", "rotor", "solve"},
     "studies": {"case", "dynamics", "errors", "files", "problem", "results", "rotor", "run"},

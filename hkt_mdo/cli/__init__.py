@@ -248,7 +248,7 @@ def check(
         if lines:
             _print_rows(console, [("-", line) for line in lines], title)
     if not no_figures:
-        from hkt_mdo.results.plots import save_check_figures
+        from hkt_mdo.results.check_plots import save_check_figures
 
         written = save_check_figures(report.figures, out or Path("check") / report.name)
         names = ", ".join(path.name for path in written)

@@ -1,9 +1,5 @@
-"""A result folder from the side of the run that writes it.
+"""Writing a result folder: one run at a time, and every file appears complete or not at all."""
 
-Files appear whole or not at all, and one run at a time holds a folder.
-"""
-
-import csv
 import json
 import shutil
 import sqlite3
@@ -17,14 +13,14 @@ from hkt_mdo.errors import InputError
 
 
 def check_folder(out: Path, force: bool) -> None:
-    """Refuse a result folder that must not be used; nothing is written."""
+    """Raise an InputError if a result folder must not be used; nothing is written."""
     if out.exists() and not out.is_dir():
         raise InputError(f"--out {out}: is a file; choose another folder")
     try:
-        # what a run leaves that was killed before it wrote its case is nobody's loss
         names = {path.name for path in out.iterdir()} if out.is_dir() else set()
     except OSError as error:
         raise _unwritable(out, error) from error
+    # a run killed before it wrote its case leaves only these, which hold nothing of value
     if not names - {"lock", "case.yaml.part"}:
         return
     if not force:
@@ -38,9 +34,9 @@ def check_folder(out: Path, force: bool) -> None:
 
 @contextmanager
 def locked(out: Path):
-    """Hold a result folder, made if need be, against other runs.
+    """Create a result folder if necessary, and lock it against other runs.
 
-    SQLite's lock vanishes with its process, however that ends, on every system.
+    The lock is SQLite's: it is released when the process ends for any reason, on every system.
     """
     lock = out / "lock"
     try:
@@ -61,13 +57,16 @@ def locked(out: Path):
     try:
         yield
     finally:
-        with suppress(OSError):  # Windows keeps open files
+        with suppress(OSError):  # Windows does not delete an open file
             lock.unlink()
         connection.close()
 
 
 def clear(out: Path) -> None:
-    """Empty a folder of an earlier result: its verdict first, last what tells that it is one."""
+    """Empty the folder of an earlier result: first `summary.json`, last `case.yaml`.
+
+    Interrupted at any point, it leaves no success, and still a folder that `--force` replaces.
+    """
     last = {"summary.json": 0, "case.yaml": 2}
     try:
         for path in sorted(out.iterdir(), key=lambda path: last.get(path.name, 1)):
@@ -85,41 +84,33 @@ def _unwritable(out, error):
 
 
 def write_text(path: Path, text: str) -> None:
-    """Replace a file in one step, so that no reader ever sees half of it."""
+    """Replace a file in one step, so that a reader never sees an incomplete one."""
     part = path.with_name(path.name + ".part")
     part.write_text(text, encoding="utf-8")
     part.replace(path)
 
 
 def write_json(path: Path, data) -> None:
-    """Write data as JSON; what JSON cannot say (NaN, infinity) becomes null."""
-
-    def plain(value):
-        if isinstance(value, np.ndarray):
-            return value.tolist()
-        if isinstance(value, np.generic):
-            return value.item()
-        raise TypeError(type(value).__name__)
-
-    write_text(path, json.dumps(_finite(data), indent=2, default=plain) + "\n")
+    """Write data as JSON (`to_json`)."""
+    write_text(path, to_json(data) + "\n")
 
 
-def _finite(value):
-    """Replace what JSON cannot say (NaN, infinity) by null."""
+def to_json(data) -> str:
+    """Return data as JSON: arrays as lists, null in place of NaN and infinity."""
+    return json.dumps(_plain(data), indent=2)
+
+
+def _plain(value):
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
     if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
+        return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    if isinstance(value, float | np.floating) and not np.isfinite(value):
-        return None
-    return value
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def write_csv(path: Path, header, rows) -> None:
     """Write rows of numbers, to ten digits, below a header."""
-    part = path.with_name(path.name + ".part")
-    with part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(header)
-        writer.writerows([[f"{float(value):.10g}" for value in row] for row in rows])
-    part.replace(path)
+    lines = [",".join(f"{float(value):.10g}" for value in row) for row in rows]
+    write_text(path, "\n".join([",".join(header), *lines, ""]))

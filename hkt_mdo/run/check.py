@@ -80,7 +80,7 @@ class CheckReport:
     size : ProblemSize
     cost : Cost
     figures : dict of str to dict
-        What `hkt_mdo.results.plots.check_figures` draws: blade, polar, inflow and power_curve.
+        What `hkt_mdo.results.check_plots` draws: blade, polar, inflow and power_curve.
     """
 
     name: str

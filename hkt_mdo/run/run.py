@@ -30,6 +30,7 @@ from hkt_mdo.problem.setup import bounding_optimum, find_start, steady_optimum
 from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.results.folder import check_folder, clear, locked, write_json, write_text
 from hkt_mdo.results.solution import Solution
+from hkt_mdo.results.summary import Summary
 from hkt_mdo.run.judge import judge
 from hkt_mdo.run.log import Log, Progress, read_iterate
 from hkt_mdo.run.passes import optimize
@@ -119,8 +120,8 @@ def _run(
 ) -> Solution:
     """Run a case in its locked folder from a start, None: the case's own."""
     began = time.perf_counter()
-    summary: dict = {"case": world.case.name, "success": False, "message": UNFINISHED}
-    write_json(out / "summary.json", summary)
+    summary = Summary(case=world.case.name, success=False, message=UNFINISHED)
+    write_json(out / "summary.json", dict(summary))
     with (
         tempfile.TemporaryDirectory(prefix="hkt_mdo_") as scratch,
         threadpool_limits(1),  # matrices are small: threads cost more than they give
@@ -129,8 +130,9 @@ def _run(
         log.history, log.reference = list(history), reference
         try:
             with _termination_interrupts(log):
-                summary |= _optimize_and_judge(world, out, log, start, records)
-            summary["wall_seconds"] = time.perf_counter() - began
+                finished = _optimize_and_judge(world, out, log, start, records)
+            seconds = time.perf_counter() - began
+            summary = finished.model_copy(update={"wall_seconds": seconds})
         except sqlite3.Error as error:
             raise InputError(
                 f"{out}: OpenMDAO's recorder cannot write there ({error}); make room on the disk "
@@ -138,7 +140,7 @@ def _run(
             ) from error
         finally:
             log.write_history()
-            write_json(out / "summary.json", summary)
+            write_json(out / "summary.json", dict(summary))
     solution = Solution.load(out, extensions=world.case.extensions)
     if figures:
         from hkt_mdo.results.plots import save_figures
@@ -149,7 +151,7 @@ def _run(
 
 def _optimize_and_judge(
     world: Physics, out: Path, log: Log, start: StartingPoint | None, records: bool
-) -> dict:
+) -> Summary:
     """Return the summary of a run; its tables are written."""
     optimum = steady_optimum(world, world.blade)
     if start is None:
@@ -161,8 +163,8 @@ def _optimize_and_judge(
     optimum = bounding_optimum(world, optimum, result.point.blade)
     checks = judge(world, optimum, log.reference, result, flights)
     finished = summarize(world, optimum, start, result, flights, checks)
-    if not (finished["success"] or start.operation.running):
-        finished["message"] = f"{NOT_RUNNING}; {finished['message']}"
+    if not (finished.success or start.operation.running):
+        finished = finished.model_copy(update={"message": f"{NOT_RUNNING}; {finished.message}"})
     write_tables(out, world, result, flights)
     if records:
         om.n2(result.problem, outfile=str(out / "n2.html"), show_browser=False)

@@ -1,6 +1,4 @@
-"""The summary and the tables of a finished run."""
-
-from __future__ import annotations
+"""What a finished run leaves in its folder: the summary, the tables and the blade."""
 
 import platform
 from importlib import metadata
@@ -9,32 +7,45 @@ import numpy as np
 
 from hkt_mdo.dynamics.trajectory import COLUMNS
 from hkt_mdo.files.blade import BladeTable, write_blade_csv
-from hkt_mdo.results.folder import write_csv
+from hkt_mdo.results.folder import to_json, write_csv
+from hkt_mdo.results.summary import Summary
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.judge import energy_bound, explain, total
 
 BINDING = 1e-3  # relative distance from its bound within which a limit counts as binding
 
+PACKAGES = (
+    "hkt_mdo",
+    "openmdao",
+    "dymos",
+    "numpy",
+    "scipy",
+    "numba",
+    "casadi",
+    "wisdem",
+    "pyoptsparse",
+)
 
-def summarize(physics, optimum, start, result, flights, checks):
+
+def summarize(physics, optimum, start, result, flights, checks) -> Summary:
     """Return the summary of a finished run."""
     failed = [check for check in checks if not check.passed]
     blade = result.point.blade
-    nodes = {
-        name: np.concatenate([each[name] for each in result.trajectories])
+    ratios, torques = (
+        np.concatenate([each[name] for each in result.trajectories])
         for name in ("tip_speed_ratio", "control_torque")
-    }
-    ratios = nodes["tip_speed_ratio"]
-    peak = best_operation(blade, physics.polar)
+    )
+    peak, bound = best_operation(blade, physics.polar), energy_bound(physics, optimum)
     by_name = {check.name: check.value for check in checks}
     gains = [float(gain) for gain in result.point.gains]
     turning = all(flight.simulation.stopped_at is None for flight in flights)
-    energy, generated, kinetic = (
+    energy, generated, stored = (
         total(flights, lambda flight, name=name: getattr(flight.simulation, name))
         for name in ("energy", "generator_energy", "kinetic_energy_change")
     )
-    return {
+    values = {
+        "case": physics.case.name,
         "success": not failed,
         "message": "; ".join(explain(check) for check in failed) or "converged and verified",
         "package": result.outcome.package,
@@ -43,15 +54,15 @@ def summarize(physics, optimum, start, result, flights, checks):
         "energy_J": result.energy,
         "simulated_energy_J": energy if turning else None,
         "generator_energy_J": generated if turning else None,
-        "energy_bound_J": energy_bound(physics, optimum),
+        "energy_bound_J": bound,
         "objective": {
             "kind": physics.objective.kind,
             "value_J": result.objective,
             "simulated_J": total(flights, lambda flight: flight.objective(physics.objective)),
-            "bound_J": physics.objective.bound(energy_bound(physics, optimum)),
+            "bound_J": physics.objective.bound(bound),
         },
         "limits": {
-            limit.name: _limit(physics, limit, flights)
+            limit.name: _limit(limit, flights)
             for limit in physics.limits
             if limit.place == "time" and np.isfinite(limit.upper)
         },
@@ -62,7 +73,7 @@ def summarize(physics, optimum, start, result, flights, checks):
         "tip_speed_ratio": {"min": np.min(ratios), "max": np.max(ratios), "mean": np.mean(ratios)},
         "power_coefficient_max": peak.power_coefficient,
         "tip_speed_ratio_at_power_coefficient_max": peak.tip_speed_ratio,
-        "control_torque_max_Nm": np.max(nodes["control_torque"]),
+        "control_torque_max_Nm": np.max(torques),
         "rotor_radius_m": blade.rotor_radius,
         "tip_radius_m": blade.tip_radius,
         "set_angle_deg": _set_angle(physics, blade),
@@ -77,14 +88,15 @@ def summarize(physics, optimum, start, result, flights, checks):
         "surrogate_error": by_name["surrogate_error"],
         "surrogate_nodes": int(result.curve.size),
         "max_speed_error": max(np.max(flight.speed_errors) for flight in flights),
-        "energy_balance_error": abs(energy - generated - kinetic) / max(energy, 1e-9),
+        "energy_balance_error": abs(energy - generated - stored) / max(energy, 1e-9),
         "checks": [vars(check) for check in checks],
         "notes": list(physics.messages),
         "versions": _versions(),
     }
+    return Summary.parse(to_json(values))
 
 
-def _limit(physics, limit, flights):
+def _limit(limit, flights):
     """Return the largest value of a limit, at the nodes and in the integration, and its bound."""
     values = [
         np.max(limit.value(**{name: quantities[name] for name in limit.inputs}))
@@ -94,35 +106,23 @@ def _limit(physics, limit, flights):
             {**flight.integrated, **flight.scalars},
         )
     ]
-    value = float(max(values))
-    return {
-        "value": value,
-        "limit": limit.upper,
-        "unit": limit.unit,
-        "binding": bool(value >= limit.upper * (1.0 - BINDING)),
-    }
+    value, bound = float(max(values)), float(limit.upper)
+    binding = bool(value >= bound - BINDING * abs(bound))
+    return {"value": value, "limit": bound, "unit": limit.unit or "", "binding": binding}
 
 
 def _set_angle(physics, blade):
-    """Return the set angle, deg: what was found, or given; None where a designed twist has it."""
-    if physics.shape.designs_set_angle:
-        return float(np.rad2deg(physics.shape.control(blade)[1][0]))
-    return None if physics.shape.designs_chord else physics.case.rotor.set_angle or 0.0
+    """Return the set angle, deg: as found or as given; None where a designed twist contains it."""
+    shape = physics.shape
+    if shape.designs_set_angle:
+        return float(np.rad2deg(shape.control(blade)[1][0]))
+    return None if shape.designs_chord else physics.case.rotor.set_angle or 0.0
 
 
 def _versions():
+    """Return the versions of Python and of the installed packages."""
     versions = {"python": platform.python_version()}
-    for name in (
-        "hkt_mdo",
-        "openmdao",
-        "dymos",
-        "numpy",
-        "scipy",
-        "numba",
-        "casadi",
-        "wisdem",
-        "pyoptsparse",
-    ):
+    for name in PACKAGES:
         try:
             versions[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
@@ -132,14 +132,11 @@ def _versions():
 
 def write_tables(out, physics, result, flights):
     """Write the trajectories, the integrations, the blade and the power curves as CSV files."""
-    header = list(COLUMNS.values())
     for flight in flights:
         suffix = "" if flight is flights[0] else f"_{flight.scenario.name}"
-        for name, values in (
-            ("trajectory", flight.trajectory), ("simulation", flight.integrated)
-        ):  # fmt: skip
+        for name, values in (("trajectory", flight.trajectory), ("simulation", flight.integrated)):
             rows = zip(*(values[column] for column in COLUMNS), strict=True)
-            write_csv(out / f"{name}{suffix}.csv", header, rows)
+            write_csv(out / f"{name}{suffix}.csv", COLUMNS.values(), rows)
     blade = result.point.blade
     _write_blade(out / "blade.csv", physics, blade)
     ratios = np.linspace(0.3, 1.7, 141) * best_operation(blade, physics.polar).tip_speed_ratio
@@ -151,7 +148,7 @@ def write_tables(out, physics, result, flights):
 
 
 def _write_blade(path, physics, blade):
-    """Write the found blade as a file that another case can begin from."""
+    """Write the blade of the result as a file that another case can start from."""
     rotor = {
         "blade": "blade.csv",
         "radius": blade.tip_radius,
@@ -159,19 +156,13 @@ def _write_blade(path, physics, blade):
         "blade_count": blade.blade_count,
         "cone": float(np.rad2deg(blade.cone)),
         "set_angle": 0.0,
-        "stations": None,
+        "stations": "null",
     }
-    section = ", ".join(
-        f"{key}: {'null' if value is None else value}" for key, value in rotor.items()
-    )
+    section = ", ".join(f"{key}: {value}" for key, value in rotor.items())
     remarks = (
-        f"blade found by the case {physics.case.name}; the twist has the set angle in it",
-        f"to begin from it, with the path of this file: rotor: {{{section}}}",
+        f"blade found by the case {physics.case.name}; the twist includes the set angle",
+        f"to start from it, with the path of this file: rotor: {{{section}}}",
     )
-    table = BladeTable(
-        blade.r,
-        blade.chord,
-        blade.twist,
-        thickness=np.broadcast_to(np.asarray(physics.thickness, dtype=float), blade.r.shape),
-    )
+    thickness = np.broadcast_to(np.asarray(physics.thickness, dtype=float), blade.r.shape)
+    table = BladeTable(blade.r, blade.chord, blade.twist, thickness=thickness)
     write_blade_csv(path, table, remarks)

@@ -1,6 +1,7 @@
 """Plots: axes in, axes out, nothing global touched, and something to see even in grey."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib as mpl
@@ -13,7 +14,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.results import plots
 from hkt_mdo.results.solution import Solution
 
-PLOTS = [getattr(plots, name) for name in plots.__all__ if name.startswith("plot_")]
+PLOTS = [plot for name, plot in vars(plots).items() if name.startswith("plot_")]
 FIGURES = ("blade", "power_curve", "operation", "convergence")
 
 
@@ -114,27 +115,55 @@ def test_start_is_drawn_once_and_not_for_a_fixed_blade(
 
 
 def test_save_figures_writes_all(solution: Solution, tmp_path: Path) -> None:
-    written = plots.save_figures(solution, tmp_path / "new" / "figures")
+    written = plots.save_figures(solution, tmp_path / "new" / "figures", ("png", "pdf"))
     assert [path.name for path in written] == [
         f"{name}.{form}" for name in FIGURES for form in ("png", "pdf")
     ]
     assert all(path.stat().st_size > 5000 for path in written)
-    again = plots.save_figures(solution, tmp_path / "again")
+    again = plots.save_figures(solution, tmp_path / "again", ("png", "pdf"))
     for one, other in zip(written, again, strict=True):
         assert one.read_bytes() == other.read_bytes()
 
 
-def test_save_figures_compares(both: list[Solution], tmp_path: Path) -> None:
-    written = plots.save_figures(both, tmp_path, ("svg",))
-    assert [path.name for path in written] == [f"{name}.svg" for name in FIGURES]
+@pytest.mark.parametrize(
+    ("missing", "figures"),
+    [
+        ((), FIGURES),
+        (("simulation",), FIGURES),
+        (("power_curve", "simulation", "trajectory"), ("blade", "convergence")),
+    ],
+)
+def test_save_figures_draws_what_there_is(
+    result_folder: Path,
+    linear_result_folder: Path,
+    tmp_path: Path,
+    missing: tuple[str, ...],
+    figures: tuple[str, ...],
+) -> None:
+    for name in missing:
+        (result_folder / f"{name}.csv").unlink()
+        (linear_result_folder / f"{name}.csv").unlink()
+    one = Solution.load(result_folder)
+    written = plots.save_figures(one, tmp_path / "one")
+    assert [path.name for path in written] == [f"{name}.png" for name in figures]
+    two = [one, Solution.load(linear_result_folder)]
+    written = plots.save_figures(two, tmp_path / "two", ("svg",))
+    assert [path.name for path in written] == [f"{name}.svg" for name in figures]
 
 
-def test_save_figures_skips_what_is_missing(result_folder: Path, tmp_path: Path) -> None:
-    (result_folder / "power_curve.csv").unlink()
-    (result_folder / "simulation.csv").unlink()
-    (result_folder / "trajectory.csv").unlink()
-    written = plots.save_figures(Solution.load(result_folder), tmp_path / "figures", ("png",))
-    assert [path.name for path in written] == ["blade.png", "convergence.png"]
+@pytest.mark.parametrize("count", [1, 2, 6])
+def test_nothing_is_cut_off(solution: Solution, count: int) -> None:
+    """Every label and legend lies within its figure."""
+    name = "a" * 30
+    cases = [solution.case.model_copy(update={"name": f"{name}_{i}"}) for i in range(count)]
+    several = [replace(solution, case=case) for case in cases]
+    for name in FIGURES:
+        figure = getattr(plots, f"{name}_figure")(several)
+        box = figure.get_tightbbox()
+        assert box.x0 >= 0.0
+        assert box.y0 >= 0.0
+        assert box.x1 <= figure.get_figwidth()
+        assert box.y1 <= figure.get_figheight()
 
 
 def test_save_figures_refuses_unknown_formats(solution: Solution, tmp_path: Path) -> None:

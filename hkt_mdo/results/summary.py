@@ -1,0 +1,282 @@
+"""The summary of a run: the keys of `summary.json`, what is accepted there, and how it is printed.
+
+A run writes a `Summary`, `Solution` reads it, and `hkt show` prints its fields one after the other:
+the label, the format and the unit of a printed field stand beside the field.
+"""
+
+from __future__ import annotations
+
+import string
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, ClassVar, cast
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from hkt_mdo.case import Case
+from hkt_mdo.errors import InputError
+from hkt_mdo.files.shipped import read_bytes
+
+__all__ = ["BLADE", "CheckEntry", "LimitEntry", "ObjectiveEntry", "Summary", "printable"]
+
+MAX_BYTES = 16 * 1024**2
+"""Largest summary.json that is read, in bytes."""
+
+BLADE = ("r_m", "chord_m", "twist_deg", "start_chord_m", "start_twist_deg")
+"""Fields that hold one value for each blade station."""
+
+
+def printable(text: str) -> str:
+    """Return untrusted text as one line without control characters, which a terminal would obey."""
+    return "".join(c if c.isprintable() else " " for c in " ".join(text.split()))
+
+
+def _shown(
+    label: str, text: str, when: Callable[[Case], bool] = lambda case: True, default: Any = None
+) -> Any:
+    """Return a field with its row in the printed table: when it appears, its label and text.
+
+    Label and text have names of fields, and of what `Summary._computed` adds, in braces.
+    """
+    row: Any = {"label": label, "text": text, "when": when}
+    return Field(default=default, json_schema_extra=row)
+
+
+class _Formatter(string.Formatter):
+    """Formats as `str.format` does, with a dash for a value that is not known."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        return "-" if value is None else super().format_field(value, format_spec)
+
+
+_format = _Formatter().vformat
+
+
+class _Entry(BaseModel):
+    """A part of the summary: values of the right type, finite numbers, unknown keys kept."""
+
+    model_config = ConfigDict(strict=True, allow_inf_nan=False, extra="allow", frozen=True)
+
+    _text: ClassVar[str] = ""
+
+    def __str__(self) -> str:
+        return printable(_format(self._text, (), vars(self)))
+
+
+class Span(_Entry):
+    """The range of a quantity over time."""
+
+    min: float | None = None
+    max: float | None = None
+    mean: float | None = None
+
+
+class CheckEntry(_Entry):
+    """What one check of the result found: a value and the limit that it must not exceed."""
+
+    name: str
+    value: float | None = None
+    limit: float | None = None
+    passed: bool
+    detail: str | None = ""
+
+    _text = "{name}: {value:.4g}, limit {limit:.4g}. {detail}"
+
+
+class LimitEntry(_Entry):
+    """A limit: the largest value that occurs, the limit, and whether it is reached."""
+
+    value: float | None = None
+    limit: float | None = None
+    unit: str = ""
+    binding: bool | None = None
+
+    _text = "{value:.5g} {unit}, limit {limit:.5g} {unit}"
+
+
+class ObjectiveEntry(_Entry):
+    """What was maximized: by collocation, by the integration, and its upper bound."""
+
+    kind: str
+    value_J: float | None = None
+    simulated_J: float | None = None
+    bound_J: float | None = None
+
+    _text = "{simulated_J:.7g} J"
+
+
+_Number = float | None
+_Column = list[float] | None
+
+
+class Summary(_Entry, Mapping[str, Any]):
+    """Figures of merit of a run; None for what is not known, as after an interruption.
+
+    Fields are attributes. As a mapping, a summary has the keys of `summary.json`, with lists and
+    dictionaries as JSON has them.
+    """
+
+    case: str | None = _shown("case", "{case}")
+    success: bool = _shown("success", "{success}", default=...)
+    """Whether the optimizer converged and every check passed."""
+    message: str | None = _shown("message", "{message}")
+
+    energy_J: _Number = _shown("energy", "{energy_kJ:.2f} kJ ({energy_J:.0f} J)")
+    """Captured energy as the optimizer has it, by collocation."""
+    simulated_energy_J: _Number = _shown(
+        "energy, simulated",
+        "{simulated_energy_kJ:.2f} kJ ({simulated_energy_J:.0f} J, {difference:+.2g} %)",
+    )
+    """Captured energy of the independent integration."""
+    generator_energy_J: _Number = None
+    starting_energy_J: _Number = None
+    energy_bound_J: _Number = _shown("share of quasi-steady bound", "{share:.3f} %")
+    """Energy of a rotor that works at the steady optimum at every instant."""
+    bound_power_coefficient: _Number = None
+    bound_tip_speed_ratio: _Number = None
+    energy_balance_error: _Number = None
+    objective: ObjectiveEntry | None = None
+
+    gain: float | list[float] | None = _shown(
+        "gain, {law} feedback", "{gains}", lambda case: case.control.law != "open_loop"
+    )
+    gain_units: list[str] | None = None
+    tip_speed_ratio: Span | None = _shown(
+        "tip speed ratio",
+        "{tip_speed_ratio.min:.3f} to {tip_speed_ratio.max:.3f}, mean {tip_speed_ratio.mean:.3f}",
+    )
+    power_coefficient_max: _Number = _shown(
+        "largest power coefficient",
+        "{power_coefficient_max:.4f} at tip speed ratio "
+        "{tip_speed_ratio_at_power_coefficient_max:.3f}",
+    )
+    tip_speed_ratio_at_power_coefficient_max: _Number = None
+    control_torque_max_Nm: _Number = _shown(
+        "largest control torque", "{control_torque_max_Nm:.5g} N m ({torque_limit})"
+    )
+    limits: dict[str, LimitEntry] | None = None
+
+    rotor_radius_m: _Number = None
+    """Radius of the swept disc."""
+    tip_radius_m: _Number = _shown(
+        "tip radius", "{tip_radius_m:.4g} m", lambda case: case.design.radius_bounds is not None
+    )
+    """Distance of the blade's tip from the axis, along the blade."""
+    set_angle_deg: _Number = _shown(
+        "set angle",
+        "{set_angle_deg:.4g} deg",
+        lambda case: case.design.set_angle_bounds is not None,
+    )
+    inertia_kg_m2: _Number = _shown("inertia", "{inertia_kg_m2:.4g} kg m^2")
+    mass_kg: _Number = _shown("mass", "{mass_kg:.4g} kg")
+    r_m: _Column = None
+    chord_m: _Column = None
+    twist_deg: _Column = None
+    start_chord_m: _Column = None
+    start_twist_deg: _Column = None
+
+    surrogate_error: _Number = _shown("torque curve, relative error", "{surrogate_error:.2g}")
+    surrogate_nodes: int | None = None
+    max_speed_error: _Number = _shown("rotor speed, relative error", "{max_speed_error:.2g}")
+    """Largest relative difference of rotor speed between collocation and integration."""
+    checks: list[CheckEntry] | None = None
+    notes: list[str] | None = None
+    """What was converted, repaired or left out of the case's files."""
+
+    package: str | None = None
+    optimizer: str | None = _shown(
+        "optimizer", "{optimizer} ({package}), {iterations} iterations, {wall_seconds:.1f} s"
+    )
+    iterations: int | None = None
+    wall_seconds: _Number = None
+    versions: dict[str, Any] | None = None
+
+    @field_validator(*BLADE[1:])
+    @classmethod
+    def _one_value_a_station(cls, column: _Column, info: ValidationInfo) -> _Column:
+        if column is not None and len(column) != len(info.data.get("r_m") or ()):
+            raise PydanticCustomError("length", "must have one value for each of r_m")
+        return column
+
+    def __getitem__(self, key: str) -> Any:
+        return self._plain()[key]
+
+    def __iter__(self) -> Iterator[str]:  # type: ignore[override]
+        return iter(self._plain())
+
+    def __len__(self) -> int:
+        return len(self._plain())
+
+    def _plain(self) -> dict[str, Any]:
+        return self.model_dump(exclude_unset=True)
+
+    @classmethod
+    def read(cls, path: Path) -> Summary:
+        """Read `summary.json`; InputError if it is too large, no JSON, or has a wrong value."""
+        return cls.parse(read_bytes(path, MAX_BYTES, "summary of a result"), path)
+
+    @classmethod
+    def parse(cls, text: str | bytes, file: Path | str = "summary.json") -> Summary:
+        """Return the summary of a JSON text; InputError if it is no JSON or has a wrong value."""
+        try:
+            return cls.model_validate_json(text)
+        except ValidationError as failure:
+            error = failure.errors()[0]
+        key = "".join(f"[{i}]" if isinstance(i, int) else f".{i}" for i in error["loc"])[1:]
+        problem = error["msg"].replace("Input should be", "must be")
+        place = {"key": key, "value": error["input"]}
+        if error["type"] == "missing":
+            problem, place = "is missing", {"key": key}
+        elif error["type"] == "json_invalid":
+            problem, place = f"cannot be read as JSON ({error['ctx']['error']})", {}
+        elif key.startswith("gain."):  # pydantic reports each type of the union
+            problem, place["key"] = "must be a number or a list of numbers", "gain"
+        raise InputError(problem, "run the case again", file=file, **place)
+
+    def rows(self, case: Case) -> list[tuple[str, str]]:
+        """Return label and text of each row of the printed table; ``-`` for what is not known."""
+        values = {name: getattr(self, name) for name in type(self).model_fields}
+        values |= self._computed(case)
+        rows = []
+        for name, field in type(self).model_fields.items():
+            row = cast(dict[str, Any], field.json_schema_extra)
+            if row and row["when"](case):
+                known = values[name] not in (None, "")
+                text = _format(row["text"], (), values) if known else "-"
+                rows.append((_format(row["label"], (), values), text))
+        if self.objective is not None and self.objective.kind != "captured":
+            rows.append((f"objective, {self.objective.kind}", str(self.objective)))
+        for name, entry in (self.limits or {}).items():
+            if name != "control_torque":  # has a row of its own
+                rows.append((f"largest {name.replace('_', ' ')}", str(entry)))
+        return [(printable(label), printable(text)) for label, text in rows]
+
+    def _computed(self, case: Case) -> dict[str, Any]:
+        """Return what rows show besides the fields."""
+        energy, simulated, bound = self.energy_J, self.simulated_energy_J, self.energy_bound_J
+        # the energy of the collocation alone may exceed the bound
+        best = energy if simulated is None else simulated
+        gains = self.gain if isinstance(self.gain, list) else [self.gain]
+        # OpenMDAO's N*m*s**2 is printed as N m s^2; an older summary may lack the units
+        units = [unit.replace("**", "^").replace("*", " ") for unit in self.gain_units or ()]
+        pairs = zip(gains, units + [""] * len(gains), strict=False)
+        limit = case.control.torque_limit
+        return {
+            "case": case.name,
+            "law": case.control.law,
+            "gains": ", ".join(_format("{0:.5g} {1}", pair, {}) for pair in pairs),
+            "torque_limit": "no limit" if limit is None else f"limit {limit:g} N m",
+            "success": "yes" if self.success else "no",
+            "energy_kJ": energy and energy / 1e3,
+            "simulated_energy_kJ": simulated and simulated / 1e3,
+            "difference": 100.0 * (simulated / energy - 1.0) if simulated and energy else None,
+            "share": 100.0 * best / bound if best is not None and bound else None,
+        }

@@ -1,0 +1,169 @@
+"""The summary: written, read and printed through one class."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hkt_mdo.errors import InputError
+from hkt_mdo.results import summary as module
+from hkt_mdo.results.folder import to_json, write_json
+from hkt_mdo.results.solution import Solution, summary_table
+from hkt_mdo.results.summary import Summary
+
+
+def edit(folder: Path, **changes: object) -> Solution:
+    """Change keys of a summary and return the solution."""
+    path = folder / "summary.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes), encoding="utf-8")
+    return Solution.load(folder)
+
+
+def test_what_is_written_is_read(result_folder: Path, tmp_path: Path) -> None:
+    data = json.loads((result_folder / "summary.json").read_text())
+    summary = Summary.read(result_folder / "summary.json")
+    assert dict(summary) == data
+    write_json(tmp_path / "again.json", dict(summary))
+    assert Summary.read(tmp_path / "again.json") == summary
+
+
+def test_attributes_and_keys(result_folder: Path) -> None:
+    summary = edit(result_folder, new_key={"a": [1]}).summary
+    assert summary.energy_J == summary["energy_J"] == summary.get("energy_J") == 322239.0
+    assert summary.tip_speed_ratio.min == summary["tip_speed_ratio"]["min"]
+    assert summary.checks[1].name == summary["checks"][1]["name"] == "energy_error"
+    assert summary["new_key"] == {"a": [1]}
+    assert "energy_J" in summary
+    assert "notes" not in summary
+    assert summary.notes is summary.get("notes") is None
+    assert list(summary)[:2] == ["case", "success"]
+    with pytest.raises(KeyError):
+        summary["notes"]
+
+
+def test_a_run_writes_arrays_and_drops_what_json_lacks() -> None:
+    values = {
+        "success": np.bool_(True),
+        "mass_kg": np.float64(3.0),
+        "surrogate_error": np.inf,
+        "surrogate_nodes": np.int64(7),
+        "r_m": np.array([1.0]),
+        "chord_m": [np.float64(0.5)],
+        "tip_speed_ratio": {"min": np.nan},
+    }
+    assert dict(Summary.parse(to_json(values))) == {
+        "success": True,
+        "mass_kg": 3.0,
+        "surrogate_error": None,
+        "surrogate_nodes": 7,
+        "r_m": [1.0],
+        "chord_m": [0.5],
+        "tip_speed_ratio": {"min": None},
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "cannot be read as JSON"),
+        ("{", "cannot be read as JSON"),
+        ("[" * 100000, "cannot be read as JSON"),
+        ("[]", "must be an object"),
+        ("{}", "success: is missing"),
+        ('{"success": null}', "success = null: must be a valid boolean"),
+        ('{"success": NaN}', "must be a valid boolean"),
+        ('{"success": true, "energy_J": NaN}', "energy_J = nan: must be a finite number"),
+        ('{"success": true, "energy_J": ' + "9" * 5000 + "}", "cannot be read as JSON"),
+        ('{"success": true, "energy_J": ' + "9" * 400 + "}", "must be a finite number"),
+        ('{"success": true, "energy_J": 1e999}', "energy_J = inf: must be a finite number"),
+        ('{"success": true, "energy_J": true}', "must be a valid number"),
+        ('{"success": true, "energy_J": "1"}', "energy_J = '1': must be a valid number"),
+        ('{"success": true, "iterations": 1.5}', "must be a valid integer"),
+        ('{"success": true, "message": 1}', "message = 1: must be a valid string"),
+        ('{"success": true, "gain": "x"}', "gain = 'x': must be a number or a list of numbers"),
+        ('{"success": true, "gain": [1, "x"]}', "must be a number or a list of numbers"),
+        ('{"success": true, "notes": "a"}', "notes = 'a': must be a valid array"),
+        ('{"success": true, "r_m": ["a"]}', r"r_m\[0\] = 'a': must be a valid number"),
+        ('{"success": true, "r_m": [1], "chord_m": [1, 2]}', "chord_m = .* each of r_m"),
+        ('{"success": true, "chord_m": [1, 2]}', "chord_m = .* one value for each of r_m"),
+        ('{"success": true, "tip_speed_ratio": 7}', "tip_speed_ratio = 7: must be an object"),
+        ('{"success": true, "tip_speed_ratio": {"min": "a"}}', "tip_speed_ratio.min = 'a': must"),
+        ('{"success": true, "checks": [{"name": "a"}]}', r"checks\[0\].passed: is missing"),
+    ],
+)
+def test_a_corrupt_summary_is_refused(result_folder: Path, text: str, told: str) -> None:
+    (result_folder / "summary.json").write_text(text)
+    with pytest.raises(InputError, match=told) as caught:
+        Solution.load(result_folder)
+    assert "summary.json" in str(caught.value)
+    assert "run the case again" in str(caught.value)
+
+
+def test_a_large_summary_is_refused(result_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MAX_BYTES", 100)
+    with pytest.raises(InputError, match=r"summary\.json: is larger than"):
+        Solution.load(result_folder)
+
+
+def test_the_table_has_units(result_folder: Path) -> None:
+    assert summary_table(Solution.load(result_folder)) == [
+        ("case", "sine_quadratic"),
+        ("success", "yes"),
+        ("message", "converged and verified"),
+        ("energy", "322.24 kJ (322239 J)"),
+        ("energy, simulated", "322.24 kJ (322240 J, +0.00047 %)"),
+        ("share of quasi-steady bound", "99.982 %"),
+        ("gain, quadratic feedback", "10.98 N m s^2/rad^2"),
+        ("tip speed ratio", "7.150 to 7.250, mean 7.202"),
+        ("largest power coefficient", "0.4700 at tip speed ratio 7.200"),
+        ("largest control torque", "700 N m (limit 700 N m)"),
+        ("inertia", "35.2 kg m^2"),
+        ("mass", "90.1 kg"),
+        ("torque curve, relative error", "2.3e-05"),
+        ("rotor speed, relative error", "4e-06"),
+        ("optimizer", "IPOPT (pyoptsparse), 44 iterations, 12.3 s"),
+    ]
+
+
+def test_the_table_of_linear_feedback_without_limit(linear_result_folder: Path) -> None:
+    rows = dict(summary_table(Solution.load(linear_result_folder)))
+    assert rows["gain, linear feedback"] == "90.9 N m s/rad"
+    assert rows["largest control torque"].endswith("(no limit)")
+
+
+@pytest.mark.parametrize(
+    ("changes", "label", "text"),
+    [
+        ({"gain": [1.0, 2.5]}, "gain, quadratic feedback", "1 N m s^2/rad^2, 2.5"),
+        ({"gain_units": None}, "gain, quadratic feedback", "10.98"),
+        ({"gain": None}, "gain, quadratic feedback", "-"),
+        ({"simulated_energy_J": None}, "share of quasi-steady bound", "99.981 %"),
+        ({"energy_bound_J": 0.0}, "share of quasi-steady bound", "- %"),
+        ({"tip_speed_ratio": {"min": 7.0}}, "tip speed ratio", "7.000 to -, mean -"),
+        ({"message": ""}, "message", "-"),
+        (
+            {"objectives": [{"kind": "captured", "value": 5e3, "unit": "J"}]},
+            "objective, captured",
+            "5000 J",
+        ),
+        (
+            {"limits": [{"name": "thrust", "unit": "N", "value": 9.5, "bound": 10.0}]},
+            "limit, thrust",
+            "9.5 N, bound 10 N",
+        ),
+        ({"limits": [{"name": "a", "unit": "N", "bound": None}]}, "limit, a", "- N, bound - N"),
+    ],
+)
+def test_a_row_of_the_table(result_folder: Path, changes: dict, label: str, text: str) -> None:
+    assert dict(summary_table(edit(result_folder, **changes)))[label] == text
+
+
+def test_text_of_others_does_not_command_the_terminal(result_folder: Path) -> None:
+    check = {"name": "a\x1b]0;b\x07", "value": 2.0, "limit": None, "passed": False, "detail": "c\n"}
+    solution = edit(
+        result_folder, message="\x1b[2Jgone\nsecond line", checks=[check], optimizer="\x1b[1m"
+    )
+    texts = [*(value for _, value in summary_table(solution)), *solution.failed_checks]
+    assert all(text.isprintable() for text in texts)
+    assert solution.failed_checks[0].endswith("2, limit -. c")
