@@ -8,16 +8,18 @@ from __future__ import annotations
 import inspect
 import io
 import os
+import re
 import sys
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TextIO
 
 import typer
 
-from hkt_mdo.cli import case, look, run, simulate, studies
+from hkt_mdo.cli import case, results, run, studies
 from hkt_mdo.cli.parts import BAD_INPUT, BUG, EXIT_CODES, INTERRUPTED, complain
+from hkt_mdo.errors import InputError
 
 __all__ = ["app", "main"]
 
@@ -30,21 +32,14 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for _command in (
-    run.run,
-    case.check,
-    look.n2,
-    look.plot,
-    look.show,
-    simulate.simulate,
-    look.compare,
-    studies.paper,
-    studies.verify,
-    case.schema,
-    case.new,
-    case.polar,
-):
-    _help = inspect.getdoc(_command) or ""
+_FAMILIES = (
+    (run.run, case.check, case.n2),
+    (results.plot, results.show, results.simulate, results.compare),
+    (studies.paper, studies.verify, case.schema, case.new, case.polar),
+)
+for _command in (command for family in _FAMILIES for command in family):
+    # the docstring is the help, and a line end within a paragraph is a blank
+    _help = re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.getdoc(_command) or "")
     app.command(short_help=_help.partition("\n")[0], help=f"{_help}\n\n{EXIT_CODES}")(_command)
 
 
@@ -52,41 +47,26 @@ def _print_version(wanted: bool) -> None:
     if wanted:
         from importlib import metadata
 
-        try:
-            number = metadata.version("hkt_mdo")
-        except metadata.PackageNotFoundError:  # run from a source tree
-            number = "(not installed)"
-        typer.echo(f"hkt_mdo {number}")
+        installed = [found.version for found in metadata.distributions(name="hkt_mdo")]
+        typer.echo(f"hkt_mdo {next(iter(installed), '(not installed)')}")
         raise typer.Exit
 
 
+_VERSION = typer.Option(
+    "--version", is_eager=True, callback=_print_version, help="Print the version and leave."
+)
+
+
 @app.callback()
-def _hkt(
-    version: Annotated[
-        bool,
-        typer.Option(
-            "--version",
-            is_eager=True,
-            callback=_print_version,
-            help="Print the version and leave.",
-        ),
-    ] = False,
-) -> None:
+def _hkt(version: Annotated[bool, _VERSION] = False) -> None:
     pass
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code; no error ends in a traceback.
 
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        What follows ``hkt``; by default the arguments of the process.
-
-    Returns
-    -------
-    int
-        0 done, 1 an error of this program, 2 bad input, 3 no success, 130 interrupted.
+    `arguments` is what follows ``hkt``, by default that of the process; the exit codes are 0 done,
+    1 an error of this program, 2 bad input, 3 no success, 130 interrupted.
     """
     # matrices here are small: threads cost more than they give; read when NumPy is imported
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -96,8 +76,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # a path may hold what the terminal's encoding does not
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
-
-    from hkt_mdo.errors import InputError
 
     try:
         with warnings.catch_warnings():
@@ -130,7 +108,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _show_warning(
-    message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: object
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
 ) -> None:
     """Print the warnings of this package, and those of the libraries not.
 

@@ -1,4 +1,4 @@
-"""The commands that help to write a case: new, check, schema, polar."""
+"""The commands that help to write a case: new, check, n2, schema, polar."""
 
 from __future__ import annotations
 
@@ -7,7 +7,18 @@ from typing import Annotated
 
 from typer import Argument, Option, echo
 
-from hkt_mdo.cli.parts import CaseFile, Extend, Force, Overrides, extensions, print_rows
+from hkt_mdo.cli.parts import (
+    CaseFile,
+    Extend,
+    Force,
+    NoFigures,
+    OutFolder,
+    Overrides,
+    extensions,
+    print_rows,
+    read_case,
+)
+from hkt_mdo.errors import InputError
 
 
 def new(
@@ -34,29 +45,19 @@ def check(
     case: CaseFile,
     overrides: Overrides = None,
     extend: Extend = None,
-    out: Annotated[
-        Path | None,
-        Option(
-            metavar="DIR",
-            help="Folder of the figures, made if need be.",
-            show_default="check/<name of the case>",
-        ),
-    ] = None,
-    no_figures: Annotated[bool, Option("--no-figures", help="Draw no figures.")] = False,
+    out: OutFolder = None,
+    no_figures: NoFigures = False,
 ) -> None:
     """Check a case before a long run.
 
     Reads and builds all that a run of the case needs and tells what the case means: turbine, flow,
     control law, size, and what follows from them for the starting blade. Notes say what was done to
     the files, warnings what may not be meant. Nothing is optimized. Draws blade, polar, inflow and
-    power_curve as PNG.
+    power_curve as PNG, in check/<name of the case> unless --out is given.
     """
     from rich.console import Console
 
-    from hkt_mdo.case import load_case
-    from hkt_mdo.errors import InputError
-
-    loaded = load_case(case, overrides or (), **extensions(extend))
+    loaded = read_case(case, overrides, extend)
 
     from hkt_mdo.run.check import check_case
 
@@ -103,32 +104,42 @@ def schema(
         echo(json.dumps(case_json_schema(**extensions(extend)), indent=2))
 
 
+def n2(
+    case: CaseFile,
+    out: Annotated[Path | None, Option(metavar="FILE", help="HTML file to write.")] = None,
+    overrides: Overrides = None,
+    extend: Extend = None,
+) -> None:
+    """Write the N2 diagram of a case.
+
+    The diagram is an HTML page, <name of the case>_n2.html unless --out is given, that shows which
+    component of the case's OpenMDAO problem feeds which. Nothing is optimized.
+    """
+    loaded = read_case(case, overrides, extend)
+    path = out or Path(f"{loaded.name}_n2.html")
+
+    from hkt_mdo.run.run import write_n2
+
+    write_n2(loaded, path)
+    echo(str(path))
+
+
+_OUTLINE = "Shipped name (naca63815) or file: CSV x_over_c,y_over_c, Selig or Lednicer."
+_ALPHA = "Angles of attack, degrees."
+_BESIDE = "Another polar to draw, shipped or a file; may be given several times."
+_TURBULENCE = "Amplification at transition; less where turbulent."
+
+
 def polar(
-    outline: Annotated[
-        str,
-        Argument(
-            metavar="OUTLINE",
-            help="Shipped name (naca63815) or file: CSV x_over_c,y_over_c, Selig or Lednicer.",
-        ),
-    ],
+    outline: Annotated[str, Argument(metavar="OUTLINE", help=_OUTLINE)],
     reynolds: Annotated[str, Option(metavar="RE,RE,...", help="Reynolds numbers by the chord.")],
     out: Annotated[Path, Option(metavar="DIR", help="Folder of the files.")] = Path(
         "results/polars"
     ),
-    alpha: Annotated[
-        str, Option(metavar="FIRST:LAST:STEP", help="Angles of attack, degrees.")
-    ] = "-16:24:0.5",
-    n_crit: Annotated[
-        float, Option(help="Amplification at transition; less where turbulent.")
-    ] = 9.0,
+    alpha: Annotated[str, Option(metavar="FIRST:LAST:STEP", help=_ALPHA)] = "-16:24:0.5",
+    n_crit: Annotated[float, Option(help=_TURBULENCE)] = 9.0,
     model: Annotated[str, Option(metavar="SIZE", help="Network, xxsmall to xxxlarge.")] = "xlarge",
-    beside: Annotated[
-        list[str] | None,
-        Option(
-            metavar="POLAR",
-            help="Another polar to draw, shipped or a file; may be given several times.",
-        ),
-    ] = None,
+    beside: Annotated[list[str] | None, Option(metavar="POLAR", help=_BESIDE)] = None,
     force: Force = False,
 ) -> None:
     r"""Compute the polars of an outline.
@@ -140,6 +151,6 @@ def polar(
     from hkt_mdo.cli.polar_report import parse_alpha, parse_reynolds, report_polars
 
     numbers, angles = parse_reynolds(reynolds), parse_alpha(alpha)
-    options = {"n_crit": n_crit, "model": model, "beside": beside or (), "force": force}
-    for line in report_polars(outline, numbers, angles, out, **options):  # type: ignore[arg-type]
+    others = beside or ()
+    for line in report_polars(outline, numbers, angles, out, n_crit, model, others, force):
         echo(line)

@@ -6,19 +6,22 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
-from typer import Argument, BadParameter, Exit, Option, echo
+from typer import BadParameter, Exit, Option, echo
 
-from hkt_mdo.cli.look import print_solution
 from hkt_mdo.cli.parts import (
-    CASE_HELP,
+    CASE,
     INTERRUPTED,
     NO_SUCCESS,
     Extend,
+    NoFigures,
+    OutFolder,
     Overrides,
     complain,
     extensions,
+    print_result,
+    read_case,
 )
 
 if TYPE_CHECKING:
@@ -26,80 +29,47 @@ if TYPE_CHECKING:
 
 _SECONDS_BETWEEN_LINES = 5.0
 
-_Case = Annotated[Path | None, Argument(metavar="CASE", help=CASE_HELP, show_default=False)]
-_Out = Annotated[
-    Path | None,
-    Option(
-        metavar="DIR", help="Result folder, made anew.", show_default="results/<name of the case>"
-    ),
-]
-_Resume = Annotated[
-    Path | None,
-    Option(
-        metavar="DIR",
-        help="In place of CASE: go on with the interrupted or failed run in this result folder "
-        "from its last recorded iterate.",
-    ),
-]
-_Optimizer = Annotated[
-    str | None,
-    Option(
-        metavar="NAME",
-        help="IPOPT, SLSQP or SNOPT: sets driver.optimizer.",
-        show_default="as the case says, else IPOPT",
-    ),
-]
-_Package = Annotated[
-    str | None,
-    Option(
-        metavar="NAME",
-        help="What provides the optimizer; auto, pyoptsparse, casadi (IPOPT alone) or scipy "
-        "(SLSQP alone): sets driver.package.",
-        show_default="as the case says, else auto",
-    ),
-]
-_Segments = Annotated[
-    int | None,
-    Option(
-        metavar="N",
-        help="Number of collocation segments: sets phase.segments.",
-        show_default="as the case says, else from its flow",
-    ),
-]
+_RESUME = (
+    "In place of CASE: go on with the interrupted or failed run in this result folder from its "
+    "last recorded iterate."
+)
+_OPTIMIZER = "IPOPT, SLSQP or SNOPT: sets driver.optimizer. Default: as the case says."
+_PACKAGE = (
+    "What provides the optimizer; auto, pyoptsparse, casadi (IPOPT alone) or scipy (SLSQP alone): "
+    "sets driver.package. Default: as the case says."
+)
+_SEGMENTS = "Number of collocation segments: sets phase.segments. Default: as the case says."
 
 
 def run(
-    case: _Case = None,
-    out: _Out = None,
+    case: Annotated[Path | None, CASE] = None,
+    out: OutFolder = None,
     force: Annotated[
         bool, Option("--force", help="Replace an earlier result in the folder.")
     ] = False,
-    resume: _Resume = None,
-    optimizer: _Optimizer = None,
-    package: _Package = None,
-    segments: _Segments = None,
+    resume: Annotated[Path | None, Option(metavar="DIR", help=_RESUME)] = None,
+    optimizer: Annotated[str | None, Option(metavar="NAME", help=_OPTIMIZER)] = None,
+    package: Annotated[str | None, Option(metavar="NAME", help=_PACKAGE)] = None,
+    segments: Annotated[int | None, Option(metavar="N", help=_SEGMENTS)] = None,
     overrides: Overrides = None,
     extend: Extend = None,
     quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False,
-    no_figures: Annotated[
-        bool, Option("--no-figures", help="Leave the figures out; hkt plot draws them.")
-    ] = False,
+    no_figures: NoFigures = False,
     pdf: Annotated[bool, Option("--pdf", help="Draw the figures as PDF too.")] = False,
 ) -> None:
     """Run a case and write a result folder.
 
-    The case is optimized, the result integrated independently and judged. The folder gets case.yaml
-    (every default written out), summary.json (figures of merit and checks), trajectory.csv,
-    simulation.csv, power_curve.csv, convergence.csv, solution.db and history.db (OpenMDAO
-    recorders), n2.html and figures/. Options override --set, --set overrides the file.
+    The case is optimized, the result integrated independently and judged. The folder, results/<name
+    of the case> unless --out is given, gets case.yaml (every default written out), summary.json
+    (figures of merit and checks), trajectory.csv, simulation.csv, power_curve.csv, convergence.csv,
+    solution.db and history.db (OpenMDAO recorders), n2.html and figures/. Options override --set,
+    --set overrides the file.
     """
     from rich.console import Console
 
-    from hkt_mdo.case import load_case
-
     given = {"driver.optimizer": optimizer, "driver.package": package, "phase.segments": segments}
-    changes = [f"{key}={value}" for key, value in given.items() if value is not None]
-    changes = [*(overrides or ()), *changes]
+    settings = [f"{key}={value}" for key, value in given.items() if value is not None]
+    changes = [*(overrides or ()), *settings]
     if resume is not None and (case is not None or changes or out is not None or force):
         raise BadParameter("--resume goes on with a run as it is: give nothing else")
     if no_figures and pdf:
@@ -107,7 +77,7 @@ def run(
     source = case if resume is None else resume / "case.yaml"
     if source is None:
         raise BadParameter("give a CASE, or --resume DIR")
-    loaded = load_case(source, changes, **extensions(extend))
+    loaded = read_case(source, changes, extend)
     folder = resume or out or Path("results") / loaded.name
     console = Console(quiet=quiet, highlight=False)
     before = _written(folder)
@@ -115,7 +85,7 @@ def run(
         with _progress(console, loaded.name) as progress:
             from hkt_mdo.run import run as runner
 
-            how = {"progress": progress, "figures": not no_figures}
+            how: dict[str, Any] = {"progress": progress, "figures": not no_figures}
             if resume is None:
                 solution = runner.run_case(loaded, folder, force=force, **how)
             else:
@@ -127,7 +97,7 @@ def run(
         from hkt_mdo.results.plots import save_figures
 
         save_figures(solution, folder / "figures", ("pdf",))
-    print_solution(console, solution)
+    print_result(console, solution)
     for line in (*(f"note: {note}" for note in solution.notes), f"Results: {folder}"):
         console.print(line, markup=False, soft_wrap=True)
     if not solution.success:
@@ -148,15 +118,12 @@ def _progress(console: Console, name: str) -> Iterator[Callable[[int, float, flo
 
         def report(count: int, energy: float, infeasibility: float) -> None:
             nonlocal last
-            line = (
-                f"{name}: evaluation {count}, energy {energy:.0f} J, infeasibility "
-                f"{infeasibility:.1e}"
-            )
+            what = f"evaluation {count}, energy {energy:.0f} J, infeasibility {infeasibility:.1e}"
             if console.is_terminal:
-                status.update(line)
+                status.update(f"{name}: {what}")
             elif time.monotonic() - last >= _SECONDS_BETWEEN_LINES:
                 last = time.monotonic()
-                echo(line)
+                echo(f"{name}: {what}")
 
         yield report
 
@@ -170,7 +137,7 @@ def _written(folder: Path) -> int | None:
 
 
 def _saved(folder: Path, before: int | None) -> str:
-    """Return what an interrupted run saved; `before` is the age of an earlier summary."""
+    """Return what an interrupted run saved; `before` is the time of an earlier summary."""
     if _written(folder) in (None, before):
         return "nothing was saved"
     names = sorted(path.name for path in folder.iterdir())

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from typer import Argument, Exit, Option, echo
 
-from hkt_mdo.cli.parts import NO_SUCCESS, CaseFolder, Jobs
+from hkt_mdo.cli.parts import NO_SUCCESS, CaseFolder, Jobs, Seed
 
 
 def paper(
@@ -18,7 +18,7 @@ def paper(
     cases: CaseFolder = Path("cases"),
     jobs: Jobs = None,
     repeats: Annotated[int, Option(min=2, max=10_000, help="Noisy runs of each design.")] = 20,
-    seed: Annotated[int, Option(min=0, help="Seed of the noise.")] = 1,
+    seed: Seed = 1,
 ) -> None:
     """Reproduce the paper's tables and figures.
 
@@ -44,6 +44,10 @@ def paper(
         raise Exit(NO_SUCCESS)
 
 
+_COUNT = "Starts a case, random mixtures of the sweep, or examples a kind of file."
+_REPORT = "Markdown file to write: the figures of all parts that the folder holds."
+
+
 def verify(
     parts: Annotated[
         list[str] | None, Argument(metavar="PART...", help="All of them by default.")
@@ -53,23 +57,11 @@ def verify(
     ),
     cases: CaseFolder = Path("cases"),
     count: Annotated[
-        int | None,
-        Option(
-            min=1,
-            max=100_000,
-            help="Starts a case, random mixtures of the sweep, or examples a kind of file.",
-            show_default="30, 30 or 1500",
-        ),
+        int | None, Option(min=1, max=100_000, help=_COUNT, show_default="30, 30 or 1500")
     ] = None,
-    seed: Annotated[int, Option(min=0, help="Seed of the random numbers.")] = 0,
+    seed: Seed = 0,
     jobs: Jobs = None,
-    report: Annotated[
-        Path | None,
-        Option(
-            metavar="FILE",
-            help="Markdown file to write: the figures of all parts that the folder holds.",
-        ),
-    ] = None,
+    report: Annotated[Path | None, Option(metavar="FILE", help=_REPORT)] = None,
 ) -> None:
     """Run the verification study, or parts of it.
 
