@@ -42,7 +42,7 @@ def case_json_schema() -> dict[str, Any]:
         for key, value in section["properties"].items():
             if "description" in value:
                 value["description"] = _unwrap(value["description"])
-            if unit := _unit(value):
+            if unit := unit_of(value):
                 value["title"] = f"{key} [{unit}]"
             if "const" in value:
                 section["required"] = [key, *section.get("required", ())]
@@ -55,11 +55,11 @@ def _unwrap(docstring: str) -> str:
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in docstring.split("\n\n"))
 
 
-def _unit(value: Any) -> str:
+def unit_of(value: Any) -> str:
     """Return the first unit anywhere in the schema of a value; empty where there is none."""
     if isinstance(value, dict):
-        return value.get("unit") or next(filter(None, map(_unit, value.values())), "")
-    return next(filter(None, map(_unit, value)), "") if isinstance(value, list) else ""
+        return value.get("unit") or next(filter(None, map(unit_of, value.values())), "")
+    return next(filter(None, map(unit_of, value)), "") if isinstance(value, list) else ""
 
 
 # As a page ----------------------------------------------------------------------------------------

@@ -68,7 +68,7 @@ def check(
         raise
     console = Console(highlight=False)
     for title, rows in report.tables.items():
-        print_rows(console, rows, title)
+        print_rows(console, rows.items(), title)
     for title, lines in (("Notes", report.notes), ("Warnings", report.warnings)):
         if lines:
             print_rows(console, [("-", line) for line in lines], title)

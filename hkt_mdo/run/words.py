@@ -1,0 +1,49 @@
+"""Numbers as text, with their units."""
+
+import numpy as np
+
+
+def number(value: float, digits: int = 4) -> str:
+    """Return a number with so many digits, without a power of ten where it can be avoided."""
+    return f"{float(f'{value:.{digits}g}'):.10g}"
+
+
+def span(values, unit: str = "", digits: int = 4) -> str:
+    """Return the range of values with its unit."""
+    low, high = (number(end, digits) for end in (np.min(values), np.max(values)))
+    return f"{low if low == high else f'{low} to {high}'} {unit}".rstrip()
+
+
+def powers(values) -> str:
+    """Return the range of large numbers, such as 2e5 to 1.2e6."""
+    texts = []
+    for end in (np.min(values), np.max(values)):
+        digits, _, power = f"{end:.1e}".partition("e")
+        texts.append(f"{digits.removesuffix('.0')}e{int(power)}")
+    return texts[0] if texts[0] == texts[1] else " to ".join(texts)
+
+
+def count(many: int, what: str) -> str:
+    """Return a number of things, such as 3 blades."""
+    return f"{many} {what}{'s' if many != 1 else ''}"
+
+
+def quantity(value: float, unit: str, digits: int = 4) -> str:
+    """Return a quantity in its unit, or in thousandths, thousands or millions of it."""
+    for least, prefix, size in ((1e6, "M", 1e6), (1e3, "k", 1e3), (0.1, "", 1.0), (0.0, "m", 1e-3)):
+        if abs(value) >= least:
+            break
+    return f"{value / size:.{digits}g} {prefix}{unit}"
+
+
+def duration(seconds: float) -> str:
+    """Return a time in s, and in minutes, hours or days where it is long."""
+    for unit, size in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2.0 * size:
+            return f"{seconds:g} s ({seconds / size:.3g} {unit})"
+    return f"{seconds:g} s"
+
+
+def plain_unit(unit: str) -> str:
+    """Return a unit as it is read: N m s^2/rad^2 for N*m*s**2/rad**2."""
+    return unit.replace("**", "^").replace("*", " ")
