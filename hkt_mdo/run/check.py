@@ -17,6 +17,7 @@ from hkt_mdo.files.polar import read_polars
 from hkt_mdo.problem import build
 from hkt_mdo.problem.turbine import POLAR
 from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run import findings
 from hkt_mdo.run.findings import Findings, ProblemSize, Stations
 from hkt_mdo.run.words import count, duration, number, plain_unit, powers, quantity, span
@@ -29,7 +30,6 @@ LIGHT = 0.02  # share of the torque below which stations outside their polars' t
 WASTED = 0.5  # share of what a blade can capture below which a gain was hardly meant
 OUTERMOST = 0.9  # r/R of the last station below which a part of the blade is missing
 EDDY = 1.25  # cutoff times diameter over flow speed above which eddies are smaller than the rotor
-DEGREES = 180.0 / np.pi
 SOLVER = {"vectorized": "this package's BEM", "ccblade": "CCBlade"}
 
 
@@ -161,8 +161,9 @@ def _flow_rows(found: Findings, by_default: bool) -> Rows:
     changes = "none: it is steady"
     if found.cutoff:
         changes = f"up to {found.cutoff:.3g} Hz, a period of {quantity(1 / found.cutoff, 's', 3)}"
-    flux = 0.5 * found.case.fluid.density * found.mean_cube
-    through = flux * np.pi * found.world.blade.rotor_radius**2
+    radius = found.world.blade.rotor_radius
+    through = found.average(power_scale(found.case.fluid.density, radius, found.speed))
+    flux = through / (np.pi * radius**2)
     return {
         "kind": _flow_words(found.case.inflow),
         "speed": f"{span(found.speed, 'm/s')}, mean {found.mean:.4g} m/s, standard deviation "
@@ -174,6 +175,12 @@ def _flow_rows(found: Findings, by_default: bool) -> Rows:
     }
 
 
+_IDLE = {"start": 0.0, "phase": 0.0, "scale": 1.0} | dict.fromkeys(
+    ("gaps", "spikes", "uneven"), "refuse"
+)
+"""Values of a flow's keys that change nothing."""
+
+
 def _flow_words(section) -> str:
     """Return the kind of a flow and the values that make it, without those that change nothing."""
     if section.profile == "sum":
@@ -181,7 +188,7 @@ def _flow_words(section) -> str:
     words = []
     properties = type(section).model_json_schema()["properties"]
     for name, value in section:
-        idle = value == properties[name].get("default") and value in (0.0, 1.0, "refuse", None)
+        idle = value is None or _IDLE.get(name) == value
         if name == "file":
             words.insert(0, Path(value).name)
         elif name == "constituents":
@@ -227,8 +234,9 @@ def _start_rows(found: Findings) -> Rows:
     }
     if found.rated_speed is not None:
         often = f"{100.0 * found.above_rated:.3g} % of the time" if found.above_rated else "never"
-        power = f"{quantity(found.rated_power, 'W')} at {found.rated_speed:.4g} m/s"
-        rows["there, at the torque limit"] = f"{power}; flow above it: {often}"
+        power = found.world.torque_limit * speed * found.rated_speed / mean
+        at = f"{quantity(power, 'W')} at {found.rated_speed:.4g} m/s"
+        rows["there, at the torque limit"] = f"{at}; flow above it: {often}"
     rows["under the control law"] = "it does not turn unstalled throughout this flow"
     if start.running:
         rows["under the control law"] = (
@@ -257,11 +265,14 @@ def _optimization_rows(found: Findings, size: ProblemSize, package: str) -> Rows
     torque = "at every node of the trajectory"
     if build.has_curve(found.case, found.world):
         torque = "as a curve over the tip speed ratio, one for each blade"
+    unknowns = _sizes(size.unknowns)
+    if found.world.shape.designs_set_angle:
+        unknowns = unknowns.replace("twist", "set angle")
     check = "too" if hydro.check == hydro.bem else f"by {SOLVER[hydro.check]}"
     return {
         "segments": f"{phase.segments} of {quantity(length, 's', 3)}{periods}, {name} of order "
         f"{phase.order}: {size.nodes} nodes",
-        "unknowns": _sizes(size.unknowns, found.world.shape.designs_set_angle),
+        "unknowns": unknowns,
         "constraints": _sizes(size.constraints),
         "torque": f"{torque}, by {SOLVER[hydro.bem]}; in the simulation {check}",
         "optimizer": f"{driver.optimizer} of {package}, to {driver.tolerance:g}, for the captured "
@@ -275,29 +286,24 @@ _NAMES = {
     "chord_control": "chord",
     "twist_control": "twist",
     "rotor_radius": "radius",
+    "gain_": "gain",
+    "[initial]": "balance at t = 0",
+    "[path]": "range of the control torque",
+    "defect_control": "smoothness",
+    "defects:": "equation of motion",
     "rotor_speed": "rotor speed over time",
     "control_torque": "control torque over time",
-    "rotor_acceleration[initial]": "balance at t = 0",
-    "rotor_speed_rate[initial]": "balance at t = 0",
-    "control_torque[path]": "range of the control torque",
-    "defects:rotor_speed": "equation of motion",
     "recovery": "distance from stall",
 }
+"""What the parts of names in the problem mean; the first one that a name has tells."""
 
 
-def _sizes(sizes: dict[str, int], set_angle: bool = False) -> str:
+def _sizes(sizes: dict[str, int]) -> str:
     """Return a total and what it is made of, in words."""
     parts: dict[str, int] = {}
     for name, size in sizes.items():
         last = name.rpartition(".")[2]
-        plain = last.rpartition(":")[2].removesuffix("_rate")
-        words = _NAMES.get(last) or _NAMES.get(plain) or plain.replace("_", " ")
-        if last.startswith("defect_control"):
-            words = f"smoothness of the {words.removesuffix(' over time')}"
-        elif last.startswith("gain_"):
-            words = "gain"
-        elif last == "twist_control" and set_angle:
-            words = "set angle"
+        words = next((words for part, words in _NAMES.items() if part in last), last)
         parts[words] = parts.get(words, 0) + size
     listed = ", ".join(f"{size} {words}" for words, size in parts.items())
     return f"{sum(parts.values())}: {listed}" if parts else "none"
@@ -392,8 +398,10 @@ def _design_warnings(found: Findings) -> Iterator[str]:
             f"the outermost station is at {found.places([-1])}, and the load falls to zero "
             "from there to the tip: give stations farther out, or look at rotor.radius"
         )
-    largest = 100.0 / given.chord.max()
-    for name, scale, unit in (("chord", largest, "% of the largest"), ("twist", DEGREES, "deg")):
+    for name, scale, unit in (
+        ("chord", 100.0 / given.chord.max(), "% of the largest"),
+        ("twist", np.rad2deg(1.0), "deg"),
+    ):
         off = scale * np.abs(getattr(blade, name) - getattr(given, name))
         worst = int(np.argmax(off))
         if off[worst] > FIT[name]:

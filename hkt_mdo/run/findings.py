@@ -52,9 +52,7 @@ class Findings:
     splines may have left; `plant` is the rotor with the starting blade, as it would be simulated.
     `time` and `speed`, shape (n,), are even instants of the whole duration and the flow then.
     `best` is the largest power coefficient of the starting blade, `start` its quasi-steady
-    operation over the flow under the control law. `steady_speed` (rad/s) and `time_constant` hold
-    in the mean flow and are None if the rotor does not turn there. `rated_speed` (m/s) is the flow
-    speed at which the torque limit is met at the best tip speed ratio; None: there is no limit.
+    operation over the flow under the control law, and `steady` the same in the mean flow.
     """
 
     case: Case
@@ -66,52 +64,67 @@ class Findings:
     speed: np.ndarray
     best: SteadyOptimum
     start: StartingPoint
-    steady_speed: float | None
-    time_constant: float | None
-    rated_speed: float | None
+    steady: StartingPoint
 
-    def _mean(self, values: np.ndarray) -> float:
+    def average(self, values: np.ndarray) -> float:
+        """Return the mean over time of values at the instants."""
         return float(np.trapezoid(values, self.time) / self.time[-1])
 
-    @property
+    def torque(self, rotor_speed: float, flow_speed: float) -> float:
+        """Return the torque (N*m) of the starting blade at speeds in rad/s and m/s."""
+        return float(self.plant.torque(np.array([rotor_speed]), np.array([flow_speed]))[0])
+
+    def places(self, chosen=slice(None)) -> str:
+        """Return in words where stations of the starting blade lie."""
+        return f"r/R = {span(self.world.blade.r[chosen] / self.world.blade.tip_radius)}"
+
+    @cached_property
     def mean(self) -> float:
-        """Mean of the flow speed over time."""
-        return self._mean(self.speed)
+        """Mean of the flow speed."""
+        return self.average(self.speed)
 
     @property
     def deviation(self) -> float:
         """Standard deviation of the flow speed."""
-        return float(np.sqrt(self._mean((self.speed - self.mean) ** 2)))
-
-    @property
-    def mean_cube(self) -> float:
-        """Mean of the flow speed's cube."""
-        return self._mean(self.speed**3)
+        return float(np.sqrt(self.average((self.speed - self.mean) ** 2)))
 
     @property
     def cutoff(self) -> float:
         """Highest frequency that matters in the flow, Hz; 0 where it is steady."""
         return getattr(self.world.inflow, "cutoff", None) or 0.0
 
+    @cached_property
+    def rated_speed(self) -> float | None:
+        """Flow speed at which the torque limit is met at the best tip speed ratio.
+
+        0.5 rho pi R³ Cq v² = torque, by iteration, for Cq depends on v where polars follow the
+        Reynolds number. Infinite where the rotor has no torque; None without a limit.
+        """
+        limit, flow = self.world.torque_limit, 1.0
+        if limit is None:
+            return None
+        for _ in range(50):
+            found = self.torque(
+                self.best.tip_speed_ratio * flow / self.plant.blade.rotor_radius, flow
+            )
+            if found <= 0.0:
+                return np.inf
+            before, flow = flow, flow * float(np.sqrt(limit / found))
+            if abs(flow - before) <= 1e-12 * flow:
+                break
+        return flow
+
     @property
     def above_rated(self) -> float:
         """Share of the time in which the flow is faster than the rated speed."""
         rated = np.inf if self.rated_speed is None else self.rated_speed
-        return self._mean(np.where(self.speed > rated, 1.0, 0.0))
-
-    @property
-    def rated_power(self) -> float | None:
-        """Power at the rated flow speed, W."""
-        if self.rated_speed is None or self.world.torque_limit is None:
-            return None
-        ratio, radius = self.best.tip_speed_ratio, self.world.blade.rotor_radius
-        return self.world.torque_limit * ratio * self.rated_speed / radius
+        return self.average(np.where(self.speed > rated, 1.0, 0.0))
 
     @property
     def captured(self) -> float:
         """Energy of the start over that at the largest power coefficient throughout."""
         density, radius = self.case.fluid.density, self.world.blade.rotor_radius
-        passing = self._mean(power_scale(density, radius, self.speed)) * self.time[-1]
+        passing = self.average(power_scale(density, radius, self.speed)) * self.time[-1]
         most = max(self.best.power_coefficient, 1e-9) * passing
         return float(self.start.operation.energy / most)
 
@@ -126,16 +139,32 @@ class Findings:
         ratios = tip_speed / self.world.inflow.speed(time)
         return float(ratios.min()), float(ratios.max())
 
-    def places(self, chosen=slice(None)) -> str:
-        """Return in words where stations of the starting blade lie."""
-        return f"r/R = {span(self.world.blade.r[chosen] / self.world.blade.tip_radius)}"
+    @property
+    def steady_speed(self) -> float:
+        """Rotor speed at which the law holds the mean flow, if the rotor turns there."""
+        return float(self.steady.operation.rotor_speed[0])
 
-    def torque(self, rotor_speed: float, flow_speed: float) -> float:
-        """Return the torque (N*m) of the starting blade at speeds in rad/s and m/s."""
-        return torque_at(self.plant, rotor_speed, flow_speed)
+    @property
+    def time_constant(self) -> float | None:
+        """Time constant in the mean flow; None if the rotor does not turn there."""
+        if not self.steady.operation.running:
+            return None
+        law, speed, slope = self.world.law, self.steady_speed, 0.0
+        if law is not None:
+            slope = float(law.torque_by_speed(np.array([speed]), self.steady.gains)[0])
+        return self.relaxation(speed, self.mean, slope)
 
+    def relaxation(self, rotor_speed: float, flow_speed: float, control_slope: float) -> float:
+        """Return the time constant (s) near an equilibrium (rad/s, m/s).
 
-# The starting blade in the flow -------------------------------------------------------------------
+        I dw/dt = Q(w, v) - u(w), linearized: I / (du/dw - dQ/dw), where `control_slope` is du/dw
+        (N*m*s/rad), zero for a torque that does not follow the speed. Negative where the
+        equilibrium is unstable.
+        """
+        step = 1e-4 * rotor_speed
+        faster = self.torque(rotor_speed + step, flow_speed)
+        slower = self.torque(rotor_speed - step, flow_speed)
+        return self.plant.inertia / (control_slope - (faster - slower) / (2.0 * step))
 
 
 def examine(case: Case, world: Physics) -> Findings:
@@ -152,73 +181,19 @@ def examine(case: Case, world: Physics) -> Findings:
     solver = BEM[case.hydrodynamics.check]
     plant = Plant(blade, world.polar, float(inertia), case.fluid.density, solver)
     best = best_operation(blade, world.polar)
-    segments = min(case.phase.segments, MOST_START_SEGMENTS)
-    coarse = _changed(case, "phase", segments=segments)
+    coarse = _changed(case, "phase", segments=min(case.phase.segments, MOST_START_SEGMENTS))
     start = find_start(coarse, world, best)
-    steady_speed, constant = _held(coarse, world, best, start, plant, mean)
-    rated = None
-    if world.torque_limit is not None:
-        rated = rated_speed(plant, best.tip_speed_ratio, world.torque_limit)
+    if world.law is not None:
+        coarse = _changed(coarse, "control", gain=tuple(start.gains))
+    steady = find_start(coarse, replace(world, inflow=ConstantInflow(mean)), best)
     turbine = build_turbine(case.rotor, case.fluid, mean)
-    return Findings(
-        case, world, turbine, plant, float(mass), time, speed, best, start,
-        steady_speed, constant, rated,
-    )  # fmt: skip
+    return Findings(case, world, turbine, plant, float(mass), time, speed, best, start, steady)
 
 
 def _changed(case: Case, section: str, **values) -> Case:
     """Return a case with other values in one of its sections."""
     changed = getattr(case, section).model_copy(update=values)
     return case.model_copy(update={section: changed})
-
-
-def _held(case, world, best, start, plant, flow_speed) -> tuple[float | None, float | None]:
-    """Return rotor speed (rad/s) and time constant (s) where the law holds a steady flow (m/s)."""
-    if world.law is not None:
-        case = _changed(case, "control", gain=tuple(start.gains))
-    held = find_start(case, replace(world, inflow=ConstantInflow(flow_speed)), best)
-    if not held.operation.running:
-        return None, None
-    speed = held.operation.rotor_speed[:1]
-    slope = 0.0 if world.law is None else float(world.law.torque_by_speed(speed, held.gains)[0])
-    return float(speed[0]), time_constant(plant, float(speed[0]), flow_speed, slope)
-
-
-def rated_speed(plant: Plant, tip_speed_ratio: float, torque: float) -> float:
-    """Return the flow speed (m/s) at which a rotor kept at a tip speed ratio has a torque (N*m).
-
-    0.5 rho pi R³ Cq v² = torque, by iteration, for Cq depends on v where polars follow the Reynolds
-    number. Infinite where the rotor has no torque.
-    """
-    flow = 1.0
-    for _ in range(50):
-        found = torque_at(plant, tip_speed_ratio * flow / plant.blade.rotor_radius, flow)
-        if found <= 0.0:
-            return np.inf
-        before, flow = flow, flow * float(np.sqrt(torque / found))
-        if abs(flow - before) <= 1e-12 * flow:
-            break
-    return flow
-
-
-def time_constant(
-    plant: Plant, rotor_speed: float, flow_speed: float, control_slope: float = 0.0
-) -> float:
-    """Return the time constant (s) of a rotor near an equilibrium (rad/s, m/s).
-
-    I dw/dt = Q(w, v) - u(w), linearized: I / (du/dw - dQ/dw), where `control_slope` is du/dw
-    (N*m*s/rad), zero for a torque that does not follow the speed. Negative where the equilibrium
-    is unstable.
-    """
-    step = 1e-4 * rotor_speed
-    faster = torque_at(plant, rotor_speed + step, flow_speed)
-    slower = torque_at(plant, rotor_speed - step, flow_speed)
-    return plant.inertia / (control_slope - (faster - slower) / (2.0 * step))
-
-
-def torque_at(plant: Plant, rotor_speed: float, flow_speed: float) -> float:
-    """Return the torque (N*m) at a rotor speed (rad/s) and a flow speed (m/s)."""
-    return float(plant.torque(np.array([rotor_speed]), np.array([flow_speed]))[0])
 
 
 # What the stations meet ---------------------------------------------------------------------------

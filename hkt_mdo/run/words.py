@@ -30,9 +30,9 @@ def count(many: int, what: str) -> str:
 
 def quantity(value: float, unit: str, digits: int = 4) -> str:
     """Return a quantity in its unit, or in thousandths, thousands or millions of it."""
-    for least, prefix, size in ((1e6, "M", 1e6), (1e3, "k", 1e3), (0.1, "", 1.0), (0.0, "m", 1e-3)):
-        if abs(value) >= least:
-            break
+    scales = {"M": 1e6, "k": 1e3, "": 0.1, "m": 0.0}
+    prefix = next(prefix for prefix, least in scales.items() if abs(value) >= least)
+    size = {"": 1.0, "m": 1e-3}.get(prefix, scales[prefix])
     return f"{value / size:.{digits}g} {prefix}{unit}"
 
 

@@ -17,7 +17,7 @@ from hkt_mdo.cli import main
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.solution import Solution
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 CASE = str(ROOT / "cases" / "sine_limited_quadratic.yaml")
 
 
