@@ -3,13 +3,11 @@
     from hkt_mdo import load_case, run_case
     solution = run_case(load_case("cases/sine_limited_quadratic.yaml"), "results/mine")
 
-The names below are the whole public interface; what is behind them is imported when it is first
-used.
+The names below are the whole public interface: cases, problems, runs and results, and the base
+classes of extensions (docs/architecture.md). Each is imported when it is first used.
 """
 
 from importlib import import_module
-
-__all__ = ["Case", "InputError", "Solution", "build_problem", "load_case", "run_case"]
 
 _HOMES = {
     "Case": "case",
@@ -18,7 +16,26 @@ _HOMES = {
     "Solution": "results.solution",
     "build_problem": "problem.build",
     "run_case": "run.run",
+    "FeedbackLaw": "dynamics.laws",
+    "Inflow": "dynamics.flows",
+    "Limit": "dynamics.limits",
+    "Objective": "dynamics.objectives",
+    "Quantity": "sections",
 }
+
+__all__ = [  # noqa: F822 (imported on first use)
+    "Case",
+    "FeedbackLaw",
+    "Inflow",
+    "InputError",
+    "Limit",
+    "Objective",
+    "Quantity",
+    "Solution",
+    "build_problem",
+    "load_case",
+    "run_case",
+]
 
 
 def __getattr__(name: str):

@@ -6,61 +6,28 @@ text with a unit, such as ``1400 mm``, which is converted. Whatever is wrong wit
 one `InputError`.
 """
 
-from hkt_mdo.case.control import (
-    Control,
-    Controller,
-    Feedback,
-    LinearFeedback,
-    OpenLoop,
-    QuadraticFeedback,
-)
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, Phase, Start
 from hkt_mdo.case.document import case_json_schema, case_markdown, commented_case
-from hkt_mdo.case.inflow import (
-    ConstantInflow,
-    GustInflow,
-    Inflow,
-    RecordInflow,
-    SineInflow,
-    StepInflow,
-    SumInflow,
-    TidalConstituent,
-    TidalInflow,
-    TurbulentInflow,
-)
-from hkt_mdo.case.schema import Case, load_case, read_case
+from hkt_mdo.case.kinds import Kinds, known_kinds
+from hkt_mdo.case.schema import Case, Limits, case_class, load_case, read_case
 from hkt_mdo.case.turbine import Fluid, Rotor
-from hkt_mdo.sections import Quantity
 
 __all__ = [
     "Case",
-    "ConstantInflow",
-    "Control",
-    "Controller",
     "Design",
     "Driver",
-    "Feedback",
     "Fluid",
-    "GustInflow",
     "Hydrodynamics",
-    "Inflow",
-    "LinearFeedback",
-    "OpenLoop",
+    "Kinds",
+    "Limits",
     "Phase",
-    "QuadraticFeedback",
-    "Quantity",
-    "RecordInflow",
     "Rotor",
-    "SineInflow",
     "Start",
-    "StepInflow",
-    "SumInflow",
-    "TidalConstituent",
-    "TidalInflow",
-    "TurbulentInflow",
+    "case_class",
     "case_json_schema",
     "case_markdown",
     "commented_case",
+    "known_kinds",
     "load_case",
     "read_case",
 ]

@@ -45,13 +45,16 @@ def _find(location: Iterable[int | str], root: type[BaseModel]) -> _Place:
             path.append(part)
             field = section.model_fields.get(part)
             union = _members(field)
-            if (
-                field
-                and isinstance(field.annotation, type)
-                and issubclass(field.annotation, Section)
-            ):
-                section, field = field.annotation, None
+            inner = _section(field)
+            if inner is not None and not union:
+                section, field = inner, None
     return _Place(dotted(path), section, field)
+
+
+def _section(field: FieldInfo | None) -> type[BaseModel] | None:
+    """Return the section that a field holds, if need be beside None."""
+    kinds = (field.annotation, *get_args(field.annotation)) if field else ()
+    return next((k for k in kinds if isinstance(k, type) and issubclass(k, Section)), None)
 
 
 def _members(field: FieldInfo | None) -> dict[str, type[BaseModel]]:

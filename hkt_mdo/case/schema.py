@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Union
 
 import yaml
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, SerializeAsAny, ValidationError, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
-from hkt_mdo.case.control import Control, Feedback
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, Phase, Start
-from hkt_mdo.case.inflow import Inflow
+from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kinds
 from hkt_mdo.case.messages import translate
 from hkt_mdo.case.turbine import Fluid, Rotor
 from hkt_mdo.case.yaml_text import Dumper, parse
+from hkt_mdo.dynamics.flows import Inflow, SumInflow
+from hkt_mdo.dynamics.laws import FeedbackLaw, Law
+from hkt_mdo.dynamics.limits import Limit
+from hkt_mdo.dynamics.objectives import CapturedEnergy, Objective
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import read_bytes
 from hkt_mdo.sections import Section, refusal
@@ -26,6 +30,19 @@ STATION_COUNT = 40
 
 MAX_CASE_BYTES = 1024**2
 """Largest case file that is read, in bytes."""
+
+
+class Limits(Section):
+    """Limits besides that on the control torque, each under its name.
+
+    One whose only key is `bound` may be given as that alone, such as `limits: {NAME: 15 m/s}`.
+    """
+
+    @property
+    def given(self) -> tuple[Limit, ...]:
+        """The limits that the case gives."""
+        values = (getattr(self, name) for name in type(self).model_fields)
+        return tuple(value for value in values if value is not None)
 
 
 class Case(Section):
@@ -43,11 +60,17 @@ class Case(Section):
     fluid: Fluid = Fluid()
     """The water."""
 
-    inflow: Inflow
+    inflow: SerializeAsAny[Inflow]
     """Inflow speed over time; `profile` says which kind."""
 
-    control: Control
+    control: SerializeAsAny[Law]
     """Control law; `law` says which."""
+
+    limits: SerializeAsAny[Limits] = Limits()
+    """Limits besides `control.torque_limit`."""
+
+    objective: SerializeAsAny[Objective] = CapturedEnergy()
+    """What is maximized; `kind` says which."""
 
     design: Design = Design()
     """What may be changed, and how far."""
@@ -64,12 +87,21 @@ class Case(Section):
     driver: Driver = Driver()
     """The optimizer and the package that provides it."""
 
+    extensions: ClassVar[tuple[str, ...]] = ()
+    """Python files that define kinds of this case's class."""
+
     @model_validator(mode="before")
     @classmethod
-    def _fill_stations(cls, data: Any) -> Any:
-        """Give a blade of splines the stations that resolve it; see docs/stations.md."""
+    def _spell_out(cls, data: Any) -> Any:
+        """Give a kind without keys by its bare name, and a blade of splines its stations.
+
+        docs/stations.md tells how many stations resolve it.
+        """
         if not isinstance(data, dict):
             return data
+        for key, tag in _TAGS.items():
+            if isinstance(data.get(key), str):
+                data = data | {key: {tag: data[key]}}
         design, rotor = data.get("design"), data.get("rotor", {})
         if isinstance(rotor, Rotor) or not isinstance(design, dict) or not isinstance(rotor, dict):
             return data
@@ -84,14 +116,14 @@ class Case(Section):
         """Hold the start to the bounds of the design."""
         bounds = self.design.gain_bounds
         if bounds is not None:
-            if not isinstance(self.control, Feedback):
+            if not isinstance(self.control, FeedbackLaw):
                 raise refusal(
                     f"bounds a gain that the law {self.control.law} does not have",
                     "leave design.gain_bounds out, or choose a feedback law",
                     key="design.gain_bounds",
                     value=list(bounds),
                 )
-            gain = self.control.gain
+            gain = getattr(self.control, "gain", None)
             if gain is not None and not bounds[0] <= gain <= bounds[1]:
                 raise _outside("control.gain", gain, "design.gain_bounds", bounds)
         for name in ("bem", "check"):
@@ -152,7 +184,55 @@ class Case(Section):
         InputError
             If an override is malformed or makes the case invalid.
         """
-        return read_case(self.to_yaml(), overrides, file=f"case {self.name}")
+        return read_case(
+            self.to_yaml(), overrides, file=f"case {self.name}", extensions=self.extensions
+        )
+
+
+_TAGS = {"inflow": "profile", "control": "law", "objective": "kind"}
+
+
+@cache
+def case_class(kinds: Kinds) -> type[Case]:
+    """Return the class of the cases that may name some kinds."""
+    profiles = [each for each in kinds.profiles if not issubclass(each, SumInflow)]
+    parts = Annotated[Union[tuple(profiles)], Field(discriminator="profile")]  # noqa: UP007
+    about = SumInflow.model_fields["parts"].description
+    total = create_model(
+        "SumInflow",
+        __base__=SumInflow,
+        __doc__=SumInflow.__doc__,
+        parts=(tuple[parts, ...], Field(min_length=2, max_length=20, description=about)),
+    )
+    limits: dict[str, Any] = {
+        kind_name(each): (each | None, Field(None, description=(each.__doc__ or "").strip()))
+        for each in kinds.limits
+    }
+    section = create_model("Limits", __base__=Limits, __doc__=Limits.__doc__, **limits)
+    made = create_model(
+        "Case",
+        __base__=_AnyCase,
+        __doc__=_AnyCase.__doc__,
+        inflow=_choice("inflow", [*profiles, total]),
+        control=_choice("control", kinds.laws),
+        limits=(section, Field(section(), description=Limits.__doc__)),
+        objective=_choice("objective", kinds.objectives),
+    )
+    made.extensions = kinds.files
+    return made
+
+
+def _choice(key: str, classes: Sequence[type]) -> Any:
+    """Return the field of a case that takes one of some sections, which a tag tells apart."""
+    field = _AnyCase.model_fields[key]
+    tag = {"discriminator": _TAGS[key]} if len(classes) > 1 else {}
+    about = {"default": field.default, "description": field.description}
+    return Union[tuple(classes)], Field(**about, **tag)  # noqa: UP007
+
+
+_AnyCase = Case
+if not TYPE_CHECKING:
+    Case = case_class(BUILT_IN)
 
 
 def _outside(
@@ -169,17 +249,26 @@ def _outside(
 # Reading ------------------------------------------------------------------------------------------
 
 
-def load_case(path: str | Path, overrides: Sequence[str] = (), *, check_files: bool = True) -> Case:
-    """Read a case file.
+def load_case(
+    source: str | Path | Mapping[str, Any],
+    overrides: Sequence[str] = (),
+    *,
+    check_files: bool = True,
+    extensions: Iterable[Extension] = (),
+) -> Case:
+    """Read a case file, or take a case as a dict.
 
     Parameters
     ----------
-    path : str or pathlib.Path
-        A YAML file.
+    source : str, pathlib.Path or mapping
+        A YAML file; or what one holds, with relative paths from the current folder.
     overrides : sequence of str
         Such as ``rotor.radius=2``; what stands after the first ``=`` is YAML.
     check_files : bool
-        Whether the CSV files that the case names must exist; a result is looked at without them.
+        Whether the files that the case names must exist; a result is looked at without them.
+    extensions : iterable of path, module or class
+        Python files, modules or classes that define further kinds of flow, law, limit or objective
+        (docs/architecture.md). A file is run: give only what you trust.
 
     Returns
     -------
@@ -193,7 +282,10 @@ def load_case(path: str | Path, overrides: Sequence[str] = (), *, check_files: b
         If the file cannot be read or anything in it, or in an override, is wrong. The message names
         file, key, value and remedy.
     """
-    path = Path(path)
+    kinds = known_kinds(extensions)
+    if isinstance(source, Mapping):
+        return _make_case(dict(source), overrides, "case", ".", "case", check_files, kinds)
+    path = Path(source)
     content = read_bytes(path, MAX_CASE_BYTES, "case file in YAML")
     try:
         text = content.decode("utf-8-sig")
@@ -209,6 +301,7 @@ def load_case(path: str | Path, overrides: Sequence[str] = (), *, check_files: b
         folder=path.parent,
         name=path.stem,
         check_files=check_files,
+        extensions=kinds,
     )
 
 
@@ -220,6 +313,7 @@ def read_case(
     folder: str | Path = ".",
     name: str = "case",
     check_files: bool = True,
+    extensions: Iterable[Extension] | Kinds = (),
 ) -> Case:
     """Make a case of YAML text.
 
@@ -236,12 +330,13 @@ def read_case(
     name : str
         Name of a case that gives none.
     check_files : bool
-        Whether the CSV files that the case names must exist.
+        Whether the files that the case names must exist.
+    extensions : iterable of path, module or class, or Kinds
+        As of `load_case`.
 
     Returns
     -------
     Case
-        The case.
 
     Raises
     ------
@@ -262,16 +357,22 @@ def read_case(
             file=file,
             value=data,
         )
+    kinds = extensions if isinstance(extensions, Kinds) else known_kinds(extensions)
+    return _make_case(data, overrides, file, folder, name, check_files, kinds)
+
+
+def _make_case(data, overrides, file, folder, name, check_files, kinds) -> Case:
     given = {}
     for override in (overrides,) if isinstance(overrides, str) else overrides:
         key, value = _split(override, file)
         _assign(data, key, value, file)
         given[key] = override
     data.setdefault("name", name)
+    made = case_class(kinds)
     try:
-        return Case.model_validate(data, context={"folder": folder, "check_files": check_files})
+        return made.model_validate(data, context={"folder": folder, "check_files": check_files})
     except ValidationError as error:
-        raise translate(error.errors(include_url=False), Case, file, given) from None
+        raise translate(error.errors(include_url=False), made, file, given) from None
 
 
 def _split(override: str, file: str) -> tuple[str, Any]:

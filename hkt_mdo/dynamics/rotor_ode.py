@@ -3,8 +3,7 @@
 import numpy as np
 import openmdao.api as om
 
-from hkt_mdo.dynamics.controllers import FeedbackComp
-from hkt_mdo.dynamics.inflow import InflowComp
+from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.rotor.bem import LocalReynolds
 
 
@@ -47,6 +46,41 @@ class RotorODE(om.Group):
             )
         inverse = options["law"] is None and options["unknown"] == "speed"
         self.add_subsystem("shaft", ShaftComp(num_nodes=n, inverse=inverse), **everything)
+
+
+class InflowComp(om.ExplicitComponent):
+    """Inflow speed at the nodes of a phase.
+
+    Input time[num_nodes] (s); output inflow_speed[num_nodes] (m/s).
+    """
+
+    def initialize(self):
+        """Declare the options."""
+        self.options.declare("num_nodes", types=int)
+        self.options.declare("inflow", desc="the flow, an `Inflow`", recordable=False)
+
+    def setup(self):
+        """Declare inputs and outputs."""
+        n = self.options["num_nodes"]
+        self.add_input(
+            "time", shape=(n,), units="s", desc="time since the start", tags=["dymos.targets:time"]
+        )
+        self.add_output(
+            "inflow_speed", shape=(n,), units="m/s", desc="undisturbed flow speed at the rotor"
+        )
+
+    def setup_partials(self):
+        """Declare the diagonal partial."""
+        rows = np.arange(self.options["num_nodes"])
+        self.declare_partials("inflow_speed", "time", rows=rows, cols=rows)
+
+    def compute(self, inputs, outputs):
+        """Evaluate the flow."""
+        outputs["inflow_speed"] = self.options["inflow"].speed_at(inputs["time"])
+
+    def compute_partials(self, inputs, partials):
+        """Evaluate its rate."""
+        partials["inflow_speed", "time"] = self.options["inflow"].rate_at(inputs["time"])
 
 
 class HydrodynamicsComp(om.ExplicitComponent):
@@ -280,3 +314,56 @@ class ShaftComp(om.ExplicitComponent):
             partials[found, "inertia"] = (-(torque - inputs[given]) / inertia**2)[:, None]
             partials["generator_power", "rotor_speed"] = inputs[given]
             partials["generator_power", given] = w
+
+
+class FeedbackComp(om.ExplicitComponent):
+    """A feedback law at the nodes of a phase.
+
+    Inputs rotor_speed[num_nodes] (rad/s) and one scalar gain_0, gain_1, … in the law's units;
+    output control_torque[num_nodes] (N*m).
+    """
+
+    def initialize(self):
+        """Declare the options."""
+        self.options.declare("num_nodes", types=int)
+        self.options.declare("law", types=FeedbackLaw, recordable=False)
+
+    def setup(self):
+        """Declare inputs and outputs."""
+        n = self.options["num_nodes"]
+        self.add_input("rotor_speed", shape=(n,), units="rad/s", desc="angular speed of the rotor")
+        for i, units in enumerate(self.options["law"].gain_units):
+            self.add_input(
+                f"gain_{i}",
+                val=1.0,
+                units=units,
+                desc="feedback gain",
+                tags=["dymos.static_target"],
+            )
+        self.add_output(
+            "control_torque", shape=(n,), units="N*m", desc="generator torque on the rotor"
+        )
+
+    def setup_partials(self):
+        """Declare the diagonal partial by speed and the column by each gain."""
+        rows = np.arange(self.options["num_nodes"])
+        self.declare_partials("control_torque", "rotor_speed", rows=rows, cols=rows)
+        self.declare_partials("control_torque", "gain_*")
+
+    def compute(self, inputs, outputs):
+        """Evaluate the law."""
+        outputs["control_torque"] = self.options["law"].torque(
+            inputs["rotor_speed"], self._gains(inputs)
+        )
+
+    def compute_partials(self, inputs, partials):
+        """Differentiate the law."""
+        law, speed, gains = self.options["law"], inputs["rotor_speed"], self._gains(inputs)
+        partials["control_torque", "rotor_speed"] = law.torque_by_speed(speed, gains)
+        for i, column in enumerate(law.torque_by_gain(speed, gains)):
+            partials["control_torque", f"gain_{i}"] = column[:, None]
+
+    def _gains(self, inputs):
+        return np.array(
+            [inputs[f"gain_{i}"][0] for i in range(len(self.options["law"].gain_units))]
+        )

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from hkt_mdo.dynamics.inflow import Inflow
+from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.bem import LocalReynolds
 from hkt_mdo.rotor.blade import Blade
@@ -93,13 +93,13 @@ def simulate(
     Simulation
     """
     radius = plant.blade.rotor_radius
-    power_unit = 0.5 * np.pi * radius**2 * plant.density * float(inflow.speed(0.0)) ** 3
+    power_unit = 0.5 * np.pi * radius**2 * plant.density * float(inflow.speed_at(0.0)) ** 3
     energy_unit = power_unit * duration
     speed_unit = max(abs(initial_speed), 1e-3)
 
     def rates(time, state):
         speed = state[0] * speed_unit
-        hydrodynamic = plant.torque(np.array([speed]), np.array([inflow.speed(time)]))[0]
+        hydrodynamic = plant.torque(np.array([speed]), np.array([inflow.speed_at(time)]))[0]
         control = float(controller(time, speed))
         return [
             (hydrodynamic - control) / plant.inertia / speed_unit,
@@ -108,7 +108,7 @@ def simulate(
         ]
 
     def standstill(time, state):
-        return state[0] * speed_unit * radius / inflow.speed(time) - SLOWEST_RATIO
+        return state[0] * speed_unit * radius / inflow.speed_at(time) - SLOWEST_RATIO
 
     standstill.terminal, standstill.direction = True, -1.0
     found = solve_ivp(
@@ -125,7 +125,7 @@ def simulate(
     stopped = float(found.t[-1]) if found.status != 0 else None
     time = np.linspace(0.0, found.t[-1], samples)
     speed = found.sol(time)[0] * speed_unit
-    flow = inflow.speed(time)
+    flow = inflow.speed_at(time)
     return Simulation(
         time,
         flow,

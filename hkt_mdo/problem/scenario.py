@@ -1,37 +1,96 @@
-"""The rotor over time as a Dymos trajectory; the only module that knows Dymos' phase API."""
+"""Scenarios: a flow over a time span on a mesh; the only module that knows Dymos' phases."""
+
+from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import dymos as dm
 import numpy as np
-import openmdao.api as om
 from dymos.utils.hermite import hermite_matrices
 from dymos.utils.lagrange import lagrange_matrices
 from dymos.utils.lgl import lgl
 from dymos.utils.lgr import lgr
 from scipy.sparse import block_diag
 
+from hkt_mdo.case import Phase
+from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.rotor_ode import RotorODE
-from hkt_mdo.solve.totals import Substitution
+from hkt_mdo.dynamics.trajectory import QUANTITIES
 
 
-@dataclass(frozen=True)
-class Scales:
-    """Reference magnitudes of one problem, from its start: every `ref` of the trajectory.
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """A flow over a time span, on a mesh, with its weight in the objective.
 
-    rotor_speed (rad/s), torque (N*m), acceleration (rad/s**2): a typical torque over the inertia.
+    Parameters
+    ----------
+    inflow : Inflow
+    mesh : hkt_mdo.case.Phase
+        Complete: duration and segments are numbers.
+    weight : float
+        Of its energies in those of the problem.
+    name : str
+        Of its Dymos phase.
     """
 
-    rotor_speed: float
-    torque: float
-    acceleration: float
+    inflow: Inflow
+    mesh: Phase
+    weight: float = 1.0
+    name: str = "phase"
+
+    @property
+    def samples(self) -> np.ndarray:
+        """Times at which the quasi-steady start samples the flow, s: four a segment."""
+        return np.linspace(0.0, self.mesh.duration, 4 * self.mesh.segments + 1)
+
+    @property
+    def sample_weights(self) -> np.ndarray:
+        """Trapezoidal weights of `samples`, s, without the scenario's own weight."""
+        time = self.samples
+        weights = np.full(time.size, time[1])
+        weights[[0, -1]] *= 0.5
+        return weights
+
+    @cached_property
+    def _places(self) -> tuple[np.ndarray, np.ndarray]:
+        """Nodes of one segment on [-1, 1], and their quadrature weights."""
+        order = self.mesh.order
+        if self.mesh.transcription == "gauss-lobatto":
+            return lgl(order)
+        # order LGR points and the segment's end, which has no weight
+        places, weights = lgr(order, include_endpoint=False)
+        return np.append(places, 1.0), np.append(weights, 0.0)
+
+    @property
+    def nodes_per_segment(self) -> int:
+        """Number of nodes of a segment."""
+        return self._places[0].size
+
+    @property
+    def node_times(self) -> np.ndarray:
+        """Times of the phase's nodes, s, in the order of its time series."""
+        starts = np.arange(self.mesh.segments)[:, None]
+        step = self.mesh.duration / self.mesh.segments
+        return ((starts + 0.5 * (self._places[0] + 1.0)) * step).ravel()
+
+    @property
+    def node_weights(self) -> np.ndarray:
+        """Quadrature weights of the phase's nodes, s, without the scenario's own weight."""
+        half = 0.5 * self.mesh.duration / self.mesh.segments
+        return np.tile(half * self._places[1], self.mesh.segments)
+
+    @property
+    def path(self) -> str:
+        """Where the phase's time series are in the model."""
+        return f"traj.{self.name}.timeseries"
 
 
 def _blocks(grid, given, wanted, matrices, sparse):
-    """Return a grid's interpolation matrices: one block a segment.
+    """Return a grid's interpolation matrices, one block a segment.
 
-    Dymos assembles them dense before it takes their nonzeros, in memory that grows with the square
-    of the segments: gigabytes for an hour.
+    Dymos assembles dense matrices and then takes their nonzeros. Their memory grows with the square
+    of the segments and reaches gigabytes for an hour.
     """
     blocks = []
     for segment in range(grid.num_segments):
@@ -45,10 +104,10 @@ def _blocks(grid, given, wanted, matrices, sparse):
 
 
 class _Lean:
-    """Lets a phase of thousands of segments be set up, and one without states.
+    """Allows phases of thousands of segments, and phases without states.
 
-    With rotor speed as a control nothing needs collocation; Dymos sets such a phase up but for a
-    component of initial guesses, which refuses to be empty.
+    With rotor speed as a control nothing needs collocation. Dymos sets such a phase up, except for
+    a component of initial guesses, which must not be empty.
     """
 
     def init_grid(self):
@@ -83,174 +142,62 @@ class Radau(_Lean, dm.Radau):
     """Radau transcription; see `_Lean`."""
 
 
-class EnergyComp(om.ExplicitComponent):
-    """Energy over the phase by the transcription's own quadrature, exact for its power polynomials.
-
-    For a pure quadrature, collocation of a state and this weighted sum are the same numbers; the
-    sum needs no unknowns, so the optimizer cannot trade energy against defects, and costs nothing
-    to solve.
-
-    Inputs hydrodynamic_power, generator_power[num_nodes, 1] (W); outputs energy, generator_energy
-    (J).
-    """
-
-    def initialize(self):
-        """Declare the options."""
-        self.options.declare("weights", types=np.ndarray, desc="quadrature weights of the nodes, s")
-
-    def setup(self):
-        """Declare inputs and outputs."""
-        n = self.options["weights"].size
-        for name, total in self._pairs():
-            self.add_input(
-                name, shape=(n, 1), units="W", desc=f"{name.replace('_', ' ')} at the nodes"
-            )
-            self.add_output(total, units="J", desc=f"integral of {name} over the phase")
-
-    def setup_partials(self):
-        """Declare the constant partials: the weights."""
-        for name, total in self._pairs():
-            self.declare_partials(total, name, val=self.options["weights"][None, :])
-
-    def compute(self, inputs, outputs):
-        """Integrate."""
-        for name, total in self._pairs():
-            outputs[total] = self.options["weights"] @ inputs[name][:, 0]
-
-    @staticmethod
-    def _pairs():
-        return ("hydrodynamic_power", "energy"), ("generator_power", "generator_energy")
+_TRANSCRIPTIONS = {"gauss-lobatto": GaussLobatto, "radau": Radau}
 
 
-def node_weights(transcription, segments, order, duration):
-    """Return the quadrature weights of a phase's nodes, in the order of its time series.
+def add_phase(trajectory, scenario, law, unknown, ode_options, parameters, scales, speed_bounds):
+    """Add a scenario's phase to a trajectory and return it.
 
     Parameters
     ----------
-    transcription : {"gauss-lobatto", "radau"}
-    segments, order : int
-    duration : float, s
-
-    Returns
-    -------
-    ndarray, shape (num_nodes,), s
-    """
-    if transcription == "radau":  # order LGR points and the segment's end, which has no weight
-        weights = np.append(lgr(order, include_endpoint=False)[1], 0.0)
-    else:
-        weights = lgl(order)[1]
-    return np.tile(0.5 * duration / segments * weights, segments)
-
-
-def node_times(transcription, segments, order, duration):
-    """Return the times of a phase's nodes, s, in the order of its time series.
-
-    Parameters are those of `node_weights`.
-    """
-    if transcription == "radau":
-        places = np.append(lgr(order, include_endpoint=False)[0], 1.0)
-    else:
-        places = lgl(order)[0]
-    starts = np.arange(segments)[:, None]
-    return ((starts + 0.5 * (places + 1.0)) * duration / segments).ravel()
-
-
-def add_trajectory(
-    model, case_phase, law, unknown, ode_options, parameters, scales, speed_bounds, torque_limit
-):
-    """Add the trajectory and its energy to a model.
-
-    Parameters
-    ----------
-    model : om.Group
-        Its promoted outputs named in `parameters` feed the phase; gets the outputs energy and
-        generator_energy, and the group `traj` with the phase `phase`.
-    case_phase : hkt_mdo.case.Phase
-        Duration, segments, transcription, order, initial speed.
+    trajectory : dm.Trajectory
+    scenario : Scenario
     law : FeedbackLaw or None
         None: open loop.
     unknown : {"speed", "torque"}
         What the open loop chooses.
     ode_options : dict
-        Options of `RotorODE` besides law and unknown.
+        Options of `RotorODE` besides law, unknown and inflow.
     parameters : dict of str to str or None
-        ODE inputs fed by the model, with their units.
+        ODE inputs that the model feeds, with their units.
     scales : Scales
     speed_bounds : (float, float), rad/s
-    torque_limit : float, array of shape (segments,), or None, N*m
-        Of the open loop at the nodes, one or one a segment; a feedback law saturates itself.
     """
-    transcription = {"gauss-lobatto": GaussLobatto, "radau": Radau}[case_phase.transcription]
+    mesh = scenario.mesh
     phase = dm.Phase(
         ode_class=RotorODE,
-        ode_init_kwargs={"law": law, "unknown": unknown, **ode_options},
-        transcription=transcription(
-            num_segments=case_phase.segments, order=case_phase.order, compressed=True
+        ode_init_kwargs={
+            "law": law, "unknown": unknown, "inflow": scenario.inflow, **ode_options
+        },
+        transcription=_TRANSCRIPTIONS[mesh.transcription](
+            num_segments=mesh.segments, order=mesh.order, compressed=True
         ),
-    )
-    trajectory = dm.Trajectory()
-    trajectory.add_phase("phase", phase)
-    model.add_subsystem("traj", trajectory)
-    model.linear_solver = Substitution()
+    )  # fmt: skip
+    trajectory.add_phase(scenario.name, phase)
     phase.set_time_options(fix_initial=True, fix_duration=True, units="s", targets=["time"])
     for name, units in parameters.items():
         phase.add_parameter(name, opt=False, units=units, static_targets=True)
-        model.promotes("traj", inputs=[(f"phase.parameters:{name}", name)])
 
-    bounds = {
-        "lower": speed_bounds[0],
-        "upper": speed_bounds[1],
-        "ref": scales.rotor_speed,
-        "units": "rad/s",
-    }
-    if law is None and unknown == "speed":
-        phase.add_control(
-            "rotor_speed",
-            targets=["rotor_speed"],
-            rate_targets=["rotor_acceleration"],
-            continuity=True,
-            rate_continuity=True,
-            rate_continuity_ref=scales.rotor_speed,
-            **bounds,
-        )
-        # a path constraint of Dymos has one limit for all segments
-        upper = None
-        if torque_limit is not None:
-            limits = np.broadcast_to(np.asarray(torque_limit, dtype=float), case_phase.segments)
-            n_nodes = node_weights(case_phase.transcription, 1, case_phase.order, 1.0).size
-            upper = np.repeat(limits, n_nodes)[:, None]
-        model.add_constraint(
-            "traj.phase.timeseries.control_torque",
-            lower=0.0,
-            upper=upper,
-            ref=scales.torque,
-            units="N*m",
-        )
+    speed = {"lower": speed_bounds[0], "upper": speed_bounds[1], "ref": scales.rotor_speed}
+    inverse = law is None and unknown == "speed"
+    if inverse:
+        _add_control(phase, "rotor_speed", rate_targets=["rotor_acceleration"], **speed)
     else:
         phase.add_state(
             "rotor_speed",
             rate_source="rotor_acceleration",
             targets=["rotor_speed"],
+            units="rad/s",
             defect_ref=scales.acceleration,
-            **bounds,
+            **speed,
         )
-        if law is None:
-            phase.add_control(
-                "control_torque",
-                targets=["control_torque"],
-                continuity=True,
-                rate_continuity=True,
-                rate_continuity_ref=scales.torque,
-                lower=0.0,
-                upper=None if torque_limit is None else float(np.min(torque_limit)),
-                ref=scales.torque,
-                units="N*m",
-            )
-    if case_phase.initial_speed == "equilibrium" or (
-        case_phase.initial_speed == "auto" and law is not None
-    ):
+    if law is None and unknown == "torque":
+        _add_control(
+            phase, "control_torque", lower=0.0, upper=scales.torque_limit, ref=scales.torque
+        )
+    balanced = mesh.initial_speed == "equilibrium"
+    if balanced or (mesh.initial_speed == "auto" and law is not None):
         # where speed is the control, its acceleration is the control's rate
-        inverse = law is None and unknown == "speed"
         phase.add_boundary_constraint(
             "rotor_speed_rate" if inverse else "rotor_acceleration",
             loc="initial",
@@ -258,28 +205,41 @@ def add_trajectory(
             ref=scales.acceleration,
             units="rad/s**2",
         )
-    for name in (
-        "inflow_speed",
-        "tip_speed_ratio",
-        "hydrodynamic_torque",
-        "control_torque",
-        "hydrodynamic_power",
-        "generator_power",
-    ):
-        phase.add_timeseries_output(name)
-
-    weights = node_weights(
-        case_phase.transcription, case_phase.segments, case_phase.order, case_phase.duration
-    )
-    model.add_subsystem(
-        "energy", EnergyComp(weights=weights), promotes_outputs=["energy", "generator_energy"]
-    )
-    for name in ("hydrodynamic_power", "generator_power"):
-        model.connect(f"traj.phase.timeseries.{name}", f"energy.{name}")
+    for name in QUANTITIES:
+        if name not in ("time", "rotor_speed"):
+            phase.add_timeseries_output(name)
     return phase
 
 
-def set_speed(phase, time, rotor_speed, torque):
+def _add_control(phase, name, ref, **options):
+    """Add a control whose value and rate are continuous."""
+    phase.add_control(
+        name,
+        targets=[name],
+        units=QUANTITIES[name][0],
+        continuity=True,
+        rate_continuity=True,
+        rate_continuity_ref=ref,
+        ref=ref,
+        **options,
+    )
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Reference magnitudes of one problem, from its start: every `ref` of its phases.
+
+    rotor_speed (rad/s), torque (N*m), acceleration (rad/s**2): a typical torque over the inertia.
+    torque_limit (N*m or None) bounds the torque where that is the open loop's unknown.
+    """
+
+    rotor_speed: float
+    torque: float
+    acceleration: float
+    torque_limit: float | None
+
+
+def set_start(phase, time, rotor_speed, torque):
     """Set the phase's time span and the start of its unknowns from a sampled trajectory.
 
     Parameters

@@ -83,7 +83,7 @@ class Solution:
     convergence: dict[str, np.ndarray]
 
     @classmethod
-    def load(cls, folder: str | Path) -> Solution:
+    def load(cls, folder: str | Path, *, extensions=()) -> Solution:
         """Read a result folder.
 
         Parameters
@@ -111,7 +111,7 @@ class Solution:
                 problem = f"is no result folder: it lacks {name}" if name else "does not exist"
                 remedy = "give a folder that a run wrote, or run the case again"
                 raise InputError(problem, remedy, file=folder)
-        case = load_case(folder / "case.yaml", check_files=False)
+        case = load_case(folder / "case.yaml", check_files=False, extensions=extensions)
         summary = _read_summary(folder / "summary.json")
         tables = {name: _read_csv(folder / f"{name}.csv", _TABLES[name]) for name in _TABLES}
         return cls(folder, case, summary, **tables)

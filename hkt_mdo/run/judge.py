@@ -1,19 +1,34 @@
 """The judges of a result: what is asked besides the optimizer's own word.
 
 A result is a success only if the optimizer converged and an integration that shares neither torque
-curve nor collocation with it, the quasi-steady bound and every bound of the problem agree.
+curve nor collocation with it, the quasi-steady bound and every limit of the problem agree.
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import openmdao.api as om
-from scipy.integrate import quad_vec
+from scipy.integrate import quad_vec, simpson
 
-from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant, RecordedTorque, Simulation, simulate
-from hkt_mdo.problem.build import BEM
-from hkt_mdo.problem.start import SLOWED, StartingPoint
+from hkt_mdo.dynamics.limits import DistanceFromStall, Limit
+from hkt_mdo.dynamics.objectives import CapturedEnergy
+from hkt_mdo.dynamics.simulation import (
+    SLOWEST_RATIO,
+    Plant,
+    RecordedTorque,
+    Simulation,
+    simulate,
+)
+from hkt_mdo.problem.physics import BEM, Physics
+from hkt_mdo.problem.scenario import Scenario
+from hkt_mdo.problem.setup import Setup
+from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.scales import power_scale
+from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.solve.drivers import Outcome
 
@@ -21,6 +36,7 @@ from hkt_mdo.solve.drivers import Outcome
 ENERGY_ERROR, SURROGATE_ERROR, SPEED_ERROR = 2e-4, 1e-3, 1e-2
 BELOW_START = 2e-3  # what the rotor's inertia and its distance from stall may cost
 BOUND_MARGIN, NODE_VIOLATION, BETWEEN_VIOLATION = 1e-5, 1e-6, 1e-3
+SAMPLES = 20  # a segment, of the integration and between the nodes
 
 
 @dataclass(frozen=True)
@@ -36,228 +52,303 @@ class Check:
 
 @dataclass(frozen=True, eq=False)
 class Optimized:
-    """An optimization's end: the design, the collocated trajectory and how the optimizer fared."""
+    """An optimization's end: the design, the collocated trajectories, how the optimizer fared.
+
+    `trajectories` has, for each scenario, the quantities of
+    `hkt_mdo.dynamics.trajectory.QUANTITIES` at the nodes.
+    """
 
     problem: om.Problem
     outcome: Outcome
+    setup: Setup
     point: StartingPoint
-    nodes: np.ndarray
-    trajectory: dict[str, np.ndarray]
+    trajectories: tuple[dict[str, np.ndarray], ...]
     energy: float
     generator_energy: float
+    objective: float
     inertia: float
     mass: float
     curve: np.ndarray
 
 
-def fly(case, world, result) -> Simulation:
-    """Integrate the found design under the found controller with direct BEM."""
-    plant = Plant(
-        result.point.blade,
-        world.polar,
-        result.inertia,
-        case.fluid.density,
-        BEM[case.hydrodynamics.check],
-    )
-    if world.law is None:
-        controller = _recorded(case, world, result)
-    else:
-        law, gains = world.law, result.point.gains
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """A scenario of a result: its collocated trajectory and the independent integration."""
 
-        def controller(_, speed):
-            return law.torque(speed, gains)
+    scenario: Scenario
+    trajectory: dict[str, np.ndarray]
+    simulation: Simulation
+    recorded: RecordedTorque | None
+    """The open loop's torque history; None under feedback."""
+    scalars: dict[str, float]
+    """rotor_radius (m), density (kg/m**3), inertia (kg*m**2)."""
 
-    return simulate(
-        plant,
-        world.inflow,
-        controller,
-        float(result.trajectory["rotor_speed"][0]),
-        case.phase.duration,
-        samples=20 * case.phase.segments + 1,
-        max_step=case.phase.duration / case.phase.segments,
-    )
+    @property
+    def integrated(self) -> dict[str, np.ndarray]:
+        """The quantities of the integration, by their names in a trajectory."""
+        flown = self.simulation
+        speed, flow = flown.rotor_speed, flown.inflow_speed
+        return {
+            "time": flown.time,
+            "inflow_speed": flow,
+            "rotor_speed": speed,
+            "tip_speed_ratio": speed * self.scalars["rotor_radius"] / flow,
+            "hydrodynamic_torque": flown.hydrodynamic_torque,
+            "control_torque": flown.control_torque,
+            "hydrodynamic_power": flown.hydrodynamic_torque * speed,
+            "generator_power": flown.control_torque * speed,
+        }
+
+    @property
+    def energy_error(self) -> float:
+        """Relative difference of the collocated from the integrated energy."""
+        collocated = self.scenario.node_weights @ self.trajectory["hydrodynamic_power"]
+        flown = self.simulation.energy
+        return abs(float(collocated) / flown - 1.0) if flown > 0.0 else np.inf
+
+    @property
+    def speed_errors(self) -> np.ndarray:
+        """Relative differences of the integrated from the collocated speed at the nodes."""
+        nodes = self.trajectory
+        return np.abs(self.simulation.speed_at(nodes["time"]) / nodes["rotor_speed"] - 1.0)
+
+    def objective(self, objective) -> float:
+        """Return the integral of an objective over the integration, J."""
+        quantities = {**self.integrated, **self.scalars}
+        rate = objective.rate(**{name: quantities[name] for name in objective.inputs})
+        return float(simpson(rate * np.ones(self.simulation.time.size), x=self.simulation.time))
+
+    def between_nodes(self, limit: Limit) -> tuple[np.ndarray, np.ndarray]:
+        """Return how far a limit is exceeded in each segment between its nodes, and when (s).
+
+        The open loop's torque is that of the collocation's polynomials, before the generator's
+        range cuts it; all else is that of the integration.
+        """
+        segments, duration = self.scenario.mesh.segments, self.scenario.mesh.duration
+        if self.recorded is not None and limit.inputs == ("control_torque",):
+            share = (np.arange(SAMPLES) + 0.5) / SAMPLES
+            dense = (np.arange(segments)[:, None] + share) * duration / segments
+            over = limit.excess({"control_torque": self.recorded.unlimited(dense.ravel())})
+        else:
+            quantities = {**self.integrated, **self.scalars}
+            dense, over = quantities["time"][1:], limit.excess(quantities)[1:]
+        over = over.reshape(segments, SAMPLES)
+        worst, rows = np.argmax(over, axis=1), np.arange(segments)
+        return over[rows, worst], dense.reshape(segments, SAMPLES)[rows, worst]
 
 
-def _recorded(case, world, result) -> RecordedTorque:
-    return RecordedTorque(
-        result.trajectory["time"],
-        result.trajectory["control_torque"],
-        case.phase.segments,
-        world.torque_limit,
-    )
+def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
+    """Integrate the found design under the found controller with direct BEM, in each scenario."""
+    blade, gains = result.point.blade, result.point.gains
+    check = BEM[physics.case.hydrodynamics.check]
+    plant = Plant(blade, physics.polar, result.inertia, physics.density, check)
+    scalars = {
+        "rotor_radius": blade.rotor_radius,
+        "density": physics.density,
+        "inertia": result.inertia,
+    }
+    flights = []
+    for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
+        mesh, recorded, law = scenario.mesh, None, physics.law
+        if law is None:
+            recorded = RecordedTorque(
+                nodes["time"], nodes["control_torque"], mesh.segments, physics.torque_limit
+            )
+        flown = simulate(
+            plant,
+            scenario.inflow,
+            recorded or (lambda _, speed, law=law: law.torque(speed, gains)),
+            float(nodes["rotor_speed"][0]),
+            mesh.duration,
+            samples=SAMPLES * mesh.segments + 1,
+            max_step=mesh.duration / mesh.segments,
+        )
+        flights.append(Flight(scenario, nodes, flown, recorded, scalars))
+    return tuple(flights)
 
 
-def energy_error(result, flown) -> float:
-    """Return the relative difference of the collocated from the integrated energy."""
-    return abs(result.energy / flown.energy - 1.0) if flown.energy > 0.0 else np.inf
-
-
-def speed_errors(result, flown) -> np.ndarray:
-    """Return the relative differences of the integrated from the collocated speed at the nodes."""
-    trajectory = result.trajectory
-    return np.abs(flown.speed_at(trajectory["time"]) / trajectory["rotor_speed"] - 1.0)
-
-
-def is_false(result, flown) -> bool:
+def is_false(flights: tuple[Flight, ...]) -> bool:
     """Tell whether an integration denies what the collocation has solved."""
-    return bool(
-        energy_error(result, flown) > ENERGY_ERROR
-        or np.max(speed_errors(result, flown)) > SPEED_ERROR
+    return any(
+        flight.energy_error > ENERGY_ERROR or np.max(flight.speed_errors) > SPEED_ERROR
+        for flight in flights
     )
 
 
-def judge(case, world, optimum, reference, result, flown) -> list[Check]:
-    """Return what every judge says, the optimizer first."""
-    trajectory, status = result.trajectory, result.outcome
+def judge(
+    physics: Physics,
+    optimum: SteadyOptimum,
+    reference: float,
+    result: Optimized,
+    flights: tuple[Flight, ...],
+) -> list[Check]:
+    """Return what every judge says, the optimizer first.
+
+    Parameters
+    ----------
+    physics : Physics
+    optimum : SteadyOptimum
+        The best power coefficient, which bounds the energy.
+    reference : float, J
+        Objective of the quasi-steady start; 0: the rotor does not run on it.
+    result : Optimized
+    flights : tuple of Flight
+    """
+    status = result.outcome
     checks = [Check("optimizer", float(not status.success), 0.0, status.success, status.message)]
-
-    def check(name, value, limit, detail=""):
-        checks.append(Check(name, float(value), limit, bool(value <= limit), detail))
-
-    stopped = flown.stopped_at is not None
-    checks.append(
-        Check(
-            "rotor_keeps_turning",
-            float(stopped),
-            0.0,
-            not stopped,
-            f"rotor stops at t = {flown.stopped_at:.2f} s, not generating" if stopped else "",
-        )
-    )
-    off = np.abs(
-        np.interp(trajectory["time"], flown.time, flown.hydrodynamic_torque * flown.rotor_speed)
-        - trajectory["hydrodynamic_power"]
-    )
-    check(
-        "energy_error",
-        energy_error(result, flown),
-        ENERGY_ERROR,
-        "collocated over independently integrated energy, less one; power differs most at "
-        f"t = {trajectory['time'][np.argmax(off)]:.2f} s",
-    )
-    error = speed_errors(result, flown)
-    worst = int(np.argmax(error))
-    check("max_speed_error", error[worst], SPEED_ERROR, f"at t = {trajectory['time'][worst]:.2f} s")
-    ratios, errors = curve_errors(world, result)
-    worst = int(np.argmax(errors))
-    check(
-        "surrogate_error", errors[worst], SURROGATE_ERROR, f"at tip speed ratio {ratios[worst]:.3f}"
-    )
-    check(
-        "energy_over_bound",
-        flown.energy / energy_bound(case, world, optimum) - 1.0,
-        BOUND_MARGIN,
-        "simulated energy over the quasi-steady bound, less one",
-    )
-    if reference > 0.0:
-        check(
-            "energy_below_start",
-            1.0 - flown.energy / reference,
-            BELOW_START,
-            "a worse optimum than where the run began",
-        )
-    for name, value, where in _node_violations(case, world, result):
-        check(name, value, NODE_VIOLATION, where)
-    if world.law is None:
-        over, when = between_nodes(case, world, result)
-        worst = int(np.argmax(over))
-        check(
-            "control_torque_between_nodes",
-            over[worst],
-            BETWEEN_VIOLATION,
-            f"at t = {when[worst]:.2f} s",
-        )
+    for flight in flights:
+        suffix = "" if len(flights) == 1 else f" ({flight.scenario.name})"
+        for name, value, limit, detail in _of_flight(flight):
+            checks.append(_check(name + suffix, value, limit, detail))
+    for name, value, limit, detail in _of_design(physics, optimum, reference, result, flights):
+        checks.append(_check(name, value, limit, detail))
     return checks
 
 
-def between_nodes(case, world, result):
-    """Return how far the open loop's torque leaves its range, and when (s), by segment.
-
-    Looked at twenty times a segment; over the limit, or the largest torque where there is none.
-    """
-    segments = case.phase.segments
-    if world.law is not None:
-        return np.zeros(segments), np.zeros(segments)
-    share = (np.arange(20) + 0.5) / 20.0
-    dense = (np.arange(segments)[:, None] + share) * case.phase.duration / segments
-    torque = _recorded(case, world, result).unlimited(dense)
-    unit = world.torque_limit or float(np.max(torque))
-    over = np.maximum(torque - (world.torque_limit or np.inf), -torque) / unit
-    worst = np.argmax(over, axis=1)
-    rows = np.arange(segments)
-    return over[rows, worst], dense[rows, worst]
+def _check(name, value, limit, detail) -> Check:
+    return Check(name, float(value), limit, bool(value <= limit), detail)
 
 
-def _node_violations(case, world, result):
-    """Yield how far each bounded quantity leaves its bounds, over the bounds' own size."""
-
-    def violation(values, low, high, places):
-        size = max(abs(x) for x in (low, high) if np.isfinite(x)) or 1.0
-        over = np.maximum(low - values, values - high) / size
-        worst = int(np.argmax(over))
-        return max(float(over[worst]), 0.0), f"at {places[worst]}"
-
-    blade, trajectory = result.point.blade, result.trajectory
-    stations = [f"r = {r:.3f} m" for r in blade.r]
-    times = [f"t = {t:.2f} s" for t in trajectory["time"]]
-    if case.design.blade == "optimized":
-        yield "chord_bounds", *violation(blade.chord, *world.shape.chord_bounds, stations)
-        yield "twist_bounds", *violation(blade.twist, *world.shape.twist_bounds, stations)
-    elif case.design.set_angle_bounds is not None:
-        _, angle = world.shape.control(blade)
-        yield "set_angle_bounds", *violation(angle, *world.shape.twist_bounds, ["the set angle"])
-    if world.shape.radius_bounds is not None:
-        radius = np.array([blade.rotor_radius])
-        yield "radius_bounds", *violation(radius, *world.shape.radius_bounds, ["the radius"])
-    if case.design.gain_bounds is not None:
-        yield "gain_bounds", *violation(result.point.gains, *case.design.gain_bounds, ["the gain"])
-    speed = trajectory["rotor_speed"]
-    yield "rotor_speed_at_nodes", max(0.0, -float(np.min(speed) / np.max(np.abs(speed)))), ""
-    torque = trajectory["control_torque"]
-    high = np.inf if world.torque_limit is None else world.torque_limit
-    size = np.max(np.abs(torque)) if world.torque_limit is None else world.torque_limit
-    over = np.maximum(-torque, torque - high) / size
-    worst = int(np.argmax(over))
-    yield "control_torque_at_nodes", max(float(over[worst]), 0.0), f"at {times[worst]}"
-
-
-def energy_bound(case, world, optimum):
-    """Return the quasi-steady bound, J; see `hkt_mdo.rotor.steady_optimum`."""
-    edges = np.linspace(0.0, case.phase.duration, case.phase.segments + 1)
-    cubed, _ = quad_vec(
-        lambda share: np.sum(
-            world.inflow.speed(edges[:-1] + share * np.diff(edges)) ** 3 * np.diff(edges)
-        ),
-        0.0,
-        1.0,
+def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
+    """Yield name, value, limit and place of what the integration of a scenario is asked."""
+    flown, nodes, integrated = flight.simulation, flight.trajectory, flight.integrated
+    time, stopped = nodes["time"], flown.stopped_at
+    word = "" if stopped is None else f"rotor stops at t = {stopped:.2f} s, not generating"
+    yield "rotor_keeps_turning", float(stopped is not None), 0.0, word
+    power = np.interp(time, integrated["time"], integrated["hydrodynamic_power"])
+    off = time[np.argmax(np.abs(power - nodes["hydrodynamic_power"]))]
+    yield (
+        "energy_error",
+        flight.energy_error,
+        ENERGY_ERROR,
+        "collocated over independently integrated energy, less one; power differs most at "
+        f"t = {off:.2f} s",
     )
-    area = np.pi * optimum.blade.rotor_radius**2
-    return 0.5 * case.fluid.density * area * optimum.power_coefficient * float(cubed)
+    error = flight.speed_errors
+    worst = int(np.argmax(error))
+    yield "max_speed_error", error[worst], SPEED_ERROR, f"at t = {time[worst]:.2f} s"
 
 
-def curve_errors(world, result):
-    """Return the curve's relative torque errors over the trajectory's tip speed ratios."""
-    ratios = np.maximum(result.trajectory["tip_speed_ratio"], SLOWEST_RATIO)
+def _of_design(physics, optimum, reference, result, flights):
+    """Yield name, value, limit and place of what the whole result is asked."""
+    ratios, errors = curve_errors(physics, result)
+    worst = int(np.argmax(errors))
+    place = f"at tip speed ratio {ratios[worst]:.3f}"
+    yield "surrogate_error", errors[worst], SURROGATE_ERROR, place
+    energy = total(flights, lambda flight: flight.simulation.energy)
+    yield (
+        "energy_over_bound",
+        energy / energy_bound(physics, optimum) - 1.0,
+        BOUND_MARGIN,
+        "simulated energy over the quasi-steady bound, less one",
+    )
+    objective = energy
+    if not isinstance(physics.objective, CapturedEnergy):
+        objective = total(flights, lambda flight: flight.objective(physics.objective))
+        yield (
+            "objective_error",
+            abs(result.objective - objective) / max(abs(objective), 1e-9),
+            ENERGY_ERROR,
+            "collocated against integrated objective",
+        )
+    if reference > 0.0:
+        yield (
+            "energy_below_start",
+            1.0 - objective / reference,
+            BELOW_START,
+            "a worse optimum than where the run began",
+        )
+    for limit in physics.limits:
+        yield from _of_limit(physics, limit, result, flights)
+
+
+def _of_limit(physics, limit, result, flights):
+    """Yield how far a limit is exceeded: by the design, or at and between the nodes."""
+    if limit.place != "time":
+        over = limit.excess(designed(physics, result.point))
+        worst, where = int(np.argmax(over)), f"the {limit.name.replace('_', ' ')}"
+        if limit.place == "span":
+            where = f"r = {result.point.blade.r[worst]:.3f} m"
+        yield f"{limit.name}_bounds", max(over[worst], 0.0), NODE_VIOLATION, f"at {where}"
+        return
+    for flight in flights:
+        suffix = "" if len(flights) == 1 else f" ({flight.scenario.name})"
+        over = limit.excess({**flight.trajectory, **flight.scalars})
+        worst = int(np.argmax(over))
+        when = f"at t = {flight.trajectory['time'][worst]:.2f} s"
+        yield f"{limit.name}_at_nodes{suffix}", max(over[worst], 0.0), NODE_VIOLATION, when
+        if limit.constrains(physics.case.control):
+            over, when = flight.between_nodes(limit)
+            worst = int(np.argmax(over))
+            place = f"at t = {when[worst]:.2f} s"
+            yield f"{limit.name}_between_nodes{suffix}", over[worst], BETWEEN_VIOLATION, place
+
+
+def designed(physics: Physics, point: StartingPoint) -> dict[str, np.ndarray]:
+    """Return what `DesignBounds` look at: chord, twist, set angle, radius and gains, SI units."""
+    _, angle = physics.shape.control(point.blade)
+    return {
+        "chord": point.blade.chord,
+        "twist": point.blade.twist,
+        "set_angle": angle,
+        "radius": np.array([point.blade.rotor_radius]),
+        "gain": point.gains,
+    }
+
+
+def total(flights: tuple[Flight, ...], of) -> float:
+    """Return the weighted sum over the scenarios of something of each flight."""
+    return float(sum(flight.scenario.weight * of(flight) for flight in flights))
+
+
+def energy_bound(physics: Physics, optimum: SteadyOptimum) -> float:
+    """Return the quasi-steady bound, J; see `hkt_mdo.rotor.steady_optimum`."""
+    bound = 0.0
+    for scenario in physics.scenarios:
+        mesh, speed_at = scenario.mesh, scenario.inflow.speed_at
+        edges = np.linspace(0.0, mesh.duration, mesh.segments + 1)
+        step = np.diff(edges)
+
+        def power(share, edges=edges, step=step, speed_at=speed_at):
+            speed = speed_at(edges[:-1] + share * step)
+            return step @ power_scale(physics.density, optimum.blade.rotor_radius, speed)
+
+        passing, _ = quad_vec(power, 0.0, 1.0)
+        bound += scenario.weight * float(passing)
+    return bound * optimum.power_coefficient
+
+
+def curve_errors(physics: Physics, result: Optimized) -> tuple[np.ndarray, np.ndarray]:
+    """Return the curve's relative torque errors over the trajectories' tip speed ratios."""
+    ratios = np.concatenate([each["tip_speed_ratio"] for each in result.trajectories])
+    ratios = np.maximum(ratios, SLOWEST_RATIO)
     probe = np.linspace(np.min(ratios), np.max(ratios), 201)
     if not result.curve.size:
         return probe, np.zeros(probe.size)
-    exact = bem.rotor_coefficients(result.point.blade, world.polar, probe).torque
-    return probe, np.abs(TorqueSpline(result.nodes).basis(probe) @ result.curve / exact - 1.0)
+    exact = bem.rotor_coefficients(result.point.blade, physics.polar, probe).torque
+    curve = TorqueSpline(result.setup.nodes).basis(probe) @ result.curve
+    return probe, np.abs(curve / exact - 1.0)
 
 
-def recovers(case, world, result, slowed=SLOWED):
-    """Tell whether a rotor under feedback keeps its distance from stall; see `RecoveryComp`."""
-    if world.law is None or not result.curve.size:
+def recovers(physics: Physics, result: Optimized) -> bool:
+    """Tell whether a rotor under feedback recovers from a small loss of speed, by the curve."""
+    if physics.law is None or not result.curve.size:
         return True
-    flow, radius = result.trajectory["inflow_speed"], result.point.blade.rotor_radius
-    scale = 0.5 * np.pi * radius**3 * case.fluid.density * flow**2
-
-    def net(share):
-        speed = share * result.trajectory["rotor_speed"]
-        basis = TorqueSpline(result.nodes).basis(speed * radius / flow)
-        return scale * (basis @ result.curve) - world.law.torque(speed, result.point.gains)
-
-    return bool(np.all(net(1.0 - slowed) >= net(1.0)))
+    limit = DistanceFromStall(law=physics.law, spline=TorqueSpline(result.setup.nodes), least=0.0)
+    return all(
+        np.all(
+            limit.value(
+                rotor_speed=nodes["rotor_speed"],
+                inflow_speed=nodes["inflow_speed"],
+                torque_coefficient_table=result.curve,
+                density=physics.density,
+                rotor_radius=result.point.blade.rotor_radius,
+                gains=result.point.gains,
+            )
+            >= 0.0
+        )
+        for nodes in result.trajectories
+    )
 
 
 FALSE_SOLUTION = (
@@ -269,19 +360,21 @@ TRY = {
     "rotor_keeps_turning": "try a larger control.torque_limit, or start.method=quasi_steady",
     "energy_error": FALSE_SOLUTION,
     "max_speed_error": FALSE_SOLUTION,
+    "objective_error": FALSE_SOLUTION,
     "surrogate_error": "try a smaller hydrodynamics.tolerance, or hydrodynamics.torque=direct",
     "energy_below_start": FALSE_SOLUTION,
     "energy_over_bound": "try more phase.segments and a smaller hydrodynamics.tolerance",
-    "control_torque_between_nodes": "try more phase.segments",
 }
 
 
 def explain(check: Check) -> str:
     """Return which judge refused, why and where, and what to try."""
-    remedy = TRY.get(check.name, "try a smaller driver.tolerance")
-    if check.name == "optimizer":
+    name = check.name.partition(" (")[0]
+    between = "try more phase.segments" if name.endswith("_between_nodes") else ""
+    remedy = TRY.get(name) or between or "try a smaller driver.tolerance"
+    if name == "optimizer":
         return f"the optimizer did not converge: {check.detail} ({remedy})"
-    if check.name == "rotor_keeps_turning":
+    if name == "rotor_keeps_turning":
         return f"{check.detail} ({remedy})"
     where = f", {check.detail}" if check.detail else ""
     return f"{check.name} = {check.value:.3g} exceeds {check.limit:g}{where} ({remedy})"

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import signal
 from scipy.interpolate import CubicSpline
 
-from hkt_mdo.dynamics.inflow import Inflow
+from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant, RecordedTorque, Simulation, simulate
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.build import BEM, physics

@@ -1,0 +1,142 @@
+"""Control laws: generator torque from rotor speed (paper eqs. 1 to 4).
+
+A law is one class: its keys in a case's section `control`, and its formula. Nothing else knows the
+formula; a law of your own is a subclass of `FeedbackLaw` (docs/controllers.md).
+"""
+
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+
+from hkt_mdo.sections import Quantity, Section
+
+STEP = 1e-40  # of complex-step differentiation: no difference is taken, so nothing cancels
+
+
+def smooth_saturation(torque, limit, smoothing):
+    """Return the smoothly saturated torque (paper eq. 4), N*m.
+
+    sat(u) = limit/4 (2 + sqrt(nu + (2u/limit)²) - sqrt(nu + (2u/limit - 2)²)), nu = smoothing.
+    It lies between 0 and the limit for every u. Far above the limit it is nu limit / (16 (u/limit -
+    1)) below it; at u = 0 it is limit/4 (2 + sqrt(nu) - sqrt(nu + 4)), which is 0.78 % of the limit
+    for nu = 0.001.
+
+    Parameters
+    ----------
+    torque : array, N*m
+    limit : float, N*m
+    smoothing : float
+    """
+    ratio = 2.0 * torque / limit
+    rising, falling = np.sqrt(smoothing + ratio**2), np.sqrt(smoothing + (ratio - 2.0) ** 2)
+    return 0.25 * limit * (2.0 + rising - falling)
+
+
+class Law(Section):
+    """What every control law has: its name, and a limit on the control torque u."""
+
+    law: str
+    """The control law."""
+
+    torque_limit: Annotated[float, Quantity("N*m", gt=0)] | None = None
+    """Largest control torque u_max; null: no limit."""
+
+    gain_units: ClassVar[tuple[str, ...]] = ()
+
+
+class OpenLoop(Law):
+    """Open-loop optimal control: the torque over time is itself optimized, 0 <= u <= u_max."""
+
+    law: Literal["open_loop"] = "open_loop"
+    """The control law."""
+
+    unknown: Literal["speed", "torque"] = "speed"
+    """What the optimizer chooses over time: the rotor speed, from which the torque follows by
+    inverse dynamics, or the torque itself, from which the speed follows by integration."""
+
+
+class FeedbackLaw(Law):
+    """What every feedback law has: a gain that is optimized, and a smoothed saturation.
+
+    With a torque limit g the torque is g/4 (2 + sqrt(nu + (2u/g)^2) - sqrt(nu + (2u/g - 2)^2))
+    (paper, eq. 4), where u is the torque the law asks for.
+    """
+
+    smoothing: Annotated[float, Quantity(gt=0, le=1)] = 0.001
+    """Smoothing nu of the saturation (paper, eq. 4); of no effect without a torque limit."""
+
+    def demand(self, speed, gains):
+        """Return the torque before saturation, N*m.
+
+        Parameters
+        ----------
+        speed : array of any shape, rad/s; may be complex
+        gains : array, shape (n_gains,), in `gain_units`; may be complex
+        """
+        raise NotImplementedError
+
+    def torque(self, speed, gains):
+        """Return the generator torque, N*m; the parameters are those of `demand`."""
+        demand = self.demand(speed, gains)
+        if self.torque_limit is None:
+            return demand
+        return smooth_saturation(demand, self.torque_limit, self.smoothing)
+
+    def fit(self, speed, torque):
+        """Return the starting gains: their demand is closest to torques (N*m) at speeds (rad/s).
+
+        Least squares over the demand's derivatives by gain, exact for a law that is linear in its
+        gains; a law that is not overrides this.
+        """
+        ones = np.ones(len(self.gain_units))
+        columns = [
+            np.imag(self.demand(speed, ones + 1j * STEP * unit)) / STEP
+            for unit in np.eye(ones.size)
+        ]
+        return np.linalg.lstsq(np.transpose(columns), torque, rcond=None)[0]
+
+    def torque_by_speed(self, speed, gains):
+        """Return the torque's derivative by speed, N*m*s/rad, by complex step."""
+        return np.imag(self.torque(speed + 1j * STEP, gains)) / STEP
+
+    def torque_by_gain(self, speed, gains):
+        """Return the torque's derivative by each gain, shape (n_gains, *speed.shape)."""
+        steps = 1j * STEP * np.eye(len(gains))
+        return np.array([np.imag(self.torque(speed, gains + step)) for step in steps]) / STEP
+
+    def starting_gains(self):
+        """Return the gains that the case gives to begin with; None: chosen by the start."""
+        gain = getattr(self, "gain", None)
+        return None if gain is None else np.atleast_1d(np.asarray(gain, dtype=float))
+
+
+class LinearFeedback(FeedbackLaw):
+    """Linear feedback, u = K1 w (paper, eq. 1)."""
+
+    law: Literal["linear"] = "linear"
+    """The control law."""
+
+    gain: Annotated[float, Quantity("N*m*s/rad", gt=0)] | None = None
+    """Gain K1 at the start; null: chosen by the starting point."""
+
+    gain_units: ClassVar[tuple[str, ...]] = ("N*m*s/rad",)
+
+    def demand(self, speed, gains):
+        """Return K1 w."""
+        return gains[0] * speed
+
+
+class QuadraticFeedback(FeedbackLaw):
+    """Quadratic feedback, u = K2 w^2 (paper, eq. 2)."""
+
+    law: Literal["quadratic"] = "quadratic"
+    """The control law."""
+
+    gain: Annotated[float, Quantity("N*m*s**2/rad**2", gt=0)] | None = None
+    """Gain K2 at the start; null: chosen by the starting point."""
+
+    gain_units: ClassVar[tuple[str, ...]] = ("N*m*s**2/rad**2",)
+
+    def demand(self, speed, gains):
+        """Return K2 w²."""
+        return gains[0] * speed**2

@@ -1,0 +1,67 @@
+"""Objectives: what the optimization makes as large as it can, an integral over the trajectory.
+
+An objective of your own is a subclass of `Objective` (docs/architecture.md).
+"""
+
+from typing import ClassVar, Literal
+
+from hkt_mdo.sections import Section
+
+
+class Objective(Section):
+    """The integral over time of a rate, J, which is made as large as possible.
+
+    `rate` takes the quantities that `inputs` names as keyword arguments: quantities of the
+    trajectory (`hkt_mdo.dynamics.trajectory.QUANTITIES`), arrays of shape (n_times,), and the
+    scalars rotor_radius (m), density (kg/m**3) and inertia (kg*m**2). It must accept complex
+    numbers: its derivatives are taken by complex step.
+    """
+
+    kind: str
+    """What is maximized."""
+
+    inputs: ClassVar[tuple[str, ...]] = ()
+
+    def rate(self, **quantities):
+        """Return the rate, W, shape (n_times,)."""
+        raise NotImplementedError
+
+    def bound(self, captured: float) -> float | None:
+        """Return an upper bound, J, from the largest energy that can be captured (J); None: none.
+
+        Parameters
+        ----------
+        captured : float, J
+            The quasi-steady bound of the captured energy (docs/theory.md).
+        """
+        return None
+
+
+class CapturedEnergy(Objective):
+    """The energy that the rotor takes from the flow, the integral of Q w (paper, eq. 5)."""
+
+    kind: Literal["captured"] = "captured"
+    """What is maximized."""
+
+    inputs: ClassVar[tuple[str, ...]] = ("hydrodynamic_power",)
+
+    def rate(self, hydrodynamic_power):
+        """Return the captured power, W."""
+        return hydrodynamic_power
+
+    def bound(self, captured):
+        """Return the quasi-steady bound itself, J."""
+        return captured
+
+
+class GeneratorEnergy(Objective):
+    """The energy that the generator takes from the shaft, the integral of u w."""
+
+    kind: Literal["generator"] = "generator"
+    """What is maximized."""
+
+    inputs: ClassVar[tuple[str, ...]] = ("generator_power",)
+
+    def rate(self, generator_power):
+        """Return the generator's power, W."""
+        return generator_power

@@ -1,0 +1,1 @@
+from hkt_mdo.problem.start import Operation  # noqa: F401

@@ -1,0 +1,159 @@
+"""Limits and objectives as OpenMDAO components; the formulas are those of `hkt_mdo.dynamics`."""
+
+import numpy as np
+import openmdao.api as om
+
+from hkt_mdo.dynamics.limits import STEP, Limit
+from hkt_mdo.dynamics.trajectory import QUANTITIES
+
+SCALARS = {
+    "rotor_radius": ("m", "radius of the swept disc"),
+    "density": ("kg/m**3", "density of the water"),
+    "inertia": ("kg*m**2", "moment of inertia about the shaft"),
+}
+"""Unit and description of what limits and objectives may take from the design."""
+
+
+class LimitComp(om.ExplicitComponent):
+    """The value of a limit at some nodes of a phase.
+
+    Inputs: what the limit names, quantities of the trajectory[num_nodes, 1] and scalars of the
+    design; torque_coefficient_table[n_nodes] and one scalar gain_0, gain_1, … where it asks for
+    them. Output value[num_nodes] in the limit's unit.
+    """
+
+    def initialize(self):
+        """Declare the options."""
+        self.options.declare("num_nodes", types=int)
+        self.options.declare("limit", types=Limit, recordable=False)
+        self.options.declare("table_nodes", default=0, desc="number of nodes of the torque curve")
+        self.options.declare("gain_units", default=(), types=tuple)
+
+    def setup(self):
+        """Declare inputs and output."""
+        limit, n = self.options["limit"], self.options["num_nodes"]
+        for name in limit.inputs:
+            if name in QUANTITIES:
+                units, text = QUANTITIES[name]
+                self.add_input(name, shape=(n, 1), units=units, desc=text)
+            elif name in SCALARS:
+                units, text = SCALARS[name]
+                self.add_input(name, units=units, desc=text)
+            elif name == "gains":
+                for i, units in enumerate(self.options["gain_units"]):
+                    self.add_input(f"gain_{i}", units=units, desc="feedback gain")
+            else:
+                size = self.options["table_nodes"]
+                self.add_input(name, shape=(size,), desc="torque coefficient of the curve")
+        self.add_output("value", shape=(n,), units=limit.unit, desc=type(limit).__doc__)
+
+    def setup_partials(self):
+        """Declare diagonal partials by what varies over time, columns by the design."""
+        rows = np.arange(self.options["num_nodes"])
+        for name in self.options["limit"].inputs:
+            if name in QUANTITIES:
+                self.declare_partials("value", name, rows=rows, cols=rows)
+            else:
+                self.declare_partials("value", "gain_*" if name == "gains" else name)
+
+    def _quantities(self, inputs):
+        """Return the limit's quantities: arrays over time, scalars, table and gains."""
+        found = {}
+        for name in self.options["limit"].inputs:
+            if name == "gains":
+                count = len(self.options["gain_units"])
+                found[name] = np.array([inputs[f"gain_{i}"][0] for i in range(count)])
+            elif name in QUANTITIES:
+                found[name] = inputs[name][:, 0]
+            else:
+                found[name] = inputs[name][0] if name in SCALARS else inputs[name]
+        return found
+
+    def compute(self, inputs, outputs):
+        """Evaluate the limit."""
+        outputs["value"] = self.options["limit"].value(**self._quantities(inputs))
+
+    def compute_partials(self, inputs, partials):
+        """Differentiate it."""
+        for name, by in self.options["limit"].partials(**self._quantities(inputs)).items():
+            if name == "gains":
+                for i, column in enumerate(by.T):
+                    partials["value", f"gain_{i}"] = column[:, None]
+            elif name in QUANTITIES:
+                partials["value", name] = by
+            else:
+                partials["value", name] = by.reshape(self.options["num_nodes"], -1)
+
+
+class IntegralComp(om.ExplicitComponent):
+    """Integrals over all scenarios, by the quadrature of their transcriptions.
+
+    The quadrature is exact for the polynomials of the transcription, so this weighted sum and a
+    collocated state would be the same numbers. The sum needs no unknowns: the optimizer cannot
+    trade energy against defects.
+
+    Inputs: `scenario:quantity`[num_nodes, 1] for each quantity of the trajectory that an integrand
+    names, and scalars of the design; outputs: the integral (J) of each integrand.
+    """
+
+    def initialize(self):
+        """Declare the options."""
+        self.options.declare("weights", types=dict, desc="quadrature weights (s) by scenario")
+        self.options.declare(
+            "integrands", types=dict, desc="`Objective` by output", recordable=False
+        )
+
+    def _places(self, integrand, scenario):
+        """Return the input that holds each quantity of an integrand."""
+        return {
+            name: f"{scenario}:{name}" if name in QUANTITIES else name for name in integrand.inputs
+        }
+
+    def setup(self):
+        """Declare inputs and outputs."""
+        declared = set()
+        for output, integrand in self.options["integrands"].items():
+            self.add_output(output, units="J", desc=type(integrand).__doc__)
+            for scenario, weights in self.options["weights"].items():
+                for name, place in self._places(integrand, scenario).items():
+                    if place in declared:
+                        continue
+                    declared.add(place)
+                    units, text = (QUANTITIES | SCALARS)[name]
+                    shape = (weights.size, 1) if name in QUANTITIES else (1,)
+                    self.add_input(place, shape=shape, units=units, desc=text)
+
+    def setup_partials(self):
+        """Declare a row by each input of an integrand."""
+        for output, integrand in self.options["integrands"].items():
+            for scenario in self.options["weights"]:
+                self.declare_partials(output, list(self._places(integrand, scenario).values()))
+
+    def compute(self, inputs, outputs):
+        """Integrate."""
+        for output, integrand in self.options["integrands"].items():
+            outputs[output] = sum(
+                weights @ (integrand.rate(**values) * np.ones(weights.size))
+                for _, weights, values in self._each(integrand, inputs)
+            )
+
+    def compute_partials(self, inputs, partials):
+        """Differentiate the rates by complex step, and integrate."""
+        for output, integrand in self.options["integrands"].items():
+            for name in integrand.inputs:
+                total = 0.0
+                for places, weights, values in self._each(integrand, inputs):
+                    moved = {**values, name: values[name] + 1j * STEP}
+                    by = weights * np.imag(integrand.rate(**moved)) / STEP
+                    total = total + by.sum() if name in SCALARS else by[None, :]
+                    partials[output, places[name]] = total
+
+    def _each(self, integrand, inputs):
+        """Yield the inputs' names, the weights and the quantities of each scenario."""
+        for scenario, weights in self.options["weights"].items():
+            places = self._places(integrand, scenario)
+            values = {
+                name: inputs[place][:, 0] if name in QUANTITIES else inputs[place][0]
+                for name, place in places.items()
+            }
+            yield places, weights, values

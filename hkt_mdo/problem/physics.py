@@ -1,0 +1,240 @@
+"""The physics of a case: its turbine, flow, control law, limits and objective as values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hkt_mdo.case import Case
+from hkt_mdo.dynamics.flows import Inflow
+from hkt_mdo.dynamics.laws import FeedbackLaw
+from hkt_mdo.dynamics.limits import DesignBounds, ForwardRotation, Limit, TorqueLimit
+from hkt_mdo.dynamics.objectives import Objective
+from hkt_mdo.problem.scenario import Scenario
+from hkt_mdo.problem.turbine import build_turbine
+from hkt_mdo.rotor import bem, ccblade
+from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.bem import LocalReynolds
+from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.rotor.shape import Shape
+
+BEM = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficients}
+DURATION = 60.0  # s, of a flow that has no end of its own
+SEGMENTS_PER_PERIOD = 8.0  # of the highest frequency in the flow
+FEWEST_SEGMENTS, MOST_SEGMENTS = 60, 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class Physics:
+    """What a case describes, as the values that the optimization and the judges work with.
+
+    Parameters
+    ----------
+    case : Case
+        Complete: its time span and segments are numbers.
+    shape : Shape
+        What of the blade is designed; has the blade as given.
+    polar : Polar, tuple of Polar (one a station), or LocalReynolds
+    section_area, thickness : float or array, shape (n_stations,)
+        Area of the section's outline over chord squared; largest thickness over chord.
+    scenarios : tuple of Scenario
+        The flows; usually one.
+    law : FeedbackLaw or None
+        None: open loop.
+    limits : tuple of Limit
+    objective : Objective
+    messages : tuple of str
+        What was converted, repaired or left out of the files.
+    """
+
+    case: Case
+    shape: Shape
+    polar: Polar | tuple[Polar, ...] | LocalReynolds
+    section_area: float | np.ndarray
+    thickness: float | np.ndarray
+    scenarios: tuple[Scenario, ...]
+    law: FeedbackLaw | None
+    limits: tuple[Limit, ...]
+    objective: Objective
+    messages: tuple[str, ...] = ()
+
+    @property
+    def blade(self) -> Blade:
+        """The blade as given."""
+        return self.shape.blade
+
+    @property
+    def inflow(self) -> Inflow:
+        """The flow of the first scenario."""
+        return self.scenarios[0].inflow
+
+    @property
+    def density(self) -> float:
+        """Density of the water, kg/m**3."""
+        return self.case.fluid.density
+
+    @property
+    def torque_limit(self) -> float | None:
+        """Limit of the control torque, N*m."""
+        return self.case.control.torque_limit
+
+    @property
+    def gain_units(self) -> tuple[str, ...]:
+        """Units of the feedback gains; empty for open loop."""
+        return self.law.gain_units if self.law else ()
+
+    @property
+    def has_curve(self) -> bool:
+        """Whether the optimization takes torque from a curve over the tip speed ratio.
+
+        A local Reynolds number depends on the speed of the flow too, which the curve does not have.
+        """
+        local = isinstance(self.polar, LocalReynolds)
+        return self.case.hydrodynamics.torque == "curve" and not local
+
+    def split(self, operation):
+        """Return (rotor speed, hydrodynamic torque) of an operation, one pair a scenario."""
+        ends = np.cumsum([each.samples.size for each in self.scenarios])[:-1]
+        return list(
+            zip(
+                np.split(operation.rotor_speed, ends),
+                np.split(operation.hydrodynamic_torque, ends),
+                strict=True,
+            )
+        )
+
+    def on_start(self, point) -> list[dict]:
+        """Return the quantities of a quasi-steady starting point, one dict a scenario.
+
+        Those of `hkt_mdo.dynamics.trajectory.QUANTITIES`, and the scalars that limits and
+        objectives may take; the control torque balances the flow's.
+        """
+        radius, found = point.blade.rotor_radius, []
+        _, inertia = self.mass_and_inertia(point.blade)
+        for scenario, (speed, torque) in zip(
+            self.scenarios, self.split(point.operation), strict=True
+        ):
+            flow = scenario.inflow.speed_at(scenario.samples)
+            found.append(
+                {
+                    "time": scenario.samples,
+                    "inflow_speed": flow,
+                    "rotor_speed": speed,
+                    "tip_speed_ratio": speed * radius / flow,
+                    "hydrodynamic_torque": torque,
+                    "control_torque": torque,
+                    "hydrodynamic_power": torque * speed,
+                    "generator_power": torque * speed,
+                    "rotor_radius": radius,
+                    "density": self.density,
+                    "inertia": inertia,
+                }
+            )
+        return found
+
+    def objective_at(self, point) -> float:
+        """Return the objective of a quasi-steady starting point, J."""
+        total = 0.0
+        for scenario, quantities in zip(self.scenarios, self.on_start(point), strict=True):
+            rate = self.objective.rate(**{n: quantities[n] for n in self.objective.inputs})
+            total += scenario.weight * float(scenario.sample_weights @ rate)
+        return total
+
+    def mass_and_inertia(self, blade: Blade) -> tuple[float, float]:
+        """Return mass (kg) and inertia (kg*m**2) of the rotor with a blade."""
+        rotor = self.case.rotor
+        mass, inertia, *_ = mass_and_inertia(
+            blade, self.section_area, rotor.material_density, rotor.hub_inertia
+        )
+        return float(mass), float(inertia)
+
+
+def complete(case: Case) -> Case:
+    """Return a case whose time span and segments are numbers, taken from its flow if need be."""
+    phase, inflow = case.phase, case.inflow
+    if phase.duration is not None and phase.segments is not None:
+        return case
+    if inflow.length is not None:
+        inflow.check(inflow.length)
+    duration, segments = phase.duration or inflow.length or DURATION, phase.segments
+    if segments is None:
+        periods = (inflow.highest_frequency or 0.0) * duration
+        wanted = np.ceil(SEGMENTS_PER_PERIOD * periods - 1e-9)
+        segments = int(np.clip(wanted, FEWEST_SEGMENTS, MOST_SEGMENTS))
+    whole = phase.model_copy(update={"duration": duration, "segments": segments})
+    return case.model_copy(update={"phase": whole})
+
+
+def physics(case: Case) -> Physics:
+    """Read the files that a case names and return its physics.
+
+    Raises
+    ------
+    InputError
+        If a blade, polar, outline or inflow file is broken, or does not fit the others.
+    """
+    case = complete(case)
+    inflow, control = case.inflow, case.control
+    if inflow.length is not None:
+        inflow.check(inflow.length)
+    inflow.check(case.phase.duration)
+    scenario = Scenario(inflow, case.phase)
+    speed, weights = inflow.speed_at(scenario.samples), scenario.sample_weights
+    # the speed at which most energy passes; only a local Reynolds number asks for it
+    speed = float(weights @ speed**4 / (weights @ speed**3))
+    turbine = build_turbine(case.rotor, case.fluid, speed)
+    shape = build_shape(case, turbine.blade)
+    return Physics(
+        case,
+        shape,
+        turbine.polar,
+        turbine.section_area,
+        turbine.thickness,
+        (scenario,),
+        control if isinstance(control, FeedbackLaw) else None,
+        _limits(case, shape),
+        case.objective,
+        (*turbine.messages, *inflow.messages),
+    )
+
+
+def build_shape(case: Case, blade: Blade) -> Shape:
+    """Return what of a case's blade is designed."""
+    design, cosine = case.design, np.cos(blade.cone)
+    radius_bounds = None
+    if design.radius_bounds is not None:
+        radius_bounds = tuple(float(bound * cosine) for bound in design.radius_bounds)
+    if design.blade == "fixed":
+        bounds = design.set_angle_bounds
+        return Shape.fixed(
+            blade,
+            np.deg2rad(case.rotor.set_angle or 0.0),
+            None if bounds is None else tuple(np.deg2rad(bounds)),
+            radius_bounds,
+        )
+    return Shape.designed(
+        blade,
+        design.chord_points,
+        design.twist_points,
+        design.chord_bounds,
+        tuple(np.deg2rad(design.twist_bounds)),
+        radius_bounds,
+    )
+
+
+def _limits(case: Case, shape: Shape) -> tuple[Limit, ...]:
+    """Return the limits of a case: torque and rotation, the design's bounds, and those it gives."""
+    bounds = {}
+    if case.design.blade == "optimized":
+        bounds |= {"chord": shape.chord_bounds, "twist": shape.twist_bounds}
+    elif case.design.set_angle_bounds is not None:
+        bounds["set_angle"] = shape.twist_bounds
+    bounds |= {"radius": shape.radius_bounds, "gain": case.design.gain_bounds}
+    return (
+        TorqueLimit(bound=case.control.torque_limit),
+        ForwardRotation(),
+        *(DesignBounds(quantity=name, bounds=ends) for name, ends in bounds.items() if ends),
+        *case.limits.given,
+    )

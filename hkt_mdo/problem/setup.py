@@ -1,0 +1,216 @@
+"""Where one optimization begins and how far it may go from there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
+from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.start import QuasiSteady, StartingPoint, starting_point
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.steady_optimum import (
+    SteadyOptimum,
+    best_operation,
+    best_rotor,
+    best_set_angle,
+)
+from hkt_mdo.rotor.torque_curve import TorqueSpline
+
+
+@dataclass(frozen=True)
+class MoveLimits:
+    """How far from its start an optimization may go before it has to start anew from there.
+
+    Rotor speed between `slower` and `faster` times the start's range; chord, disc radius and gain
+    by factors, twist by an angle (rad). Wherever the case's own bounds are tighter, they hold.
+    """
+
+    slower: float = 0.6
+    faster: float = 1.5
+    chord: float = np.inf
+    twist: float = np.inf
+    radius: float = 1.2
+    gain: float = 5.0
+
+    def bounds(self, physics: Physics, start: StartingPoint) -> dict[str, tuple]:
+        """Return (lower, upper) of what the optimizer changes, and of the rotor speed.
+
+        rotor_speed (rad/s), chord_control (m), twist_control (rad), rotor_radius (m) and gain; what
+        is not designed has no entries.
+        """
+        speed, gains, shape = start.operation.rotor_speed, start.gains, physics.shape
+        chord, twist = shape.control(start.blade)
+        radius = np.full(int(shape.radius_bounds is not None), start.blade.rotor_radius)
+        own = physics.case.design.gain_bounds or (-np.inf, np.inf)
+        return {
+            "rotor_speed": (self.slower * np.min(speed), self.faster * np.max(speed)),
+            "chord_control": _within(chord / self.chord, chord * self.chord, shape.chord_bounds),
+            "twist_control": _within(twist - self.twist, twist + self.twist, shape.twist_bounds),
+            "rotor_radius": _within(
+                radius / self.radius, radius * self.radius, shape.radius_bounds or own
+            ),
+            "gain": _within(*np.sort((gains / self.gain, gains * self.gain), axis=0), own),
+        }
+
+    def reached(self, physics: Physics, start: StartingPoint, end: StartingPoint) -> bool:
+        """Tell whether an optimum ended at a limit that is set around its start only."""
+        own = MoveLimits(0.0, *[np.inf] * 5).bounds(physics, start)
+        chord, twist = physics.shape.control(end.blade)
+        ends = {
+            "rotor_speed": end.operation.rotor_speed,
+            "chord_control": chord,
+            "twist_control": twist,
+            "rotor_radius": np.array([end.blade.rotor_radius]),
+            "gain": end.gains,
+        }
+        for name, (low, high) in self.bounds(physics, start).items():
+            value, (own_low, own_high) = ends[name], own[name]
+            close = 1e-3 * np.maximum(np.abs(value), 1e-2)
+            if np.any((value < low + close) & (low > own_low)) or np.any(
+                (value > high - close) & (high < own_high)
+            ):
+                return True
+        return False
+
+
+def _within(low, high, bounds):
+    return np.clip(low, *bounds), np.clip(high, *bounds)
+
+
+NARROW = MoveLimits(slower=0.8, faster=1.25, chord=1.3, twist=np.deg2rad(3.0), gain=1.3)
+"""For an optimization that has lost its way."""
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """What one optimization begins with.
+
+    Parameters
+    ----------
+    start : StartingPoint
+    nodes : array, shape (n_nodes,)
+        Tip speed ratios of the torque curve.
+    moves : MoveLimits
+    slowed : float
+        Share of its speed that a rotor under feedback must be able to lose
+        (`hkt_mdo.dynamics.limits.DistanceFromStall`); 0: nothing is asked. Needs a torque curve.
+    shares : dict of (str, str) to array, shape (segments,)
+        By names of limit and scenario: share of the limit's upper bound that is asked at the nodes
+        of each segment, so that the limit holds between the nodes as well.
+    """
+
+    start: StartingPoint
+    nodes: np.ndarray
+    moves: MoveLimits = MoveLimits()
+    slowed: float = 0.0
+    shares: dict = field(default_factory=dict)
+
+
+def steady_optimum(physics: Physics, blade: Blade) -> SteadyOptimum:
+    """Return the largest power coefficient: over the blade too, unless it is fixed."""
+    shape = physics.shape
+    if shape.designs_chord:
+        return best_rotor(blade, physics.polar, shape.chord_bounds, shape.twist_bounds)
+    if not shape.designs_set_angle:
+        return best_operation(blade, physics.polar)
+    return best_set_angle(shape, blade, physics.polar)
+
+
+def bounding_optimum(physics: Physics, optimum: SteadyOptimum, blade: Blade) -> SteadyOptimum:
+    """Return the steady optimum that bounds the energy of a blade of maybe another radius.
+
+    Where polars follow the Reynolds number: the best of the slowest, usual and fastest flow.
+    """
+    found, polars = [], []
+    if blade.rotor_radius == optimum.blade.rotor_radius:
+        found.append(optimum)
+    else:
+        polars.append(physics.polar)
+    if isinstance(physics.polar, bem.LocalReynolds):
+        speeds = np.concatenate([s.inflow.speed_at(s.node_times) for s in physics.scenarios])
+        polars += [physics.polar.at_speed(speed) for speed in (speeds.min(), speeds.max())]
+    found += [steady_optimum(replace(physics, polar=polar), blade) for polar in polars]
+    return max(found, key=lambda each: each.power_coefficient)
+
+
+def find_start(physics: Physics, optimum: SteadyOptimum, *, improve=None) -> StartingPoint:
+    """Return the start of an optimization by quasi-steady co-design over all scenarios' flows.
+
+    Parameters
+    ----------
+    physics : Physics
+    optimum : SteadyOptimum
+        Gives the range of tip speed ratios that is searched.
+    improve : bool or None
+        Whether blade and gains are improved, or kept as given; None: as `start.method` says.
+    """
+    if improve is None:
+        improve = physics.case.start.method == "quasi_steady"
+    scenarios = physics.scenarios
+    problem = QuasiSteady(
+        np.concatenate([each.inflow.speed_at(each.samples) for each in scenarios]),
+        np.concatenate([each.weight * each.sample_weights for each in scenarios]),
+        physics.density,
+        physics.blade.rotor_radius,
+        TorqueSpline(np.linspace(0.3, 2.6, 161) * optimum.tip_speed_ratio),
+        physics.law,
+        physics.torque_limit,
+    )
+    return starting_point(
+        problem,
+        physics.shape,
+        physics.law.starting_gains() if physics.law else None,
+        physics.polar,
+        optimum.tip_speed_ratio * np.geomspace(0.75, 2.0, 10),
+        improve=improve,
+    )
+
+
+def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> np.ndarray:
+    """Return tip speed ratios for the torque curve: dense where the start works, sparse beyond.
+
+    The blade will change, so nodes are added until the curve of the start's blade is twenty times
+    as accurate as the case asks for: in and beside the intervals that need them, which are those
+    where a station changes from attached to stalled flow. `finer` halves every interval.
+    """
+    flow = np.concatenate([each.inflow.speed_at(each.samples) for each in physics.scenarios])
+    # an optimizer that lost its way may have left the rotor standing somewhere
+    ratios = np.maximum(
+        start.operation.rotor_speed * start.blade.rotor_radius / flow, SLOWEST_RATIO
+    )
+    low, high = float(np.min(ratios)), float(np.max(ratios))
+    middle = 0.5 * (low + high)
+    spacing = 0.01 * middle
+    nodes = _graded(low - 0.06 * middle, high + 0.06 * middle, spacing, 0.5 * low, 1.6 * high)
+    for _ in range(6):
+        centers = 0.5 * (nodes[1:] + nodes[:-1])
+        table = bem.rotor_coefficients(start.blade, physics.polar, nodes).torque
+        exact = bem.rotor_coefficients(start.blade, physics.polar, centers).torque
+        error = np.abs(TorqueSpline(nodes).basis(centers) @ table / exact - 1.0)
+        coarse = error > 0.05 * physics.case.hydrodynamics.tolerance
+        coarse &= (centers > low - 0.03 * middle) & (centers < high + 0.03 * middle)
+        if not np.any(coarse):
+            break
+        # beside a jump of the torque the spline oscillates
+        coarse = np.convolve(coarse, np.ones(3), mode="same") > 0.0
+        nodes = np.sort(np.r_[nodes, centers[coarse]])
+    return np.sort(np.r_[nodes, 0.5 * (nodes[1:] + nodes[:-1])]) if finer else nodes
+
+
+def _graded(low, high, spacing, lowest, highest):
+    """Return nodes equally spaced from low to high; beyond, spacing grows by a quarter a step."""
+    inner = np.linspace(low, high, int(np.ceil((high - low) / spacing)) + 1)
+
+    def outward(edge, end):
+        steps, place, step = [], edge, spacing
+        while abs(place - edge) < abs(end - edge):
+            step = min(1.25 * step, 8.0 * spacing)
+            place += np.copysign(step, end - edge)
+            steps.append(place)
+        return steps
+
+    nodes = np.array([*reversed(outward(low, lowest)), *inner, *outward(high, highest)])
+    return nodes[nodes > 0.02]

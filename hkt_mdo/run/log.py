@@ -1,0 +1,186 @@
+"""What a run writes while it works: the history, an iterate to resume from, OpenMDAO's databases."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import openmdao.api as om
+
+from hkt_mdo.dynamics.quasi_steady import Operation
+from hkt_mdo.errors import InputError
+from hkt_mdo.files.shipped import read_bytes
+from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.start import StartingPoint
+from hkt_mdo.results.folder import write_csv, write_json
+from hkt_mdo.results.solution import Solution
+
+RESUMABLE = 1e-2  # largest scaled violation of an iterate worth going on from
+SECONDS_BETWEEN_SAVES = 0.2
+EVALUATIONS_BETWEEN_POINTS = 5
+MAX_ITERATE_BYTES = 64 * 1024**2
+
+Progress = Callable[[int, float, float], None]
+
+
+class Log:
+    """The optimizer's `progress`: notes every evaluation, and saves iterates worth resuming from.
+
+    Parameters
+    ----------
+    out : Path
+        The result folder.
+    scratch : str
+        Folder for OpenMDAO's own files, which vanishes with the run.
+    progress : callable or None
+        Called as progress(count, objective in J, infeasibility).
+    records : bool
+        Whether OpenMDAO's databases are written.
+    """
+
+    def __init__(self, out: Path, scratch: str, progress: Progress | None, records: bool):
+        self._out, self._progress, self._records = out, progress, records
+        self.scratch = scratch
+        self.history: list = []
+        self.reference = 0.0  # J: objective of the case's own start, if the rotor runs on it
+        self._saved = 0.0
+        self.point: Callable[[], StartingPoint] | None = None  # reads the problem at work
+        self.last: StartingPoint | None = None
+        self.terminated = False
+
+    def __call__(self, count: int, objective: float, infeasibility: float) -> None:
+        """Note an evaluation, and save the iterate if it is worth going on from."""
+        if self.terminated:
+            raise KeyboardInterrupt
+        self.history.append((len(self.history), objective, infeasibility))
+        if infeasibility <= RESUMABLE and self.point is not None:
+            # by count, not by time: what an optimization goes on from must not depend on the clock
+            if len(self.history) % EVALUATIONS_BETWEEN_POINTS == 0:
+                self.last = self.point()
+            if time.monotonic() - self._saved >= SECONDS_BETWEEN_SAVES:
+                self._write(self.point())
+                self.write_history()
+        if self._progress is not None:
+            self._progress(len(self.history), objective, infeasibility)
+
+    def save(self, point: StartingPoint) -> None:
+        """Keep the point that a resumed run goes on from, and write it."""
+        self.last = point
+        self._write(point)
+
+    def _write(self, point: StartingPoint) -> None:
+        write_json(
+            self._out / "iterate.json",
+            {
+                "chord_m": point.blade.chord,
+                "twist_rad": point.blade.twist,
+                "rotor_radius_m": point.blade.rotor_radius,
+                "gains": point.gains,
+                "energy_J": point.operation.energy,
+                "reference_energy_J": self.reference,
+                "rotor_speed_rad_s": point.operation.rotor_speed,
+                "hydrodynamic_torque_Nm": point.operation.hydrodynamic_torque,
+            },
+        )
+        self._saved = time.monotonic()
+
+    def write_history(self) -> None:
+        """Write the energy and infeasibility of every evaluation."""
+        header = ("evaluation", "energy_J", "infeasibility")
+        write_csv(self._out / "convergence.csv", header, self.history)
+
+    def add_recorders(self, problem: om.Problem) -> None:
+        """Record the final case and every iteration; the databases of earlier passes are kept."""
+        if not self._records:
+            return
+        number, history = 1, self._out / "history.db"
+        while history.exists():
+            number += 1
+            history = self._out / f"history_{number}.db"
+        problem.driver.add_recorder(_Recorder(str(history.resolve()), record_viewer_data=False))
+        solution = self._out / "solution.db"
+        solution.unlink(missing_ok=True)
+        problem.add_recorder(_Recorder(str(solution.resolve())))
+        problem.recording_options["record_inputs"] = False
+        problem.recording_options["includes"] = ["*"]
+
+    def record_final(self, problem: om.Problem) -> None:
+        """Record the problem as it stands."""
+        if self._records:
+            problem.record("final")
+
+
+class _Recorder(om.SqliteRecorder):
+    """A recorder of variables that leaves it to the system when its rows reach the disk.
+
+    Waiting for the disk at every row takes longer than an iteration. A killed process loses
+    nothing; a power cut may cost the last rows, and a run is resumed from `iterate.json`.
+    Options of systems are not recorded: `case.yaml` says the same, and grids cannot be pickled.
+    """
+
+    def record_metadata_system(self, system, run_number=None):
+        """Record nothing."""
+
+    def _initialize_database(self, comm):
+        super()._initialize_database(comm)
+        if self.connection is not None:
+            self.connection.execute("PRAGMA synchronous=OFF")
+
+
+def read_iterate(out: Path, physics: Physics) -> tuple[StartingPoint | None, float, list]:
+    """Return an earlier run's point, reference (J) and history; None if it recorded none."""
+    path = out / "iterate.json"
+    if not path.exists():
+        return None, 0.0, []
+    n_stations = physics.blade.r.size
+    n_times = sum(scenario.samples.size for scenario in physics.scenarios)
+    sizes = {
+        "chord_m": n_stations,
+        "twist_rad": n_stations,
+        "rotor_radius_m": 1,
+        "gains": len(physics.gain_units),
+        "energy_J": 1,
+        "reference_energy_J": 1,
+        "rotor_speed_rad_s": n_times,
+        "hydrodynamic_torque_Nm": n_times,
+    }
+    content = read_bytes(path, MAX_ITERATE_BYTES, "iterate of a run")
+    try:
+        data = json.loads(content)
+        values = {
+            key: np.array(data[key], dtype=float).reshape(size) for key, size in sizes.items()
+        }
+        sound = all(np.all(np.isfinite(value)) for value in values.values())
+        for key in ("chord_m", "rotor_radius_m", "gains", "rotor_speed_rad_s"):
+            sound = sound and bool(np.all(values[key] > 0.0))
+    except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
+        sound = False
+    if not sound:
+        raise InputError(
+            "is no iterate of this case",
+            "delete it to begin anew, or run the case again with --force",
+            file=path,
+        )
+    table = {}
+    if (out / "summary.json").exists():
+        table = Solution.load(out, extensions=physics.case.extensions).convergence
+    radius, shape = physics.blade.rotor_radius, physics.shape
+    if shape.radius_bounds is not None:
+        radius = float(np.clip(values["rotor_radius_m"][0], *shape.radius_bounds))
+    blade = physics.blade.with_rotor_radius(radius)
+    blade = shape.nearest(blade.with_shape(values["chord_m"], values["twist_rad"]))
+    operation = Operation(
+        float(values["energy_J"][0]),
+        values["rotor_speed_rad_s"],
+        values["hydrodynamic_torque_Nm"],
+        np.empty(0),
+        np.empty(0),
+        0.0,
+        True,
+    )
+    history = list(zip(*table.values(), strict=True))
+    reference = float(values["reference_energy_J"][0])
+    return StartingPoint(blade, values["gains"], operation), reference, history

@@ -1,0 +1,172 @@
+"""The passes of a run: optimize, and again until nothing that a pass has set stands in the way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from hkt_mdo.dynamics.limits import SLOWED
+from hkt_mdo.dynamics.quasi_steady import Operation
+from hkt_mdo.dynamics.trajectory import QUANTITIES
+from hkt_mdo.problem.build import assemble, make_driver
+from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes
+from hkt_mdo.problem.start import StartingPoint
+from hkt_mdo.run.judge import (
+    BETWEEN_VIOLATION,
+    Flight,
+    Optimized,
+    curve_errors,
+    fly,
+    is_false,
+    recovers,
+)
+from hkt_mdo.run.log import Log
+from hkt_mdo.solve.drivers import outcome
+
+MAX_PASSES = 8
+# recovery of the start, over a typical torque, below which it is a constraint from the beginning
+NEAR_STALL = 0.022
+WORTHWHILE = 1e-6  # relative gain of the objective for which a move limit is re-centred again
+FIRST_ITERATIONS = 300  # after as many, an optimization has lost its way
+
+
+def optimize(
+    physics: Physics, start: StartingPoint, log: Log
+) -> tuple[Optimized, tuple[Flight, ...]]:
+    """Optimize from a start until nothing that a pass has set stands in the way; integrate.
+
+    That is: the torque curve is fine enough, no move limit is active, every limit holds between the
+    nodes too (for that it is lowered at the nodes of a segment), and a rotor under feedback
+    recovers from a small loss of speed (for that a constraint is added, of twice the loss where the
+    integration denies the collocation).
+    """
+    operation = start.operation
+    margin = operation.recovery.margin if operation.recovery else np.inf
+    slowed = SLOWED if np.min(margin) < NEAR_STALL else 0.0
+    setup = Setup(start, curve_nodes(physics, start), slowed=slowed)
+    objective, at_limit = np.inf, False
+    for _ in range(MAX_PASSES):
+        result = _solve(physics, setup, log)
+        if not result.outcome.success:
+            if setup.moves == NARROW:
+                return result, fly(physics, result)
+            setup = _in_smaller_moves(physics, setup, log.last)
+            continue
+        if not setup.slowed and not recovers(physics, result):
+            setup = replace(setup, slowed=SLOWED)
+            continue
+        gained = abs(result.objective / objective - 1.0) > WORTHWHILE
+        objective = result.objective
+        at_limit = gained and setup.moves.reached(physics, setup.start, result.point)
+        flights = fly(physics, result)
+        again = _refined(physics, setup, result, flights, at_limit)
+        if again is None:
+            return result, flights
+        setup = again
+    if at_limit:  # an optimum between limits of our own making is none
+        message = f"still at a move limit after {MAX_PASSES} optimizations"
+        ended = replace(result.outcome, success=False, message=message)
+        result = replace(result, outcome=ended)
+    return result, fly(physics, result)
+
+
+def _in_smaller_moves(physics, setup, last):
+    """Return the setup after an optimization lost its way, from the better of start and last."""
+    if last.operation.energy > setup.start.operation.energy:
+        setup = replace(setup, start=last, nodes=curve_nodes(physics, last))
+    return replace(setup, moves=NARROW)
+
+
+def _refined(physics, setup, result, flights, at_limit) -> Setup | None:
+    """Return the setup of the next pass; None if none is needed."""
+    curve_ok = not physics.has_curve or (
+        np.max(curve_errors(physics, result)[1]) <= physics.case.hydrodynamics.tolerance
+    )
+    shares = _lowered(physics, setup, flights)
+    if curve_ok and shares is None and not at_limit:
+        near_stall = physics.law is not None and physics.has_curve and setup.slowed <= SLOWED
+        if near_stall and is_false(flights):  # there a collocation may follow a false branch
+            return replace(setup, slowed=2.0 * SLOWED)
+        return None
+    return replace(
+        setup,
+        start=result.point,
+        nodes=curve_nodes(physics, result.point, finer=not curve_ok),
+        shares=shares or setup.shares,
+    )
+
+
+def _lowered(physics, setup, flights) -> dict | None:
+    """Return lower shares of the limits that are exceeded between the nodes; None if all hold.
+
+    They are lowered in the segments that need it: elsewhere a lower limit would only cost energy.
+    """
+    shares, exceeded = dict(setup.shares), False
+    for limit in physics.limits:
+        held = limit.place == "time" and limit.constrains(physics.case.control)
+        if not held or not np.isfinite(limit.upper):
+            continue
+        for flight in flights:
+            over, _ = flight.between_nodes(limit)
+            if np.max(over) > BETWEEN_VIOLATION:
+                exceeded, key = True, (limit.name, flight.scenario.name)
+                less = 1.0 - np.where(over > 0.5 * BETWEEN_VIOLATION, over, 0.0)
+                shares[key] = shares.get(key, 1.0) * less
+    return shares if exceeded else None
+
+
+def _solve(physics: Physics, setup: Setup, log: Log) -> Optimized:
+    """Run one optimization."""
+    most = None if setup.moves == NARROW else FIRST_ITERATIONS
+    problem = assemble(physics, setup, make_driver(physics.case, log, most), log.scratch)
+    log.add_recorders(problem)
+    try:
+        # OpenMDAO's drivers run only what the design moves; the flow at the nodes is not
+        problem.run_model()
+        log.point = lambda: _point(physics, problem)
+        problem.run_driver()
+    finally:
+        log.record_final(problem)
+        problem.cleanup()
+    return Optimized(
+        problem,
+        outcome(problem.driver),
+        setup,
+        _point(physics, problem),
+        tuple(
+            {name: _series(problem, scenario, name) for name in QUANTITIES}
+            for scenario in physics.scenarios
+        ),
+        *(
+            float(problem.get_val(name)[0])
+            for name in ("energy", "generator_energy", "objective", "inertia", "mass")
+        ),
+        problem.get_val("torque_coefficient_table") if physics.has_curve else np.empty(0),
+    )
+
+
+def _series(problem, scenario, name) -> np.ndarray:
+    return problem.get_val(f"{scenario.path}.{name}").ravel()
+
+
+def _point(physics: Physics, problem) -> StartingPoint:
+    """Return the design and trajectories at which a problem stands as the start of another."""
+    sampled = {"rotor_speed": [], "hydrodynamic_torque": []}
+    for scenario in physics.scenarios:
+        time, first = np.unique(_series(problem, scenario, "time"), return_index=True)
+        for name, values in sampled.items():
+            spline = CubicSpline(time, _series(problem, scenario, name)[first])
+            values.append(spline(scenario.samples))
+    speed, torque = (np.concatenate(values) for values in sampled.values())
+    gains = [problem.get_val(f"gain_{i}")[0] for i in range(len(physics.gain_units))]
+    blade = physics.blade.with_rotor_radius(float(problem.get_val("rotor_radius")[0]))
+    return StartingPoint(
+        blade.with_shape(problem.get_val("chord"), problem.get_val("twist")),
+        np.array(gains, dtype=float),
+        Operation(
+            float(problem.get_val("energy")[0]), speed, torque, np.empty(0), np.empty(0), 0.0, True
+        ),
+    )

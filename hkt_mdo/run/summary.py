@@ -1,0 +1,177 @@
+"""The summary and the tables of a finished run."""
+
+from __future__ import annotations
+
+import platform
+from importlib import metadata
+
+import numpy as np
+
+from hkt_mdo.dynamics.trajectory import COLUMNS
+from hkt_mdo.files.blade import BladeTable, write_blade_csv
+from hkt_mdo.results.folder import write_csv
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.steady_optimum import best_operation
+from hkt_mdo.run.judge import energy_bound, explain, total
+
+BINDING = 1e-3  # relative distance from its bound within which a limit counts as binding
+
+
+def summarize(physics, optimum, start, result, flights, checks):
+    """Return the summary of a finished run."""
+    failed = [check for check in checks if not check.passed]
+    blade = result.point.blade
+    nodes = {
+        name: np.concatenate([each[name] for each in result.trajectories])
+        for name in ("tip_speed_ratio", "control_torque")
+    }
+    ratios = nodes["tip_speed_ratio"]
+    peak = best_operation(blade, physics.polar)
+    by_name = {check.name: check.value for check in checks}
+    gains = [float(gain) for gain in result.point.gains]
+    turning = all(flight.simulation.stopped_at is None for flight in flights)
+    energy, generated, kinetic = (
+        total(flights, lambda flight, name=name: getattr(flight.simulation, name))
+        for name in ("energy", "generator_energy", "kinetic_energy_change")
+    )
+    return {
+        "success": not failed,
+        "message": "; ".join(explain(check) for check in failed) or "converged and verified",
+        "package": result.outcome.package,
+        "optimizer": result.outcome.optimizer,
+        "iterations": result.outcome.iterations,
+        "energy_J": result.energy,
+        "simulated_energy_J": energy if turning else None,
+        "generator_energy_J": generated if turning else None,
+        "energy_bound_J": energy_bound(physics, optimum),
+        "objective": {
+            "kind": physics.objective.kind,
+            "value_J": result.objective,
+            "simulated_J": total(flights, lambda flight: flight.objective(physics.objective)),
+            "bound_J": physics.objective.bound(energy_bound(physics, optimum)),
+        },
+        "limits": {
+            limit.name: _limit(physics, limit, flights)
+            for limit in physics.limits
+            if limit.place == "time" and np.isfinite(limit.upper)
+        },
+        "bound_power_coefficient": optimum.power_coefficient,
+        "bound_tip_speed_ratio": optimum.tip_speed_ratio,
+        "gain": None if not gains else gains[0] if len(gains) == 1 else gains,
+        "gain_units": list(physics.gain_units),
+        "tip_speed_ratio": {"min": np.min(ratios), "max": np.max(ratios), "mean": np.mean(ratios)},
+        "power_coefficient_max": peak.power_coefficient,
+        "tip_speed_ratio_at_power_coefficient_max": peak.tip_speed_ratio,
+        "control_torque_max_Nm": np.max(nodes["control_torque"]),
+        "rotor_radius_m": blade.rotor_radius,
+        "tip_radius_m": blade.tip_radius,
+        "set_angle_deg": _set_angle(physics, blade),
+        "inertia_kg_m2": result.inertia,
+        "mass_kg": result.mass,
+        "r_m": blade.r,
+        "chord_m": blade.chord,
+        "twist_deg": np.rad2deg(blade.twist),
+        "start_chord_m": physics.blade.chord,
+        "start_twist_deg": np.rad2deg(physics.blade.twist),
+        "starting_energy_J": start.operation.energy,
+        "surrogate_error": by_name["surrogate_error"],
+        "surrogate_nodes": int(result.curve.size),
+        "max_speed_error": max(np.max(flight.speed_errors) for flight in flights),
+        "energy_balance_error": abs(energy - generated - kinetic) / max(energy, 1e-9),
+        "checks": [vars(check) for check in checks],
+        "notes": list(physics.messages),
+        "versions": _versions(),
+    }
+
+
+def _limit(physics, limit, flights):
+    """Return the largest value of a limit, at the nodes and in the integration, and its bound."""
+    values = [
+        np.max(limit.value(**{name: quantities[name] for name in limit.inputs}))
+        for flight in flights
+        for quantities in (
+            {**flight.trajectory, **flight.scalars},
+            {**flight.integrated, **flight.scalars},
+        )
+    ]
+    value = float(max(values))
+    return {
+        "value": value,
+        "limit": limit.upper,
+        "unit": limit.unit,
+        "binding": bool(value >= limit.upper * (1.0 - BINDING)),
+    }
+
+
+def _set_angle(physics, blade):
+    """Return the set angle, deg: what was found, or given; None where a designed twist has it."""
+    if physics.shape.designs_set_angle:
+        return float(np.rad2deg(physics.shape.control(blade)[1][0]))
+    return None if physics.shape.designs_chord else physics.case.rotor.set_angle or 0.0
+
+
+def _versions():
+    versions = {"python": platform.python_version()}
+    for name in (
+        "hkt_mdo",
+        "openmdao",
+        "dymos",
+        "numpy",
+        "scipy",
+        "numba",
+        "casadi",
+        "wisdem",
+        "pyoptsparse",
+    ):
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return versions
+
+
+def write_tables(out, physics, result, flights):
+    """Write the trajectories, the integrations, the blade and the power curves as CSV files."""
+    header = list(COLUMNS.values())
+    for flight in flights:
+        suffix = "" if flight is flights[0] else f"_{flight.scenario.name}"
+        for name, values in (
+            ("trajectory", flight.trajectory), ("simulation", flight.integrated)
+        ):  # fmt: skip
+            rows = zip(*(values[column] for column in COLUMNS), strict=True)
+            write_csv(out / f"{name}{suffix}.csv", header, rows)
+    blade = result.point.blade
+    _write_blade(out / "blade.csv", physics, blade)
+    ratios = np.linspace(0.3, 1.7, 141) * best_operation(blade, physics.polar).tip_speed_ratio
+    power = [
+        bem.rotor_coefficients(each, physics.polar, ratios).power for each in (blade, physics.blade)
+    ]
+    header = ("tip_speed_ratio", "power_coefficient", "start_power_coefficient")
+    write_csv(out / "power_curve.csv", header, zip(ratios, *power, strict=True))
+
+
+def _write_blade(path, physics, blade):
+    """Write the found blade as a file that another case can begin from."""
+    rotor = {
+        "blade": "blade.csv",
+        "radius": blade.tip_radius,
+        "hub_radius_fraction": blade.hub_radius / blade.tip_radius,
+        "blade_count": blade.blade_count,
+        "cone": float(np.rad2deg(blade.cone)),
+        "set_angle": 0.0,
+        "stations": None,
+    }
+    section = ", ".join(
+        f"{key}: {'null' if value is None else value}" for key, value in rotor.items()
+    )
+    remarks = (
+        f"blade found by the case {physics.case.name}; the twist has the set angle in it",
+        f"to begin from it, with the path of this file: rotor: {{{section}}}",
+    )
+    table = BladeTable(
+        blade.r,
+        blade.chord,
+        blade.twist,
+        thickness=np.broadcast_to(np.asarray(physics.thickness, dtype=float), blade.r.shape),
+    )
+    write_blade_csv(path, table, remarks)

@@ -1,0 +1,72 @@
+"""An extension with one kind of each sort, written against the public names alone."""
+
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+
+from hkt_mdo import FeedbackLaw, Inflow, Limit, Objective, Quantity
+
+
+class TipSpeed(Limit):
+    """Largest speed of the blade tip, w R."""
+
+    name: ClassVar[str] = "tip_speed"
+    unit: ClassVar[str] = "m/s"
+    inputs: ClassVar[tuple[str, ...]] = ("rotor_speed", "rotor_radius")
+
+    bound: Annotated[float, Quantity("m/s", gt=0)]
+    """Largest tip speed."""
+
+    def value(self, rotor_speed, rotor_radius):
+        return rotor_speed * rotor_radius
+
+
+class PricedTorque(Objective):
+    """Captured energy less a price on the mean squared torque."""
+
+    kind: Literal["priced_torque"] = "priced_torque"
+    """What is maximized."""
+
+    price: Annotated[float, Quantity("W/(N**2*m**2)", ge=0)] = 1e-4
+    """Price of a squared torque."""
+
+    inputs: ClassVar[tuple[str, ...]] = ("hydrodynamic_power", "control_torque")
+
+    def rate(self, hydrodynamic_power, control_torque):
+        return hydrodynamic_power - self.price * control_torque**2
+
+
+class OffsetQuadratic(FeedbackLaw):
+    """Quadratic feedback with a linear part, u = K1 w + K2 w^2."""
+
+    law: Literal["mixed"] = "mixed"
+    """The control law."""
+
+    gain_units: ClassVar[tuple[str, ...]] = ("N*m*s/rad", "N*m*s**2/rad**2")
+
+    def demand(self, speed, gains):
+        return gains[0] * speed + gains[1] * speed**2
+
+
+class Ramp(Inflow):
+    """A flow that rises smoothly, v = before + rise (t/time)^2 / (1 + (t/time)^2)."""
+
+    profile: Literal["ramp"] = "ramp"
+    """The kind of flow."""
+
+    before: Annotated[float, Quantity("m/s", gt=0)] = 1.3
+    """Speed at t = 0."""
+
+    rise: Annotated[float, Quantity("m/s")] = 0.4
+    """Rise after a long time."""
+
+    time: Annotated[float, Quantity("s", gt=0)] = 20.0
+    """Time of half the rise."""
+
+    @property
+    def highest_frequency(self):
+        return 1.0 / self.time
+
+    def speed_at(self, time):
+        share = (np.asarray(time) / self.time) ** 2
+        return self.before + self.rise * share / (1.0 + share)
