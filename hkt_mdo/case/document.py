@@ -12,7 +12,8 @@ from typing import Any
 
 import yaml
 
-from hkt_mdo.case.schema import Case
+from hkt_mdo.case.kinds import Extension, known_kinds
+from hkt_mdo.case.schema import case_class
 from hkt_mdo.case.yaml_text import Dumper, parse
 from hkt_mdo.files.shipped import POLAR_FAMILIES, read_text, shipped_names, shipped_rotor
 
@@ -26,17 +27,14 @@ _EXACT_INTEGERS = 1e7
 # For editors --------------------------------------------------------------------------------------
 
 
-def case_json_schema() -> dict[str, Any]:
-    """Return the JSON schema of a case file, as editors show and check it.
+def case_json_schema(extensions: Iterable[Extension] = ()) -> dict[str, Any]:
+    """Return the JSON schema (draft 2020-12) of a case file, as editors show and check it.
 
-    Returns
-    -------
-    dict
-        Draft 2020-12. Descriptions are the attribute docstrings, one line a paragraph; a physical
-        quantity has its ``unit``, which its title shows; a section that a tag chooses requires the
-        tag and has it as its title.
+    Descriptions are the attribute docstrings, one line a paragraph; a physical quantity has its
+    ``unit``, which its title shows; a section that a tag chooses requires the tag and has it as its
+    title. `extensions` are those of `hkt_mdo.case.load_case`.
     """
-    schema = Case.model_json_schema()
+    schema = case_class(known_kinds(extensions)).model_json_schema()
     for section in (schema, *schema["$defs"].values()):
         section["description"] = _unwrap(section["description"])
         for key, value in section["properties"].items():
@@ -113,16 +111,14 @@ the case checks that as well.
 """
 
 
-def case_markdown() -> str:
+def case_markdown(extensions: Iterable[Extension] = ()) -> str:
     """Return the whole schema as one page in Markdown.
 
-    Returns
-    -------
-    str
-        Preface, every section with every key, the shipped names, and, in a checkout, the case files
-        of its folder ``cases`` and of the folders in it.
+    It has a preface, every section with every key, the shipped names, and, in a checkout, the case
+    files of its folder ``cases`` and of the folders in it. `extensions` are those of
+    `hkt_mdo.case.load_case`.
     """
-    schema = case_json_schema()
+    schema = case_json_schema(extensions)
     definitions = schema["$defs"]
     parts = ["## Sections"]
     blocks = []
@@ -305,19 +301,10 @@ def commented_case(
 ) -> str:
     """Return a case in YAML that explains itself: each key below its docstring, type and range.
 
-    Parameters
-    ----------
-    values : dict of dict
-        What differs from the defaults, by section and key; the tags of `inflow` and `control`
-        among it.
-    usual : dict of sequence of str
-        The keys that are shown of each section, in this order, one with a default among them; of a
-        section that is not there, all of them.
-
-    Returns
-    -------
-    str
-        A key that has neither a value nor a default stands as a comment.
+    `values` is what differs from the defaults, by section and key, with the tags of `inflow` and
+    `control`; `usual` names the keys of each section that are shown, in this order, one with a
+    default among them; of a section that it does not name, all are. A key that has neither a value
+    nor a default stands as a comment.
     """
     schema = case_json_schema()
     blocks = []

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hkt_mdo.case import TurbulentInflow, commented_case, read_case
+from hkt_mdo.case import commented_case, read_case
 from hkt_mdo.cli.parts import refuse_existing, write_files
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import data_path, read_text, shipped_rotor
@@ -59,11 +59,11 @@ def _record_text() -> str:
     """Return a record as CSV: five minutes of turbulence at 1 Hz, always the same."""
     import numpy as np
 
-    from hkt_mdo.problem.flow import build_inflow
+    from hkt_mdo.dynamics.sampled import TurbulentInflow
 
-    section = TurbulentInflow(mean=1.4, intensity=0.1, length_scale=5.0, duration=300.0, cutoff=0.4)
+    flow = TurbulentInflow(mean=1.4, intensity=0.1, length_scale=5.0, duration=300.0, cutoff=0.4)
     time = np.arange(301.0)
-    speed = build_inflow(section).speed(time)
+    speed = flow.speed_at(time)
     remark = "# A sample, synthesized turbulence of 10 %: put your own record in its place."
     rows = (f"{t:.0f},{v:.4f}" for t, v in zip(time, speed, strict=True))
     return "\n".join((remark, "time_s,speed_m_s", *rows, ""))

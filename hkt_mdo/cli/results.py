@@ -120,7 +120,6 @@ def simulate(
             raise InputError(
                 "is out of range", "give a number between -200 and 1e6", key=name, value=value
             )
-    from hkt_mdo.problem.flow import build_inflow
     from hkt_mdo.studies.uncertainty import REFERENCES, Design, Sensor, flow_named, fly_noisy
 
     if reference not in REFERENCES:
@@ -128,22 +127,22 @@ def simulate(
             "is unknown", "choose fluctuation or total", key="--noise-reference", value=reference
         )
     if flow.lstrip().startswith("{"):
-        section = solution.case.with_overrides(f"inflow={flow}").inflow
+        inflow = solution.case.with_overrides(f"inflow={flow}").inflow
     else:
-        section = flow_named(flow, solution.case.inflow)
-    console, design, inflow = Console(highlight=False), Design.of(solution), build_inflow(section)
+        inflow = flow_named(flow, solution.case.inflow)
+    design = Design.of(solution)
     quiet = design.fly(inflow)
     told = f"{quiet.energy:.1f} J captured, {quiet.generator_energy:.1f} J generated"
     if quiet.stopped_at is not None:
         told = f"rotor stops at t = {quiet.stopped_at:.2f} s, not generating; energy n/a"
-    echo(f"{solution.name} in flow {section.model_dump()}")
+    echo(f"{solution.name} in flow {inflow.model_dump()}")
     echo(f"  without noise: {told}")
     if snr is None:
         return
     if design.law is None:
         echo("  open loop reads no sensor: the noise changes nothing")
         return
-    with console.status(f"{repeats} noisy runs"):
+    with Console().status(f"{repeats} noisy runs"):
         noisy = fly_noisy(design, inflow, Sensor(snr, reference, rate), repeats, seed)
     echo(
         f"  sensor: {snr:g} dB of the {reference} speed, sigma = {noisy.noise_deviation:.4f} "

@@ -85,7 +85,8 @@ def run(
         with _progress(console, loaded.name) as progress:
             from hkt_mdo.run import run as runner
 
-            how: dict[str, Any] = {"progress": progress, "figures": not no_figures}
+            figures = ("png", "pdf") if pdf else not no_figures
+            how: dict[str, Any] = {"progress": progress, "figures": figures}
             if resume is None:
                 solution = runner.run_case(loaded, folder, force=force, **how)
             else:
@@ -93,10 +94,6 @@ def run(
     except KeyboardInterrupt:
         complain("interrupted", _saved(folder, before))
         raise Exit(INTERRUPTED) from None
-    if pdf:
-        from hkt_mdo.results.plots import save_figures
-
-        save_figures(solution, folder / "figures", ("pdf",))
     print_result(console, solution)
     for line in (*(f"note: {note}" for note in solution.notes), f"Results: {folder}"):
         console.print(line, markup=False, soft_wrap=True)

@@ -11,16 +11,26 @@ from pathlib import Path
 import numpy as np
 
 from hkt_mdo.case import Case
-from hkt_mdo.case.document import unit_of
+from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.polar import read_polars
-from hkt_mdo.problem import build
+from hkt_mdo.problem.build import make_driver
+from hkt_mdo.problem.physics import MOST_SEGMENTS, SEGMENTS_PER_PERIOD, physics
 from hkt_mdo.problem.turbine import POLAR
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run import findings
 from hkt_mdo.run.findings import Findings, ProblemSize, Stations
-from hkt_mdo.run.words import count, duration, number, plain_unit, powers, quantity, span
+from hkt_mdo.run.words import (
+    count,
+    duration,
+    flow_words,
+    number,
+    plain_unit,
+    powers,
+    quantity,
+    span,
+)
 
 Rows = dict[str, str]
 
@@ -30,6 +40,7 @@ LIGHT = 0.02  # share of the torque below which stations outside their polars' t
 WASTED = 0.5  # share of what a blade can capture below which a gain was hardly meant
 OUTERMOST = 0.9  # r/R of the last station below which a part of the blade is missing
 EDDY = 1.25  # cutoff times diameter over flow speed above which eddies are smaller than the rotor
+KEPT = 1e-6  # share of its bound by which a limit may be left
 SOLVER = {"vectorized": "this package's BEM", "ccblade": "CCBlade"}
 
 
@@ -60,11 +71,10 @@ def check_case(case: Case) -> CheckReport:
         If a file of the case is broken, files do not fit each other, or the optimizer that the case
         asks for is not installed.
     """
-    whole = build.complete(case)
-    world = build.physics(whole)
-    package = build.make_driver(whole).package
-    found = findings.examine(whole, world)
-    size = findings.problem_size(found.case, world, found.best)
+    world = physics(case)
+    package = make_driver(world.case).package
+    found = findings.examine(world)
+    size = findings.problem_size(world, found.best)
     met = findings.meet(found)
     tables = {
         "Turbine": _turbine_rows(found) | _station_rows(found, met),
@@ -83,7 +93,7 @@ def check_case(case: Case) -> CheckReport:
 
 
 def _turbine_rows(found: Findings) -> Rows:
-    rotor, blade = found.case.rotor, found.world.blade
+    rotor, blade = found.case.rotor, found.physics.blade
     cone = f", coned by {np.rad2deg(blade.cone):.3g} deg" if blade.cone else ""
     source = "given in the case" if rotor.chord is not None else Path(rotor.blade).name
     own = [section.name for section in _own_sections(rotor)]
@@ -106,7 +116,7 @@ def _turbine_rows(found: Findings) -> Rows:
 
 def _designed(found: Findings) -> Iterator[str]:
     """Yield what of the blade is designed, with its bounds."""
-    shape, design = found.world.shape, found.case.design
+    shape, design = found.physics.shape, found.case.design
     if shape.designs_chord:
         for name, unit in (("chord", "m"), ("twist", "deg")):
             points, all_of_them = shape.points[name], shape.blade.r.size
@@ -119,7 +129,7 @@ def _designed(found: Findings) -> Iterator[str]:
 
 
 def _station_rows(found: Findings, met: Stations) -> Rows:
-    polar, rotor = found.world.polar, found.case.rotor
+    polar, rotor = found.physics.polar, found.case.rotor
     known = _polar_numbers(rotor)
     if isinstance(polar, bem.LocalReynolds):
         told = f"the polars follow them, by tables for {powers(np.exp(polar.log_reynolds))}"
@@ -156,16 +166,16 @@ def _polar_numbers(rotor) -> list[float]:
 def _flow_rows(found: Findings, by_default: bool) -> Rows:
     why = "as the case says"
     if by_default:
-        endless = getattr(found.world.inflow, "duration", None) is None
+        endless = found.physics.inflow.length is None
         why = "by default, for the flow has no end" if endless else "the length of the flow's data"
     changes = "none: it is steady"
     if found.cutoff:
         changes = f"up to {found.cutoff:.3g} Hz, a period of {quantity(1 / found.cutoff, 's', 3)}"
-    radius = found.world.blade.rotor_radius
+    radius = found.physics.blade.rotor_radius
     through = found.average(power_scale(found.case.fluid.density, radius, found.speed))
     flux = through / (np.pi * radius**2)
     return {
-        "kind": _flow_words(found.case.inflow),
+        "kind": flow_words(found.case.inflow),
         "speed": f"{span(found.speed, 'm/s')}, mean {found.mean:.4g} m/s, standard deviation "
         f"{found.deviation:.3g} m/s ({100.0 * found.deviation / found.mean:.3g} %)",
         "time": f"{duration(found.case.phase.duration)}, {why}",
@@ -175,35 +185,9 @@ def _flow_rows(found: Findings, by_default: bool) -> Rows:
     }
 
 
-_IDLE = {"start": 0.0, "phase": 0.0, "scale": 1.0} | dict.fromkeys(
-    ("gaps", "spikes", "uneven"), "refuse"
-)
-"""Values of a flow's keys that change nothing."""
-
-
-def _flow_words(section) -> str:
-    """Return the kind of a flow and the values that make it, without those that change nothing."""
-    if section.profile == "sum":
-        return " + ".join(_flow_words(part) for part in section.parts)
-    words = []
-    properties = type(section).model_json_schema()["properties"]
-    for name, value in section:
-        idle = value is None or _IDLE.get(name) == value
-        if name == "file":
-            words.insert(0, Path(value).name)
-        elif name == "constituents":
-            words += [each.name or duration(each.period) for each in value]
-        elif name != "profile" and not idle:
-            text = value if isinstance(value, str) else span(value)
-            unit = plain_unit(unit_of(properties[name]))
-            words.append(f"{name.replace('_', ' ')} {text} {unit}".rstrip())
-    return f"{section.profile}: {', '.join(words)}"
-
-
 def _control_rows(found: Findings) -> Rows:
-    control, law, case = found.case.control, found.world.law, found.case
-    said = (type(control).__doc__ or control.law).strip().partition("\n")[0].rstrip(".")
-    rows = {"law": said, "torque limit": "none"}
+    control, law, case = found.case.control, found.physics.law, found.case
+    rows = {"law": _first_line(control) or control.law, "torque limit": "none"}
     if control.torque_limit is not None:
         rows["torque limit"] = quantity(control.torque_limit, "N m")
         if law is not None:
@@ -211,7 +195,7 @@ def _control_rows(found: Findings) -> Rows:
     if law is not None:
         pairs = zip(found.start.gains, law.gain_units, strict=True)
         gains = ", ".join(f"{number(gain)} {plain_unit(unit)}" for gain, unit in pairs)
-        own = getattr(control, "gain", None) is None
+        own = law.starting_gains() is None
         how = "suits the starting blade; the run finds its own" if own else "as the case says"
         rows["gain at the start"] = f"{gains}: {how}"
     if case.design.gain_bounds is not None:
@@ -224,7 +208,7 @@ def _control_rows(found: Findings) -> Rows:
 
 def _start_rows(found: Findings) -> Rows:
     best, mean, start = found.best, found.mean, found.start.operation
-    speed = best.tip_speed_ratio * mean / found.world.blade.rotor_radius
+    speed = best.tip_speed_ratio * mean / found.physics.blade.rotor_radius
     torque = found.torque(speed, mean)
     rows = {
         "largest power coefficient": f"{best.power_coefficient:.4f} at a tip speed ratio of "
@@ -234,7 +218,7 @@ def _start_rows(found: Findings) -> Rows:
     }
     if found.rated_speed is not None:
         often = f"{100.0 * found.above_rated:.3g} % of the time" if found.above_rated else "never"
-        power = found.world.torque_limit * speed * found.rated_speed / mean
+        power = found.physics.torque_limit * speed * found.rated_speed / mean
         at = f"{quantity(power, 'W')} at {found.rated_speed:.4g} m/s"
         rows["there, at the torque limit"] = f"{at}; flow above it: {often}"
     rows["under the control law"] = "it does not turn unstalled throughout this flow"
@@ -245,7 +229,7 @@ def _start_rows(found: Findings) -> Rows:
             "coefficient gives"
         )
     if found.time_constant is not None:
-        how = "the rotor's own" if found.world.law is None else "of rotor and control law"
+        how = "the rotor's own" if found.physics.law is None else "of rotor and control law"
         constant = f"{quantity(found.time_constant, 's', 3)}, {how}, at {mean:.4g} m/s and "
         rows["time constant"] = constant + _turning(found.steady_speed)
     return rows
@@ -263,10 +247,10 @@ def _optimization_rows(found: Findings, size: ProblemSize, package: str) -> Rows
         periods = f" ({1.0 / (found.cutoff * length):.3g} in the flow's shortest period)"
     name = {"gauss-lobatto": "Gauss-Lobatto", "radau": "Radau"}[phase.transcription]
     torque = "at every node of the trajectory"
-    if build.has_curve(found.case, found.world):
+    if found.physics.has_curve:
         torque = "as a curve over the tip speed ratio, one for each blade"
     unknowns = _sizes(size.unknowns)
-    if found.world.shape.designs_set_angle:
+    if found.physics.shape.designs_set_angle:
         unknowns = unknowns.replace("twist", "set angle")
     check = "too" if hydro.check == hydro.bem else f"by {SOLVER[hydro.check]}"
     return {
@@ -275,11 +259,30 @@ def _optimization_rows(found: Findings, size: ProblemSize, package: str) -> Rows
         "unknowns": unknowns,
         "constraints": _sizes(size.constraints),
         "torque": f"{torque}, by {SOLVER[hydro.bem]}; in the simulation {check}",
-        "optimizer": f"{driver.optimizer} of {package}, to {driver.tolerance:g}, for the captured "
-        "energy",
+        "objective": _first_line(found.case.objective) or found.case.objective.kind,
+        **{f"limit, {limit.name}": told for limit, told, _ in _limits(found)},
+        "optimizer": f"{driver.optimizer} of {package}, to {driver.tolerance:g}",
         "an evaluation": f"about {quantity(size.evaluation_seconds, 's', 2)} on this machine, "
         "derivatives included",
     }
+
+
+def _limits(found: Findings) -> Iterator[tuple[Limit, str, bool]]:
+    """Yield the limits that the case gives, each with its bounds and values, and if it is kept."""
+    for limit in found.case.limits.given:
+        ends = {"at least": limit.lower, "at most": limit.upper}
+        words = [f"{word} {number(end)}" for word, end in ends.items() if np.isfinite(end)]
+        told, kept = f"{' and '.join(words)} {plain_unit(limit.unit or '')}".rstrip(), True
+        if found.start.operation.running:
+            value = limit.value(**{name: found.at_start[name] for name in limit.inputs})
+            told += f"; {span(value)} with the starting blade"
+            kept = bool(np.max(limit.excess(found.at_start)) <= KEPT)
+        yield limit, told, kept
+
+
+def _first_line(kind) -> str:
+    """Return the first line of the docstring of a law or an objective."""
+    return (type(kind).__doc__ or "").strip().partition("\n")[0].rstrip(".")
 
 
 _NAMES = {
@@ -314,7 +317,7 @@ def _sizes(sizes: dict[str, int]) -> str:
 
 def _station_remarks(found: Findings, met: Stations) -> tuple[list[str], list[str]]:
     """Return warnings and notes on angles of attack and Reynolds numbers."""
-    polar, warnings, notes = found.world.polar, [], []
+    polar, warnings, notes = found.physics.polar, [], []
     if np.any(met.unsolved):
         warnings.append(
             "blade element momentum theory has no solution at "
@@ -346,7 +349,7 @@ def _station_remarks(found: Findings, met: Stations) -> tuple[list[str], list[st
 
 def _start_warnings(found: Findings) -> Iterator[str]:
     """Yield what speaks against torque limit, law and gain."""
-    case, limit, running = found.case, found.world.torque_limit, found.start.operation.running
+    case, limit, running = found.case, found.physics.torque_limit, found.start.operation.running
     fastest, most = float(found.speed.max()), found.best.power_coefficient
     if most < POOR:
         yield (
@@ -354,13 +357,16 @@ def _start_warnings(found: Findings) -> Iterator[str]:
             "unit of its twist, at rotor.set_angle and at the polar"
         )
     if limit is not None and not found.above_rated:
-        speed = found.best.tip_speed_ratio * fastest / found.world.blade.rotor_radius
+        speed = found.best.tip_speed_ratio * fastest / found.physics.blade.rotor_radius
         most = quantity(found.torque(speed, fastest), "N m")
         yield (
             f"control.torque_limit = {quantity(limit, 'N m')} is more than the flow gives: at its "
             f"best tip speed ratio the starting blade has {most} in the fastest flow, "
             f"{fastest:.4g} m/s"
         )
+    for broken, told, kept in _limits(found):
+        if not kept:
+            yield f"limits.{broken.name} is broken at the start, {told}: the run moves it inside"
     gain = getattr(case.control, "gain", None)
     if running and gain is not None and found.captured < WASTED:
         yield (
@@ -370,7 +376,7 @@ def _start_warnings(found: Findings) -> Iterator[str]:
     if not running:
         given = " and this gain" if gain is not None else ""
         looks = "with this blade a run may find no solution"
-        if found.world.shape.designs_chord and case.start.method == "quasi_steady":
+        if found.physics.shape.designs_chord and case.start.method == "quasi_steady":
             looks = "the run looks for one that does"
         yield (
             "the starting blade does not turn unstalled throughout this flow under this law"
@@ -380,7 +386,7 @@ def _start_warnings(found: Findings) -> Iterator[str]:
 
 def _design_warnings(found: Findings) -> Iterator[str]:
     """Yield what speaks against bounds, which may leave out the start, and control points."""
-    shape, design, blade = found.world.shape, found.case.design, found.world.blade
+    shape, design, blade = found.physics.shape, found.case.design, found.physics.blade
     given, (chord, twist) = found.turbine.blade, shape.control(blade)
     starts = {"radius": (blade.tip_radius, "tip radius", "m")}
     starts["gain"] = found.start.gains, "gain", ""
@@ -417,18 +423,17 @@ def _flow_warnings(found: Findings) -> Iterator[str]:
     phase, cutoff, flow = found.case.phase, found.cutoff, found.case.inflow
     if not cutoff:
         return
-    profiles = {flow.profile, *(part.profile for part in getattr(flow, "parts", ()))}
-    sampled = bool({"record", "turbulence"} & profiles)
-    wanted = int(np.ceil(build.SEGMENTS_PER_PERIOD * cutoff * phase.duration * (1.0 - 1e-9)))
+    sampled = any(hasattr(part, "cutoff") for part in getattr(flow, "parts", (flow,)))
+    wanted = int(np.ceil(SEGMENTS_PER_PERIOD * cutoff * phase.duration * (1.0 - 1e-9)))
     if phase.segments < wanted:
         each = phase.segments / (cutoff * phase.duration)
         yield (
             f"phase.segments = {phase.segments} gives {each:.2g} to the flow's shortest period, "
-            f"{quantity(1.0 / cutoff, 's', 3)}, and {build.SEGMENTS_PER_PERIOD:g} are wanted: give "
-            + (f"{wanted}" if wanted <= build.MOST_SEGMENTS else "a shorter phase.duration")
+            f"{quantity(1.0 / cutoff, 's', 3)}, and {SEGMENTS_PER_PERIOD:g} are wanted: give "
+            + (f"{wanted}" if wanted <= MOST_SEGMENTS else "a shorter phase.duration")
             + (", or a lower cutoff" if sampled else "")
         )
-    eddies = found.mean / (2.0 * found.world.blade.rotor_radius)
+    eddies = found.mean / (2.0 * found.physics.blade.rotor_radius)
     if sampled and cutoff > EDDY * eddies:
         yield (
             f"the flow has frequencies up to {cutoff:.3g} Hz, and a rotor averages over eddies "

@@ -11,14 +11,15 @@ from timeit import repeat
 import numpy as np
 
 from hkt_mdo.case import Case
-from hkt_mdo.dynamics.inflow import ConstantInflow
+from hkt_mdo.dynamics.flows import ConstantInflow
 from hkt_mdo.dynamics.simulation import Plant
-from hkt_mdo.problem.build import BEM, Physics, build_problem, find_start
+from hkt_mdo.problem.build import assemble
+from hkt_mdo.problem.physics import BEM, Physics
+from hkt_mdo.problem.setup import Setup, find_start
 from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.problem.turbine import Turbine, build_turbine
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
-from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.shape import spline_basis
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum, best_operation
@@ -48,15 +49,14 @@ class ProblemSize:
 class Findings:
     """A case's flow, and its starting blade in it, in SI units.
 
-    `case` is complete and starts at the blade as given. `turbine` has the blade of the file, which
-    splines may have left; `plant` is the rotor with the starting blade, as it would be simulated.
-    `time` and `speed`, shape (n,), are even instants of the whole duration and the flow then.
-    `best` is the largest power coefficient of the starting blade, `start` its quasi-steady
-    operation over the flow under the control law, and `steady` the same in the mean flow.
+    `turbine` has the blade of the file, which splines may have left; `plant` is the rotor with the
+    starting blade, as it would be simulated. `time` and `speed`, shape (n,), are even instants of
+    the whole duration and the flow then. `best` is the largest power coefficient of the starting
+    blade, `start` its quasi-steady operation over the flow under the control law, with the
+    quantities `at_start` (`Physics.on_start`), and `steady` its operation in the mean flow.
     """
 
-    case: Case
-    world: Physics
+    physics: Physics
     turbine: Turbine
     plant: Plant
     mass: float
@@ -64,7 +64,13 @@ class Findings:
     speed: np.ndarray
     best: SteadyOptimum
     start: StartingPoint
+    at_start: dict
     steady: StartingPoint
+
+    @property
+    def case(self) -> Case:
+        """The case, complete."""
+        return self.physics.case
 
     def average(self, values: np.ndarray) -> float:
         """Return the mean over time of values at the instants."""
@@ -76,7 +82,7 @@ class Findings:
 
     def places(self, chosen=slice(None)) -> str:
         """Return in words where stations of the starting blade lie."""
-        return f"r/R = {span(self.world.blade.r[chosen] / self.world.blade.tip_radius)}"
+        return f"r/R = {span(self.physics.blade.r[chosen] / self.physics.blade.tip_radius)}"
 
     @cached_property
     def mean(self) -> float:
@@ -91,7 +97,7 @@ class Findings:
     @property
     def cutoff(self) -> float:
         """Highest frequency that matters in the flow, Hz; 0 where it is steady."""
-        return getattr(self.world.inflow, "cutoff", None) or 0.0
+        return self.physics.inflow.highest_frequency or 0.0
 
     @cached_property
     def rated_speed(self) -> float | None:
@@ -100,7 +106,7 @@ class Findings:
         0.5 rho pi R³ Cq v² = torque, by iteration, for Cq depends on v where polars follow the
         Reynolds number. Infinite where the rotor has no torque; None without a limit.
         """
-        limit, flow = self.world.torque_limit, 1.0
+        limit, flow = self.physics.torque_limit, 1.0
         if limit is None:
             return None
         for _ in range(50):
@@ -123,20 +129,17 @@ class Findings:
     @property
     def captured(self) -> float:
         """Energy of the start over that at the largest power coefficient throughout."""
-        density, radius = self.case.fluid.density, self.world.blade.rotor_radius
+        density, radius = self.physics.density, self.physics.blade.rotor_radius
         passing = self.average(power_scale(density, radius, self.speed)) * self.time[-1]
         most = max(self.best.power_coefficient, 1e-9) * passing
         return float(self.start.operation.energy / most)
 
-    @cached_property
+    @property
     def working(self) -> tuple[float, float]:
         """Tip speed ratios of the start; `MARGIN` round the best one if it does not turn."""
-        operation, best = self.start.operation, self.best.tip_speed_ratio
-        if not operation.running:
-            return best * MARGIN[0], best * MARGIN[1]
-        time = np.linspace(0.0, self.time[-1], operation.rotor_speed.size)
-        tip_speed = operation.rotor_speed * self.world.blade.rotor_radius
-        ratios = tip_speed / self.world.inflow.speed(time)
+        if not self.start.operation.running:
+            return tuple(side * self.best.tip_speed_ratio for side in MARGIN)
+        ratios = self.at_start["tip_speed_ratio"]
         return float(ratios.min()), float(ratios.max())
 
     @property
@@ -149,7 +152,7 @@ class Findings:
         """Time constant in the mean flow; None if the rotor does not turn there."""
         if not self.steady.operation.running:
             return None
-        law, speed, slope = self.world.law, self.steady_speed, 0.0
+        law, speed, slope = self.physics.law, self.steady_speed, 0.0
         if law is not None:
             slope = float(law.torque_by_speed(np.array([speed]), self.steady.gains)[0])
         return self.relaxation(speed, self.mean, slope)
@@ -167,33 +170,33 @@ class Findings:
         return self.plant.inertia / (control_slope - (faster - slower) / (2.0 * step))
 
 
-def examine(case: Case, world: Physics) -> Findings:
-    """Put the starting blade of a complete case into its flow."""
-    case, blade = _changed(case, "start", method="blade"), world.blade
-    duration, cutoff = case.phase.duration, getattr(world.inflow, "cutoff", None) or 0.0
+def examine(physics: Physics) -> Findings:
+    """Put the starting blade of a case into its flow, that of the first scenario."""
+    case, blade, inflow = physics.case, physics.blade, physics.inflow
+    duration, cutoff = case.phase.duration, inflow.highest_frequency or 0.0
     instants = int(np.clip(16.0 * duration * cutoff, 2048, MOST_INSTANTS)) + 1
     time = np.linspace(0.0, duration, instants)
-    speed = np.asarray(world.inflow.speed(time))
+    speed = np.asarray(inflow.speed_at(time))
     mean = float(np.trapezoid(speed, time) / duration)
-    mass, inertia, _, _ = mass_and_inertia(
-        blade, world.section_area, case.rotor.material_density, case.rotor.hub_inertia
-    )
-    solver = BEM[case.hydrodynamics.check]
-    plant = Plant(blade, world.polar, float(inertia), case.fluid.density, solver)
-    best = best_operation(blade, world.polar)
-    coarse = _changed(case, "phase", segments=min(case.phase.segments, MOST_START_SEGMENTS))
-    start = find_start(coarse, world, best)
-    if world.law is not None:
-        coarse = _changed(coarse, "control", gain=tuple(start.gains))
-    steady = find_start(coarse, replace(world, inflow=ConstantInflow(mean)), best)
+    mass, inertia = physics.mass_and_inertia(blade)
+    plant = Plant(blade, physics.polar, inertia, physics.density, BEM[case.hydrodynamics.check])
+    best = best_operation(blade, physics.polar)
+    coarse = _on_mesh(physics, segments=min(case.phase.segments, MOST_START_SEGMENTS))
+    start = find_start(coarse, best, improve=False)
+    steady_flow = replace(coarse.scenarios[0], inflow=ConstantInflow(speed=mean))
+    law = physics.law and physics.law.model_copy(update={"gain": tuple(start.gains)})
+    steady = find_start(replace(coarse, scenarios=(steady_flow,), law=law), best, improve=False)
     turbine = build_turbine(case.rotor, case.fluid, mean)
-    return Findings(case, world, turbine, plant, float(mass), time, speed, best, start, steady)
+    (at_start,) = coarse.on_start(start)
+    return Findings(physics, turbine, plant, mass, time, speed, best, start, at_start, steady)
 
 
-def _changed(case: Case, section: str, **values) -> Case:
-    """Return a case with other values in one of its sections."""
-    changed = getattr(case, section).model_copy(update=values)
-    return case.model_copy(update={section: changed})
+def _on_mesh(physics: Physics, **mesh) -> Physics:
+    """Return the physics with its first scenario alone, on another mesh."""
+    scenario = physics.scenarios[0]
+    return replace(
+        physics, scenarios=(replace(scenario, mesh=scenario.mesh.model_copy(update=mesh)),)
+    )
 
 
 # What the stations meet ---------------------------------------------------------------------------
@@ -218,7 +221,11 @@ class Stations:
 
 def meet(found: Findings) -> Stations:
     """Run the starting blade by BEM over its tip speed ratios."""
-    blade, polar, cosine = found.world.blade, found.world.polar, np.cos(found.world.blade.cone)
+    blade, polar, cosine = (
+        found.physics.blade,
+        found.physics.polar,
+        np.cos(found.physics.blade.cone),
+    )
     working = bem.sections(blade, polar, np.linspace(*found.working, 31) / cosine)
     angles = working.angle_of_attack
     tables = [polars_at(polar, station) for station in range(blade.r.size)]
@@ -246,32 +253,32 @@ def polars_at(polar, station: int) -> tuple[Polar, ...]:
 # Size ---------------------------------------------------------------------------------------------
 
 
-def problem_size(case: Case, world: Physics, best: SteadyOptimum) -> ProblemSize:
-    """Return the size of a case's optimization and the time of one evaluation.
+def problem_size(physics: Physics, best: SteadyOptimum) -> ProblemSize:
+    """Return the size of an optimization over the first scenario, and the time of one evaluation.
 
     Two problems of 20 and 200 segments are built, or of all where that is fewer, and carried on:
     unknowns, constraints and the time of an evaluation grow linearly in the segments; Dymos' set-up
     does not, and would take longest.
     """
-    phase = case.phase
-    few, many = (min(count, phase.segments) for count in TRIAL_SEGMENTS)
-    small, large = (_trial(case, world, best, count) for count in (few, many))
-    share = 0.0 if few == many else (phase.segments - many) / (many - few)
+    segments = physics.case.phase.segments
+    few, many = (min(count, segments) for count in TRIAL_SEGMENTS)
+    small, large = (_trial(physics, best, count) for count in (few, many))
+    share = 0.0 if few == many else (segments - many) / (many - few)
 
     def carried(before, after):
         return {name: round(n + share * (n - before[name])) for name, n in after.items()}
 
     seconds = large[2] + share * max(large[2] - small[2], 0.0)
-    nodes = (phase.order + int(phase.transcription == "radau")) * phase.segments
+    nodes = physics.scenarios[0].nodes_per_segment * segments
     return ProblemSize(carried(small[0], large[0]), carried(small[1], large[1]), nodes, seconds)
 
 
-def _trial(case, world, best, segments) -> tuple[dict[str, int], dict[str, int], float]:
+def _trial(physics, best, segments) -> tuple[dict[str, int], dict[str, int], float]:
     """Return unknowns and constraints by name of a problem of fewer segments, and its time, s."""
-    duration = case.phase.duration * segments / case.phase.segments
-    case = _changed(case, "phase", segments=segments, duration=duration)
+    phase = physics.case.phase
+    part = _on_mesh(physics, segments=segments, duration=phase.duration * segments / phase.segments)
     nodes = best.tip_speed_ratio * np.linspace(0.5, 1.6, 80)
-    problem = build_problem(case, world, find_start(case, world, best), nodes)
+    problem = assemble(part, Setup(find_start(part, best, improve=False), nodes))
     problem.final_setup()
     problem.run_model()
     driver = problem.driver
@@ -291,7 +298,7 @@ def _trial(case, world, best, segments) -> tuple[dict[str, int], dict[str, int],
 def figure_data(found: Findings, met: Stations) -> dict[str, dict]:
     """Return what `hkt_mdo.results.plots.check_figures` draws, by the name of the figure."""
     ratios = np.linspace(0.2, 1.9, 171) * found.best.tip_speed_ratio
-    power = bem.rotor_coefficients(found.world.blade, found.world.polar, ratios).power
+    power = bem.rotor_coefficients(found.physics.blade, found.physics.polar, ratios).power
     return {
         "blade": _blade_data(found),
         "polar": {
@@ -310,7 +317,7 @@ def figure_data(found: Findings, met: Stations) -> dict[str, dict]:
 
 def _blade_data(found: Findings) -> dict:
     """Return the starting blade, and control points beside the file's blade where there are any."""
-    shape, blade, given = found.world.shape, found.world.blade, found.turbine.blade
+    shape, blade, given = found.physics.shape, found.physics.blade, found.turbine.blade
     data = {
         "r_m": blade.r,
         "ends_m": (blade.hub_radius, blade.tip_radius),
@@ -334,7 +341,7 @@ def _blade_data(found: Findings) -> dict:
 
 def _polar_curves(found: Findings):
     """Yield the different polars, root to tip."""
-    blade, polar = found.world.blade, found.world.polar
+    blade, polar = found.physics.blade, found.physics.polar
     groups: dict[tuple[Polar, ...], list[int]] = {}
     for station in range(blade.r.size):
         groups.setdefault(polars_at(polar, station), []).append(station)

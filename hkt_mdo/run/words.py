@@ -1,6 +1,10 @@
-"""Numbers as text, with their units."""
+"""Numbers with their units, and flows, as text."""
+
+from pathlib import Path
 
 import numpy as np
+
+from hkt_mdo.case.document import unit_of
 
 
 def number(value: float, digits: int = 4) -> str:
@@ -47,3 +51,29 @@ def duration(seconds: float) -> str:
 def plain_unit(unit: str) -> str:
     """Return a unit as it is read: N m s^2/rad^2 for N*m*s**2/rad**2."""
     return unit.replace("**", "^").replace("*", " ")
+
+
+_IDLE = {"start": 0.0, "phase": 0.0, "scale": 1.0} | dict.fromkeys(
+    ("gaps", "spikes", "uneven"), "refuse"
+)
+"""Values of a flow's keys that change nothing."""
+
+
+def flow_words(section) -> str:
+    """Return the kind of a flow and the values that make it, without those that change nothing."""
+    if section.profile == "sum":
+        return " + ".join(flow_words(part) for part in section.parts)
+    words = []
+    properties = type(section).model_json_schema()["properties"]
+    for name in type(section).model_fields:
+        value = getattr(section, name)
+        idle = value is None or _IDLE.get(name) == value
+        if name == "file":
+            words.insert(0, Path(value).name)
+        elif name == "constituents":
+            words += [each.name or duration(each.period) for each in value]
+        elif name != "profile" and not idle:
+            text = value if isinstance(value, str) else span(value)
+            unit = plain_unit(unit_of(properties[name]))
+            words.append(f"{name.replace('_', ' ')} {text} {unit}".rstrip())
+    return f"{section.profile}: {', '.join(words)}"

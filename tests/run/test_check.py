@@ -12,9 +12,11 @@ import pytest
 
 from hkt_mdo.case import load_case, read_case
 from hkt_mdo.cli import main
-from hkt_mdo.dynamics.inflow import ConstantInflow
+from hkt_mdo.dynamics.flows import ConstantInflow
 from hkt_mdo.dynamics.simulation import simulate
-from hkt_mdo.problem.build import build_problem, complete, find_start, physics
+from hkt_mdo.problem.build import assemble
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.problem.setup import Setup, find_start
 from hkt_mdo.rotor.bem import LocalReynolds, rotor_coefficients
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.check import CheckReport, check_case
@@ -54,8 +56,8 @@ def rows(report: CheckReport, title: str) -> str:
 )
 def test_torque_at_the_rated_speed_is_the_limit(polar: list[str]) -> None:
     found = check("control.torque_limit=700", *polar).findings
-    ratio, radius = found.best.tip_speed_ratio, found.world.blade.rotor_radius
-    assert isinstance(found.world.polar, LocalReynolds) == bool(polar)
+    ratio, radius = found.best.tip_speed_ratio, found.physics.blade.rotor_radius
+    assert isinstance(found.physics.polar, LocalReynolds) == bool(polar)
     told = rows(check("control.torque_limit=700", *polar), "Optimization")
     assert ("torque: at every node" in told) == bool(polar)
     torque = found.torque(ratio * found.rated_speed / radius, found.rated_speed)
@@ -66,8 +68,8 @@ def test_torque_at_the_rated_speed_is_the_limit(polar: list[str]) -> None:
 
 def test_rated_speed_by_hand() -> None:
     found = check("control.torque_limit=700").findings
-    blade, ratio = found.world.blade, found.best.tip_speed_ratio
-    torque = rotor_coefficients(blade, found.world.polar, ratio).torque[0]
+    blade, ratio = found.physics.blade, found.best.tip_speed_ratio
+    torque = rotor_coefficients(blade, found.physics.polar, ratio).torque[0]
     by_hand = np.sqrt(700.0 / (0.5 * 1000.0 * np.pi * blade.rotor_radius**3 * torque))
     assert found.rated_speed == pytest.approx(by_hand, rel=1e-12)
     assert found.above_rated == pytest.approx(np.mean(found.speed > by_hand), abs=1e-3)
@@ -78,7 +80,7 @@ def test_rated_speed_by_hand() -> None:
 def test_time_constant_at_the_best_tip_speed_ratio() -> None:
     """There Cp' = 0, so dQ/dw = -Q/w: I w/Q for a torque held, and I w/(3 Q) for u = K w²."""
     found = check().findings
-    speed = found.best.tip_speed_ratio * found.mean / found.world.blade.rotor_radius
+    speed = found.best.tip_speed_ratio * found.mean / found.physics.blade.rotor_radius
     torque = found.torque(speed, found.mean)
     held = found.plant.inertia * speed / torque
     assert found.relaxation(speed, found.mean, 0.0) == pytest.approx(held, rel=5e-3)
@@ -93,10 +95,10 @@ def test_time_constant_by_simulation(law: str) -> None:
     constant = found.time_constant
 
     def control(_: float, speed: float) -> float:
-        return found.world.law.torque(speed, found.start.gains)
+        return found.physics.law.torque(speed, found.start.gains)
 
     def fly(push: float):
-        flow, span = ConstantInflow(found.mean), 2.0 * constant
+        flow, span = ConstantInflow(speed=found.mean), 2.0 * constant
         begin = found.steady_speed * push
         return simulate(found.plant, flow, control, begin, span, 41, 0.01 * span, 1e-12)
 
@@ -163,20 +165,17 @@ def test_spectrum_has_the_variance() -> None:
     ],
 )
 def test_counts_are_those_of_the_problem(overrides: tuple[str, ...]) -> None:
-    case = complete(read_case(BASE, [*overrides, "start.method=blade"]))
-    world = physics(case)
-    best = best_operation(world.blade, world.polar)
-    size = problem_size(case, world, best)
-    start = find_start(case, world, best)
-    problem = build_problem(case, world, start, np.linspace(0.5, 1.6, 40) * best.tip_speed_ratio)
+    whole = physics(read_case(BASE, overrides))
+    best = best_operation(whole.blade, whole.polar)
+    size = problem_size(whole, best)
+    start = find_start(whole, best, improve=False)
+    problem = assemble(whole, Setup(start, np.linspace(0.5, 1.6, 40) * best.tip_speed_ratio))
     problem.final_setup()
     driver = problem.driver
     unknowns, constraints = driver.get_design_var_values(), driver.get_constraint_values()
     assert size.unknowns == {name: value.size for name, value in unknowns.items()}
     assert size.constraints == {name: value.size for name, value in constraints.items()}
-    problem.run_model()
-    weights = problem.model.energy.options["weights"]
-    assert size.nodes == weights.size
+    assert size.nodes == whole.scenarios[0].node_times.size
     assert size.evaluation_seconds > 0.0
 
 
@@ -370,7 +369,7 @@ def test_figures_show_what_the_report_says() -> None:
             assert ax.get_ylabel().endswith(")")
     found, twist = report.findings, figures["blade"].axes[1]
     file, start, points, *_ = twist.lines
-    np.testing.assert_allclose(start.get_ydata(), np.rad2deg(found.world.blade.twist))
+    np.testing.assert_allclose(start.get_ydata(), np.rad2deg(found.physics.blade.twist))
     np.testing.assert_allclose(file.get_ydata(), np.rad2deg(found.turbine.blade.twist))
     assert points.get_xdata().size == 5
     assert points.get_xdata()[[0, -1]] == pytest.approx([0.175, 1.4])
