@@ -305,7 +305,7 @@ def _sizes(sizes: dict[str, int]) -> str:
     """Return a total and what it is made of, in words."""
     parts: dict[str, int] = {}
     for name, size in sizes.items():
-        last = name.rpartition(".")[2]
+        last = name.removesuffix(".value").rpartition(".")[2]
         words = next((words for part, words in _NAMES.items() if part in last), last)
         parts[words] = parts.get(words, 0) + size
     listed = ", ".join(f"{size} {words}" for words, size in parts.items())
