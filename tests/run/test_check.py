@@ -265,6 +265,24 @@ def test_warnings(told: str, overrides: list[str]) -> None:
     assert any(told in line for line in report.warnings), report.warnings
 
 
+def test_limits_and_objective_of_an_extension() -> None:
+    case = read_case(
+        "inflow: {profile: sine}\ncontrol: {law: quadratic}\nlimits: {tip_speed: 9 m/s}\n"
+        "objective: {kind: priced_torque}\nphase: {segments: 10}\n",
+        extensions=[CASES.parent / "tests" / "data" / "extension.py"],
+    )
+    report = check_case(case)
+    found = report.findings
+    told = rows(report, "Optimization")
+    assert "objective: Captured energy less a price on the mean squared torque" in told
+    fastest = np.max(found.at_start["rotor_speed"]) * found.physics.blade.rotor_radius
+    assert fastest > 9.0
+    assert "limit, tip_speed: at most 9 m/s; " in told
+    assert f" to {fastest:.4g} with the starting blade" in told
+    assert "30 limit_tip_speed" in told
+    assert any("limits.tip_speed is broken at the start" in line for line in report.warnings)
+
+
 def test_stations_that_end_early() -> None:
     report = check_case(read_case(BASE, ["rotor.stations=[0.2, 0.4, 0.6]"]))
     assert any("the outermost station is at r/R = 0.6" in line for line in report.warnings)
