@@ -59,11 +59,10 @@ def _record_text() -> str:
     """Return a record as CSV: five minutes of turbulence at 1 Hz, always the same."""
     import numpy as np
 
-    from hkt_mdo.dynamics.sampled import TurbulentInflow
-
-    flow = TurbulentInflow(mean=1.4, intensity=0.1, length_scale=5.0, duration=300.0, cutoff=0.4)
+    flow = "{profile: turbulence, mean: 1.4, intensity: 0.1, duration: 300.0, cutoff: 0.4}"
+    inflow = read_case(f"inflow: {flow}\ncontrol: {{law: open_loop}}").inflow
     time = np.arange(301.0)
-    speed = flow.speed_at(time)
+    speed = inflow.speed_at(time)
     remark = "# A sample, synthesized turbulence of 10 %: put your own record in its place."
     rows = (f"{t:.0f},{v:.4f}" for t, v in zip(time, speed, strict=True))
     return "\n".join((remark, "time_s,speed_m_s", *rows, ""))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from typer import Argument, Option, echo
 
@@ -149,11 +149,15 @@ def simulate(
         f"rad/s, {rate:g} Hz, seed {seed}; BEM table within {noisy.torque_error:.1e}\n"
         f"  rotor stopped in {noisy.stalled} of {repeats} runs"
     )
-    energy = noisy.energy[noisy.energy == noisy.energy]  # NaN where the rotor stopped
-    if energy.size:
-        mean, spread = energy.mean(), energy.std(ddof=1) if energy.size > 1 else 0.0
-        echo(
-            f"  energy of the others: mean {mean:.1f} J, standard deviation {spread:.1f} J, worst "
-            f"{energy.min():.1f} J ({100.0 * (mean / quiet.energy - 1.0):+.3f} % of the run "
-            "without noise)"
-        )
+    echo(_spread(noisy.energy[noisy.energy == noisy.energy], quiet.energy))  # NaN: it stopped
+
+
+def _spread(energy: Any, quiet: float) -> str:
+    """Return in words the energies (J) of noisy runs beside that without noise."""
+    if not energy.size:
+        return "  no run reached the end"
+    mean, spread = energy.mean(), energy.std(ddof=1) if energy.size > 1 else 0.0
+    return (
+        f"  energy of the others: mean {mean:.1f} J, standard deviation {spread:.1f} J, worst "
+        f"{energy.min():.1f} J ({100.0 * (mean / quiet - 1.0):+.3f} % of the run without noise)"
+    )

@@ -98,9 +98,8 @@ def run(
     for line in (*(f"note: {note}" for note in solution.notes), f"Results: {folder}"):
         console.print(line, markup=False, soft_wrap=True)
     if not solution.success:
-        complain("error", f"no success: {solution.message or 'the run gives no reason'}")
-        if quiet:
-            complain("error", f"what was found is in {folder}")
+        reason = solution.message or "the run gives no reason"
+        complain("error", f"no success: {reason} (what was found is in {folder})")
         raise Exit(NO_SUCCESS)
 
 
