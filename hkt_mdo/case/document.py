@@ -133,7 +133,7 @@ def case_markdown(extensions: Iterable[Extension] = ()) -> str:
     definitions = schema["$defs"]
     contents, blocks = ["## Sections", ""], []
     for key, value in schema["properties"].items():
-        members = [_resolve(member, definitions) for member in value.get("oneOf", ())]
+        members = _members(value, definitions)
         if members:
             needed = ", required" if key in schema["required"] else ""
             contents.append(f"- [`{key}`](#{key}){needed}: {_first(value['description'])}")
@@ -155,6 +155,11 @@ def _resolve(value: Mapping[str, Any], definitions: Mapping[str, Any]) -> dict[s
     """Return the section that a reference names."""
     section: dict[str, Any] = definitions[value["$ref"].rpartition("/")[2]]
     return section
+
+
+def _members(value: Mapping[str, Any], definitions: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the sections that a tag chooses from; a schema may take their bare names as well."""
+    return [_resolve(member, definitions) for member in value.get("oneOf", ()) if "$ref" in member]
 
 
 def _keys(path: str, section: dict[str, Any], definitions: Mapping[str, Any]) -> Iterator[str]:
@@ -329,7 +334,7 @@ def commented_case(
         given, first, about = values.get(name, {}), [], part.get("description", "")
         if "oneOf" in part:
             tag = part["discriminator"]["propertyName"]
-            members = [_resolve(member, schema["$defs"]) for member in part["oneOf"]]
+            members = _members(part, schema["$defs"])
             sections = {member["properties"][tag]["const"]: member for member in members}
             chosen = (part.get("default", {}) | given)[tag]
             section, about = sections[chosen], f"{about} Choices: {', '.join(sections)}."
