@@ -12,7 +12,8 @@ from typing import Any
 
 import yaml
 
-from hkt_mdo.case.schema import Case
+from hkt_mdo.case.kinds import Extension, known_kinds
+from hkt_mdo.case.schema import case_class
 from hkt_mdo.case.yaml_text import Dumper, parse
 from hkt_mdo.files.shipped import POLAR_FAMILIES, read_text, shipped_names, shipped_rotor
 
@@ -26,28 +27,36 @@ _EXACT_INTEGERS = 1e7
 # For editors --------------------------------------------------------------------------------------
 
 
-def case_json_schema() -> dict[str, Any]:
-    """Return the JSON schema of a case file, as editors show and check it.
+def case_json_schema(extensions: Iterable[Extension] = ()) -> dict[str, Any]:
+    """Return the JSON schema (draft 2020-12) of a case file, as editors show and check it.
 
-    Returns
-    -------
-    dict
-        Draft 2020-12. Descriptions are the attribute docstrings, one line a paragraph; a physical
-        quantity has its ``unit``, which its title shows; a section that a tag chooses requires the
-        tag and has it as its title.
+    Descriptions are the attribute docstrings, one line a paragraph; a physical quantity has its
+    ``unit``, which its title shows; a section that a tag chooses requires the tag and has it as its
+    title. `extensions` are those of `hkt_mdo.case.load_case`.
     """
-    schema = Case.model_json_schema()
-    for section in (schema, *schema["$defs"].values()):
-        section["description"] = _unwrap(section["description"])
+    schema = case_class(known_kinds(extensions)).model_json_schema()
+    for section in _sections(schema):
         for key, value in section["properties"].items():
-            if "description" in value:
-                value["description"] = _unwrap(value["description"])
-            if unit := _unit(value):
+            if unit := unit_of(value):
                 value["title"] = f"{key} [{unit}]"
             if "const" in value:
                 section["required"] = [key, *section.get("required", ())]
                 section["title"] = f"{key}: {value['const']}"
+        for described in (section, *section["properties"].values()):
+            if "description" in described:
+                described["description"] = _unwrap(described["description"])
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def _sections(value: Any) -> Iterator[dict[str, Any]]:
+    """Yield every schema within a schema that has properties."""
+    if isinstance(value, dict):
+        if "properties" in value and value.get("type") == "object":
+            yield value
+        value = list(value.values())
+    if isinstance(value, list):
+        for item in value:
+            yield from _sections(item)
 
 
 def _unwrap(docstring: str) -> str:
@@ -55,11 +64,11 @@ def _unwrap(docstring: str) -> str:
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in docstring.split("\n\n"))
 
 
-def _unit(value: Any) -> str:
+def unit_of(value: Any) -> str:
     """Return the first unit anywhere in the schema of a value; empty where there is none."""
     if isinstance(value, dict):
-        return value.get("unit") or next(filter(None, map(_unit, value.values())), "")
-    return next(filter(None, map(_unit, value)), "") if isinstance(value, list) else ""
+        return value.get("unit") or next(filter(None, map(unit_of, value.values())), "")
+    return next(filter(None, map(unit_of, value)), "") if isinstance(value, list) else ""
 
 
 # As a page ----------------------------------------------------------------------------------------
@@ -113,38 +122,33 @@ the case checks that as well.
 """
 
 
-def case_markdown() -> str:
+def case_markdown(extensions: Iterable[Extension] = ()) -> str:
     """Return the whole schema as one page in Markdown.
 
-    Returns
-    -------
-    str
-        Preface, every section with every key, the shipped names, and, in a checkout, the case files
-        of its folder ``cases`` and of the folders in it.
+    It has a preface, every section with every key, the shipped names, and, in a checkout, the case
+    files of its folder ``cases`` and of the folders in it. `extensions` are those of
+    `hkt_mdo.case.load_case`.
     """
-    schema = case_json_schema()
+    schema = case_json_schema(extensions)
     definitions = schema["$defs"]
-    parts = ["## Sections"]
-    blocks = []
+    contents, blocks = ["## Sections", ""], []
     for key, value in schema["properties"].items():
-        if "$ref" in value:
-            section = _resolve(value, definitions)
-            parts.append(f"- [`{key}`](#{key}): {_first(section['description'])}")
-            blocks += [f"## {key}", section["description"]]
-            blocks += _keys(key, section, definitions)
-        elif "oneOf" in value:
-            parts.append(f"- [`{key}`](#{key}), required: {_first(value['description'])}")
+        members = _members(value, definitions)
+        if members:
+            needed = ", required" if key in schema["required"] else ""
+            contents.append(f"- [`{key}`](#{key}){needed}: {_first(value['description'])}")
             blocks += [f"## {key}", value["description"]]
-            for member in value["oneOf"]:
-                section = _resolve(member, definitions)
+            for section in members:
                 blocks += [f"### `{section['title']}`", section["description"]]
                 blocks += _keys(key, section, definitions)
+        elif "$ref" in value:
+            section = _resolve(value, definitions)
+            contents.append(f"- [`{key}`](#{key}): {_first(section['description'])}")
+            blocks += [f"## {key}", section["description"], *_keys(key, section, definitions)]
         else:
-            parts.append(_bullet(key, value))
-    text = "\n\n".join(
-        (_PREFACE.rstrip(), "\n".join((parts[0], "", *parts[1:])), *blocks, *_shipped(), *_cases())
-    )
-    return f"{text}\n"
+            contents.append(_bullet(key, value))
+    parts = (_PREFACE.rstrip(), "\n".join(contents), *blocks, *_shipped(), *_cases())
+    return "\n\n".join(parts) + "\n"
 
 
 def _resolve(value: Mapping[str, Any], definitions: Mapping[str, Any]) -> dict[str, Any]:
@@ -153,11 +157,23 @@ def _resolve(value: Mapping[str, Any], definitions: Mapping[str, Any]) -> dict[s
     return section
 
 
+def _members(value: Mapping[str, Any], definitions: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the sections that a tag chooses from; a schema may take their bare names as well."""
+    return [_resolve(member, definitions) for member in value.get("oneOf", ()) if "$ref" in member]
+
+
 def _keys(path: str, section: dict[str, Any], definitions: Mapping[str, Any]) -> Iterator[str]:
     """Yield the list of a section's keys, then the entries of those keys that list sections."""
     free = {key: value for key, value in section["properties"].items() if "const" not in value}
     required = section.get("required", ())
-    yield "\n".join(_bullet(key, value, key in required) for key, value in free.items())
+    for value in free.values():
+        if "anyOf" in value:  # a limit: its bound, or a section
+            value["anyOf"] = [
+                _resolve(option, definitions) if "$ref" in option else option
+                for option in value["anyOf"]
+            ]
+    if free:
+        yield "\n".join(_bullet(key, value, key in required) for key, value in free.items())
     for key, value in free.items():
         if "$ref" in value.get("items", {}):
             entry = _resolve(value["items"], definitions)
@@ -168,7 +184,7 @@ def _keys(path: str, section: dict[str, Any], definitions: Mapping[str, Any]) ->
 
 def _bullet(key: str, value: dict[str, Any], required: bool = False) -> str:
     default = "Required" if required else f"Default: `{_yaml(value.get('default'))}`"
-    text = value["description"].replace("\n\n", "\n\n  ")
+    text = value.get("description", "").replace("\n\n", "\n\n  ")
     kind = _kind(value)
     return f"- **`{key}`**: {kind}. {default}.\n  {text}"
 
@@ -184,6 +200,8 @@ def _kind(value: dict[str, Any]) -> str:
         return f"one of {_code(names)}"
     if value["type"] == "array":
         return _list_kind(value)
+    if value["type"] == "object":
+        return f"section of {_code(value['properties'])}"
     unit = f" in {value['unit']}" if "unit" in value else ""
     words = {"null": "null", "string": "text", "integer": "whole number"}
     kind = f"number{unit}" if "number" in value["type"] else words[value["type"]]
@@ -305,40 +323,32 @@ def commented_case(
 ) -> str:
     """Return a case in YAML that explains itself: each key below its docstring, type and range.
 
-    Parameters
-    ----------
-    values : dict of dict
-        What differs from the defaults, by section and key; the tags of `inflow` and `control`
-        among it.
-    usual : dict of sequence of str
-        The keys that are shown of each section, in this order, one with a default among them; of a
-        section that is not there, all of them.
-
-    Returns
-    -------
-    str
-        A key that has neither a value nor a default stands as a comment.
+    `values` is what differs from the defaults, by section and key, with the tags of `inflow` and
+    `control`; `usual` names the keys of each section that are shown, in this order, one with a
+    default among them; of a section that it does not name, all are. A key that has neither a value
+    nor a default stands as a comment.
     """
     schema = case_json_schema()
     blocks = []
     for name, part in schema["properties"].items():
-        given = values.get(name, {})
+        given, first, about = values.get(name, {}), [], part.get("description", "")
         if "oneOf" in part:
             tag = part["discriminator"]["propertyName"]
-            members = [_resolve(member, schema["$defs"]) for member in part["oneOf"]]
-            tags = [member["properties"][tag]["const"] for member in members]
-            section = members[tags.index(given[tag])]
-            about = _comment(f"{part['description']} Choices: {', '.join(tags)}.")
-            first = [f"{_comment(section['description'], '  ')}\n  {tag}: {given[tag]}"]
+            members = _members(part, schema["$defs"])
+            sections = {member["properties"][tag]["const"]: member for member in members}
+            chosen = (part.get("default", {}) | given)[tag]
+            section, about = sections[chosen], f"{about} Choices: {', '.join(sections)}."
+            first = [f"{_comment(section['description'], '  ')}\n  {tag}: {chosen}"]
         elif "$ref" in part:
             section = _resolve(part, schema["$defs"])
-            about, first = _comment(section["description"]), []
+            about = section["description"]
         else:
             continue  # the name is the file's
         keys = {key: value for key, value in section["properties"].items() if "const" not in value}
         wanted = dict.fromkeys((*usual.get(name, keys), *given))
-        lines = [_commented(key, keys[key], given) for key in wanted if key in keys]
-        blocks.append("\n".join((about, f"{name}:", "\n\n".join((*first, *lines)), "")))
+        lines = [*first, *(_commented(key, keys[key], given) for key in wanted if key in keys)]
+        if lines:
+            blocks.append("\n".join((_comment(about), f"{name}:", "\n\n".join(lines), "")))
     return "\n\n".join(blocks)
 
 

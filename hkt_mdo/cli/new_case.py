@@ -2,60 +2,31 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hkt_mdo.case import TurbulentInflow, commented_case, read_case
+from hkt_mdo.case import commented_case, read_case
+from hkt_mdo.cli.parts import refuse_existing, write_files
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import data_path, read_text, shipped_rotor
 
 __all__ = ["KINDS", "write_new_case"]
 
 _USUAL = {
-    "rotor": (
-        "blade",
-        "radius",
-        "hub_radius_fraction",
-        "blade_count",
-        "set_angle",
-        "station_count",
-        "polar",
-        "outline",
-        "reynolds",
-        "material_density",
-        "hub_inertia",
-    ),
-    "fluid": ("density",),
-    "inflow": (
-        "mean",
-        "amplitude",
-        "angular_frequency",
-        "file",
-        "speed_column",
-        "speed_unit",
-        "start",
-        "duration",
-        "gaps",
-        "spikes",
-        "cutoff",
-    ),
-    "control": ("torque_limit", "gain"),
-    "design": (
-        "blade",
-        "chord_bounds",
-        "twist_bounds",
-        "chord_points",
-        "twist_points",
-        "radius_bounds",
-    ),
-    "phase": ("duration", "segments", "initial_speed"),
-    "hydrodynamics": ("torque", "tolerance"),
-    "driver": ("optimizer", "tolerance", "max_iterations"),
+    "rotor": "blade radius hub_radius_fraction blade_count set_angle station_count polar outline "
+    "reynolds material_density hub_inertia",
+    "fluid": "density",
+    "inflow": "mean amplitude angular_frequency file speed_column speed_unit start duration gaps "
+    "spikes cutoff",
+    "control": "torque_limit gain",
+    "design": "blade chord_bounds twist_bounds chord_points twist_points radius_bounds",
+    "phase": "duration segments initial_speed",
+    "hydrodynamics": "torque tolerance",
+    "driver": "optimizer tolerance max_iterations",
 }
-"""The keys that most cases say something about."""
+"""The keys of each section that most cases say something about."""
 
 _SAMPLE_BLADE = "river"
 
@@ -88,11 +59,10 @@ def _record_text() -> str:
     """Return a record as CSV: five minutes of turbulence at 1 Hz, always the same."""
     import numpy as np
 
-    from hkt_mdo.problem.flow import build_inflow
-
-    section = TurbulentInflow(mean=1.4, intensity=0.1, length_scale=5.0, duration=300.0, cutoff=0.4)
+    flow = "{profile: turbulence, mean: 1.4, intensity: 0.1, duration: 300.0, cutoff: 0.4}"
+    inflow = read_case(f"inflow: {flow}\ncontrol: {{law: open_loop}}").inflow
     time = np.arange(301.0)
-    speed = build_inflow(section).speed(time)
+    speed = inflow.speed_at(time)
     remark = "# A sample, synthesized turbulence of 10 %: put your own record in its place."
     rows = (f"{t:.0f},{v:.4f}" for t, v in zip(time, speed, strict=True))
     return "\n".join((remark, "time_s,speed_m_s", *rows, ""))
@@ -120,26 +90,9 @@ KINDS = {
 def write_new_case(path: str | Path, kind: str = "paper", *, force: bool = False) -> list[Path]:
     """Write a commented case that loads as it is, and beside it the sample file that it names.
 
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        The case file; ``.yaml`` is added where it is not there. Folders are made if need be.
-    kind : str
-        One of `KINDS`: ``paper``, ``turbine`` or ``river``.
-    force : bool
-        Whether to replace files that are there.
-
-    Returns
-    -------
-    list of pathlib.Path
-        The files, the case first.
-
-    Raises
-    ------
-    InputError
-        If there is no such kind, the file's name is none for a case, or a file is there already.
-    OSError
-        If a file cannot be written.
+    `path` is the case file, to which ``.yaml`` is added where it is not there; `kind` is one of
+    `KINDS`. Returns the files, the case first. Raises `InputError` if there is no such kind, if a
+    case cannot have the name of the file, or if a file is there already and `force` is not given.
     """
     if kind not in KINDS:
         raise InputError("unknown", f"give one of {', '.join(KINDS)}", key="--kind", value=kind)
@@ -156,6 +109,7 @@ def write_new_case(path: str | Path, kind: str = "paper", *, force: bool = False
         "inflow": named(chosen.inflow),
         "control": {"law": "quadratic"},
     }
+    usual = {section: keys.split() for section, keys in _USUAL.items()}
     text = f"""\
 # {path.stem}: {chosen.about}.
 #
@@ -164,18 +118,12 @@ def write_new_case(path: str | Path, kind: str = "paper", *, force: bool = False
 # Check it:   hkt check {path.name}
 # Run it:     hkt run {path.name}
 
-{commented_case(values, _USUAL)}"""
+{commented_case(values, usual)}"""
     read_case(text, file=str(path), folder=path.parent, name=path.stem, check_files=False)
 
-    contents = {path: text}
+    texts = {path: text}
     if chosen.sample is not None:
-        contents[sample] = chosen.sample()
-    for file in contents:
-        if os.path.lexists(file) and not (force and file.is_file()):
-            raise InputError(
-                "is there already", "give --force to replace it, or another name", file=file
-            )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    for file, content in contents.items():
-        file.write_text(content, encoding="utf-8")
-    return list(contents)
+        texts[sample] = chosen.sample()
+    refuse_existing(texts, force)
+    write_files({file: text.encode() for file, text in texts.items()})
+    return list(texts)

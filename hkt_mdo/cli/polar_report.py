@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import io
-import os
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from hkt_mdo.cli.parts import refuse_existing, write_files
 from hkt_mdo.errors import InputError, show
 from hkt_mdo.files.polar import PolarTable, read_polars
 from hkt_mdo.files.shipped import parse_number
@@ -23,82 +24,36 @@ LOW_CONFIDENCE = 0.8
 
 MOST_ROWS, MOST_REYNOLDS = 2000, 100
 
-_COLORS = ("#0b3c6f", "#c4501b", "#4fb286", "#8a4fa3", "#b8860b", "#4a4a4a")
-_DASHES = ((0, (5, 2)), (0, (1, 1)), (0, (5, 1, 1, 1)), (0, (8, 2)))
-
 
 def report_polars(
-    source: str | Path,
+    source: str,
     reynolds: Sequence[float],
     alpha: np.ndarray,
     out: Path,
-    *,
     n_crit: float = 9.0,
     model: str = "xlarge",
     beside: Sequence[str] = (),
     force: bool = False,
 ) -> list[str]:
-    """Compute the polars of an outline and write them: a CSV file and a figure.
+    """Compute the polars of an outline, write a CSV file and a figure, and return a report's lines.
 
     The CSV file has the columns alpha_deg, cl, cd, cm, confidence, reynolds and is a polar as
-    `rotor.polar` takes it. Both files appear whole or not at all.
-
-    Parameters
-    ----------
-    source : str or pathlib.Path
-        The outline: a shipped name or the path of a file.
-    reynolds : sequence of float
-        Reynolds numbers by the chord, increasing.
-    alpha : array, shape (n_rows,), deg
-        Angles of attack, increasing.
-    out : pathlib.Path
-        Folder of the files, made if need be.
-    n_crit : float
-        See `hkt_mdo.rotor.neuralfoil.compute_polars`.
-    model : str
-        Size of the network.
-    beside : sequence of str
-        Polars to draw beside: shipped names or paths of files.
-    force : bool
-        Whether to replace files that are there.
-
-    Returns
-    -------
-    list of str
-        Lines of the report.
-
-    Raises
-    ------
-    InputError
-        If an input is broken, NeuralFoil is not installed, or the files are there.
-    OSError
-        If the folder or the files cannot be written.
+    `rotor.polar` takes it. `source` is a shipped name or a file; `reynolds` and `alpha` (deg)
+    increase; `n_crit` and `model` are those of `compute_polars`; `beside` names polars to draw
+    beside. Raises `InputError` if an input is broken, NeuralFoil is not installed, or the files are
+    there and `force` is not given.
     """
     outline, name = Outline.from_file(source), Path(source).stem
-    others = [(other, read_polars(other)) for other in beside]
+    others = [(Path(other).name, table) for other in beside for table in read_polars(other)]
     table_file, figure_file = (out / f"{name}_polars.{suffix}" for suffix in ("csv", "png"))
-    for path in (table_file, figure_file):
-        if os.path.lexists(path) and not (force and path.is_file()):
-            raise InputError(
-                "is there already", "give --force to replace it, or another --out", file=path
-            )
+    refuse_existing((table_file, figure_file), force)
     polars = compute_polars(outline, reynolds, np.deg2rad(alpha), n_crit, model, name)
     for polar in polars:
         Polar.from_polar_table(polar.table)  # refuses what could not be used
-
     conditions = f"NeuralFoil {version('neuralfoil')}, model {model}, n_crit {n_crit:g}"
     text = _csv_text(polars, f"{conditions}, outline {show(Path(source).name)}")
-    picture = _picture(name, polars, others, conditions)
-    out.mkdir(parents=True, exist_ok=True)
-    parts = [path.with_name(path.name + ".part") for path in (table_file, figure_file)]
-    try:
-        for part, content in zip(parts, (text.encode(), picture), strict=True):
-            part.write_bytes(content)
-        for part, path in zip(parts, (table_file, figure_file), strict=True):
-            part.replace(path)
-    finally:
-        for part in parts:
-            part.unlink(missing_ok=True)
+    picture = _picture(f"{name}: {conditions}", polars, others)
+    write_files({table_file: text.encode(), figure_file: picture})
     return [
         f"{name}: thickness {outline.thickness:.4f} c, area {outline.area:.4f} c²; second moments "
         f"about the chord line {outline.second_moments.xx:.3e} c⁴, across it "
@@ -111,16 +66,10 @@ def report_polars(
 
 
 def parse_reynolds(text: str) -> list[float]:
-    """Return the Reynolds numbers of a list such as ``2e5,5e5``, by size.
-
-    Raises
-    ------
-    InputError
-        If it is no list of up to 100 different positive numbers.
-    """
+    """Return the Reynolds numbers of a list such as ``2e5,5e5``, by size, else raise InputError."""
     numbers = [parse_number(cell.strip()) for cell in text.split(",")]
-    found = sorted(number for number in numbers if number is not None)
-    if len(found) < len(numbers) or len(set(found)) < len(found) or len(found) > MOST_REYNOLDS:
+    found = sorted({number for number in numbers if number is not None})
+    if len(found) < len(numbers) or len(found) > MOST_REYNOLDS:
         raise InputError(
             f"is no list of up to {MOST_REYNOLDS} different numbers",
             "give Reynolds numbers by the chord, such as 2e5,5e5",
@@ -131,13 +80,7 @@ def parse_reynolds(text: str) -> list[float]:
 
 
 def parse_alpha(text: str) -> np.ndarray:
-    """Return the angles of attack (deg) of a range such as ``-16:24:0.5``.
-
-    Raises
-    ------
-    InputError
-        If it is no range of 8 to 2000 angles within -90 and 90 degrees.
-    """
+    """Return the angles of attack (deg) of a range as ``-16:24:0.5``, else raise InputError."""
     numbers = [parse_number(cell.strip()) for cell in text.split(":")]
     if len(numbers) == 3 and None not in numbers:
         first, last, step = (float(number or 0.0) for number in numbers)
@@ -157,19 +100,10 @@ def parse_alpha(text: str) -> np.ndarray:
 def _csv_text(polars: Sequence[ComputedPolar], remark: str) -> str:
     lines = [f"# {remark}", "alpha_deg,cl,cd,cm,confidence,reynolds"]
     for polar in polars:
-        table = polar.table
-        columns = np.column_stack(
-            (
-                np.rad2deg(table.alpha),
-                table.lift,
-                table.drag,
-                np.asarray(table.moment),
-                polar.confidence,
-            )
-        )
-        lines += [
-            ",".join(f"{value:.6f}" for value in row) + f",{table.reynolds:.10g}" for row in columns
-        ]
+        table, moment = polar.table, np.asarray(polar.table.moment)
+        columns = np.rad2deg(table.alpha), table.lift, table.drag, moment, polar.confidence
+        for row in zip(*columns, strict=True):
+            lines.append(",".join(f"{value:.6f}" for value in row) + f",{table.reynolds:.10g}")
     return "\n".join(lines) + "\n"
 
 
@@ -198,10 +132,7 @@ def _confidence_line(polar: ComputedPolar) -> str:
 
 
 def _picture(
-    name: str,
-    polars: Sequence[ComputedPolar],
-    others: Sequence[tuple[str, Sequence[PolarTable]]],
-    conditions: str,
+    title: str, polars: Sequence[ComputedPolar], others: Sequence[tuple[str, PolarTable]]
 ) -> bytes:
     """Return a PNG of lift and drag over the angle of attack, and of lift over drag."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -211,53 +142,33 @@ def _picture(
     FigureCanvasAgg(figure)
     panels = figure.subplots(1, 3)
 
-    def draw(table: PolarTable, label: str, sure: np.ndarray | None = None, **style) -> None:
+    def draw(table: PolarTable, shown: Any = True, **style: Any) -> None:
         alpha = np.rad2deg(table.alpha)
         curves = (alpha, table.lift), (alpha, table.drag), (table.drag, table.lift)
         for panel, (x, y) in zip(panels, curves, strict=True):
-            panel.plot(x, y, label=label.replace("$", r"\$"), linewidth=1.0, **style)
-            if sure is not None:
-                panel.plot(x, np.where(sure, y, np.nan), linewidth=2.4, **style)
+            panel.plot(x, np.where(shown, y, np.nan), **style)
 
     for index, polar in enumerate(polars):
-        label = _reynolds(polar.table)
-        draw(
-            polar.table,
-            label,
-            polar.confidence >= LOW_CONFIDENCE,
-            color=_COLORS[index % len(_COLORS)],
-        )
-    angle, lift = panels[0].get_xlim(), panels[0].get_ylim()  # of the outline's own polars
-    color = len(polars)
-    for index, (source, tables) in enumerate(others):
-        for table in tables:
-            label = f"{Path(source).name} {_reynolds(table)}".rstrip()
-            dashes = _DASHES[index % len(_DASHES)]
-            draw(table, label, color=_COLORS[color % len(_COLORS)], linestyle=dashes)
-            color += 1
-    names = "angle of attack (deg)", "lift coefficient", "drag coefficient"
-    for panel, (x, y) in zip(panels, ((0, 1), (0, 2), (2, 1)), strict=True):
-        panel.set(xlabel=names[x], ylabel=names[y])
+        color, sure = f"C{index}", polar.confidence >= LOW_CONFIDENCE
+        draw(polar.table, color=color, linewidth=1.0, label=_reynolds(polar.table))
+        draw(polar.table, sure, color=color, linewidth=2.4)
+    angles, lifts = panels[0].get_xlim(), panels[0].get_ylim()  # of the outline's own polars
+    for index, (name, table) in enumerate(others, start=len(polars)):
+        label = f"{name} {_reynolds(table)}".rstrip().replace("$", r"\$")
+        draw(table, color=f"C{index}", linewidth=1.0, linestyle="--", label=label)
+    panels[0].set(
+        xlabel="angle of attack (deg)", ylabel="lift coefficient", xlim=angles, ylim=lifts
+    )
+    panels[1].set(xlabel="angle of attack (deg)", ylabel="drag coefficient", xlim=angles)
+    panels[2].set(xlabel="drag coefficient", ylabel="lift coefficient", ylim=lifts)
+    panels[1].set_yscale("log")
+    panels[2].set_xscale("log")
+    for panel in panels:
         panel.grid(color="0.9")
-        panel.spines[["top", "right"]].set_visible(False)
-    panels[0].set(xlim=angle, ylim=lift)
-    panels[1].set(xlim=angle, yscale="log")
-    panels[2].set(ylim=lift, xscale="log")
-    figure.suptitle(
-        f"{name}: {conditions}\nthick where the confidence is {LOW_CONFIDENCE:g} or more".replace(
-            "$", r"\$"
-        ),
-        fontsize=10,
-    )
+    thick = f"thick where the confidence is {LOW_CONFIDENCE:g} or more"
+    figure.suptitle(f"{title}\n{thick}".replace("$", r"\$"), fontsize=10)
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(
-        handles,
-        labels,
-        loc="outside lower center",
-        ncols=min(4, len(labels)),
-        frameon=False,
-        fontsize=9,
-    )
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     file = io.BytesIO()
     figure.savefig(file, format="png", dpi=150)
     return file.getvalue()

@@ -46,8 +46,8 @@ def test_simulate_takes_any_flow(folders, capsys):
     ("arguments", "word"),
     [
         (["--flow", "D"], "--flow"),
-        (["--flow", "{profile: sine, mean: -1}"], "--flow"),
-        (["--flow", "{profile: [}"], "--flow"),
+        (["--flow", "{profile: sine, mean: -1}"], "inflow.mean = -1: must be greater than 0 m/s"),
+        (["--flow", "{profile: [}"], "cannot be read as YAML"),
         (["--noise-snr", "20", "--noise-reference", "mean"], "--noise-reference"),
         (["--noise-snr", "nan"], "--noise-snr"),
     ],

@@ -17,7 +17,7 @@ from hkt_mdo.cli import main
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.solution import Solution
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 CASE = str(ROOT / "cases" / "sine_limited_quadratic.yaml")
 
 
@@ -39,6 +39,10 @@ class FakeRun(types.ModuleType):
             (out / "summary.json").write_text("{}")
         if self.error is not None:
             raise self.error
+        return Solution.load(self.result)
+
+    def resume_case(self, out: Path, *, progress=None, figures=True, extensions=()):
+        self.out, self.extensions = out, extensions
         return Solution.load(self.result)
 
     def write_n2(self, case: Case, path: Path) -> None:
@@ -93,6 +97,43 @@ def test_run_passes_everything_on(fake: FakeRun) -> None:
     assert (fake.case.phase.segments, fake.case.rotor.radius) == (17, 2.0)
 
 
+def test_run_draws_pdf_where_asked(
+    fake: FakeRun, result_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", CASE, "--pdf"]) == 0
+    assert fake.figures == ("png", "pdf")
+    assert main(["run", CASE, "--pdf", "--no-figures"]) == 2
+    assert "give one of them" in " ".join(capsys.readouterr().err.split())
+
+
+EXTENSION = str(ROOT / "tests" / "data" / "extension.py")
+
+
+def test_extensions_are_known_wherever_a_case_is_read(
+    fake: FakeRun, result_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    extend, ramp = ["--extend", EXTENSION], ["--set", "inflow={profile: ramp}"]
+    assert main(["run", CASE, *ramp]) == 2
+    assert main(["run", CASE, *ramp, *extend]) == 0
+    assert fake.case.inflow.profile == "ramp"
+    assert main(["n2", CASE, *ramp, *extend]) == 0
+    (result_folder / "case.yaml").write_text(fake.case.to_yaml(), encoding="utf-8")
+    capsys.readouterr()
+    assert main(["show", str(result_folder)]) == 2
+    assert "inflow.profile = 'ramp': unknown" in capsys.readouterr().err
+    for command in (["show"], ["plot", "--format", "svg"], ["compare"]):
+        assert main([*command, str(result_folder), *extend]) == 0
+    assert main(["schema", *extend]) == 0
+    assert "tip_speed" in capsys.readouterr().out
+
+
+def test_resume_is_given_the_extensions(fake: FakeRun, result_folder: Path) -> None:
+    assert main(["run", "--resume", str(result_folder)]) == 0
+    assert list(fake.extensions) == []
+    assert main(["run", "--resume", str(result_folder), "--extend", EXTENSION]) == 0
+    assert fake.extensions == [Path(EXTENSION)]
+
+
 def test_run_quietly_prints_nothing(fake: FakeRun, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", CASE, "--quiet"]) == 0
     assert capsys.readouterr() == ("", "")
@@ -131,7 +172,6 @@ def test_interrupted_run_exits_with_130(
             "a: folder exists; give --force",
         ),
         (OSError(errno.ENOSPC, "No space left on device", "a.csv"), 2, "a.csv: cannot be .*space"),
-        (PermissionError(errno.EACCES, "Permission denied", "a"), 2, "Permission denied"),
         (MemoryError(), 2, "out of memory"),
         (TypeError("a\nb"), 1, r"TypeError: a b \(an error of this program"),
     ],
@@ -153,9 +193,9 @@ def test_errors_are_one_line(
     [
         (["run", "not_here.yaml"], "not_here.yaml: does not exist"),
         (["run", CASE, "--optimizer", "nelder"], "did you mean|give one of IPOPT"),
-        (["run", CASE, "--segments", "1"], "phase.segments"),
         (["run", CASE, "--set", "rotor.radus=1"], "unknown key; did you"),
         (["run", CASE, "--segments", "many"], "integer"),
+        (["run", CASE, "--extend", "not_here.py"], "not_here.py"),
         (["run"], "CASE"),
         (["fly"], "fly"),
         (["show", "not_here"], "not_here: does not exist"),
@@ -212,9 +252,10 @@ def test_show_prints_the_table(result_folder: Path, capsys: pytest.CaptureFixtur
 def test_plot_draws_the_figures(result_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plot", str(result_folder), "--format", "svg"]) == 0
     assert (result_folder / "figures" / "operation.svg").is_file()
-    assert main(["plot", str(result_folder), "--out", "there", "--format", "png"]) == 0
+    assert main(["plot", str(result_folder), "--out", "there"]) == 0
     names = {Path(line).name for line in capsys.readouterr().out.splitlines()[4:]}
     assert names == {path.name for path in Path("there").iterdir()}
+    assert {Path(name).suffix for name in names} == {".png"}
     assert main(["plot", str(result_folder), "--format", "docx"]) == 2
     Path("file").touch()
     assert main(["plot", str(result_folder), "--out", "file"]) == 2

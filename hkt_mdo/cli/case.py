@@ -1,0 +1,156 @@
+"""The commands that help to write a case: new, check, n2, schema, polar."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option, echo
+
+from hkt_mdo.cli.parts import (
+    CaseFile,
+    Extend,
+    Force,
+    NoFigures,
+    OutFolder,
+    Overrides,
+    extensions,
+    print_rows,
+    read_case,
+)
+from hkt_mdo.errors import InputError
+
+
+def new(
+    name: Annotated[
+        Path, Argument(metavar="NAME", help="Name or path of the case; .yaml is added to it.")
+    ],
+    kind: Annotated[str, Option(metavar="KIND", help="paper, turbine or river.")] = "paper",
+    force: Force = False,
+) -> None:
+    """Write a commented case to begin from.
+
+    The case file has the usual keys of every section, each below what it means, and beside it lies
+    the sample file that it needs. It runs as it is. Kinds: paper, the turbine and the sinusoidal
+    flow of Amini et al.; turbine, with a sample blade as CSV; river, with a sample record of the
+    flow as CSV.
+    """
+    from hkt_mdo.cli.new_case import write_new_case
+
+    for path in write_new_case(name, kind, force=force):
+        echo(str(path))
+
+
+def check(
+    case: CaseFile,
+    overrides: Overrides = None,
+    extend: Extend = None,
+    out: OutFolder = None,
+    no_figures: NoFigures = False,
+) -> None:
+    """Check a case before a long run.
+
+    Reads and builds all that a run of the case needs and tells what the case means: turbine, flow,
+    control law, size, and what follows from them for the starting blade. Notes say what was done to
+    the files, warnings what may not be meant. Nothing is optimized. Draws blade, polar, inflow and
+    power_curve as PNG, in check/<name of the case> unless --out is given.
+    """
+    from rich.console import Console
+
+    loaded = read_case(case, overrides, extend)
+
+    from hkt_mdo.run.check import check_case
+
+    try:
+        report = check_case(loaded)
+    except InputError as error:  # found only when the parts of the case meet
+        error.file = error.file or str(case)
+        raise
+    console = Console(highlight=False)
+    for title, rows in report.tables.items():
+        print_rows(console, rows.items(), title)
+    for title, lines in (("Notes", report.notes), ("Warnings", report.warnings)):
+        if lines:
+            print_rows(console, [("-", line) for line in lines], title)
+    if not no_figures:
+        from hkt_mdo.results.check_plots import save_check_figures
+
+        written = save_check_figures(report.figures, out or Path("check") / report.name)
+        names = ", ".join(path.name for path in written)
+        console.print(f"Figures: {written[0].parent}: {names}", markup=False, soft_wrap=True)
+    number = len(report.warnings)
+    doubts = f", with {number} warning{'s' if number > 1 else ''}" if number else ""
+    console.print(f"{report.name} can be run{doubts}.", markup=False, soft_wrap=True)
+
+
+def schema(
+    markdown: Annotated[
+        bool, Option("--markdown", help="Print a page to read in place of the JSON schema.")
+    ] = False,
+    extend: Extend = None,
+) -> None:
+    """Print every key of a case file.
+
+    It is a JSON schema: every key with its meaning, default, unit and range. An editor that is
+    given it checks and completes cases (see docs/cases.md).
+    """
+    import json
+
+    from hkt_mdo.case import case_json_schema, case_markdown
+
+    if markdown:
+        echo(case_markdown(**extensions(extend)), nl=False)
+    else:
+        echo(json.dumps(case_json_schema(**extensions(extend)), indent=2))
+
+
+def n2(
+    case: CaseFile,
+    out: Annotated[Path | None, Option(metavar="FILE", help="HTML file to write.")] = None,
+    overrides: Overrides = None,
+    extend: Extend = None,
+) -> None:
+    """Write the N2 diagram of a case.
+
+    The diagram is an HTML page, <name of the case>_n2.html unless --out is given, that shows which
+    component of the case's OpenMDAO problem feeds which. Nothing is optimized.
+    """
+    loaded = read_case(case, overrides, extend)
+    path = out or Path(f"{loaded.name}_n2.html")
+
+    from hkt_mdo.run.run import write_n2
+
+    write_n2(loaded, path)
+    echo(str(path))
+
+
+_OUTLINE = "Shipped name (naca63815) or file: CSV x_over_c,y_over_c, Selig or Lednicer."
+_ALPHA = "Angles of attack, degrees."
+_BESIDE = "Another polar to draw, shipped or a file; may be given several times."
+_TURBULENCE = "Amplification at transition; less where turbulent."
+
+
+def polar(
+    outline: Annotated[str, Argument(metavar="OUTLINE", help=_OUTLINE)],
+    reynolds: Annotated[str, Option(metavar="RE,RE,...", help="Reynolds numbers by the chord.")],
+    out: Annotated[Path, Option(metavar="DIR", help="Folder of the files.")] = Path(
+        "results/polars"
+    ),
+    alpha: Annotated[str, Option(metavar="FIRST:LAST:STEP", help=_ALPHA)] = "-16:24:0.5",
+    n_crit: Annotated[float, Option(help=_TURBULENCE)] = 9.0,
+    model: Annotated[str, Option(metavar="SIZE", help="Network, xxsmall to xxxlarge.")] = "xlarge",
+    beside: Annotated[list[str] | None, Option(metavar="POLAR", help=_BESIDE)] = None,
+    force: Force = False,
+) -> None:
+    r"""Compute the polars of an outline.
+
+    NeuralFoil (pip install 'hkt_mdo\[neuralfoil]') computes lift, drag and moment of the section.
+    They are written as a CSV file that rotor.polar takes, with the network's confidence in every
+    row, and as a figure. Angles of attack count from the outline's x axis, the chord line.
+    """
+    from hkt_mdo.cli.polar_report import parse_alpha, parse_reynolds, report_polars
+
+    numbers, angles = parse_reynolds(reynolds), parse_alpha(alpha)
+    others = beside or ()
+    for line in report_polars(outline, numbers, angles, out, n_crit, model, others, force):
+        echo(line)

@@ -1,0 +1,163 @@
+"""The commands that work on results: show, plot, compare, simulate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from typer import Argument, Option, echo
+
+from hkt_mdo.cli.parts import Extend, OutFolder, ResultFolder, Seed, print_result, read_result
+from hkt_mdo.errors import InputError
+
+_FORMAT = "File format, such as png, pdf or svg; may be given several times."
+_FLOW = (
+    "design: the result's own; A, B or C: the paper's uncertain flows (amplitude x 1.1, frequency "
+    "0.225 rad/s, phase 0.2 pi); or an inflow section in YAML, such as {profile: sine, mean: 1.4}."
+)
+_SNR = "Signal-to-noise ratio of the speed sensor."
+_REFERENCE = "What is the signal: the speed's fluctuation about its mean, or the total speed."
+_RATE = "Samples of the sensor a second."
+
+
+def show(result: ResultFolder, extend: Extend = None) -> None:
+    """Print the figures of merit of a result.
+
+    Exits with 0 for a run without success too: showing it succeeded.
+    """
+    from rich.console import Console
+
+    print_result(Console(highlight=False), read_result(result, extend))
+
+
+def plot(
+    result: ResultFolder,
+    out: OutFolder = None,
+    formats: Annotated[
+        list[str] | None, Option("--format", metavar="NAME", help=_FORMAT, show_default="png")
+    ] = None,
+    extend: Extend = None,
+) -> None:
+    """Draw the figures of a result.
+
+    They are blade, power_curve, operation and convergence, as far as the run got to their data, in
+    RESULT/figures unless --out is given. Prints the files that it wrote; files of the same names
+    are replaced.
+    """
+    solution = read_result(result, extend)
+
+    from hkt_mdo.results.plots import save_figures
+
+    written = save_figures(solution, out or result / "figures", formats or ("png",))
+    if not written:
+        raise InputError("holds no data to draw", "let the run come to its end", file=result)
+    for path in written:
+        echo(str(path))
+
+
+def compare(
+    results: Annotated[
+        list[Path], Argument(metavar="RESULT...", help="Result folders, two or more.")
+    ],
+    out: OutFolder = None,
+    extend: Extend = None,
+) -> None:
+    """Compare results in a table and in overlaid figures.
+
+    The table has the figures of merit side by side, and each energy relative to the largest. The
+    figures are drawn where --out is given.
+    """
+    from rich.console import Console
+    from rich.table import Table
+
+    from hkt_mdo.results.solution import summary_table
+
+    solutions = [read_result(result, extend) for result in results]
+    columns = [dict(summary_table(solution)) for solution in solutions]
+    energies = [solution.summary.get("simulated_energy_J") for solution in solutions]
+    best = max(energy or 0.0 for energy in energies)
+    if best > 0.0:
+        for column, energy in zip(columns, energies, strict=True):
+            share = "" if energy is None else f"{100.0 * (energy / best - 1.0):+.4f} %"
+            column["energy, to the best"] = share
+    names = [result.resolve().name for result in results]
+    if len(set(names)) < len(names):
+        names = [str(result) for result in results]
+    table = Table("", *names, box=None)
+    for name in dict.fromkeys(key for column in columns for key in column):
+        table.add_row(name, *(column.get(name, "") for column in columns))
+    Console(highlight=False).print(table)
+    if out is not None:
+        from hkt_mdo.results.plots import save_figures
+
+        for path in save_figures(solutions, out):
+            echo(str(path))
+
+
+def simulate(
+    result: ResultFolder,
+    flow: Annotated[str, Option(metavar="FLOW", help=_FLOW)] = "design",
+    snr: Annotated[float | None, Option("--noise-snr", metavar="DB", help=_SNR)] = None,
+    reference: Annotated[
+        str, Option("--noise-reference", metavar="NAME", help=_REFERENCE)
+    ] = "fluctuation",
+    rate: Annotated[float, Option("--sample-rate", metavar="HZ", help=_RATE)] = 100.0,
+    repeats: Annotated[int, Option(min=1, max=100_000, help="Noisy runs.")] = 20,
+    seed: Seed = 1,
+    extend: Extend = None,
+) -> None:
+    """Simulate a result in another flow, with sensor noise.
+
+    Blade and controller of a finished result are held and simulated with direct BEM. Open loop
+    replays its recorded torque; feedback reads a noisy, filtered speed sensor when --noise-snr is
+    given, many times over. A rotor that stops is said to stop, and its energy is not counted.
+    """
+    from rich.console import Console
+
+    solution = read_result(result, extend)
+    for name, value in (("--noise-snr", snr or 0.0), ("--sample-rate", rate)):
+        if not -200.0 <= value <= 1e6:
+            raise InputError(
+                "is out of range", "give a number between -200 and 1e6", key=name, value=value
+            )
+    from hkt_mdo.studies.uncertainty import REFERENCES, Design, Sensor, flow_named, fly_noisy
+
+    if reference not in REFERENCES:
+        raise InputError(
+            "is unknown", "choose fluctuation or total", key="--noise-reference", value=reference
+        )
+    if flow.lstrip().startswith("{"):
+        inflow = solution.case.with_overrides(f"inflow={flow}").inflow
+    else:
+        inflow = flow_named(flow, solution.case.inflow)
+    design = Design.of(solution)
+    quiet = design.fly(inflow)
+    told = f"{quiet.energy:.1f} J captured, {quiet.generator_energy:.1f} J generated"
+    if quiet.stopped_at is not None:
+        told = f"rotor stops at t = {quiet.stopped_at:.2f} s, not generating; energy n/a"
+    echo(f"{solution.name} in flow {inflow.model_dump()}")
+    echo(f"  without noise: {told}")
+    if snr is None:
+        return
+    if design.law is None:
+        echo("  open loop reads no sensor: the noise changes nothing")
+        return
+    with Console().status(f"{repeats} noisy runs"):
+        noisy = fly_noisy(design, inflow, Sensor(snr, reference, rate), repeats, seed)
+    echo(
+        f"  sensor: {snr:g} dB of the {reference} speed, sigma = {noisy.noise_deviation:.4f} "
+        f"rad/s, {rate:g} Hz, seed {seed}; BEM table within {noisy.torque_error:.1e}\n"
+        f"  rotor stopped in {noisy.stalled} of {repeats} runs"
+    )
+    echo(_spread(noisy.energy[noisy.energy == noisy.energy], quiet.energy))  # NaN: it stopped
+
+
+def _spread(energy: Any, quiet: float) -> str:
+    """Return in words the energies (J) of noisy runs beside that without noise."""
+    if not energy.size:
+        return "  no run reached the end"
+    mean, spread = energy.mean(), energy.std(ddof=1) if energy.size > 1 else 0.0
+    return (
+        f"  energy of the others: mean {mean:.1f} J, standard deviation {spread:.1f} J, worst "
+        f"{energy.min():.1f} J ({100.0 * (mean / quiet - 1.0):+.3f} % of the run without noise)"
+    )

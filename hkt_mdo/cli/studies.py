@@ -1,0 +1,88 @@
+"""The commands that run many cases: paper, verify."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Exit, Option, echo
+
+from hkt_mdo.cli.parts import NO_SUCCESS, CaseFolder, Jobs, Seed
+
+
+def paper(
+    out: Annotated[Path, Option(metavar="DIR", help="Folder of the results.")] = Path(
+        "results/paper"
+    ),
+    cases: CaseFolder = Path("cases"),
+    jobs: Jobs = None,
+    repeats: Annotated[int, Option(min=2, max=10_000, help="Noisy runs of each design.")] = 20,
+    seed: Seed = 1,
+) -> None:
+    """Reproduce the paper's tables and figures.
+
+    Tables II to V and Figs. 3 to 12 of Amini et al. (ACC 2023) from the shipped cases, beside the
+    paper's numbers: paper.json, report.md and report.html. Finished parts are reused, so it can be
+    interrupted.
+    """
+    from hkt_mdo.studies.paper import reproduce
+
+    began = time.perf_counter()
+
+    def report(line: str) -> None:
+        echo(f"[{time.perf_counter() - began:6.1f} s] {line}")
+
+    data = reproduce(out, cases, jobs, repeats, seed, report)
+    failed = [check for check in data["checks"] if not check["passed"]]
+    echo(f"{len(data['checks']) - len(failed)} of {len(data['checks'])} checks hold")
+    for check in failed:
+        asked = f"asked {check['low']} to {check['high']}"
+        echo(f"  not: {check['statement']} = {check['value']}, {asked}")
+    echo(f"Report: {out / 'report.html'}")
+    if failed:
+        raise Exit(NO_SUCCESS)
+
+
+_COUNT = "Starts a case, random mixtures of the sweep, or examples a kind of file."
+_REPORT = "Markdown file to write: the figures of all parts that the folder holds."
+
+
+def verify(
+    parts: Annotated[
+        list[str] | None, Argument(metavar="PART...", help="All of them by default.")
+    ] = None,
+    out: Annotated[Path, Option(metavar="DIR", help="Folder of the study.")] = Path(
+        "results/verification"
+    ),
+    cases: CaseFolder = Path("cases"),
+    count: Annotated[
+        int | None, Option(min=1, max=100_000, help=_COUNT, show_default="30, 30 or 1500")
+    ] = None,
+    seed: Seed = 0,
+    jobs: Jobs = None,
+    report: Annotated[Path | None, Option(metavar="FILE", help=_REPORT)] = None,
+) -> None:
+    """Run the verification study, or parts of it.
+
+    Parts: starts (random blades, with the program's own start), blades (random blades without it),
+    sweep (other sizes, flows, limits, polars), physics (stationarity, energy balance, refinement)
+    and fuzz (mutilated files). It takes hours; what is finished is reused, so it can be
+    interrupted.
+    """
+    from hkt_mdo.studies import verify as study
+
+    number, began = 0, time.perf_counter()
+
+    def done(folder: Path, word: str) -> None:
+        nonlocal number
+        number += 1
+        if word != "reused":
+            echo(f"[{time.perf_counter() - began:7.1f} s] {number}: {folder}: {word}")
+
+    for part in parts or study.PARTS:
+        number = 0
+        echo(study.run_part(part, out, cases, count, seed, jobs, done))
+    if report is not None:
+        report.write_text(study.report(out), encoding="utf-8")
+        echo(f"Report: {report}")
