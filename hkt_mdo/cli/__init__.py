@@ -18,7 +18,7 @@ from typing import Annotated, TextIO
 import typer
 
 from hkt_mdo.cli import case, results, run, studies
-from hkt_mdo.cli.parts import BAD_INPUT, BUG, EXIT_CODES, INTERRUPTED, complain
+from hkt_mdo.cli.parts import BAD_INPUT, BUG, EXIT_CODES, EXTENSIONS, INTERRUPTED, Extend, complain
 from hkt_mdo.errors import InputError
 
 __all__ = ["app", "main"]
@@ -58,8 +58,11 @@ _VERSION = typer.Option(
 
 
 @app.callback()
-def _hkt(version: Annotated[bool, _VERSION] = False) -> None:
-    pass
+def _hkt(
+    version: Annotated[bool, _VERSION] = False,
+    extend: Extend = None,
+) -> None:
+    EXTENSIONS.set(tuple(extend or ()))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -68,11 +71,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     `arguments` is what follows ``hkt``, by default that of the process; the exit codes are 0 done,
     1 an error of this program, 2 bad input, 3 no success, 130 interrupted.
     """
-    # matrices here are small: threads cost more than they give; read when NumPy is imported
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
-    os.environ.setdefault("OPENMDAO_REPORTS", "0")
-
     # a path may hold what the terminal's encoding does not
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")

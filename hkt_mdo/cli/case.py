@@ -8,13 +8,12 @@ from typing import Annotated
 from typer import Argument, Option, echo
 
 from hkt_mdo.cli.parts import (
+    EXTENSIONS,
     CaseFile,
-    Extend,
     Force,
     NoFigures,
     OutFolder,
     Overrides,
-    extensions,
     print_rows,
     read_case,
 )
@@ -44,7 +43,6 @@ def new(
 def check(
     case: CaseFile,
     overrides: Overrides = None,
-    extend: Extend = None,
     out: OutFolder = None,
     no_figures: NoFigures = False,
 ) -> None:
@@ -57,7 +55,7 @@ def check(
     """
     from rich.console import Console
 
-    loaded = read_case(case, overrides, extend)
+    loaded = read_case(case, overrides)
 
     from hkt_mdo.run.check import check_case
 
@@ -87,7 +85,6 @@ def schema(
     markdown: Annotated[
         bool, Option("--markdown", help="Print a page to read in place of the JSON schema.")
     ] = False,
-    extend: Extend = None,
 ) -> None:
     """Print every key of a case file.
 
@@ -99,23 +96,22 @@ def schema(
     from hkt_mdo.case import case_json_schema, case_markdown
 
     if markdown:
-        echo(case_markdown(**extensions(extend)), nl=False)
+        echo(case_markdown(extensions=EXTENSIONS.get()), nl=False)
     else:
-        echo(json.dumps(case_json_schema(**extensions(extend)), indent=2))
+        echo(json.dumps(case_json_schema(extensions=EXTENSIONS.get()), indent=2))
 
 
 def n2(
     case: CaseFile,
     out: Annotated[Path | None, Option(metavar="FILE", help="HTML file to write.")] = None,
     overrides: Overrides = None,
-    extend: Extend = None,
 ) -> None:
     """Write the N2 diagram of a case.
 
     The diagram is an HTML page, <name of the case>_n2.html unless --out is given, that shows which
     component of the case's OpenMDAO problem feeds which. Nothing is optimized.
     """
-    loaded = read_case(case, overrides, extend)
+    loaded = read_case(case, overrides)
     path = out or Path(f"{loaded.name}_n2.html")
 
     from hkt_mdo.run.run import write_n2

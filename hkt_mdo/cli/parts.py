@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
+from contextvars import ContextVar
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option, echo
 
@@ -64,23 +65,22 @@ Jobs = Annotated[
 ]
 
 
-def extensions(files: Iterable[Path] | None) -> dict[str, Any]:
-    """Return the keyword argument that passes the files of --extend on; none without them."""
-    return {"extensions": list(files)} if files else {}
+EXTENSIONS: ContextVar[tuple[Path, ...]] = ContextVar("extensions", default=())
+"""The files of `hkt --extend`, of the command at work."""
 
 
-def read_case(file: Path, overrides: Iterable[str] | None, extend: Iterable[Path] | None) -> Case:
+def read_case(file: Path, overrides: Iterable[str] | None) -> Case:
     """Return the case of a file, with its overrides."""
     from hkt_mdo.case import load_case
 
-    return load_case(file, list(overrides or ()), **extensions(extend))
+    return load_case(file, list(overrides or ()), extensions=EXTENSIONS.get())
 
 
-def read_result(folder: Path, extend: Iterable[Path] | None) -> Solution:
+def read_result(folder: Path) -> Solution:
     """Return the result in a folder."""
     from hkt_mdo.results.solution import Solution
 
-    return Solution.load(folder, **extensions(extend))
+    return Solution.load(folder, extensions=EXTENSIONS.get())
 
 
 def refuse_existing(files: Iterable[Path], force: bool) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from typer import Argument, Option, echo
 
-from hkt_mdo.cli.parts import Extend, OutFolder, ResultFolder, Seed, print_result, read_result
+from hkt_mdo.cli.parts import OutFolder, ResultFolder, Seed, print_result, read_result
 from hkt_mdo.errors import InputError
 
 _FORMAT = "File format, such as png, pdf or svg; may be given several times."
@@ -20,14 +20,14 @@ _REFERENCE = "What is the signal: the speed's fluctuation about its mean, or the
 _RATE = "Samples of the sensor a second."
 
 
-def show(result: ResultFolder, extend: Extend = None) -> None:
+def show(result: ResultFolder) -> None:
     """Print the figures of merit of a result.
 
     Exits with 0 for a run without success too: showing it succeeded.
     """
     from rich.console import Console
 
-    print_result(Console(highlight=False), read_result(result, extend))
+    print_result(Console(highlight=False), read_result(result))
 
 
 def plot(
@@ -36,7 +36,6 @@ def plot(
     formats: Annotated[
         list[str] | None, Option("--format", metavar="NAME", help=_FORMAT, show_default="png")
     ] = None,
-    extend: Extend = None,
 ) -> None:
     """Draw the figures of a result.
 
@@ -44,7 +43,7 @@ def plot(
     RESULT/figures unless --out is given. Prints the files that it wrote; files of the same names
     are replaced.
     """
-    solution = read_result(result, extend)
+    solution = read_result(result)
 
     from hkt_mdo.results.plots import save_figures
 
@@ -60,7 +59,6 @@ def compare(
         list[Path], Argument(metavar="RESULT...", help="Result folders, two or more.")
     ],
     out: OutFolder = None,
-    extend: Extend = None,
 ) -> None:
     """Compare results in a table and in overlaid figures.
 
@@ -72,7 +70,7 @@ def compare(
 
     from hkt_mdo.results.solution import summary_table
 
-    solutions = [read_result(result, extend) for result in results]
+    solutions = [read_result(result) for result in results]
     columns = [dict(summary_table(solution)) for solution in solutions]
     energies = [solution.summary.get("simulated_energy_J") for solution in solutions]
     best = max(energy or 0.0 for energy in energies)
@@ -104,7 +102,6 @@ def simulate(
     rate: Annotated[float, Option("--sample-rate", metavar="HZ", help=_RATE)] = 100.0,
     repeats: Annotated[int, Option(min=1, max=100_000, help="Noisy runs.")] = 20,
     seed: Seed = 1,
-    extend: Extend = None,
 ) -> None:
     """Simulate a result in another flow, with sensor noise.
 
@@ -114,7 +111,7 @@ def simulate(
     """
     from rich.console import Console
 
-    solution = read_result(result, extend)
+    solution = read_result(result)
     for name, value in (("--noise-snr", snr or 0.0), ("--sample-rate", rate)):
         if not -200.0 <= value <= 1e6:
             raise InputError(

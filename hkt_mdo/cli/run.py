@@ -12,14 +12,13 @@ from typer import BadParameter, Exit, Option, echo
 
 from hkt_mdo.cli.parts import (
     CASE,
+    EXTENSIONS,
     INTERRUPTED,
     NO_SUCCESS,
-    Extend,
     NoFigures,
     OutFolder,
     Overrides,
     complain,
-    extensions,
     print_result,
     read_case,
 )
@@ -52,7 +51,6 @@ def run(
     package: Annotated[str | None, Option(metavar="NAME", help=_PACKAGE)] = None,
     segments: Annotated[int | None, Option(metavar="N", help=_SEGMENTS)] = None,
     overrides: Overrides = None,
-    extend: Extend = None,
     quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False,
     no_figures: NoFigures = False,
     pdf: Annotated[bool, Option("--pdf", help="Draw the figures as PDF too.")] = False,
@@ -77,7 +75,7 @@ def run(
     source = case if resume is None else resume / "case.yaml"
     if source is None:
         raise BadParameter("give a CASE, or --resume DIR")
-    loaded = read_case(source, changes, extend)
+    loaded = read_case(source, changes)
     folder = resume or out or Path("results") / loaded.name
     console = Console(quiet=quiet, highlight=False)
     before = _written(folder)
@@ -90,7 +88,7 @@ def run(
             if resume is None:
                 solution = runner.run_case(loaded, folder, force=force, **how)
             else:
-                solution = runner.resume_case(folder, **how, **extensions(extend))
+                solution = runner.resume_case(folder, **how, extensions=EXTENSIONS.get())
     except KeyboardInterrupt:
         complain("interrupted", _saved(folder, before))
         raise Exit(INTERRUPTED) from None
