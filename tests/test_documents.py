@@ -21,7 +21,7 @@ from hkt_mdo.case import (
     read_case,
 )
 from hkt_mdo.case.turbine import SectionFile
-from hkt_mdo.case.yaml_text import parse
+from hkt_mdo.files.yaml_text import parse
 from hkt_mdo.cli import main
 from hkt_mdo.cli.new_case import KINDS, write_new_case
 from hkt_mdo.errors import InputError

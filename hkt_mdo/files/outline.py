@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.shipped import locate, parse_number, parse_table, read_text
+from hkt_mdo.files.shipped import locate
+from hkt_mdo.files.table import lines_of, parse_number, parse_table, read_text, text_columns
 
 __all__ = ["read_outline"]
 
@@ -52,7 +53,7 @@ def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
     text = read_text(path, "file with an outline")
     lines = [
         (number, line.strip())
-        for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1)
+        for number, line in enumerate(lines_of(text), start=1)
         if line.strip() and line.lstrip()[0] not in "#!%"
     ]
     if not lines:
@@ -66,43 +67,27 @@ def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
     return x, y
 
 
-def _pair(line: str) -> list[float | None]:
-    return [parse_number(cell) for cell in re.split(r"[\s,;]+", line)]
-
-
 def _read_pairs(
     lines: list[tuple[int, str]], path: Path
 ) -> tuple[np.ndarray, np.ndarray, list[int]]:
     """Read pairs of numbers in Selig's or Lednicer's order."""
-    first = _pair(lines[0][1])
-    if len(first) != 2 or None in first:
-        lines = lines[1:]  # the name of the section
-    points = []
-    for number, line in lines:
-        pair = _pair(line)
-        if len(pair) != 2 or None in pair:
-            raise InputError(
-                "must be two finite numbers",
-                f"give {_FORMATS}",
-                file=path,
-                key=f"line {number}",
-                value=line,
-            )
-        points.append(pair)
-    if not points:
+    rows = [(number, re.split(r"[\s,;]+", line)) for number, line in lines]
+    if len(rows[0][1]) != 2 or None in map(parse_number, rows[0][1]):
+        lines, rows = lines[1:], rows[1:]  # the first line is the name of the section
+    if not rows:
         raise InputError("has no coordinates", f"give {_FORMATS}", file=path, key="line 1")
+    columns = text_columns(rows, ("x", "y"), path, ("x", "y"), f"give {_FORMATS}")
+    x, y = columns["x"].values, columns["y"].values
     numbers = [number for number, _ in lines]
-    x, y = np.array(points, dtype=float).T
     if not (min(x[0], y[0]) >= 2.0 and x[0] == int(x[0]) and y[0] == int(y[0])):
         return x, y, numbers
     n_upper, n_lower = int(x[0]), int(y[0])
-    key = f"line {numbers[0]}"
     if n_upper + n_lower != x.size - 1:
         raise InputError(
             f"{x.size - 1} points follow, not {n_upper} + {n_lower}",
             "count the points of the upper and the lower side, or give coordinates over the chord",
             file=path,
-            key=key,
+            key=f"line {numbers[0]}",
             value=lines[0][1],
         )
     upper, lower = np.arange(1, n_upper + 1), np.arange(n_upper + 1, x.size)

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.shipped import read_bytes
+from hkt_mdo.files.table import read_bytes
 
 __all__ = ["Columns", "RecordOptions", "columns_from", "read_columns"]
 

@@ -11,29 +11,16 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.blade import (
-    EDGE,
-    MOST_ROWS,
-    BladeTable,
-    Column,
-    SectionTable,
-    check_rows,
-    to_number,
-)
-from hkt_mdo.files.polar import PolarTable, polar_table
+from hkt_mdo.files.blade_table import EDGE, MOST_ROWS, BladeTable, SectionTable, check_rows
+from hkt_mdo.files.polar_table import PolarTable, polar_table
+from hkt_mdo.files.table import Column, fortran_number
+from hkt_mdo.files.yaml_text import Node, compose
 
 __all__ = ["read_windio"]
-
-MAX_DEPTH = 40
-"""Deepest nesting of a file."""
-
-MAX_NODES = 1_000_000
-"""Most values in a file; reference turbines have fifty thousand."""
 
 DIAMETER_OFF = 0.02
 """How far the file's rotor diameter may be from that of its hub and blade, relatively."""
@@ -44,138 +31,24 @@ _ENDS_ROUNDED = 0.01
 _THICK_ROUNDED = 1e-6
 
 
-class _Node:
-    """A value of a YAML file and its line: a dict, a list, or the text of a scalar."""
-
-    __slots__ = ("line", "quoted", "value")
-
-    def __init__(self, value: Any, line: int, quoted: bool = False) -> None:
-        self.value, self.line, self.quoted = value, line, quoted
-
-
-def _compose(text: str, file: Path) -> _Node:
-    """Return the tree of a YAML text.
-
-    An alias is the very node that its anchor names, never a copy, so that no file grows while it is
-    read.
-    """
-    import yaml
-
-    def refuse(problem: str, remedy: str, mark: Any) -> InputError:
-        place = f"line {mark.line + 1}, column {mark.column + 1}" if mark else f"line {line}"
-        return InputError(problem, remedy, file=file, key=place)
-
-    line = 1
-    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml: ten times as quick
-    anchors: dict[str, _Node] = {}
-    stack: list[tuple[_Node, str | None]] = []  # open collections and their anchors
-    keys: list[tuple[str, int] | None] = []  # the key that waits for its value, by collection
-    root: _Node | None = None
-    count = 0
-
-    def place(node: _Node, mark: Any) -> None:
-        nonlocal root
-        if not stack:
-            root = node
-            return
-        parent = stack[-1][0].value
-        if isinstance(parent, list):
-            parent.append(node)
-        elif keys[-1] is None:
-            if not isinstance(node.value, str):
-                raise refuse("has a key that is not a word", "write a word", mark)
-            if node.value == "<<":
-                raise refuse("merge keys (<<) are refused", "write the values out", mark)
-            if node.value in parent:
-                raise refuse(f"gives the key {node.value} twice", "keep one of them", mark)
-            keys[-1] = node.value, node.line
-        else:
-            parent[keys[-1][0]] = node
-            keys[-1] = None
-
-    try:
-        documents = 0
-        for event in yaml.parse(text, Loader=loader):
-            mark: Any = event.start_mark
-            if isinstance(event, yaml.DocumentStartEvent):
-                documents += 1
-                if documents > 1:
-                    raise refuse("begins a second document", "keep one turbine in a file", mark)
-            elif isinstance(event, yaml.AliasEvent):
-                if event.anchor not in anchors:
-                    raise refuse(
-                        f"the alias *{event.anchor} stands before its anchor or within it",
-                        "write the value out",
-                        mark,
-                    )
-                place(anchors[event.anchor], mark)
-            elif isinstance(event, yaml.NodeEvent):
-                count += 1
-                if count > MAX_NODES:
-                    raise refuse(
-                        f"holds more than {MAX_NODES} values", "give a turbine's usual file", mark
-                    )
-                tag = getattr(event, "tag", None)
-                if tag is not None and tag != "!":
-                    raise refuse(
-                        f"the tag {tag} is refused",
-                        "write the plain value; put an included file's content in its place",
-                        mark,
-                    )
-                if isinstance(event, yaml.ScalarEvent):
-                    node = _Node(event.value, mark.line + 1, bool(event.style))
-                    if event.anchor:
-                        anchors[event.anchor] = node
-                    place(node, mark)
-                else:
-                    node = _Node(
-                        [] if isinstance(event, yaml.SequenceStartEvent) else {}, mark.line + 1
-                    )
-                    stack.append((node, event.anchor))
-                    keys.append(None)
-                    if len(stack) > MAX_DEPTH:
-                        raise refuse(f"is nested deeper than {MAX_DEPTH} levels", "unfold it", mark)
-            elif isinstance(event, yaml.CollectionEndEvent):
-                node, anchor = stack.pop()
-                keys.pop()
-                if anchor:
-                    anchors[anchor] = node
-                place(node, mark)
-    except (yaml.YAMLError, ValueError) as error:
-        mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
-        line += text.count("\n", 0, getattr(error, "position", 0) or 0)
-        problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "broken"
-        raise refuse(f"cannot be read as YAML: {problem}", "mend it there", mark) from None
-    if root is None or not isinstance(root.value, dict):
-        raise InputError(
-            "is no windIO turbine",
-            "it has the keys assembly, components and airfoils",
-            file=file,
-            key="line 1",
-        )
-    return root
-
-
 @dataclass(frozen=True)
 class _Place:
     """A value in the file with its dotted key."""
 
-    node: _Node
+    node: Node
     key: str
     file: Path
 
     def refuse(self, problem: str, remedy: str, key: str = "", shown: bool = True) -> InputError:
         place = f"{key or self.key} (line {self.node.line})"
-        value = self.node.value
-        if shown and isinstance(value, str):
-            return InputError(problem, remedy, file=self.file, key=place, value=value)
-        return InputError(problem, remedy, file=self.file, key=place)
+        value = {"value": self.node.value} if shown and isinstance(self.node.value, str) else {}
+        return InputError(problem, remedy, file=self.file, key=place, **value)
 
     def find(self, name: str) -> _Place | None:
         """Return a member; None where there is none or it is empty."""
         self._expect(dict, "a mapping")
         node = self.node.value.get(name)
-        if node is None or (node.value in ("", "~", "null") and not node.quoted):
+        if node is None or (isinstance(node.value, str) and node.word == "null"):
             return None
         return _Place(node, f"{self.key}.{name}" if self.key else name, self.file)
 
@@ -202,12 +75,22 @@ class _Place:
         self._expect(str, "a word")
         return self.node.value.strip()
 
+    @property
+    def place(self) -> str:
+        """What a message calls the place."""
+        return f"{self.key} (line {self.node.line})"
+
+    def finite(self) -> float:
+        """Return a finite number."""
+        self._expect(str, "a number")
+        number = None if self.node.quoted else fortran_number(self.node.value)
+        if number is None:
+            raise self.refuse("must be a finite number", "write it plainly, without a unit")
+        return number
+
     def number(self, low: float, high: float, remedy: str) -> float:
         """Return a number within (low, high]."""
-        self._expect(str, "a number")
-        number = math.nan if self.node.quoted else to_number(self.node.value)
-        if math.isnan(number):
-            raise self.refuse("must be a finite number", "write it plainly, without a unit")
+        number = self.finite()
         if not low < number <= high:
             raise self.refuse(f"must be above {low:g} and at most {high:g}", remedy)
         return number
@@ -219,22 +102,21 @@ class _Place:
             raise self.refuse("is empty", "give its numbers")
         if len(items) > MOST_ROWS:
             raise self.refuse(f"has more than {MOST_ROWS} numbers", "give fewer")
-        values = np.array(
-            [math.nan if item.node.quoted else _plain_number(item.node.value) for item in items]
-        )
-        for row in np.flatnonzero(np.isnan(values)):
-            items[row]._expect(str, "a number")
-            raise items[row].refuse("must be a finite number", "write it plainly, without a unit")
-        keys = [f"{item.key} (line {item.node.line})" for item in items]
-        return Column(self.key, values, keys, [item.node.value for item in items])
+        return _column(self.key, items)
 
     def _expect(self, kind: type, what: str) -> None:
         if not isinstance(self.node.value, kind):
             raise self.refuse(f"must be {what}", "see the windIO turbine schema")
 
 
-def _plain_number(value: object) -> float:
-    return to_number(value) if isinstance(value, str) else math.nan
+def _column(name: str, places: list[_Place]) -> Column:
+    return Column(
+        name,
+        np.array([place.finite() for place in places]),
+        [place.place for place in places],
+        [place.node.value for place in places],
+        places[0].file,
+    )
 
 
 def _same_length(one: Column, other: Column, place: _Place) -> None:
@@ -246,12 +128,11 @@ def _same_length(one: Column, other: Column, place: _Place) -> None:
         )
 
 
-def _rising(grid: Column, file: Path) -> None:
+def _rising(grid: Column) -> None:
     grid.refuse(
         np.diff(grid.values, prepend=-np.inf) <= 0.0,
         "does not exceed the value before: a grid must increase strictly",
         "sort it and remove duplicates",
-        file,
     )
 
 
@@ -259,7 +140,7 @@ def _spanwise(place: _Place) -> tuple[np.ndarray, Column]:
     """Return grid and values of a quantity along the whole span."""
     grid, values = place.get("grid").numbers(), place.get("values").numbers()
     _same_length(grid, values, place)
-    _rising(grid, place.file)
+    _rising(grid)
     if abs(grid.values[0]) > EDGE or abs(grid.values[-1] - 1.0) > EDGE:
         raise place.refuse(
             f"has a grid from {grid.values[0]:g} to {grid.values[-1]:g}",
@@ -275,24 +156,19 @@ def read_windio(text: str, file: Path) -> BladeTable:
     Rows are the grid of the chord together with that of the twist; what is given on another grid is
     interpolated linearly. A row's radius is the hub radius plus z of the reference axis.
 
-    Parameters
-    ----------
-    text : str
-        The whole file.
-    file : pathlib.Path
-        For messages.
-
-    Returns
-    -------
-    BladeTable
-        With `sections` that its blade uses and `section_position`, where they stand.
-
-    Raises
-    ------
-    InputError
-        If something is missing or broken; the message names the dotted key and the line.
+    The table has the `sections` that its blade uses and `section_position`, where they stand.
+    Raises InputError if something is missing or broken; the message names the dotted key and the
+    line.
     """
-    root = _Place(_compose(text, file), "", file)
+    tree = compose(text, file)
+    if tree is None or not isinstance(tree.value, dict):
+        raise InputError(
+            "is no windIO turbine",
+            "it has the keys assembly, components and airfoils",
+            file=file,
+            key="line 1",
+        )
+    root = _Place(tree, "", file)
     messages: list[str] = []
     blade = root.get("components.blade", "give a turbine with a blade")
     shape, first_version = _shape(blade)
@@ -306,13 +182,13 @@ def read_windio(text: str, file: Path) -> BladeTable:
     if not first_version:
         twist = replace(twist, values=np.deg2rad(twist.values))
         messages.append("windIO 2: degrees converted to radians")
-    twist.refuse(np.abs(twist.values) > np.pi * (1.0 + EDGE), "is beyond 180 degrees", unit, file)
+    twist.refuse(np.abs(twist.values) > np.pi * (1.0 + EDGE), "is beyond 180 degrees", unit)
     s = _union(s_chord, s_twist)
     if s_chord.size != s_twist.size or np.any(s_chord != s_twist):
         messages.append("chord and twist have different grids: rows are both, linear in between")
     r = hub + np.interp(s, s_axis, height)
     places = [f"components.blade, row at s = {share:.6g}" for share in s]
-    check_rows(file, Column("r", r, places, r.tolist()), chord, twist, None, float(r[-1]))
+    check_rows(Column("r", r, places, r.tolist(), file), chord, twist, None, float(r[-1]))
 
     names, stands, sections = _sections(root, shape, first_version, messages)
     cone = root.get("components.hub").find("cone_angle")
@@ -363,13 +239,12 @@ def _height(axis: _Place, messages: list[str]) -> tuple[np.ndarray, np.ndarray]:
     grid, z = _spanwise(axis.get("z"))
     aside = np.zeros(z.values.size, dtype=bool)
     aside[0] = abs(z.values[0]) > EDGE * abs(z.values[-1])
-    z.refuse(aside, "is not 0 at the blade's root", "count z from the root", axis.file)
+    z.refuse(aside, "is not 0 at the blade's root", "count z from the root")
     height = np.concatenate(([0.0], z.values[1:]))
     z.refuse(
         np.diff(height, prepend=-np.inf) <= 0.0,
         "does not exceed the value before: the blade must run outwards",
         "sort z from root to tip, in metres",
-        axis.file,
     )
     for name, what in (("x", "prebend"), ("y", "sweep")):
         side = axis.find(name)
@@ -401,7 +276,6 @@ def _thickness(
         (column.values <= 0.0) | (column.values > 1.0 + _THICK_ROUNDED),
         "is no thickness over chord",
         "rthick lies within 0 (a plate) and 1 (a cylinder)",
-        shape.file,
     )
     return np.minimum(np.interp(s, grid, column.values), 1.0)
 
@@ -466,20 +340,14 @@ def _sections(
         if not entries:
             raise shape.refuse("is empty", "list the airfoils", key=f"{shape.key}.airfoils")
         keyed = [entry.get("spanwise_position") for entry in entries]
-        grid = Column(
-            "spanwise_position",
-            np.array([place.number(-math.inf, math.inf, "") for place in keyed]),
-            [f"{place.key} (line {place.node.line})" for place in keyed],
-            [place.node.value for place in keyed],
-        )
+        grid = _column("spanwise_position", keyed)
         used = [(entry, entry.get("name").text(), _configuration(entry)) for entry in entries]
     grid.refuse(
         (grid.values < -EDGE) | (grid.values > 1.0 + EDGE),
         "is no position along the span",
         "it lies within 0 (root) and 1 (tip)",
-        shape.file,
     )
-    _rising(grid, shape.file)
+    _rising(grid)
 
     library: dict[str, _Place] = {}
     for entry in root.get("airfoils", "add the airfoils that the blade names").items():
@@ -609,12 +477,11 @@ def _polar(place: _Place, first_version: bool, section: str, messages: list[str]
             continue
         grid, column = one.get("grid").numbers(), one.get("values").numbers()
         _same_length(grid, column, one)
-        _rising(grid, place.file)
+        _rising(grid)
         grid.refuse(
             np.abs(grid.values) > limit * 1.001,
             "lies beyond the full circle",
             f"windIO {1 if first_version else 2} counts angles of attack in {unit}",
-            place.file,
         )
         if not first_version and np.max(np.abs(grid.values)) < 3.2:
             raise one.refuse(

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.case import Case, load_case
-from hkt_mdo.files.shipped import read_bytes
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.table import read_bytes
 
 __all__ = ["Solution", "summary_table"]
 

@@ -30,8 +30,9 @@ from scipy.interpolate import CubicSpline
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Simulation
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.blade import BladeTable, write_blade_csv
-from hkt_mdo.files.shipped import read_bytes
+from hkt_mdo.files.blade import write_blade_csv
+from hkt_mdo.files.blade_table import BladeTable
+from hkt_mdo.files.table import read_bytes
 from hkt_mdo.problem.build import (
     MoveLimits,
     Physics,

@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.blade import BladeTable, SectionTable, read_blade, write_blade_csv
+from hkt_mdo.files.blade import read_blade, write_blade_csv
+from hkt_mdo.files.blade_table import BladeTable, SectionTable
 from hkt_mdo.files.shipped import data_path
 
 TEMPLATE = """------- AERODYN v15.00.* BLADE DEFINITION INPUT FILE ---------
