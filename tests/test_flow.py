@@ -18,7 +18,7 @@ from hkt_mdo.case import (
 from hkt_mdo.dynamics import inflow
 from hkt_mdo.dynamics.records import RecordOptions, read_record
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.record import DISCHARGE_UNITS, SPEED_UNITS, TIME_UNITS
+from hkt_mdo.files.units import DISCHARGE_UNITS, SPEED_UNITS, TIME_UNITS
 from hkt_mdo.problem.flow import build_inflow, check_flow, flow_messages, horizon
 
 TIME = np.linspace(0.0, 50.0, 501)

@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.record import MAX_ROWS, Columns, RecordOptions, columns_from, read_columns
+from hkt_mdo.files.record import read_columns
+from hkt_mdo.files.record_table import MAX_ROWS, Columns, RecordOptions
+from hkt_mdo.files.record_xarray import columns_from
 
 __all__ = ["Record", "RecordOptions", "find_spikes", "low_pass", "read_record", "record_from"]
 

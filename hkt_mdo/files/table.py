@@ -20,7 +20,7 @@ MAX_TEXT_BYTES = 16 * 1024**2
 """Largest text file that is read where nothing else is said, in bytes."""
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
-_LONGEST_NUMBER = 64
+_LONGEST_NUMBER, _LONGEST_NAME = 64, 100
 _PLAIN = re.compile(r"[-+.0-9eE \n]*")
 
 
@@ -236,7 +236,7 @@ class Csv:
         self, problem: str, remedy: str, line: int, name: str = "", **value: object
     ) -> InputError:
         """Return the error that lies in a line, in the column of this name if one is given."""
-        key = f"line {line}, column {name}" if name else f"line {line}"
+        key = f"line {line}, column {name[:_LONGEST_NAME]}" if name else f"line {line}"
         return InputError(problem, remedy, file=self.file, key=key, **value)
 
     def place(self, name: str) -> int:
