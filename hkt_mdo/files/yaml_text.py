@@ -7,11 +7,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import yaml
 
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.table import Column, fortran_number
 
-__all__ = ["Dumper", "Node", "compose", "dotted", "parse"]
+__all__ = ["Dumper", "Node", "Place", "compose", "dotted", "parse"]
 
 CASE_DEPTH, DEPTH = 20, 40
 """Deepest nesting of a case file and of other files."""
@@ -202,6 +204,89 @@ class _Composer:
         except UnicodeEncodeError:
             remedy = "write the text without \\u escapes"
             raise self.refuse("holds half a character", remedy) from None
+
+
+@dataclass(frozen=True)
+class Place:
+    """A value in a YAML file with its dotted key."""
+
+    node: Node
+    key: str
+    file: object
+
+    @property
+    def shown(self) -> str:
+        """What a message calls the place."""
+        return f"{self.key} (line {self.node.line})"
+
+    def refuse(self, problem: str, remedy: str) -> InputError:
+        """Return the error that lies here."""
+        value = {"value": self.node.value} if isinstance(self.node.value, str) else {}
+        return InputError(problem, remedy, file=self.file, key=self.shown, **value)
+
+    def _below(self, node: Node, name: str) -> Place:
+        return Place(node, dotted(part for part in (self.key, name) if part), self.file)
+
+    def _expect(self, kind: type, what: str) -> None:
+        if not isinstance(self.node.value, kind):
+            raise self.refuse(f"must be {what}", "see the schema of such files")
+
+    def find(self, name: str) -> Place | None:
+        """Return a member of a mapping; None where there is none or it is empty."""
+        self._expect(dict, "a mapping")
+        node = self.node.value.get(name)
+        if node is None or (isinstance(node.value, str) and node.word == "null"):
+            return None
+        return self._below(node, name)
+
+    def get(self, path: str, remedy: str = "add it") -> Place:
+        """Return what a dotted key below this place names; it must be there."""
+        here = self
+        for name in path.split("."):
+            found = here.find(name)
+            if found is None:
+                missing = here._below(Node({}, here.node.line), name)
+                raise missing.refuse("is missing", remedy)
+            here = found
+        return here
+
+    def items(self) -> list[Place]:
+        """Return the members of a list, one at least."""
+        self._expect(list, "a list")
+        if not self.node.value:
+            raise self.refuse("is empty", "give what belongs there")
+        return [self._below(node, f"[{index}]") for index, node in enumerate(self.node.value)]
+
+    def text(self) -> str:
+        """Return a text without spaces round it."""
+        self._expect(str, "a word")
+        return self.node.value.strip()
+
+    def finite(self) -> float:
+        """Return a finite number."""
+        self._expect(str, "a number")
+        number = None if self.node.quoted else fortran_number(self.node.value)
+        if number is None:
+            raise self.refuse("must be a finite number", "write it plainly, without a unit")
+        return number
+
+    def number(self, low: float, high: float, remedy: str) -> float:
+        """Return a number within (low, high]."""
+        number = self.finite()
+        if not low < number <= high:
+            raise self.refuse(f"must be above {low:g} and at most {high:g}", remedy)
+        return number
+
+    def numbers(self) -> Column:
+        """Return a list of numbers."""
+        return places_column(self.key, self.items())
+
+
+def places_column(name: str, places: list[Place]) -> Column:
+    """Return the numbers at some places of a file."""
+    values = np.array([place.finite() for place in places])
+    shown = [place.node.value for place in places]
+    return Column(name, values, [place.shown for place in places], shown, places[0].file)
 
 
 def compose(text: str, file: object, key: str = "", *, case: bool = False) -> Node | None:
