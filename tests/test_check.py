@@ -26,7 +26,7 @@ from hkt_mdo.run.findings import (
     time_constant,
     torque_at,
 )
-from tests.broken.blades import WINDIO
+from tests.files.broken.blades import WINDIO
 
 CASES = Path(__file__).parents[1] / "cases"
 BASE = "{inflow: {profile: sine}, control: {law: quadratic}}"
