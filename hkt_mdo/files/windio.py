@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import yaml
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade_table import EDGE, MOST_ROWS, BladeTable, SectionTable, check_rows
@@ -39,7 +40,7 @@ def read_windio(text: str, file: Path) -> BladeTable:
     InputError if something is missing or broken; the message names the dotted key and the line.
     """
     tree = compose(text, file)
-    if tree is None or not isinstance(tree.value, dict):
+    if not isinstance(tree, yaml.MappingNode):
         remedy = "it has the keys assembly, components and airfoils"
         raise InputError("is no windIO turbine", remedy, file=file, key="line 1")
     root = Place(tree, "", file)
