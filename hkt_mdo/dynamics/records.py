@@ -34,49 +34,27 @@ UNEVEN = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Even samples of a measured flow.
+    """Even samples of a measured flow: times from 0 (s), and speeds (m/s), positive and low-passed.
 
-    Parameters
-    ----------
-    time : array, shape (n,), s
-        From 0 in equal steps.
-    speed : array, shape (n,), m/s
-        Positive, low-passed.
-    step : float, s
-    cutoff : float, Hz
-        Frequency at which the low-pass halves an amplitude.
-    messages : tuple of str
-        What was read and what was done to it, one line each.
+    `cutoff` is the frequency at which the low-pass halves an amplitude. `messages` say what was
+    read and what was done to it, one line each.
     """
 
     time: np.ndarray
     speed: np.ndarray
-    step: float
-    cutoff: float
+    step: float  # s
+    cutoff: float  # Hz
     messages: tuple[str, ...]
 
 
 def read_record(path: str | Path, **options: Any) -> Record:
     """Read a record from a CSV, NetCDF or Parquet file, told apart by the file's ending.
 
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        `.csv` or `.txt`: columns separated by commas, a header line, UTF-8; empty cells and `nan`
-        are gaps. `.nc`, `.nc4` or `.cdf`, `.parquet` or `.pq`: as MHKiT's data are saved.
-    **options
-        As in `RecordOptions`.
-
-    Returns
-    -------
-    Record
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is larger than 256 MiB or 10 million rows, or anything in it is
-        not as the options say; the message names file, line, column, value and remedy. Also if the
-        packages for NetCDF or Parquet are not installed.
+    `.csv` or `.txt`: columns separated by commas, a header line, UTF-8; empty cells and `nan` are
+    gaps. `.nc`, `.nc4` or `.cdf`, `.parquet` or `.pq`: as MHKiT's data are saved. The options are
+    those of `RecordOptions`. Raises InputError, with file, line, column, value and remedy, if the
+    file cannot be read, is larger than 256 MiB or 10 million rows, or anything in it is not as the
+    options say; also if the packages for NetCDF or Parquet are not installed.
     """
     chosen = RecordOptions(**options)
     return _record(read_columns(Path(path), chosen), chosen)
@@ -85,21 +63,8 @@ def read_record(path: str | Path, **options: Any) -> Record:
 def record_from(data: Any, **options: Any) -> Record:
     """Make a record of data in memory, as MHKiT returns them.
 
-    Parameters
-    ----------
-    data : pandas DataFrame or Series, or xarray Dataset or DataArray
-        As of `mhkit.river.io.usgs` or `mhkit.dolfyn`.
-    **options
-        As in `RecordOptions`.
-
-    Returns
-    -------
-    Record
-
-    Raises
-    ------
-    InputError
-        As `read_record`, without a file.
+    Takes a pandas DataFrame or Series, or an xarray Dataset or DataArray, as of
+    `mhkit.river.io.usgs` or `mhkit.dolfyn`. Options and errors are those of `read_record`.
     """
     chosen = RecordOptions(**options)
     return _record(columns_from(data, chosen), chosen)
@@ -192,22 +157,14 @@ def _part(raw: Columns, options: RecordOptions, messages: list[str]) -> Columns:
 
 
 def find_spikes(speed: np.ndarray) -> np.ndarray:
-    """Return which samples are spikes, by a Hampel filter.
+    """Return which samples of speed[n], n >= 16 and finite, are spikes, by a Hampel filter.
 
     A sample is one if it is farther from the median of the seven around it than `SPIKE` times
     their spread, and `SPIKE` times the usual difference of neighbours among the 51 around it; both
-    are 1.4826 times a median absolute deviation (Davies and Gather 1993; Pearson 2002). What is
-    left without the spikes is looked at again, until there are none. So two or three bad samples in
-    a row are found, too; gusts, steps and crests of waves are spared, for the neighbours follow.
-
-    Parameters
-    ----------
-    speed : array, shape (n,), n >= 16
-        Finite.
-
-    Returns
-    -------
-    array of bool, shape (n,)
+    are 1.4826 times a median absolute deviation (Davies and Gather 1993; Pearson 2002). The samples
+    left without the spikes are filtered again, until there are none: so two or three bad samples
+    in a row are found, too. Gusts, steps and crests of waves are no spikes, since their neighbours
+    follow them.
     """
     spikes = np.zeros(speed.size, dtype=bool)
     left = np.arange(speed.size)
@@ -370,20 +327,10 @@ def _check_gaps(raw: Columns, step: float, resample: bool, options: RecordOption
 def low_pass(speed: np.ndarray, step: float, cutoff: float) -> np.ndarray:
     """Return even samples low-passed without shift: amplitudes times 1 / (1 + (f/cutoff)^8).
 
-    That is Butterworth's filter of fourth order, forwards and backwards. The record is continued
+    That is Butterworth's filter of fourth order, forwards and backwards; an amplitude is halved at
+    the cutoff (Hz). Samples speed[n] are `step` seconds apart. The record is continued
     point-symmetrically about its ends, which keeps their value and slope: the straight line through
     the two ends passes as it is, the rest as a sum of sines.
-
-    Parameters
-    ----------
-    speed : array, shape (n,)
-    step : float, s
-    cutoff : float, Hz
-        Frequency at which an amplitude is halved.
-
-    Returns
-    -------
-    array, shape (n,)
     """
     from scipy.fft import dst, idst
 

@@ -35,23 +35,10 @@ def read_blade(source: str | Path, hub_radius: float | None = None) -> BladeTabl
     (thickness_over_chord, t_over_c, thickness_percent or t_over_c_pct) and the name of a section
     (section); other columns are ignored.
 
-    Parameters
-    ----------
-    source : str or pathlib.Path
-        The name of a shipped blade or the path of a file.
-    hub_radius : float, optional, m
-        Where the blade's root lies; an AeroDyn file counts from there and does not say it. Other
-        files need none.
-
-    Returns
-    -------
-    BladeTable
-
-    Raises
-    ------
-    InputError
-        If the file is missing, larger than 16 MiB, not UTF-8 or broken; the message names file,
-        line or key, value and remedy.
+    The source is the name of a shipped blade or the path of a file. `hub_radius` (m) is where the
+    blade's root lies, from which an AeroDyn file counts without saying it; other files need none.
+    Raises InputError if the file is missing, larger than 16 MiB, not UTF-8 or broken; the message
+    names file, line or key, value and remedy.
     """
     path = locate(source, "blade")
     text = read_text(path, "blade file")

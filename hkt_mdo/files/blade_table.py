@@ -18,17 +18,9 @@ EDGE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class SectionTable:
-    """A section (airfoil) that comes inside a turbine file.
+    """A section (airfoil) that comes inside a turbine file, its polars by Reynolds number.
 
-    Parameters
-    ----------
-    name : str
-    thickness : float or None
-        Largest thickness over chord; None where the file does not say.
-    polars : tuple of PolarTable
-        Lift and drag tables, one a Reynolds number.
-    outline_x, outline_y : ndarray, shape (n_points,), or None
-        Outline over chord.
+    The outline is over the chord; what the file does not say is None.
     """
 
     name: str
@@ -40,52 +32,32 @@ class SectionTable:
 
 @dataclass(frozen=True, eq=False)
 class BladeTable:
-    """The rows of a blade file, in SI units and radians.
-
-    Parameters
-    ----------
-    r : ndarray, shape (n_rows,), m
-        Distance from the rotor's centre along the blade, strictly increasing; over the tip radius
-        where `relative`.
-    chord : ndarray, shape (n_rows,), m
-        Over the tip radius where `relative`.
-    twist : ndarray, shape (n_rows,), rad
-        Angle between the section's chord and the rotor plane, without a set angle.
-    relative : bool
-        Whether lengths are over the tip radius.
-    thickness : ndarray, shape (n_rows,), or None
-        Thickness over chord.
-    section : tuple of str, length n_rows, or None
-        Name of each row's section; AeroDyn's BlAFID as text, such as "1".
-    sections : tuple of SectionTable
-        The sections that the file itself holds.
-    section_position : tuple of (str, float) or None
-        Names of sections and the radii (as `r`) where they stand, root to tip (windIO).
-    tip_radius, hub_radius : float or None, m
-        None where the file does not say.
-    blade_count : int or None
-    cone : float or None, rad
-        Angle between the blade and the rotor plane.
-    messages : tuple of str
-        Every conversion made and everything passed over.
-    file : str
-        Where the table comes from, for messages.
-    """
+    """The rows of a blade file, in SI units and radians; what the file does not say is None."""
 
     r: np.ndarray
+    """Distance from the rotor's centre along the blade, m, strictly increasing, shape (n_rows,)."""
     chord: np.ndarray
     twist: np.ndarray
+    """Angle between the section's chord and the rotor plane, rad, without a set angle."""
     relative: bool = False
+    """Whether lengths are over the tip radius."""
     thickness: np.ndarray | None = None
+    """Thickness over chord."""
     section: tuple[str, ...] | None = None
+    """Name of each row's section; AeroDyn's BlAFID as text, such as "1"."""
     sections: tuple[SectionTable, ...] = ()
+    """The sections that the file itself holds."""
     section_position: tuple[tuple[str, float], ...] | None = None
+    """Names of sections and the radii (as `r`) where they stand, root to tip (windIO)."""
     tip_radius: float | None = None
     hub_radius: float | None = None
     blade_count: int | None = None
     cone: float | None = None
+    """Angle between the blade and the rotor plane, rad."""
     messages: tuple[str, ...] = ()
+    """Every conversion made and everything passed over."""
     file: str = ""
+    """Where the table comes from, for messages."""
 
     def scaled(self, tip_radius: float) -> BladeTable:
         """Return the table in metres for a tip radius (m).

@@ -33,21 +33,9 @@ def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
     edge round to it) or Lednicer's (number of points of either side, then the upper and the lower
     side from the leading edge).
 
-    Parameters
-    ----------
-    source : str or pathlib.Path
-        A shipped name or the path of a file.
-
-    Returns
-    -------
-    x, y : ndarray, shape (n_points,)
-        Over the chord, as the file has them, from the trailing edge round to the trailing edge.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or broken, or the points are no closed section of unit chord; the
-        message names file, line, value and remedy.
+    Returns x[n_points] and y[n_points] over the chord, from the trailing edge round to it. Raises
+    InputError if the file is missing or broken, or the points are no closed section of unit chord;
+    the message names file, line, value and remedy.
     """
     path = locate(source, "outline")
     text = read_text(path, "file with an outline")

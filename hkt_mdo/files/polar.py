@@ -37,21 +37,10 @@ def read_polars(source: str | Path) -> tuple[PolarTable, ...]:
     (AirfoilInfo v1.01, Reynolds numbers in millions); or polars that XFOIL or XFLR5 has written,
     one after the other.
 
-    Parameters
-    ----------
-    source : str or pathlib.Path
-        The path of a file, the name of a shipped polar (``naca63815_Re2e5``) or of a shipped
-        section (``naca63815``: all its Reynolds numbers).
-
-    Returns
-    -------
-    tuple of PolarTable
-        By rising Reynolds number.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or broken; the message names file, line, column, value and remedy.
+    The source is the path of a file, the name of a shipped polar (``naca63815_Re2e5``) or of a
+    shipped section (``naca63815``: all its Reynolds numbers). Tables are returned by rising
+    Reynolds number. Raises InputError if the file is missing or broken; the message names file,
+    line, column, value and remedy.
     """
     name = str(source)
     for family, polars in POLAR_FAMILIES.items():

@@ -27,31 +27,19 @@ _QUANTITIES = "alpha", "lift", "drag", "moment"
 
 @dataclass(frozen=True, eq=False)
 class PolarTable:
-    """Lift and drag of a section at one Reynolds number, as a file has them.
-
-    Parameters
-    ----------
-    reynolds : float or None
-        Reynolds number by the chord; None where the file states none.
-    alpha : ndarray, shape (n_rows,), rad
-        Angle of attack, strictly increasing.
-    lift, drag : ndarray, shape (n_rows,)
-        Lift and drag coefficient.
-    moment : ndarray, shape (n_rows,), or None
-        Pitching moment coefficient.
-    full_circle : bool
-        Whether the table runs from -pi to pi, with equal coefficients at both ends.
-    source : str
-        Where the table comes from, for messages.
-    """
+    """Lift and drag of a section at one Reynolds number, as a file has them."""
 
     reynolds: float | None
+    """Reynolds number by the chord; None where the file states none."""
     alpha: np.ndarray
+    """Angle of attack, rad, strictly increasing, shape (n_rows,)."""
     lift: np.ndarray
     drag: np.ndarray
     moment: np.ndarray | None
     full_circle: bool
+    """Whether the table runs from -pi to pi, with equal coefficients at both ends."""
     source: str = ""
+    """Where the table comes from, for messages."""
 
 
 def polar_table(
@@ -68,37 +56,13 @@ def polar_table(
 ) -> PolarTable:
     """Check a polar and return it in radians.
 
-    Parameters
-    ----------
-    alpha : array, shape (n_rows,), deg
-        Angle of attack; in radians where the first of `columns` ends in ``_rad``.
-    lift, drag : array, shape (n_rows,)
-        Lift and drag coefficient.
-    moment : array, shape (n_rows,), optional
-        Pitching moment coefficient.
-    reynolds : float, optional
-        Reynolds number.
-    file : str or path
-        Where the polar comes from, for messages.
-    columns : sequence of str
-        What the file calls angle, lift, drag and moment.
-    lines : sequence of int, shape (n_rows,), optional
-        Number of each row's line in the file; rows are counted without it.
-    where : str
-        What tells this polar from others in the file, such as ``table 2``.
-
-    Returns
-    -------
-    PolarTable
-        The checked table.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than 8 rows (two suffice where all are equal, as a cylinder's), angles do
-        not increase strictly or cover neither -5 to 12 degrees within ±90 nor the full circle, the
-        ends of a full circle differ, drag is not positive, or a number is not finite or beyond what
-        sections have.
+    Columns alpha, lift, drag and moment[n_rows] are as the file has them: angles in degrees, or in
+    radians where the first of `columns`, the file's names for them, ends in ``_rad``. `lines` are
+    the numbers of the rows' lines (rows are counted without), and `where` tells this polar from
+    others in the file. Raises InputError if there are fewer than 8 rows (two suffice where all are
+    equal, as a cylinder's), angles do not increase strictly or cover neither -5 to 12 degrees
+    within ±90 nor the full circle, the ends of a full circle differ, drag is not positive, or a
+    number is not finite or beyond what sections have.
     """
     values = {
         name: np.asarray(column, dtype=float)

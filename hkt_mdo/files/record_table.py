@@ -32,48 +32,22 @@ _EXAMPLES = {"time_unit": "time_s or time [h]", "speed_unit": "speed_m_s or v [f
 
 @dataclass(frozen=True)
 class RecordOptions:
-    """Where in a file the speed is, and what may be done to it; see the case section `record`.
+    """Where in a file the speed is, and what may be done to it; see the case section `record`."""
 
-    Parameters
-    ----------
-    time_column, speed_column : str or None
-        Names of columns or variables; None: the first (or the index, or the only time), and the
-        only other.
-    time_unit : {'s', 'ms', 'min', 'h', 'days'} or None
-        Of times that are numbers; None: as the name or the file says.
-    speed_unit : str or None
-        One of `SPEED_UNITS` or `DISCHARGE_UNITS`; None: as the name or the file says.
-    area : float or None, m²
-        Cross section of the channel, for a discharge only.
-    bins : (float, float) or None, m
-        Range of depth bins to average over.
-    component : str or None
-        Label of a velocity's component; None: the horizontal speed, of the first two.
-    start, duration : float, s
-        The part that is taken; duration None: up to the end.
-    gaps : {'refuse', 'interpolate'}
-    longest_gap : float or None, s
-        None: three samples, and no more than an hour.
-    spikes : {'refuse', 'replace', 'keep'}
-    uneven : {'refuse', 'resample'}
-    cutoff : float or None, Hz
-        Of the low-pass; None: half of Nyquist's frequency.
-    """
-
-    time_column: str | None = None
-    speed_column: str | None = None
-    time_unit: str | None = None
-    speed_unit: str | None = None
-    area: float | None = None
-    bins: tuple[float, float] | None = None
-    component: str | None = None
-    start: float = 0.0
-    duration: float | None = None
+    time_column: str | None = None  # by default the first, the index, or the only time
+    speed_column: str | None = None  # by default the only other
+    time_unit: str | None = None  # of `TIME_UNITS`; by default as the name or the file says
+    speed_unit: str | None = None  # of `SPEED_UNITS` or `DISCHARGE_UNITS`; the same default
+    area: float | None = None  # cross section of the channel for a discharge, m²
+    bins: tuple[float, float] | None = None  # range of depth bins to average over, m
+    component: str | None = None  # label of a velocity's component; by default horizontal speed
+    start: float = 0.0  # s
+    duration: float | None = None  # s; by default up to the end
     gaps: str = "refuse"
-    longest_gap: float | None = None
+    longest_gap: float | None = None  # s; by default three samples, and no more than an hour
     spikes: str = "refuse"
     uneven: str = "refuse"
-    cutoff: float | None = None
+    cutoff: float | None = None  # Hz, of the low-pass; by default half of Nyquist's frequency
 
     def __post_init__(self) -> None:
         """Refuse a word that is none of its option's."""
@@ -92,30 +66,20 @@ class RecordOptions:
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Time and speed of a record as they are in the file, but in SI units.
-
-    Parameters
-    ----------
-    file : str
-        Its name; empty for data in memory.
-    columns : (str, str)
-        What messages call the columns of time and speed, such as ``column time_s``.
-    time : array, shape (n,), s
-        Since the first sample, not checked; NaN where a date is missing.
-    speed : array, shape (n,), m/s
-        NaN where a sample is missing.
-    place : callable
-        place(row) says where a row is, such as ``line 7``.
-    messages : tuple of str
-        What was done to the numbers.
-    """
+    """Time and speed of a record as they are in the file, but in SI units."""
 
     file: str
+    """Its name; empty for data in memory."""
     columns: tuple[str, str]
+    """What messages call the columns of time and speed, such as ``column time_s``."""
     time: np.ndarray
+    """Seconds since the first sample, not checked; NaN where a date is missing."""
     speed: np.ndarray
+    """Speed, m/s; NaN where a sample is missing."""
     place: Callable[[int], str]
+    """place(row) says where a row is, such as ``line 7``."""
     messages: tuple[str, ...] = ()
+    """What was done to the numbers."""
 
     def refuse(self, problem: str, remedy: str, row: int, column: int) -> InputError:
         """Return the error that lies in a row, in the column of the time (0) or the speed (1)."""

@@ -284,33 +284,13 @@ def parse_table(
     parse: Callable[[str], float | None] = parse_number,
     fewest: int = 1,
 ) -> Table:
-    """Read columns of numbers from the text of a CSV file; other columns are ignored.
+    """Read columns of numbers, column[n_rows], from the text of a CSV file.
 
-    Parameters
-    ----------
-    text : str
-        The whole file.
-    path : pathlib.Path
-        The file, for messages.
-    columns, optional : sequence of str
-        Columns that must be there, and columns that are read if they are there.
-    what : str
-        What the table holds, for messages.
-    parse : callable
-        Reads a cell: `parse_number`, or `any_number` where nan and inf are allowed.
-    fewest : int
-        Smallest number of rows: 1, or 0.
-
-    Returns
-    -------
-    Table
-        Column[n_rows]; an optional column that is absent has no entry.
-
-    Raises
-    ------
-    InputError
-        If a column is missing or appears twice, a line has more or fewer cells than the header, or
-        a cell is no number. The message names file, line, column and value.
+    `columns` must be there; `optional` ones are read if they are there, and others are ignored.
+    `path` and `what` name the file and its content in messages. `parse` reads a cell:
+    `parse_number`, or `any_number` where nan and inf are allowed. Raises InputError if a column is
+    missing or appears twice, there are less than `fewest` rows, a line has more or fewer cells than
+    the header, or a cell is no number; the message names file, line, column and value.
     """
     table = Csv(text, path, ",".join(columns))
     wanted = [name for name in (*columns, *optional) if name in table.header]
