@@ -15,7 +15,7 @@ import numpy as np
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade_table import FEWEST_ROWS, MOST_ROWS, BladeTable, check_rising, check_rows
 from hkt_mdo.files.polar_table import PolarTable, check_reynolds, polar_table
-from hkt_mdo.files.table import Column, fortran_number, lines_of, text_columns
+from hkt_mdo.files.table import Column, Source, fortran_number, lines_of, text_columns
 
 __all__ = ["read_airfoil", "read_blade_definition"]
 
@@ -25,11 +25,11 @@ _SETTING = re.compile(r"""\s*(@?"[^"]*"|@?'[^']*'|\S+)\s+([A-Za-z]\w*)""")
 _REMEDY = "see OpenFAST's AirfoilInfo v1.01 files"
 
 
-class _Lines:
-    """The lines of an AeroDyn file that say something, read one after the other."""
+class _Lines(Source):
+    """The lines of an airfoil file that say something, read one after the other."""
 
     def __init__(self, text: str, path: Path) -> None:
-        self.path = path
+        super().__init__(path)
         self.at = 0
         self.lines: list[tuple[int, str, list[str]]] = []  # number, text, names of columns above
         names: list[str] = []
@@ -46,8 +46,8 @@ class _Lines:
     def refusal(self, problem: str, remedy: str = _REMEDY) -> InputError:
         if self.at < len(self.lines):
             number, text, _ = self.lines[self.at]
-            return InputError(problem, remedy, file=self.path, key=f"line {number}", value=text)
-        return InputError(f"the file ends where {problem}", remedy, file=self.path, key="end")
+            return self.refuse(problem, remedy, number, value=text)
+        return InputError(f"the file ends where {problem}", remedy, file=self.file, key="end")
 
     def setting(self, keyword: str) -> tuple[int, str]:
         """Return line number and value of the next setting of this name, passing over others."""
@@ -75,13 +75,8 @@ class _Lines:
 
     def count(self, keyword: str, number: int, text: str, fewest: int = 1) -> int:
         if not re.fullmatch(r"\d{1,6}", text, re.ASCII) or int(text) < fewest:
-            raise InputError(
-                f"must be a whole number of at least {fewest}",
-                _REMEDY,
-                file=self.path,
-                key=f"line {number}, {keyword}",
-                value=text,
-            )
+            problem = f"must be a whole number of at least {fewest}"
+            raise self.refuse(problem, _REMEDY, number, keyword, value=text)
         return int(text)
 
     def rows(self, count: int, count_line: int) -> list[tuple[int, list[str]]]:
@@ -119,7 +114,7 @@ def read_airfoil(text: str, path: Path) -> list[PolarTable]:
 
 def _read_table(file: _Lines, index: int) -> PolarTable:
     """Read the table of this number, from 1."""
-    path = file.path
+    path = file.file
     at, cell = file.setting("Re")
     millions = fortran_number(cell)
     reynolds = check_reynolds(
@@ -128,23 +123,15 @@ def _read_table(file: _Lines, index: int) -> PolarTable:
     at, cell = file.setting("NumAlf")
     names = file.lines[file.at][2] if file.at < len(file.lines) else []
     if names and names[1:3] != ["cl", "cd"]:
-        raise InputError(
-            "the columns are to be Alpha, Cl, Cd and perhaps Cm",
-            "put them in this order",
-            file=path,
-            key=f"table {index}, line {file.lines[file.at][0]}",
-            value=" ".join(names),
-        )
+        problem = "the columns are to be Alpha, Cl, Cd and perhaps Cm"
+        line, remedy = file.lines[file.at][0], "put them in this order"
+        raise file.refuse(problem, remedy, line, f"table {index}", value=" ".join(names))
     rows = file.rows(file.count("NumAlf", at, cell), at)
     numbers = [str(number + 1) for number in range(len(rows[0][1]))]
     columns = list(text_columns(rows, numbers, path, numbers).values())
     if len(columns) < 3:
-        raise InputError(
-            "has fewer than three columns",
-            "give Alpha, Cl and Cd in every row",
-            file=path,
-            key=f"line {rows[0][0]}",
-        )
+        remedy = "give Alpha, Cl and Cd in every row"
+        raise file.refuse("has fewer than three columns", remedy, rows[0][0])
     # Without names the fourth column is the moment; MHK files have the lowest pressure there.
     moment = names.index("cm") if "cm" in names else (0 if names else 3)
     return polar_table(
@@ -163,6 +150,7 @@ def _read_table(file: _Lines, index: int) -> PolarTable:
 _UNITS = {"BlSpn": "m", "BlCrvAC": "m", "BlSwpAC": "m", "BlCrvAng": "deg"}
 _UNITS |= {"BlTwist": "deg", "BlChord": "m", "BlAFID": "-", "t_c": "-"}
 _NEEDED = ("BlSpn", "BlTwist", "BlChord", "BlAFID")
+_USUAL = "BlSpn BlCrvAC BlSwpAC BlCrvAng BlTwist BlChord BlAFID"
 
 
 def read_blade_definition(text: str, file: Path, hub_radius: float | None) -> BladeTable:
@@ -233,13 +221,9 @@ def _blade_columns(lines: Sequence[str], file: Path) -> tuple[dict[str, Column],
         for number in range(first, min(first + count, len(lines)))
     ]
     if len(rows) < count:
-        raise InputError(
-            f"promises {count} rows, but the file ends after {len(rows)}",
-            "complete the rows or correct NumBlNds",
-            file=file,
-            key=f"line {count_line + 1}, NumBlNds",
-            value=count,
-        )
+        problem = f"promises {count} rows, but the file ends after {len(rows)}"
+        remedy = "complete the rows or correct NumBlNds"
+        raise Source(file).refuse(problem, remedy, count_line + 1, "NumBlNds", value=count)
     more = [line.split() for line in lines[first + count :]]
     left = sum(fortran_number(cells[0]) is not None for cells in more if cells)
     said = f"NumBlNds = {count}: {left} rows after these are ignored, as OpenFAST does"
@@ -256,34 +240,22 @@ def _blade_header(lines: Sequence[str], count_line: int, file: Path) -> tuple[in
     wrong = [name for name in _NEEDED if name not in header]
     twice = [name for name in header if header.count(name) > 1]
     if wrong or twice:
-        raise InputError(
-            f"lacks the column {wrong[0]}" if wrong else f"has the column {twice[0]} twice",
-            "the line after NumBlNds names the columns BlSpn BlCrvAC BlSwpAC BlCrvAng BlTwist "
-            "BlChord BlAFID",
-            file=file,
-            key=f"line {min(header_line, len(lines) - 1) + 1}",
-            value=" ".join(header),
-        )
+        problem = f"lacks the column {wrong[0]}" if wrong else f"has the column {twice[0]} twice"
+        remedy = f"the line after NumBlNds names the columns {_USUAL}"
+        line = min(header_line, len(lines) - 1) + 1
+        raise Source(file).refuse(problem, remedy, line, value=" ".join(header))
     first = header_line + 2
     units = lines[first - 1].split() if first - 1 < len(lines) else []
     if not units or not units[0].startswith("("):
-        raise InputError(
-            "is not the line of units",
-            "write (m) (m) (m) (deg) (deg) (m) (-) under the names of the columns",
-            file=file,
-            key=f"line {min(first, len(lines))}",
-            value=" ".join(units),
-        )
+        remedy = "write (m) (m) (m) (deg) (deg) (m) (-) under the names of the columns"
+        line, shown = min(first, len(lines)), " ".join(units)
+        raise Source(file).refuse("is not the line of units", remedy, line, value=shown)
     if len(units) == len(header):
         for name, unit in zip(header, units, strict=True):
             if name in _UNITS and unit.strip("()").lower() != _UNITS[name]:
-                raise InputError(
-                    f"is not AeroDyn's unit ({_UNITS[name]})",
-                    f"convert the column to ({_UNITS[name]})",
-                    file=file,
-                    key=f"line {first}, column {name}",
-                    value=unit,
-                )
+                problem = f"is not AeroDyn's unit ({_UNITS[name]})"
+                remedy = f"convert the column to ({_UNITS[name]})"
+                raise Source(file).refuse(problem, remedy, first, f"column {name}", value=unit)
     return first, header
 
 
@@ -291,22 +263,13 @@ def _node_count(lines: Sequence[str], file: Path) -> tuple[int, int]:
     """Return what the line NumBlNds says, and its index."""
     for index, line in enumerate(lines):
         found = re.match(r"\s*(\S+)\s+NumBlNds\b", line, re.IGNORECASE)
-        if not found:
-            continue
-        count = fortran_number(found[1]) or 0.0
-        if not (count == np.floor(count) and FEWEST_ROWS <= count <= MOST_ROWS):
-            raise InputError(
-                f"is no number of rows from {FEWEST_ROWS} to {MOST_ROWS}",
-                "write how many rows the blade has",
-                file=file,
-                key=f"line {index + 1}, NumBlNds",
-                value=found[1],
-            )
-        return int(count), index
-    raise InputError(
-        "has no line `19 NumBlNds`, so it is no AeroDyn 15 blade file",
-        "give the blade file (ADBlFile) that AeroDyn's primary file names, or a CSV file",
-        file=file,
-        key="line 1",
-        value=lines[0],
-    )
+        if found:
+            count = fortran_number(found[1]) or 0.0
+            if count == np.floor(count) and FEWEST_ROWS <= count <= MOST_ROWS:
+                return int(count), index
+            problem = f"is no number of rows from {FEWEST_ROWS} to {MOST_ROWS}"
+            remedy = "write how many rows the blade has"
+            raise Source(file).refuse(problem, remedy, index + 1, "NumBlNds", value=found[1])
+    problem = "has no line `19 NumBlNds`, so it is no AeroDyn 15 blade file"
+    remedy = "give the blade file (ADBlFile) that AeroDyn's primary file names, or a CSV file"
+    raise Source(file).refuse(problem, remedy, 1, value=lines[0])

@@ -124,7 +124,7 @@ def _read_csv(text: str, file: Path) -> BladeTable:
     check_rows(r, chord, twist, thickness, 1.0 if relative else float(np.max(r.values)))
     if section is not None and "" in section:
         line, remedy = table.lines[section.index("")], "name the section of every row, or of none"
-        raise table.refuse("names no section", remedy, line, "section")
+        raise table.refuse("names no section", remedy, line, "column section")
     return BladeTable(
         r.values,
         chord.values,
@@ -154,7 +154,7 @@ def _choose(table: Csv, quantity: str) -> str | None:
         bare = re.sub(r"[^a-z]", "", _UNIT.sub("", cell.lower()))
         if (needed or cell.lower() == "thickness") and re.fullmatch(words, bare):
             problem = "has no unit in its name" if bare == cell.lower() else "is no known column"
-            raise table.refuse(problem, f"rename it {one_of}", line, cell)
+            raise table.refuse(problem, f"rename it {one_of}", line, f"column {cell}")
     if needed:
         problem = f"lacks a column of the {quantity}"
         raise table.refuse(problem, f"add one named {one_of}", line, value=shown)

@@ -10,7 +10,7 @@ import numpy as np
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import locate
-from hkt_mdo.files.table import lines_of, parse_number, parse_table, read_text, text_columns
+from hkt_mdo.files.table import Source, lines_of, parse_number, parse_table, read_text, text_columns
 
 __all__ = ["read_outline"]
 
@@ -71,23 +71,16 @@ def _read_pairs(
         return x, y, numbers
     n_upper, n_lower = int(x[0]), int(y[0])
     if n_upper + n_lower != x.size - 1:
-        raise InputError(
-            f"{x.size - 1} points follow, not {n_upper} + {n_lower}",
-            "count the points of the upper and the lower side, or give coordinates over the chord",
-            file=path,
-            key=f"line {numbers[0]}",
-            value=lines[0][1],
-        )
+        problem = f"{x.size - 1} points follow, not {n_upper} + {n_lower}"
+        remedy = "count the points of either side, or give coordinates over the chord"
+        raise Source(path).refuse(problem, remedy, numbers[0], value=lines[0][1])
     upper, lower = np.arange(1, n_upper + 1), np.arange(n_upper + 1, x.size)
     for side, name in ((upper, "upper"), (lower, "lower")):
         if x[side[0]] > x[side[-1]]:
-            raise InputError(
-                f"the {name} side begins nearer to the trailing edge than it ends",
-                "in Lednicer's order both sides run from the leading edge to the trailing edge",
-                file=path,
-                key=f"line {numbers[side[0]]}",
-                value=lines[side[0]][1],
-            )
+            problem = f"the {name} side begins nearer to the trailing edge than it ends"
+            remedy = "in Lednicer's order both sides run from the leading to the trailing edge"
+            line, shown = lines[side[0]]
+            raise Source(path).refuse(problem, remedy, line, value=shown)
     shared = x[upper[0]] == x[lower[0]] and y[upper[0]] == y[lower[0]]
     order = np.concatenate((upper[::-1], lower[1:] if shared else lower))
     return x[order], y[order], [numbers[point] for point in order]
@@ -96,15 +89,11 @@ def _read_pairs(
 def _check(x: np.ndarray, y: np.ndarray, numbers: Sequence[int], path: Path) -> None:
     def refuse(problem: str, remedy: str, point: int) -> InputError:
         value = f"{x[point]:g}, {y[point]:g}"
-        return InputError(problem, remedy, file=path, key=f"line {numbers[point]}", value=value)
+        return Source(path).refuse(problem, remedy, numbers[point], value=value)
 
     if not FEWEST_POINTS <= x.size <= MOST_POINTS:
-        raise InputError(
-            f"the outline has {x.size} points, not {FEWEST_POINTS} to {MOST_POINTS}",
-            "give some hundred points",
-            file=path,
-            key=f"line {numbers[-1]}",
-        )
+        problem = f"the outline has {x.size} points, not {FEWEST_POINTS} to {MOST_POINTS}"
+        raise Source(path).refuse(problem, "give some hundred points", numbers[-1])
     for edge, end, what in (
         (0.0, int(np.argmin(x)), "smallest"),
         (1.0, int(np.argmax(x)), "largest"),
@@ -127,12 +116,8 @@ def _check(x: np.ndarray, y: np.ndarray, numbers: Sequence[int], path: Path) -> 
     area = 0.5 * abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
     low, high = AREA_RANGE
     if not low <= area <= high:
-        raise InputError(
-            f"encloses {area:.4g} chord², no area of a section",
-            _ORDER,
-            file=path,
-            key=f"line {numbers[0]} to {numbers[-1]}",
-        )
+        problem, last = f"encloses {area:.4g} chord², no area of a section", f"to {numbers[-1]}"
+        raise Source(path).refuse(problem, _ORDER, numbers[0], last)
 
 
 def _first_crossing(x: np.ndarray, y: np.ndarray) -> tuple[int, int] | None:

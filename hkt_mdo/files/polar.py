@@ -13,7 +13,15 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.aerodyn import read_airfoil
 from hkt_mdo.files.polar_table import PolarTable, check_reynolds, polar_table
 from hkt_mdo.files.shipped import POLAR_FAMILIES, locate, shipped_names
-from hkt_mdo.files.table import Csv, lines_of, parse_number, parse_table, read_text, text_columns
+from hkt_mdo.files.table import (
+    Csv,
+    Source,
+    lines_of,
+    parse_number,
+    parse_table,
+    read_text,
+    text_columns,
+)
 
 __all__ = ["read_polars"]
 
@@ -74,12 +82,10 @@ def _read_file(path: Path) -> list[PolarTable]:
     if _AERODYN.search(text):
         return read_airfoil(text, path)
     if old := _OLD_AERODYN.search(text):
-        raise InputError(
-            "is an airfoil table of AeroDyn 14 or older",
-            "copy its rows into a CSV file alpha_deg,cl,cd,cm",
-            file=path,
-            key=f"line {len(lines_of(text[: old.start()]))}",
-        )
+        remedy = "copy its rows into a CSV file alpha_deg,cl,cd,cm"
+        line = len(lines_of(text[: old.start()]))
+        problem = "is an airfoil table of AeroDyn 14 or older"
+        raise Source(path).refuse(problem, remedy, line)
     return _read_xfoil(text, path) if _XFOIL.search(text) else _read_csv(text, path)
 
 
@@ -132,9 +138,7 @@ def _read_xfoil(text: str, path: Path) -> list[PolarTable]:
     lines = list(enumerate(lines_of(text), start=1))
     begins = [at for at, (_, line) in enumerate(lines) if _XFOIL_BEGIN.search(line)]
     if not begins:
-        raise InputError(
-            "lacks the line Calculated polar for:", _XFOIL_REMEDY, file=path, key="line 1"
-        )
+        raise Source(path).refuse("lacks the line Calculated polar for:", _XFOIL_REMEDY, 1)
     parts = [lines[low:high] for low, high in pairwise([*begins, len(lines)])]
     return [
         _read_xfoil_polar(part, path, f"polar {index}" if len(parts) > 1 else "")
@@ -168,7 +172,7 @@ def _read_xfoil_polar(part: list[tuple[int, str]], path: Path, where: str) -> Po
         problem = "has no rows"
     if problem:
         problem = f"the polar that begins here {problem}"
-        raise InputError(problem, _XFOIL_REMEDY, file=path, key=f"line {part[0][0]}")
+        raise Source(path).refuse(problem, _XFOIL_REMEDY, part[0][0])
     columns = text_columns(rows, names, path, ("alpha", "cl", "cd", "cm"))
     return polar_table(
         columns["alpha"].values,
@@ -186,13 +190,9 @@ def _read_xfoil_polar(part: list[tuple[int, str]], path: Path, where: str) -> Po
 def _xfoil_reynolds(line: str, number: int, path: Path) -> float | None:
     """Return the Reynolds number that a line of the heading states, if any."""
     if re.search(r"Reynolds number\s*~", line):
-        raise InputError(
-            "the Reynolds number varies along this polar",
-            "run XFOIL at a fixed Reynolds number (TYPE 1)",
-            file=path,
-            key=f"line {number}",
-            value=line.strip(),
-        )
+        problem = "the Reynolds number varies along this polar"
+        remedy = "run XFOIL at a fixed Reynolds number (TYPE 1)"
+        raise Source(path).refuse(problem, remedy, number, value=line.strip())
     found = _XFOIL_REYNOLDS.search(line)
     if found is None:
         return None

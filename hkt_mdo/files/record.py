@@ -116,7 +116,7 @@ class _Cells:
         return self.refuse("must be a finite number", remedy, name, cell.strip(), row)
 
     def refuse(self, problem: str, remedy: str, name: str, cell: str, row: int) -> InputError:
-        return self.table.refuse(problem, remedy, self.lines[row], name, value=cell)
+        return self.table.refuse(problem, remedy, self.lines[row], f"column {name}", value=cell)
 
 
 _READERS = {

@@ -122,6 +122,21 @@ def parse_numbers(
     return numbers, None
 
 
+class Source:
+    """A text file, and the errors in its lines."""
+
+    def __init__(self, file: object) -> None:
+        self.file = file
+
+    def refuse(
+        self, problem: str, remedy: str, line: int, what: str = "", **value: object
+    ) -> InputError:
+        """Return the error that lies in a line; `what` names the column or the key in it."""
+        what = what[:_LONGEST_NAME]
+        key = f"line {line}, {what}" if what else f"line {line}"
+        return InputError(problem, remedy, file=self.file, key=key, **value)
+
+
 @dataclass(frozen=True, eq=False)
 class Column:
     """Numbers of a file, and how a message names each of them."""
@@ -155,13 +170,9 @@ def number_column(
     """Return the numbers of a column; refuse the first cell that holds none."""
     numbers, wrong = parse_numbers(cells, parse)
     if wrong is not None:
-        raise InputError(
-            "must be a finite number",
-            "write it with a decimal point, without a unit",
-            file=file,
-            key=f"line {lines[wrong]}, column {name}",
-            value=cells[wrong],
-        )
+        problem, remedy = "must be a finite number", "write it with a decimal point, without a unit"
+        line, what = lines[wrong], f"column {name}"
+        raise Source(file).refuse(problem, remedy, line, what, value=cells[wrong])
     return Column(name, numbers, [f"line {line}, column {name}" for line in lines], cells, file)
 
 
@@ -175,13 +186,8 @@ def text_columns(
     """Return the wanted columns of a text's rows, (line number, cells) each."""
     for line, cells in rows:
         if len(cells) != len(names):
-            raise InputError(
-                f"has {len(cells)} numbers where the table has {len(names)} columns",
-                remedy,
-                file=file,
-                key=f"line {line}",
-                value=" ".join(cells),
-            )
+            problem = f"has {len(cells)} numbers where the table has {len(names)} columns"
+            raise Source(file).refuse(problem, remedy, line, value=" ".join(cells))
     lines = [line for line, _ in rows]
     return {
         name: number_column(name, lines, [cells[place] for _, cells in rows], file, fortran_number)
@@ -190,7 +196,7 @@ def text_columns(
     }
 
 
-class Csv:
+class Csv(Source):
     """A CSV file: its header, and its rows as (line number, cells) on iteration.
 
     Lines that are empty or begin with ``#`` are passed over. InputError names the line of a row
@@ -199,7 +205,7 @@ class Csv:
     """
 
     def __init__(self, text: str, file: Path, expected: str) -> None:
-        self.file = file
+        super().__init__(file)
         self.header: list[str] = []
         stream = io.TextIOWrapper(io.BytesIO(text.encode()), encoding="utf-8", newline="")
         self._rows = self._read(csv.reader(stream, strict=True))
@@ -232,18 +238,11 @@ class Csv:
     def __iter__(self) -> Iterator[tuple[int, list[str]]]:
         return self._rows
 
-    def refuse(
-        self, problem: str, remedy: str, line: int, name: str = "", **value: object
-    ) -> InputError:
-        """Return the error that lies in a line, in the column of this name if one is given."""
-        key = f"line {line}, column {name[:_LONGEST_NAME]}" if name else f"line {line}"
-        return InputError(problem, remedy, file=self.file, key=key, **value)
-
     def place(self, name: str) -> int:
         """Return the place of a column that the header has; refuse one that it has twice."""
         if self.header.count(name) > 1:
             problem = "appears twice in the header"
-            raise self.refuse(problem, "name each column once", self.header_line, name)
+            raise self.refuse(problem, "name each column once", self.header_line, f"column {name}")
         return self.header.index(name)
 
     @cached_property
