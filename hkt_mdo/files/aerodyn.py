@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.blade_table import FEWEST_ROWS, MOST_ROWS, BladeTable, check_rising, check_rows
+from hkt_mdo.files.blade_table import FEWEST_ROWS, MOST_ROWS, BladeTable, check_rows
 from hkt_mdo.files.polar_table import PolarTable, check_reynolds, polar_table
 from hkt_mdo.files.table import Column, Source, fortran_number, lines_of, text_columns
 
@@ -192,7 +192,7 @@ def read_blade_definition(text: str, file: Path, hub_radius: float | None) -> Bl
     twist = replace(degrees, values=np.deg2rad(degrees.values))
     check_rows(span, chord, twist, thickness, hub_radius + float(np.max(span.values)))
     r = replace(span, values=hub_radius + span.values)
-    check_rising(r)  # spans that differ may give one radius by rounding
+    r.check_rising("radii")  # spans that differ may give one radius by rounding
     section = columns["BlAFID"]
     section.refuse(
         (section.values < 1.0) | (section.values != np.floor(section.values)),

@@ -181,7 +181,7 @@ def check_rows(
         count > MOST_ROWS, f"is one of more than {MOST_ROWS} rows", "give a blade of usual length"
     )
     r.refuse(r.values < 0.0, "is a negative radius", "count radii from the rotor's centre")
-    check_rising(r)
+    r.check_rising("radii")
     chord.refuse(chord.values <= 0.0, "is no chord", "chords must be greater than 0")
     chord.refuse(
         chord.values > longest,
@@ -199,14 +199,3 @@ def check_rows(
             "is no thickness over chord, which lies within 0 and 1 (0 and 100 %)",
             "correct it; thickness_percent counts in per cent, thickness_over_chord does not",
         )
-
-
-def check_rising(r: Column) -> None:
-    """Refuse radii that do not increase strictly."""
-    steps = np.diff(r.values, prepend=-np.inf)
-    r.refuse(steps == 0.0, "stands there twice", "keep one row for each radius")
-    r.refuse(
-        steps < 0.0,
-        "is less than the row before: radii must increase strictly",
-        "sort the rows from hub to tip",
-    )

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.table import Column
 
 __all__ = ["PolarTable", "polar_table"]
 
@@ -64,118 +65,86 @@ def polar_table(
     within ±90 nor the full circle, the ends of a full circle differ, drag is not positive, or a
     number is not finite or beyond what sections have.
     """
-    values = {
-        name: np.asarray(column, dtype=float)
-        for name, column in zip(_QUANTITIES, (alpha, lift, drag, moment), strict=True)
-        if column is not None
-    }
-    raw = _Raw(values, dict(zip(_QUANTITIES, columns, strict=False)), lines, file, where)
-    for name, column in values.items():
-        wrong = np.flatnonzero(~np.isfinite(column))
-        if wrong.size:
-            raise raw.refuse("must be a finite number", "correct the row", name, int(wrong[0]))
-    radians, circle = _angles(raw, in_degrees=not columns[0].endswith("_rad"))
-    _check_coefficients(raw, circle)
+    rows = [f"line {line}" for line in lines or ()] or [f"row {n + 1}" for n in range(len(alpha))]
+    prefix = f"{where}, " if where else ""
+    quantities = {}
+    for name, title, values in zip(_QUANTITIES, columns, (alpha, lift, drag, moment), strict=False):
+        if values is not None:
+            numbers = np.asarray(values, dtype=float)
+            keys = [f"{prefix}{row}, column {title}" for row in rows]
+            quantities[name] = Column(f"{prefix}{title}", numbers, keys, numbers.tolist(), file)
+            quantities[name].refuse(
+                ~np.isfinite(numbers), "must be a finite number", "correct the row"
+            )
+    given, *coefficients = quantities.values()
+    even = all(np.all(c.values == c.values[:1]) for c in coefficients[:2])
+    radians, circle = _angles(given, not columns[0].endswith("_rad"), even)
+    for name, column in zip(_QUANTITIES[1:], coefficients, strict=False):
+        _check_coefficient(name, column, circle)
     return PolarTable(
         None if reynolds is None else float(reynolds),
         radians,
-        values["lift"],
-        values["drag"],
-        values.get("moment"),
+        quantities["lift"].values,
+        quantities["drag"].values,
+        quantities["moment"].values if "moment" in quantities else None,
         circle,
         f"{file}, {where}" if where else str(file),
     )
 
 
-@dataclass(frozen=True)
-class _Raw:
-    """The columns of a polar as they are in a file, and how a message names a value of them."""
+def _angles(given: Column, in_degrees: bool, even: bool) -> tuple[np.ndarray, bool]:
+    """Return the angles in radians, and whether they run round the full circle.
 
-    values: dict[str, np.ndarray]
-    names: dict[str, str]
-    lines: Sequence[int] | None
-    file: object
-    where: str
-
-    def refuse(self, problem: str, remedy: str, quantity: str = "", row: int = 0) -> InputError:
-        """Return the error in a row of a quantity; of the whole table where none is named."""
-        angle = self.values["alpha"]
-        if quantity:
-            place = f"row {row + 1}" if self.lines is None else f"line {self.lines[row]}"
-            key = f"{place}, column {self.names[quantity]}"
-            value: object = float(self.values[quantity][row])
-        else:
-            key = self.names["alpha"]
-            value = f"{angle[0]:g} … {angle[-1]:g}" if angle.size else "nothing"
-        key = f"{self.where}, {key}" if self.where else key
-        return InputError(problem, remedy, file=self.file, key=key, value=value)
-
-
-def _angles(raw: _Raw, in_degrees: bool) -> tuple[np.ndarray, bool]:
-    """Return the angles in radians, and whether they run round the full circle."""
-    given = raw.values["alpha"]
-    angle = given if in_degrees else np.rad2deg(given)
-    if given.size and np.max(np.abs(angle)) > 180.0 + _CIRCLE_EDGE:
-        unit = "" if in_degrees else "; if these are degrees, name the column alpha_deg"
-        raise raw.refuse(
-            "lies beyond the full circle",
-            f"angles of attack run from -180 to 180 degrees{unit}",
-            "alpha",
-            int(np.argmax(np.abs(angle))),
-        )
-    circle = bool(
-        given.size > 1 and angle[0] <= -180 + _CIRCLE_EDGE and angle[-1] >= 180 - _CIRCLE_EDGE
+    `even` says that lift and drag are the same at every angle.
+    """
+    angle = given.values if in_degrees else np.rad2deg(given.values)
+    unit = "" if in_degrees else "; if these are degrees, name the column alpha_deg"
+    given.refuse(
+        np.abs(angle) > 180.0 + _CIRCLE_EDGE,
+        "lies beyond the full circle",
+        f"angles of attack run from -180 to 180 degrees{unit}",
     )
-    radians = np.deg2rad(given) if in_degrees else given.copy()
+    circle = bool(
+        angle.size > 1 and angle[0] <= -180 + _CIRCLE_EDGE and angle[-1] >= 180 - _CIRCLE_EDGE
+    )
+    radians = np.deg2rad(given.values) if in_degrees else given.values.copy()
     if circle:
         radians[0], radians[-1] = -np.pi, np.pi
-    falls = np.flatnonzero(np.diff(radians) <= 0.0)
-    if falls.size:
-        row = int(falls[0]) + 1
-        problem = f"follows {given[row - 1]:g}: angles must increase strictly"
-        raise raw.refuse(problem, "sort the rows and remove duplicates", "alpha", row)
-    even = given.size and all(np.ptp(raw.values[name]) == 0.0 for name in ("lift", "drag"))
-    if given.size < FEWEST_ROWS and not (circle and even):
-        raise raw.refuse(
-            f"the polar has {given.size} rows, at least {FEWEST_ROWS} angles of attack are needed",
-            "give a finer table",
-        )
+    given.check_rising("angles", np.diff(radians, prepend=-np.inf))
     low, high = NEEDED_RANGE
-    if not circle and (angle[0] > low or angle[-1] < high or angle[0] < -90 or angle[-1] > 90):
+    problem = ""
+    if angle.size < FEWEST_ROWS and not (circle and even):
+        problem = f"the polar has {angle.size} rows, at least {FEWEST_ROWS} angles of attack are "
+        problem, remedy = problem + "needed", "give a finer table"
+    elif not circle and (angle[0] > low or angle[-1] < high or angle[0] < -90 or angle[-1] > 90):
+        problem = f"the table must reach from {low:g} or less to {high:g} or more and stay within "
+        problem += "-90 and 90 degrees, or run from -180 to 180"
         remedy = "extend or cut it (beyond the table the polar is extended by Viterna)"
         if in_degrees and np.max(np.abs(angle)) <= np.pi:
             remedy = f"if these are radians, convert them or name the column alpha_rad; {remedy}"
-        raise raw.refuse(
-            f"the table must reach from {low:g} or less to {high:g} or more and stay within -90 and"
-            " 90 degrees, or run from -180 to 180",
-            remedy,
-        )
+    if problem:
+        span = f"{given.values[0]:g} … {given.values[-1]:g}" if angle.size else "nothing"
+        raise InputError(problem, remedy, file=given.file, key=given.name, value=span)
     return radians, circle
 
 
-def _check_coefficients(raw: _Raw, circle: bool) -> None:
+def _check_coefficient(name: str, column: Column, circle: bool) -> None:
     """Refuse a circle that does not close, drag that is not positive, and absurd coefficients."""
-    coefficients = {name: column for name, column in raw.values.items() if name != "alpha"}
-    for name, column in coefficients.items():
-        if circle and abs(column[-1] - column[0]) > _ENDS_EQUAL:
-            raise raw.refuse(
-                f"differs from {column[0]:g} at -180 degrees",
-                "-180 and 180 degrees are one angle: give both rows the same coefficients",
-                name,
-                column.size - 1,
-            )
-    least = int(np.argmin(coefficients["drag"]))
-    if coefficients["drag"][least] <= 0.0:
-        raise raw.refuse("drag must be positive", "correct the row", "drag", least)
-    for name, column in coefficients.items():
-        row = int(np.argmax(np.abs(column)))
-        if abs(column[row]) > LARGEST[name]:
-            raise raw.refuse(
-                f"is beyond {LARGEST[name]:g}, which no section has",
-                "give the coefficient as a plain number, not in counts or percent",
-                name,
-                row,
-            )
+    values = column.values
+    if circle:
+        last = np.arange(values.size) == values.size - 1
+        column.refuse(
+            last & (np.abs(values - values[0]) > _ENDS_EQUAL),
+            f"differs from {values[0]:g} at -180 degrees",
+            "-180 and 180 degrees are one angle: give both rows the same coefficients",
+        )
+    if name == "drag":
+        column.refuse(values <= 0.0, "drag must be positive", "correct the row")
+    column.refuse(
+        np.abs(values) > LARGEST[name],
+        f"is beyond {LARGEST[name]:g}, which no section has",
+        "give the coefficient as a plain number, not in counts or percent",
+    )
 
 
 def check_reynolds(

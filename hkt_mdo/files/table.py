@@ -159,6 +159,12 @@ class Column:
                 problem, remedy, file=self.file, key=self.keys[row], value=self.shown[row]
             )
 
+    def check_rising(self, what: str, steps: np.ndarray | None = None) -> None:
+        """Refuse the first value that does not exceed the one before it."""
+        steps = np.diff(self.values, prepend=-np.inf) if steps is None else steps
+        problem = f"does not exceed the value before: {what} must increase strictly"
+        self.refuse(steps <= 0.0, problem, "sort them and remove duplicates")
+
 
 def number_column(
     name: str,

@@ -19,7 +19,6 @@ from hkt_mdo.files.windio_airfoil import (
     THICK_ROUNDED,
     VERSIONS,
     Version,
-    check_rising,
     curve,
     read_airfoils,
 )
@@ -129,11 +128,7 @@ def _height(axis: Place, messages: list[str]) -> tuple[np.ndarray, np.ndarray]:
     aside[0] = abs(z.values[0]) > EDGE * abs(z.values[-1])
     z.refuse(aside, "is not 0 at the blade's root", "count z from the root")
     height = np.concatenate(([0.0], z.values[1:]))
-    z.refuse(
-        np.diff(height, prepend=-np.inf) <= 0.0,
-        "does not exceed the value before: the blade must run outwards",
-        "sort z from root to tip, in metres",
-    )
+    z.check_rising("heights above the root", np.diff(height, prepend=-np.inf))
     for name, what in (("x", "prebend"), ("y", "sweep")):
         side = axis.find(name)
         largest = 0.0 if side is None else np.max(np.abs(_spanwise(side)[1].values))
@@ -164,7 +159,7 @@ def _positions(
         "is no position along the span",
         "it lies within 0 (root) and 1 (tip)",
     )
-    check_rising(grid)
+    grid.check_rising("positions")
     return used, grid.values
 
 

@@ -47,17 +47,8 @@ def curve(place: Place) -> tuple[Column, Column]:
     """Return the grid, which increases strictly, and the values of a quantity."""
     grid, values = place.get("grid").numbers(), place.get("values").numbers()
     _same_length(grid, values, place)
-    check_rising(grid)
+    grid.check_rising("grids")
     return grid, values
-
-
-def check_rising(grid: Column) -> None:
-    """Refuse a grid that does not increase strictly."""
-    grid.refuse(
-        np.diff(grid.values, prepend=-np.inf) <= 0.0,
-        "does not exceed the value before: a grid must increase strictly",
-        "sort it and remove duplicates",
-    )
 
 
 def _same_length(one: Column, other: Column, place: Place) -> None:

@@ -87,7 +87,7 @@ _CSV = _changed(
     CSV,
     {
         "falling radius": ("1.0,0.09", "0.5,0.09", "line 5, column r_m = '0.5'"),
-        "radius twice": ("1.0,0.09", "0.6,0.09", "line 5, column r_m = '0.6': stands there twice"),
+        "radius twice": ("1.0,0.09", "0.6,0.09", "line 5, column r_m = '0.6': does not exceed"),
         "negative radius": ("0.2,0.18", "-0.2,0.18", "line 3, column r_m = '-0.2'"),
         "chord zero": ("0.06,1", "0,1", "line 6, column chord_m = '0'"),
         "chord in mm": ("0.18,20", "180,20", "line 3, column chord_m = '180': is a chord longer"),

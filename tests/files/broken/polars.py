@@ -63,7 +63,7 @@ _BROKEN_CSV: dict[str, tuple[bytes, str]] = {
     "from 0 to 360 degrees": (_csv(*_plain(range(0, 365, 5))), "beyond the full circle"),
     "unordered angles": (
         _replace(_CSV, _row(3, "4,0.7,0.01,0"), _row(4, "3,0.6,0.01,0")),
-        "line 14, column alpha_deg = 3.0: follows 4",
+        "line 14, column alpha_deg = 3.0: does not exceed",
     ),
     "nan": (_replace(_CSV, _row(3, "3,nan,0.01,0")), "line 13, column cl = 'nan'"),
     "negative drag": (_replace(_CSV, _row(3, "3,0.6,-0.01,0")), "line 13, column cd = -0.01"),
