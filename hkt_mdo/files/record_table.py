@@ -58,10 +58,15 @@ class RecordOptions:
             "spikes": ("refuse", "replace", "keep"),
             "uneven": ("refuse", "resample"),
         }.items():
-            word = getattr(self, key)
-            if word not in words:
+            if getattr(self, key) not in words:
                 remedy = f"give one of {', '.join(word for word in words if word)}"
-                raise InputError("unknown", remedy, key=key, value=word)
+                raise self.refuse(key, "unknown", remedy)
+
+    def refuse(self, key: str, problem: str, remedy: str, file: str = "") -> InputError:
+        """Return the error of an option that does not fit, perhaps to a file."""
+        value = getattr(self, key)
+        value = list(value) if isinstance(value, tuple) else value
+        return InputError(problem, remedy, file=file, key=key, value=value)
 
 
 @dataclass(frozen=True, eq=False)

@@ -199,9 +199,7 @@ class _Refusals:
         return InputError(problem, remedy, file=self.file, key=Name(self.variable).place)
 
     def option(self, key: str, problem: str, remedy: str) -> InputError:
-        value = getattr(self.options, key)
-        value = list(value) if isinstance(value, tuple) else value
-        return InputError(problem, remedy, file=self.file, key=key, value=value)
+        return self.options.refuse(key, problem, remedy, self.file)
 
 
 def _profile(
