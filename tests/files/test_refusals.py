@@ -1,5 +1,7 @@
 """Broken files of every format: one InputError with file, place and remedy, never anything else."""
 
+import re
+
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
@@ -27,9 +29,9 @@ SOUND = {
     name: (read_outline if "outline" in kind else read_polars, content)
     for kind, (name, content) in polars.WELL.items()
 }
-WHOLE = "is empty", "has a header but no", "has 9 samples", "has 0 samples", "has the ending"
-WHOLE += "has no ending", "has nothing", "has no columns", "cannot be read as", "is not NetCDF"
-WHOLE += "has 2 columns", "asks for", "leaves", "is larger"
+WHOLE = re.compile(
+    "is empty|is not NetCDF|cannot be read as|has (a header but no|[0-9]+|no|nothing|the ending)"
+)
 """What is said of a file as a whole, where no place is to be named."""
 
 
@@ -46,7 +48,7 @@ def refused(read, path):
     assert str(error).isprintable()
     assert len(str(error)) < len(str(path)) + 500
     assert error.remedy
-    assert error.key or error.problem.startswith(WHOLE)
+    assert error.key or WHOLE.match(error.problem)
     return error
 
 
