@@ -78,7 +78,7 @@ class _Cells:
         elif wrong is not None:
             raise self.refuse_number(self.time_name, cells[wrong], done + wrong)
         else:
-            self.times.extend(numbers)
+            self.times.frombytes(numbers.tobytes())
 
     def add_speeds(self, cells: Sequence[str]) -> None:
         """Take a block of speeds, which may be missing."""
@@ -87,7 +87,7 @@ class _Cells:
             row = len(self.speeds) + wrong
             more = "; leave the cell empty where the sample is missing"
             raise self.refuse_number(self.speed_name, cells[wrong], row, more)
-        self.speeds.extend(numbers)
+        self.speeds.frombytes(numbers.tobytes())
 
     def since_first(self, cells: Sequence[str]) -> list[float]:
         """Return dates in seconds since the first."""

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import reduce
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import yaml
@@ -29,8 +29,16 @@ _WORDS = {
     "int": re.compile("[-+]?(0|[1-9][0-9]*)"),
     "float": re.compile(rf"{_FLOAT}|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)"),
 }
-# libyaml is ten times as quick; Python's own parser says more precisely where a case is broken.
-_LOADERS = {False: getattr(yaml, "CSafeLoader", yaml.SafeLoader), True: yaml.SafeLoader}
+
+
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
+    """libyaml, which is ten times as quick, without YAML 1.1's words: `word` knows those of 1.2."""
+
+    yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}
+
+
+# Python's own parser says more precisely where a case is broken.
+_LOADERS = {False: _Loader, True: yaml.SafeLoader}
 
 
 class Dumper(yaml.SafeDumper):
@@ -203,7 +211,8 @@ def _check_keys(place: Place, case: bool, seen: set[int]) -> None:
     seen.add(id(node))
     if isinstance(node, yaml.SequenceNode):
         for index, item in enumerate(node.value):
-            _check_keys(place.below(item, f"[{index}]"), case, seen)
+            if case or not isinstance(item, yaml.ScalarNode):  # long lists of numbers hold no keys
+                _check_keys(place.below(item, f"[{index}]"), case, seen)
     elif isinstance(node, yaml.MappingNode):
         known = set()
         for key, value in node.value:
