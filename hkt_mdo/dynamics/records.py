@@ -48,7 +48,7 @@ class Record:
 
 
 def read_record(path: str | Path, **options: Any) -> Record:
-    """Read a record from a CSV, NetCDF or Parquet file, told apart by the file's ending.
+    """Read a record from a CSV, NetCDF or Parquet file; the ending says which.
 
     `.csv` or `.txt`: columns separated by commas, a header line, UTF-8; empty cells and `nan` are
     gaps. `.nc`, `.nc4` or `.cdf`, `.parquet` or `.pq`: as MHKiT's data are saved. The options are

@@ -26,7 +26,7 @@ _REMEDY = "see OpenFAST's AirfoilInfo v1.01 files"
 
 
 class _Lines(Source):
-    """The lines of an airfoil file that say something, read one after the other."""
+    """The lines of an airfoil file that are no remarks, read one after the other."""
 
     def __init__(self, text: str, path: Path) -> None:
         super().__init__(path)

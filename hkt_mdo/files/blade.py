@@ -29,7 +29,7 @@ _WINDIO = re.compile(r"^(windIO_version|assembly|components|airfoils)\s*:", re.M
 def read_blade(source: str | Path, hub_radius: float | None = None) -> BladeTable:
     """Read a blade from a CSV file, an AeroDyn 15 blade file or a windIO turbine file.
 
-    The format is told by the content, and by the suffix where the content is not enough. CSV names
+    The content decides the format, and the suffix where the content is not enough. CSV names
     its units in its header: a radius (r_m, r_mm or r_over_R), a chord (chord_m, chord_mm,
     chord_over_R or c_over_R), a twist (twist_deg, twist_rad or pitch_deg), and perhaps a thickness
     (thickness_over_chord, t_over_c, thickness_percent or t_over_c_pct) and the name of a section
@@ -46,7 +46,7 @@ def read_blade(source: str | Path, hub_radius: float | None = None) -> BladeTabl
         raise InputError(
             "must not be negative", "give it in metres", key="hub_radius", value=hub_radius
         )
-    # What a file is shows in its first lines that are no remarks.
+    # The first lines that are no remarks show which format it is.
     lines = [line for line in lines_of(text) if line.strip() and line.lstrip()[0] != "#"]
     head, suffix = "\n".join(lines[:30]), path.suffix.lower()
     if _AERODYN.search(head) or (lines and suffix in {".dat", ".inp"} and "," not in lines[0]):
@@ -58,7 +58,7 @@ def read_blade(source: str | Path, hub_radius: float | None = None) -> BladeTabl
 
 # CSV ----------------------------------------------------------------------------------------------
 
-# Of each column that is converted: how, and what is said of it. Chord and radius may be over R.
+# For each column that is converted: how, and what the messages say of it.
 _CONVERSIONS: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
     "r_mm": (lambda length: length / 1e3, "mm converted to m"),
     "chord_mm": (lambda length: length / 1e3, "mm converted to m"),
@@ -69,7 +69,7 @@ _CONVERSIONS: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
 }
 _RELATIVE = {"r_over_R", "chord_over_R", "c_over_R"}
 
-# Of each quantity: the names of its columns, and words that may stand for it without a unit.
+# For each quantity: the names of its columns, and words that headers use for it without a unit.
 _QUANTITIES = {
     "radius": (("r_m", "r_mm", "r_over_R"), r"r|radius|radii|span|rr|x"),
     "chord": (("chord_m", "chord_mm", "chord_over_R", "c_over_R"), r"c|chord|cr"),

@@ -82,7 +82,7 @@ class BladeTable:
         own = 1.0 if self.relative else float(self.tip_radius or 1.0)
 
         def scale(length):
-            # Division first: what lies on the tip lies on it again, to the last bit.
+            # Dividing first keeps a row that lies on the tip there, to the last bit.
             return length / own * tip_radius
 
         note = f"lengths scaled from a tip radius of {own:g} m to {tip_radius:g} m"

@@ -28,7 +28,7 @@ _FORMATS = "a CSV file x_over_c,y_over_c, or coordinates in Selig's or Lednicer'
 def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
     """Read the outline of a section.
 
-    The format is told by the content: a CSV file with the columns ``x_over_c`` and ``y_over_c``, or
+    The content decides the format: a CSV file with the columns ``x_over_c`` and ``y_over_c``, or
     pairs of numbers, with or without a line of text above them, in Selig's order (from the trailing
     edge round to it) or Lednicer's (number of points of either side, then the upper and the lower
     side from the leading edge).

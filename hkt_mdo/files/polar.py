@@ -40,7 +40,7 @@ _XFOIL = re.compile(r"\A\s*(XFOIL|xflr5)\b|Calculated polar for", re.IGNORECASE)
 def read_polars(source: str | Path) -> tuple[PolarTable, ...]:
     """Read the polars of a section, one a Reynolds number.
 
-    The format is told by the content: a CSV file with the columns ``alpha_deg`` or ``alpha_rad``,
+    The content decides the format: a CSV file with the columns ``alpha_deg`` or ``alpha_rad``,
     ``cl``, ``cd`` and, if there, ``cm`` and ``reynolds``; an airfoil file of OpenFAST's AeroDyn
     (AirfoilInfo v1.01, Reynolds numbers in millions); or polars that XFOIL or XFLR5 has written,
     one after the other.

@@ -21,7 +21,7 @@ LARGEST = {"lift": 6.0, "drag": 5.0, "moment": 5.0}
 
 REYNOLDS_RANGE = 1e3, 1e9
 
-_CIRCLE_EDGE = 1e-3  # deg: 3.1416 rad is meant to be 180 deg
+_CIRCLE_EDGE = 1e-3  # deg; files write 180 deg as 3.1416 rad
 _ENDS_EQUAL = 1e-6
 _QUANTITIES = "alpha", "lift", "drag", "moment"
 

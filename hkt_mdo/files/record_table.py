@@ -123,9 +123,9 @@ def in_si(raw: Columns, names: tuple[Name, Name], dated: bool, options: RecordOp
         unit = _unit(raw.file, names[0], options.time_unit, TIMES, "time_unit")
         with np.errstate(over="ignore"):  # infinite times are refused later, with their place
             time = (time - time[:1]) * TIME_UNITS[unit]
-    factor, told = _speed_factor(raw.file, names[1], options)
+    factor, notes = _speed_factor(raw.file, names[1], options)
     places = names[0].place, names[1].place
-    return Columns(raw.file, places, time, raw.speed * factor, raw.place, (*raw.messages, *told))
+    return Columns(raw.file, places, time, raw.speed * factor, raw.place, (*raw.messages, *notes))
 
 
 def _unit(file: str, column: Name, given: str | None, spellings: dict[str, str], key: str) -> str:
@@ -145,15 +145,15 @@ def _unit(file: str, column: Name, given: str | None, spellings: dict[str, str],
 
 
 def _speed_factor(file: str, column: Name, options: RecordOptions) -> tuple[float, tuple[str, ...]]:
-    """Return what brings a speed or a discharge to m/s, and what is to be told of it."""
+    """Return what brings a speed or a discharge to m/s, and a note of what was done."""
     unit = _unit(file, column, options.speed_unit, SPEEDS, "speed_unit")
     if unit in DISCHARGE_UNITS and options.area is not None:
-        told = f"discharge in {unit} over the area of {options.area:g} m2 is the speed"
-        return DISCHARGE_UNITS[unit] / options.area, (told,)
+        note = f"discharge in {unit} over the area of {options.area:g} m2 is the speed"
+        return DISCHARGE_UNITS[unit] / options.area, (note,)
     if unit in SPEED_UNITS and options.area is None:
         factor = SPEED_UNITS[unit]
-        told = f"speed converted from {unit} to m/s, times {factor:.6g}"
-        return factor, () if unit == "m/s" else (told,)
+        note = f"speed converted from {unit} to m/s, times {factor:.6g}"
+        return factor, () if unit == "m/s" else (note,)
     if unit in DISCHARGE_UNITS:
         problem = f"is a discharge in {unit}, not a speed"
         remedy = "give area, the channel's cross section in m2, or a column of the speed"

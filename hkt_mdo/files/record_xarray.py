@@ -168,7 +168,7 @@ def _from_dataset(data: Any, file: str, options: RecordOptions) -> Columns:
     dimension = data[chosen].dims[0] if chosen in lines else None
     names = [str(name) for name, v in data.data_vars.items() if dimension in v.dims]
     names = [name for name in names if name != chosen]
-    # what has a unit of speed comes first in a message
+    # messages name the variables with a unit of speed first
     names.sort(key=lambda name: named_unit(str(data[name].attrs.get("units")), SPEEDS) is None)
     names = [*([str(chosen)] if chosen in lines else lines), *names]
     two = choose(names, None if default is None else str(default), options, file)

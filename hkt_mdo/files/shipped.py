@@ -114,7 +114,7 @@ def locate(path_or_name: str | Path, kind: str) -> Path:
         return data_path(name, kind)
     try:
         found = Path(name).is_file()
-    except (OSError, ValueError):  # too long a name, a null character
+    except (OSError, ValueError):  # the name is too long or holds a null character
         found = False
     if not found:
         raise InputError(f"is neither a shipped {kind} nor a file", _remedy(name, kind), value=name)

@@ -14,7 +14,7 @@ from hkt_mdo.files.yaml_text import Place
 
 __all__ = ["VERSIONS", "Version", "read_airfoils"]
 
-# What files round: a circle of angles to ±3.14 rad, and a section's coefficients at its ends.
+# Files round: a full circle of angles to ±3.14 rad, and the coefficients at its two ends.
 _CIRCLE_ROUNDED = math.radians(0.1)
 _ENDS_ROUNDED = 0.01
 THICK_ROUNDED = 1e-6

@@ -37,7 +37,7 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
     yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}
 
 
-# Python's own parser says more precisely where a case is broken.
+# PyYAML's own parser, for cases, locates errors more precisely.
 _LOADERS = {False: _Loader, True: yaml.SafeLoader}
 
 
