@@ -14,7 +14,8 @@ import numpy as np
 
 from hkt_mdo.errors import InputError
 
-__all__ = ["Column", "Csv", "Table", "parse_number", "parse_table", "read_bytes", "read_text"]
+__all__ = ["Column", "Csv", "Source", "Table", "any_number", "parse_number", "parse_table"]
+__all__ += ["read_bytes", "read_text"]
 
 MAX_TEXT_BYTES = 16 * 1024**2
 """Largest text file that is read where nothing else is said, in bytes."""

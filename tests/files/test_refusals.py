@@ -1,5 +1,6 @@
 """Broken files of every format: one InputError with file, place and remedy, never anything else."""
 
+import math
 import re
 
 import pytest
@@ -11,7 +12,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.outline import read_outline
 from hkt_mdo.files.polar import read_polars
-from hkt_mdo.files.table import parse_number
+from hkt_mdo.files.table import any_number, parse_number, parse_table
 from tests.files.broken import blades, polars, records
 
 BROKEN = (
@@ -157,3 +158,22 @@ def test_what_is_no_plain_number_is_none(text):
         assert text.isascii()
         assert text == text.strip()
         assert "_" not in text
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_a_table_may_hold_nan_where_that_is_allowed(end, tmp_path):
+    text = end.join(["# a remark", "b, a ,c", "", "nan,1,x", " -inf ,2,y", ""])
+    table = parse_table(text, tmp_path, ("a", "b"), "result", ("d",), parse=any_number)
+    assert table["a"].tolist() == [1.0, 2.0]
+    assert math.isnan(table["b"][0])
+    assert table["b"][1] == -math.inf
+    assert table.lines == (4, 5)
+    assert "d" not in table
+    with pytest.raises(InputError, match="line 4, column b = 'nan': must be a finite number"):
+        parse_table(text, tmp_path, ("a", "b"), "result")
+
+
+def test_a_table_without_rows_is_read_where_that_is_allowed(tmp_path):
+    assert parse_table("a,b\n", tmp_path, ("a",), "result", fewest=0)["a"].size == 0
+    with pytest.raises(InputError, match="has a header but no numbers"):
+        parse_table("a,b\n", tmp_path, ("a",), "result")
