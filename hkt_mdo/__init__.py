@@ -23,7 +23,7 @@ _HOMES = {
     "Quantity": "sections",
 }
 
-__all__ = [  # noqa: F822 (imported on first use)
+__all__ = [
     "Case",
     "FeedbackLaw",
     "Inflow",

@@ -9,6 +9,7 @@ from typing import get_args
 import numpy as np
 import pytest
 import yaml
+from hkt_mdo.problem.flow import build_inflow
 from jsonschema import Draft202012Validator
 
 from hkt_mdo.case import (
@@ -21,13 +22,12 @@ from hkt_mdo.case import (
     read_case,
 )
 from hkt_mdo.case.turbine import SectionFile
-from hkt_mdo.case.yaml_text import parse
 from hkt_mdo.cli import main
 from hkt_mdo.cli.new_case import KINDS, write_new_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.shipped import POLAR_FAMILIES, shipped_names
-from hkt_mdo.problem.flow import build_inflow
+from hkt_mdo.files.yaml_text import parse
 from hkt_mdo.sections import Section
 
 ROOT = Path(__file__).parent.parent

@@ -6,7 +6,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from broken.records import SOUND
+from hkt_mdo.problem.flow import build_inflow, check_flow, flow_messages, horizon
 
 from hkt_mdo.case import (
     GustInflow,
@@ -18,8 +18,8 @@ from hkt_mdo.case import (
 from hkt_mdo.dynamics import inflow
 from hkt_mdo.dynamics.records import RecordOptions, read_record
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.record import DISCHARGE_UNITS, SPEED_UNITS, TIME_UNITS
-from hkt_mdo.problem.flow import build_inflow, check_flow, flow_messages, horizon
+from hkt_mdo.files.units import DISCHARGE_UNITS, SPEED_UNITS, TIME_UNITS
+from tests.files.broken.records import SOUND
 
 TIME = np.linspace(0.0, 50.0, 501)
 TIDE = "{profile: tide, mean: 2, constituents: [{name: M2, amplitude: 0.5, phase: 60 deg}]}"

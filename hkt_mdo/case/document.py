@@ -14,8 +14,9 @@ import yaml
 
 from hkt_mdo.case.kinds import Extension, known_kinds
 from hkt_mdo.case.schema import case_class
-from hkt_mdo.case.yaml_text import Dumper, parse
-from hkt_mdo.files.shipped import POLAR_FAMILIES, read_text, shipped_names, shipped_rotor
+from hkt_mdo.files.shipped import POLAR_FAMILIES, shipped_names, shipped_rotor
+from hkt_mdo.files.table import read_text
+from hkt_mdo.files.yaml_text import Dumper, parse
 
 CHECKOUT_CASES = Path(__file__).parents[2] / "cases"
 """Where the case files lie beside the package; an installed package has none."""

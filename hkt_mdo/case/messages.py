@@ -12,8 +12,8 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from hkt_mdo.case.yaml_text import dotted
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.yaml_text import dotted
 from hkt_mdo.sections import Section
 
 

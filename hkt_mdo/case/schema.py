@@ -16,13 +16,13 @@ from hkt_mdo.case.design import Design, Driver, Hydrodynamics, Phase, Start
 from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kinds
 from hkt_mdo.case.messages import translate
 from hkt_mdo.case.turbine import Fluid, Rotor
-from hkt_mdo.case.yaml_text import Dumper, parse
 from hkt_mdo.dynamics.flows import Inflow, SumInflow
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, Objective
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.shipped import read_bytes
+from hkt_mdo.files.table import read_bytes
+from hkt_mdo.files.yaml_text import Dumper, parse
 from hkt_mdo.sections import Section, refusal
 
 STATION_COUNT = 40

@@ -10,7 +10,8 @@ from typing import Any
 from hkt_mdo.case import commented_case, read_case
 from hkt_mdo.cli.parts import refuse_existing, write_files
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.shipped import data_path, read_text, shipped_rotor
+from hkt_mdo.files.shipped import data_path, shipped_rotor
+from hkt_mdo.files.table import read_text
 
 __all__ = ["KINDS", "write_new_case"]
 

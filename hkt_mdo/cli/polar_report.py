@@ -12,8 +12,9 @@ import numpy as np
 
 from hkt_mdo.cli.parts import refuse_existing, write_files
 from hkt_mdo.errors import InputError, show
-from hkt_mdo.files.polar import PolarTable, read_polars
-from hkt_mdo.files.shipped import parse_number
+from hkt_mdo.files.polar import read_polars
+from hkt_mdo.files.polar_table import PolarTable
+from hkt_mdo.files.table import parse_number
 from hkt_mdo.rotor.airfoil import Outline, Polar
 from hkt_mdo.rotor.neuralfoil import ComputedPolar, compute_polars
 

@@ -1,7 +1,7 @@
 """Measured records of a flow: checked, brought to even samples, and low-passed.
 
-A record that is not what a turbine could stand in is refused with file, place and remedy. Nothing
-is repaired unless an option says so, and every repair is told in `Record.messages`.
+A record of a flow in which no turbine could work is refused with file, place and remedy. Nothing is
+repaired unless an option says so, and every repair is named in `Record.messages`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.record import MAX_ROWS, Columns, RecordOptions, columns_from, read_columns
+from hkt_mdo.files.record import read_columns
+from hkt_mdo.files.record_table import MAX_ROWS, Columns, RecordOptions
+from hkt_mdo.files.record_xarray import columns_from
 
 __all__ = ["Record", "RecordOptions", "find_spikes", "low_pass", "read_record", "record_from"]
 
@@ -21,10 +23,10 @@ MIN_SAMPLES = 16
 """Smallest number of samples that make a record."""
 
 FASTEST = 20.0
-"""Speed, m/s, that no river reaches: it is in another unit, or a mark of missing samples."""
+"""Speed, m/s, that no river reaches: a larger number is in another unit or marks a gap."""
 
 SPIKE = 6.0
-"""How far, in spreads of its surroundings, a spike stands off from their median."""
+"""Least distance of a spike from the median of the samples around it, in units of their spread."""
 
 UNEVEN = 0.05
 """Share of a step by which a sample may miss its even time."""
@@ -32,49 +34,27 @@ UNEVEN = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Even samples of a measured flow.
+    """Even samples of a measured flow: times from 0 (s), and speeds (m/s), positive and low-passed.
 
-    Parameters
-    ----------
-    time : array, shape (n,), s
-        From 0 in equal steps.
-    speed : array, shape (n,), m/s
-        Positive, low-passed.
-    step : float, s
-    cutoff : float, Hz
-        Frequency at which the low-pass halves an amplitude.
-    messages : tuple of str
-        What was read and what was done to it, one line each.
+    `cutoff` is the frequency at which the low-pass halves an amplitude. `messages` say what was
+    read and what was done to it, one line each.
     """
 
     time: np.ndarray
     speed: np.ndarray
-    step: float
-    cutoff: float
+    step: float  # s
+    cutoff: float  # Hz
     messages: tuple[str, ...]
 
 
 def read_record(path: str | Path, **options: Any) -> Record:
-    """Read a record from a CSV, NetCDF or Parquet file, told apart by the file's ending.
+    """Read a record from a CSV, NetCDF or Parquet file; the ending says which.
 
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        `.csv` or `.txt`: columns separated by commas, a header line, UTF-8; empty cells and `nan`
-        are gaps. `.nc`, `.nc4` or `.cdf`, `.parquet` or `.pq`: as MHKiT's data are saved.
-    **options
-        As in `RecordOptions`.
-
-    Returns
-    -------
-    Record
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is larger than 256 MiB or 10 million rows, or anything in it is
-        not as the options say; the message names file, line, column, value and remedy. Also if the
-        packages for NetCDF or Parquet are not installed.
+    `.csv` or `.txt`: columns separated by commas, a header line, UTF-8; empty cells and `nan` are
+    gaps. `.nc`, `.nc4` or `.cdf`, `.parquet` or `.pq`: as MHKiT's data are saved. The options are
+    those of `RecordOptions`. Raises InputError, with file, line, column, value and remedy, if the
+    file cannot be read, is larger than 256 MiB or 10 million rows, or anything in it is not as the
+    options say; also if the packages for NetCDF or Parquet are not installed.
     """
     chosen = RecordOptions(**options)
     return _record(read_columns(Path(path), chosen), chosen)
@@ -83,21 +63,8 @@ def read_record(path: str | Path, **options: Any) -> Record:
 def record_from(data: Any, **options: Any) -> Record:
     """Make a record of data in memory, as MHKiT returns them.
 
-    Parameters
-    ----------
-    data : pandas DataFrame or Series, or xarray Dataset or DataArray
-        As of `mhkit.river.io.usgs` or `mhkit.dolfyn`.
-    **options
-        As in `RecordOptions`.
-
-    Returns
-    -------
-    Record
-
-    Raises
-    ------
-    InputError
-        As `read_record`, without a file.
+    Takes a pandas DataFrame or Series, or an xarray Dataset or DataArray, as of
+    `mhkit.river.io.usgs` or `mhkit.dolfyn`. Options and errors are those of `read_record`.
     """
     chosen = RecordOptions(**options)
     return _record(columns_from(data, chosen), chosen)
@@ -136,9 +103,8 @@ def _record(raw: Columns, options: RecordOptions) -> Record:
 def _check_order(raw: Columns) -> None:
     """Refuse a record that is too short, lacks a time, or whose times do not rise."""
     if raw.time.size < MIN_SAMPLES:
-        raise InputError(
-            f"has {_count(raw.time.size, 'sample')}", f"give {MIN_SAMPLES} at least", file=raw.file
-        )
+        problem = f"has {_count(raw.time.size, 'sample')}"
+        raise InputError(problem, f"give {MIN_SAMPLES} at least", file=raw.file)
     absent = np.flatnonzero(~np.isfinite(raw.time))
     if absent.size:
         raise raw.refuse("is no time", "give every sample its time", int(absent[0]), 0)
@@ -146,13 +112,9 @@ def _check_order(raw: Columns) -> None:
     if back.size:
         row = int(back[0]) + 1
         same = raw.time[row] == raw.time[row - 1]
-        raise raw.refuse(
-            f"is {'also the time of' if same else 'before'} {raw.place(row - 1)}",
-            "sort the rows by time and keep one of each; if the clock was changed, give dates with "
-            "their zone",
-            row,
-            0,
-        )
+        problem = f"is {'also the time of' if same else 'before'} {raw.place(row - 1)}"
+        remedy = "sort the rows by time and keep one of each; if the clock was changed, give dates "
+        raise raw.refuse(problem, remedy + "with their zone", row, 0)
 
 
 def _part(raw: Columns, options: RecordOptions, messages: list[str]) -> Columns:
@@ -162,24 +124,18 @@ def _part(raw: Columns, options: RecordOptions, messages: list[str]) -> Columns:
     near = 1e-9 * (1.0 + time[-1])
     for key, value in (("start", start), ("duration", end)):
         if np.isfinite(value) and value > time[-1] + near:
-            raise InputError(
-                f"asks for {value:.6g} s, and the record ends {time[-1]:.6g} s after it begins",
-                f"give a smaller {key}, or none",
-                file=raw.file,
-                key=key,
-                value=getattr(options, key),
+            problem = (
+                f"asks for {value:.6g} s, and the record ends {time[-1]:.6g} s after it begins"
             )
+            raise options.refuse(key, problem, f"give a smaller {key}, or none", raw.file)
     first, last = map(int, np.searchsorted(time, (start - near, end + near)))
     if last - first == time.size:
         return raw
     if last - first < MIN_SAMPLES:
-        raise InputError(
-            f"leaves {_count(last - first, 'sample')} of the record",
-            f"take a longer part, {MIN_SAMPLES} samples at least",
-            file=raw.file,
-            key="start" if options.duration is None else "duration",
-            value=start if options.duration is None else options.duration,
-        )
+        key = "start" if options.duration is None else "duration"
+        problem = f"leaves {_count(last - first, 'sample')} of the record"
+        remedy = f"take a longer part, {MIN_SAMPLES} samples at least"
+        raise options.refuse(key, problem, remedy, raw.file)
     messages.append(f"taken from {time[first]:.6g} s to {time[last - 1]:.6g} s of the record")
     return replace(
         raw,
@@ -190,27 +146,19 @@ def _part(raw: Columns, options: RecordOptions, messages: list[str]) -> Columns:
 
 
 def find_spikes(speed: np.ndarray) -> np.ndarray:
-    """Return which samples are spikes, by a Hampel filter.
+    """Return which samples of speed[n], n >= 16 and finite, are spikes, by a Hampel filter.
 
     A sample is one if it is farther from the median of the seven around it than `SPIKE` times
     their spread, and `SPIKE` times the usual difference of neighbours among the 51 around it; both
-    are 1.4826 times a median absolute deviation (Davies and Gather 1993; Pearson 2002). What is
-    left without the spikes is looked at again, until there are none. So two or three bad samples in
-    a row are found, too; gusts, steps and crests of waves are spared, for the neighbours follow.
-
-    Parameters
-    ----------
-    speed : array, shape (n,), n >= 16
-        Finite.
-
-    Returns
-    -------
-    array of bool, shape (n,)
+    are 1.4826 times a median absolute deviation (Davies and Gather 1993; Pearson 2002). The samples
+    left without the spikes are filtered again, until there are none: so two or three bad samples
+    in a row are found, too. Gusts, steps and crests of waves are no spikes, since their neighbours
+    follow them.
     """
     spikes = np.zeros(speed.size, dtype=bool)
     left = np.arange(speed.size)
     while left.size >= MIN_SAMPLES:
-        found = _stand_off(np.clip(speed[left], -1e6, 1e6))  # absurd ones must not overflow
+        found = _stand_off(np.clip(speed[left], -1e6, 1e6))  # so that absurd speeds do not overflow
         if not np.any(found):
             break
         spikes[left[found]] = True
@@ -224,12 +172,12 @@ def _stand_off(speed: np.ndarray) -> np.ndarray:
 
     half = 3
     steps = np.abs(np.diff(speed, append=speed[-1]))
-    # where samples have few digits most steps are zero: the last digit itself is no spike, but a
-    # hundredth of the speed may be
+    # Samples of few digits differ mostly by zero: a step of the last digit is no spike, unless it
+    # is more than a hundredth of the speed.
     digit = minimum_filter(np.where(steps > 0.0, steps, np.inf), 51)
     digit = np.minimum(digit, 0.01 * np.median(np.abs(speed)))
     usual = np.maximum(1.4826 * median_filter(steps, 51), digit)
-    # at the ends the first and the last seven
+    # the first and the last samples are compared with the first and the last seven
     centres = np.clip(np.arange(speed.size), half, speed.size - 1 - half)
     off = np.abs(speed - median_filter(speed, 2 * half + 1)[centres])
     found = np.zeros(speed.size, dtype=bool)
@@ -250,12 +198,9 @@ def _spikes(raw: Columns, options: RecordOptions, messages: list[str]) -> np.nda
     found = present[find_spikes(raw.speed[present])]
     if found.size and options.spikes == "refuse":
         others = f", and {found.size - 1} more do" if found.size > 1 else ""
-        raise raw.refuse(
-            f"stands off from its neighbours like a spike{others}",
-            "give spikes: replace to interpolate there, or spikes: keep if that is the flow",
-            int(found[0]),
-            1,
-        )
+        problem = f"stands off from its neighbours like a spike{others}"
+        remedy = "give spikes: replace to interpolate there, or spikes: keep if that is the flow"
+        raise raw.refuse(problem, remedy, int(found[0]), 1)
     if found.size:
         spikes[found] = True
         messages.append(
@@ -281,11 +226,8 @@ def _even(
     longest = _check_gaps(raw, step, resample, options)
     count = int(raw.time[-1] / step * (1.0 + 1e-12)) + 1 if resample else int(index[-1]) + 1
     if count > MAX_ROWS:
-        raise InputError(
-            f"has {count:,} even samples, and {MAX_ROWS:,} are taken",
-            "take a part of it by start and duration",
-            file=raw.file,
-        )
+        problem = f"has {count:,} even samples, and {MAX_ROWS:,} are taken"
+        raise InputError(problem, "take a part of it by start and duration", file=raw.file)
     good = np.isfinite(raw.speed) & ~spikes
     if resample:
         messages.append(
@@ -318,7 +260,7 @@ def _grid(time: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     """Return the step of even samples with gaps, each one's place, and how far (s) it is off it."""
     steps = np.diff(time)
     median = float(np.median(steps))
-    # the mean of the single steps, as times may be rounded: 0.03, 0.07, 0.10
+    # the mean of the steps without gaps, since times may be rounded: 0.03, 0.07, 0.10
     usual = float(np.mean(steps[np.abs(steps - median) <= 0.5 * median]))
     index = np.concatenate(([0.0], np.cumsum(np.maximum(np.rint(steps / usual), 1.0))))
     step = float(time[-1] / index[-1])
@@ -368,20 +310,10 @@ def _check_gaps(raw: Columns, step: float, resample: bool, options: RecordOption
 def low_pass(speed: np.ndarray, step: float, cutoff: float) -> np.ndarray:
     """Return even samples low-passed without shift: amplitudes times 1 / (1 + (f/cutoff)^8).
 
-    That is Butterworth's filter of fourth order, forwards and backwards. The record is continued
+    That is Butterworth's filter of fourth order, forwards and backwards; an amplitude is halved at
+    the cutoff (Hz). Samples speed[n] are `step` seconds apart. The record is continued
     point-symmetrically about its ends, which keeps their value and slope: the straight line through
     the two ends passes as it is, the rest as a sum of sines.
-
-    Parameters
-    ----------
-    speed : array, shape (n,)
-    step : float, s
-    cutoff : float, Hz
-        Frequency at which an amplitude is halved.
-
-    Returns
-    -------
-    array, shape (n,)
     """
     from scipy.fft import dst, idst
 
@@ -401,14 +333,9 @@ def _cut_off(
     nyquist, slowest = 0.5 / step, 1.0 / (step * (speed.size - 1))
     cutoff = 0.5 * nyquist if options.cutoff is None else options.cutoff
     if not slowest <= cutoff < nyquist:
-        raise InputError(
-            f"must lie between {slowest:.4g} Hz, one wave in the record, and {nyquist:.4g} Hz, "
-            "half the sampling rate",
-            "give another cutoff, or none for half of the upper one",
-            file=file,
-            key="cutoff",
-            value=cutoff,
-        )
+        problem = f"must lie between {slowest:.4g} Hz, one wave in the record, and {nyquist:.4g} Hz"
+        remedy = "give another cutoff, or none for half of the upper one"
+        raise options.refuse("cutoff", f"{problem}, half the sampling rate", remedy, file)
     smooth, variance = low_pass(speed, step, cutoff), float(np.var(speed))
     removed = 1.0 - float(np.var(smooth)) / variance if variance > 0.0 else 0.0
     messages.append(

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.shipped import locate, parse_number, parse_table, read_text
+from hkt_mdo.files.shipped import locate
+from hkt_mdo.files.table import Source, lines_of, parse_number, parse_table, read_text, text_columns
 
 __all__ = ["read_outline"]
 
@@ -27,32 +28,20 @@ _FORMATS = "a CSV file x_over_c,y_over_c, or coordinates in Selig's or Lednicer'
 def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
     """Read the outline of a section.
 
-    The format is told by the content: a CSV file with the columns ``x_over_c`` and ``y_over_c``, or
+    The content decides the format: a CSV file with the columns ``x_over_c`` and ``y_over_c``, or
     pairs of numbers, with or without a line of text above them, in Selig's order (from the trailing
     edge round to it) or Lednicer's (number of points of either side, then the upper and the lower
     side from the leading edge).
 
-    Parameters
-    ----------
-    source : str or pathlib.Path
-        A shipped name or the path of a file.
-
-    Returns
-    -------
-    x, y : ndarray, shape (n_points,)
-        Over the chord, as the file has them, from the trailing edge round to the trailing edge.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or broken, or the points are no closed section of unit chord; the
-        message names file, line, value and remedy.
+    Returns x[n_points] and y[n_points] over the chord, from the trailing edge round to it. Raises
+    InputError if the file is missing or broken, or the points are no closed section of unit chord;
+    the message names file, line, value and remedy.
     """
     path = locate(source, "outline")
     text = read_text(path, "file with an outline")
     lines = [
         (number, line.strip())
-        for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1)
+        for number, line in enumerate(lines_of(text), start=1)
         if line.strip() and line.lstrip()[0] not in "#!%"
     ]
     if not lines:
@@ -66,55 +55,32 @@ def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
     return x, y
 
 
-def _pair(line: str) -> list[float | None]:
-    return [parse_number(cell) for cell in re.split(r"[\s,;]+", line)]
-
-
 def _read_pairs(
     lines: list[tuple[int, str]], path: Path
 ) -> tuple[np.ndarray, np.ndarray, list[int]]:
     """Read pairs of numbers in Selig's or Lednicer's order."""
-    first = _pair(lines[0][1])
-    if len(first) != 2 or None in first:
-        lines = lines[1:]  # the name of the section
-    points = []
-    for number, line in lines:
-        pair = _pair(line)
-        if len(pair) != 2 or None in pair:
-            raise InputError(
-                "must be two finite numbers",
-                f"give {_FORMATS}",
-                file=path,
-                key=f"line {number}",
-                value=line,
-            )
-        points.append(pair)
-    if not points:
+    rows = [(number, re.split(r"[\s,;]+", line)) for number, line in lines]
+    if len(rows[0][1]) != 2 or None in map(parse_number, rows[0][1]):
+        lines, rows = lines[1:], rows[1:]  # the first line is the name of the section
+    if not rows:
         raise InputError("has no coordinates", f"give {_FORMATS}", file=path, key="line 1")
+    columns = text_columns(rows, ("x", "y"), path, ("x", "y"), f"give {_FORMATS}")
+    x, y = columns["x"].values, columns["y"].values
     numbers = [number for number, _ in lines]
-    x, y = np.array(points, dtype=float).T
     if not (min(x[0], y[0]) >= 2.0 and x[0] == int(x[0]) and y[0] == int(y[0])):
         return x, y, numbers
     n_upper, n_lower = int(x[0]), int(y[0])
-    key = f"line {numbers[0]}"
     if n_upper + n_lower != x.size - 1:
-        raise InputError(
-            f"{x.size - 1} points follow, not {n_upper} + {n_lower}",
-            "count the points of the upper and the lower side, or give coordinates over the chord",
-            file=path,
-            key=key,
-            value=lines[0][1],
-        )
+        problem = f"{x.size - 1} points follow, not {n_upper} + {n_lower}"
+        remedy = "count the points of either side, or give coordinates over the chord"
+        raise Source(path).refuse(problem, remedy, numbers[0], value=lines[0][1])
     upper, lower = np.arange(1, n_upper + 1), np.arange(n_upper + 1, x.size)
     for side, name in ((upper, "upper"), (lower, "lower")):
         if x[side[0]] > x[side[-1]]:
-            raise InputError(
-                f"the {name} side begins nearer to the trailing edge than it ends",
-                "in Lednicer's order both sides run from the leading edge to the trailing edge",
-                file=path,
-                key=f"line {numbers[side[0]]}",
-                value=lines[side[0]][1],
-            )
+            problem = f"the {name} side begins nearer to the trailing edge than it ends"
+            remedy = "in Lednicer's order both sides run from the leading to the trailing edge"
+            line, shown = lines[side[0]]
+            raise Source(path).refuse(problem, remedy, line, value=shown)
     shared = x[upper[0]] == x[lower[0]] and y[upper[0]] == y[lower[0]]
     order = np.concatenate((upper[::-1], lower[1:] if shared else lower))
     return x[order], y[order], [numbers[point] for point in order]
@@ -123,15 +89,11 @@ def _read_pairs(
 def _check(x: np.ndarray, y: np.ndarray, numbers: Sequence[int], path: Path) -> None:
     def refuse(problem: str, remedy: str, point: int) -> InputError:
         value = f"{x[point]:g}, {y[point]:g}"
-        return InputError(problem, remedy, file=path, key=f"line {numbers[point]}", value=value)
+        return Source(path).refuse(problem, remedy, numbers[point], value=value)
 
     if not FEWEST_POINTS <= x.size <= MOST_POINTS:
-        raise InputError(
-            f"the outline has {x.size} points, not {FEWEST_POINTS} to {MOST_POINTS}",
-            "give some hundred points",
-            file=path,
-            key=f"line {numbers[-1]}",
-        )
+        problem = f"the outline has {x.size} points, not {FEWEST_POINTS} to {MOST_POINTS}"
+        raise Source(path).refuse(problem, "give some hundred points", numbers[-1])
     for edge, end, what in (
         (0.0, int(np.argmin(x)), "smallest"),
         (1.0, int(np.argmax(x)), "largest"),
@@ -154,12 +116,8 @@ def _check(x: np.ndarray, y: np.ndarray, numbers: Sequence[int], path: Path) -> 
     area = 0.5 * abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
     low, high = AREA_RANGE
     if not low <= area <= high:
-        raise InputError(
-            f"encloses {area:.4g} chord², no area of a section",
-            _ORDER,
-            file=path,
-            key=f"line {numbers[0]} to {numbers[-1]}",
-        )
+        problem, last = f"encloses {area:.4g} chord², no area of a section", f"to {numbers[-1]}"
+        raise Source(path).refuse(problem, _ORDER, numbers[0], last)
 
 
 def _first_crossing(x: np.ndarray, y: np.ndarray) -> tuple[int, int] | None:

@@ -1,390 +1,189 @@
 """The blade of a windIO turbine file (YAML), versions 1 and 2.
 
-Version 1 keeps the blade's shape in ``components.blade.outer_shape_bem`` and counts angles in
-radians; version 2 keeps it in ``components.blade.outer_shape`` and counts them in degrees.
 Source: windIO, IEA Wind Task 37, turbine schema, https://windio.readthedocs.io.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+import yaml
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.blade import (
-    EDGE,
-    MOST_ROWS,
-    BladeTable,
-    Column,
-    SectionTable,
-    check_rows,
-    to_number,
+from hkt_mdo.files.blade_table import EDGE, MOST_ROWS, BladeTable, SectionTable, check_rows
+from hkt_mdo.files.table import Column
+from hkt_mdo.files.windio_airfoil import (
+    THICK_ROUNDED,
+    VERSIONS,
+    Version,
+    curve,
+    read_airfoils,
 )
-from hkt_mdo.files.polar import PolarTable, polar_table
+from hkt_mdo.files.yaml_text import Place, compose, places_column
 
 __all__ = ["read_windio"]
 
-MAX_DEPTH = 40
-"""Deepest nesting of a file."""
-
-MAX_NODES = 1_000_000
-"""Most values in a file; reference turbines have fifty thousand."""
-
 DIAMETER_OFF = 0.02
 """How far the file's rotor diameter may be from that of its hub and blade, relatively."""
-
-# What files round: a circle of angles to ±3.14 rad, and a section's coefficients at its ends.
-_CIRCLE_ROUNDED = math.radians(0.1)
-_ENDS_ROUNDED = 0.01
-_THICK_ROUNDED = 1e-6
-
-
-class _Node:
-    """A value of a YAML file and its line: a dict, a list, or the text of a scalar."""
-
-    __slots__ = ("line", "quoted", "value")
-
-    def __init__(self, value: Any, line: int, quoted: bool = False) -> None:
-        self.value, self.line, self.quoted = value, line, quoted
-
-
-def _compose(text: str, file: Path) -> _Node:
-    """Return the tree of a YAML text.
-
-    An alias is the very node that its anchor names, never a copy, so that no file grows while it is
-    read.
-    """
-    import yaml
-
-    def refuse(problem: str, remedy: str, mark: Any) -> InputError:
-        place = f"line {mark.line + 1}, column {mark.column + 1}" if mark else f"line {line}"
-        return InputError(problem, remedy, file=file, key=place)
-
-    line = 1
-    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml: ten times as quick
-    anchors: dict[str, _Node] = {}
-    stack: list[tuple[_Node, str | None]] = []  # open collections and their anchors
-    keys: list[tuple[str, int] | None] = []  # the key that waits for its value, by collection
-    root: _Node | None = None
-    count = 0
-
-    def place(node: _Node, mark: Any) -> None:
-        nonlocal root
-        if not stack:
-            root = node
-            return
-        parent = stack[-1][0].value
-        if isinstance(parent, list):
-            parent.append(node)
-        elif keys[-1] is None:
-            if not isinstance(node.value, str):
-                raise refuse("has a key that is not a word", "write a word", mark)
-            if node.value == "<<":
-                raise refuse("merge keys (<<) are refused", "write the values out", mark)
-            if node.value in parent:
-                raise refuse(f"gives the key {node.value} twice", "keep one of them", mark)
-            keys[-1] = node.value, node.line
-        else:
-            parent[keys[-1][0]] = node
-            keys[-1] = None
-
-    try:
-        documents = 0
-        for event in yaml.parse(text, Loader=loader):
-            mark: Any = event.start_mark
-            if isinstance(event, yaml.DocumentStartEvent):
-                documents += 1
-                if documents > 1:
-                    raise refuse("begins a second document", "keep one turbine in a file", mark)
-            elif isinstance(event, yaml.AliasEvent):
-                if event.anchor not in anchors:
-                    raise refuse(
-                        f"the alias *{event.anchor} stands before its anchor or within it",
-                        "write the value out",
-                        mark,
-                    )
-                place(anchors[event.anchor], mark)
-            elif isinstance(event, yaml.NodeEvent):
-                count += 1
-                if count > MAX_NODES:
-                    raise refuse(
-                        f"holds more than {MAX_NODES} values", "give a turbine's usual file", mark
-                    )
-                tag = getattr(event, "tag", None)
-                if tag is not None and tag != "!":
-                    raise refuse(
-                        f"the tag {tag} is refused",
-                        "write the plain value; put an included file's content in its place",
-                        mark,
-                    )
-                if isinstance(event, yaml.ScalarEvent):
-                    node = _Node(event.value, mark.line + 1, bool(event.style))
-                    if event.anchor:
-                        anchors[event.anchor] = node
-                    place(node, mark)
-                else:
-                    node = _Node(
-                        [] if isinstance(event, yaml.SequenceStartEvent) else {}, mark.line + 1
-                    )
-                    stack.append((node, event.anchor))
-                    keys.append(None)
-                    if len(stack) > MAX_DEPTH:
-                        raise refuse(f"is nested deeper than {MAX_DEPTH} levels", "unfold it", mark)
-            elif isinstance(event, yaml.CollectionEndEvent):
-                node, anchor = stack.pop()
-                keys.pop()
-                if anchor:
-                    anchors[anchor] = node
-                place(node, mark)
-    except (yaml.YAMLError, ValueError) as error:
-        mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
-        line += text.count("\n", 0, getattr(error, "position", 0) or 0)
-        problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "broken"
-        raise refuse(f"cannot be read as YAML: {problem}", "mend it there", mark) from None
-    if root is None or not isinstance(root.value, dict):
-        raise InputError(
-            "is no windIO turbine",
-            "it has the keys assembly, components and airfoils",
-            file=file,
-            key="line 1",
-        )
-    return root
-
-
-@dataclass(frozen=True)
-class _Place:
-    """A value in the file with its dotted key."""
-
-    node: _Node
-    key: str
-    file: Path
-
-    def refuse(self, problem: str, remedy: str, key: str = "", shown: bool = True) -> InputError:
-        place = f"{key or self.key} (line {self.node.line})"
-        value = self.node.value
-        if shown and isinstance(value, str):
-            return InputError(problem, remedy, file=self.file, key=place, value=value)
-        return InputError(problem, remedy, file=self.file, key=place)
-
-    def find(self, name: str) -> _Place | None:
-        """Return a member; None where there is none or it is empty."""
-        self._expect(dict, "a mapping")
-        node = self.node.value.get(name)
-        if node is None or (node.value in ("", "~", "null") and not node.quoted):
-            return None
-        return _Place(node, f"{self.key}.{name}" if self.key else name, self.file)
-
-    def get(self, path: str, remedy: str = "") -> _Place:
-        """Return what a dotted key below this place names; it must be there."""
-        here = self
-        for name in path.split("."):
-            found = here.find(name)
-            if found is None:
-                full = f"{here.key}.{name}" if here.key else name
-                raise here.refuse("is missing", remedy or "add it", key=full, shown=False)
-            here = found
-        return here
-
-    def items(self) -> list[_Place]:
-        """Return the members of a list."""
-        self._expect(list, "a list")
-        return [
-            _Place(node, f"{self.key}[{index}]", self.file)
-            for index, node in enumerate(self.node.value)
-        ]
-
-    def text(self) -> str:
-        self._expect(str, "a word")
-        return self.node.value.strip()
-
-    def number(self, low: float, high: float, remedy: str) -> float:
-        """Return a number within (low, high]."""
-        self._expect(str, "a number")
-        number = math.nan if self.node.quoted else to_number(self.node.value)
-        if math.isnan(number):
-            raise self.refuse("must be a finite number", "write it plainly, without a unit")
-        if not low < number <= high:
-            raise self.refuse(f"must be above {low:g} and at most {high:g}", remedy)
-        return number
-
-    def numbers(self) -> Column:
-        """Return a list of at least one number."""
-        items = self.items()
-        if not items:
-            raise self.refuse("is empty", "give its numbers")
-        if len(items) > MOST_ROWS:
-            raise self.refuse(f"has more than {MOST_ROWS} numbers", "give fewer")
-        values = np.array(
-            [math.nan if item.node.quoted else _plain_number(item.node.value) for item in items]
-        )
-        for row in np.flatnonzero(np.isnan(values)):
-            items[row]._expect(str, "a number")
-            raise items[row].refuse("must be a finite number", "write it plainly, without a unit")
-        keys = [f"{item.key} (line {item.node.line})" for item in items]
-        return Column(self.key, values, keys, [item.node.value for item in items])
-
-    def _expect(self, kind: type, what: str) -> None:
-        if not isinstance(self.node.value, kind):
-            raise self.refuse(f"must be {what}", "see the windIO turbine schema")
-
-
-def _plain_number(value: object) -> float:
-    return to_number(value) if isinstance(value, str) else math.nan
-
-
-def _same_length(one: Column, other: Column, place: _Place) -> None:
-    if one.values.size != other.values.size:
-        raise place.refuse(
-            f"has {one.values.size} numbers in {one.name.rpartition('.')[2]} and "
-            f"{other.values.size} in {other.name.rpartition('.')[2]}",
-            "give as many values as grid points",
-        )
-
-
-def _rising(grid: Column, file: Path) -> None:
-    grid.refuse(
-        np.diff(grid.values, prepend=-np.inf) <= 0.0,
-        "does not exceed the value before: a grid must increase strictly",
-        "sort it and remove duplicates",
-        file,
-    )
-
-
-def _spanwise(place: _Place) -> tuple[np.ndarray, Column]:
-    """Return grid and values of a quantity along the whole span."""
-    grid, values = place.get("grid").numbers(), place.get("values").numbers()
-    _same_length(grid, values, place)
-    _rising(grid, place.file)
-    if abs(grid.values[0]) > EDGE or abs(grid.values[-1] - 1.0) > EDGE:
-        raise place.refuse(
-            f"has a grid from {grid.values[0]:g} to {grid.values[-1]:g}",
-            "a grid runs from 0 at the root to 1 at the tip",
-            key=f"{place.key}.grid",
-        )
-    return grid.values, values
 
 
 def read_windio(text: str, file: Path) -> BladeTable:
     """Read the blade of a windIO turbine file.
 
     Rows are the grid of the chord together with that of the twist; what is given on another grid is
-    interpolated linearly. A row's radius is the hub radius plus z of the reference axis.
-
-    Parameters
-    ----------
-    text : str
-        The whole file.
-    file : pathlib.Path
-        For messages.
-
-    Returns
-    -------
-    BladeTable
-        With `sections` that its blade uses and `section_position`, where they stand.
-
-    Raises
-    ------
-    InputError
-        If something is missing or broken; the message names the dotted key and the line.
+    interpolated linearly. A row's radius is the hub radius plus z of the reference axis. The table
+    has the `sections` that its blade uses and `section_position`, where they stand. Raises
+    InputError if something is missing or broken; the message names the dotted key and the line.
     """
-    root = _Place(_compose(text, file), "", file)
+    tree = compose(text, file)
+    if not isinstance(tree, yaml.MappingNode):
+        remedy = "it has the keys assembly, components and airfoils"
+        raise InputError("is no windIO turbine", remedy, file=file, key="line 1")
+    root = Place(tree, "", file)
     messages: list[str] = []
     blade = root.get("components.blade", "give a turbine with a blade")
-    shape, first_version = _shape(blade)
-    diameter = root.get("components").get("hub.diameter", "add the hub's diameter in metres")
+    shape, version = _shape(blade)
+    diameter = root.get("components.hub.diameter", "add the hub's diameter in metres")
     hub = 0.5 * diameter.number(0.0, 100.0, "give the hub's diameter in metres")
     s_axis, height = _height(shape.find("reference_axis") or blade.get("reference_axis"), messages)
-
-    s_chord, chord = _spanwise(shape.get("chord"))
-    s_twist, twist = _spanwise(shape.get("twist"))
-    unit = "windIO 1 counts it in radians" if first_version else "windIO 2 counts it in degrees"
-    if not first_version:
-        twist = replace(twist, values=np.deg2rad(twist.values))
-        messages.append("windIO 2: degrees converted to radians")
-    twist.refuse(np.abs(twist.values) > np.pi * (1.0 + EDGE), "is beyond 180 degrees", unit, file)
-    s = _union(s_chord, s_twist)
-    if s_chord.size != s_twist.size or np.any(s_chord != s_twist):
-        messages.append("chord and twist have different grids: rows are both, linear in between")
+    s, chord, twist = _chord_and_twist(shape, version, messages)
     r = hub + np.interp(s, s_axis, height)
-    places = [f"components.blade, row at s = {share:.6g}" for share in s]
-    check_rows(file, Column("r", r, places, r.tolist()), chord, twist, None, float(r[-1]))
-
-    names, stands, sections = _sections(root, shape, first_version, messages)
+    tip = float(r[-1])
+    rows = [f"components.blade, row at s = {share:.6g}" for share in s]
+    check_rows(Column("r", r, rows, r.tolist(), file), chord[1], twist[1], None, tip)
+    names, stands = _positions(shape, version)
+    sections = read_airfoils(root, names, version, messages)
     cone = root.get("components.hub").find("cone_angle")
     angle = None
     if cone is not None:
-        turn = np.pi if first_version else 180.0
-        angle = cone.number(-0.5 * turn, 0.5 * turn, unit) / turn * np.pi
-    _check_diameter(root, float(r[-1]), angle or 0.0, messages)
+        half = 0.5 * version.half_turn
+        angle = cone.number(-half, half, version.angles) / version.half_turn * np.pi
+    _check_diameter(root.find("assembly"), tip, angle or 0.0, messages)
+    labels = [name for _, name, _ in names]
+    stand_r = hub + np.interp(stands, s_axis, height)
     return BladeTable(
         r,
-        np.interp(s, s_chord, chord.values),
-        np.interp(s, s_twist, twist.values),
-        thickness=_thickness(shape, s, names, stands, sections),
+        np.interp(s, chord[0], chord[1].values),
+        np.interp(s, twist[0], twist[1].values),
+        thickness=_thickness(shape, s, labels, stands, sections),
         sections=sections,
-        section_position=tuple(
-            (name, float(hub + z))
-            for name, z in zip(names, np.interp(stands, s_axis, height), strict=True)
-        ),
-        tip_radius=float(r[-1]),
+        section_position=tuple(zip(labels, stand_r.tolist(), strict=True)),
+        tip_radius=tip,
         hub_radius=hub,
-        blade_count=_blade_count(root),
+        blade_count=_blade_count(root.find("assembly")),
         cone=angle,
         messages=tuple(dict.fromkeys(messages)),
         file=str(file),
     )
 
 
-def _shape(blade: _Place) -> tuple[_Place, bool]:
-    """Return the blade's outer shape, and whether it is that of windIO 1."""
-    old, new = blade.find("outer_shape_bem"), blade.find("outer_shape")
-    if old and new:
-        raise blade.refuse(
-            "holds outer_shape and outer_shape_bem", "keep that of the file's windIO version"
-        )
-    shape = old or new
-    if shape is None:
-        raise blade.refuse(
-            "is missing",
-            "add outer_shape (windIO 2) or outer_shape_bem (windIO 1)",
-            key=f"{blade.key}.outer_shape",
-            shown=False,
-        )
-    return shape, new is None
+def _shape(blade: Place) -> tuple[Place, Version]:
+    """Return the blade's outer shape and the version of windIO that it belongs to."""
+    found = [(blade.find(version.shape), version) for version in VERSIONS]
+    shapes = [(shape, version) for shape, version in found if shape is not None]
+    if not shapes:
+        blade.get("outer_shape", "add outer_shape (windIO 2) or outer_shape_bem (windIO 1)")
+    if len(shapes) > 1:
+        remedy = "keep that of the file's windIO version"
+        raise blade.refuse("holds outer_shape and outer_shape_bem", remedy)
+    return shapes[0]
 
 
-def _height(axis: _Place, messages: list[str]) -> tuple[np.ndarray, np.ndarray]:
+def _spanwise(place: Place) -> tuple[np.ndarray, Column]:
+    """Return grid and values of a quantity along the whole span."""
+    grid, values = curve(place)
+    if abs(grid.values[0]) > EDGE or abs(grid.values[-1] - 1.0) > EDGE:
+        problem = f"has a grid from {grid.values[0]:g} to {grid.values[-1]:g}"
+        raise place.get("grid").refuse(problem, "a grid runs from 0 at the root to 1 at the tip")
+    if grid.values.size > MOST_ROWS:
+        raise place.get("grid").refuse(f"has more than {MOST_ROWS} numbers", "give fewer")
+    return grid.values, values
+
+
+def _chord_and_twist(
+    shape: Place, version: Version, messages: list[str]
+) -> tuple[np.ndarray, tuple[np.ndarray, Column], tuple[np.ndarray, Column]]:
+    """Return the grid of the rows, and grid and values of chord and twist (rad)."""
+    s_chord, chord = _spanwise(shape.get("chord"))
+    s_twist, twist = _spanwise(shape.get("twist"))
+    if version.number == 2:
+        twist = replace(twist, values=np.deg2rad(twist.values))
+        messages.append("windIO 2: degrees converted to radians")
+    beyond = np.abs(twist.values) > np.pi * (1.0 + EDGE)
+    twist.refuse(beyond, "is beyond 180 degrees", version.angles)
+    if not np.array_equal(s_chord, s_twist):
+        messages.append("chord and twist have different grids: rows are both, linear in between")
+    s = np.union1d(s_chord, s_twist)
+    s = s[np.diff(s, prepend=-1.0) > EDGE]  # points closer than that are one
+    return s, (s_chord, chord), (s_twist, twist)
+
+
+def _height(axis: Place, messages: list[str]) -> tuple[np.ndarray, np.ndarray]:
     """Return the grid of a blade's axis and z over it, which begins at 0 and rises."""
     grid, z = _spanwise(axis.get("z"))
     aside = np.zeros(z.values.size, dtype=bool)
     aside[0] = abs(z.values[0]) > EDGE * abs(z.values[-1])
-    z.refuse(aside, "is not 0 at the blade's root", "count z from the root", axis.file)
+    z.refuse(aside, "is not 0 at the blade's root", "count z from the root")
     height = np.concatenate(([0.0], z.values[1:]))
-    z.refuse(
-        np.diff(height, prepend=-np.inf) <= 0.0,
-        "does not exceed the value before: the blade must run outwards",
-        "sort z from root to tip, in metres",
-        axis.file,
-    )
+    z.check_rising("heights above the root", np.diff(height, prepend=-np.inf))
     for name, what in (("x", "prebend"), ("y", "sweep")):
         side = axis.find(name)
         largest = 0.0 if side is None else np.max(np.abs(_spanwise(side)[1].values))
         if largest > 0.0:
-            messages.append(
-                f"{axis.key}.{name}: {what} of up to {largest:g} m is ignored: straight blade"
-            )
+            said = f"{what} of up to {largest:g} m is ignored: straight blade"
+            messages.append(f"{axis.key}.{name}: {said}")
     return grid, height
 
 
+def _positions(
+    shape: Place, version: Version
+) -> tuple[list[tuple[Place, str, str | None]], np.ndarray]:
+    """Return (place, name, configuration) of the airfoils along the span, and where they stand."""
+    if version.number == 1:
+        where = shape.get("airfoil_position")
+        grid, labels = where.get("grid").numbers(), where.get("labels").items()
+        if grid.values.size != len(labels):
+            problem = f"has {grid.values.size} grid points and {len(labels)} labels"
+            raise where.refuse(problem, "give as many labels as grid points")
+        used: list[tuple[Place, str, str | None]] = [(at, at.text(), None) for at in labels]
+    else:
+        entries = shape.get("airfoils").items()
+        stands = [entry.get("spanwise_position") for entry in entries]
+        grid = places_column("spanwise_position", stands)
+        used = [(entry, entry.get("name").text(), _configuration(entry)) for entry in entries]
+    grid.refuse(
+        (grid.values < -EDGE) | (grid.values > 1.0 + EDGE),
+        "is no position along the span",
+        "it lies within 0 (root) and 1 (tip)",
+    )
+    grid.check_rising("positions")
+    return used, grid.values
+
+
+def _configuration(entry: Place) -> str | None:
+    """Return the one configuration of polars that a blade's airfoil uses (windIO 2)."""
+    tags, weights = entry.find("configuration"), entry.find("weight")
+    if tags is None:
+        return None
+    names = [tag.text() for tag in tags.items()]
+    shares = np.ones(len(names)) if weights is None else weights.numbers().values
+    if weights is not None and shares.size != len(names):
+        problem = f"has {shares.size} weights for {len(names)} configurations"
+        raise weights.refuse(problem, "give one for each")
+    used = [name for name, share in zip(names, shares, strict=True) if share > 0.0]
+    if len(used) != 1:
+        remedy = "keep the one that holds for your water, with the weight [1.0]"
+        raise tags.refuse(f"blends {len(used)} configurations of polars", remedy)
+    return used[0]
+
+
 def _thickness(
-    shape: _Place,
+    shape: Place,
     s: np.ndarray,
-    names: list[str],
+    labels: list[str],
     stands: np.ndarray,
     sections: tuple[SectionTable, ...],
 ) -> np.ndarray | None:
@@ -392,28 +191,18 @@ def _thickness(
     own = shape.find("rthick")
     if own is None:
         known = {section.name: section.thickness for section in sections}
-        between = [known[name] for name in names]
-        if None in between:
-            return None
-        return np.interp(s, stands, np.array(between, dtype=float))
+        between = [known[name] for name in labels]
+        return None if None in between else np.interp(s, stands, np.array(between, dtype=float))
     grid, column = _spanwise(own)
     column.refuse(
-        (column.values <= 0.0) | (column.values > 1.0 + _THICK_ROUNDED),
+        (column.values <= 0.0) | (column.values > 1.0 + THICK_ROUNDED),
         "is no thickness over chord",
         "rthick lies within 0 (a plate) and 1 (a cylinder)",
-        shape.file,
     )
     return np.minimum(np.interp(s, grid, column.values), 1.0)
 
 
-def _union(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return the points of two grids; those closer than a billionth are one."""
-    points = np.union1d(one, other)
-    return points[np.diff(points, prepend=-1.0) > EDGE]
-
-
-def _blade_count(root: _Place) -> int | None:
-    assembly = root.find("assembly")
+def _blade_count(assembly: Place | None) -> int | None:
     count = assembly and assembly.find("number_of_blades")
     if count is None:
         return None
@@ -423,245 +212,22 @@ def _blade_count(root: _Place) -> int | None:
     return int(number)
 
 
-def _check_diameter(root: _Place, tip: float, cone: float, messages: list[str]) -> None:
+def _check_diameter(assembly: Place | None, tip: float, cone: float, messages: list[str]) -> None:
     """Hold the file's rotor diameter, 2 (hub radius + z of the tip) cos(cone), to its blade."""
-    assembly = root.find("assembly")
     diameter = assembly and assembly.find("rotor_diameter")
     if diameter is None:
         return
     number = diameter.number(-EDGE, 1000.0, "give the rotor's diameter in metres")
-    if number <= 0.0:  # windIO's default: not given
-        return
     own = 2.0 * tip * math.cos(cone)
     off = abs(number / own - 1.0)
+    if number <= 0.0 or off <= 1e-6:  # windIO's default of 0 says that it is not given
+        return
     if off > DIAMETER_OFF:
         raise diameter.refuse(
             f"does not fit hub and blade, which give {own:.6g} m",
             "no blade is scaled to it: correct components.hub.diameter, the reference axis or it",
         )
-    if off > 1e-6:
-        messages.append(
-            f"assembly.rotor_diameter = {number:.8g} m, but hub and blade give {own:.8g} m, which "
-            "is taken"
-        )
-
-
-def _sections(
-    root: _Place, shape: _Place, first_version: bool, messages: list[str]
-) -> tuple[list[str], np.ndarray, tuple[SectionTable, ...]]:
-    """Return the names of the sections along the span, where they stand, and the sections."""
-    if first_version:
-        where = shape.get("airfoil_position")
-        grid, labels = where.get("grid").numbers(), where.get("labels").items()
-        if grid.values.size != len(labels):
-            raise where.refuse(
-                f"has {grid.values.size} grid points and {len(labels)} labels",
-                "give as many labels as grid points",
-            )
-        used: list[tuple[_Place, str, str | None]] = [
-            (label, label.text(), None) for label in labels
-        ]
-    else:
-        entries = shape.get("airfoils").items()
-        if not entries:
-            raise shape.refuse("is empty", "list the airfoils", key=f"{shape.key}.airfoils")
-        keyed = [entry.get("spanwise_position") for entry in entries]
-        grid = Column(
-            "spanwise_position",
-            np.array([place.number(-math.inf, math.inf, "") for place in keyed]),
-            [f"{place.key} (line {place.node.line})" for place in keyed],
-            [place.node.value for place in keyed],
-        )
-        used = [(entry, entry.get("name").text(), _configuration(entry)) for entry in entries]
-    grid.refuse(
-        (grid.values < -EDGE) | (grid.values > 1.0 + EDGE),
-        "is no position along the span",
-        "it lies within 0 (root) and 1 (tip)",
-        shape.file,
-    )
-    _rising(grid, shape.file)
-
-    library: dict[str, _Place] = {}
-    for entry in root.get("airfoils", "add the airfoils that the blade names").items():
-        name = entry.get("name").text()
-        if name in library:
-            raise entry.refuse(f"is the second airfoil {name}", "give each its own name")
-        library[name] = entry
-    chosen: dict[str, str | None] = {}
-    for place, name, configuration in used:
-        if name not in library:
-            raise place.refuse(
-                f"names the airfoil {name}, which airfoils does not hold",
-                f"add it there; known: {', '.join(list(library)[:8])}",
-                shown=False,
-            )
-        if chosen.setdefault(name, configuration) != configuration:
-            raise place.refuse(
-                f"uses {name} in configurations {chosen[name]} and {configuration}",
-                "copy the airfoil under a second name",
-                shown=False,
-            )
-    sections = tuple(
-        _section(library[name], name, configuration, first_version, messages)
-        for name, configuration in chosen.items()
-    )
-    return [name for _, name, _ in used], grid.values, sections
-
-
-def _configuration(entry: _Place) -> str | None:
-    """Return the one configuration of polars that a blade's airfoil uses (windIO 2)."""
-    tags = entry.find("configuration")
-    if tags is None:
-        return None
-    names = [tag.text() for tag in tags.items()]
-    weights = entry.find("weight")
-    if weights is None:
-        shares = np.ones(len(names))
-    else:
-        column = weights.numbers()
-        shares = column.values
-        if shares.size != len(names):
-            raise weights.refuse(
-                f"has {shares.size} weights for {len(names)} configurations", "give one for each"
-            )
-    used = [name for name, share in zip(names, shares, strict=True) if share > 0.0]
-    if len(used) != 1:
-        raise tags.refuse(
-            f"blends {len(used)} configurations of polars",
-            "keep the one that holds for your water, with the weight [1.0]",
-        )
-    return used[0]
-
-
-def _section(
-    airfoil: _Place,
-    name: str,
-    configuration: str | None,
-    first_version: bool,
-    messages: list[str],
-) -> SectionTable:
-    """Return one airfoil with the polars of its configuration."""
-    thick = airfoil.find("relative_thickness" if first_version else "rthick")
-    thickness = None
-    if thick is not None:
-        thickness = min(thick.number(0.0, 1.0 + _THICK_ROUNDED, "it is over the chord"), 1.0)
-    outline_x = outline_y = None
-    coordinates = airfoil.find("coordinates")
-    if coordinates is not None:
-        x, y = coordinates.get("x").numbers(), coordinates.get("y").numbers()
-        _same_length(x, y, coordinates)
-        outline_x, outline_y = x.values, y.values
-
-    entries = airfoil.get("polars", "add the airfoil's lift and drag").items()
-    tagged = [(entry, _tag(entry)) for entry in entries]
-    tags = list(dict.fromkeys(tag for _, tag in tagged))
-    if not entries:
-        raise airfoil.refuse("is empty", "add lift and drag", key=f"{airfoil.key}.polars")
-    if configuration is None:
-        configuration = tags[0]
-        if len(tags) > 1:
-            messages.append(
-                f"{name}: polars of configuration {configuration}, the first, are taken"
-            )
-    chosen = [entry for entry, tag in tagged if tag == configuration]
-    if not chosen:
-        raise airfoil.refuse(
-            f"has no polars of configuration {configuration}",
-            f"known: {', '.join(str(tag) for tag in tags)}",
-            key=f"{airfoil.key}.polars",
-            shown=False,
-        )
-    sets = chosen if first_version else [one for entry in chosen for one in _re_sets(entry)]
-    polars: dict[float | None, PolarTable] = {}
-    for one in sets:
-        table = _polar(one, first_version, name, messages)
-        if table.reynolds in polars:
-            raise one.refuse(
-                f"is the second polar of {name} at one Reynolds number",
-                "keep one of them, or tag them with different configurations",
-                key=f"{one.key}.re",
-            )
-        polars[table.reynolds] = table
-    ordered = sorted(polars.values(), key=lambda table: table.reynolds or 0.0)
-    return SectionTable(name, thickness, tuple(ordered), outline_x, outline_y)
-
-
-def _tag(entry: _Place) -> str | None:
-    configuration = entry.find("configuration")
-    return None if configuration is None else configuration.text()
-
-
-def _re_sets(entry: _Place) -> Iterator[_Place]:
-    sets = entry.get("re_sets").items()
-    if not sets:
-        raise entry.refuse("is empty", "add lift and drag", key=f"{entry.key}.re_sets")
-    yield from sets
-
-
-def _polar(place: _Place, first_version: bool, section: str, messages: list[str]) -> PolarTable:
-    """Return one polar, its coefficients on one grid of angles of attack."""
-    limit, unit = (np.pi, "radians") if first_version else (180.0, "degrees")
-    grids: dict[str, np.ndarray] = {}
-    values: dict[str, np.ndarray] = {}
-    for quantity in ("c_l", "c_d", "c_m") if first_version else ("cl", "cd", "cm"):
-        one = place.find(quantity) if quantity.endswith("m") else place.get(quantity)
-        if one is None:
-            continue
-        grid, column = one.get("grid").numbers(), one.get("values").numbers()
-        _same_length(grid, column, one)
-        _rising(grid, place.file)
-        grid.refuse(
-            np.abs(grid.values) > limit * 1.001,
-            "lies beyond the full circle",
-            f"windIO {1 if first_version else 2} counts angles of attack in {unit}",
-            place.file,
-        )
-        if not first_version and np.max(np.abs(grid.values)) < 3.2:
-            raise one.refuse(
-                f"has angles of attack from {grid.values[0]:g} to {grid.values[-1]:g} degrees",
-                "windIO 2 counts them in degrees: convert them if they are radians",
-                key=f"{one.key}.grid",
-            )
-        grids[quantity] = np.clip(grid.values, -limit, limit)
-        values[quantity] = column.values
-    alpha, *others = grids.values()
-    if not all(np.array_equal(alpha, other) for other in others):
-        low = max(grid[0] for grid in grids.values())
-        high = min(grid[-1] for grid in grids.values())
-        alpha = np.unique(np.concatenate(list(grids.values())))
-        alpha = alpha[(alpha >= low) & (alpha <= high)]
-        if alpha.size < 2:
-            raise place.refuse(
-                "has lift and drag at angles that do not overlap", "give both over one grid"
-            )
-        values = {name: np.interp(alpha, grids[name], column) for name, column in values.items()}
-        messages.append(f"{section}: coefficients on different grids of angles are joined linearly")
-    short = limit - np.abs(alpha[[0, -1]])
-    if np.all(short < limit / np.pi * _CIRCLE_ROUNDED):
-        if np.any(short > 0.0):
-            alpha = np.concatenate(([-limit], alpha[1:-1], [limit]))
-            messages.append("polars: angles of attack of ±3.14 rad are taken as half a turn")
-        for name, numbers in values.items():
-            first, last = numbers[0], numbers[-1]
-            if 1e-6 < abs(last - first) < _ENDS_ROUNDED:
-                mean = 0.5 * (first + last)
-                values[name] = np.concatenate(([mean], numbers[1:-1], [mean]))
-                messages.append(
-                    f"{section}: {name} = {first:.4g} and {last:.4g} at ±180 degrees, which are "
-                    "one angle: their mean is taken"
-                )
-    reynolds = place.find("re")
-    number = None
-    if reynolds is not None:
-        number = reynolds.number(0.0, 1e12, "give the Reynolds number as a plain number")
-    lift, drag, *moment = values
-    return polar_table(
-        alpha,
-        values[lift],
-        values[drag],
-        values[moment[0]] if moment else None,
-        number,
-        file=place.file,
-        columns=(f"{lift}.grid{', alpha_rad' * first_version}", *(f"{q}.values" for q in values)),
-        where=f"{place.key} (line {place.node.line})",
+    messages.append(
+        f"assembly.rotor_diameter = {number:.8g} m, but hub and blade give {own:.8g} m, which is "
+        "taken"
     )

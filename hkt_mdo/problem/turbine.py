@@ -9,7 +9,8 @@ import numpy as np
 
 from hkt_mdo.case import Fluid, Rotor
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.blade import BladeTable, read_blade
+from hkt_mdo.files.blade import read_blade
+from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.shipped import shipped_names, shipped_rotor
 from hkt_mdo.rotor.airfoil import Outline, Polar, PolarFamily
 from hkt_mdo.rotor.bem import LocalReynolds

@@ -19,7 +19,7 @@ from hkt_mdo.case import Case, load_case
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.dynamics.trajectory import COLUMNS, QUANTITIES
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.shipped import read_bytes
+from hkt_mdo.files.table import read_bytes
 from hkt_mdo.results.summary import BLADE, Summary, printable
 
 __all__ = ["TABLES", "Solution", "summary_table"]

@@ -23,7 +23,7 @@ from pydantic_core import PydanticCustomError
 
 from hkt_mdo.case import Case
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.shipped import read_bytes
+from hkt_mdo.files.table import read_bytes
 
 __all__ = ["BLADE", "CheckEntry", "LimitEntry", "ObjectiveEntry", "Summary", "printable"]
 

@@ -9,7 +9,8 @@ from scipy.interpolate import CubicSpline
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.outline import read_outline
-from hkt_mdo.files.polar import LARGEST, read_polars
+from hkt_mdo.files.polar import read_polars
+from hkt_mdo.files.polar_table import LARGEST
 
 # One knot every quarter of a degree: every polar on a 0.25 or 0.5 degree grid is interpolated
 # exactly at its own points, and a lookup is one multiplication instead of a search.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.polar import REYNOLDS_RANGE, PolarTable, polar_table
+from hkt_mdo.files.polar_table import REYNOLDS_RANGE, PolarTable, polar_table
 from hkt_mdo.rotor.airfoil import Outline
 
 __all__ = ["MODELS", "N_CRIT_RANGE", "ComputedPolar", "compute_polars"]

@@ -12,7 +12,7 @@ import openmdao.api as om
 
 from hkt_mdo.dynamics.quasi_steady import Operation
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.shipped import read_bytes
+from hkt_mdo.files.table import read_bytes
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.results.folder import write_csv, write_json

@@ -6,7 +6,8 @@ from importlib import metadata
 import numpy as np
 
 from hkt_mdo.dynamics.trajectory import COLUMNS
-from hkt_mdo.files.blade import BladeTable, write_blade_csv
+from hkt_mdo.files.blade import write_blade_csv
+from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.results.folder import to_json, write_csv
 from hkt_mdo.results.summary import Summary
 from hkt_mdo.rotor import bem

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from hkt_mdo.files.blade import read_blade, write_blade_csv
-from hkt_mdo.files.polar import polar_table
+from hkt_mdo.files.polar_table import polar_table
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from broken import polars as broken
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.shipped import POLAR_FAMILIES, read_table
-from hkt_mdo.rotor.airfoil import Outline, Polar, PolarFamily
+from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 
 ALPHA = np.arange(-8.0, 17.0)  # deg
 REYNOLDS = 2e5, 1e6
@@ -290,43 +289,3 @@ def test_rows_too_close_together_are_refused(tmp_path):
     )
     with pytest.raises(InputError, match="too close together"):
         Polar.from_csv(write(tmp_path, text))
-
-
-# Broken files
-
-
-def refusal(folder, read, broken):
-    name, content, told = broken
-    path = folder / name
-    path.write_bytes(content)
-    with pytest.raises(InputError) as caught:
-        read(path)
-    message = str(caught.value)
-    assert message.count(str(path)) == 1
-    assert told in message
-    assert "\n" not in message
-    assert caught.value.remedy
-    return caught.value
-
-
-WHOLE_FILE = "is empty", "has a header but no numbers", "the smooth curve through the rows"
-
-
-@pytest.mark.parametrize("what", broken.POLARS)
-def test_broken_polar_is_refused_with_its_place(tmp_path, what):
-    error = refusal(tmp_path, PolarFamily.from_file, broken.POLARS[what])
-    assert error.key or error.problem.startswith(WHOLE_FILE)
-
-
-@pytest.mark.parametrize("what", broken.OUTLINES)
-def test_broken_outline_is_refused_with_its_place(tmp_path, what):
-    error = refusal(tmp_path, Outline.from_file, broken.OUTLINES[what])
-    assert error.key or error.problem.startswith(WHOLE_FILE)
-
-
-@pytest.mark.parametrize("what", broken.WELL)
-def test_file_is_read_before_it_is_spoiled(tmp_path, what):
-    name, content = broken.WELL[what]
-    path = tmp_path / name
-    path.write_bytes(content)
-    (Outline if "outline" in what else PolarFamily).from_file(path)

@@ -1,19 +1,19 @@
 """Blade files: what is read is what the file says, in every format."""
 
 import json
-import random
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from broken.blades import AERODYN, BROKEN, CSV, WINDIO
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.blade import BladeTable, SectionTable, read_blade, write_blade_csv
+from hkt_mdo.files.blade import read_blade, write_blade_csv
+from hkt_mdo.files.blade_table import BladeTable, SectionTable
 from hkt_mdo.files.shipped import data_path
+from tests.files.broken.blades import AERODYN, CSV, WINDIO
 
 TEMPLATE = """------- AERODYN v15.00.* BLADE DEFINITION INPUT FILE ---------
 A blade
@@ -391,32 +391,6 @@ def test_a_reference_turbine_reads_as_it_is_published():
     assert any("prebend of up to 4 m" in message for message in table.messages)
 
 
-# --- refusals ------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("flaw", BROKEN)
-def test_a_broken_file_is_refused_by_one_message(flaw, tmp_path):
-    name, content, fragment = BROKEN[flaw]
-    path = tmp_path / name
-    path.write_bytes(content)
-    with pytest.raises(InputError) as caught:
-        read_blade(path, hub_radius=0.175 if name.endswith(".dat") else None)
-    message = str(caught.value)
-    assert message.isprintable()
-    assert str(path) in message
-    assert fragment in message
-    assert caught.value.key
-    assert caught.value.remedy
-
-
-def test_there_are_many_of_each_kind():
-    for suffix, sound in (("csv", CSV), ("dat", AERODYN), ("yaml", WINDIO)):
-        kind = [content for name, content, _ in BROKEN.values() if name == f"blade.{suffix}"]
-        assert len(kind) >= 20
-        assert len(set(kind)) == len(kind)
-        assert sound.encode() not in kind
-
-
 def test_the_sound_files_are_one_blade(put):
     tables = [
         read_blade(put("sound.csv", CSV)),
@@ -438,73 +412,3 @@ def test_a_path_that_is_no_file(path):
 def test_a_file_too_large_is_not_read(put):
     with pytest.raises(InputError, match="16 MiB"):
         read_blade(put("large.csv", "r_m,chord_m,twist_rad\n" + "1,1,1\n" * 3_000_000))
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_no_damage_escapes_as_another_error(seed, tmp_path):
-    dice = random.Random(seed)
-    pieces = [
-        "0",
-        "-1",
-        "1e400",
-        "nan",
-        "[]",
-        "{}",
-        "null",
-        "*grid",
-        "&grid ",
-        "!!x",
-        "'",
-        '"',
-        "\n",
-    ]
-    pieces += [
-        "\t",
-        ":",
-        "- ",
-        ",",
-        "#",
-        "1e-320",
-        "{a: 1}",
-        "[1]",
-        "é",
-        "\0",
-        "\ufeff",
-        "...",
-        "4",
-    ]
-    sound = [("b.csv", CSV), ("b.dat", AERODYN), ("b.yaml", WINDIO)]
-    sound += [("b.yaml", WINDIO.replace("outer_shape:", "outer_shape_bem:"))]
-    for _ in range(150):
-        name, text = dice.choice(sound)
-        for _ in range(dice.choice([1, 1, 2, 4])):
-            at, length = dice.randrange(len(text)), dice.choice([1, 3, 10, 60])
-            lines = text.split("\n")
-            other = dice.randrange(len(lines))
-            match dice.randrange(4):
-                case 0:
-                    text = text[:at] + text[at + length :]
-                case 1:
-                    text = text[:at] + dice.choice(pieces) + text[at + dice.choice([0, 1, 3]) :]
-                case 2:
-                    lines.insert(dice.randrange(len(lines)), lines[other])
-                    text = "\n".join(lines)
-                case 3:
-                    del lines[other]
-                    text = "\n".join(lines)
-            text = text or "x"
-        path = tmp_path / name
-        path.write_bytes(text.encode())
-        table = refusal = None
-        try:
-            table = read_blade(path, 0.175)
-        except InputError as error:
-            refusal = error
-        if table is None:
-            assert str(path) in str(refusal)
-            assert refusal.key
-            assert refusal.remedy
-        else:
-            assert np.all(np.diff(table.r) > 0.0)
-            assert np.all(np.isfinite(table.twist))
-            assert np.min(table.chord) > 0.0

@@ -1,0 +1,201 @@
+"""What a blade table is: rows from root to tip, whichever format they come from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hkt_mdo.errors import InputError
+from hkt_mdo.files.table import Column
+
+__all__ = ["BladeTable", "SectionTable", "check_rows"]
+
+FEWEST_ROWS, MOST_ROWS = 2, 100_000
+EDGE = 1e-9
+"""A row this close to the hub or the tip, over the tip radius, lies on it."""
+
+
+@dataclass(frozen=True, eq=False)
+class SectionTable:
+    """A section (airfoil) that comes inside a turbine file, its polars by Reynolds number.
+
+    The outline is over the chord; what the file does not say is None.
+    """
+
+    name: str
+    thickness: float | None
+    polars: tuple
+    outline_x: np.ndarray | None = None
+    outline_y: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class BladeTable:
+    """The rows of a blade file, in SI units and radians; what the file does not say is None."""
+
+    r: np.ndarray
+    """Distance from the rotor's centre along the blade, m, strictly increasing, shape (n_rows,)."""
+    chord: np.ndarray
+    twist: np.ndarray
+    """Angle between the section's chord and the rotor plane, rad, without a set angle."""
+    relative: bool = False
+    """Whether lengths are over the tip radius."""
+    thickness: np.ndarray | None = None
+    """Thickness over chord."""
+    section: tuple[str, ...] | None = None
+    """Name of each row's section; AeroDyn's BlAFID as text, such as "1"."""
+    sections: tuple[SectionTable, ...] = ()
+    """The sections that the file itself holds."""
+    section_position: tuple[tuple[str, float], ...] | None = None
+    """Names of sections and the radii (as `r`) where they stand, root to tip (windIO)."""
+    tip_radius: float | None = None
+    hub_radius: float | None = None
+    blade_count: int | None = None
+    cone: float | None = None
+    """Angle between the blade and the rotor plane, rad."""
+    messages: tuple[str, ...] = ()
+    """Every conversion made and everything passed over."""
+    file: str = ""
+    """Where the table comes from, for messages."""
+
+    def scaled(self, tip_radius: float) -> BladeTable:
+        """Return the table in metres for a tip radius (m).
+
+        Lengths over the tip radius are multiplied by it. A table in metres whose file says its tip
+        radius is scaled to the new one; one that does not say it (CSV) keeps its lengths, and
+        InputError is raised if its rows reach beyond this tip radius.
+        """
+        tip_radius = float(tip_radius)
+        if not self.relative and self.tip_radius == tip_radius:
+            return self
+        if not self.relative and self.tip_radius is None:
+            if self.r[-1] > tip_radius * (1.0 + EDGE):
+                raise InputError(
+                    f"reaches beyond the rotor's tip radius of {tip_radius:g} m",
+                    "enlarge rotor.radius, cut the blade's rows, or give r_over_R and chord_over_R",
+                    file=self.file,
+                    key="outermost row",
+                    value=float(self.r[-1]),
+                )
+            return replace(self, tip_radius=tip_radius)
+        own = 1.0 if self.relative else float(self.tip_radius or 1.0)
+
+        def scale(length):
+            # Dividing first keeps a row that lies on the tip there, to the last bit.
+            return length / own * tip_radius
+
+        note = f"lengths scaled from a tip radius of {own:g} m to {tip_radius:g} m"
+        return replace(
+            self,
+            r=scale(self.r),
+            chord=scale(self.chord),
+            relative=False,
+            section_position=self.section_position
+            and tuple((name, scale(radius)) for name, radius in self.section_position),
+            tip_radius=tip_radius,
+            hub_radius=None if self.hub_radius is None else scale(self.hub_radius),
+            messages=self.messages if self.relative else (*self.messages, note),
+        )
+
+    def interior(self, hub_radius: float | None = None) -> BladeTable:
+        """Return the rows strictly between hub and tip, where blade elements may lie.
+
+        The hub radius is in the table's unit of length, by default the file's own. Where the table
+        has no tip radius, rows are cut at the hub only. Raises InputError if no row is left, or no
+        hub radius is known.
+        """
+        hub = self.hub_radius if hub_radius is None else float(hub_radius)
+        if hub is None:
+            raise InputError("says no hub radius", "give one", file=self.file)
+        tip = 1.0 if self.relative else self.tip_radius
+        margin = EDGE * (self.r[-1] if tip is None else tip)
+        keep = self.r > hub + margin
+        if tip is not None:
+            keep &= self.r < tip - margin
+        if not np.any(keep):
+            raise InputError(
+                f"has no row between the hub ({hub:g}) and the tip",
+                "add rows there, or lessen the hub radius",
+                file=self.file,
+            )
+        return replace(
+            self,
+            r=self.r[keep],
+            chord=self.chord[keep],
+            twist=self.twist[keep],
+            thickness=None if self.thickness is None else self.thickness[keep],
+            section=self.section
+            and tuple(name for name, kept in zip(self.section, keep, strict=True) if kept),
+            hub_radius=hub,
+        )
+
+    def blend(self, r: np.ndarray) -> tuple[tuple[str, str, float], ...]:
+        """Return inner section, outer section and the share of the outer at each radius.
+
+        The share runs from 0 to 1, linearly with the thickness between the two where it is known
+        and differs, and with the radius where not; beyond the first and last section they stand
+        alone. Radii r[n_stations] are in the table's unit of length. Raises InputError if the file
+        names no sections.
+        """
+        if self.section_position is not None:
+            names = [name for name, _ in self.section_position]
+            places = np.array([radius for _, radius in self.section_position])
+        elif self.section is not None:
+            names, places = list(self.section), self.r
+        else:
+            raise InputError("names no sections", "add a column section", file=self.file)
+        thick = {section.name: section.thickness for section in self.sections}
+        blends = []
+        for radius in np.atleast_1d(np.asarray(r, dtype=float)):
+            outer = int(np.searchsorted(places, radius))
+            inner = max(outer - 1, 0)
+            outer = min(outer, len(names) - 1)
+            share = 0.0
+            if names[inner] != names[outer]:
+                share = (radius - places[inner]) / (places[outer] - places[inner])
+                first, last = thick.get(names[inner]), thick.get(names[outer])
+                if self.thickness is not None and first and last and first != last:
+                    here = np.interp(radius, self.r, self.thickness)
+                    share = np.clip((here - first) / (last - first), 0.0, 1.0)
+            blends.append((names[inner], names[outer], float(share)))
+        return tuple(blends)
+
+
+def check_rows(
+    r: Column, chord: Column, twist: Column, thickness: Column | None, longest: float
+) -> None:
+    """Refuse rows that are no blade.
+
+    Radii (from zero) must increase strictly, chords lie within 0 and `longest`, the outermost
+    radius, twists (rad) within half a turn and thicknesses within 0 and 1. Lengths are in metres or
+    all over the tip radius. Raises InputError for the first value that is wrong.
+    """
+    count = np.full(r.values.size, r.values.size)
+    r.refuse(
+        count < FEWEST_ROWS,
+        f"is the only row: a blade has at least {FEWEST_ROWS}",
+        "add the rows from hub to tip",
+    )
+    r.refuse(
+        count > MOST_ROWS, f"is one of more than {MOST_ROWS} rows", "give a blade of usual length"
+    )
+    r.refuse(r.values < 0.0, "is a negative radius", "count radii from the rotor's centre")
+    r.check_rising("radii")
+    chord.refuse(chord.values <= 0.0, "is no chord", "chords must be greater than 0")
+    chord.refuse(
+        chord.values > longest,
+        f"is a chord longer than the outermost radius ({longest:g})",
+        "check the unit of the chord",
+    )
+    twist.refuse(
+        np.abs(twist.values) > np.pi * (1.0 + EDGE),
+        "is beyond 180 degrees",
+        "check the unit of the twist",
+    )
+    if thickness is not None:
+        thickness.refuse(
+            (thickness.values <= 0.0) | (thickness.values > 1.0 + EDGE),
+            "is no thickness over chord, which lies within 0 and 1 (0 and 100 %)",
+            "correct it; thickness_percent counts in per cent, thickness_over_chord does not",
+        )

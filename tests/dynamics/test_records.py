@@ -1,0 +1,96 @@
+"""The filters of records against their formulas."""
+
+import numpy as np
+import pytest
+from hkt_mdo.dynamics.inflow import GustInflow, StepInflow, TurbulentInflow
+
+from hkt_mdo.dynamics.records import find_spikes, low_pass
+
+STEP = 0.25
+TIME = STEP * np.arange(2400)
+NOISE = 0.02 * np.random.default_rng(5).standard_normal(TIME.size)
+SLOW = 1.5 + 0.2 * np.sin(0.25 * TIME)
+SPEED = SLOW + NOISE
+
+# Low-pass -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("half_waves", [1, 150, 300, 450, 2300])
+def test_low_pass_has_its_gain(half_waves):
+    count, cutoff = 2399, 0.25
+    frequency = half_waves / (2.0 * count * STEP)
+    wave = np.sin(np.pi * half_waves * np.arange(count + 1) / count)
+    gain = 1.0 / (1.0 + (frequency / cutoff) ** 8)
+    np.testing.assert_allclose(low_pass(wave, STEP, cutoff), gain * wave, atol=1e-12)
+
+
+def test_low_pass_leaves_a_slow_sine_and_removes_a_fast_one():
+    slow = 1.5 + 0.2 * np.sin(2.0 * np.pi * 0.02 * TIME + 0.7)
+    fast = 0.1 * np.sin(2.0 * np.pi * 1.2 * TIME + 0.3)
+    inner = slice(80, -80)  # twenty seconds from either end
+    np.testing.assert_allclose(low_pass(slow, STEP, 0.3)[inner], slow[inner], atol=2e-9)
+    np.testing.assert_allclose(low_pass(slow, STEP, 0.3), slow, atol=2e-4)
+    assert np.max(np.abs(low_pass(fast, STEP, 0.3)[inner])) < 0.1 * (0.3 / 1.2) ** 8 * 1.01
+    np.testing.assert_allclose(low_pass(slow + fast, STEP, 0.3)[inner], slow[inner], atol=2e-6)
+
+
+def test_low_pass_keeps_straight_lines_ends_and_symmetry():
+    line = 1.2 + 0.003 * TIME
+    np.testing.assert_allclose(low_pass(line, STEP, 0.1), line, rtol=1e-14)
+    smooth = low_pass(SPEED, STEP, 0.1)
+    assert (smooth[0], smooth[-1]) == (SPEED[0], SPEED[-1])
+    np.testing.assert_allclose(low_pass(SPEED[::-1], STEP, 0.1)[::-1], smooth, rtol=1e-12)
+
+
+def test_low_pass_is_butterworths_forwards_and_backwards():
+    from scipy.signal import butter, sosfiltfilt
+
+    # far below Nyquist's frequency, where the digital filter is the analogue one
+    smooth = sosfiltfilt(butter(4, 0.02, fs=1.0 / STEP, output="sos"), SPEED, padlen=2000)
+    np.testing.assert_allclose(low_pass(SPEED, STEP, 0.02)[400:-400], smooth[400:-400], atol=2e-5)
+
+
+# Spikes -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("length", [1, 2, 3])
+def test_planted_spikes_are_found(length):
+    speed = SPEED.copy()
+    planted = (np.arange(60, 2340, 120)[:, None] + np.arange(length)).ravel()
+    speed[planted] += np.where(np.arange(planted.size) // length % 2, 1.0, -1.0)
+    np.testing.assert_array_equal(np.flatnonzero(find_spikes(speed)), planted)
+
+
+def test_spikes_at_the_ends_are_found():
+    for place in (0, 1, 2, -3, -2, -1):
+        speed = SPEED.copy()
+        speed[place] += 1.0
+        np.testing.assert_array_equal(np.flatnonzero(find_spikes(speed)), [place % speed.size])
+
+
+def test_spikes_in_still_water_are_found():
+    for height in (0.5, -1.5, 1e300):
+        speed = np.full(100, 1.5)
+        speed[50] += height
+        np.testing.assert_array_equal(np.flatnonzero(find_spikes(speed)), [50])
+
+
+@pytest.mark.parametrize("spectrum", ["von_karman", "kaimal"])
+@pytest.mark.parametrize(("cutoff", "digit"), [(0.5, 1e-2), (4.0, 1e-3), (15.9, 1e-9)])
+def test_clean_turbulence_has_no_spikes(spectrum, cutoff, digit):
+    inflow = TurbulentInflow(spectrum, 1.5, 0.2, 4.0, 3, 3200.0, cutoff)
+    speed = inflow.speed(np.arange(100_000) / 32.0)
+    for noise in (0.0, 0.03):
+        noisy = speed + noise * np.random.default_rng(1).standard_normal(speed.size)
+        assert not np.any(find_spikes(np.round(noisy / digit) * digit))
+
+
+def test_gusts_steps_and_crests_are_no_spikes():
+    flows = [
+        GustInflow(1.5, 0.8, 200.0, 3.0),
+        GustInflow(1.5, -0.8, 200.0, 3.0, "mexican_hat"),
+        StepInflow(1.0, 2.0, 300.0, 0.05),
+    ]
+    for speed in [*(flow.speed(TIME) for flow in flows), SLOW, np.abs(np.sin(TIME)), TIME]:
+        assert not np.any(find_spikes(speed))
+        assert not np.any(find_spikes(np.round(speed, 2)))

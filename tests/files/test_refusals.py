@@ -1,0 +1,179 @@
+"""Broken files of every format: one InputError with file, place and remedy, never anything else."""
+
+import math
+import re
+
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from hkt_mdo.dynamics.records import read_record
+from hkt_mdo.errors import InputError
+from hkt_mdo.files.blade import read_blade
+from hkt_mdo.files.outline import read_outline
+from hkt_mdo.files.polar import read_polars
+from hkt_mdo.files.table import any_number, parse_number, parse_table
+from tests.files.broken import blades, polars, records
+
+BROKEN = (
+    {f"blade {flaw}": (read_blade, *broken) for flaw, broken in blades.BROKEN.items()}
+    | {flaw: (read_polars, *broken) for flaw, broken in polars.POLARS.items()}
+    | {flaw: (read_outline, *broken) for flaw, broken in polars.OUTLINES.items()}
+    | {f"record {flaw}": (read_record, *broken) for flaw, broken in records.BROKEN.items()}
+)
+SOUND = {
+    "blade.csv": (read_blade, blades.CSV.encode()),
+    "blade.dat": (read_blade, blades.AERODYN.encode()),
+    "blade.yaml": (read_blade, blades.WINDIO.encode()),
+    "record.csv": (read_record, records.SOUND[1]),
+} | {
+    name: (read_outline if "outline" in kind else read_polars, content)
+    for kind, (name, content) in polars.WELL.items()
+}
+WHOLE = re.compile(
+    "is empty|is not NetCDF|cannot be read as|has (a header but no|[0-9]+|no|nothing|the ending)"
+)
+"""What is said of a file as a whole, where no place is to be named."""
+
+
+def call(read, path):
+    return read(path, 0.175) if read is read_blade and path.suffix == ".dat" else read(path)
+
+
+def refused(read, path):
+    """Return the error, whose message is one printable line with file, place and remedy."""
+    with pytest.raises(InputError) as caught:
+        call(read, path)
+    error = caught.value
+    assert str(error).startswith(f"{path}: ")
+    assert str(error).isprintable()
+    assert len(str(error)) < len(str(path)) + 500
+    assert error.remedy
+    assert error.key or WHOLE.match(error.problem)
+    return error
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("flaw", BROKEN)
+def test_a_broken_file_is_refused_with_its_place(flaw, tmp_path):
+    read, name, content, told = BROKEN[flaw]
+    if name.endswith((".nc", ".parquet")):
+        pytest.importorskip("xarray" if name.endswith(".nc") else "pyarrow")
+    path = tmp_path / name
+    path.write_bytes(content)
+    assert told in str(refused(read, path))
+
+
+def test_broken_netcdf_and_parquet_are_refused_with_their_place(tmp_path):
+    for package in ("xarray", "netCDF4", "pyarrow"):
+        pytest.importorskip(package)
+    for name, content, told in records.binary().values():
+        (tmp_path / name).write_bytes(content)
+        assert told in str(refused(read_record, tmp_path / name))
+
+
+# What no format is: the readers of text share one check.
+@pytest.mark.parametrize("name", SOUND)
+@pytest.mark.parametrize(
+    ("spoil", "told"),
+    [
+        (lambda content: b"", "empty|no windIO"),
+        (lambda content: content.decode().encode("utf-16"), "line 1: is not UTF-8 text"),
+        (lambda content: content[:60] + b"\xe4" + content[60:], "line [1-9]: is not UTF-8 text"),
+        (lambda content: content + bytes(50), "line [0-9]+: is not UTF-8 text"),
+    ],
+    ids=["empty", "UTF-16", "Latin-1", "null characters"],
+)
+def test_a_file_that_is_no_text_is_refused(name, spoil, told, tmp_path):
+    read, content = SOUND[name]
+    (tmp_path / name).write_bytes(spoil(content))
+    with pytest.raises(InputError, match=told):
+        call(read, tmp_path / name)
+
+
+PIECES = [
+    "",
+    "0",
+    "-1",
+    "1e400",
+    "nan",
+    "[]",
+    "{}",
+    "null",
+    "*grid",
+    "&grid ",
+    "!!x",
+    "'",
+    '"',
+    "\n",
+]
+PIECES += ["\t", ":", "- ", ",", "#", "1e-320", "{a: 1}", "[1]", "é", "\ufeff", "...", "4", "\r"]
+DAMAGE = st.lists(
+    st.tuples(st.floats(0.0, 1.0), st.integers(0, 60), st.sampled_from(PIECES), st.booleans()),
+    min_size=1,
+    max_size=3,
+)
+
+
+@pytest.mark.parametrize("name", SOUND)
+@settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(damage=DAMAGE)
+def test_damage_is_read_or_refused(name, damage, tmp_path):
+    read, content = SOUND[name]
+    text = content.decode()
+    for share, length, piece, again in damage:
+        at = int(share * len(text))
+        piece += text[at : at + length] * again
+        text = text[:at] + piece + text[at + length * (not again) :]
+    path = tmp_path / name
+    path.write_bytes(text.encode())
+    try:
+        call(read, path)
+    except InputError:
+        refused(read, path)
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_a_number_is_read_as_python_writes_it(number):
+    assert parse_number(repr(number)) == number
+
+
+@given(st.text(max_size=12))
+@example("1e999")
+@example("nan")
+@example("inf")
+@example("1_0")
+@example("٣")
+@example(" 1")
+@example("0x10")
+@example("")
+def test_what_is_no_plain_number_is_none(text):
+    number = parse_number(text)
+    if number is None:
+        assert not text.isascii() or not text.replace(".", "", 1).isdigit()
+    else:
+        assert number == float(text)
+        assert text.isascii()
+        assert text == text.strip()
+        assert "_" not in text
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_a_table_may_hold_nan_where_that_is_allowed(end, tmp_path):
+    text = end.join(["# a remark", "b, a ,c", "", "nan,1,x", " -inf ,2,y", ""])
+    table = parse_table(text, tmp_path, ("a", "b"), "result", ("d",), parse=any_number)
+    assert table["a"].tolist() == [1.0, 2.0]
+    assert math.isnan(table["b"][0])
+    assert table["b"][1] == -math.inf
+    assert table.lines == (4, 5)
+    assert "d" not in table
+    with pytest.raises(InputError, match="line 4, column b = 'nan': must be a finite number"):
+        parse_table(text, tmp_path, ("a", "b"), "result")
+
+
+def test_a_table_without_rows_is_read_where_that_is_allowed(tmp_path):
+    assert parse_table("a,b\n", tmp_path, ("a",), "result", fewest=0)["a"].size == 0
+    with pytest.raises(InputError, match="has a header but no numbers"):
+        parse_table("a,b\n", tmp_path, ("a",), "result")
