@@ -13,24 +13,19 @@ import openmdao.api as om
 
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics import controllers, inflow
+from hkt_mdo.dynamics.quasi_steady import LEAST, SLOWED, TYPICAL, QuasiSteady
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
 from hkt_mdo.problem.flow import build_inflow, check_flow, flow_messages, horizon
 from hkt_mdo.problem.scenario import Scales, add_trajectory, node_times, set_speed
-from hkt_mdo.problem.start import (
-    LEAST,
-    SLOWED,
-    TYPICAL,
-    QuasiSteady,
-    StartingPoint,
-    starting_point,
-)
+from hkt_mdo.problem.start import StartingPoint, starting_point
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem, ccblade
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.inertia import InertiaComp, mass_and_inertia
-from hkt_mdo.rotor.shape import Shape, ShapeComp
-from hkt_mdo.rotor.torque_curve import TorqueSpline, TorqueTable
+from hkt_mdo.rotor.components import InertiaComp, ShapeComp, TorqueTable
+from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.rotor.shape import Shape
+from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.solve import drivers
 
 BEM = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficients}
@@ -166,7 +161,7 @@ def find_start(case: Case, world: Physics, optimum) -> StartingPoint:
         world.shape,
         None if gain is None else np.atleast_1d(gain),
         world.polar,
-        optimum.tip_speed_ratio * np.geomspace(0.75, 2.0, 10),
+        optimum,
         improve=case.start.method == "quasi_steady",
     )
 

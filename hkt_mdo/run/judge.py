@@ -10,9 +10,10 @@ import numpy as np
 import openmdao.api as om
 from scipy.integrate import quad_vec
 
+from hkt_mdo.dynamics.quasi_steady import SLOWED
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant, RecordedTorque, Simulation, simulate
 from hkt_mdo.problem.build import BEM
-from hkt_mdo.problem.start import SLOWED, StartingPoint
+from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.solve.drivers import Outcome

@@ -28,6 +28,7 @@ import openmdao.api as om
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.case import Case, load_case
+from hkt_mdo.dynamics.quasi_steady import SLOWED, Operation
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Simulation
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade import BladeTable, write_blade_csv
@@ -43,7 +44,7 @@ from hkt_mdo.problem.build import (
     physics,
     quadrature,
 )
-from hkt_mdo.problem.start import SLOWED, Operation, StartingPoint
+from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.results.folder import check_folder, clear, locked, write_csv, write_json, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor import bem
