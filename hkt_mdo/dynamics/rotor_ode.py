@@ -5,7 +5,7 @@ import openmdao.api as om
 
 from hkt_mdo.dynamics.controllers import FeedbackComp
 from hkt_mdo.dynamics.inflow import InflowComp
-from hkt_mdo.rotor.bem import LocalReynolds
+from hkt_mdo.rotor.reynolds import LocalReynolds
 
 
 class RotorODE(om.Group):

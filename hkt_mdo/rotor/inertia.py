@@ -9,8 +9,8 @@ _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
     """Return the rotor's mass and inertia, and their gradients with respect to chord.
 
-    A section is similar to its outline, its area section_area * chord²; chord and section_area run
-    linearly between stations and are carried unchanged inward to the hub and outward to the tip:
+    The area of a section is A = section_area chord². Chord and section_area are linear between
+    stations, and constant from the first station to the hub and from the last to the tip:
     m = B rho integral of A dr, I = B rho integral of A (r cos(cone))² dr + hub inertia, both exact.
 
     Parameters
