@@ -188,18 +188,15 @@ class QuasiSteady:
             lambda x: (curve(x) + x * curve(x, 1), 2.0 * curve(x, 1) + x * curve(x, 2)),
             *ends[:, None],
         )[0]
-        ratio, limit = np.full(self.inflow_speed.size, best), self.torque_limit
-        if limit is None:
-            return np.zeros(ratio.size, dtype=bool), ratio, True
+        ratio = np.full(self.inflow_speed.size, best)
+        limit = np.inf if self.torque_limit is None else self.torque_limit
         scale = torque_scale(self.density, self.rotor_radius, self.inflow_speed)
-        held = scale * float(curve(best)) > limit
+        held, running = scale * curve(best) > limit, True
         if held.any():
             few = replace(self, inflow_speed=self.inflow_speed[held])
-            ratio[held], running = few._balance(
-                table, lambda w: np.full(w.shape, limit), np.zeros_like
-            )
-            return held, ratio, running
-        return held, ratio, True
+            constant = (lambda w: np.full(w.shape, limit)), np.zeros_like
+            ratio[held], running = few._balance(table, *constant)
+        return held, ratio, running
 
     def _balance(self, table, controller, controller_slope):
         """Find the largest tip speed ratio with Q = u at each instant: the unstalled root."""
