@@ -56,12 +56,11 @@ def starting_point(problem, shape, gains, polar, optimum, *, improve):
         return _with_gains(problem, shape.blade, polar, gains)
     few = problem.condensed()
     candidates = [_with_gains(few, shape.blade, polar, gains)]
+    bounds = shape.chord_bounds, shape.twist_bounds
     for ratios in RATIOS if shape.designs_chord else ():
         blade = optimum.blade
         for ratio in ratios * optimum.tip_speed_ratio:
-            blade = best_blade(
-                shape.blade, polar, ratio, shape.chord_bounds, shape.twist_bounds, start=blade
-            ).blade
+            blade = best_blade(shape.blade, polar, ratio, *bounds, blade, tolerance=1e-8).blade
             candidates.append(_with_gains(few, shape.nearest(blade), polar, None))
     best = max(candidates, key=lambda each: _worth(each.operation))
     best = _improve(_CoDesign(few, shape, polar), best)

@@ -19,7 +19,8 @@ from scipy.optimize import Bounds, minimize, minimize_scalar
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
 
-GRID = (24, 49)  # chords and twists of the coarse search at every station
+GRID = (24, 49)  # chords and twists of the coarse search at one tip speed ratio
+SCAN = (12, 25)  # the same at many tip speed ratios, to find the best of them
 CLIMBS = 3  # local searches over the tip speed ratio, from the best of the coarse search
 TWIST_UNIT = 0.1  # rad, typical change of a twist
 WORTHWHILE = 1e-10  # gain in power coefficient for which the local search begins again
@@ -33,7 +34,9 @@ class SteadyOptimum(NamedTuple):
     power_coefficient: float
 
 
-def best_blade(blade, polar, tip_speed_ratio, chord_bounds, twist_bounds, start=None):
+def best_blade(
+    blade, polar, tip_speed_ratio, chord_bounds, twist_bounds, start=None, tolerance=1e-14
+):
     """Find the chord and twist that capture most power at one tip speed ratio.
 
     Parameters
@@ -46,6 +49,8 @@ def best_blade(blade, polar, tip_speed_ratio, chord_bounds, twist_bounds, start=
     start : Blade or None
         A blade from which the nearest local optimum is taken; None: the search over the whole range
         of chord and twist.
+    tolerance : float
+        Change in power coefficient at which the local search ends.
 
     Returns
     -------
@@ -53,8 +58,8 @@ def best_blade(blade, polar, tip_speed_ratio, chord_bounds, twist_bounds, start=
     """
     bounds = chord_bounds, twist_bounds
     if start is None:
-        (start,) = _coarse(blade, polar, [tip_speed_ratio], *bounds)
-    return _climb(start, polar, tip_speed_ratio, (tip_speed_ratio,) * 2, *bounds)
+        (start,) = _coarse(blade, polar, [tip_speed_ratio], *bounds, GRID)
+    return _climb(start, polar, tip_speed_ratio, (tip_speed_ratio,) * 2, *bounds, tolerance)
 
 
 def best_rotor(blade, polar, chord_bounds, twist_bounds, search=(2.0, 16.0)):
@@ -72,7 +77,7 @@ def best_rotor(blade, polar, chord_bounds, twist_bounds, search=(2.0, 16.0)):
     SteadyOptimum
     """
     bounds, ratios = (chord_bounds, twist_bounds), np.geomspace(*search, 8)
-    starts = _coarse(blade, polar, ratios, *bounds)
+    starts = _coarse(blade, polar, ratios, *bounds, SCAN)
     power = [_power(start, polar, ratio) for start, ratio in zip(starts, ratios, strict=True)]
 
     def climb(place, start=None, ratio=None):
@@ -132,10 +137,10 @@ def _power(blade, polar, ratio):
     return float(bem.rotor_coefficients(blade, polar, ratio).power[0])
 
 
-def _coarse(blade, polar, ratios, chord_bounds, twist_bounds):
+def _coarse(blade, polar, ratios, chord_bounds, twist_bounds, grid):
     """Return the best blade on the grid of chord (geometric) and twist for each tip speed ratio."""
     chords, twists = np.meshgrid(
-        np.geomspace(*chord_bounds, GRID[0]), np.linspace(*twist_bounds, GRID[1]), indexing="ij"
+        np.geomspace(*chord_bounds, grid[0]), np.linspace(*twist_bounds, grid[1]), indexing="ij"
     )
     chords, twists = chords.ravel(), twists.ravel()
     points = np.array(ratios) / np.cos(blade.cone)
@@ -147,7 +152,7 @@ def _coarse(blade, polar, ratios, chord_bounds, twist_bounds):
     return [blade.with_shape(chords[places], twists[places]) for places in best]
 
 
-def _climb(start, polar, ratio, ratio_bounds, chord_bounds, twist_bounds):
+def _climb(start, polar, ratio, ratio_bounds, chord_bounds, twist_bounds, tolerance=1e-14):
     """Return the local optimum over chord, twist and tip speed ratio next to a blade (L-BFGS-B)."""
     n = start.r.size
     units = np.concatenate((start.chord, np.full(n, TWIST_UNIT), [ratio]))
@@ -166,7 +171,7 @@ def _climb(start, polar, ratio, ratio_bounds, chord_bounds, twist_bounds):
         jac=True,
         method="L-BFGS-B",
         bounds=Bounds(*bounds),
-        options={"ftol": 1e-14, "gtol": 1e-8},
+        options={"ftol": tolerance, "gtol": 1e-8},
     )
     chord, twist, (ratio,) = np.split(found.x * units, [n, 2 * n])
     return SteadyOptimum(start.with_shape(chord, twist), float(ratio), -float(found.fun))
