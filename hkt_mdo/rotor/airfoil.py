@@ -12,6 +12,7 @@ from hkt_mdo.files.polar import LARGEST, read_polars
 # A polar on a 0.25 or 0.5 degree grid is interpolated exactly at its own points. A lookup is one
 # multiplication instead of a search.
 KNOTS_PER_DEGREE = 4
+ASPECT_RATIO = 10.0  # of the blade, for the drag of the plate (Viterna and Janetzke 1982, eq. 4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,7 @@ class Polar:
     alpha_max: float
 
     @classmethod
-    def from_table(cls, alpha, lift, drag, aspect_ratio=10.0):
+    def from_table(cls, alpha, lift, drag):
         """Make a polar from a table of attached and early stalled flow, extended by Viterna.
 
         Parameters
@@ -44,14 +45,9 @@ class Polar:
         alpha : array, shape (n,), rad
             Angle of attack, strictly increasing, within (-pi/2, pi/2).
         lift, drag : array, shape (n,)
-            Lift and drag coefficient.
-        aspect_ratio : float
-            Of the blade, for the drag of the plate at 90 degrees (Viterna and Janetzke 1982, eq.
-            4).
         """
         alpha, lift, drag = (np.asarray(column, dtype=float) for column in (alpha, lift, drag))
-        circle = _viterna(alpha, lift, drag, aspect_ratio)
-        return cls(_spline(*circle), float(alpha[0]), float(alpha[-1]))
+        return cls(_spline(*_viterna(alpha, lift, drag)), float(alpha[0]), float(alpha[-1]))
 
     @classmethod
     def from_polar_table(cls, table):
@@ -251,7 +247,7 @@ def _spline(alpha, lift, drag):
     return np.ascontiguousarray(np.hstack(blocks))
 
 
-def _viterna(alpha, lift, drag, aspect_ratio):
+def _viterna(alpha, lift, drag):
     """Extend a polar to -pi … pi (Viterna and Janetzke, NASA TM-82944, 1982).
 
     From the last table row to 90 degrees, the flow is that over a plate whose lift and drag match
@@ -259,7 +255,7 @@ def _viterna(alpha, lift, drag, aspect_ratio):
     customary for a section with its sharp edge in front. Straight lines join both ends through zero
     lift at +-180 degrees.
     """
-    drag_max = max(1.11 + 0.018 * aspect_ratio, drag.max())
+    drag_max = max(1.11 + 0.018 * ASPECT_RATIO, drag.max())
     stall, sin_s, cos_s = alpha[-1], np.sin(alpha[-1]), np.cos(alpha[-1])
     a2 = (lift[-1] - drag_max * sin_s * cos_s) * sin_s / cos_s**2
     b2 = (drag[-1] - drag_max * sin_s**2) / cos_s
