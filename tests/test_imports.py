@@ -63,6 +63,8 @@ def test_every_room_is_named():
         ("from hkt_mdo import load_case", "openmdao"),
         ("import hkt_mdo.cli", "numpy"),
         ("from hkt_mdo import Solution", "dymos openmdao wisdem matplotlib numba"),
+        ("import hkt_mdo.dynamics.quasi_steady", "dymos openmdao wisdem numba"),
+        ("import hkt_mdo.rotor.bem, hkt_mdo.rotor.shape, hkt_mdo.rotor.inertia", "openmdao"),
         ("import hkt_mdo.results.plots", "dymos openmdao wisdem numba"),
         ("import hkt_mdo.run.run", "wisdem casadi pyoptsparse"),
     ],

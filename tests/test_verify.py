@@ -8,9 +8,9 @@ import pytest
 
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.controllers import QuadraticLaw
+from hkt_mdo.dynamics.quasi_steady import SLOWED
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.build import RecoveryComp, physics
-from hkt_mdo.problem.start import SLOWED
 from hkt_mdo.rotor.bem import rotor_coefficients
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.run.run import run_case

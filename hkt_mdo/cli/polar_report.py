@@ -15,8 +15,9 @@ from hkt_mdo.errors import InputError, show
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.polar_table import PolarTable
 from hkt_mdo.files.table import parse_number
-from hkt_mdo.rotor.airfoil import Outline, Polar
+from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.neuralfoil import ComputedPolar, compute_polars
+from hkt_mdo.rotor.outline import Outline
 
 __all__ = ["parse_alpha", "parse_reynolds", "report_polars"]
 

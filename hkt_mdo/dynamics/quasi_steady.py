@@ -1,1 +1,235 @@
-from hkt_mdo.problem.start import Operation  # noqa: F401
+"""Quasi-steady operation: hydrodynamic and generator torque balance at every instant.
+
+The rotor's time constant is a few hundredths of a second and the flow changes over many seconds, so
+the rotor follows Q = u on the unstalled side. This has no differential equation and no false
+solutions; its energy lies within about 1e-5 of the dynamic one.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hkt_mdo.dynamics.limits import SLOWED, TYPICAL
+from hkt_mdo.rotor.scales import torque_scale
+from hkt_mdo.rotor.torque_curve import TorqueSpline
+
+SAFE = 2e-2  # margin that a start keeps, so that the optimization begins inside its constraints
+
+PROBES = 12  # flow speeds at which the distance from stall is evaluated
+MOST_SPEEDS = 100  # flow speeds in a condensed problem
+N_SEARCH = 240  # points of the search for the unstalled root over the torque curve
+
+
+@dataclass(frozen=True, eq=False)
+class Recovery:
+    """Torque that accelerates a rotor under feedback again after it was slowed by `SLOWED`.
+
+    margin = Q((1 - SLOWED) w) - u((1 - SLOWED) w) over a typical torque, TYPICAL 0.5 rho pi R³ v²,
+    at `PROBES` speeds of the flow from the slowest to the fastest. It is positive where the stable
+    and the unstable equilibrium, which meet at stall, are apart.
+
+    Parameters
+    ----------
+    margin : ndarray, shape (n,)
+    by_table, by_gain, by_radius : ndarray, shape (n, n_nodes), (n, n_gains), (n, 1)
+        Its derivatives along the equilibria.
+    """
+
+    margin: np.ndarray
+    by_table: np.ndarray
+    by_gain: np.ndarray
+    by_radius: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Operation:
+    """A rotor in quasi-steady operation over a sampled flow.
+
+    Parameters
+    ----------
+    energy : float, J
+    rotor_speed, hydrodynamic_torque : ndarray, shape (n_times,), rad/s and N*m
+    by_table : ndarray, shape (n_nodes,), J
+        Derivative of the energy with respect to the torque coefficient table.
+    by_gain : ndarray, shape (n_gains,), J per gain
+    by_radius : float, J/m
+        With respect to the disc's radius at a constant torque coefficient table.
+    running : bool
+        Whether an unstalled equilibrium exists at every instant.
+    recovery : Recovery or None
+        The rotor's distance from stall under feedback; None without feedback.
+    """
+
+    energy: float
+    rotor_speed: np.ndarray
+    hydrodynamic_torque: np.ndarray
+    by_table: np.ndarray
+    by_gain: np.ndarray
+    by_radius: float
+    running: bool
+    recovery: Recovery | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class QuasiSteady:
+    """Quasi-steady operation of a rotor in a flow under a controller.
+
+    Parameters
+    ----------
+    inflow_speed, weights : ndarray, shape (n_times,), m/s and s
+        The flow at quadrature points of time.
+    density : float, kg/m**3
+    rotor_radius : float, m
+    spline : TorqueSpline
+    law : FeedbackLaw or None
+        Anything with `torque`, `torque_by_speed`, `torque_by_gain`, `fit`, `torque_limit` and
+        `gain_units`. None: open loop, the torque that captures most power at each instant.
+    torque_limit : float or None, N*m
+        Of the open loop; a feedback law has its own.
+    """
+
+    inflow_speed: np.ndarray
+    weights: np.ndarray
+    density: float
+    rotor_radius: float
+    spline: TorqueSpline
+    law: object = None
+    torque_limit: float | None = None
+
+    def condensed(self):
+        """Return the same problem at `MOST_SPEEDS` flow speeds or fewer.
+
+        The order of the flow speeds does not matter: instants of nearly equal speed become one with
+        their total weight and mean cubed speed. The slowest and the fastest speed are kept.
+        """
+        v = self.inflow_speed
+        if v.size <= MOST_SPEEDS:
+            return self
+        edges = np.linspace(np.min(v), np.max(v), MOST_SPEEDS - 1)
+        place = np.clip(np.digitize(v, edges) - 1, 0, MOST_SPEEDS - 3)
+        weights = np.bincount(place, self.weights)
+        cubes = np.bincount(place, self.weights * v**3)
+        used = weights > 0.0
+        speeds = np.cbrt(cubes[used] / weights[used])
+        return replace(
+            self,
+            inflow_speed=np.concatenate(([v.min()], speeds, [v.max()])),
+            weights=np.concatenate(([0.0], weights[used], [0.0])),
+        )
+
+    def operate(self, table, gains=()):
+        """Return the `Operation` for a torque coefficient table[n_nodes] and gains[n_gains]."""
+        v, law, gains = self.inflow_speed, self.law, np.asarray(gains, dtype=float)
+        if law is None:
+            held, ratio, running = self._open_loop(table)
+            slope, by_gains = np.zeros(v.size), np.zeros((0, v.size))
+        else:
+            held = np.ones(v.size, dtype=bool)
+            ratio, running = self._balance(
+                table, lambda w: law.torque(w, gains), lambda w: law.torque_by_speed(w, gains)
+            )
+        w = ratio * v / self.rotor_radius
+        if law is not None:
+            slope, by_gains = law.torque_by_speed(w, gains), law.torque_by_gain(w, gains)
+        torque, by_speed, by_radius, by_table = self._driving(table, v, w)
+        # Where the controller holds the speed, Q(w) = u(w) moves w. Elsewhere w is where the power
+        # is largest, and a small change of w does not matter.
+        stiffness = np.where(held, slope - by_speed, np.inf)
+        moved = (torque + w * by_speed) / stiffness  # dP/dw dw/dQ
+        by_torque = self.weights * (w + moved)
+        return Operation(
+            float(self.weights @ (torque * w)),
+            w,
+            torque,
+            by_torque @ by_table,
+            -by_gains @ (self.weights * moved),
+            float(by_torque @ by_radius),
+            running,
+            None if law is None else self._recovery(table, gains, w, stiffness),
+        )
+
+    def _driving(self, table, v, w):
+        """Return the hydrodynamic torque; its derivatives by rotor speed, radius and table."""
+        radius, scale = self.rotor_radius, torque_scale(self.density, self.rotor_radius, v)
+        ratio = w * radius / v
+        by_table = scale[:, None] * self.spline.basis(ratio)
+        torque = by_table @ table
+        by_speed = scale * self.spline.values(table, ratio)[1] * radius / v
+        return torque, by_speed, (3.0 * torque + by_speed * w) / radius, by_table
+
+    def _recovery(self, table, gains, speed, stiffness):
+        """Return the `Recovery` of an operation."""
+        law, order = self.law, np.argsort(self.inflow_speed)
+        few = order[np.unique(np.linspace(0, order.size - 1, PROBES).round().astype(int))]
+        v, w = self.inflow_speed[few], speed[few]
+        slowed = (1.0 - SLOWED) * w
+        _, _, by_radius_here, by_table_here = self._driving(table, v, w)
+        driving, by_speed, by_radius, by_table = self._driving(table, v, slowed)
+        margin = driving - law.torque(slowed, gains)
+        # The equilibrium moves too: dw = d(Q - u) / stiffness.
+        moved = (1.0 - SLOWED) * (by_speed - law.torque_by_speed(slowed, gains)) / stiffness[few]
+        by_gain = -(law.torque_by_gain(slowed, gains) + moved * law.torque_by_gain(w, gains)).T
+        by_table = by_table + moved[:, None] * by_table_here
+        by_radius = by_radius + moved * by_radius_here - 3.0 * margin / self.rotor_radius
+        unit = TYPICAL * torque_scale(self.density, self.rotor_radius, v)[:, None]
+        return Recovery(
+            margin / unit[:, 0], by_table / unit, by_gain / unit, by_radius[:, None] / unit
+        )
+
+    def _open_loop(self, table):
+        """Operate at the largest power coefficient, or faster where the torque limit is active."""
+        curve, ratios = self.spline.curve(table), self._search()
+        peak = int(np.argmax(ratios * curve(ratios)))
+        ends = ratios[[max(peak - 1, 0), min(peak + 1, ratios.size - 1)]]
+        best = _root(
+            lambda x: (curve(x) + x * curve(x, 1), 2.0 * curve(x, 1) + x * curve(x, 2)),
+            *ends[:, None],
+        )[0]
+        ratio = np.full(self.inflow_speed.size, best)
+        limit = np.inf if self.torque_limit is None else self.torque_limit
+        scale = torque_scale(self.density, self.rotor_radius, self.inflow_speed)
+        held, running = scale * curve(best) > limit, True
+        if held.any():
+            few = replace(self, inflow_speed=self.inflow_speed[held])
+            constant = (lambda w: np.full(w.shape, limit)), np.zeros_like
+            ratio[held], running = few._balance(table, *constant)
+        return held, ratio, running
+
+    def _balance(self, table, controller, controller_slope):
+        """Find the largest tip speed ratio with Q = u at each instant: the unstalled root."""
+        curve, ratios = self.spline.curve(table), self._search()
+        scale = torque_scale(self.density, self.rotor_radius, self.inflow_speed)
+        unit = self.inflow_speed / self.rotor_radius
+        driving = scale[:, None] * curve(ratios) >= controller(ratios * unit[:, None])
+        last = ratios.size - 1 - np.argmax(driving[:, ::-1], axis=1)
+        has_root = driving.any(axis=1) & (last < ratios.size - 1)
+        last = np.minimum(last, ratios.size - 2)
+
+        def net(ratio):
+            return (
+                scale * curve(ratio) - controller(ratio * unit),
+                scale * curve(ratio, 1) - controller_slope(ratio * unit) * unit,
+            )
+
+        return _root(net, ratios[last], ratios[last + 1]), bool(np.all(has_root))
+
+    def _search(self):
+        return np.linspace(self.spline.nodes[0], self.spline.nodes[-1], N_SEARCH)
+
+
+def _root(function, low, high):
+    """Return where functions[n] fall through zero between low[n] and high[n].
+
+    Newton's method with values and slopes, bisection where it would leave the bracket.
+    """
+    x = 0.5 * (low + high)
+    for _ in range(60):
+        value, slope = function(x)
+        low, high = np.where(value >= 0.0, x, low), np.where(value >= 0.0, high, x)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            new = x - value / slope
+        new = np.where((new >= low) & (new <= high), new, 0.5 * (low + high))
+        if np.all(np.abs(new - x) <= 1e-14 * x):
+            return new
+        x = new
+    return x

@@ -5,7 +5,7 @@ import openmdao.api as om
 
 from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.trajectory import QUANTITIES
-from hkt_mdo.rotor.bem import LocalReynolds
+from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
 
 OVER_TIME = QUANTITIES | {

@@ -12,8 +12,8 @@ from scipy.integrate import solve_ivp
 
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.rotor.airfoil import Polar
-from hkt_mdo.rotor.bem import LocalReynolds
 from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.reynolds import LocalReynolds
 
 SLOWEST_RATIO = 0.05  # tip speed ratio at which a rotor counts as standing still
 

@@ -22,11 +22,10 @@ from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.problem.scenario import Scales, Scenario, add_phase, set_start
 from hkt_mdo.problem.setup import Setup, curve_nodes, find_start, steady_optimum
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.inertia import InertiaComp
+from hkt_mdo.rotor.components import InertiaComp, ShapeComp, TorqueTable
 from hkt_mdo.rotor.scales import torque_scale
-from hkt_mdo.rotor.shape import ShapeComp
 from hkt_mdo.rotor.steady_optimum import best_operation
-from hkt_mdo.rotor.torque_curve import TorqueSpline, TorqueTable
+from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.solve import drivers
 from hkt_mdo.solve.totals import Substitution
 

@@ -15,9 +15,9 @@ from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem, ccblade
 from hkt_mdo.rotor.airfoil import Polar
-from hkt_mdo.rotor.bem import LocalReynolds
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.shape import Shape
 
 BEM = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficients}

@@ -6,11 +6,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from hkt_mdo.dynamics.quasi_steady import QuasiSteady
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.problem.physics import Physics
-from hkt_mdo.problem.start import QuasiSteady, StartingPoint, starting_point
+from hkt_mdo.problem.start import StartingPoint, starting_point
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.steady_optimum import (
     SteadyOptimum,
     best_operation,
@@ -129,7 +131,7 @@ def bounding_optimum(physics: Physics, optimum: SteadyOptimum, blade: Blade) -> 
         found.append(optimum)
     else:
         polars.append(physics.polar)
-    if isinstance(physics.polar, bem.LocalReynolds):
+    if isinstance(physics.polar, LocalReynolds):
         speeds = np.concatenate([s.inflow.speed_at(s.node_times) for s in physics.scenarios])
         polars += [physics.polar.at_speed(speed) for speed in (speeds.min(), speeds.max())]
     found += [steady_optimum(replace(physics, polar=polar), blade) for polar in polars]
@@ -143,7 +145,7 @@ def find_start(physics: Physics, optimum: SteadyOptimum, *, improve=None) -> Sta
     ----------
     physics : Physics
     optimum : SteadyOptimum
-        Gives the range of tip speed ratios that is searched.
+        From which the search begins.
     improve : bool or None
         Whether blade and gains are improved, or kept as given; None: as `start.method` says.
     """
@@ -164,7 +166,7 @@ def find_start(physics: Physics, optimum: SteadyOptimum, *, improve=None) -> Sta
         physics.shape,
         physics.law.starting_gains() if physics.law else None,
         physics.polar,
-        optimum.tip_speed_ratio * np.geomspace(0.75, 2.0, 10),
+        optimum,
         improve=improve,
     )
 

@@ -12,9 +12,10 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.shipped import shipped_names, shipped_rotor
-from hkt_mdo.rotor.airfoil import Outline, Polar, PolarFamily
-from hkt_mdo.rotor.bem import LocalReynolds
+from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.outline import Outline
+from hkt_mdo.rotor.reynolds import LocalReynolds
 
 HUB, BLADES = 0.125, 3  # where neither case nor blade file says: hub over tip radius, blade count
 POLAR, OUTLINE = "naca63815_Re2e5", "naca63815"

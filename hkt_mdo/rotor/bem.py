@@ -1,38 +1,36 @@
 """Blade element momentum theory for all stations and operating points at once.
 
-Ning's single residual in the inflow angle phi (Wind Energy 17(9), 2014) with the loss
-factors and the high-induction branch of CCBlade. Written with
+Ning's single residual in the inflow angle phi (Wind Energy 17(9), 2014), with the loss factors and
+the high-induction branch of CCBlade. With
 
     s(phi) = sin(phi) / (1 - a),    c(phi) = cos(phi) (1 - k'),
 
-neither of which depends on the operating point, the residual is f = s - c / lambda_r. Both are
-free of the singularities of the induction factors: 1 / (1 - a) is 1 + k up to k = 2/3 and
+which do not depend on the operating point, the residual is f = s - c / lambda_r. The induction
+factors have singularities; s and c have none: 1 / (1 - a) is 1 + k up to k = 2/3 and
 sqrt(g2) + 5/3 - F beyond it (Buhl's branch, whose quotient has g3 as a common factor), and c =
-cos(phi) - cos(phi) k' is finite at phi = 90 degrees. The relative speed follows as W = V / s, so
-a root counts only where s > 0.
+cos(phi) - cos(phi) k' is finite at phi = 90 degrees. The relative speed is W = V / s, so that a
+root is valid only where s > 0.
 
-A station is therefore one curve, g(phi) = c / s, and a root at the local speed ratio lambda_r is
-a crossing g = lambda_r. The curve is sampled once; its local minima, where a root vanishes, are
-located exactly; and for every operating point the crossing with the smallest phi, the attached
-one, is found by a binary search in the running minimum and finished by Newton's method inside its
-bracket. See docs/bem.md.
+A station is therefore one curve, g(phi) = c / s, and a root at the local speed ratio lambda_r is a
+crossing g = lambda_r. The curve is sampled once, and its local minima, where a root vanishes, are
+located exactly. For every operating point, the crossing with the smallest phi, which is the
+attached one, is found by a binary search in the running minimum of g and refined by Newton's method
+inside its bracket. See docs/bem.md.
 """
 
 import warnings
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from scipy.interpolate import CubicSpline
 
-from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.reynolds import LocalReynolds
 
-PHI_MIN = 1e-6  # CCBlade's distance from the singular points phi = 0 and pi
+PHI_MIN = 1e-6  # rad, CCBlade's distance from the singular points phi = 0 and pi
 
-# Samples crowd towards phi = 0, where rotors work, and are few beyond 90 degrees.
+# Samples are dense near phi = 0, where rotors work, and few beyond 90 degrees.
 _SAMPLES = np.concatenate(
     (
         PHI_MIN + (0.5 * np.pi - PHI_MIN) * np.linspace(0.0, 1.0, 56) ** 1.5,
@@ -44,29 +42,25 @@ _NEGATIVE_SAMPLES = -PHI_MIN - (0.5 * np.pi - PHI_MIN) * np.linspace(0.0, 1.0, 3
 FINEST = 0.004  # rad, about the spacing of a polar's knots: no interval is divided further
 MOST_KNOTS = 1024  # on the curve of a station; 50 to 60 are usual
 
-# Rows of `Sections.derivatives`
-INPUTS = ("tip_speed_ratio", "chord", "twist", "r", "hub_radius", "tip_radius", "log_reynolds")
+# The terms of no root: s = 0; see `_terms`
+_NOTHING = (0.0,) * 4, (0.0,) * 6, (0.0,) * 5
 
-# Values of `Sections.branch`
-BRANCHES = {
-    -1: "no root: loads are zero",
-    0: "momentum theory, k <= 2/3",
-    1: "Buhl's empirical branch, k > 2/3",
-    2: "inflow angle beyond 90 degrees",
-    3: "negative inflow angle (propeller brake)",
-}
+# Rows of `Sections.derivatives`
+INPUTS = ("tip_speed_ratio", "chord", "twist", "log_reynolds")
 
 
 class Sections(NamedTuple):
-    """What happens at every operating point (axis 0) and station (axis 1).
+    """State of the flow at every operating point (axis 0) and station (axis 1).
 
-    inflow_angle, angle_of_attack (rad), axial_induction, tangential_induction; relative_speed
-    over the inflow speed; normal_load and tangential_load are N/m over 0.5 rho V², that is
-    metres; residual is f, infinite where there is no root (all else is then zero); branch holds
-    keys of `BRANCHES`; roots is the number of roots with 0 < phi < 180 degrees, empty unless
-    asked for; derivatives hold those of the tangential, then the normal load with respect to
-    `INPUTS`, shape (2, 7, n_points, n_stations), empty unless asked for; those but the last hold
-    the Reynolds number.
+    inflow_angle, angle_of_attack (rad), axial_induction, tangential_induction; relative_speed over
+    the inflow speed; normal_load and tangential_load in N/m over 0.5 rho V², that is m; residual f,
+    infinite where there is no root (all else is then zero).
+
+    branch is 0 for momentum theory (k <= 2/3), 1 for Buhl's empirical branch (k > 2/3), 2 for an
+    inflow angle beyond 90 degrees, 3 for a negative inflow angle (propeller brake) and -1 for no
+    root. derivatives are those of the tangential, then the normal load with respect to `INPUTS`,
+    shape (2, 4, n_points, n_stations), empty unless requested; all but the last are at a constant
+    Reynolds number.
     """
 
     inflow_angle: np.ndarray
@@ -78,7 +72,6 @@ class Sections(NamedTuple):
     tangential_load: np.ndarray
     residual: np.ndarray
     branch: np.ndarray
-    roots: np.ndarray
     derivatives: np.ndarray
 
 
@@ -86,33 +79,21 @@ class Coefficients(NamedTuple):
     """Rotor coefficients at n operating points, and the torque coefficient's derivatives.
 
     torque = Q / (0.5 rho V² pi R³), power = P / (0.5 rho V³ pi R²), thrust = T / (0.5 rho V² pi
-    R²), R the radius of the disc, each of shape (n,); torque_by_chord (1/m) and torque_by_twist
-    (1/rad) of shape (n, n_stations); torque_by_rotor_radius (1/m) of shape (n,): hub, stations and
-    tip move with the disc, chord and twist stay; torque_by_log_reynolds of shape (n,): the Reynolds
-    numbers of all stations grow by one factor, as with the flow's speed.
+    R²), R the radius of the disc, each of shape (n,). Derivatives are empty unless requested:
+    torque_by_tip_speed_ratio (n,); torque_by_chord (1/m) and torque_by_twist (1/rad) of shape
+    (n, n_stations); torque_by_rotor_radius (1/m, shape (n,)), where hub, stations and tip move with
+    the disc at constant chord and twist; torque_by_log_reynolds (n,), where the Reynolds numbers of
+    all stations grow by one factor, as with the speed of the flow.
     """
 
     torque: np.ndarray
     power: np.ndarray
     thrust: np.ndarray
-    torque_by_tip_speed_ratio: np.ndarray
-    torque_by_chord: np.ndarray
-    torque_by_twist: np.ndarray
-    torque_by_rotor_radius: np.ndarray
-    torque_by_log_reynolds: np.ndarray
-
-
-class RootChanges(NamedTuple):
-    """Where stations change root along a sweep of the tip speed ratio; one entry a change.
-
-    station (index), tip_speed_ratio, and the inflow angle (rad) just below and just above it; an
-    angle is NaN on a side where the station has no root.
-    """
-
-    station: np.ndarray
-    tip_speed_ratio: np.ndarray
-    angle_below: np.ndarray
-    angle_above: np.ndarray
+    torque_by_tip_speed_ratio: np.ndarray = np.empty(0)
+    torque_by_chord: np.ndarray = np.empty(0)
+    torque_by_twist: np.ndarray = np.empty(0)
+    torque_by_rotor_radius: np.ndarray = np.empty(0)
+    torque_by_log_reynolds: np.ndarray = np.empty(0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -146,7 +127,7 @@ def _loss_at(exponent):
 def _terms(phi, chord, twist, r, hub_radius, tip_radius, blade_count, polar):
     """Evaluate a station at an inflow angle: s, c and their slopes, forces and their parts.
 
-    It holds for complex arguments too, by which the tests check every derivative.
+    Arguments may be complex: the tests check every derivative by complex step.
     """
     sine, cosine = np.sin(phi), np.cos(phi)
     lift, drag, lift_a, drag_a = _polar_at(phi - twist, polar)
@@ -190,59 +171,39 @@ def _terms(phi, chord, twist, r, hub_radius, tip_radius, blade_count, polar):
     return (
         (s, c, s_phi, c_phi),
         (tangential, normal, tangential_phi, normal_phi, tangential_a, normal_a),
-        (k, m, k_unit, m_unit, sine * bracket_k, sine * bracket_loss * loss),
-        (tip, hub, log_tip, log_hub),
+        (k, m, k_unit, m_unit, sine * bracket_k),
     )
 
 
 @njit(cache=True, error_model="numpy")
-def _derivatives(
-    terms, tip_speed_ratio, chord, r, hub_radius, tip_radius, blade_count, by_reynolds, out
-):
+def _derivatives(terms, tip_speed_ratio, chord, r, tip_radius, by_reynolds, out):
     """Fill out[n_loads, n_inputs]: total derivatives of the loads at a root, by `INPUTS`.
 
-    The residual's own partials give dphi/dx = -f_x / f_phi; nothing passes through the solver's
-    steps. by_reynolds has the tangential and the normal force coefficient's derivative with respect
-    to the logarithm of the Reynolds number.
+    dphi/dx = -f_x / f_phi by the implicit function theorem. by_reynolds holds the derivatives of
+    the tangential and the normal force coefficient by the logarithm of the Reynolds number.
     """
-    (s, c, s_phi, c_phi), forces, (k, m, k_unit, m_unit, s_k, s_log_loss), losses = terms
-    tip, hub, log_tip, log_hub = losses
+    (s, c, s_phi, c_phi), forces, (k, m, k_unit, m_unit, s_k) = terms
     lambda_r = tip_speed_ratio * r / tip_radius
     f_phi = s_phi - c_phi / lambda_r
-    c_by_ratio = c / (lambda_r * lambda_r)
     chord_load = chord / (s * s)
     for i in range(out.shape[1]):
-        # What changes before phi answers: twist, ln(solidity), ln(F), lambda_r, ln(chord)
-        turn = log_solidity = log_loss = ratio = stretch = polar_change = 0.0
+        # Changes at constant phi: of f by the speed ratio, of ln(chord), and of the forces
+        f_ratio = by_chord = tangential_x = normal_x = 0.0
         if i == 0:
-            ratio = r / tip_radius
+            f_ratio = c / (lambda_r * lambda_r) * r / tip_radius
         elif i == 1:
-            log_solidity = stretch = 1.0 / chord
+            by_chord = 1.0 / chord
         elif i == 2:
-            turn = -1.0
-        elif i == 3:
-            log_solidity = -1.0 / r
-            log_loss = log_hub * hub / (r - hub_radius) - log_tip * tip * tip_radius / (
-                r * (tip_radius - r)
-            )
-            ratio = tip_speed_ratio / tip_radius
-        elif i == 4:
-            log_loss = -log_hub * hub * r / (hub_radius * (r - hub_radius))
-        elif i == 5:
-            log_loss = log_tip * tip / (tip_radius - r)
-            ratio = -lambda_r / tip_radius
+            tangential_x, normal_x = -forces[4], -forces[5]
         else:
-            polar_change = 1.0
-        normal_x = forces[5] * turn + by_reynolds[1] * polar_change
-        tangential_x = forces[4] * turn + by_reynolds[0] * polar_change
-        k_x = k_unit * normal_x + k * (log_solidity - log_loss)
-        m_x = m_unit * tangential_x + m * (log_solidity - log_loss)
-        s_x = s_k * k_x + s_log_loss * log_loss
-        phi_x = -(s_x + m_x / lambda_r + c_by_ratio * ratio) / f_phi
+            tangential_x, normal_x = by_reynolds
+        s_x = s_k * (k_unit * normal_x + k * by_chord)
+        m_x = m_unit * tangential_x + m * by_chord
+        phi_x = -(s_x + m_x / lambda_r + f_ratio) / f_phi
         s_x += s_phi * phi_x
         for load in range(out.shape[0]):
             force_x = (normal_x if load else tangential_x) + forces[2 + load] * phi_x
-            out[load, i] = chord_load * (force_x + forces[load] * (stretch - 2.0 * s_x / s))
+            out[load, i] = chord_load * (force_x + forces[load] * (by_chord - 2.0 * s_x / s))
 
 
 @njit(cache=True, error_model="numpy")
@@ -254,18 +215,18 @@ def _point(phi, station):
 
 @njit(cache=True, error_model="numpy")
 def _uneven(left, right):
-    """Whether the curve may turn unseen between two points: its slope differs much there.
+    """Tell whether the curve may have hidden turning points between two points.
 
-    The slopes are those of arctan(g), -1 throughout without load: at both ends, and in the middle
-    of the cubic that has the ends' values and slopes.
+    It may where the slope of arctan(g), which is -1 throughout without load, differs much between
+    both ends and the middle of the cubic with the values and slopes of the ends.
     """
     middle = 1.5 * (right[6] - left[6]) / (right[0] - left[0]) - 0.25 * (left[5] + right[5])
     return max(left[5], right[5], middle) > 0.7 * min(left[5], right[5], middle)
 
 
 @njit(cache=True, error_model="numpy")
-def _turning(left, right, station):
-    """Return the turning point between two others (regula falsi, Illinois)."""
+def _minimum(left, right, station):
+    """Return the local minimum between two points (regula falsi, Illinois)."""
     low, high, slope_low, slope_high = left[0], right[0], left[5], right[5]
     for _ in range(60):
         point = _point((low * slope_high - high * slope_low) / (slope_high - slope_low), station)
@@ -304,13 +265,12 @@ def _add(point, knots, count):
 
 
 @njit(cache=True, error_model="numpy")
-def _curve(lowest, full, station, knots):
+def _curve(lowest, station, knots):
     """Sample a station's curve g = c / s; return the number of knots.
 
-    knots[7, n] holds phi, s, c, their slopes, g (infinite where s <= 0) and the running minimum
-    of g. The curve's turning points become knots of their own: minima always, maxima if full.
-    Unless full, sampling ends where the running minimum is at or below `lowest`: no root is
-    sought further on.
+    knots[7, n] holds phi, s, c, their slopes, g (infinite where s <= 0) and the running minimum of
+    g. The local minima of the curve are knots too. Sampling ends where the running minimum is at or
+    below `lowest`, because all first roots have then been passed.
     """
     left = _point(_SAMPLES[0], station)
     count = _add(left, knots, 0)
@@ -323,10 +283,8 @@ def _curve(lowest, full, station, knots):
                 if room and _uneven(left, right):
                     right = _point(0.5 * (left[0] + right[0]), station)
                     continue
-                if (left[5] < 0.0 and right[5] > 0.0) or (
-                    full and left[5] > 0.0 and right[5] < 0.0
-                ):
-                    count = _add(_turning(left, right, station), knots, count)
+                if left[5] < 0.0 and right[5] > 0.0:
+                    count = _add(_minimum(left, right, station), knots, count)
             elif left[1] > 0.0 and right[2] < 0.0:  # g falls to minus infinity, where s vanishes
                 count = _add(_last_positive(left, right, station), knots, count)
             count = _add(right, knots, count)
@@ -334,15 +292,16 @@ def _curve(lowest, full, station, knots):
                 break
             left, right = right, goal
         left = right
-        if not full and knots[6, count - 1] <= lowest:
+        if knots[6, count - 1] <= lowest:
             break
     return count
 
 
 @njit(cache=True, error_model="numpy")
-def _root(low, high, f_low, f_high, slope_low, slope_high, lambda_r, station):
+def _root(left, right, lambda_r, station):
     """Return the root in a bracket and the terms there (Newton, bisection where it fails)."""
-    # Start from the cubic phi(f) that has the residual's values and slopes at both ends.
+    (low, f_low, slope_low), (high, f_high, slope_high) = left, right
+    # Start from the cubic phi(f) with the residual's values and slopes at both ends.
     rise = f_high - f_low
     t = -f_low / rise
     u = 1.0 - t
@@ -372,16 +331,68 @@ def _root(low, high, f_low, f_high, slope_low, slope_high, lambda_r, station):
 
 
 @njit(cache=True, error_model="numpy")
-def _brake_bracket(samples, lambda_r, station):
-    """Return the residual's sign change nearest below phi = 0: both angles, values, slopes."""
-    low = f_low = slope_low = np.nan
-    for phi in samples:
-        (s, c, s_phi, c_phi), _f, _k, _l = _terms(phi, *station)
-        f, slope = s - c / lambda_r, s_phi - c_phi / lambda_r
-        if f * f_low < 0.0:
-            return low, phi, f_low, f, slope_low, slope
-        low, f_low, slope_low = phi, f, slope
-    return np.nan, np.nan, np.nan, np.nan, np.nan, np.nan
+def _brake_bracket(lambda_r, station):
+    """Return the residual's sign change nearest below phi = 0, both ends as in `_residual`."""
+    low = np.nan, np.nan, np.nan
+    for phi in _NEGATIVE_SAMPLES:
+        s, c, s_phi, c_phi = _terms(phi, *station)[0]
+        high = phi, s - c / lambda_r, s_phi - c_phi / lambda_r
+        if high[1] * low[1] < 0.0:
+            return low, high
+        low = high
+    return low, low
+
+
+@njit(cache=True, error_model="numpy")
+def _residual(knots, place, lambda_r):
+    """Return the angle of a knot, the residual there and its slope."""
+    return (
+        knots[0, place],
+        knots[1, place] - knots[2, place] / lambda_r,
+        knots[3, place] - knots[4, place] / lambda_r,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _first_root(lambda_r, knots, n_knots, station):
+    """Return the first root (phi and the terms there), or terms with s <= 0."""
+    below, above = -1, n_knots  # above: the first knot whose running minimum is <= lambda_r
+    while above - below > 1:
+        middle = (below + above) // 2
+        if knots[6, middle] > lambda_r:
+            below = middle
+        else:
+            above = middle
+    phi, terms = 0.0, _NOTHING
+    if 0 < above < n_knots:
+        low, high = _residual(knots, below, lambda_r), _residual(knots, above, lambda_r)
+        if low[1] < 0.0 <= high[1]:
+            phi, terms = _root(low, high, lambda_r, station)
+    if terms[0][0] <= 0.0:  # no root in 0 to 180 degrees, or one with a negative relative speed
+        low, high = _brake_bracket(lambda_r, station)
+        if low[1] * high[1] < 0.0:
+            phi, terms = _root(low, high, lambda_r, station)
+    return phi, terms
+
+
+@njit(cache=True, error_model="numpy")
+def _store(phi, terms, lambda_r, chord, twist, place, state):
+    """Write a root to state[:, *place] and return its branch; see `Sections`."""
+    j, i = place
+    s, c, _s_phi, _c_phi = terms[0]
+    if s <= 0.0:
+        state[7, j, i] = np.inf
+        return -1
+    state[0, j, i], state[1, j, i] = phi, phi - twist
+    state[2, j, i], state[3, j, i] = 1.0 - np.sin(phi) / s, np.cos(phi) / c - 1.0
+    state[4, j, i] = 1.0 / s
+    state[5, j, i], state[6, j, i] = chord * terms[1][1] / (s * s), chord * terms[1][0] / (s * s)
+    state[7, j, i] = s - c / lambda_r
+    if phi < 0.0:
+        return 3
+    if phi > 0.5 * np.pi:
+        return 2
+    return 1 if terms[2][0] > 2.0 / 3.0 else 0
 
 
 @njit(cache=True, error_model="numpy")
@@ -397,216 +408,65 @@ def _mix(polars, weights, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _solve(
-    tip_speed_ratio,
-    r,
-    chord,
-    twist,
-    hub_radius,
-    tip_radius,
-    blade_count,
-    polars,
-    section,
-    mixture,
-    full,
-    n_loads,
-    n_inputs,
-):
-    """Solve all stations at all points; arrays are station-major: inner loops write in order.
+def _mixed_force(phi, twist, polars, weights):
+    """Return the tangential and the normal force coefficient of a weighted sum of polars."""
+    lift = drag = 0.0
+    for number in range(weights.size):
+        found = _polar_at(phi - twist, polars[number])
+        lift += weights[number] * found[0]
+        drag += weights[number] * found[1]
+    sine, cosine = np.sin(phi), np.cos(phi)
+    return lift * sine - drag * cosine, lift * cosine + drag * sine
 
-    Station j has the polar section[j]; or, where mixture is not empty, those from section[j] on
+
+@njit(cache=True, error_model="numpy")
+def _solve(
+    tip_speed_ratio, r, chord, twist, hub_radius, tip_radius, blade_count,
+    polars, section, mixture, n_loads, n_inputs,
+):  # fmt: skip
+    """Solve all stations at all points. Arrays are station-major, so that writes are in order.
+
+    Station j has the polar section[j] or, where mixture is not empty, the polars from section[j] on
     times the weights mixture[0, j, i], whose derivatives by ln(Re) are mixture[1, j, i].
     """
-    n_points, n_stations = tip_speed_ratio.size, r.size
+    n_points, n_stations, n_mixed = tip_speed_ratio.size, r.size, mixture.shape[3]
     if not np.min(tip_speed_ratio) > 0.0:
         raise ValueError("tip speed ratios must be positive")
     if not (hub_radius < np.min(r) and np.max(r) < tip_radius):
         raise ValueError("stations must lie strictly between hub and tip")
     state = np.zeros((8, n_stations, n_points))
     branch = np.empty((n_stations, n_points), dtype=np.int8)
-    roots = np.zeros((n_stations, n_points if full else 0), dtype=np.int64)
     derivatives = np.zeros((n_loads, n_inputs, n_stations, n_points))
     gradient = np.empty((n_loads, n_inputs))
-    knots = np.empty((7, MOST_KNOTS))
-    angle, s_knot, c_knot, s_phi_knot, c_phi_knot, g, running = knots
-    lowest = np.min(tip_speed_ratio)
-    local = mixture.shape[3] > 0
-    mixed = np.empty_like(polars[0])
-    by_reynolds = (0.0, 0.0)
-    n_knots = 0
+    knots, n_knots = np.empty((7, MOST_KNOTS)), 0
+    mixed, by_reynolds = np.empty_like(polars[0]), (0.0, 0.0)
     for j in range(n_stations):
-        station_polar = polars[section[j]]
+        station_polars = polars[section[j] : section[j] + max(n_mixed, 1)]
+        polar = mixed if n_mixed else station_polars[0]
+        station = chord[j], twist[j], r[j], hub_radius, tip_radius, blade_count, polar
         for i in range(n_points):
             lambda_r = tip_speed_ratio[i] * r[j] / tip_radius
-            if local:
-                _mix(polars[section[j] : section[j] + mixture.shape[3]], mixture[0, j, i], mixed)
-                station_polar = mixed
-            station = (
-                chord[j],
-                twist[j],
-                r[j],
-                hub_radius,
-                tip_radius,
-                blade_count,
-                station_polar,
-            )
-            if local or i == 0:  # else one curve serves all points
-                ratio = lambda_r if local else lowest * r[j] / tip_radius
-                n_knots = _curve(ratio, full, station, knots)
-            if full:
-                for m in range(1, n_knots):
-                    roots[j, i] += (g[m] > lambda_r) != (g[m - 1] > lambda_r)
-            below, above = (
-                -1,
-                n_knots,
-            )  # the first knot whose running minimum is at or below lambda_r
-            while above - below > 1:
-                middle = (below + above) // 2
-                if running[middle] > lambda_r:
-                    below = middle
-                else:
-                    above = middle
-            s = c = f_below = f_above = 0.0
-            if 0 < above < n_knots:
-                f_below = s_knot[below] - c_knot[below] / lambda_r
-                f_above = s_knot[above] - c_knot[above] / lambda_r
-            if f_below < 0.0 <= f_above:
-                phi, terms = _root(
-                    angle[below],
-                    angle[above],
-                    f_below,
-                    f_above,
-                    s_phi_knot[below] - c_phi_knot[below] / lambda_r,
-                    s_phi_knot[above] - c_phi_knot[above] / lambda_r,
-                    lambda_r,
-                    station,
-                )
-                s, c, _s_phi, _c_phi = terms[0]
-            if s <= 0.0:  # no root yet, or one whose relative speed points backwards
-                bracket = _brake_bracket(_NEGATIVE_SAMPLES, lambda_r, station)
-                if bracket[2] * bracket[3] < 0.0:
-                    phi, terms = _root(*bracket, lambda_r, station)
-                    s, c, _s_phi, _c_phi = terms[0]
-            if s <= 0.0:
-                branch[j, i] = -1
-                state[7, j, i] = np.inf
-                continue
-            if phi < 0.0:
-                branch[j, i] = 3
-            elif phi > 0.5 * np.pi:
-                branch[j, i] = 2
-            else:
-                branch[j, i] = terms[2][0] > 2.0 / 3.0
-            state[0, j, i] = phi
-            state[1, j, i] = phi - twist[j]
-            state[2, j, i] = 1.0 - np.sin(phi) / s
-            state[3, j, i] = np.cos(phi) / c - 1.0
-            state[4, j, i] = 1.0 / s
-            state[5, j, i] = chord[j] * terms[1][1] / (s * s)
-            state[6, j, i] = chord[j] * terms[1][0] / (s * s)
-            state[7, j, i] = s - c / lambda_r
-            if n_inputs:
-                if local:
-                    lift = drag = 0.0
-                    for number in range(mixture.shape[3]):
-                        found = _polar_at(phi - twist[j], polars[section[j] + number])
-                        lift += mixture[1, j, i, number] * found[0]
-                        drag += mixture[1, j, i, number] * found[1]
-                    sine, cosine = np.sin(phi), np.cos(phi)
-                    by_reynolds = (lift * sine - drag * cosine, lift * cosine + drag * sine)
+            if n_mixed:
+                _mix(station_polars, mixture[0, j, i], mixed)
+                n_knots = _curve(lambda_r, station, knots)
+            elif i == 0:  # one curve serves all points
+                n_knots = _curve(np.min(tip_speed_ratio) * r[j] / tip_radius, station, knots)
+            phi, terms = _first_root(lambda_r, knots, n_knots, station)
+            branch[j, i] = _store(phi, terms, lambda_r, chord[j], twist[j], (j, i), state)
+            if n_inputs and branch[j, i] >= 0:
+                if n_mixed:
+                    by_reynolds = _mixed_force(phi, twist[j], station_polars, mixture[1, j, i])
                 _derivatives(
-                    terms,
-                    tip_speed_ratio[i],
-                    chord[j],
-                    r[j],
-                    hub_radius,
-                    tip_radius,
-                    blade_count,
-                    by_reynolds,
-                    gradient,
+                    terms, tip_speed_ratio[i], chord[j], r[j], tip_radius, by_reynolds, gradient
                 )
                 derivatives[:, :, j, i] = gradient
-    return state, branch, roots, derivatives
+    return state, branch, derivatives
 
 
 @lru_cache(maxsize=32)
 def _stack(polars):
     """Return the coefficients of different polars in one array (n_polars, n_knots, 8)."""
     return np.stack([polar.coefficients for polar in polars])
-
-
-@dataclass(frozen=True, eq=False)
-class LocalReynolds:
-    """Polars that follow the Reynolds number of their station and operating point.
-
-        Re = chord V sqrt(1 + lambda_r²) / nu,
-
-    that of the undisturbed relative speed: induction would couple it to the inflow angle, for a
-    change of a few hundredths in its logarithm, in which the polars are linear between tables.
-    Beyond the tables the nearest one holds.
-
-    Parameters
-    ----------
-    log_reynolds : ndarray, shape (n_reynolds,)
-        Rising; at least two.
-    polars : tuple, length n_stations, of tuple of Polar, length n_reynolds
-    flow_speed : float or ndarray, shape (n_points,), m/s
-        For all operating points or for each.
-    viscosity : float, m**2/s
-        Kinematic viscosity nu.
-    """
-
-    log_reynolds: np.ndarray
-    polars: tuple[tuple[Polar, ...], ...]
-    flow_speed: float | np.ndarray
-    viscosity: float
-
-    @classmethod
-    def of(cls, families, flow_speed, viscosity):
-        """Take the families of the stations in a flow (m/s) of a kinematic viscosity (m²/s)."""
-        numbers = np.unique(np.concatenate([family.reynolds for family in families]))
-        numbers = numbers[np.isfinite(numbers)]
-        if numbers.size < 2:
-            raise InputError(
-                "needs polars at two or more Reynolds numbers",
-                "give such polars, or rotor.reynolds: invariant",
-                key="rotor.reynolds",
-                value="local",
-            )
-        tables = {family: tuple(family.at(number) for number in numbers) for family in families}
-        return cls(
-            np.log(numbers),
-            tuple(tables[family] for family in families),
-            flow_speed,
-            viscosity,
-        )
-
-    def at_speed(self, flow_speed):
-        """Return the same polars in another flow (m/s), or others by operating point."""
-        return replace(self, flow_speed=flow_speed)
-
-    @cached_property
-    def _cardinal(self):
-        level = (1, np.zeros(self.log_reynolds.size))
-        return CubicSpline(
-            self.log_reynolds, np.eye(self.log_reynolds.size), bc_type=(level, level)
-        )
-
-    def mixture(self, blade, blade_ratio):
-        """Return the weights of the tables and their slopes over ln(Re), by station and point.
-
-        Shape (2, n_stations, n_points, n_reynolds), for Omega R / V at the points.
-        """
-        lambda_r = blade.r[:, None] / blade.tip_radius * blade_ratio
-        unit = self.flow_speed * np.cos(blade.cone) / self.viscosity
-        number = np.log(unit * blade.chord[:, None] * np.sqrt(1.0 + lambda_r**2))
-        inside = np.clip(number, self.log_reynolds[0], self.log_reynolds[-1])
-        slopes = self._cardinal(inside, 1) * (inside == number)[:, :, None]
-        return np.stack((self._cardinal(inside), slopes))
-
-    def __getitem__(self, station):
-        """Return the polars of a station alone, for a single strip."""
-        return replace(self, polars=(self.polars[station],))
 
 
 def polar_at(polar, station):
@@ -616,22 +476,19 @@ def polar_at(polar, station):
 
 def _arguments(blade, polar, blade_ratio=()):
     """Return a blade and its polars as `_solve` takes them, from r to mixture."""
-    mixture = np.empty((2, 0, 0, 0))
+    n, mixture = blade.r.size, np.empty((2, 0, 0, 0))
     if isinstance(polar, Polar):
-        polars, section = polar.coefficients[None], np.zeros(blade.r.size, dtype=np.int64)
+        stations = ((polar,),) * n
     elif isinstance(polar, LocalReynolds):
-        stations = polar.polars * blade.r.size if len(polar.polars) == 1 else polar.polars
-        different = tuple(dict.fromkeys(stations))
-        polars = _stack(tuple(each for station in different for each in station))
-        section = np.array([different.index(each) for each in stations]) * polar.log_reynolds.size
+        stations = polar.polars * n if len(polar.polars) == 1 else polar.polars
         mixture = polar.mixture(blade, blade_ratio)
     else:
-        if len(polar) != blade.r.size:
-            raise ValueError(
-                f"{len(polar)} polars for {blade.r.size} stations: give one polar, or one for each"
-            )
-        different = tuple(dict.fromkeys(polar))
-        polars, section = _stack(different), np.array([different.index(each) for each in polar])
+        stations = tuple((each,) for each in polar)
+    if len(stations) != n:
+        raise ValueError(
+            f"{len(stations)} polars for {n} stations: give one polar, or one for each"
+        )
+    places = {each: i * len(each) for i, each in enumerate(dict.fromkeys(stations))}
     return (
         np.ascontiguousarray(blade.r, dtype=float),
         np.ascontiguousarray(blade.chord, dtype=float),
@@ -639,13 +496,13 @@ def _arguments(blade, polar, blade_ratio=()):
         float(blade.hub_radius),
         float(blade.tip_radius),
         int(blade.blade_count),
-        polars,
-        section,
+        _stack(tuple(polar for each in places for polar in each)),
+        np.array([places[each] for each in stations]),
         mixture,
     )
 
 
-def sections(blade, polar, tip_speed_ratio, derivatives=False, count_roots=False):
+def sections(blade, polar, tip_speed_ratio, derivatives=False):
     """Solve every station of a blade at every tip speed ratio.
 
     Parameters
@@ -655,12 +512,10 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False, count_roots=False
     polar : Polar, sequence of Polar, or LocalReynolds
         One for all stations, one for each, or polars that follow the Reynolds number.
     tip_speed_ratio : array, shape (n_points,)
-        Positive. Here, and in the derivatives, that of the blade as it lies: Omega R / V with R
-        along the blade, which for coned blades is larger than that of the disc.
+        Positive. Here, and in the derivatives, it is Omega R / V with R along the blade, which for
+        coned blades is larger than the tip speed ratio of the disc.
     derivatives : bool
         Whether to fill `Sections.derivatives`.
-    count_roots : bool
-        Whether to fill `Sections.roots`.
 
     Returns
     -------
@@ -673,82 +528,17 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False, count_roots=False
         of polars is not that of the stations.
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-    n_loads, n_inputs = (2, len(INPUTS)) if derivatives else (2, 0)
-    state, branch, roots, gradient = _solve(
-        points, *_arguments(blade, polar, points), count_roots, n_loads, n_inputs
-    )
-    return Sections(*state.transpose(0, 2, 1), branch.T, roots.T, gradient.transpose(0, 1, 3, 2))
-
-
-def root_changes(blade, polar, tip_speed_ratio):
-    """Find where along a tip speed ratio sweep stations change root, hence torque jumps.
-
-    They are exact, not read off the sweep: a station's root vanishes at a minimum of its curve
-    g(phi).
-
-    Parameters
-    ----------
-    blade, polar
-        As in `sections`.
-    tip_speed_ratio : array
-        Its smallest and largest value bound the search.
-
-    Returns
-    -------
-    RootChanges
-        In the order of the tip speed ratio.
-    """
-    low, high = float(np.min(tip_speed_ratio)), float(np.max(tip_speed_ratio))
-    if isinstance(polar, LocalReynolds):
-        raise ValueError("the polars must not follow the Reynolds number")
-    r, chord, twist, hub_radius, tip_radius, blade_count, polars, section, mixture = _arguments(
-        blade, polar
-    )
-    knots = np.empty((7, MOST_KNOTS))
-    found = []
-    for j in range(r.size):
-        station = (
-            chord[j],
-            twist[j],
-            r[j],
-            hub_radius,
-            tip_radius,
-            blade_count,
-            polars[section[j]],
-        )
-        count = _curve(0.0, True, station, knots)
-        running = knots[6, :count]
-        # Where the running minimum stays, the root left of it vanishes; so it does at the ends.
-        held = np.flatnonzero((running[1:] == running[:-1]) & np.isfinite(running[:-1]))
-        vanishing = np.unique(np.concatenate((running[[0, -1]], running[held])))
-        found += [(j, ratio) for ratio in vanishing * tip_radius / r[j] if low <= ratio <= high]
-    found.sort(key=lambda change: change[1])
-    angles = np.empty((2, len(found)))
-    for place, (j, ratio) in enumerate(found):
-        pair = _solve(
-            ratio * np.array([1.0 - 1e-9, 1.0 + 1e-9]),
-            *(values[j : j + 1] for values in (r, chord, twist)),
-            hub_radius,
-            tip_radius,
-            blade_count,
-            polars,
-            section[j : j + 1],
-            mixture,
-            False,
-            2,
-            0,
-        )
-        angles[:, place] = np.where(pair[1][0] < 0, np.nan, pair[0][0, 0])
-    stations = np.array([j for j, _ in found], dtype=int)
-    return RootChanges(stations, np.array([ratio for _, ratio in found]), *angles)
+    n_inputs = len(INPUTS) if derivatives else 0
+    state, branch, gradient = _solve(points, *_arguments(blade, polar, points), 2, n_inputs)
+    return Sections(*state.transpose(0, 2, 1), branch.T, gradient.transpose(0, 1, 3, 2))
 
 
 def torque_weights(blade):
     """Return the weights w[n_stations] with torque coefficient = w @ tangential_load.
 
     The trapezoidal rule over hub, stations and tip with no load at hub and tip, as in CCBlade. The
-    cone cancels: loads fall with its cosine squared, the lever arm with its cosine, and the disc's
-    radius cubed with all three.
+    cone does not appear: loads times the lever arm, and the cube of the disc's radius, are both
+    proportional to the cube of its cosine.
     """
     edges = np.concatenate(([blade.hub_radius], blade.r, [blade.tip_radius]))
     spacing = 0.5 * (edges[2:] - edges[:-2])
@@ -770,7 +560,6 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     Returns
     -------
     Coefficients
-        Derivatives are empty unless asked for.
 
     Warns
     -----
@@ -786,34 +575,33 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
     cosine = float(np.cos(blade.cone))
     local = isinstance(polar, LocalReynolds)
-    # Only the tangential load by tip speed ratio, chord and twist is asked for.
+    # Only the derivatives of the tangential load by tip speed ratio, chord and twist are needed.
     n_inputs = (len(INPUTS) if local else 3) if derivatives else 0
-    state, branch, _, gradient = _solve(
-        points / cosine, *_arguments(blade, polar, points / cosine), False, 1, n_inputs
+    state, branch, gradient = _solve(
+        points / cosine, *_arguments(blade, polar, points / cosine), 1, n_inputs
     )
-    unsolved = np.count_nonzero(branch < 0)
-    if unsolved:
+    if np.min(branch) < 0:
         warnings.warn(
-            f"no root at {unsolved} of {branch.size} sections: their loads are taken as zero",
+            f"no root at {np.count_nonzero(branch < 0)} of {branch.size} sections: their loads are "
+            "taken as zero",
             RuntimeWarning,
             2,
         )
     weights = torque_weights(blade)
     torque = weights @ state[6]
     thrust = (weights * blade.rotor_radius / blade.r) @ state[5]
-    if derivatives:
-        by_ratio = weights @ gradient[0, 0] / cosine
-        by_chord, by_twist = (gradient[0, 1:3] * weights[:, None]).transpose(0, 2, 1)
-        by_radius = -(by_chord @ blade.chord) / blade.rotor_radius
-        by_reynolds = np.zeros(points.size)
-        if local:  # chord and tip speed ratio change the Reynolds number too; the radius does not
-            by_number = (gradient[0, 6] * weights[:, None]).T
-            squared = (points[:, None] / cosine * blade.r / blade.tip_radius) ** 2
-            by_ratio = by_ratio + np.sum(by_number * squared / (1.0 + squared), axis=1) / points
-            by_chord = by_chord + by_number / blade.chord
-            by_reynolds = np.sum(by_number, axis=1)
-    else:
-        by_ratio = by_chord = by_twist = by_radius = by_reynolds = np.empty(0)
+    if not derivatives:
+        return Coefficients(torque, torque * points, thrust)
+    by_ratio = weights @ gradient[0, 0] / cosine
+    by_chord, by_twist = (gradient[0, 1:3] * weights[:, None]).transpose(0, 2, 1)
+    by_radius = -(by_chord @ blade.chord) / blade.rotor_radius
+    by_reynolds = np.zeros(points.size)
+    if local:  # chord and tip speed ratio change the Reynolds number too; the radius does not
+        by_number = (gradient[0, 3] * weights[:, None]).T
+        squared = (points[:, None] / cosine * blade.r / blade.tip_radius) ** 2
+        by_ratio = by_ratio + np.sum(by_number * squared / (1.0 + squared), axis=1) / points
+        by_chord = by_chord + by_number / blade.chord
+        by_reynolds = np.sum(by_number, axis=1)
     return Coefficients(
         torque, torque * points, thrust, by_ratio, by_chord, by_twist, by_radius, by_reynolds
     )

@@ -7,7 +7,7 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Blade:
-    """One blade of a rotor, and what the rotor needs to know besides.
+    """One blade of a rotor with hub radius, number of blades and cone.
 
     Parameters
     ----------

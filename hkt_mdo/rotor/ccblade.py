@@ -5,6 +5,7 @@ WISDEM is imported only when a function is called: its import takes seconds.
 
 import numpy as np
 
+from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.bem import Coefficients, polar_at
 
 
@@ -18,31 +19,23 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
     rotor = ccblade(blade, polar, derivatives)
-    # At a fixed unit flow the tip speed ratio is the tip speed; CCBlade takes revolutions per
-    # minute.
+    # At unit flow speed the tip speed ratio is the tip speed; CCBlade takes revolutions per minute.
     rpm_per_ratio = 30.0 / (np.pi * blade.rotor_radius)
     # CCBlade normalizes side forces that are zero in aligned flow
     with np.errstate(divide="ignore", invalid="ignore"):
         outputs, gradients = rotor.evaluate(
             np.ones(points.size), points * rpm_per_ratio, np.zeros(points.size), coefficients=True
         )
-    if derivatives:
-        by = gradients["dCQ"]
-        by_ratio = np.diag(by["dOmega"]) * rpm_per_ratio
-        by_chord, by_twist = by["dchord"], np.rad2deg(by["dtheta"])
-        by_radius = -(by_chord @ blade.chord) / blade.rotor_radius
-        by_reynolds = np.zeros(points.size)
-    else:
-        by_ratio = by_chord = by_twist = by_radius = by_reynolds = np.empty(0)
-    return Coefficients(
-        outputs["CQ"],
-        outputs["CP"],
-        outputs["CT"],
-        by_ratio,
-        by_chord,
-        by_twist,
-        by_radius,
-        by_reynolds,
+    found = Coefficients(outputs["CQ"], outputs["CP"], outputs["CT"])
+    if not derivatives:
+        return found
+    by = gradients["dCQ"]
+    return found._replace(
+        torque_by_tip_speed_ratio=np.diag(by["dOmega"]) * rpm_per_ratio,
+        torque_by_chord=by["dchord"],
+        torque_by_twist=np.rad2deg(by["dtheta"]),
+        torque_by_rotor_radius=-(by["dchord"] @ blade.chord) / blade.rotor_radius,
+        torque_by_log_reynolds=np.zeros(points.size),
     )
 
 
@@ -51,8 +44,6 @@ def ccblade(blade, polar, derivatives=False):
     try:
         from wisdem.ccblade.ccblade import CCBlade
     except ImportError as error:
-        from hkt_mdo.errors import InputError
-
         raise InputError(
             "hydrodynamics.bem = ccblade: WISDEM is not installed; `pip install wisdem`, or choose "
             "vectorized"

@@ -9,7 +9,7 @@ import numpy as np
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.polar_table import REYNOLDS_RANGE, PolarTable, polar_table
-from hkt_mdo.rotor.airfoil import Outline
+from hkt_mdo.rotor.outline import Outline
 
 __all__ = ["MODELS", "N_CRIT_RANGE", "ComputedPolar", "compute_polars"]
 
@@ -19,7 +19,7 @@ N_CRIT_RANGE = 1.0, 18.0
 
 @dataclass(frozen=True, eq=False)
 class ComputedPolar:
-    """A polar and how far it is to be trusted.
+    """A polar and its confidence.
 
     Parameters
     ----------
@@ -41,56 +41,34 @@ def compute_polars(
     model: str = "xlarge",
     name: str = "",
 ) -> tuple[ComputedPolar, ...]:
-    """Compute lift, drag and moment of an outline.
-
-    The angle of attack counts from the outline's x axis, its chord line.
+    """Compute lift, drag and moment of an outline, one polar for each Reynolds number.
 
     Parameters
     ----------
     outline : Outline
-        Leading edge at the origin, unit chord.
     reynolds : sequence of float
-        Reynolds numbers by the chord, increasing.
+        By the chord, increasing.
     alpha : array, shape (n_rows,), rad
-        Angles of attack, increasing.
+        Angles of attack from the chord line, increasing.
     n_crit : float
-        Exponent of the disturbances' amplification at transition: 9 in an average wind tunnel,
-        less in more turbulent water.
+        Critical exponent of the e^n transition method: 9 in an average wind tunnel, less in more
+        turbulent water.
     model : str
         Size of the network, one of `MODELS`.
     name : str
-        What messages call the outline.
-
-    Returns
-    -------
-    tuple of ComputedPolar
-        One for each Reynolds number.
+        Name of the outline in messages.
 
     Raises
     ------
     InputError
-        If NeuralFoil is not installed, an argument is out of range, or the result is no polar that
-        can be used.
+        If NeuralFoil is not installed, an argument is out of range, or the result is not a valid
+        polar.
     """
-    low, high = N_CRIT_RANGE
-    if not low <= n_crit <= high:
-        raise InputError(
-            f"is not between {low:g} and {high:g}",
-            "9 is usual, less in turbulent water",
-            key="n_crit",
-            value=n_crit,
-        )
     if model not in MODELS:
         raise InputError("is no model of NeuralFoil", ", ".join(MODELS), key="model", value=model)
-    low, high = REYNOLDS_RANGE
+    _check("n_crit", n_crit, N_CRIT_RANGE, "9 is usual, less in turbulent water")
     for number in reynolds:
-        if not low <= number <= high:
-            raise InputError(
-                f"is not between {low:g} and {high:g}",
-                "give Reynolds numbers by the chord, such as 2e5",
-                key="reynolds",
-                value=number,
-            )
+        _check("reynolds", number, REYNOLDS_RANGE, "they are by the chord, such as 2e5")
     try:
         from neuralfoil import get_aero_from_coordinates
     except ImportError as error:
@@ -115,3 +93,10 @@ def compute_polars(
         table = polar_table(degrees, lift, drag, moment, number, file=name)
         polars.append(ComputedPolar(table, confidence))
     return tuple(polars)
+
+
+def _check(key, value, bounds, remedy):
+    """Raise an error where a value is not between its bounds."""
+    low, high = bounds
+    if not low <= value <= high:
+        raise InputError(f"is not between {low:g} and {high:g}", remedy, key=key, value=value)

@@ -1,17 +1,16 @@
-"""What of a blade is designed: chord and twist at the stations, or a spline through few points."""
+"""The designed part of a blade: chord and twist at the stations, or splines of few points."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
-import openmdao.api as om
 from scipy.interpolate import BSpline
 
 from hkt_mdo.rotor.blade import Blade
 
-DEGREE = 3  # of the splines, where there are control points enough
-# Of many stations designed one by one, the innermost and outermost jump to the high induction of
-# Buhl's branch and back, and optimizers hardly come to rest (docs/stations.md): beyond so many they
-# are a spline of so many points.
+DEGREE = 3  # of the splines, where there are enough control points
+# More than FREE_STATIONS stations are designed by a spline of POINTS control points. Designed
+# directly, the innermost and outermost of many stations jump to the high induction of Buhl's branch
+# and back, and optimizers converge poorly (docs/stations.md).
 FREE_STATIONS, POINTS = 20, 8
 
 
@@ -76,32 +75,22 @@ class Shape:
     def designed(
         cls, blade, chord_points, twist_points, chord_bounds, twist_bounds, radius_bounds=None
     ):
-        """Design chord and twist by a number of control points, or at the stations.
+        """Design chord and twist by numbers of control points, or directly at the stations.
 
-        The latter where the number is not less than that of the stations; None: where there are
-        `FREE_STATIONS` or fewer, else by `POINTS`.
+        They are designed at the stations if there are no fewer control points than stations. None:
+        at the stations if there are `FREE_STATIONS` or fewer, else by `POINTS` control points.
         """
         n = blade.r.size
         usual = n if n <= FREE_STATIONS else POINTS
         points = [usual if each is None else each for each in (chord_points, twist_points)]
-
-        def basis(points):
-            if points >= n:
-                return np.eye(n)
-            return spline_basis(points, blade.r, blade.hub_radius, blade.tip_radius)
-
-        family = cls(
-            blade,
-            np.zeros(n),
-            basis(points[0]),
-            np.zeros(n),
-            basis(points[1]),
-            chord_bounds,
-            twist_bounds,
-            radius_bounds,
+        ends = blade.hub_radius, blade.tip_radius
+        chord, twist = (
+            np.eye(n) if each >= n else spline_basis(each, blade.r, *ends) for each in points
         )
+        bounds = chord_bounds, twist_bounds, radius_bounds
+        family = cls(blade, np.zeros(n), chord, np.zeros(n), twist, *bounds)
         if min(points) >= n:
-            return family  # bit by bit the blade as given
+            return family  # with exactly the blade as given
         return replace(family, blade=family.nearest(blade, clip=False))
 
     @classmethod
@@ -150,13 +139,16 @@ class Shape:
             found.append(rest if direct else np.linalg.lstsq(basis, rest, rcond=None)[0])
         return tuple(found)
 
+    def chord_and_twist(self, chord_control, twist_control):
+        """Return chord (m) and twist (rad) at the stations, at the radius of the given blade."""
+        chord = self.chord_offset + self.chord_basis @ chord_control
+        return chord, self.twist_offset + self.twist_basis @ twist_control
+
     def at(self, chord_control, twist_control, rotor_radius=None):
         """Return the blade of control points (m, rad) and a radius of the disc (m)."""
         radius = self.blade.rotor_radius if rotor_radius is None else rotor_radius
-        chord = self.chord_offset + self.chord_basis @ chord_control
-        return self.blade.with_rotor_radius(radius).with_shape(
-            chord * self.stretch(radius), self.twist_offset + self.twist_basis @ twist_control
-        )
+        chord, twist = self.chord_and_twist(chord_control, twist_control)
+        return self.blade.with_rotor_radius(radius).with_shape(chord * self.stretch(radius), twist)
 
     def nearest(self, blade, clip=True):
         """Return the blade of this family nearest to one, of that one's radius."""
@@ -164,56 +156,3 @@ class Shape:
         if clip:
             chord, twist = np.clip(chord, *self.chord_bounds), np.clip(twist, *self.twist_bounds)
         return self.at(chord, twist, blade.rotor_radius)
-
-
-class ShapeComp(om.ExplicitComponent):
-    """Chord and twist at the stations from what is designed; see `Shape`.
-
-    Inputs chord_control[n_chord] (m), twist_control[n_twist] (rad), rotor_radius (m); outputs
-    chord, twist[n_stations] (m, rad).
-    """
-
-    def initialize(self):
-        """Declare the options."""
-        self.options.declare("shape", types=Shape, recordable=False)
-
-    def setup(self):
-        """Declare inputs and outputs."""
-        shape = self.options["shape"]
-        n = shape.blade.r.size
-        for name, units in (("chord", "m"), ("twist", "rad")):
-            points = getattr(shape, f"{name}_basis").shape[1]
-            if points:
-                self.add_input(
-                    f"{name}_control", shape=points, units=units, desc=f"what makes the {name}"
-                )
-        if not shape.designs_chord:
-            self.add_input("rotor_radius", units="m", desc="radius of the swept disc")
-        self.add_output("chord", shape=n, units="m", desc="chord at the stations")
-        self.add_output(
-            "twist", shape=n, units="rad", desc="twist at the stations, set angle included"
-        )
-
-    def setup_partials(self):
-        """Declare the constant partials: the map is linear."""
-        shape = self.options["shape"]
-        for name in ("chord", "twist"):
-            basis = getattr(shape, f"{name}_basis")
-            rows, cols = np.nonzero(basis)
-            if basis.shape[1]:
-                self.declare_partials(
-                    name, f"{name}_control", rows=rows, cols=cols, val=basis[rows, cols]
-                )
-        if not shape.designs_chord:
-            by_radius = shape.chord_offset / shape.blade.rotor_radius
-            self.declare_partials("chord", "rotor_radius", val=by_radius[:, None])
-
-    def compute(self, inputs, outputs):
-        """Evaluate the map."""
-        shape = self.options["shape"]
-        for name in ("chord", "twist"):
-            basis, offset = getattr(shape, f"{name}_basis"), getattr(shape, f"{name}_offset")
-            designed = basis @ inputs[f"{name}_control"] if basis.shape[1] else 0.0
-            outputs[name] = offset + designed
-        if not shape.designs_chord:
-            outputs["chord"] *= inputs["rotor_radius"] / shape.blade.rotor_radius

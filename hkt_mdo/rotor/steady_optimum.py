@@ -1,15 +1,16 @@
 """The best blade in steady flow: an upper bound on every trajectory, and a family of good starts.
 
-Blade element momentum theory treats the stations as independent, so at a given tip speed ratio the
-best chord and twist of each station follow from a search in two variables, and the best rotor from
-a search over the tip speed ratio. No local optimum of the whole blade can hide a better one from
-this search, and since the power coefficient depends on the operating point alone,
+Blade element momentum theory treats the stations as independent. At a given tip speed ratio, a
+search in two variables, chord and twist, therefore finds the best section of every station, and no
+local optimum of the whole blade hides a better one. The power coefficient depends on the operating
+point alone, so that
 
     energy <= 0.5 rho A Cp* integral of v³ dt
 
 holds for any motion of the rotor under any controller (the quasi-steady bound).
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,12 @@ from scipy.optimize import Bounds, minimize, minimize_scalar
 
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
+
+GRID = (24, 49)  # chords and twists of the coarse search at one tip speed ratio
+SCAN = (12, 25)  # the same at many tip speed ratios, to find the best of them
+CLIMBS = 3  # local searches over the tip speed ratio, from the best of the coarse search
+TWIST_UNIT = 0.1  # rad, typical change of a twist
+WORTHWHILE = 1e-10  # gain in power coefficient for which the local search begins again
 
 
 class SteadyOptimum(NamedTuple):
@@ -27,72 +34,32 @@ class SteadyOptimum(NamedTuple):
     power_coefficient: float
 
 
-def best_blade(blade, polar, tip_speed_ratio, chord_bounds, twist_bounds, grid=(24, 49)):
+def best_blade(
+    blade, polar, tip_speed_ratio, chord_bounds, twist_bounds, start=None, tolerance=1e-14
+):
     """Find the chord and twist that capture most power at one tip speed ratio.
 
     Parameters
     ----------
     blade : Blade
         Gives stations, hub, tip, blade count and cone.
-    polar : Polar or sequence of Polar
-        One for all stations, or one for each.
+    polar : Polar, sequence of Polar, or LocalReynolds
     tip_speed_ratio : float
     chord_bounds, twist_bounds : (float, float), m and rad
-    grid : (int, int)
-        Points of the coarse search in chord (geometric) and twist, before the local one.
+    start : Blade or None
+        A blade from which the nearest local optimum is taken; None: the search over the whole range
+        of chord and twist.
+    tolerance : float
+        Change in power coefficient at which the local search ends.
 
     Returns
     -------
     SteadyOptimum
     """
-    chords, twists = np.meshgrid(
-        np.geomspace(*chord_bounds, grid[0]), np.linspace(*twist_bounds, grid[1]), indexing="ij"
-    )
-    chords, twists = chords.ravel(), twists.ravel()
-    blade_ratio = tip_speed_ratio / np.cos(blade.cone)
-    n = blade.r.size
-    start, scale = np.empty((2, n)), np.empty(n)
-    for j, station in enumerate(blade.r):
-        strip = Blade(
-            np.full(chords.size, station),
-            chords,
-            twists,
-            blade.hub_radius,
-            blade.tip_radius,
-            blade.blade_count,
-        )
-        load = bem.sections(strip, bem.polar_at(polar, j), blade_ratio).tangential_load[0]
-        best = int(np.argmax(load))
-        start[:, j], scale[j] = (chords[best], twists[best]), max(load[best], 1e-9)
-
-    # The stations are independent: one search over all of them does the work of n.
-    units = np.concatenate((start[0], np.full(n, 0.1)))
-
-    def loss(x):
-        physical = x * units
-        found = bem.sections(
-            blade.with_shape(physical[:n], physical[n:]), polar, blade_ratio, derivatives=True
-        )
-        by = found.derivatives[0, 1:3, 0]
-        if isinstance(polar, bem.LocalReynolds):  # the chord changes the Reynolds number too
-            by[0] += found.derivatives[0, 6, 0] / physical[:n]
-        by = by / scale
-        return -np.sum(found.tangential_load[0] / scale), -by.ravel() * units
-
-    lower = np.concatenate((np.full(n, chord_bounds[0]), np.full(n, twist_bounds[0])))
-    upper = np.concatenate((np.full(n, chord_bounds[1]), np.full(n, twist_bounds[1])))
-    found = minimize(
-        loss,
-        start.ravel() / units,
-        jac=True,
-        method="L-BFGS-B",
-        bounds=Bounds(lower / units, upper / units),
-        options={"ftol": 1e-14, "gtol": 1e-8},
-    )
-    physical = found.x * units
-    shaped = blade.with_shape(physical[:n], physical[n:])
-    power = bem.rotor_coefficients(shaped, polar, tip_speed_ratio).power[0]
-    return SteadyOptimum(shaped, float(tip_speed_ratio), float(power))
+    bounds = chord_bounds, twist_bounds
+    if start is None:
+        (start,) = _coarse(blade, polar, [tip_speed_ratio], *bounds, GRID)
+    return _climb(start, polar, tip_speed_ratio, (tip_speed_ratio,) * 2, *bounds, tolerance)
 
 
 def best_rotor(blade, polar, chord_bounds, twist_bounds, search=(2.0, 16.0)):
@@ -109,11 +76,24 @@ def best_rotor(blade, polar, chord_bounds, twist_bounds, search=(2.0, 16.0)):
     -------
     SteadyOptimum
     """
+    bounds, ratios = (chord_bounds, twist_bounds), np.geomspace(*search, 8)
+    starts = _coarse(blade, polar, ratios, *bounds, SCAN)
+    power = [_power(start, polar, ratio) for start, ratio in zip(starts, ratios, strict=True)]
 
-    def optimum(ratio):
-        return best_blade(blade, polar, ratio, chord_bounds, twist_bounds)
+    def climb(place, start=None, ratio=None):
+        near = ratios[max(place - 1, 0)], ratios[min(place + 1, ratios.size - 1)]
+        return _climb(start or starts[place], polar, ratio or ratios[place], near, *bounds)
 
-    return _best_over_ratio(optimum, search)
+    # Stations that jump between stalled and attached flow leave several peaks over the ratio.
+    peaks = [(climb(place), place) for place in np.argsort(power)[-CLIMBS:]]
+    best, place = max(peaks, key=lambda each: each[0].power_coefficient)
+    for _ in range(4):
+        # Another local optimum of a station may be the better one at this tip speed ratio.
+        other = best_blade(blade, polar, best.tip_speed_ratio, *bounds)
+        if other.power_coefficient <= best.power_coefficient + WORTHWHILE:
+            break
+        best = climb(place, other.blade, other.tip_speed_ratio)
+    return best
 
 
 def best_operation(blade, polar, search=(1.0, 20.0)):
@@ -121,12 +101,10 @@ def best_operation(blade, polar, search=(1.0, 20.0)):
     ratios = np.linspace(*search, 200)
     power = bem.rotor_coefficients(blade, polar, ratios).power
 
-    def operation(ratio):
-        return SteadyOptimum(
-            blade, float(ratio), float(bem.rotor_coefficients(blade, polar, ratio).power[0])
-        )
+    def at(ratio):
+        return SteadyOptimum(blade, float(ratio), _power(blade, polar, ratio))
 
-    return _bracketed(operation, ratios, int(np.argmax(power)))
+    return _bracketed(at, ratios, power)
 
 
 def best_set_angle(shape, blade, polar):
@@ -151,21 +129,60 @@ def best_set_angle(shape, blade, polar):
         return best_operation(shape.at(chord, np.array([angle]), blade.rotor_radius), polar)
 
     angles = np.linspace(*shape.twist_bounds, 25)
-    power = [at(angle).power_coefficient for angle in angles]
-    return _bracketed(at, angles, int(np.argmax(power)))
+    return _bracketed(at, angles, [at(angle).power_coefficient for angle in angles])
 
 
-def _best_over_ratio(optimum, search):
-    ratios = np.geomspace(*search, 8)
-    power = [optimum(ratio).power_coefficient for ratio in ratios]
-    return _bracketed(optimum, ratios, int(np.argmax(power)))
+def _power(blade, polar, ratio):
+    """Return the power coefficient at one tip speed ratio."""
+    return float(bem.rotor_coefficients(blade, polar, ratio).power[0])
 
 
-def _bracketed(optimum, ratios, peak):
-    """Refine the peak between the neighbours of a coarse maximum."""
-    low, high = ratios[max(peak - 1, 0)], ratios[min(peak + 1, len(ratios) - 1)]
+def _coarse(blade, polar, ratios, chord_bounds, twist_bounds, grid):
+    """Return the best blade on the grid of chord (geometric) and twist for each tip speed ratio."""
+    chords, twists = np.meshgrid(
+        np.geomspace(*chord_bounds, grid[0]), np.linspace(*twist_bounds, grid[1]), indexing="ij"
+    )
+    chords, twists = chords.ravel(), twists.ravel()
+    points = np.array(ratios) / np.cos(blade.cone)
+    best = np.empty((points.size, blade.r.size), dtype=int)
+    for j, station in enumerate(blade.r):
+        strip = replace(blade, r=np.full(chords.size, station), chord=chords, twist=twists)
+        load = bem.sections(strip, bem.polar_at(polar, j), points).tangential_load
+        best[:, j] = np.argmax(load, axis=1)
+    return [blade.with_shape(chords[places], twists[places]) for places in best]
+
+
+def _climb(start, polar, ratio, ratio_bounds, chord_bounds, twist_bounds, tolerance=1e-14):
+    """Return the local optimum over chord, twist and tip speed ratio next to a blade (L-BFGS-B)."""
+    n = start.r.size
+    units = np.concatenate((start.chord, np.full(n, TWIST_UNIT), [ratio]))
+    bounds = np.repeat([chord_bounds, twist_bounds, ratio_bounds], [n, n, 1], axis=0).T / units
+
+    def loss(x):
+        chord, twist, (ratio,) = np.split(x * units, [n, 2 * n])
+        found = bem.rotor_coefficients(start.with_shape(chord, twist), polar, ratio, True)
+        by_ratio = found.torque + ratio * found.torque_by_tip_speed_ratio
+        by_shape = ratio * np.concatenate((found.torque_by_chord[0], found.torque_by_twist[0]))
+        return -found.power[0], -np.concatenate((by_shape, by_ratio)) * units
+
+    found = minimize(
+        loss,
+        np.concatenate((start.chord, start.twist, [ratio])) / units,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=Bounds(*bounds),
+        options={"ftol": tolerance, "gtol": 1e-8},
+    )
+    chord, twist, (ratio,) = np.split(found.x * units, [n, 2 * n])
+    return SteadyOptimum(start.with_shape(chord, twist), float(ratio), -float(found.fun))
+
+
+def _bracketed(optimum, points, power):
+    """Refine the largest of the powers at increasing points between its neighbours."""
+    peak = int(np.argmax(power))
+    low, high = points[max(peak - 1, 0)], points[min(peak + 1, len(points) - 1)]
     found = minimize_scalar(
-        lambda ratio: -optimum(ratio).power_coefficient,
+        lambda point: -optimum(point).power_coefficient,
         bounds=(low, high),
         method="bounded",
         options={"xatol": 1e-4},

@@ -3,7 +3,6 @@
 from functools import cached_property
 
 import numpy as np
-import openmdao.api as om
 from scipy.interpolate import CubicSpline, PPoly
 
 
@@ -39,69 +38,14 @@ class TorqueSpline:
             return self._cardinal(inside, 1)
         return self._cardinal(inside, derivative) * (points.real == inside)[:, None]
 
+    def curve(self, table):
+        """Return the spline of a table as a function of the tip speed ratio within the nodes."""
+        return PPoly.construct_fast(self._cardinal.c @ table, self.nodes)
+
     def values(self, table, tip_speed_ratio):
         """Return the spline's values and slopes (n_points,) for a table, without the matrices."""
         points = np.asarray(tip_speed_ratio)
         inside = np.clip(points.real, self.nodes[0], self.nodes[-1])
-        curve = PPoly.construct_fast(self._cardinal.c @ table, self.nodes)
+        curve = self.curve(table)
         slope = curve(inside, 1)
         return curve(inside) + slope * (points - inside), slope
-
-
-class TorqueTable(om.ExplicitComponent):
-    """Torque coefficient of a blade at the nodes of a `TorqueSpline`, by BEM.
-
-    Inputs chord[n_stations] (m), twist[n_stations] (rad), rotor_radius (m), with which hub,
-    stations and tip move; output torque_coefficient_table[n_nodes]. Q = 0.5 rho V² pi R³ Cq.
-    """
-
-    def initialize(self):
-        """Declare the options."""
-        self.options.declare(
-            "blade", desc="the start `Blade`: stations, hub, tip, count", recordable=False
-        )
-        self.options.declare("polar", desc="section `Polar`", recordable=False)
-        self.options.declare("nodes", types=np.ndarray, desc="tip speed ratios of the table")
-        self.options.declare(
-            "coefficients", desc="BEM: rotor_coefficients of bem or ccblade", recordable=False
-        )
-
-    def setup(self):
-        """Declare inputs and outputs."""
-        blade, nodes = self.options["blade"], self.options["nodes"]
-        self.add_input("chord", val=blade.chord, units="m", desc="chord at the stations")
-        self.add_input(
-            "twist", val=blade.twist, units="rad", desc="twist at the stations, set angle included"
-        )
-        self.add_input(
-            "rotor_radius", val=blade.rotor_radius, units="m", desc="radius of the swept disc"
-        )
-        self.add_output(
-            "torque_coefficient_table",
-            shape=nodes.shape,
-            desc="Q / (0.5 rho V^2 pi R^3) at the nodes",
-        )
-
-    def setup_partials(self):
-        """Declare the dense partials."""
-        self.declare_partials("torque_coefficient_table", ["chord", "twist", "rotor_radius"])
-
-    def compute(self, inputs, outputs):
-        """Evaluate BEM at the nodes."""
-        outputs["torque_coefficient_table"] = self._solve(inputs, derivatives=False).torque
-
-    def compute_partials(self, inputs, partials):
-        """Evaluate BEM's implicit derivatives at the nodes."""
-        found = self._solve(inputs, derivatives=True)
-        partials["torque_coefficient_table", "chord"] = found.torque_by_chord
-        partials["torque_coefficient_table", "twist"] = found.torque_by_twist
-        partials["torque_coefficient_table", "rotor_radius"] = found.torque_by_rotor_radius
-
-    def _solve(self, inputs, derivatives):
-        options = self.options
-        blade = (
-            options["blade"]
-            .with_rotor_radius(inputs["rotor_radius"][0])
-            .with_shape(inputs["chord"], inputs["twist"])
-        )
-        return options["coefficients"](blade, options["polar"], options["nodes"], derivatives)

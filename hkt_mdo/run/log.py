@@ -1,4 +1,4 @@
-"""What a run writes while it works: the history, an iterate to resume from, OpenMDAO's databases."""
+"""What a run writes while it works: history, an iterate to resume from, OpenMDAO databases."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Sparse total derivatives of a model of explicit components.
 
 OpenMDAO finds totals by one linear solve a color, through all components in Python, into a dense
-matrix; and the colors by solving three times for every design variable. Here both cost what the
-nonzeros cost, so that an optimization grows in proportion to the segments of its phase.
+matrix, and the colors by three solves for every design variable. Here both cost as much as the
+nonzeros do, so that the cost of an optimization is proportional to the segments of its phase.
 """
 
 from collections.abc import Sequence
@@ -16,9 +16,9 @@ from scipy.sparse import csr_matrix
 
 
 class Substitution(om.LinearRunOnce):
-    """OpenMDAO's own linear solver for groups of explicit components, which can do more.
+    """OpenMDAO's linear solver for groups of explicit components, which also offers `totals`.
 
-    A driver that knows of it asks for `totals` instead of solving and coloring.
+    The drivers of this package ask for `totals` in place of linear solves and a coloring.
     """
 
     def totals(self, driver: Driver, responses: Sequence[str]) -> "SparseTotals":
@@ -33,9 +33,7 @@ class SparseTotals:
 
         dy_i/dx = sum over j of (df_i/dy_j) (dy_j/dx),
 
-    over the nonzeros alone: time and memory are in proportion to them, and where they are is known
-    before anything has run. OpenMDAO's own totals are dense, take a linear solve a color, and its
-    coloring takes three a design variable.
+    over the nonzeros alone, whose places are known before anything has run.
 
     Parameters
     ----------
@@ -52,7 +50,7 @@ class SparseTotals:
     Raises
     ------
     NotImplementedError
-        Where the model has parts that are not explicit, or that depend on each other in a circle.
+        If the model has parts that are not explicit, or that depend on each other in a circle.
     """
 
     def __init__(self, driver: Driver, responses: Sequence[str]) -> None:
@@ -92,7 +90,7 @@ class SparseTotals:
         )
 
     def compute(self) -> csr_matrix:
-        """Return the totals, scaled for the optimizer, at the model's present state."""
+        """Return the totals, scaled for the optimizer, in the current state of the model."""
         self._model.run_linearize(sub_do_ln=False)
         self._jacobian._update(self._model)
         order, indptr, indices, first, last, columns = self._structure
@@ -116,7 +114,7 @@ class SparseTotals:
 
     @staticmethod
     def _scalers(driver: Driver, variables: list) -> np.ndarray:
-        """Return what each element of variables is multiplied by for the optimizer."""
+        """Return the factors from variables to their values in the optimizer."""
         declared = driver._autoscaler._var_meta
         found = [np.zeros(0)]
         for name, meta in variables:
@@ -129,9 +127,9 @@ class SparseTotals:
 
 @njit(cache=True)
 def _evaluation_order(wanted, is_seed, indptr, indices):
-    """Return what rows depend on, each after all that it depends on, and whether that can be.
+    """Return the rows needed, each after the rows it depends on, and whether such an order exists.
 
-    It cannot where rows depend on each other in a circle. The diagonal does not count.
+    It does not exist if rows depend on each other in a circle. The diagonal is ignored.
     """
     unseen, open_, done = 0, 1, 2
     state = np.where(is_seed, done, unseen)
@@ -161,7 +159,7 @@ def _evaluation_order(wanted, is_seed, indptr, indices):
 
 @njit(cache=True)
 def _total_pattern(order, seeds, indptr, indices):
-    """Return where totals may differ from zero: row i by the seeds columns[first[i] : last[i]]."""
+    """Return where totals may differ from zero: row i has the columns[first[i] : last[i]]."""
     first, last = np.zeros(indptr.size - 1, np.int64), np.zeros(indptr.size - 1, np.int64)
     columns, met = np.arange(seeds.size), np.full(seeds.size, -1)
     first[seeds], last[seeds] = columns, columns + 1

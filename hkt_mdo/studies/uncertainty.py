@@ -17,7 +17,7 @@ from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant, RecordedTorque, Si
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.build import BEM, physics
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.rotor.bem import LocalReynolds
+from hkt_mdo.rotor.reynolds import LocalReynolds
 
 LONGEST_STEP = 0.25  # of the rotor's time constant: Runge-Kutta's steps within a sample time
 REFERENCES = ("fluctuation", "total")

@@ -23,8 +23,9 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.shipped import data_path, shipped_names
 from hkt_mdo.problem.build import physics
-from hkt_mdo.rotor.airfoil import Outline, PolarFamily
+from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.run.batch import run_batch
 from hkt_mdo.studies.uncertainty import Design
 

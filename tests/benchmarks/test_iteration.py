@@ -139,7 +139,7 @@ def measure(segments, stations):
         "setup": seconds["setup"],
         "iteration": seconds["driver"] / max(ended.iterations, 1),
         "evaluation": float(np.median(samples)),
-        "evaluations": driver.model_evaluations,
+        "evaluations": driver.result.model_evals,
         "iterations": ended.iterations,
         "memory_MB": peak_memory(),
         "nonzeros": int(totals.nnz),

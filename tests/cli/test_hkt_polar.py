@@ -10,8 +10,9 @@ from hkt_mdo.cli import main
 from hkt_mdo.cli.polar_report import parse_alpha, parse_reynolds
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import POLAR_FAMILIES, read_table
-from hkt_mdo.rotor.airfoil import Outline, Polar, PolarFamily
+from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.neuralfoil import compute_polars
+from hkt_mdo.rotor.outline import Outline
 
 
 @pytest.fixture(autouse=True)

@@ -6,7 +6,8 @@ import pytest
 from openmdao.utils.assert_utils import assert_check_partials
 
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.inertia import InertiaComp, mass_and_inertia
+from hkt_mdo.rotor.components import InertiaComp
+from hkt_mdo.rotor.inertia import mass_and_inertia
 
 AREA, DENSITY, HUB, TIP, COUNT = 0.094, 2700.0, 0.2, 1.4, 3
 R = np.array([0.3, 0.55, 0.9, 1.2, 1.38])

@@ -6,7 +6,8 @@ import pytest
 from openmdao.utils.assert_utils import assert_check_partials
 
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.shape import Shape, ShapeComp, spline_basis
+from hkt_mdo.rotor.components import ShapeComp
+from hkt_mdo.rotor.shape import Shape, spline_basis
 
 CHORDS, TWISTS = (0.01, 1.0), (-0.5, 0.5)
 

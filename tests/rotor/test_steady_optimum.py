@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.steady_optimum import best_blade, best_operation, best_rotor
 
@@ -45,6 +46,29 @@ def test_no_random_blade_is_better(best, polar):
         )
         power = bem.rotor_coefficients(best.blade.with_shape(chord, twist), polar, ratios).power
         assert power.max() <= best.power_coefficient + 1e-9
+
+
+@pytest.mark.parametrize("twists", [TWISTS, (0.05, 0.2)])
+def test_no_tip_speed_ratio_is_better(twists, blade, polar):
+    """With few twists to choose from, the power has several peaks over the tip speed ratio."""
+    best = best_rotor(blade, polar, CHORDS, twists)
+    for ratio in np.linspace(4.0, 9.0, 11):
+        found = best_blade(blade, polar, ratio, CHORDS, twists)
+        assert found.power_coefficient <= best.power_coefficient + 1e-9
+
+
+def test_a_cylindrical_root_does_not_stop_the_search(blade, polar):
+    """The best load of its stations is negative; the others reach their own optimum."""
+    polars = [Polar.from_csv("cylinder")] * 2 + [polar] * (blade.r.size - 2)
+    free, mixed = (best_blade(blade, each, 7.0, CHORDS, TWISTS).blade for each in (polar, polars))
+    load = [bem.sections(each, polar, 7.0).tangential_load[0, 2:] for each in (free, mixed)]
+    np.testing.assert_allclose(load[1], load[0], rtol=1e-6)
+
+
+def test_a_neighbouring_start_gives_the_same_blade(best, blade, polar):
+    whole = best_blade(blade, polar, 8.0, CHORDS, TWISTS)
+    near = best_blade(blade, polar, 8.0, CHORDS, TWISTS, start=best.blade)
+    assert near.power_coefficient == pytest.approx(whole.power_coefficient, abs=1e-10)
 
 
 def test_gradient_of_power_vanishes_at_the_optimum(best, polar):

@@ -6,7 +6,8 @@ import pytest
 from openmdao.utils.assert_utils import assert_check_partials
 
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.torque_curve import TorqueSpline, TorqueTable
+from hkt_mdo.rotor.components import TorqueTable
+from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 NODES = np.unique(
     np.concatenate((np.arange(1.0, 4.0, 0.5), np.arange(4.0, 11.0, 0.25), [12.0, 14.0]))

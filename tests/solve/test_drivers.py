@@ -140,8 +140,8 @@ def test_hock_schittkowski_71(package, optimizer):
     assert problem.get_val("h")[0] == pytest.approx(40.0, abs=1e-6)
     found = outcome(driver)
     assert (found.success, found.package, found.optimizer) == (True, package, optimizer)
-    assert 3 <= found.iterations <= driver.gradient_evaluations
-    assert driver.gradient_evaluations <= driver.model_evaluations < 30
+    assert 3 <= found.iterations <= driver.result.deriv_evals
+    assert driver.result.deriv_evals <= driver.result.model_evals < 30
     assert found.message
     assert driver.result.success
     problem.set_val("x", [1.0, 5.0, 5.0, 1.0])
@@ -237,7 +237,7 @@ def test_cases_are_recorded(package, optimizer, empty_directory):
     problem.cleanup()
     cases = om.CaseReader(str(empty_directory / "cases.sql"))
     names = cases.list_cases("driver", out_stream=None)
-    assert len(names) == driver.model_evaluations
+    assert len(names) == driver.result.model_evals
     last = cases.get_case(names[-1])
     np.testing.assert_allclose(last.get_design_vars()["x"], problem.get_val("x"))
     assert last.get_objectives()["f"][0] == pytest.approx(17.0140173, abs=1e-6)

@@ -1,4 +1,4 @@
-"""Quasi-steady co-design: against formulas, and its gradient against differences."""
+"""Quasi-steady operation: against formulas, and its gradients against differences."""
 
 from dataclasses import replace
 
@@ -7,14 +7,12 @@ import pytest
 
 from hkt_mdo.dynamics.controllers import LinearLaw, QuadraticLaw
 from hkt_mdo.dynamics.inflow import SineInflow
-from hkt_mdo.problem.start import QuasiSteady, starting_point
+from hkt_mdo.dynamics.quasi_steady import MOST_SPEEDS, QuasiSteady
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.shape import Shape
-from hkt_mdo.rotor.steady_optimum import best_operation, best_rotor
+from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 RADIUS, DENSITY = 1.4, 1000.0
-CHORDS, TWISTS = (0.01, 1.0), (-np.pi / 6.0, np.pi / 6.0)
 TIME = np.linspace(0.0, 60.0, 121)
 WEIGHTS = np.full(121, 0.5)
 WEIGHTS[[0, -1]] = 0.25
@@ -143,34 +141,9 @@ def test_a_condensed_flow_has_the_same_energy(table):
     weights = np.full(time.size, time[1])
     problem = QuasiSteady(flow, weights, DENSITY, RADIUS, SPLINE, LinearLaw(700.0))
     few = problem.condensed()
-    assert few.inflow_speed.size <= 400
+    assert few.inflow_speed.size <= MOST_SPEEDS
     assert few.weights.sum() == pytest.approx(weights.sum(), rel=1e-12)
     assert (few.inflow_speed[0], few.inflow_speed[-1]) == (flow.min(), flow.max())
     assert few.operate(table, [80.0]).energy == pytest.approx(
         problem.operate(table, [80.0]).energy, rel=2e-6
     )
-
-
-def test_co_design_reaches_the_steady_optimum(blade, polar):
-    """Without a limit, co-design of open loop is the best rotor at its best tip speed ratio."""
-    optimum = best_rotor(blade, polar, CHORDS, TWISTS)
-    start = starting_point(
-        quasi_steady(),
-        Shape.designed(blade, None, None, CHORDS, TWISTS),
-        None,
-        polar,
-        [6.5, 7.5],
-        improve=True,
-    )
-    bound = ideal_energy(optimum.power_coefficient)
-    assert start.operation.energy == pytest.approx(bound, rel=5e-5)
-
-
-def test_a_fixed_blade_is_kept(blade, polar):
-    start = starting_point(
-        quasi_steady(QuadraticLaw()), Shape.fixed(blade), None, polar, [], improve=True
-    )
-    np.testing.assert_array_equal(start.blade.chord, blade.chord)
-    best = best_operation(blade, polar)
-    gain = 0.5 * DENSITY * np.pi * RADIUS**5 * best.power_coefficient / best.tip_speed_ratio**3
-    assert start.gains[0] == pytest.approx(gain, rel=0.02)

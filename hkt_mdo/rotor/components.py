@@ -1,0 +1,163 @@
+"""The rotor as OpenMDAO components: shape, torque coefficient table, mass and inertia."""
+
+from dataclasses import replace
+
+import numpy as np
+import openmdao.api as om
+
+from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.rotor.shape import Shape
+
+RADIUS = {"units": "m", "desc": "radius of the swept disc"}
+CHORD = {"units": "m", "desc": "chord at the stations"}
+TWIST = {"units": "rad", "desc": "twist at the stations, set angle included"}
+
+
+class ShapeComp(om.ExplicitComponent):
+    """Chord and twist at the stations from what is designed; see `Shape`.
+
+    Inputs chord_control[n_chord] (m), twist_control[n_twist] (rad), rotor_radius (m); outputs
+    chord, twist[n_stations] (m, rad).
+    """
+
+    def initialize(self):
+        """Declare the options."""
+        self.options.declare("shape", types=Shape, recordable=False)
+
+    def setup(self):
+        """Declare inputs and outputs."""
+        shape = self.options["shape"]
+        for name, meta in (("chord", CHORD), ("twist", TWIST)):
+            if shape.points[name]:
+                self.add_input(
+                    f"{name}_control",
+                    shape=shape.points[name],
+                    units=meta["units"],
+                    desc=f"control points of the {name}",
+                )
+            self.add_output(name, shape=shape.blade.r.size, **meta)
+        if not shape.designs_chord:
+            self.add_input("rotor_radius", **RADIUS)
+
+    def setup_partials(self):
+        """Declare the constant partials: the map is linear."""
+        shape = self.options["shape"]
+        for name, basis in (("chord", shape.chord_basis), ("twist", shape.twist_basis)):
+            rows, cols = np.nonzero(basis)
+            if shape.points[name]:
+                self.declare_partials(
+                    name, f"{name}_control", rows=rows, cols=cols, val=basis[rows, cols]
+                )
+        if not shape.designs_chord:
+            by_radius = shape.chord_offset / shape.blade.rotor_radius
+            self.declare_partials("chord", "rotor_radius", val=by_radius[:, None])
+
+    def compute(self, inputs, outputs):
+        """Evaluate the map."""
+        shape = self.options["shape"]
+        chord, twist = (
+            inputs[f"{name}_control"] if shape.points[name] else np.empty(0)
+            for name in ("chord", "twist")
+        )
+        outputs["chord"], outputs["twist"] = shape.chord_and_twist(chord, twist)
+        if not shape.designs_chord:
+            outputs["chord"] *= shape.stretch(inputs["rotor_radius"])
+
+
+class TorqueTable(om.ExplicitComponent):
+    """Torque coefficient of a blade at the nodes of a `TorqueSpline`, by BEM.
+
+    Inputs chord[n_stations] (m), twist[n_stations] (rad), rotor_radius (m), with which hub,
+    stations and tip move; output torque_coefficient_table[n_nodes]. Q = 0.5 rho V² pi R³ Cq.
+    """
+
+    def initialize(self):
+        """Declare the options."""
+        declare = self.options.declare
+        declare("blade", desc="the start `Blade`: stations, hub, tip, count", recordable=False)
+        declare("polar", desc="section `Polar`", recordable=False)
+        declare("nodes", types=np.ndarray, desc="tip speed ratios of the table")
+        declare("coefficients", desc="rotor_coefficients of bem or ccblade", recordable=False)
+
+    def setup(self):
+        """Declare inputs and outputs."""
+        blade = self.options["blade"]
+        self.add_input("chord", val=blade.chord, **CHORD)
+        self.add_input("twist", val=blade.twist, **TWIST)
+        self.add_input("rotor_radius", val=blade.rotor_radius, **RADIUS)
+        self.add_output(
+            "torque_coefficient_table",
+            shape=self.options["nodes"].shape,
+            desc="Q / (0.5 rho V^2 pi R^3) at the nodes",
+        )
+
+    def setup_partials(self):
+        """Declare the dense partials."""
+        self.declare_partials("torque_coefficient_table", ["chord", "twist", "rotor_radius"])
+
+    def compute(self, inputs, outputs):
+        """Evaluate BEM at the nodes."""
+        outputs["torque_coefficient_table"] = self._solve(inputs, derivatives=False).torque
+
+    def compute_partials(self, inputs, partials):
+        """Evaluate BEM's implicit derivatives at the nodes."""
+        found = self._solve(inputs, derivatives=True)
+        partials["torque_coefficient_table", "chord"] = found.torque_by_chord
+        partials["torque_coefficient_table", "twist"] = found.torque_by_twist
+        partials["torque_coefficient_table", "rotor_radius"] = found.torque_by_rotor_radius
+
+    def _solve(self, inputs, derivatives):
+        options = self.options
+        blade = options["blade"].with_rotor_radius(inputs["rotor_radius"][0])
+        blade = blade.with_shape(inputs["chord"], inputs["twist"])
+        return options["coefficients"](blade, options["polar"], options["nodes"], derivatives)
+
+
+class InertiaComp(om.ExplicitComponent):
+    """Mass and inertia of the rotor from its chord and radius; see `mass_and_inertia`.
+
+    Inputs chord[n_stations] (m), rotor_radius (m), with which hub, stations and tip move: mass is
+    proportional to it and the blades' inertia to its cube. Outputs mass (kg), inertia (kg*m**2).
+    """
+
+    def initialize(self):
+        """Declare the options."""
+        declare = self.options.declare
+        declare("blade", desc="the start `Blade`: stations, hub, tip, count", recordable=False)
+        declare("section_area", desc="outline area over chord squared, one or one per station")
+        declare("density", types=float, desc="of the material, kg/m**3")
+        declare("hub_inertia", types=float, desc="kg*m**2")
+
+    def setup(self):
+        """Declare inputs and outputs."""
+        blade = self.options["blade"]
+        self.add_input("chord", val=blade.chord, **CHORD)
+        self.add_input("rotor_radius", val=blade.rotor_radius, **RADIUS)
+        self.add_output("mass", units="kg", desc="mass of the blades")
+        self.add_output("inertia", units="kg*m**2", desc="inertia of the rotor about its axis")
+
+    def setup_partials(self):
+        """Declare the dense rows."""
+        self.declare_partials(["mass", "inertia"], ["chord", "rotor_radius"])
+
+    def _evaluate(self, inputs):
+        """Return the results at the start's radius, and the ratio of the radius to the start's."""
+        options = self.options
+        blade = replace(options["blade"], chord=inputs["chord"])
+        found = mass_and_inertia(blade, options["section_area"], options["density"])
+        return *found, inputs["rotor_radius"][0] / blade.rotor_radius
+
+    def compute(self, inputs, outputs):
+        """Integrate over the blade."""
+        mass, inertia, _, _, stretch = self._evaluate(inputs)
+        outputs["mass"] = mass * stretch
+        outputs["inertia"] = inertia * stretch**3 + self.options["hub_inertia"]
+
+    def compute_partials(self, inputs, partials):
+        """Differentiate the integrals."""
+        mass, inertia, mass_by, inertia_by, stretch = self._evaluate(inputs)
+        radius = self.options["blade"].rotor_radius
+        partials["mass", "chord"] = mass_by * stretch
+        partials["mass", "rotor_radius"] = mass / radius
+        partials["inertia", "chord"] = inertia_by * stretch**3
+        partials["inertia", "rotor_radius"] = 3.0 * inertia * stretch**2 / radius

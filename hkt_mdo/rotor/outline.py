@@ -1,0 +1,102 @@
+"""The outline of a blade section: area, thickness and second moments of area."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from hkt_mdo.files.outline import read_outline
+
+
+class SecondMoments(NamedTuple):
+    """Second moments of area over the fourth power of the chord, about the centroid.
+
+    xx = integral of y² dA (bending about the chord line: flapwise), yy = integral of x² dA
+    (edgewise), xy = integral of x y dA.
+    """
+
+    xx: float
+    yy: float
+    xy: float
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """Closed outline of a section in units of its chord.
+
+    The chord line is the x axis: leading edge at (0, 0), trailing edge at (1, 0); angles of attack
+    and twist are measured from it. The section is solid.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+        From the trailing edge round to the trailing edge.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+
+    @classmethod
+    def from_file(cls, source):
+        """Read an outline: CSV file x_over_c,y_over_c, Selig's or Lednicer's order, or shipped.
+
+        Parameters
+        ----------
+        source : str or Path
+            A shipped name or the path of a file.
+
+        Raises
+        ------
+        InputError
+            If the file is missing or broken, or holds no closed section of unit chord.
+        """
+        return cls(*read_outline(source))
+
+    @cached_property
+    def area(self):
+        """Area over chord squared (shoelace formula)."""
+        twice = np.dot(self.x, np.roll(self.y, -1)) - np.dot(self.y, np.roll(self.x, -1))
+        return 0.5 * abs(float(twice))
+
+    @cached_property
+    def thickness(self):
+        """Largest thickness over the chord, measured perpendicular to the chord line."""
+        next_x, next_y = np.roll(self.x, -1), np.roll(self.y, -1)
+        run, rise = next_x - self.x, next_y - self.y
+        largest = 0.0
+        for x in self.x:  # the thickness is linear between the points
+            sides = (np.minimum(self.x, next_x) <= x) & (x <= np.maximum(self.x, next_x))
+            upright = run[sides] == 0.0
+            share = (x - self.x[sides]) / np.where(upright, 1.0, run[sides])
+            y = np.concatenate((self.y[sides] + share * rise[sides], next_y[sides][upright]))
+            largest = max(largest, float(np.ptp(y)))
+        return largest
+
+    @cached_property
+    def centroid(self):
+        """Centroid (x, y) over the chord."""
+        x, y, next_x, next_y, cross = self._sides()
+        weight = cross / (3.0 * np.sum(cross))
+        return float(np.dot(x + next_x, weight)), float(np.dot(y + next_y, weight))
+
+    @cached_property
+    def second_moments(self):
+        """`SecondMoments` about the centroid, exact for the polygon.
+
+        Sums over the sides of cross (a² + a b + b²) / 12 with cross = x0 y1 - x1 y0 (Green's
+        theorem), taken with the centroid as origin.
+        """
+        x, y, next_x, next_y, cross = self._sides(*self.centroid)
+        cross = cross * np.sign(np.sum(cross))
+        return SecondMoments(
+            float(np.dot(cross, y * y + y * next_y + next_y * next_y)) / 12.0,
+            float(np.dot(cross, x * x + x * next_x + next_x * next_x)) / 12.0,
+            float(np.dot(cross, x * (2.0 * y + next_y) + next_x * (y + 2.0 * next_y))) / 24.0,
+        )
+
+    def _sides(self, x0=0.0, y0=0.0):
+        """Return the ends of every side relative to a point, and their cross products."""
+        x, y = self.x - x0, self.y - y0
+        next_x, next_y = np.roll(x, -1), np.roll(y, -1)
+        return x, y, next_x, next_y, x * next_y - next_x * y

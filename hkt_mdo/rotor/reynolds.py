@@ -1,0 +1,84 @@
+"""Polars that follow the Reynolds number of their station and operating point."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from hkt_mdo.errors import InputError
+from hkt_mdo.rotor.airfoil import Polar
+
+
+@dataclass(frozen=True, eq=False)
+class LocalReynolds:
+    """Polars at the local Reynolds number, splines over its logarithm with zero slope at the ends.
+
+        Re = chord V sqrt(1 + lambda_r²) / nu,
+
+    with the undisturbed relative speed. The induction would change the logarithm of Re by a few
+    hundredths, but would couple it to the inflow angle. Beyond the tables the nearest one holds.
+
+    Parameters
+    ----------
+    log_reynolds : ndarray, shape (n_reynolds,)
+        Increasing; at least two.
+    polars : tuple, length n_stations, of tuple of Polar, length n_reynolds
+    flow_speed : float or ndarray, shape (n_points,), m/s
+        For all operating points or for each.
+    viscosity : float, m**2/s
+        Kinematic viscosity nu.
+    """
+
+    log_reynolds: np.ndarray
+    polars: tuple[tuple[Polar, ...], ...]
+    flow_speed: float | np.ndarray
+    viscosity: float
+
+    @classmethod
+    def of(cls, families, flow_speed, viscosity):
+        """Take the polar families of the stations in a flow (m/s) of a viscosity (m²/s).
+
+        Raises
+        ------
+        InputError
+            If there are polars at one Reynolds number only.
+        """
+        numbers = np.unique(np.concatenate([family.reynolds for family in families]))
+        numbers = numbers[np.isfinite(numbers)]
+        if numbers.size < 2:
+            raise InputError(
+                "needs polars at two or more Reynolds numbers",
+                "give such polars, or rotor.reynolds: invariant",
+                key="rotor.reynolds",
+                value="local",
+            )
+        tables = {family: tuple(family.at(number) for number in numbers) for family in families}
+        polars = tuple(tables[family] for family in families)
+        return cls(np.log(numbers), polars, flow_speed, viscosity)
+
+    def at_speed(self, flow_speed):
+        """Return the same polars in another flow (m/s), one speed or one for each point."""
+        return replace(self, flow_speed=flow_speed)
+
+    @cached_property
+    def _cardinal(self):
+        level = (1, np.zeros(self.log_reynolds.size))
+        unit = np.eye(self.log_reynolds.size)
+        return CubicSpline(self.log_reynolds, unit, bc_type=(level, level))
+
+    def mixture(self, blade, blade_ratio):
+        """Return the weights of the tables and their slopes over ln(Re), by station and point.
+
+        Shape (2, n_stations, n_points, n_reynolds), for Omega R / V at the points.
+        """
+        lambda_r = blade.r[:, None] / blade.tip_radius * blade_ratio
+        unit = self.flow_speed * np.cos(blade.cone) / self.viscosity
+        number = np.log(unit * blade.chord[:, None] * np.sqrt(1.0 + lambda_r**2))
+        inside = np.clip(number, self.log_reynolds[0], self.log_reynolds[-1])
+        slopes = self._cardinal(inside, 1) * (inside == number)[:, :, None]
+        return np.stack((self._cardinal(inside), slopes))
+
+    def __getitem__(self, station):
+        """Return the polars of one station (index), for a strip of sections there."""
+        return replace(self, polars=(self.polars[station],))

@@ -1,0 +1,265 @@
+"""IPOPT in CasADi's wheels as an OpenMDAO driver."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import openmdao.api as om
+from openmdao.core.driver import RecordingDebugging
+from scipy.sparse import csc_matrix
+
+from hkt_mdo.solve.driver_base import ReportingDriver
+
+if TYPE_CHECKING:
+    import casadi
+
+Settings = dict[str, str | int | float]
+"""An optimizer's options by its own names."""
+
+
+class CasadiIpoptDriver(ReportingDriver):
+    """IPOPT in CasADi, with first derivatives from OpenMDAO.
+
+    The sparsity of the derivatives comes from sparse totals or a coloring; without both they are
+    dense. An `AnalysisError` or a value that is not finite makes IPOPT shorten its step.
+
+    Attributes
+    ----------
+    opt_settings : dict
+        IPOPT's options by IPOPT's names.
+    iterations : int
+        Iterations of the last run.
+    """
+
+    package = "casadi"
+
+    def __init__(self, **kwargs: object) -> None:
+        super().__init__(**kwargs)
+        for feature in (
+            "optimization", "gradients", "inequality_constraints", "equality_constraints",
+            "two_sided_constraints", "simultaneous_derivatives",
+        ):  # fmt: skip
+            self.supports[feature] = True
+        for feature in ("linear_constraints", "integer_design_vars", "distributed_design_vars"):
+            self.supports[feature] = False
+        self.supports._read_only = True
+        self.opt_settings: Settings = {}
+        self._total_jac_format = "array"
+        self._error: BaseException | None = None
+
+    def _declare_options(self) -> None:
+        super()._declare_options()
+        self.options.declare("optimizer", default="IPOPT", values=["IPOPT"], desc="the optimizer")
+
+    def _get_name(self) -> str:
+        return "CasadiIpopt"
+
+    def run(self) -> bool:
+        """Optimize and return whether that failed.
+
+        Raises
+        ------
+        Exception
+            Whatever the model or `progress` raised, except `AnalysisError`.
+        """
+        self.result.reset()
+        self.iter_count = self.iterations = 0
+        self._message, self._error = "stopped by an error", None
+        self._total_jac = self._total_jac_linear = None
+        self._prepare_totals([*self._objs, *self._cons])
+        self._check_for_missing_objective()
+        self._check_for_invalid_desvar_values()
+
+        design = np.concatenate(list(self.get_design_var_values().values()))
+        # Coloring needs a model that has run.
+        self._evaluate_anew(design)
+        self._problem().get_total_coloring(self._coloring_info, run_model=False)
+        with self._interrupts_stored():
+            design, status = self._solve(design)
+        self._raise_stored()
+        # IPOPT's solution need not be the last design evaluated; the last case is the optimum.
+        self._evaluate_anew(design)
+        self._message, self.iterations = status["return_status"], status["iter_count"]
+        return self._message != "Solve_Succeeded"
+
+    def _solve(self, start: np.ndarray) -> tuple[np.ndarray, dict]:
+        """Return the scaled design where IPOPT ended and CasADi's statistics of the run."""
+        import casadi
+
+        lower, upper = self._bounds("design_var", self.get_design_var_values())
+        lower_g, upper_g = self._bounds("constraint", self.get_constraint_values())
+        self._pattern = pattern = self._jacobian_pattern((lower_g.size, start.size))
+        starts, rows = pattern.indptr.tolist(), pattern.indices.tolist()
+        jacobian = casadi.Sparsity(lower_g.size, start.size, starts, rows)
+        x, f, p = casadi.Sparsity.dense(start.size), casadi.Sparsity.dense(1), casadi.Sparsity(0, 0)
+        g = casadi.Sparsity.dense(lower_g.size)
+
+        def objective_gradient(point, _):
+            return self._evaluate(point)[0], self._differentiate(point)[0]
+
+        def constraint_jacobian(point, _):
+            return self._evaluate(point)[1], casadi.DM(jacobian, self._differentiate(point)[1])
+
+        # CasADi keeps no reference to a callback: these names must outlive the solver.
+        inputs = {"x": x, "p": p}
+        nlp = _callback("nlp", lambda x, _: self._evaluate(x), inputs, {"f": f, "g": g})
+        grad_f = _callback("grad_f", objective_gradient, inputs, {"f": f, "grad_f_x": x})
+        jac_g = _callback("jac_g", constraint_jacobian, inputs, {"g": g, "jac_g_x": jacobian})
+        state = {"f": f, "x": x, "lam_x": x, "g": g, "lam_g": g, "lam_p": p}
+        after = {name: state[name] for name in casadi.nlpsol_out()}
+        each = _callback("each", lambda *_: (self._count_iteration(),), after, {"stop": f})
+        solver = casadi.nlpsol("solver", "ipopt", nlp, {
+            "grad_f": grad_f, "jac_g": jac_g, "iteration_callback": each,
+            # Multipliers of parameters, of which there are none, would need reverse derivatives.
+            "no_nlp_grad": True, "calc_lam_p": False,
+            "print_time": False, "show_eval_warnings": False, "ipopt": self.opt_settings,
+        })  # fmt: skip
+        solution = solver(x0=start, lbx=lower, ubx=upper, lbg=lower_g, ubg=upper_g)
+        return np.array(solution["x"]).ravel(), solver.stats()
+
+    def _get_ordered_nl_responses(self) -> list[str]:
+        """Return all responses: linear constraints are treated as nonlinear ones."""
+        return [*self._objs, *self._cons]
+
+    def _jacobian_pattern(self, shape: tuple[int, int]) -> csc_matrix:
+        """Return where the constraints' derivatives may differ from zero, column by column."""
+        if self._sparse is not None:
+            pattern = self._sparse.pattern[1:]  # row 0 is the objective
+            pattern.data = np.arange(self._sparse.pattern.indptr[1], self._sparse.pattern.nnz)
+            return pattern.tocsc()  # its data are places in the totals' data
+        coloring = self._coloring_info.coloring
+        return csc_matrix(np.ones(shape) if coloring is None else coloring.get_dense_sparsity()[1:])
+
+    def _evaluate_anew(self, point: np.ndarray) -> None:
+        """Run the model at a scaled design outside CasADi."""
+        self._design = self._gradient_design = np.zeros(0)
+        self._evaluate(point)
+        self._raise_stored()
+
+    def _evaluate(self, point: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return objective and constraints at a scaled design, running the model if it is new."""
+        if not np.array_equal(point, self._design):
+            self._design = point.copy()
+            nothing = np.full_like(self._vectors["constraint"].asarray(), np.nan)
+            self._values = self._guarded(lambda: self._run_model(point), (np.nan, nothing))
+        return self._values
+
+    def _run_model(self, point: np.ndarray) -> tuple[float, np.ndarray]:
+        model = self._problem().model
+        self._vectors["design_var"].set_data(point, driver_scaling=True)
+        self._set_design_vars(driver_scaling=True)
+        with RecordingDebugging(self._get_name(), self.iter_count, self):
+            self.iter_count += 1
+            with model._relevance.nonlinear_active("iter"):
+                self._run_solve_nonlinear()
+        objective = next(iter(self.get_objective_values().values()))[0]
+        return objective, np.concatenate([*self.get_constraint_values().values(), np.zeros(0)])
+
+    def _differentiate(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return gradient and constraint derivatives at a scaled design, reusing those last found.
+
+        The latter are in the order of the pattern, column by column.
+        """
+        objective, _ = self._evaluate(point)
+        if not np.array_equal(point, self._gradient_design):
+            self._gradient_design = point.copy()
+            nothing = np.full(point.size, np.nan), np.full(self._pattern.nnz, np.nan)
+            self._gradients = nothing
+            if np.isfinite(objective):
+                self._gradients = self._guarded(self._differentiate_model, nothing)
+        return self._gradients
+
+    def _differentiate_model(self) -> tuple[np.ndarray, np.ndarray]:
+        if self._sparse is not None:
+            totals = self._compute_sparse()
+            return totals[0].toarray().ravel(), totals.data[self._pattern.data]
+        totals = self._compute_totals(
+            self._get_ordered_nl_responses(), list(self._designvars), self._total_jac_format
+        )
+        rows, columns = self._pattern.tocoo().coords
+        return totals[0].copy(), totals[1:][rows, columns]
+
+    def _count_iteration(self) -> int:
+        """Report an iteration and return whether IPOPT must stop."""
+        self._guarded(lambda: self._report(self.iterations), None)
+        self.iterations += 1
+        return int(self._error is not None)
+
+    def _guarded(self, work: Callable, otherwise: Any) -> Any:
+        """Return what `work` returns, or `otherwise` if it fails or an error is stored already.
+
+        CasADi would take any error, even an interrupt, for a failed evaluation. It is therefore
+        stored until IPOPT has stopped; an `AnalysisError` is a failed evaluation and is not.
+        """
+        if self._error is None:
+            try:
+                return work()
+            except om.AnalysisError:
+                self._problem().model._clear_iprint()
+            except BaseException as error:
+                self._error = error
+        return otherwise
+
+    @contextmanager
+    def _interrupts_stored(self) -> Iterator[None]:
+        """Store what the handler of Ctrl-C raises, which CasADi would swallow between callbacks."""
+        previous = signal.getsignal(signal.SIGINT)
+        if threading.current_thread() is not threading.main_thread() or not callable(previous):
+            yield
+            return
+
+        def handler(signum: int, frame: FrameType | None) -> None:
+            try:
+                previous(signum, frame)
+            except BaseException as error:
+                self._error = error
+
+        signal.signal(signal.SIGINT, handler)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, previous)
+
+    def _raise_stored(self) -> None:
+        if self._error is not None:
+            error, self._error = self._error, None
+            raise error
+
+
+def _callback(name: str, function: Callable, inputs: dict, outputs: dict) -> casadi.Function:
+    """Return `function` of flat arrays as a CasADi function of the named inputs and outputs."""
+    import casadi
+
+    class Callback(casadi.Callback):
+        def __init__(self) -> None:
+            casadi.Callback.__init__(self)
+            self.construct(name, {})
+
+        def get_n_in(self) -> int:
+            return len(inputs)
+
+        def get_n_out(self) -> int:
+            return len(outputs)
+
+        def get_name_in(self, i: int) -> str:
+            return list(inputs)[i]
+
+        def get_name_out(self, i: int) -> str:
+            return list(outputs)[i]
+
+        def get_sparsity_in(self, i: int) -> casadi.Sparsity:
+            return list(inputs.values())[i]
+
+        def get_sparsity_out(self, i: int) -> casadi.Sparsity:
+            return list(outputs.values())[i]
+
+        def eval(self, arguments: Sequence[casadi.DM]) -> list:
+            return list(function(*(np.array(argument).ravel() for argument in arguments)))
+
+    return Callback()

@@ -1,0 +1,103 @@
+"""What all drivers here add to OpenMDAO's: progress, sparse totals, the optimizer's message."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import openmdao.api as om
+from openmdao.core.driver import Driver, DriverResult
+from scipy.sparse import csr_matrix
+
+Progress = Callable[[int, float, float], None]
+"""Called with a count, the objective in its own units and the largest scaled violation."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How an optimization ended, in the same words for every package."""
+
+    success: bool
+    """Whether the optimizer converged to the tolerance asked for, and to nothing looser."""
+    message: str
+    """The optimizer's own words for how it ended."""
+    iterations: int
+    """Iterations, or gradient evaluations for pyoptsparse, which does not report iterations."""
+    package: str
+    """The package that carried the optimizer: pyoptsparse, casadi or scipy."""
+    optimizer: str
+    """The optimizer's name."""
+
+
+class ReportingDriver(Driver):
+    """A driver that reports progress, and uses sparse totals where the model offers them."""
+
+    package = ""
+    iterations = 0
+    _message = "not run"
+    _sparse: Any = None
+
+    def outcome(self) -> Outcome:
+        """Return how the last run ended."""
+        success, optimizer = bool(self.result.success), self.options["optimizer"]
+        return Outcome(success, self._message, self.iterations, self.package, optimizer)
+
+    def get_exit_status(self) -> str:
+        """Return the optimizer's own words for how it ended."""
+        return self._message
+
+    def _declare_options(self) -> None:
+        super()._declare_options()
+        self.options.declare("progress", default=None, recordable=False, desc="a `Progress`")
+
+    def _setup_driver(self, problem: om.Problem) -> None:
+        super()._setup_driver(problem)
+        # With a negative scaler, OpenMDAO scales lower and upper bound without exchanging them.
+        for name, meta in [*self._designvars.items(), *self._cons.items()]:
+            scaler = meta["total_scaler"]
+            if meta.get("equals") is None and scaler is not None and np.any(np.less(scaler, 0.0)):
+                raise ValueError(f"{name}: a negative ref or scaler would swap its bounds")
+
+    def _prepare_totals(self, responses: Sequence[str]) -> None:
+        """Use sparse totals, which need no coloring, if the model's linear solver offers them."""
+        solver, self._sparse = self._problem().model.linear_solver, None
+        if hasattr(solver, "totals"):
+            try:
+                self._sparse = solver.totals(self, responses)
+            except (NotImplementedError, AttributeError):
+                return  # a part is not explicit, or OpenMDAO's internals differ: its own totals
+            self._coloring_info.deactivate()
+
+    @DriverResult.track_stats(kind="deriv")
+    def _compute_sparse(self) -> csr_matrix:
+        """Return the totals of all responses, scaled."""
+        return self._sparse.compute()
+
+    def _report(self, count: int) -> None:
+        """Call `progress` with the current state of the model."""
+        progress = self.options["progress"]
+        if progress is not None:
+            objective = next(iter(self.get_objective_values(driver_scaling=False).values()))
+            progress(count, float(objective[0]), self._violation())
+
+    def _violation(self) -> float:
+        """Return the largest scaled violation of a constraint in the current state of the model."""
+        values = self.get_constraint_values()
+        lower, upper = self._bounds("constraint", values)
+        value = np.concatenate([*values.values(), np.zeros(0)])
+        return float(np.max(np.maximum(lower - value, value - upper), initial=0.0))
+
+    def _bounds(self, kind: str, values: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the lower and upper bound of each element of `values`, scaled as they are."""
+        # Bounds in the metadata are physical; the autoscaler has those in the optimizer's scale.
+        bounds = self._autoscaler.get_bounds_scaling(kind)
+        lower, upper = [np.zeros(0)], [np.zeros(0)]
+        for name, value in values.items():
+            low, high, equal = bounds[name].lower, bounds[name].upper, bounds[name].equals
+            if equal is not None:
+                low = high = equal
+            lower.append(np.full(value.size, -np.inf if low is None else low))
+            upper.append(np.full(value.size, np.inf if high is None else high))
+        return np.concatenate(lower), np.concatenate(upper)

@@ -1,0 +1,58 @@
+"""The start by quasi-steady co-design reaches what theory knows."""
+
+import numpy as np
+import pytest
+
+from hkt_mdo.dynamics.controllers import QuadraticLaw
+from hkt_mdo.dynamics.inflow import SineInflow
+from hkt_mdo.dynamics.quasi_steady import QuasiSteady
+from hkt_mdo.problem.start import starting_point
+from hkt_mdo.rotor.scales import power_scale
+from hkt_mdo.rotor.shape import Shape
+from hkt_mdo.rotor.steady_optimum import best_operation, best_rotor
+from hkt_mdo.rotor.torque_curve import TorqueSpline
+
+RADIUS, DENSITY = 1.4, 1000.0
+CHORDS, TWISTS = (0.01, 1.0), (-np.pi / 6.0, np.pi / 6.0)
+WEIGHTS = np.full(121, 0.5)
+FLOW = SineInflow(1.5, 0.2, 0.25).speed(np.linspace(0.0, 60.0, 121))
+
+
+def quasi_steady(law=None, limit=None):
+    spline = TorqueSpline(np.linspace(2.0, 15.0, 131))
+    return QuasiSteady(FLOW, WEIGHTS, DENSITY, RADIUS, spline, law, limit)
+
+
+@pytest.fixture(scope="module")
+def optimum(blade, polar):
+    return best_rotor(blade, polar, CHORDS, TWISTS)
+
+
+@pytest.mark.parametrize("law", [None, QuadraticLaw()])
+def test_co_design_reaches_the_steady_optimum(law, optimum, blade, polar):
+    """Without a limit, open loop and quadratic feedback keep the best rotor at its best ratio."""
+    shape = Shape.designed(blade, None, None, CHORDS, TWISTS)
+    start = starting_point(quasi_steady(law), shape, None, polar, optimum, improve=True)
+    power = optimum.power_coefficient * power_scale(DENSITY, RADIUS, FLOW)
+    assert start.operation.energy == pytest.approx(WEIGHTS @ power, rel=5e-5)
+    assert start.operation.rotor_speed.shape == FLOW.shape
+
+
+def test_the_optimum_of_one_blade_is_start_enough(optimum, blade, polar):
+    """The candidates are improved from any blade, not from the steady optimum alone."""
+    shape, problem = Shape.designed(blade, None, None, CHORDS, TWISTS), quasi_steady(limit=700.0)
+    energy = [
+        starting_point(problem, shape, None, polar, each, improve=True).operation.energy
+        for each in (optimum, best_operation(blade, polar))
+    ]
+    assert energy[1] == pytest.approx(energy[0], rel=1e-5)
+
+
+def test_a_fixed_blade_is_kept(blade, polar):
+    best = best_operation(blade, polar)
+    start = starting_point(
+        quasi_steady(QuadraticLaw()), Shape.fixed(blade), None, polar, best, improve=True
+    )
+    np.testing.assert_array_equal(start.blade.chord, blade.chord)
+    gain = 0.5 * DENSITY * np.pi * RADIUS**5 * best.power_coefficient / best.tip_speed_ratio**3
+    assert start.gains[0] == pytest.approx(gain, rel=0.02)
