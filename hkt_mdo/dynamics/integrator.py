@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.polynomial import Legendre
 
 from hkt_mdo.rotor.bem import (
     _NEGATIVE_SAMPLES,
@@ -26,6 +27,7 @@ from hkt_mdo.rotor.scales import torque_scale
 SLOWEST_RATIO = 0.05  # tip speed ratio at which a rotor counts as standing still
 DONE, STOPPED, FAILED, TOO_FAST = range(4)  # how an integration ends
 
+STAGES = 3
 DEGREE = 5  # of fitted pieces
 MOST_PIECES = 1_000_000
 PIECES_A_STEP = 8  # of the flow: no step of the integration spans more
@@ -34,20 +36,21 @@ _compile = njit(cache=True, error_model="numpy")
 
 
 def _radau():
-    """Return nodes, matrix A, the error's weights and those of the dense output."""
-    root = np.sqrt(6.0)
-    nodes = np.array([(4.0 - root) / 10.0, (4.0 + root) / 10.0, 1.0])
-    orders = np.arange(1.0, 4.0)
+    """Return nodes, matrix, its eigenvalues and vectors, weights of error and of dense output."""
+    roots = Legendre.basis(STAGES) - Legendre.basis(STAGES - 1)
+    nodes = 0.5 + 0.5 * np.sort(roots.roots().real)
+    orders = np.arange(1.0, STAGES + 1.0)
     matrix = nodes[:, None] ** orders / orders @ np.linalg.inv(nodes[:, None] ** (orders - 1.0))
-    eigenvalues = np.linalg.eigvals(matrix)
+    eigenvalues, vectors = np.linalg.eig(matrix)
     first = float(eigenvalues[np.argmin(np.abs(eigenvalues.imag))].real)
     moments = 1.0 / orders - first * (orders == 1.0)  # embedded formula with weight first at c = 0
     embedded = np.linalg.solve(nodes ** (orders - 1.0)[:, None], moments)
     dense = np.linalg.inv(np.vander(2.0 * np.append(0.0, nodes) - 1.0, increasing=True))
-    return nodes, matrix, first, embedded - matrix[-1], dense
+    return nodes, matrix, eigenvalues, vectors, first, embedded - matrix[-1], dense
 
 
-_NODES, _MATRIX, _FIRST, _LATER, _DENSE = _radau()
+_NODES, _MATRIX, _EIGENVALUES, _VECTORS, _FIRST, _LATER, _DENSE = _radau()
+_BACK = np.linalg.inv(_VECTORS)
 _STAGE_ERROR = _LATER @ np.linalg.inv(_MATRIX)
 
 
@@ -186,10 +189,23 @@ def rotor(blade, polar, inertia, density, flow, control, control_range, by_speed
 
 
 @_compile
+def _piece(edges, x):
+    """Return the index of the piece that has x in it, or is nearest to it."""
+    low, high = 0, edges.size - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if edges[middle] <= x:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@_compile
 def _value(pieces, x, near):
     """Return the value at x of the piece that has the point `near` in it."""
     edges, coefficients = pieces
-    piece = min(max(np.searchsorted(edges, near, side="right") - 1, 0), edges.size - 2)
+    piece = _piece(edges, near)
     place = 2.0 * (x - edges[piece]) / (edges[piece + 1] - edges[piece]) - 1.0
     value = 0.0
     for power in range(coefficients.shape[1] - 1, -1, -1):
@@ -239,7 +255,7 @@ def _torque_coefficient(ratio, flow, rotor, knots, mixed):
             unit = flow * rotor.reynolds_unit * rotor.chord[j]
             number = np.log(unit * np.sqrt(1.0 + lambda_r * lambda_r))
             number = min(max(number, rotor.numbers[0]), rotor.numbers[-1])
-            row = min(np.searchsorted(rotor.numbers, number, side="right"), tables - 1) - 1
+            row = _piece(rotor.numbers, number)
             x = number - rotor.numbers[row]
             for i in range(tables):
                 cubic = rotor.cardinal[row, :, i]
@@ -288,24 +304,29 @@ def _step(time, speed, step, stages, tolerance, rotor, knots, mixed):
     nudge = 1e-6 * size
     faster = _torques(time, speed + nudge, near, rotor, knots, mixed)
     slope = (faster[0] - faster[1] - driving + control) / (nudge * rotor.inertia)
-    inverse = np.linalg.inv(np.eye(3) - step * slope * _MATRIX)
-    rates, miss = np.empty(3), np.empty(3)
-    captured, generated = np.zeros(3), np.zeros(3)
+    inverse = np.zeros((STAGES, STAGES))  # of 1 - step slope A
+    for k in range(STAGES):
+        weight = 1.0 / (1.0 - step * slope * _EIGENVALUES[k])
+        for i in range(STAGES):
+            for j in range(STAGES):
+                inverse[i, j] += (_VECTORS[i, k] * weight * _BACK[k, j]).real
+    rates, miss = np.empty(STAGES), np.empty(STAGES)
+    captured, generated = np.zeros(STAGES), np.zeros(STAGES)
     change, solved = np.inf, False
     for iteration in range(12):
-        for i in range(3):
+        for i in range(STAGES):
             at = time + _NODES[i] * step
             torques = _torques(at, stages[i], near, rotor, knots, mixed)
             rates[i] = (torques[0] - torques[1]) / rotor.inertia
             captured[i], generated[i] = torques[0] * stages[i], torques[1] * stages[i]
-        for i in range(3):
+        for i in range(STAGES):
             miss[i] = speed - stages[i]
-            for j in range(3):
+            for j in range(STAGES):
                 miss[i] += step * _MATRIX[i, j] * rates[j]
         before, change = change, 0.0
-        for i in range(3):
+        for i in range(STAGES):
             correction = 0.0
-            for j in range(3):
+            for j in range(STAGES):
                 correction += inverse[i, j] * miss[j]
             stages[i] += correction
             change = max(change, abs(correction))
@@ -319,10 +340,10 @@ def _step(time, speed, step, stages, tolerance, rotor, knots, mixed):
     error = step * _FIRST * (driving - control) / rotor.inertia
     work = np.zeros(2)
     energy_error = _FIRST * driving * speed
-    for i in range(3):
+    for i in range(STAGES):
         error += _STAGE_ERROR[i] * (stages[i] - speed)
-        work[0] += step * _MATRIX[2, i] * captured[i]
-        work[1] += step * _MATRIX[2, i] * generated[i]
+        work[0] += step * _MATRIX[-1, i] * captured[i]
+        work[1] += step * _MATRIX[-1, i] * generated[i]
         energy_error += _LATER[i] * captured[i]
     return solved, abs(error / (1.0 - step * slope * _FIRST)), work, abs(step * energy_error)
 
@@ -330,8 +351,8 @@ def _step(time, speed, step, stages, tolerance, rotor, knots, mixed):
 @_compile
 def _cubic(coefficients, place):
     """Return the cubic's value at a place in the step, from -1 at its start to 1 at its end."""
-    value = coefficients[3]
-    for power in range(2, -1, -1):
+    value = coefficients[STAGES]
+    for power in range(STAGES - 1, -1, -1):
         value = value * place + coefficients[power]
     return value
 
@@ -339,7 +360,7 @@ def _cubic(coefficients, place):
 @_compile
 def _length(time, stop, wish, longest, edges):
     """Return the next step: as wished, unless the next stop or a piece of the flow is nearer."""
-    ahead = np.searchsorted(edges, time, side="right") - 1 + PIECES_A_STEP
+    ahead = _piece(edges, time) + PIECES_A_STEP
     room = edges[min(ahead, edges.size - 1)] - time
     step, rest = min(wish, longest), stop - time
     if room > 0.0:
@@ -381,32 +402,33 @@ def integrate(speed, stops, longest, tolerance, energy_unit, rotor):
     shortest = 1e-14 * (stops[-1] - stops[0])
     step, last, wish, stopping = 0.0, 1.0, 1e-3 * longest, False
     times, curves, energies = [time], [0.0], np.zeros(2)
-    curve, stages = np.array([speed, 0.0, 0.0, 0.0]), np.empty(3)
+    curve, stages = np.zeros(STAGES + 1), np.empty(STAGES)
+    curve[0] = speed
     while end == DONE and goal < stops.size:
         if not stopping:
             step = _length(time, stops[goal], wish, longest, rotor.flow.edges)
-        for i in range(3):  # as if the last step's polynomial went on
+        for i in range(STAGES):  # as if the last step's polynomial went on
             stages[i] = _cubic(curve, 1.0 + 2.0 * step * _NODES[i] / last)
         solved, error, work, energy_error = _step(
             time, speed, step, stages, tolerance, rotor, knots, mixed
         )
         share, factor = np.inf, 0.2
         if solved:
-            share = error / (tolerance * max(abs(stages[2]), 1e-3))
+            share = error / (tolerance * max(abs(stages[-1]), 1e-3))
             share = max(share, energy_error / (tolerance * (energies[0] + 0.01 * energy_unit)))
-            factor = min(max(0.9 * (share + 1e-16) ** -0.25, 0.2), 8.0)
+            factor = min(max(0.9 * (share + 1e-16) ** (-1.0 / (STAGES + 1.0)), 0.2), 8.0)
         wish = step * factor
         if not share <= 1.0:
             stopping = False
             if not wish >= shortest:
                 end = FAILED
             continue
-        found = np.zeros(4)
-        for i in range(4):
+        found = np.zeros(STAGES + 1)
+        for i in range(STAGES + 1):
             found[i] = _DENSE[i, 0] * speed
-            for j in range(3):
+            for j in range(STAGES):
                 found[i] += _DENSE[i, j + 1] * stages[j]
-        slow = _is_slow(time + step, stages[2], rotor)
+        slow = _is_slow(time + step, stages[-1], rotor)
         if not stopping and slow and not _is_slow(time, speed, rotor):
             step, stopping = _standstill(time, step, found, rotor), True
             continue
@@ -414,7 +436,7 @@ def integrate(speed, stops, longest, tolerance, energy_unit, rotor):
         if step == rest:
             goal += 1
         time = stops[goal - 1] if step == rest else time + step
-        speed, last, curve = stages[2], step, found
+        speed, last, curve = stages[-1], step, found
         energies += work
         times.append(time)
         curves.extend(found)
@@ -422,4 +444,4 @@ def integrate(speed, stops, longest, tolerance, energy_unit, rotor):
             end = STOPPED
         elif rotor.by_speed and speed > rotor.control.edges[-1]:
             end = TOO_FAST
-    return end, np.array(times), np.array(curves)[1:].reshape(-1, 4), energies
+    return end, np.array(times), np.array(curves)[1:].reshape(-1, STAGES + 1), energies
