@@ -23,9 +23,6 @@ class Inflow(Protocol):
     Two attributes tell how long and how finely to look at it; a flow may lack them, which is as if
     they were None. duration: time (s) after which it has nothing new to say, None: no end. cutoff:
     the highest frequency (Hz) that matters in it, None: none.
-
-    A flow may also have kinks(duration): the times (s) from 0 to the duration at which its third
-    derivative jumps, told where there are too many of them to be found by looking for them.
     """
 
     def speed(self, time):
@@ -297,12 +294,6 @@ class SampledInflow:
         """Length of the record or of its period, s."""
         return self._cubics.shape[1] * self._step
 
-    def kinks(self, duration):
-        """Return the times of the samples within a duration, s, repeated ones included."""
-        first, last = (np.array([0.0, duration]) - self._start) / self._step
-        times = self._start + self._step * np.arange(np.ceil(first), np.floor(last) + 1.0)
-        return times[(times >= 0.0) & (times <= duration)]
-
     def speed(self, time):
         """Return the inflow speed, m/s."""
         (d, c, b, a), s, _ = self._look_up(time)
@@ -438,10 +429,6 @@ class TurbulentInflow:
         """Return the speed's derivative with respect to time, m/s²."""
         return self.samples.rate(time)
 
-    def kinks(self, duration):
-        """Return the times of the samples within a duration, s."""
-        return self.samples.kinks(duration)
-
 
 @dataclass(frozen=True)
 class SumInflow:
@@ -476,11 +463,6 @@ class SumInflow:
     def rate(self, time):
         """Return the speed's derivative with respect to time, m/s²."""
         return sum(part.rate(time) for part in self.parts)
-
-    def kinks(self, duration):
-        """Return the kinks of all parts within a duration, s."""
-        found = [part.kinks(duration) for part in self.parts if hasattr(part, "kinks")]
-        return np.concatenate([np.empty(0), *found])
 
     def _each(self, name):
         found = (getattr(part, name, None) for part in self.parts)

@@ -1,28 +1,78 @@
 """Independent integration of the rotor's equation of motion with direct BEM.
 
-Nothing here is shared with the optimization but the physics: no torque curve, no collocation of its
-own. A stiff method follows speed, captured and generated energy; it stops where the rotor does.
+Nothing here is shared with the optimization but the physics: no torque curve, no mesh. Radau IIA
+(order 5, L-stable; Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8)
+follows speed, captured and generated energy. The steps of a window are solved together by Newton's
+method, so that BEM, flow and control law see arrays, and divided until their estimated errors are
+within the tolerance. The integration ends where the rotor stands still.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from numpy.polynomial import Legendre
+from scipy.optimize import brentq
 
-from hkt_mdo.dynamics import integrator
 from hkt_mdo.dynamics.inflow import Inflow
-from hkt_mdo.dynamics.integrator import SLOWEST_RATIO, Pieces
 from hkt_mdo.errors import InputError
-from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.bem import LocalReynolds
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import power_scale, torque_scale
 
-TABLE_ERROR = 1e-11  # of flow and control torque as piecewise polynomials, over their largest value
-STEPS_PER_PERIOD = 4  # at least, of the highest frequency that matters in the flow
+SLOWEST_RATIO = 0.05  # tip speed ratio at which a rotor counts as standing still
+STAGES = 3
+WINDOW = 64  # steps solved together, before they are divided
+PROBES = 16  # points a step, and a shortest period of the flow, at which the flow is looked at
+FLOW_ERROR = 1e-6  # of the flow between the nodes of a step, above which the step is divided
+MOST_ITERATIONS, MOST_DIVISIONS = 12, 40
+
+
+def _radau():
+    """Return the method's nodes (0 first), matrix, error weights and matrix of interpolation."""
+    legendre = Legendre.basis(STAGES) - Legendre.basis(STAGES - 1)
+    nodes = 0.5 + 0.5 * np.sort(legendre.roots().real)
+    orders = np.arange(1.0, STAGES + 1.0)
+    powers = nodes[:, None] ** (orders - 1.0)
+    matrix = (nodes[:, None] ** orders / orders) @ np.linalg.inv(powers)
+    eigenvalues = np.linalg.eigvals(matrix)
+    first = eigenvalues[np.argmin(np.abs(eigenvalues.imag))].real
+    # less the embedded quadrature of order STAGES with the weight `first` at the step's start
+    error = np.linalg.solve(powers.T, 1.0 / orders - first * (orders == 1.0)) - matrix[-1]
+    nodes = np.append(0.0, nodes)
+    return nodes, matrix, np.append(first, error), np.linalg.inv(_powers(nodes)).T
+
+
+def _powers(place):
+    """Return the powers of places in a step (0 to 1), of a variable from -1 to 1."""
+    return np.vander(2.0 * place - 1.0, STAGES + 1, increasing=True)
+
+
+_NODES, _MATRIX, _ERROR, _TO_POWERS = _radau()
+_STAGE_ERROR = _ERROR[1:] @ np.linalg.inv(_MATRIX)
+
+
+class Pieces(NamedTuple):
+    """A piecewise polynomial: edges[n + 1], and coefficients[n, degree + 1] by rising power.
+
+    The variable of each polynomial runs from -1 to 1 over its piece; the first and the last one
+    hold beyond the ends, too.
+    """
+
+    edges: np.ndarray
+    coefficients: np.ndarray
+
+    def __call__(self, x):
+        """Return the values at x of any shape."""
+        edges, x = self.edges, np.asarray(x, dtype=float)
+        piece = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, edges.size - 2)
+        place = 2.0 * (x - edges[piece]) / (edges[piece + 1] - edges[piece]) - 1.0
+        value = np.zeros(x.shape)
+        for column in self.coefficients.T[::-1]:
+            value = value * place + column[piece]
+        return value
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,18 +98,6 @@ class Plant:
         return torque_scale(self.density, radius, inflow_speed) * coefficient
 
 
-@dataclass(frozen=True, eq=False)
-class Feedback:
-    """A feedback law with its gains as a controller: u(t, w) = law.torque(w, gains), N*m."""
-
-    law: Any
-    gains: np.ndarray
-
-    def __call__(self, time, speed):
-        """Return the torque, N*m, at speeds (rad/s) of any shape; the time does not matter."""
-        return self.law.torque(speed, self.gains)
-
-
 class RecordedTorque:
     """A torque history as its transcription means it: one polynomial through a segment's nodes.
 
@@ -77,8 +115,9 @@ class RecordedTorque:
         nodes, values = (np.reshape(each, (segments, -1)) for each in (time, torque))
         place = 2.0 * (nodes[0] - nodes[0, 0]) / (nodes[0, -1] - nodes[0, 0]) - 1.0
         coefficients = np.linalg.solve(np.vander(place, increasing=True), values.T).T
-        self.unlimited = Pieces(np.append(nodes[:, 0], time[-1]), np.ascontiguousarray(coefficients))
+        self.unlimited = Pieces(np.append(nodes[:, 0], time[-1]), coefficients)
         """The torque, N*m, before it is cut to the generator's range, as a function of time (s)."""
+        self.ends = self.unlimited.edges
         self.limit = np.inf if limit is None else limit
 
     def __call__(self, time, speed=None):
@@ -119,49 +158,206 @@ def simulate(
 ) -> Simulation:
     """Integrate I dw/dt = Q(w, v(t)) - u(t, w) (paper eq. 6) and the two energies.
 
-    A `Feedback` or `RecordedTorque` on a plant of `bem.rotor_coefficients` is integrated by compiled
-    code; any other controller or plant by SciPy's LSODA, some fifty times slower.
-
     Parameters
     ----------
     plant : Plant
     inflow : Inflow
+        Looked at sixteen times a step and a period of its `cutoff`, so that no gust is stepped
+        over.
     controller : callable
-        u(time, speed), N*m, for scalars or arrays of one shape.
+        u(time, speed), N*m, for scalars or arrays of one shape. It is smooth between its `ends`
+        (s), if it has such.
     initial_speed : float, rad/s
     duration : float, s
     samples : int
         Number of equally spaced points of the returned trajectory.
     max_step : float or None, s
-        None: a hundredth of the duration. Steps are also at most a quarter of the shortest period
-        in the flow (its `cutoff`), so that no gust is stepped over.
+        None: a hundredth of the duration.
     tolerance : float
-        Relative tolerance of the solver, and absolute in units of the initial speed and energy.
+        Largest error of a step, relative to the speed and to the energy so far.
 
     Raises
     ------
     InputError
         If the integration fails, which is not the same as a rotor that stops.
     """
-    longest, cutoff = max_step or duration / 100.0, getattr(inflow, "cutoff", None)
-    if cutoff:
-        longest = min(longest, 1.0 / (STEPS_PER_PERIOD * cutoff))
-    run = (plant, inflow, controller, float(initial_speed), duration, longest, tolerance)
-    end, stopped, speed_at, energy, generated = _compiled(*run) or _general(*run)
+    motion = _Motion(plant, inflow, controller, duration, tolerance)
+    path, energies, stopped = motion.march(float(initial_speed), max_step or duration / 100.0)
+    end = float(path.edges[-1])
     time = np.linspace(0.0, end, samples)
-    speed, flow = speed_at(time), inflow.speed(time)
+    speed, flow = path(time), inflow.speed(time)
     return Simulation(
         time,
         flow,
         speed,
         plant.torque(speed, flow),
         np.asarray(controller(time, speed), dtype=float) * np.ones(samples),
-        float(energy),
-        float(generated),
-        0.5 * plant.inertia * float(speed_at(end) ** 2 - initial_speed**2),
-        float(end) if stopped else None,
-        lambda at: speed_at(np.minimum(at, end)),
+        float(energies[0]),
+        float(energies[1]),
+        0.5 * plant.inertia * float(path(end) ** 2 - initial_speed**2),
+        end if stopped else None,
+        lambda at: path(np.minimum(at, end)),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """The equation of motion of one run, and its integration."""
+
+    plant: Plant
+    inflow: Inflow
+    controller: Callable
+    duration: float
+    tolerance: float
+
+    def march(self, speed, longest):
+        """Return the speed over time as `Pieces`, the two energies, and whether the rotor stops."""
+        edges, count, stopped = self._mesh(longest), WINDOW, False
+        begins, curves, energies = [], [], np.zeros(2)
+        while edges.size > 1 and not stopped:
+            window = edges[: count + 1]
+            found = self._solve(self._divided_by_flow(window), speed, energies[0])
+            if found is None and window.size > 2:
+                count = (window.size - 1) // 2
+                continue
+            if found is None:
+                edges = np.insert(edges, 1, 0.5 * (edges[0] + edges[1]))
+                if edges[1] - edges[0] < 1e-14 * self.duration:
+                    raise _failure(edges[0])
+                continue
+            stop = self._standstill(found[0])
+            if stopped := stop is not None:
+                found = self._solve(stop, speed, energies[0])
+                if found is None:
+                    raise _failure(stop[-1])
+            path, work = found
+            begins.append(path.edges[:-1])
+            curves.append(path.coefficients)
+            energies += work
+            speed, end = float(path(path.edges[-1])), path.edges[-1:]
+            edges, count = edges[window.size - 1 :], 2 * min(count, WINDOW // 2)
+        return Pieces(np.concatenate([*begins, end]), np.concatenate(curves)), energies, stopped
+
+    def _mesh(self, longest):
+        """Return the longest steps: none passes an end of the controller's segments."""
+        ends = np.asarray(getattr(self.controller, "ends", ()), dtype=float)
+        near = 1e-9 * self.duration
+        inside = ends[(ends > near) & (ends < self.duration - near)]
+        ends = np.concatenate(([0.0], inside, [self.duration]))
+        return _divided(ends, np.maximum(np.ceil(np.diff(ends) / longest - 1e-6), 1).astype(int))
+
+    def _divided_by_flow(self, edges):
+        """Halve the steps in which the flow is no polynomial through the nodes."""
+        cutoff = getattr(self.inflow, "cutoff", None) or 0.0
+        for _ in range(20):
+            step = np.diff(edges)[:, None]
+            count = int(np.ceil(PROBES * max(1.0, cutoff * np.max(step))))
+            place = (np.arange(count) + 0.5) / count
+            nodes, probes = (
+                self.inflow.speed(edges[:-1, None] + step * each) for each in (_NODES, place)
+            )
+            off = np.max(np.abs(nodes @ _TO_POWERS @ _powers(place).T - probes), axis=1)
+            coarse = off > FLOW_ERROR * np.max(np.abs(probes), axis=1)
+            if not np.any(coarse):
+                break
+            edges = _divided(edges, 1 + coarse)
+        return edges
+
+    def _torques(self, time, speed, flow):
+        """Return hydrodynamic and control torque, N*m, at arrays of one shape."""
+        driving = self.plant.torque(speed.ravel(), flow.ravel()).reshape(speed.shape)
+        return driving, self.controller(time, speed) * np.ones(speed.shape)
+
+    def _solve(self, edges, speed, energy):
+        """Return speed (`Pieces`) and energies over some steps, divided until they are accurate.
+
+        energy, J, is what has been captured before. None if Newton's method does not converge.
+        """
+        unit = energy + 0.01 * self.duration * power_scale(
+            self.plant.density, self.plant.blade.rotor_radius, float(self.inflow.speed(0.0))
+        )
+        path = None
+        for _ in range(MOST_DIVISIONS):
+            step = np.diff(edges)[:, None]
+            # a controller may jump at the end of a segment: stay before it
+            time = edges[:-1, None] + step * np.minimum(_NODES, 1.0 - 1e-12)
+            flow = self.inflow.speed(time)
+            guess = speed * flow / flow[0, 0] if path is None else path(time)
+            found = self._newton(speed, step, time[:, 1:], flow[:, 1:], guess[:, 1:])
+            if found is None:
+                return None
+            stages, driving, control, slope = found
+            start = np.append(speed, stages[:-1, -1])[:, None]
+            first = self._torques(time[:, :1], start, flow[:, :1])
+            path = Pieces(edges, np.hstack((start, stages)) @ _TO_POWERS)
+            off = step * _ERROR[0] * (first[0] - first[1]) / self.plant.inertia
+            off = off[:, 0] + (stages - start) @ _STAGE_ERROR
+            off /= (1.0 - step * _ERROR[0] * slope)[:, 0]
+            power = np.hstack((first[0] * start, driving * stages))
+            share = np.abs(step[:, 0] * (power @ _ERROR)) / unit
+            share = np.maximum(share, np.abs(off) / _size(stages[:, -1])) / self.tolerance
+            if np.all(share <= 1.0):
+                work = step * _MATRIX[-1] * stages
+                return path, np.array([np.sum(work * driving), np.sum(work * control)])
+            parts = np.ceil((2.0 * share) ** (1.0 / (STAGES + 1)))
+            edges = _divided(edges, np.where(share > 1.0, np.clip(parts, 2, 8), 1).astype(int))
+        return None
+
+    def _newton(self, speed, step, time, flow, stages):
+        """Return speeds at the stages, both torques and the slope of dw/dt there; None if lost."""
+        change, inertia = np.inf, self.plant.inertia
+        enough = max(0.01 * self.tolerance, 1e-12)
+        for _ in range(MOST_ITERATIONS):
+            size = _size(stages)
+            driving, control = self._torques(time, stages, flow)
+            if change > 1e-4:
+                faster = self._torques(time, stages + 1e-6 * size, flow)
+                slope = (faster[0] - faster[1] - driving + control) / (1e-6 * size * inertia)
+                if not np.all(np.isfinite(slope)):
+                    return None
+                system = np.eye(STAGES) - step[:, :, None] * _MATRIX * slope[:, None, :]
+                inverse = np.linalg.inv(system)
+                gain = np.sum(inverse, axis=2)  # of the stages by the speed at the step's start
+            start = np.append(speed, stages[:-1, -1])[:, None]
+            miss = start + step * ((driving - control) / inertia @ _MATRIX.T) - stages
+            own = np.einsum("nij,nj->ni", inverse, miss)
+            carried = [0.0]  # change of the speed from step to step
+            for shift, factor in zip(own[:, -1].tolist(), gain[:, -1].tolist(), strict=True):
+                carried.append(shift + factor * carried[-1])
+            correction = own + gain * np.array(carried[:-1])[:, None]
+            stages = stages + correction
+            change = np.max(np.abs(correction) / size)
+            if change <= enough:
+                return stages, driving, control, slope
+            if not np.all(np.isfinite(stages)):
+                return None
+        return None
+
+    def _standstill(self, path):
+        """Return the steps up to where the rotor comes to rest; None if it does not."""
+
+        def excess(time):
+            ratio = path(time) * self.plant.blade.rotor_radius / self.inflow.speed(time)
+            return ratio - SLOWEST_RATIO
+
+        turning = excess(path.edges) > 0.0
+        crossed = np.flatnonzero(turning[:-1] & ~turning[1:])
+        if not crossed.size:
+            return None
+        until = path.edges[: crossed[0] + 1]
+        return np.append(until, brentq(excess, until[-1], path.edges[crossed[0] + 1]))
+
+
+def _size(speed):
+    """Return the magnitude, rad/s, to which errors of a speed are compared."""
+    return np.maximum(np.abs(speed), 1e-3)
+
+
+def _divided(edges, parts):
+    """Return the edges of pieces that are each divided into a number of equal parts."""
+    number = np.arange(np.sum(parts)) - np.repeat(np.cumsum(parts) - parts, parts)
+    left = np.repeat(edges[:-1], parts) + number * np.repeat(np.diff(edges) / parts, parts)
+    return np.append(left, edges[-1])
 
 
 def _failure(time):
@@ -169,86 +365,3 @@ def _failure(time):
         f"the independent integration fails at t = {time:.6g} s",
         "see that flow and control law are finite and continuous there",
     )
-
-
-def _energy_unit(plant, inflow, duration):
-    return duration * power_scale(
-        plant.density, plant.blade.rotor_radius, float(inflow.speed(0.0))
-    )
-
-
-def _compiled(plant, inflow, controller, speed, duration, longest, tolerance):
-    """Integrate by compiled code; None if plant, flow or controller are not made for it."""
-    feedback = isinstance(controller, Feedback)
-    if plant.coefficients is not bem.rotor_coefficients or not (
-        feedback or isinstance(controller, RecordedTorque)
-    ):
-        return None
-    pieces = integrator.PIECES_A_STEP * max(int(np.ceil(duration / longest)), 1)
-    edges = np.linspace(0.0, duration, pieces + 1)
-    kinks = inflow.kinks(duration) if hasattr(inflow, "kinks") else edges[:0]
-    flow = integrator.fit(inflow.speed, np.union1d(edges, kinks), TABLE_ERROR)
-    if flow is None:
-        return None
-    stops, fastest = np.array([0.0, duration]), 2.0 * speed
-    if not feedback:
-        inside = controller.unlimited.edges
-        stops = np.union1d(stops, inside[(inside > 0.0) & (inside < duration)])
-    while True:
-        limits, control = (-np.inf, np.inf), None
-        if feedback:
-            control = integrator.fit(
-                lambda w: controller(0.0, w), np.linspace(0.0, fastest, 65), TABLE_ERROR
-            )
-            if control is None:
-                return None
-        else:
-            limits, control = (0.0, float(controller.limit)), controller.unlimited
-        rotor = integrator.rotor(
-            plant.blade, plant.polar, plant.inertia, plant.density, flow, control, limits, feedback
-        )
-        end, times, curves, energies = integrator.integrate(
-            speed, stops, longest, tolerance, _energy_unit(plant, inflow, duration), rotor
-        )
-        if end != integrator.TOO_FAST:
-            break
-        fastest *= 2.0  # once more, with a wider table of the law
-    if end == integrator.FAILED:
-        raise _failure(times[-1])
-    return times[-1], end == integrator.STOPPED, Pieces(times, curves), *energies
-
-
-def _general(plant, inflow, controller, initial_speed, duration, longest, tolerance):
-    """Integrate any plant under any controller by LSODA."""
-    energy_unit = _energy_unit(plant, inflow, duration)
-    speed_unit = max(abs(initial_speed), 1e-3)
-
-    def rates(time, state):
-        speed = state[0] * speed_unit
-        hydrodynamic = plant.torque(np.array([speed]), np.array([inflow.speed(time)]))[0]
-        control = float(controller(time, speed))
-        return [
-            (hydrodynamic - control) / plant.inertia / speed_unit,
-            hydrodynamic * speed / energy_unit,
-            control * speed / energy_unit,
-        ]
-
-    def standstill(time, state):
-        return state[0] * speed_unit * plant.blade.rotor_radius / inflow.speed(time) - SLOWEST_RATIO
-
-    standstill.terminal, standstill.direction = True, -1.0
-    found = solve_ivp(
-        rates,
-        (0.0, duration),
-        [initial_speed / speed_unit, 0.0, 0.0],
-        method="LSODA",
-        events=standstill,
-        dense_output=True,
-        rtol=tolerance,
-        atol=tolerance * 1e-2,
-        max_step=longest,
-    )
-    if found.status < 0:
-        raise _failure(found.t[-1])
-    energies = found.y[1:, -1] * energy_unit
-    return found.t[-1], found.status == 1, lambda at: found.sol(at)[0] * speed_unit, *energies

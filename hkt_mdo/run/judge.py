@@ -10,14 +10,7 @@ import numpy as np
 import openmdao.api as om
 from scipy.integrate import quad_vec
 
-from hkt_mdo.dynamics.simulation import (
-    SLOWEST_RATIO,
-    Feedback,
-    Plant,
-    RecordedTorque,
-    Simulation,
-    simulate,
-)
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant, RecordedTorque, Simulation, simulate
 from hkt_mdo.problem.build import BEM
 from hkt_mdo.problem.start import SLOWED, StartingPoint
 from hkt_mdo.rotor import bem
@@ -66,11 +59,18 @@ def fly(case, world, result) -> Simulation:
         case.fluid.density,
         BEM[case.hydrodynamics.check],
     )
-    recorded = world.law is None
+    if world.law is None:
+        controller = _recorded(case, world, result)
+    else:
+        law, gains = world.law, result.point.gains
+
+        def controller(_, speed):
+            return law.torque(speed, gains)
+
     return simulate(
         plant,
         world.inflow,
-        _recorded(case, world, result) if recorded else Feedback(world.law, result.point.gains),
+        controller,
         float(result.trajectory["rotor_speed"][0]),
         case.phase.duration,
         samples=20 * case.phase.segments + 1,
