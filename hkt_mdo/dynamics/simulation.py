@@ -1,7 +1,7 @@
 """Independent integration of the rotor's equation of motion with direct BEM.
 
 Nothing here is shared with the optimization but the physics: no torque curve, no mesh. Radau IIA
-(order 5, L-stable; Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8)
+(five stages, order 9, L-stable; Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8)
 follows speed, captured and generated energy. The steps of a window are solved together by Newton's
 method, so that BEM, flow and control law see arrays, and divided until their estimated errors are
 within the tolerance. The integration ends where the rotor stands still.
@@ -23,11 +23,12 @@ from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import power_scale, torque_scale
 
 SLOWEST_RATIO = 0.05  # tip speed ratio at which a rotor counts as standing still
-STAGES = 3
-WINDOW = 64  # steps solved together, before they are divided
+STAGES = 5
+WINDOW, MOST_STEPS = 64, 5_000  # steps solved together, before and after they are divided
+MOST_FAILURES = 100  # of Newton's method: a window that fails is halved
 PROBES = 16  # points a step, and a shortest period of the flow, at which the flow is looked at
 FLOW_ERROR = 1e-6  # of the flow between the nodes of a step, above which the step is divided
-MOST_ITERATIONS, MOST_DIVISIONS = 12, 40
+MOST_ITERATIONS = 12
 
 
 def _radau():
@@ -212,24 +213,27 @@ class _Motion:
 
     def march(self, speed, longest):
         """Return the speed over time as `Pieces`, the two energies, and whether the rotor stops."""
-        edges, count, stopped = self._mesh(longest), WINDOW, False
+        edges, count, failures, stopped = self._mesh(longest), WINDOW, 0, False
         begins, curves, energies = [], [], np.zeros(2)
         while edges.size > 1 and not stopped:
             window = edges[: count + 1]
             found = self._solve(self._divided_by_flow(window), speed, energies[0])
-            if found is None and window.size > 2:
-                count = (window.size - 1) // 2
-                continue
             if found is None:
-                edges = np.insert(edges, 1, 0.5 * (edges[0] + edges[1]))
-                if edges[1] - edges[0] < 1e-14 * self.duration:
-                    raise _failure(edges[0])
+                failures += 1
+                if failures > MOST_FAILURES or edges[1] - edges[0] < 1e-14 * self.duration:
+                    raise InputError(
+                        f"the independent integration fails at t = {edges[0]:.6g} s",
+                        "see that the flow is positive there, and the control law finite and "
+                        "continuous",
+                    )
+                count = (window.size - 1) // 2
+                if not count:
+                    edges = np.insert(edges, 1, 0.5 * (edges[0] + edges[1]))
+                    count = 1
                 continue
             stop = self._standstill(found[0])
             if stopped := stop is not None:
-                found = self._solve(stop, speed, energies[0])
-                if found is None:
-                    raise _failure(stop[-1])
+                found = self._solve(stop, speed, energies[0]) or found
             path, work = found
             begins.append(path.edges[:-1])
             curves.append(path.coefficients)
@@ -277,11 +281,13 @@ class _Motion:
             self.plant.density, self.plant.blade.rotor_radius, float(self.inflow.speed(0.0))
         )
         path = None
-        for _ in range(MOST_DIVISIONS):
+        while edges.size <= MOST_STEPS:
             step = np.diff(edges)[:, None]
             # a controller may jump at the end of a segment: stay before it
             time = edges[:-1, None] + step * np.minimum(_NODES, 1.0 - 1e-12)
             flow = self.inflow.speed(time)
+            if not np.all(flow > 0.0):
+                return None
             guess = speed * flow / flow[0, 0] if path is None else path(time)
             found = self._newton(speed, step, time[:, 1:], flow[:, 1:], guess[:, 1:])
             if found is None:
@@ -358,10 +364,3 @@ def _divided(edges, parts):
     number = np.arange(np.sum(parts)) - np.repeat(np.cumsum(parts) - parts, parts)
     left = np.repeat(edges[:-1], parts) + number * np.repeat(np.diff(edges) / parts, parts)
     return np.append(left, edges[-1])
-
-
-def _failure(time):
-    return InputError(
-        f"the independent integration fails at t = {time:.6g} s",
-        "see that flow and control law are finite and continuous there",
-    )

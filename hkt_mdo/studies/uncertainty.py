@@ -137,21 +137,19 @@ class Design:
         start = float(self.solution.trajectory["rotor_speed_rad_s"][0])
         return start * float(inflow.speed(0.0) / self.inflow.speed(0.0))
 
+    def control(self, time, speed):
+        """Return the control torque, N*m, at times (s) and speeds (rad/s) of one shape."""
+        if self.law is None:
+            return self.recorded_torque(time)
+        return self.law.torque(speed, self.gains)
+
     def fly(self, inflow: Inflow) -> Simulation:
         """Integrate the design in a flow with direct BEM and a perfect, unfiltered sensor."""
-        controller: Callable
-        if self.law is None:
-            controller = self.recorded_torque
-        else:
-
-            def controller(_, speed):
-                return self.law.torque(speed, self.gains)
-
         phase = self.solution.case.phase
         return simulate(
             self.plant,
             inflow,
-            controller,
+            self.recorded_torque if self.law is None else self.control,
             self.initial_speed(inflow),
             phase.duration,
             samples=20 * phase.segments + 1,
