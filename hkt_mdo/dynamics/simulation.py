@@ -1,10 +1,10 @@
 """Independent integration of the rotor's equation of motion with direct BEM.
 
 Nothing here is shared with the optimization but the physics: no torque curve, no mesh. Radau IIA
-(five stages, order 9, L-stable; Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8)
-follows speed, captured and generated energy. The steps of a window are solved together by Newton's
-method, so that BEM, flow and control law see arrays, and divided until their estimated errors are
-within the tolerance. The integration ends where the rotor stands still.
+(five stages, order 9, L-stable; Hairer and Wanner, Solving Ordinary Differential Equations II,
+section IV.8) follows speed, captured and generated energy. The steps of a window are solved
+together by Newton's method, so that BEM, flow and control law see arrays, and divided until their
+estimated errors are within the tolerance. The integration ends where the rotor stands still.
 """
 
 from collections.abc import Callable

@@ -12,12 +12,14 @@ import numpy as np
 from scipy import signal
 from scipy.interpolate import CubicSpline
 
+from hkt_mdo.dynamics.controllers import FeedbackLaw
 from hkt_mdo.dynamics.inflow import Inflow
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant, RecordedTorque, Simulation, simulate
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.build import BEM, physics
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.bem import LocalReynolds
+from hkt_mdo.rotor.scales import torque_scale
 
 LONGEST_STEP = 0.25  # of the rotor's time constant: Runge-Kutta's steps within a sample time
 REFERENCES = ("fluctuation", "total")
@@ -31,17 +33,10 @@ class Sensor:
     sampling rate nor whether the signal's mean counts as signal. Both matter: filtered noise falls
     with the square root of the rate.
 
-    Parameters
-    ----------
-    snr : float, dB
-        Signal-to-noise ratio; infinity for a sensor without noise.
-    reference : {"fluctuation", "total"}
-        What is the signal: the speed's deviation from its mean, which is what the controller has to
-        follow, or the speed itself, whose rms is some ten times larger.
-    rate : float, Hz
-        Samples of the sensor, and of the controller, a second.
-    cutoff : float, Hz
-        Of the second-order Butterworth low-pass.
+    snr (dB; infinity: no noise) is of the signal named by reference: the speed's `fluctuation`
+    about its mean, which the controller has to follow, or the `total` speed, whose rms is some ten
+    times larger. rate (Hz) is of the samples of sensor and controller; cutoff (Hz) is that of the
+    second-order Butterworth low-pass.
     """
 
     snr: float = 20.0
@@ -88,7 +83,7 @@ class Design:
 
     solution: Solution
     plant: Plant
-    law: object
+    law: FeedbackLaw | None
     gains: np.ndarray
     inflow: Inflow
     torque_limit: float | None
@@ -97,10 +92,7 @@ class Design:
     def of(cls, solution: Solution):
         """Rebuild the plant and controller of a result.
 
-        Raises
-        ------
-        InputError
-            If the result is of an interrupted run, or a file of its case is gone.
+        Raises InputError if it is of an interrupted run, or a file of its case is gone.
         """
         world, summary = physics(solution.case), solution.summary
         if "chord_m" not in summary or not solution.trajectory:
@@ -122,6 +114,13 @@ class Design:
         return cls(solution, plant, world.law, gains, world.inflow, world.torque_limit)
 
     @property
+    def controller(self) -> Callable:
+        """The torque, N*m, as a function of time (s) and speed (rad/s)."""
+        if self.law is None:
+            return self.recorded_torque
+        return lambda _, speed: self.law.torque(speed, self.gains)
+
+    @property
     def recorded_torque(self) -> RecordedTorque:
         """The open loop's torque history."""
         table = self.solution.trajectory
@@ -137,19 +136,13 @@ class Design:
         start = float(self.solution.trajectory["rotor_speed_rad_s"][0])
         return start * float(inflow.speed(0.0) / self.inflow.speed(0.0))
 
-    def control(self, time, speed):
-        """Return the control torque, N*m, at times (s) and speeds (rad/s) of one shape."""
-        if self.law is None:
-            return self.recorded_torque(time)
-        return self.law.torque(speed, self.gains)
-
     def fly(self, inflow: Inflow) -> Simulation:
         """Integrate the design in a flow with direct BEM and a perfect, unfiltered sensor."""
         phase = self.solution.case.phase
         return simulate(
             self.plant,
             inflow,
-            self.recorded_torque if self.law is None else self.control,
+            self.controller,
             self.initial_speed(inflow),
             phase.duration,
             samples=20 * phase.segments + 1,
@@ -164,22 +157,8 @@ def fly_noisy(
 
     Between samples the speed is integrated by the classical Runge-Kutta method. The plant's torque
     coefficient is direct BEM, tabulated so finely that the table's error (`Ensemble.torque_error`)
-    is far below what the noise changes.
-
-    Parameters
-    ----------
-    design : Design
-        Of a feedback law.
-    inflow : Inflow
-    sensor : Sensor
-    repeats, seed : int
-        Number of runs, and the seed of `numpy.random.default_rng` for all of them.
-    progress : callable or None
-        Called as progress(share) now and then, share from 0 to 1.
-
-    Returns
-    -------
-    Ensemble
+    is far below what the noise changes. seed is that of `numpy.random.default_rng` for all repeats;
+    progress(share) is called now and then, share from 0 to 1.
 
     Raises
     ------
@@ -192,66 +171,85 @@ def fly_noisy(
         )
     duration = design.solution.case.phase.duration
     quiet = design.fly(inflow)
-    even = np.linspace(0.0, quiet.time[-1], 2001)
-    deviation = sensor.deviation(quiet.speed_at(even))
-
-    plant, law, gains = design.plant, design.law, design.gains
-    radius, curve = plant.blade.rotor_radius, _tabulate(plant)
-    scale = 0.5 * np.pi * radius**3 * plant.density
-
-    def torque(speed, flow):
-        ratio = np.clip(speed * radius / flow, SLOWEST_RATIO, curve.x[-1])
-        return scale * flow**2 * curve(ratio)
-
+    deviation = sensor.deviation(quiet.speed_at(np.linspace(0.0, quiet.time[-1], 2001)))
+    torque = _Torque(design.plant)
     n_samples = round(duration * sensor.rate)
     period = duration / n_samples
     substeps = max(int(np.ceil(period / (LONGEST_STEP * _time_constant(design, quiet)))), 1)
     step = period / substeps
-    numerator, denominator = signal.butter(2, sensor.cutoff, fs=1.0 / period)
-    start = design.initial_speed(inflow)
-    # the filter starts in steady state at w(0)
-    memory = signal.lfilter_zi(numerator, denominator)[:, None] * np.full(repeats, start)
-    random = np.random.default_rng(seed)
-    speed = np.full(repeats, start)
+    speed = np.full(repeats, design.initial_speed(inflow))
+    low_pass, random = _LowPass(sensor, period, speed), np.random.default_rng(seed)
     energy, generated, stopped = np.zeros(repeats), np.zeros(repeats), np.full(repeats, np.nan)
     times = period * np.arange(n_samples)
     flows = inflow.speed(times[:, None] + step * np.arange(0.0, substeps + 0.25, 0.5))
+    slowest = SLOWEST_RATIO * flows[:, -1] / torque.radius
     record = np.full((3, n_samples), np.nan)
     for k in range(n_samples):
-        measured = speed + deviation * random.standard_normal(repeats)
-        filtered = numerator[0] * measured + memory[0]
-        memory[0] = numerator[1] * measured - denominator[1] * filtered + memory[1]
-        memory[1] = numerator[2] * measured - denominator[2] * filtered
-        control = law.torque(np.maximum(filtered, 0.0), gains)
+        filtered = low_pass(speed + deviation * random.standard_normal(repeats))
+        control = design.law.torque(np.maximum(filtered, 0.0), design.gains)
         running = np.isnan(stopped)
         record[:, k] = speed[0], control[0], torque(speed[:1], flows[k, 0])[0]
         for j in range(substeps):
+            flow = flows[k, 2 * j : 2 * j + 3]
             speed, captured, turned = _runge_kutta(
-                torque, speed, control, flows[k, 2 * j : 2 * j + 3], plant.inertia, step
+                torque, speed, control, flow, design.plant.inertia, step
             )
             energy += np.where(running, captured, 0.0)
             generated += np.where(running, control * turned, 0.0)
-        halted = running & (speed * radius / flows[k, -1] <= SLOWEST_RATIO)
-        stopped[halted] = times[k] + period
-        speed = np.where(np.isnan(stopped), speed, SLOWEST_RATIO * flows[k, -1] / radius)
+        stopped[running & (speed <= slowest[k])] = times[k] + period
+        speed = np.where(np.isnan(stopped), speed, slowest[k])
         if progress is not None and k % 200 == 0:
             progress((k + 1) / n_samples)
-    lost = np.isfinite(stopped)
-    energy[lost] = generated[lost] = np.nan
+    energy[np.isfinite(stopped)] = generated[np.isfinite(stopped)] = np.nan
     kept = slice(0, n_samples if np.isnan(stopped[0]) else int(stopped[0] / period))
-    along = record[0, kept] * radius / flows[kept, 0]
-    exact = plant.coefficients(plant.blade, plant.polar, along[::10]).torque
-    error = np.max(np.abs(curve(along[::10]) - exact)) / np.max(np.abs(exact))
+    flow, record = flows[kept, 0], record[:, kept]
+    error = torque.error(record[0, ::10], flow[::10])
     return Ensemble(
-        energy,
-        generated,
-        stopped,
-        deviation,
-        times[kept],
-        flows[kept, 0],
-        *record[:, kept],
-        float(error),
+        energy, generated, stopped, deviation, times[kept], flow, *record, torque_error=error
     )
+
+
+class _Torque:
+    """A plant's torque by a cubic spline of its torque coefficient over the tip speed ratio."""
+
+    def __init__(self, plant):
+        if isinstance(plant.polar, LocalReynolds):
+            raise InputError(
+                "has polars that follow the Reynolds number, for which the noisy runs' table over "
+                "the tip speed ratio has no room",
+                "leave --noise-snr out, or take a result with rotor.reynolds: invariant",
+                key="--noise-snr",
+            )
+        ratios = np.concatenate((np.arange(SLOWEST_RATIO, 2.0, 0.02), np.arange(2.0, 20.0, 0.004)))
+        self.plant, self.radius = plant, plant.blade.rotor_radius
+        self.curve = CubicSpline(
+            ratios, plant.coefficients(plant.blade, plant.polar, ratios).torque
+        )
+
+    def __call__(self, speed, flow):
+        ratio = np.clip(speed * self.radius / flow, SLOWEST_RATIO, self.curve.x[-1])
+        return torque_scale(self.plant.density, self.radius, flow) * self.curve(ratio)
+
+    def error(self, speed, flow):
+        """Return the table's largest relative error at speeds and flows of one shape."""
+        ratio = speed * self.radius / flow
+        exact = self.plant.coefficients(self.plant.blade, self.plant.polar, ratio).torque
+        return float(np.max(np.abs(self.curve(ratio) - exact)) / np.max(np.abs(exact)))
+
+
+class _LowPass:
+    """The sensor's filter for many signals at once, in steady state at their first values."""
+
+    def __init__(self, sensor, period, speed):
+        self.ahead, self.back = signal.butter(2, sensor.cutoff, fs=1.0 / period)
+        self.memory = signal.lfilter_zi(self.ahead, self.back)[:, None] * speed
+
+    def __call__(self, measured):
+        """Return the filtered samples, one of each signal."""
+        filtered = self.ahead[0] * measured + self.memory[0]
+        self.memory[0] = self.ahead[1] * measured - self.back[1] * filtered + self.memory[1]
+        self.memory[1] = self.ahead[2] * measured - self.back[2] * filtered
+        return filtered
 
 
 def _runge_kutta(torque, speed, control, flow, inertia, step):
@@ -269,19 +267,6 @@ def _runge_kutta(torque, speed, control, flow, inertia, step):
     return new, captured, turned
 
 
-def _tabulate(plant):
-    """Return the torque coefficient over tip speed ratio as a cubic spline of direct BEM."""
-    ratios = np.concatenate((np.arange(SLOWEST_RATIO, 2.0, 0.02), np.arange(2.0, 20.0, 0.004)))
-    if isinstance(plant.polar, LocalReynolds):
-        raise InputError(
-            "has polars that follow the Reynolds number, for which the noisy runs' table over the "
-            "tip speed ratio has no room",
-            "leave --noise-snr out, or take a result with rotor.reynolds: invariant",
-            key="--noise-snr",
-        )
-    return CubicSpline(ratios, plant.coefficients(plant.blade, plant.polar, ratios).torque)
-
-
 def _time_constant(design, quiet):
     """Return the rotor's smallest time constant, s, along a run: I / |dQ/dw|."""
     h = 1e-4 * quiet.rotor_speed
@@ -292,34 +277,27 @@ def _time_constant(design, quiet):
     return plant.inertia / float(np.max(np.abs(slope)))
 
 
+PAPER_FLOWS = {
+    "design": {},
+    "A": {"scale": 1.1},
+    "B": {"angular_frequency": 0.225},
+    "C": {"phase": 0.2 * np.pi},
+}
+
+
 def flow_named(name: str, inflow):
     """Return an inflow section as the paper's flow A, B or C changes it, or as it is (`design`).
 
-    Parameters
-    ----------
-    name : {"design", "A", "B", "C"}
-        A: amplitude times 1.1; B: angular frequency 0.225 rad/s; C: phase 0.2 pi (paper Sec. V).
-    inflow : hkt_mdo.case.SineInflow
-        Flows A to C change a sine.
-
-    Raises
-    ------
-    InputError
-        If the name is unknown or the flow is no sine.
+    A: amplitude times 1.1; B: angular frequency 0.225 rad/s; C: phase 0.2 pi (paper Sec. V), all of
+    a sine. Raises InputError if the name is unknown or the flow is no sine.
     """
-    changes = {
-        "design": {},
-        "A": {"scale": 1.1},
-        "B": {"angular_frequency": 0.225},
-        "C": {"phase": 0.2 * np.pi},
-    }
-    if name not in changes:
+    if name not in PAPER_FLOWS:
         raise InputError(
             f"--flow {name}: unknown; choose design, A, B, C or give an inflow section"
         )
-    if changes[name] and inflow.profile != "sine":
+    if PAPER_FLOWS[name] and inflow.profile != "sine":
         raise InputError(
             f"--flow {name}: changes a sine, but the case's flow is {inflow.profile}; give an "
             f"inflow section"
         )
-    return inflow.model_copy(update=changes[name])
+    return inflow.model_copy(update=PAPER_FLOWS[name])
