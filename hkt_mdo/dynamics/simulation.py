@@ -351,7 +351,7 @@ class _Motion:
         if not crossed.size:
             return None
         until = path.edges[: crossed[0] + 1]
-        return np.append(until, brentq(excess, until[-1], path.edges[crossed[0] + 1]))
+        return np.append(until, brentq(excess, until[-1], path.edges[crossed[0] + 1], xtol=1e-15))
 
 
 def _size(speed):
