@@ -25,7 +25,7 @@ from hkt_mdo.rotor.scales import power_scale, torque_scale
 SLOWEST_RATIO = 0.05  # tip speed ratio at which a rotor counts as standing still
 STAGES = 5
 WINDOW, MOST_STEPS = 64, 5_000  # steps solved together, before and after they are divided
-MOST_FAILURES = 100  # of Newton's method: a window that fails is halved
+FAILURES = 100  # of Newton's method, and one more a step, at most: a window that fails is halved
 PROBES = 16  # points a step, and a shortest period of the flow, at which the flow is looked at
 FLOW_ERROR = 1e-6  # of the flow between the nodes of a step, above which the step is divided
 MOST_ITERATIONS = 12
@@ -214,13 +214,13 @@ class _Motion:
     def march(self, speed, longest):
         """Return the speed over time as `Pieces`, the two energies, and whether the rotor stops."""
         edges, count, failures, stopped = self._mesh(longest), WINDOW, 0, False
-        begins, curves, energies = [], [], np.zeros(2)
+        begins, curves, energies, most = [], [], np.zeros(2), FAILURES + edges.size
         while edges.size > 1 and not stopped:
             window = edges[: count + 1]
             found = self._solve(self._divided_by_flow(window), speed, energies[0])
             if found is None:
                 failures += 1
-                if failures > MOST_FAILURES or edges[1] - edges[0] < 1e-14 * self.duration:
+                if failures > most or edges[1] - edges[0] < 1e-14 * self.duration:
                     raise InputError(
                         f"the independent integration fails at t = {edges[0]:.6g} s",
                         "see that the flow is positive there, and the control law finite and "
@@ -305,8 +305,8 @@ class _Motion:
             if np.all(share <= 1.0):
                 work = step * _MATRIX[-1] * stages
                 return path, np.array([np.sum(work * driving), np.sum(work * control)])
-            parts = np.ceil((2.0 * share) ** (1.0 / (STAGES + 1)))
-            edges = _divided(edges, np.where(share > 1.0, np.clip(parts, 2, 8), 1).astype(int))
+            parts = np.nan_to_num(np.ceil((2.0 * share) ** (1.0 / (STAGES + 1))), nan=8.0)
+            edges = _divided(edges, np.where(share <= 1.0, 1, np.clip(parts, 2, 8)).astype(int))
         return None
 
     def _newton(self, speed, step, time, flow, stages):
