@@ -5,14 +5,12 @@ digital controller that it would be: every sample time it reads F[w + n], where 
 a second-order Butterworth low-pass, and holds its torque until the next.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import signal
 from scipy.interpolate import CubicSpline
 
-from hkt_mdo.dynamics.controllers import FeedbackLaw
 from hkt_mdo.dynamics.inflow import Inflow
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant, RecordedTorque, Simulation, simulate
 from hkt_mdo.errors import InputError
@@ -83,7 +81,7 @@ class Design:
 
     solution: Solution
     plant: Plant
-    law: FeedbackLaw | None
+    law: object
     gains: np.ndarray
     inflow: Inflow
     torque_limit: float | None
@@ -114,13 +112,6 @@ class Design:
         return cls(solution, plant, world.law, gains, world.inflow, world.torque_limit)
 
     @property
-    def controller(self) -> Callable:
-        """The torque, N*m, as a function of time (s) and speed (rad/s)."""
-        if self.law is None:
-            return self.recorded_torque
-        return lambda _, speed: self.law.torque(speed, self.gains)
-
-    @property
     def recorded_torque(self) -> RecordedTorque:
         """The open loop's torque history."""
         table = self.solution.trajectory
@@ -138,11 +129,11 @@ class Design:
 
     def fly(self, inflow: Inflow) -> Simulation:
         """Integrate the design in a flow with direct BEM and a perfect, unfiltered sensor."""
-        phase = self.solution.case.phase
+        phase, law = self.solution.case.phase, self.law
         return simulate(
             self.plant,
             inflow,
-            self.controller,
+            self.recorded_torque if law is None else lambda _, speed: law.torque(speed, self.gains),
             self.initial_speed(inflow),
             phase.duration,
             samples=20 * phase.segments + 1,
@@ -158,16 +149,12 @@ def fly_noisy(
     Between samples the speed is integrated by the classical Runge-Kutta method. The plant's torque
     coefficient is direct BEM, tabulated so finely that the table's error (`Ensemble.torque_error`)
     is far below what the noise changes. seed is that of `numpy.random.default_rng` for all repeats;
-    progress(share) is called now and then, share from 0 to 1.
-
-    Raises
-    ------
-    InputError
-        If the design is open loop, which reads no sensor.
+    progress(share) is called now and then, share from 0 to 1. Raises InputError if the design is
+    open loop.
     """
     if design.law is None:
         raise InputError(
-            f"{design.solution.folder}: open loop reads no sensor; leave out the noise"
+            "open loop reads no sensor", "leave out the noise", file=design.solution.folder
         )
     duration = design.solution.case.phase.duration
     quiet = design.fly(inflow)
@@ -178,15 +165,18 @@ def fly_noisy(
     substeps = max(int(np.ceil(period / (LONGEST_STEP * _time_constant(design, quiet)))), 1)
     step = period / substeps
     speed = np.full(repeats, design.initial_speed(inflow))
-    low_pass, random = _LowPass(sensor, period, speed), np.random.default_rng(seed)
+    low_pass = signal.butter(2, sensor.cutoff, fs=1.0 / period)
+    memory = signal.lfilter_zi(*low_pass)[:, None] * speed  # in steady state at the first speed
+    random = np.random.default_rng(seed)
     energy, generated, stopped = np.zeros(repeats), np.zeros(repeats), np.full(repeats, np.nan)
     times = period * np.arange(n_samples)
     flows = inflow.speed(times[:, None] + step * np.arange(0.0, substeps + 0.25, 0.5))
     slowest = SLOWEST_RATIO * flows[:, -1] / torque.radius
     record = np.full((3, n_samples), np.nan)
     for k in range(n_samples):
-        filtered = low_pass(speed + deviation * random.standard_normal(repeats))
-        control = design.law.torque(np.maximum(filtered, 0.0), design.gains)
+        measured = speed + deviation * random.standard_normal((1, repeats))
+        filtered, memory = signal.lfilter(*low_pass, measured, axis=0, zi=memory)
+        control = design.law.torque(np.maximum(filtered[0], 0.0), design.gains)
         running = np.isnan(stopped)
         record[:, k] = speed[0], control[0], torque(speed[:1], flows[k, 0])[0]
         for j in range(substeps):
@@ -204,9 +194,7 @@ def fly_noisy(
     kept = slice(0, n_samples if np.isnan(stopped[0]) else int(stopped[0] / period))
     flow, record = flows[kept, 0], record[:, kept]
     error = torque.error(record[0, ::10], flow[::10])
-    return Ensemble(
-        energy, generated, stopped, deviation, times[kept], flow, *record, torque_error=error
-    )
+    return Ensemble(energy, generated, stopped, deviation, times[kept], flow, *record, error)
 
 
 class _Torque:
@@ -237,44 +225,24 @@ class _Torque:
         return float(np.max(np.abs(self.curve(ratio) - exact)) / np.max(np.abs(exact)))
 
 
-class _LowPass:
-    """The sensor's filter for many signals at once, in steady state at their first values."""
-
-    def __init__(self, sensor, period, speed):
-        self.ahead, self.back = signal.butter(2, sensor.cutoff, fs=1.0 / period)
-        self.memory = signal.lfilter_zi(self.ahead, self.back)[:, None] * speed
-
-    def __call__(self, measured):
-        """Return the filtered samples, one of each signal."""
-        filtered = self.ahead[0] * measured + self.memory[0]
-        self.memory[0] = self.ahead[1] * measured - self.back[1] * filtered + self.memory[1]
-        self.memory[1] = self.ahead[2] * measured - self.back[2] * filtered
-        return filtered
-
-
 def _runge_kutta(torque, speed, control, flow, inertia, step):
     """Advance the speed with the torque held; return it, the energy captured and the angle."""
-    q1 = torque(speed, flow[0])
-    w2 = speed + 0.5 * step * (q1 - control) / inertia
-    q2 = torque(w2, flow[1])
-    w3 = speed + 0.5 * step * (q2 - control) / inertia
-    q3 = torque(w3, flow[1])
-    w4 = speed + step * (q3 - control) / inertia
-    q4 = torque(w4, flow[2])
-    new = speed + step / 6.0 * (q1 + 2.0 * q2 + 2.0 * q3 + q4 - 6.0 * control) / inertia
-    captured = step / 6.0 * (q1 * speed + 2.0 * q2 * w2 + 2.0 * q3 * w3 + q4 * w4)
-    turned = step / 6.0 * (speed + 2.0 * w2 + 2.0 * w3 + w4)
-    return new, captured, turned
+    at, pull, captured, turned = speed, 0.0, 0.0, 0.0
+    for place, weight, share in ((0, 1.0, 0.5), (1, 2.0, 0.5), (1, 2.0, 1.0), (2, 1.0, 0.0)):
+        driving = torque(at, flow[place])
+        pull += weight * (driving - control)
+        captured += weight * driving * at
+        turned += weight * at
+        at = speed + share * step * (driving - control) / inertia
+    return speed + step / 6.0 * pull / inertia, step / 6.0 * captured, step / 6.0 * turned
 
 
 def _time_constant(design, quiet):
     """Return the rotor's smallest time constant, s, along a run: I / |dQ/dw|."""
     h = 1e-4 * quiet.rotor_speed
     plant = design.plant
-    slope = (
-        plant.torque(quiet.rotor_speed + h, quiet.inflow_speed) - quiet.hydrodynamic_torque
-    ) / h
-    return plant.inertia / float(np.max(np.abs(slope)))
+    faster = plant.torque(quiet.rotor_speed + h, quiet.inflow_speed)
+    return plant.inertia / float(np.max(np.abs((faster - quiet.hydrodynamic_torque) / h)))
 
 
 PAPER_FLOWS = {
@@ -292,9 +260,8 @@ def flow_named(name: str, inflow):
     a sine. Raises InputError if the name is unknown or the flow is no sine.
     """
     if name not in PAPER_FLOWS:
-        raise InputError(
-            f"--flow {name}: unknown; choose design, A, B, C or give an inflow section"
-        )
+        remedy = "choose design, A, B, C or give an inflow section"
+        raise InputError("unknown", remedy, key=f"--flow {name}")
     if PAPER_FLOWS[name] and inflow.profile != "sine":
         raise InputError(
             f"--flow {name}: changes a sine, but the case's flow is {inflow.profile}; give an "
