@@ -1,21 +1,79 @@
 """Independent integration of the rotor's equation of motion with direct BEM.
 
-Nothing here is shared with the optimization but the physics: no torque curve, no collocation. A
-stiff solver (LSODA) follows speed, captured and generated energy; it stops where the rotor does.
+Nothing here is shared with the optimization but the physics: no torque curve, no mesh. Radau IIA
+(five stages, order 9, L-stable; Hairer and Wanner, Solving Ordinary Differential Equations II,
+section IV.8) follows speed, captured and generated energy. The steps of a window are solved
+together by Newton's method, so that BEM, flow and control law see arrays, and divided until their
+estimated errors are within the tolerance. The integration ends where the rotor stands still.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from numpy.polynomial import Legendre
+from scipy.optimize import brentq
 
 from hkt_mdo.dynamics.flows import Inflow
+from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.scales import power_scale, torque_scale
 
 SLOWEST_RATIO = 0.05  # tip speed ratio at which a rotor counts as standing still
+STAGES = 5
+WINDOW, MOST_STEPS = 64, 5_000  # steps solved together, before and after they are divided
+FAILURES = 100  # of Newton's method, and one more a step, at most: a window that fails is halved
+PROBES = 16  # points a step, and a shortest period of the flow, at which the flow is looked at
+FLOW_ERROR = 1e-6  # of the flow between the nodes of a step, above which the step is divided
+MOST_ITERATIONS = 12
+
+
+def _radau():
+    """Return the method's nodes (0 first), matrix, error weights and matrix of interpolation."""
+    legendre = Legendre.basis(STAGES) - Legendre.basis(STAGES - 1)
+    nodes = 0.5 + 0.5 * np.sort(legendre.roots().real)
+    orders = np.arange(1.0, STAGES + 1.0)
+    powers = nodes[:, None] ** (orders - 1.0)
+    matrix = (nodes[:, None] ** orders / orders) @ np.linalg.inv(powers)
+    eigenvalues = np.linalg.eigvals(matrix)
+    first = eigenvalues[np.argmin(np.abs(eigenvalues.imag))].real
+    # less the embedded quadrature of order STAGES with the weight `first` at the step's start
+    error = np.linalg.solve(powers.T, 1.0 / orders - first * (orders == 1.0)) - matrix[-1]
+    nodes = np.append(0.0, nodes)
+    return nodes, matrix, np.append(first, error), np.linalg.inv(_powers(nodes)).T
+
+
+def _powers(place):
+    """Return the powers of places in a step (0 to 1), of a variable from -1 to 1."""
+    return np.vander(2.0 * place - 1.0, STAGES + 1, increasing=True)
+
+
+_NODES, _MATRIX, _ERROR, _TO_POWERS = _radau()
+_STAGE_ERROR = _ERROR[1:] @ np.linalg.inv(_MATRIX)
+
+
+class Pieces(NamedTuple):
+    """A piecewise polynomial: edges[n + 1], and coefficients[n, degree + 1] by rising power.
+
+    The variable of each polynomial runs from -1 to 1 over its piece; the first and the last one
+    hold beyond the ends, too.
+    """
+
+    edges: np.ndarray
+    coefficients: np.ndarray
+
+    def __call__(self, x):
+        """Return the values at x of any shape."""
+        edges, x = self.edges, np.asarray(x, dtype=float)
+        piece = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, edges.size - 2)
+        place = 2.0 * (x - edges[piece]) / (edges[piece + 1] - edges[piece]) - 1.0
+        value = np.zeros(x.shape)
+        for column in self.coefficients.T[::-1]:
+            value = value * place + column[piece]
+        return value
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +96,34 @@ class Plant:
         if isinstance(polar, LocalReynolds):  # the flow of the instant, not the torque curve's
             polar = polar.at_speed(inflow_speed)
         coefficient = self.coefficients(self.blade, polar, ratio).torque
-        return 0.5 * np.pi * radius**3 * self.density * inflow_speed**2 * coefficient
+        return torque_scale(self.density, radius, inflow_speed) * coefficient
+
+
+class RecordedTorque:
+    """A torque history as its transcription means it: one polynomial through a segment's nodes.
+
+    The generator cannot leave its range, so the interpolant is cut to [0, limit] between the nodes.
+
+    Parameters
+    ----------
+    time, torque : array, shape (n_segments * nodes_per_segment,), s and N*m
+        As in the time series of a phase: segment ends appear twice.
+    segments : int
+    limit : float or None, N*m
+    """
+
+    def __init__(self, time, torque, segments, limit=None):
+        nodes, values = (np.reshape(each, (segments, -1)) for each in (time, torque))
+        place = 2.0 * (nodes[0] - nodes[0, 0]) / (nodes[0, -1] - nodes[0, 0]) - 1.0
+        coefficients = np.linalg.solve(np.vander(place, increasing=True), values.T).T
+        self.unlimited = Pieces(np.append(nodes[:, 0], time[-1]), coefficients)
+        """The torque, N*m, before it is cut to the generator's range, as a function of time (s)."""
+        self.ends = self.unlimited.edges
+        self.limit = np.inf if limit is None else limit
+
+    def __call__(self, time, speed=None):
+        """Return the torque, N*m, at times (s) of any shape; the speed does not matter."""
+        return np.clip(self.unlimited(time), 0.0, self.limit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +131,8 @@ class Simulation:
     """An integrated trajectory, sampled at `time`.
 
     Arrays of shape (n,) in SI units; energies are integrals over the whole run. stopped_at is the
-    time at which the rotor came to rest, None if it kept turning.
+    time at which the rotor came to rest, None if it kept turning; speed_at gives the rotor speed
+    (rad/s) at any times (s) of the run.
     """
 
     time: np.ndarray
@@ -77,105 +163,204 @@ def simulate(
     ----------
     plant : Plant
     inflow : Inflow
+        Looked at sixteen times a step and a period of its `highest_frequency`, so that no gust is stepped
+        over.
     controller : callable
-        u(time, speed), N*m, for scalars or arrays of one shape.
+        u(time, speed), N*m, for scalars or arrays of one shape. It is smooth between its `ends`
+        (s), if it has such.
     initial_speed : float, rad/s
     duration : float, s
     samples : int
         Number of equally spaced points of the returned trajectory.
     max_step : float or None, s
-        None: a hundredth of the duration, so that no gust is stepped over.
+        None: a hundredth of the duration.
     tolerance : float
-        Relative tolerance of the solver, and absolute in units of the initial speed and energy.
+        Largest error of a step, relative to the speed and to the energy so far.
 
-    Returns
-    -------
-    Simulation
+    Raises
+    ------
+    InputError
+        If the integration fails, which is not the same as a rotor that stops.
     """
-    radius = plant.blade.rotor_radius
-    power_unit = 0.5 * np.pi * radius**2 * plant.density * float(inflow.speed_at(0.0)) ** 3
-    energy_unit = power_unit * duration
-    speed_unit = max(abs(initial_speed), 1e-3)
-
-    def rates(time, state):
-        speed = state[0] * speed_unit
-        hydrodynamic = plant.torque(np.array([speed]), np.array([inflow.speed_at(time)]))[0]
-        control = float(controller(time, speed))
-        return [
-            (hydrodynamic - control) / plant.inertia / speed_unit,
-            hydrodynamic * speed / energy_unit,
-            control * speed / energy_unit,
-        ]
-
-    def standstill(time, state):
-        return state[0] * speed_unit * radius / inflow.speed_at(time) - SLOWEST_RATIO
-
-    standstill.terminal, standstill.direction = True, -1.0
-    found = solve_ivp(
-        rates,
-        (0.0, duration),
-        [initial_speed / speed_unit, 0.0, 0.0],
-        method="LSODA",
-        events=standstill,
-        dense_output=True,
-        rtol=tolerance,
-        atol=tolerance * 1e-2,
-        max_step=max_step or duration / 100.0,
-    )
-    stopped = float(found.t[-1]) if found.status != 0 else None
-    time = np.linspace(0.0, found.t[-1], samples)
-    speed = found.sol(time)[0] * speed_unit
-    flow = inflow.speed_at(time)
+    motion = _Motion(plant, inflow, controller, duration, tolerance)
+    path, energies, stopped = motion.march(float(initial_speed), max_step or duration / 100.0)
+    end = float(path.edges[-1])
+    time = np.linspace(0.0, end, samples)
+    speed, flow = path(time), inflow.speed_at(time)
     return Simulation(
         time,
         flow,
         speed,
         plant.torque(speed, flow),
         np.asarray(controller(time, speed), dtype=float) * np.ones(samples),
-        float(found.y[1, -1] * energy_unit),
-        float(found.y[2, -1] * energy_unit),
-        0.5 * plant.inertia * float((found.y[0, -1] * speed_unit) ** 2 - initial_speed**2),
-        stopped,
-        lambda at: found.sol(np.minimum(at, found.t[-1]))[0] * speed_unit,
+        float(energies[0]),
+        float(energies[1]),
+        0.5 * plant.inertia * float(path(end) ** 2 - initial_speed**2),
+        end if stopped else None,
+        lambda at: path(np.minimum(at, end)),
     )
 
 
-class RecordedTorque:
-    """A torque history as its transcription means it: one polynomial through a segment's nodes.
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """The equation of motion of one run, and its integration."""
 
-    The generator cannot leave its range, so the interpolant is cut to [0, limit] between the nodes.
+    plant: Plant
+    inflow: Inflow
+    controller: Callable
+    duration: float
+    tolerance: float
 
-    Parameters
-    ----------
-    time, torque : array, shape (n_segments * nodes_per_segment,), s and N*m
-        As in the time series of a phase: segment ends appear twice.
-    segments : int
-    limit : float or None, N*m
-    """
+    def march(self, speed, longest):
+        """Return the speed over time as `Pieces`, the two energies, and whether the rotor stops."""
+        edges, count, failures, stopped = self._mesh(longest), WINDOW, 0, False
+        begins, curves, energies, most = [], [], np.zeros(2), FAILURES + edges.size
+        while edges.size > 1 and not stopped:
+            window = edges[: count + 1]
+            found = self._solve(self._divided_by_flow(window), speed, energies[0])
+            if found is None:
+                failures += 1
+                if failures > most or edges[1] - edges[0] < 1e-14 * self.duration:
+                    raise InputError(
+                        f"the independent integration fails at t = {edges[0]:.6g} s",
+                        "see that the flow is positive there, and the control law finite and "
+                        "continuous",
+                    )
+                count = (window.size - 1) // 2
+                if not count:
+                    edges = np.insert(edges, 1, 0.5 * (edges[0] + edges[1]))
+                    count = 1
+                continue
+            stop = self._standstill(found[0])
+            if stopped := stop is not None:
+                found = self._solve(stop, speed, energies[0]) or found
+            path, work = found
+            begins.append(path.edges[:-1])
+            curves.append(path.coefficients)
+            energies += work
+            speed, end = float(path(path.edges[-1])), path.edges[-1:]
+            edges, count = edges[window.size - 1 :], 2 * min(count, WINDOW // 2)
+        return Pieces(np.concatenate([*begins, end]), np.concatenate(curves)), energies, stopped
 
-    def __init__(self, time, torque, segments, limit=None):
-        self.ends = np.append(np.reshape(time, (segments, -1))[:, 0], time[-1])
-        nodes = np.reshape(time, (segments, -1))
-        self._position = (nodes[0] - nodes[0, 0]) / (nodes[0, -1] - nodes[0, 0])
-        self._values = np.reshape(torque, (segments, -1)).T
-        self.limit = np.inf if limit is None else limit
+    def _mesh(self, longest):
+        """Return the longest steps: none passes an end of the controller's segments."""
+        ends = np.asarray(getattr(self.controller, "ends", ()), dtype=float)
+        near = 1e-9 * self.duration
+        inside = ends[(ends > near) & (ends < self.duration - near)]
+        ends = np.concatenate(([0.0], inside, [self.duration]))
+        return _divided(ends, np.maximum(np.ceil(np.diff(ends) / longest - 1e-6), 1).astype(int))
 
-    def __call__(self, time, speed=None):
-        """Return the torque, N*m, at times (s) of any shape; the speed is not looked at."""
-        return np.clip(self.unlimited(time), 0.0, self.limit)
+    def _divided_by_flow(self, edges):
+        """Halve the steps in which the flow is no polynomial through the nodes."""
+        cutoff = self.inflow.highest_frequency or 0.0
+        for _ in range(20):
+            step = np.diff(edges)[:, None]
+            count = int(np.ceil(PROBES * max(1.0, cutoff * np.max(step))))
+            place = (np.arange(count) + 0.5) / count
+            nodes, probes = (
+                self.inflow.speed_at(edges[:-1, None] + step * each) for each in (_NODES, place)
+            )
+            off = np.max(np.abs(nodes @ _TO_POWERS @ _powers(place).T - probes), axis=1)
+            coarse = off > FLOW_ERROR * np.max(np.abs(probes), axis=1)
+            if not np.any(coarse):
+                break
+            edges = _divided(edges, 1 + coarse)
+        return edges
 
-    def unlimited(self, time):
-        """Return the interpolated torque, N*m, before it is cut to the generator's range."""
-        time = np.asarray(time, dtype=float)
-        segment = np.clip(np.searchsorted(self.ends, time, side="right") - 1, 0, self.ends.size - 2)
-        place = (time - self.ends[segment]) / (self.ends[segment + 1] - self.ends[segment])
-        return np.sum(self._basis(place) * self._values[:, segment], axis=0)
+    def _torques(self, time, speed, flow):
+        """Return hydrodynamic and control torque, N*m, at arrays of one shape."""
+        driving = self.plant.torque(speed.ravel(), flow.ravel()).reshape(speed.shape)
+        return driving, self.controller(time, speed) * np.ones(speed.shape)
 
-    def _basis(self, place):
-        """Return Lagrange's polynomials at places in 0 … 1, shape (n_nodes, *place.shape)."""
-        nodes = self._position
-        factors = []
-        for i, node in enumerate(nodes):
-            others = np.delete(nodes, i)
-            factors.append(np.prod([(place - other) / (node - other) for other in others], axis=0))
-        return np.array(factors)
+    def _solve(self, edges, speed, energy):
+        """Return speed (`Pieces`) and energies over some steps, divided until they are accurate.
+
+        energy, J, is what has been captured before. None if Newton's method does not converge.
+        """
+        unit = energy + 0.01 * self.duration * power_scale(
+            self.plant.density, self.plant.blade.rotor_radius, float(self.inflow.speed_at(0.0))
+        )
+        path = None
+        while edges.size <= MOST_STEPS:
+            step = np.diff(edges)[:, None]
+            # a controller may jump at the end of a segment: stay before it
+            time = edges[:-1, None] + step * np.minimum(_NODES, 1.0 - 1e-12)
+            flow = self.inflow.speed_at(time)
+            if not np.all(flow > 0.0):
+                return None
+            guess = speed * flow / flow[0, 0] if path is None else path(time)
+            found = self._newton(speed, step, time[:, 1:], flow[:, 1:], guess[:, 1:])
+            if found is None:
+                return None
+            stages, driving, control, slope = found
+            start = np.append(speed, stages[:-1, -1])[:, None]
+            first = self._torques(time[:, :1], start, flow[:, :1])
+            path = Pieces(edges, np.hstack((start, stages)) @ _TO_POWERS)
+            off = step * _ERROR[0] * (first[0] - first[1]) / self.plant.inertia
+            off = off[:, 0] + (stages - start) @ _STAGE_ERROR
+            off /= (1.0 - step * _ERROR[0] * slope)[:, 0]
+            power = np.hstack((first[0] * start, driving * stages))
+            share = np.abs(step[:, 0] * (power @ _ERROR)) / unit
+            share = np.maximum(share, np.abs(off) / _size(stages[:, -1])) / self.tolerance
+            if np.all(share <= 1.0):
+                work = step * _MATRIX[-1] * stages
+                return path, np.array([np.sum(work * driving), np.sum(work * control)])
+            parts = np.nan_to_num(np.ceil((2.0 * share) ** (1.0 / (STAGES + 1))), nan=8.0)
+            edges = _divided(edges, np.where(share <= 1.0, 1, np.clip(parts, 2, 8)).astype(int))
+        return None
+
+    def _newton(self, speed, step, time, flow, stages):
+        """Return speeds at the stages, both torques and the slope of dw/dt there; None if lost."""
+        change, inertia = np.inf, self.plant.inertia
+        enough = max(0.01 * self.tolerance, 1e-12)
+        for _ in range(MOST_ITERATIONS):
+            size = _size(stages)
+            driving, control = self._torques(time, stages, flow)
+            if change > 1e-4:
+                faster = self._torques(time, stages + 1e-6 * size, flow)
+                slope = (faster[0] - faster[1] - driving + control) / (1e-6 * size * inertia)
+                if not np.all(np.isfinite(slope)):
+                    return None
+                system = np.eye(STAGES) - step[:, :, None] * _MATRIX * slope[:, None, :]
+                inverse = np.linalg.inv(system)
+                gain = np.sum(inverse, axis=2)  # of the stages by the speed at the step's start
+            start = np.append(speed, stages[:-1, -1])[:, None]
+            miss = start + step * ((driving - control) / inertia @ _MATRIX.T) - stages
+            own = np.einsum("nij,nj->ni", inverse, miss)
+            carried = [0.0]  # change of the speed from step to step
+            for shift, factor in zip(own[:, -1].tolist(), gain[:, -1].tolist(), strict=True):
+                carried.append(shift + factor * carried[-1])
+            correction = own + gain * np.array(carried[:-1])[:, None]
+            stages = stages + correction
+            change = np.max(np.abs(correction) / size)
+            if change <= enough:
+                return stages, driving, control, slope
+            if not np.all(np.isfinite(stages)):
+                return None
+        return None
+
+    def _standstill(self, path):
+        """Return the steps up to where the rotor comes to rest; None if it does not."""
+
+        def excess(time):
+            ratio = path(time) * self.plant.blade.rotor_radius / self.inflow.speed_at(time)
+            return ratio - SLOWEST_RATIO
+
+        turning = excess(path.edges) > 0.0
+        crossed = np.flatnonzero(turning[:-1] & ~turning[1:])
+        if not crossed.size:
+            return None
+        until = path.edges[: crossed[0] + 1]
+        return np.append(until, brentq(excess, until[-1], path.edges[crossed[0] + 1], xtol=1e-15))
+
+
+def _size(speed):
+    """Return the magnitude, rad/s, to which errors of a speed are compared."""
+    return np.maximum(np.abs(speed), 1e-3)
+
+
+def _divided(edges, parts):
+    """Return the edges of pieces that are each divided into a number of equal parts."""
+    number = np.arange(np.sum(parts)) - np.repeat(np.cumsum(parts) - parts, parts)
+    left = np.repeat(edges[:-1], parts) + number * np.repeat(np.diff(edges) / parts, parts)
+    return np.append(left, edges[-1])

@@ -5,7 +5,6 @@ digital controller that it would be: every sample time it reads F[w + n], where 
 a second-order Butterworth low-pass, and holds its torque until the next.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +14,10 @@ from scipy.interpolate import CubicSpline
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant, RecordedTorque, Simulation, simulate
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.build import BEM, physics
+from hkt_mdo.problem.physics import BEM, physics
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.scales import torque_scale
 
 LONGEST_STEP = 0.25  # of the rotor's time constant: Runge-Kutta's steps within a sample time
 REFERENCES = ("fluctuation", "total")
@@ -31,17 +31,10 @@ class Sensor:
     sampling rate nor whether the signal's mean counts as signal. Both matter: filtered noise falls
     with the square root of the rate.
 
-    Parameters
-    ----------
-    snr : float, dB
-        Signal-to-noise ratio; infinity for a sensor without noise.
-    reference : {"fluctuation", "total"}
-        What is the signal: the speed's deviation from its mean, which is what the controller has to
-        follow, or the speed itself, whose rms is some ten times larger.
-    rate : float, Hz
-        Samples of the sensor, and of the controller, a second.
-    cutoff : float, Hz
-        Of the second-order Butterworth low-pass.
+    snr (dB; infinity: no noise) is of the signal named by reference: the speed's `fluctuation`
+    about its mean, which the controller has to follow, or the `total` speed, whose rms is some ten
+    times larger. rate (Hz) is of the samples of sensor and controller; cutoff (Hz) is that of the
+    second-order Butterworth low-pass.
     """
 
     snr: float = 20.0
@@ -97,10 +90,7 @@ class Design:
     def of(cls, solution: Solution):
         """Rebuild the plant and controller of a result.
 
-        Raises
-        ------
-        InputError
-            If the result is of an interrupted run, or a file of its case is gone.
+        Raises InputError if it is of an interrupted run, or a file of its case is gone.
         """
         world, summary = physics(solution.case), solution.summary
         if "chord_m" not in summary or not solution.trajectory:
@@ -135,23 +125,15 @@ class Design:
     def initial_speed(self, inflow):
         """Return a run's first speed in another flow: at the design's first tip speed ratio."""
         start = float(self.solution.trajectory["rotor_speed_rad_s"][0])
-        return start * float(inflow.speed(0.0) / self.inflow.speed(0.0))
+        return start * float(inflow.speed_at(0.0) / self.inflow.speed_at(0.0))
 
     def fly(self, inflow: Inflow) -> Simulation:
         """Integrate the design in a flow with direct BEM and a perfect, unfiltered sensor."""
-        controller: Callable
-        if self.law is None:
-            controller = self.recorded_torque
-        else:
-
-            def controller(_, speed):
-                return self.law.torque(speed, self.gains)
-
-        phase = self.solution.case.phase
+        phase, law = self.solution.case.phase, self.law
         return simulate(
             self.plant,
             inflow,
-            controller,
+            self.recorded_torque if law is None else lambda _, speed: law.torque(speed, self.gains),
             self.initial_speed(inflow),
             phase.duration,
             samples=20 * phase.segments + 1,
@@ -166,162 +148,123 @@ def fly_noisy(
 
     Between samples the speed is integrated by the classical Runge-Kutta method. The plant's torque
     coefficient is direct BEM, tabulated so finely that the table's error (`Ensemble.torque_error`)
-    is far below what the noise changes.
-
-    Parameters
-    ----------
-    design : Design
-        Of a feedback law.
-    inflow : Inflow
-    sensor : Sensor
-    repeats, seed : int
-        Number of runs, and the seed of `numpy.random.default_rng` for all of them.
-    progress : callable or None
-        Called as progress(share) now and then, share from 0 to 1.
-
-    Returns
-    -------
-    Ensemble
-
-    Raises
-    ------
-    InputError
-        If the design is open loop, which reads no sensor.
+    is far below what the noise changes. seed is that of `numpy.random.default_rng` for all repeats;
+    progress(share) is called now and then, share from 0 to 1. Raises InputError if the design is
+    open loop.
     """
     if design.law is None:
         raise InputError(
-            f"{design.solution.folder}: open loop reads no sensor; leave out the noise"
+            "open loop reads no sensor", "leave out the noise", file=design.solution.folder
         )
     duration = design.solution.case.phase.duration
     quiet = design.fly(inflow)
-    even = np.linspace(0.0, quiet.time[-1], 2001)
-    deviation = sensor.deviation(quiet.speed_at(even))
-
-    plant, law, gains = design.plant, design.law, design.gains
-    radius, curve = plant.blade.rotor_radius, _tabulate(plant)
-    scale = 0.5 * np.pi * radius**3 * plant.density
-
-    def torque(speed, flow):
-        ratio = np.clip(speed * radius / flow, SLOWEST_RATIO, curve.x[-1])
-        return scale * flow**2 * curve(ratio)
-
+    deviation = sensor.deviation(quiet.speed_at(np.linspace(0.0, quiet.time[-1], 2001)))
+    torque = _Torque(design.plant)
     n_samples = round(duration * sensor.rate)
     period = duration / n_samples
     substeps = max(int(np.ceil(period / (LONGEST_STEP * _time_constant(design, quiet)))), 1)
     step = period / substeps
-    numerator, denominator = signal.butter(2, sensor.cutoff, fs=1.0 / period)
-    start = design.initial_speed(inflow)
-    # the filter starts in steady state at w(0)
-    memory = signal.lfilter_zi(numerator, denominator)[:, None] * np.full(repeats, start)
+    speed = np.full(repeats, design.initial_speed(inflow))
+    low_pass = signal.butter(2, sensor.cutoff, fs=1.0 / period)
+    memory = signal.lfilter_zi(*low_pass)[:, None] * speed  # in steady state at the first speed
     random = np.random.default_rng(seed)
-    speed = np.full(repeats, start)
     energy, generated, stopped = np.zeros(repeats), np.zeros(repeats), np.full(repeats, np.nan)
     times = period * np.arange(n_samples)
-    flows = inflow.speed(times[:, None] + step * np.arange(0.0, substeps + 0.25, 0.5))
+    flows = inflow.speed_at(times[:, None] + step * np.arange(0.0, substeps + 0.25, 0.5))
+    slowest = SLOWEST_RATIO * flows[:, -1] / torque.radius
     record = np.full((3, n_samples), np.nan)
     for k in range(n_samples):
-        measured = speed + deviation * random.standard_normal(repeats)
-        filtered = numerator[0] * measured + memory[0]
-        memory[0] = numerator[1] * measured - denominator[1] * filtered + memory[1]
-        memory[1] = numerator[2] * measured - denominator[2] * filtered
-        control = law.torque(np.maximum(filtered, 0.0), gains)
+        measured = speed + deviation * random.standard_normal((1, repeats))
+        filtered, memory = signal.lfilter(*low_pass, measured, axis=0, zi=memory)
+        control = design.law.torque(np.maximum(filtered[0], 0.0), design.gains)
         running = np.isnan(stopped)
         record[:, k] = speed[0], control[0], torque(speed[:1], flows[k, 0])[0]
         for j in range(substeps):
+            flow = flows[k, 2 * j : 2 * j + 3]
             speed, captured, turned = _runge_kutta(
-                torque, speed, control, flows[k, 2 * j : 2 * j + 3], plant.inertia, step
+                torque, speed, control, flow, design.plant.inertia, step
             )
             energy += np.where(running, captured, 0.0)
             generated += np.where(running, control * turned, 0.0)
-        halted = running & (speed * radius / flows[k, -1] <= SLOWEST_RATIO)
-        stopped[halted] = times[k] + period
-        speed = np.where(np.isnan(stopped), speed, SLOWEST_RATIO * flows[k, -1] / radius)
+        stopped[running & (speed <= slowest[k])] = times[k] + period
+        speed = np.where(np.isnan(stopped), speed, slowest[k])
         if progress is not None and k % 200 == 0:
             progress((k + 1) / n_samples)
-    lost = np.isfinite(stopped)
-    energy[lost] = generated[lost] = np.nan
+    energy[np.isfinite(stopped)] = generated[np.isfinite(stopped)] = np.nan
     kept = slice(0, n_samples if np.isnan(stopped[0]) else int(stopped[0] / period))
-    along = record[0, kept] * radius / flows[kept, 0]
-    exact = plant.coefficients(plant.blade, plant.polar, along[::10]).torque
-    error = np.max(np.abs(curve(along[::10]) - exact)) / np.max(np.abs(exact))
-    return Ensemble(
-        energy,
-        generated,
-        stopped,
-        deviation,
-        times[kept],
-        flows[kept, 0],
-        *record[:, kept],
-        float(error),
-    )
+    flow, record = flows[kept, 0], record[:, kept]
+    error = torque.error(record[0, ::10], flow[::10])
+    return Ensemble(energy, generated, stopped, deviation, times[kept], flow, *record, error)
+
+
+class _Torque:
+    """A plant's torque by a cubic spline of its torque coefficient over the tip speed ratio."""
+
+    def __init__(self, plant):
+        if isinstance(plant.polar, LocalReynolds):
+            raise InputError(
+                "has polars that follow the Reynolds number, for which the noisy runs' table over "
+                "the tip speed ratio has no room",
+                "leave --noise-snr out, or take a result with rotor.reynolds: invariant",
+                key="--noise-snr",
+            )
+        ratios = np.concatenate((np.arange(SLOWEST_RATIO, 2.0, 0.02), np.arange(2.0, 20.0, 0.004)))
+        self.plant, self.radius = plant, plant.blade.rotor_radius
+        self.curve = CubicSpline(
+            ratios, plant.coefficients(plant.blade, plant.polar, ratios).torque
+        )
+
+    def __call__(self, speed, flow):
+        ratio = np.clip(speed * self.radius / flow, SLOWEST_RATIO, self.curve.x[-1])
+        return torque_scale(self.plant.density, self.radius, flow) * self.curve(ratio)
+
+    def error(self, speed, flow):
+        """Return the table's largest relative error at speeds and flows of one shape."""
+        ratio = speed * self.radius / flow
+        exact = self.plant.coefficients(self.plant.blade, self.plant.polar, ratio).torque
+        return float(np.max(np.abs(self.curve(ratio) - exact)) / np.max(np.abs(exact)))
 
 
 def _runge_kutta(torque, speed, control, flow, inertia, step):
     """Advance the speed with the torque held; return it, the energy captured and the angle."""
-    q1 = torque(speed, flow[0])
-    w2 = speed + 0.5 * step * (q1 - control) / inertia
-    q2 = torque(w2, flow[1])
-    w3 = speed + 0.5 * step * (q2 - control) / inertia
-    q3 = torque(w3, flow[1])
-    w4 = speed + step * (q3 - control) / inertia
-    q4 = torque(w4, flow[2])
-    new = speed + step / 6.0 * (q1 + 2.0 * q2 + 2.0 * q3 + q4 - 6.0 * control) / inertia
-    captured = step / 6.0 * (q1 * speed + 2.0 * q2 * w2 + 2.0 * q3 * w3 + q4 * w4)
-    turned = step / 6.0 * (speed + 2.0 * w2 + 2.0 * w3 + w4)
-    return new, captured, turned
-
-
-def _tabulate(plant):
-    """Return the torque coefficient over tip speed ratio as a cubic spline of direct BEM."""
-    ratios = np.concatenate((np.arange(SLOWEST_RATIO, 2.0, 0.02), np.arange(2.0, 20.0, 0.004)))
-    if isinstance(plant.polar, LocalReynolds):
-        raise InputError(
-            "has polars that follow the Reynolds number, for which the noisy runs' table over the "
-            "tip speed ratio has no room",
-            "leave --noise-snr out, or take a result with rotor.reynolds: invariant",
-            key="--noise-snr",
-        )
-    return CubicSpline(ratios, plant.coefficients(plant.blade, plant.polar, ratios).torque)
+    at, pull, captured, turned = speed, 0.0, 0.0, 0.0
+    for place, weight, share in ((0, 1.0, 0.5), (1, 2.0, 0.5), (1, 2.0, 1.0), (2, 1.0, 0.0)):
+        driving = torque(at, flow[place])
+        pull += weight * (driving - control)
+        captured += weight * driving * at
+        turned += weight * at
+        at = speed + share * step * (driving - control) / inertia
+    return speed + step / 6.0 * pull / inertia, step / 6.0 * captured, step / 6.0 * turned
 
 
 def _time_constant(design, quiet):
     """Return the rotor's smallest time constant, s, along a run: I / |dQ/dw|."""
     h = 1e-4 * quiet.rotor_speed
     plant = design.plant
-    slope = (
-        plant.torque(quiet.rotor_speed + h, quiet.inflow_speed) - quiet.hydrodynamic_torque
-    ) / h
-    return plant.inertia / float(np.max(np.abs(slope)))
+    faster = plant.torque(quiet.rotor_speed + h, quiet.inflow_speed)
+    return plant.inertia / float(np.max(np.abs((faster - quiet.hydrodynamic_torque) / h)))
+
+
+PAPER_FLOWS = {
+    "design": {},
+    "A": {"scale": 1.1},
+    "B": {"angular_frequency": 0.225},
+    "C": {"phase": 0.2 * np.pi},
+}
 
 
 def flow_named(name: str, inflow):
     """Return an inflow section as the paper's flow A, B or C changes it, or as it is (`design`).
 
-    Parameters
-    ----------
-    name : {"design", "A", "B", "C"}
-        A: amplitude times 1.1; B: angular frequency 0.225 rad/s; C: phase 0.2 pi (paper Sec. V).
-    inflow : hkt_mdo.case.SineInflow
-        Flows A to C change a sine.
-
-    Raises
-    ------
-    InputError
-        If the name is unknown or the flow is no sine.
+    A: amplitude times 1.1; B: angular frequency 0.225 rad/s; C: phase 0.2 pi (paper Sec. V), all of
+    a sine. Raises InputError if the name is unknown or the flow is no sine.
     """
-    changes = {
-        "design": {},
-        "A": {"scale": 1.1},
-        "B": {"angular_frequency": 0.225},
-        "C": {"phase": 0.2 * np.pi},
-    }
-    if name not in changes:
-        raise InputError(
-            f"--flow {name}: unknown; choose design, A, B, C or give an inflow section"
-        )
-    if changes[name] and inflow.profile != "sine":
+    if name not in PAPER_FLOWS:
+        remedy = "choose design, A, B, C or give an inflow section"
+        raise InputError("unknown", remedy, key=f"--flow {name}")
+    if PAPER_FLOWS[name] and inflow.profile != "sine":
         raise InputError(
             f"--flow {name}: changes a sine, but the case's flow is {inflow.profile}; give an "
             f"inflow section"
         )
-    return inflow.model_copy(update=changes[name])
+    return inflow.model_copy(update=PAPER_FLOWS[name])

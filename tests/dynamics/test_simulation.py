@@ -1,0 +1,245 @@
+"""The independent integration: closed forms, energy balance, order, standstill; then SciPy's."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from hkt_mdo.dynamics.controllers import LinearLaw, QuadraticLaw
+from hkt_mdo.dynamics.inflow import (
+    ConstantInflow,
+    GustInflow,
+    SineInflow,
+    StepInflow,
+    TurbulentInflow,
+)
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant, RecordedTorque, simulate
+from hkt_mdo.errors import InputError
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.bem import Coefficients
+from hkt_mdo.rotor.steady_optimum import best_operation
+
+DENSITY = 1000.0
+
+
+@pytest.fixture(scope="module")
+def plant(blade, polar):
+    return Plant(blade, polar, 4.0, DENSITY, bem.rotor_coefficients)
+
+
+def constant_torque_coefficient(value):
+    def coefficients(blade, polar, ratio, derivatives=False):
+        empty = np.empty(0)
+        return Coefficients(np.full(ratio.shape, value), ratio * value, *[empty] * 6)
+
+    return coefficients
+
+
+def test_speed_under_constant_torques_is_a_straight_line(blade, polar):
+    """With Q and u constant, w = w0 + (Q - u) t / I and the energies are parabolas."""
+    coefficient, control, inertia, duration = 0.05, 300.0, 40.0, 5.0
+    plant = Plant(blade, polar, inertia, DENSITY, constant_torque_coefficient(coefficient))
+    torque = 0.5 * DENSITY * 1.5**2 * np.pi * 1.4**3 * coefficient
+    run = simulate(plant, ConstantInflow(1.5), lambda t, w: control, 6.0, duration)
+    rate = (torque - control) / inertia
+    np.testing.assert_allclose(run.rotor_speed, 6.0 + rate * run.time, rtol=1e-8)
+    angle = 6.0 * duration + 0.5 * rate * duration**2
+    assert run.energy == pytest.approx(torque * angle, rel=1e-8)
+    assert run.generator_energy == pytest.approx(control * angle, rel=1e-8)
+
+
+def relaxing(blade, polar, rate):
+    """Return plant and controller with w' = rate (5 + cos t - w) - sin t (Prothero, Robinson)."""
+    plant = Plant(blade, polar, 4.0, DENSITY, constant_torque_coefficient(0.05))
+    torque = float(plant.torque(np.array([6.0]), np.array([1.5]))[0])
+
+    def control(time, speed):
+        return torque + 4.0 * (rate * (speed - 5.0 - np.cos(time)) + np.sin(time))
+
+    return plant, control
+
+
+def test_linear_equation_has_its_closed_solution(blade, polar):
+    plant, control = relaxing(blade, polar, 1.0)
+    run = simulate(plant, ConstantInflow(1.5), control, 7.0, 20.0)
+    exact = 5.0 + np.cos(run.time) + np.exp(-run.time)
+    np.testing.assert_allclose(run.rotor_speed, exact, rtol=1e-8)
+
+
+def test_method_is_of_order_nine(blade, polar):
+    """Radau IIA with five stages; a large tolerance keeps the steps as long as they are given."""
+    plant, control = relaxing(blade, polar, 1.0)
+
+    def error(step):
+        run = simulate(plant, ConstantInflow(1.5), control, 7.0, 8.0, 2, step, 1e3)
+        return abs(run.rotor_speed[-1] - 5.0 - np.cos(8.0) - np.exp(-8.0))
+
+    assert np.log2(error(2.0) / error(1.0)) == pytest.approx(9.0, abs=0.5)
+
+
+@pytest.mark.parametrize("rate", [1e3, 1e6, 1e9])
+def test_stiff_limit_follows_the_slow_solution(blade, polar, rate):
+    """However fast the rotor answers, w = 5 + cos t is followed by steps of a second."""
+    plant, control = relaxing(blade, polar, rate)
+    run = simulate(plant, ConstantInflow(1.5), control, 6.0, 20.0, 401, 1.0)
+    np.testing.assert_allclose(run.rotor_speed, 5.0 + np.cos(run.time), rtol=1e-7)
+
+
+def test_a_rotor_in_equilibrium_stays_there(plant):
+    """K2 = 0.5 rho pi R^5 Cp / tsr^3 holds the optimum in steady flow (docs/theory.md)."""
+    optimum = best_operation(plant.blade, plant.polar)
+    gain = 0.5 * DENSITY * np.pi * 1.4**5 * optimum.power_coefficient / optimum.tip_speed_ratio**3
+    speed = optimum.tip_speed_ratio * 1.5 / 1.4
+    law = QuadraticLaw()
+    run = simulate(plant, ConstantInflow(1.5), lambda t, w: law.torque(w, [gain]), speed, 20.0)
+    np.testing.assert_allclose(run.rotor_speed, speed, rtol=1e-7)
+    power = 0.5 * DENSITY * np.pi * 1.4**2 * 1.5**3 * optimum.power_coefficient
+    assert run.energy == pytest.approx(20.0 * power, rel=1e-7)
+
+
+@pytest.fixture(scope="module")
+def closed_loop(plant):
+    law = QuadraticLaw(700.0)
+
+    def run(tolerance):
+        return simulate(
+            plant,
+            SineInflow(1.5, 0.2, 0.25),
+            lambda t, w: law.torque(w, [20.0]),
+            6.5,
+            30.0,
+            tolerance=tolerance,
+        )
+
+    return run
+
+
+def test_energy_balance_closes(closed_loop):
+    """The integral of (Q - u) w is the change of kinetic energy."""
+    run = closed_loop(1e-9)
+    assert run.energy - run.generator_energy == pytest.approx(
+        run.kinetic_energy_change, abs=1e-11 * run.energy
+    )
+
+
+def test_tolerance_does_not_decide_the_energy(closed_loop):
+    assert closed_loop(1e-9).energy == pytest.approx(closed_loop(1e-11).energy, rel=1e-9)
+
+
+def test_a_rotor_that_is_braked_too_hard_stops(plant):
+    run = simulate(plant, ConstantInflow(1.5), lambda t, w: 5000.0, 6.0, 20.0)
+    assert run.stopped_at is not None
+    assert 0.0 < run.stopped_at < 1.0
+    assert run.time[-1] == run.stopped_at
+
+
+def test_work_of_a_constant_brake_is_torque_times_angle(plant):
+    """Up to the moment at which the rotor stands still, neither before nor after it."""
+    run = simulate(plant, ConstantInflow(1.5), lambda t, w: 5000.0, 6.0, 20.0, 2001)
+    ratio = run.rotor_speed[-1] * plant.blade.rotor_radius / 1.5
+    assert ratio == pytest.approx(SLOWEST_RATIO, rel=1e-9)
+    angle = np.trapezoid(run.rotor_speed, run.time)
+    assert run.generator_energy == pytest.approx(5000.0 * angle, rel=1e-6)
+    assert run.energy - run.generator_energy == pytest.approx(run.kinetic_energy_change, rel=1e-10)
+
+
+def test_failed_integration_is_no_rotor_that_stops(plant):
+    """A torque that jumps with the speed has no solution that any step could follow."""
+    with pytest.raises(InputError, match="integration fails at t ="):
+        simulate(
+            plant,
+            SineInflow(1.5, 0.2, 0.25),
+            lambda t, w: np.where(w < 7.6, 300.0, 600.0),
+            7.5,
+            9.0,
+        )
+
+
+class _Ripple:
+    """A flow of one's own that tells nothing of itself: a bump of a fiftieth of a second."""
+
+    def speed(self, time):
+        return 1.5 + 0.3 * np.exp(-(((np.asarray(time) - 20.37) / 0.02) ** 2))
+
+
+@pytest.mark.parametrize(
+    "flow", [GustInflow(1.5, 0.3, 20.3, 0.05), _Ripple()], ids=["gust", "unknown"]
+)
+def test_gust_much_shorter_than_a_step_is_seen(plant, flow):
+    def energy(step):
+        run = simulate(
+            plant, flow, lambda t, w: QuadraticLaw().torque(w, [11.0]), 7.5, 30.0, 2, step
+        )
+        return run.energy
+
+    steady = simulate(
+        plant, ConstantInflow(1.5), lambda t, w: QuadraticLaw().torque(w, [11.0]), 7.5, 30.0, 2, 1.0
+    )
+    assert energy(1.0) / energy(0.005) - 1.0 == pytest.approx(0.0, abs=1e-10)
+    assert energy(1.0) > 1.0001 * steady.energy
+
+
+def test_recorded_torque_is_the_segments_own_polynomial():
+    """Three nodes a segment reproduce parabolas, a different one in each segment."""
+    time = np.array([0.0, 1.0, 2.0, 2.0, 3.0, 4.0])
+    torque = np.array([0.0, 1.0, 4.0, 4.0, 9.0, 16.0])
+    recorded = RecordedTorque(time, torque, 2)
+    dense = np.linspace(0.0, 4.0, 41)
+    np.testing.assert_allclose(recorded(dense), dense**2, atol=1e-13)
+    assert recorded(2.5) == pytest.approx(6.25)
+
+
+def test_recorded_torque_stays_in_the_generators_range():
+    time = np.array([0.0, 1.0, 2.0])
+    recorded = RecordedTorque(time, np.array([500.0, 700.0, 700.0]), 1, limit=700.0)
+    dense = np.linspace(0.0, 2.0, 101)
+    assert np.max(recorded.unlimited(dense)) > 700.0
+    assert np.max(recorded(dense)) == 700.0
+
+
+SINE = SineInflow(1.5, 0.2, 0.25)
+TURBULENCE = TurbulentInflow("kaimal", 1.5, 0.1, 20.0, 1, 120.0, 1.0)
+
+
+def recorded(limit):
+    """Return a torque history near the optimum's, cut at a limit within many segments."""
+    time = np.concatenate([np.array([0.0, 0.5, 1.0]) + second for second in range(20)])
+    return RecordedTorque(
+        time, 640.0 + 180.0 * np.sin(0.25 * time) - 20.0 * (time % 1.0), 20, limit
+    )
+
+
+def quadratic(time, speed):
+    return QuadraticLaw(700.0).torque(speed, [11.0])
+
+
+@pytest.mark.parametrize(
+    ("inertia", "flow", "control"),
+    [
+        (4.0, SINE, quadratic),
+        (4.0, SINE, lambda t, w: LinearLaw(700.0).torque(w, [68.0])),
+        (0.1, SINE, quadratic),
+        (4000.0, SINE, quadratic),
+        (4.0, SINE, recorded(620.0)),
+        (4.0, StepInflow(1.3, 1.7, 10.0, 0.1), quadratic),
+        (4.0, GustInflow(1.5, 0.3, 10.0, 2.0, "mexican_hat"), quadratic),
+        (4.0, TURBULENCE, quadratic),
+    ],
+    ids=["quadratic", "linear", "light", "heavy", "recorded", "step", "gust", "turbulence"],
+)
+def test_energies_and_speeds_are_those_of_scipy(plant, inertia, flow, control):
+    plant = replace(plant, inertia=inertia)
+    run = simulate(plant, flow, control, 7.5, 20.0, 401, 1.0)
+
+    def rates(time, state):
+        driving = plant.torque(state[:1], np.array([flow.speed(time)]))[0]
+        brake = float(control(time, state[0]))
+        return [(driving - brake) / inertia, driving * state[0] / 1e4, brake * state[0] / 1e4]
+
+    found = solve_ivp(
+        rates, (0.0, 20.0), [7.5, 0.0, 0.0], "LSODA", run.time, rtol=1e-12, atol=1e-13, max_step=0.2
+    )
+    assert run.energy == pytest.approx(1e4 * found.y[1, -1], rel=1e-8)
+    assert run.generator_energy == pytest.approx(1e4 * found.y[2, -1], rel=1e-8)
+    np.testing.assert_allclose(run.rotor_speed, found.y[0], rtol=1e-7)
