@@ -113,7 +113,7 @@ def wrong_curve(solved):
 
 def lower_bound_of_the_energy(solved):
     less = 0.9 * solved.optimum.power_coefficient
-    return replace(solved, optimum=replace(solved.optimum, power_coefficient=less))
+    return replace(solved, optimum=solved.optimum._replace(power_coefficient=less))
 
 
 def better_start(solved):
