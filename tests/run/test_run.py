@@ -1,5 +1,6 @@
 """Whole runs, held to theory: bounds, formulas, the ranking of controllers; and what they leave."""
 
+import json
 import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -13,7 +14,7 @@ from hkt_mdo.case import load_case, read_case
 from hkt_mdo.cli import main
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.run.run import run_case
+from hkt_mdo.run.run import resume_case, run_case
 
 CASES = Path(__file__).parents[2] / "cases"
 RADIUS, DENSITY = 1.4, 1000.0
@@ -103,7 +104,7 @@ def test_baseline_is_a_few_percent_below_the_optimum(run):
         "control.unknown=torque",
         "phase.transcription=radau",
         "hydrodynamics.torque=direct",
-        "hydrodynamics.bem=ccblade",
+        pytest.param("hydrodynamics.bem=ccblade", marks=pytest.mark.slow),
     ],
 )
 def test_other_formulations_find_the_same_optimum(solve, override):
@@ -283,10 +284,12 @@ def test_a_second_run_on_one_folder_is_refused(tmp_path):
 
     def second(count, objective, infeasibility):
         if count == 2:
-            with pytest.raises(InputError, match="another run is at work") as caught:
-                run_case(case, out, force=True)
-            refused.append(str(caught.value))
+            for start in (lambda: run_case(case, out, force=True), lambda: resume_case(out)):
+                with pytest.raises(InputError, match="another run is at work") as caught:
+                    start()
+                refused.append(caught.value)
+            assert json.loads((out / "summary.json").read_text())["success"] is False
 
     solution = run_case(case, out, progress=second, figures=False)
-    assert len(refused) == 1
+    assert len(refused) == 2
     assert solution.success, solution.message
