@@ -60,6 +60,16 @@ class Inflow(Section):
         """Time beyond which the flow is unknown, s; infinite where it never is."""
         return np.inf
 
+    def model_copy(self, **options):
+        """Return a copy, with some fields changed; what was computed of the old ones is left out.
+
+        The options are those of pydantic's method, which would keep a `cached_property`.
+        """
+        copied = super().model_copy(**options)
+        for name in copied.__dict__.keys() - type(self).model_fields.keys():
+            del copied.__dict__[name]
+        return copied
+
     def speed_at(self, time):
         """Return the inflow speed, m/s."""
         raise NotImplementedError

@@ -17,9 +17,9 @@ def smooth_saturation(torque, limit, smoothing):
     """Return the smoothly saturated torque (paper eq. 4), N*m.
 
     sat(u) = limit/4 (2 + sqrt(nu + (2u/limit)²) - sqrt(nu + (2u/limit - 2)²)), nu = smoothing.
-    It lies between 0 and the limit for every u. Far above the limit it is nu limit / (16 (u/limit -
-    1)) below it; at u = 0 it is limit/4 (2 + sqrt(nu) - sqrt(nu + 4)), which is 0.78 % of the limit
-    for nu = 0.001.
+    It lies between 0 and the limit for every u. Far above the limit it is nu limit / (16 x (x - 1))
+    below it, x = u/limit; at u = 0 it is limit/4 (2 + sqrt(nu) - sqrt(nu + 4)), which is 0.78 % of
+    the limit for nu = 0.001.
 
     Parameters
     ----------

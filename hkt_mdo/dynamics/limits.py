@@ -235,6 +235,8 @@ class DistanceFromStall(Limit):
             "rotor_speed": share * (sloped / speed - self.law.torque_by_speed(speed, gains)),
             "torque_coefficient_table": scale[:, None] * basis,
             "rotor_radius": (3.0 * driving + sloped) / radius,
+            "inflow_speed": (2.0 * driving - sloped) / v,
+            "density": driving / q["density"],
             "gains": -self.law.torque_by_gain(speed, gains).T,
         }
         return driving - self.law.torque(speed, gains), by
@@ -250,8 +252,9 @@ class DistanceFromStall(Limit):
         return slowed[0] - here[0] - self._asked(quantities)
 
     def partials(self, **quantities):
-        """Return the derivatives by speed, table, radius and gains; flow and water do not move."""
+        """Return the value's derivative by each input."""
         slowed, here = self._net(1.0 - self.slowed, quantities)[1], self._net(1.0, quantities)[1]
         found = {name: slowed[name] - here[name] for name in slowed}
-        found["rotor_radius"] -= 3.0 * self._asked(quantities) / quantities["rotor_radius"]
+        for name, power in (("rotor_radius", 3.0), ("inflow_speed", 2.0), ("density", 1.0)):
+            found[name] -= power * self._asked(quantities) / quantities[name]
         return found

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 import openmdao.api as om
 from dymos import Trajectory
+from threadpoolctl import threadpool_limits
 
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.limits import TYPICAL, DistanceFromStall, Limit
@@ -69,12 +70,13 @@ def build_problem(case: Case, *, improve: bool | None = None) -> om.Problem:
     physics = make_physics(case)
     if improve is None:
         improve = physics.case.start.method == "quasi_steady"
-    optimum = (
-        steady_optimum(physics, physics.blade)
-        if improve
-        else best_operation(physics.blade, physics.polar)
-    )
-    start = find_start(physics, optimum, improve=improve)
+    with threadpool_limits(1):  # matrices are small: threads cost more than they give
+        optimum = (
+            steady_optimum(physics, physics.blade)
+            if improve
+            else best_operation(physics.blade, physics.polar)
+        )
+        start = find_start(physics, optimum, improve=improve)
     return assemble(physics, Setup(start, curve_nodes(physics, start)))
 
 

@@ -6,8 +6,8 @@ import pytest
 from openmdao.utils.assert_utils import assert_check_partials
 
 from hkt_mdo.case import Fluid, Rotor
-from hkt_mdo.dynamics.controllers import QuadraticLaw
-from hkt_mdo.dynamics.inflow import SineInflow
+from hkt_mdo.dynamics.flows import SineInflow
+from hkt_mdo.dynamics.laws import QuadraticFeedback
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp, RotorODE
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem
@@ -24,7 +24,7 @@ def spline_hydrodynamics(num_nodes):
 
 def problem_of(**options):
     problem = om.Problem(reports=False)
-    ode = RotorODE(num_nodes=N, inflow=SineInflow(1.5, 0.2, 0.25), **options)
+    ode = RotorODE(num_nodes=N, inflow=SineInflow(), **options)
     problem.model.add_subsystem("ode", ode, promotes=["*"])
     problem.setup(force_alloc_complex=True)
     problem.set_val("time", np.linspace(0.0, 20.0, N))
@@ -37,7 +37,9 @@ def problem_of(**options):
 
 @pytest.fixture
 def closed_loop():
-    problem = problem_of(hydrodynamics=spline_hydrodynamics, law=QuadraticLaw(700.0))
+    problem = problem_of(
+        hydrodynamics=spline_hydrodynamics, law=QuadraticFeedback(torque_limit=700.0)
+    )
     problem.set_val("torque_coefficient_table", TABLE)
     problem.set_val("gain_0", 7.2)
     problem.run_model()
@@ -83,8 +85,8 @@ def test_a_steady_rotor_gives_all_its_power_to_the_generator():
 @pytest.mark.parametrize(
     "options",
     [
-        {"law": QuadraticLaw(700.0)},
-        {"law": QuadraticLaw()},
+        {"law": QuadraticFeedback(torque_limit=700.0)},
+        {"law": QuadraticFeedback()},
         {"unknown": "speed"},
         {"unknown": "torque"},
     ],
@@ -119,7 +121,7 @@ def test_partials_of_direct_bem_by_central_difference(reynolds):
             coefficients=bem.rotor_coefficients,
         )
 
-    problem = problem_of(hydrodynamics=direct, law=QuadraticLaw(700.0))
+    problem = problem_of(hydrodynamics=direct, law=QuadraticFeedback(torque_limit=700.0))
     problem.set_val("gain_0", 7.2)
     problem.run_model()
     data = problem.check_partials(

@@ -1,4 +1,4 @@
-"""Runs that are interrupted, killed, starved or disturbed: no lie is left, and they can go on."""
+"""Runs that are interrupted, killed or out of disk: they say so, and they can be resumed."""
 
 import json
 import os
@@ -13,12 +13,12 @@ import pytest
 
 from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
-from hkt_mdo.results import folder as result_folder
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run import run
 
-CASES = Path(__file__).parent.parent / "cases"
+CASES = Path(__file__).parents[2] / "cases"
 SHORT = ["phase.segments=15", "phase.duration=15"]
+QUIET = ["--quiet", "--no-figures", "--set", SHORT[0], "--set", SHORT[1]]
 posix = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")
 
 
@@ -60,7 +60,7 @@ def undisturbed(tmp_path_factory):
 
 @pytest.mark.parametrize("optimizer", ["IPOPT", "SLSQP"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
-def test_an_interrupted_run_says_so_and_is_resumed(tmp_path, undisturbed, optimizer, number):
+def test_an_interrupted_run_says_so(tmp_path, optimizer, number):
     folder = interrupted(
         tmp_path / "out",
         f"driver.optimizer={optimizer}",
@@ -69,6 +69,14 @@ def test_an_interrupted_run_says_so_and_is_resumed(tmp_path, undisturbed, optimi
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
     assert summary(folder)["success"] is False
     assert "--resume" in summary(folder)["message"]
+    for name in ("case.yaml", "convergence.csv", "iterate.json"):
+        assert (folder / name).is_file(), name
+    assert not (folder / "lock").exists()
+
+
+@pytest.mark.parametrize("optimizer", ["IPOPT", "SLSQP"])
+def test_an_interrupted_run_is_resumed(tmp_path, undisturbed, optimizer):
+    folder = interrupted(tmp_path / "out", f"driver.optimizer={optimizer}")
     evaluations = Solution.load(folder).convergence["evaluation"].size
     resumed = run.resume_case(folder, figures=False)
     assert resumed.success, resumed.message
@@ -131,20 +139,11 @@ def test_a_corrupt_recorder_file_does_not_matter(tmp_path):
         assert database.execute("select count(*) from driver_iterations").fetchone()[0] > 1
 
 
-def test_two_runs_into_one_folder(tmp_path):
-    folder = interrupted(tmp_path / "out")
-    with result_folder.locked(folder):
-        for start in (run.resume_case, lambda out: run.run_case(case(), out, force=True)):
-            with pytest.raises(InputError, match="another run is at work"):
-                start(folder)
-    assert summary(folder)["success"] is False
-
-
 def test_a_verdict_never_precedes_its_tables(tmp_path, monkeypatch):
     def starve(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(run, "_write_tables", starve)
+    monkeypatch.setattr(run, "write_tables", starve)
     with pytest.raises(OSError, match="No space"):
         run.run_case(case(), tmp_path / "out", figures=False)
     assert summary(tmp_path / "out")["success"] is False
@@ -160,8 +159,9 @@ def test_a_full_disk_is_told(tmp_path, size):
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
     folder = tmp_path / "out"
-    arguments = ["--out", folder, "--quiet", "--no-figures", "--set", SHORT[0], "--set", SHORT[1]]
-    process = hkt("run", CASES / "sine_limited_oloc.yaml", *arguments, preexec_fn=limit)
+    process = hkt(
+        "run", CASES / "sine_limited_oloc.yaml", "--out", folder, *QUIET, preexec_fn=limit
+    )
     said, _ = process.communicate()
     assert process.returncode == 2, said
     assert "Traceback" not in said
@@ -181,8 +181,7 @@ def test_a_read_only_folder_is_told(tmp_path):
 @posix
 def test_a_killed_run_is_resumed(tmp_path, undisturbed):
     folder = tmp_path / "out"
-    arguments = ["--out", folder, "--quiet", "--no-figures", "--set", SHORT[0], "--set", SHORT[1]]
-    process = hkt("run", CASES / "sine_limited_quadratic.yaml", *arguments)
+    process = hkt("run", CASES / "sine_limited_quadratic.yaml", "--out", folder, *QUIET)
     while not (folder / "iterate.json").exists() and process.poll() is None:
         time.sleep(0.01)
     process.kill()

@@ -1,0 +1,308 @@
+"""Flow profiles: against their formulas and spectra, and their rates by complex step."""
+
+from typing import get_args
+
+import numpy as np
+import openmdao.api as om
+import pytest
+from openmdao.utils.assert_utils import assert_check_partials
+
+from hkt_mdo.case import read_case
+from hkt_mdo.dynamics.flows import (
+    TIDAL_PERIODS,
+    ConstantInflow,
+    GustInflow,
+    Inflow,
+    SineInflow,
+    StepInflow,
+    SumInflow,
+    TidalConstituent,
+    TidalInflow,
+)
+from hkt_mdo.dynamics.rotor_ode import InflowComp
+from hkt_mdo.dynamics.sampled import TurbulentInflow
+from hkt_mdo.errors import InputError
+
+TIME = np.linspace(0.0, 60.0, 245)
+STEP, SINE = StepInflow(), SineInflow()
+HAT = GustInflow(shape="mexican_hat", amplitude=0.4)
+BUMP = GustInflow(amplitude=0.3)
+TIDE = TidalInflow(
+    mean=1.5,
+    constituents=(
+        TidalConstituent(amplitude=0.3, period=600.0, phase=0.4),
+        TidalConstituent(amplitude=0.1, period=40.0, phase=-1.0),
+    ),
+    scale=1.2,
+)
+SUM = SumInflow(parts=(SINE, HAT))
+PROFILES = {
+    "constant": ConstantInflow(speed=1.3),
+    "step": STEP,
+    "sine": SINE,
+    "sine of section V": SineInflow(angular_frequency=0.225, phase=0.2 * np.pi, scale=1.1),
+    "tide": TIDE,
+    "bump": BUMP,
+    "hat": HAT,
+    "von Karman": TurbulentInflow(length_scale=2.0, seed=7, duration=50.0, cutoff=1.0),
+    "Kaimal": TurbulentInflow(
+        spectrum="kaimal", length_scale=2.0, seed=7, duration=70.0, cutoff=1.0
+    ),
+    "sum": SUM,
+}
+each_profile = pytest.mark.parametrize("inflow", PROFILES.values(), ids=PROFILES)
+
+
+def section(text):
+    return read_case(f"inflow: {text}\ncontrol: {{law: linear}}").inflow
+
+
+# What every profile has ---------------------------------------------------------------------------
+
+
+@each_profile
+def test_rate_is_the_derivative(inflow):
+    by_complex_step = np.imag(inflow.speed_at(TIME + 1e-30j)) / 1e-30
+    np.testing.assert_allclose(inflow.rate_at(TIME), by_complex_step, rtol=1e-13, atol=5e-14)
+
+
+@each_profile
+def test_partials(inflow):
+    problem = om.Problem(reports=False)
+    problem.model.add_subsystem("flow", InflowComp(num_nodes=7, inflow=inflow), promotes=["*"])
+    problem.setup(force_alloc_complex=True)
+    problem.set_val("time", np.linspace(0.0, 60.0, 7))
+    problem.run_model()
+    data = problem.check_partials(method="cs", compact_print=True, out_stream=None)
+    assert_check_partials(data, atol=1e-12, rtol=1e-12)
+
+
+@each_profile
+def test_one_time_is_as_many(inflow):
+    times = TIME[::7]
+    for function in (inflow.speed_at, inflow.rate_at):
+        many = function(times)
+        np.testing.assert_allclose([function(t) for t in times.tolist()], many, atol=1e-14)
+        np.testing.assert_array_equal(function(times.reshape(5, 7)), many.reshape(5, 7))
+        assert np.shape(function(1.0)) == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "flow", "length", "highest_frequency"),
+    [
+        ("{profile: constant, speed: 1.3}", ConstantInflow(speed=1.3), None, None),
+        ("step", StepInflow(before=1.2, after=1.4, time=30.0, width=1.0), None, 0.3),
+        ("sine", SINE, None, 0.25 / (2 * np.pi)),
+        ("gust", GustInflow(mean=1.5, amplitude=0.3, time=20.0, width=10.5), None, 2.0 / 10.5),
+        (
+            "{profile: gust, shape: mexican_hat, amplitude: -0.1, width: 0.5 min}",
+            GustInflow(shape="mexican_hat", amplitude=-0.1, width=30.0),
+            None,
+            2.5 / 30.0,
+        ),
+        (
+            "{profile: turbulence, spectrum: kaimal, seed: 4, cutoff: 0.5}",
+            TurbulentInflow(spectrum="kaimal", seed=4, cutoff=0.5),
+            60.0,
+            0.5,
+        ),
+        ("{profile: turbulence, length_scale: 2}", TurbulentInflow(length_scale=2.0), 60.0, 1.5),
+        (
+            "{profile: tide, mean: 2, scale: 0.9, constituents: [{name: S2, amplitude: 0.5, phase: "
+            "60 deg}, {period: 10 min, amplitude: 10 cm/s}]}",
+            TidalInflow(
+                mean=2.0,
+                constituents=(
+                    TidalConstituent(amplitude=0.5, period=43200.0, phase=np.pi / 3.0),
+                    TidalConstituent(amplitude=0.1, period=600.0),
+                ),
+                scale=0.9,
+            ),
+            None,
+            1.0 / 600.0,
+        ),
+    ],
+)
+def test_a_section_of_a_case_is_its_flow(text, flow, length, highest_frequency):
+    read = section(text)
+    assert type(read) is type(flow)
+    np.testing.assert_allclose(read.speed_at(TIME), flow.speed_at(TIME), rtol=1e-13)
+    assert read.length == length
+    assert read.highest_frequency == pytest.approx(highest_frequency)
+    assert (read.messages == ()) == (text.count("turbulence") == 0)
+
+
+def test_the_case_allows_what_the_formulas_know():
+    name = TidalConstituent.model_fields["name"].annotation
+    assert set(get_args(get_args(name)[0])) == set(TIDAL_PERIODS)
+    shapes = get_args(GustInflow.model_fields["shape"].annotation)
+    assert all(np.isfinite(GustInflow(shape=shape).speed_at(TIME)).all() for shape in shapes)
+
+
+def test_a_flow_of_ones_own_needs_speed_at_alone():
+    class Own(Inflow):
+        def speed_at(self, time):
+            return 1.0 + 0.01 * np.asarray(time) ** 2
+
+    own = Own(profile="own")
+    assert (own.length, own.highest_frequency, own.messages) == (None, None, ())
+    assert own.mean_speed == 1.0
+    np.testing.assert_allclose(own.rate_at(TIME), 0.02 * TIME, rtol=1e-14)
+    own.check(1e6)
+
+
+# Formulas -----------------------------------------------------------------------------------------
+
+
+def test_step_is_equation_9():
+    expected = 1.2 + 0.2 / (1.0 + np.exp(-(TIME - 30.0)))
+    np.testing.assert_allclose(STEP.speed_at(TIME), expected, rtol=1e-14)
+
+
+def test_step_does_not_overflow_far_from_the_step():
+    with np.errstate(all="raise"):
+        assert StepInflow(time=1e6).speed_at(0.0) == pytest.approx(1.2)
+
+
+def test_sine_is_equation_10():
+    expected = 0.2 * np.sin(0.25 * TIME) + 1.5
+    np.testing.assert_allclose(SINE.speed_at(TIME), expected, rtol=1e-15)
+
+
+def test_uncertain_flows_are_those_of_section_5():
+    nominal = 0.2 * np.sin(0.25 * TIME) + 1.5
+    np.testing.assert_allclose(SineInflow(scale=1.1).speed_at(TIME), 1.1 * nominal)
+    np.testing.assert_allclose(
+        SineInflow(phase=0.2 * np.pi).speed_at(TIME),
+        0.2 * np.sin(0.25 * TIME + 0.2 * np.pi) + 1.5,
+    )
+
+
+def test_mexican_hat_is_the_extreme_operating_gust():
+    time = np.linspace(20.0, 30.5, 201)
+    place = (time - 20.0) / 10.5
+    expected = 1.5 - 0.37 * 0.4 * np.sin(3 * np.pi * place) * (1 - np.cos(2 * np.pi * place))
+    np.testing.assert_allclose(HAT.speed_at(time), expected, rtol=1e-14)
+    fine = HAT.speed_at(np.linspace(20.0, 30.5, 100_001))
+    assert np.max(fine) - 1.5 == pytest.approx(0.74 * 0.4, rel=1e-9)
+    assert np.min(fine) - 1.5 == pytest.approx(-0.27 * 0.4, rel=0.01)
+
+
+def test_bump_rises_by_its_amplitude():
+    assert BUMP.speed_at(25.25) == pytest.approx(1.5 + 0.3, rel=1e-14)
+    assert BUMP.speed_at(22.625) == pytest.approx(1.5 + 0.3 / 4.0, rel=1e-14)
+
+
+@pytest.mark.parametrize("inflow", [HAT, BUMP], ids=["hat", "bump"])
+def test_gusts_begin_and_end_without_a_jump(inflow):
+    for end, inwards in ((20.0, 1.0), (30.5, -1.0)):
+        for distance, height in ((1e-2, 1e-8), (1e-3, 1e-11)):
+            inside = end + inwards * distance
+            assert abs(inflow.speed_at(inside) - 1.5) < 20 * height  # third power at least
+            curvature = np.imag(inflow.rate_at(inside + 1e-30j)) / 1e-30
+            assert abs(curvature) < 0.5 * distance
+        assert inflow.speed_at(end - inwards) == 1.5
+        assert inflow.rate_at(end - inwards) == 0.0
+
+
+def test_periods_are_sums_of_the_astronomical_rates():
+    tau, s, h, p = 14.4920521, 0.5490165, 0.0410686, 0.0046418  # deg/h
+    rates = {
+        "M2": 2 * tau,
+        "S2": 2 * (tau + s - h),
+        "N2": 2 * tau - s + p,
+        "K2": 2 * (tau + s),
+        "K1": tau + s,
+        "O1": tau - s,
+        "P1": tau + s - 2 * h,
+        "Q1": tau - 2 * s + p,
+        "M4": 4 * tau,
+        "MS4": 4 * tau + 2 * (s - h),
+        "M6": 6 * tau,
+    }
+    assert set(rates) == set(TIDAL_PERIODS)
+    for name, rate in rates.items():
+        assert TIDAL_PERIODS[name] == pytest.approx(3600.0 * 360.0 / rate, rel=2e-7), name
+
+
+def test_spring_follows_neap():
+    fortnight = 354.3670666 * 3600.0  # the period of MSf
+    lunar = TidalConstituent(name="M2", amplitude=1.0)
+    solar = TidalConstituent(name="S2", amplitude=0.4)
+    tide = TidalInflow(mean=3.0, constituents=(lunar, solar), scale=0.5)
+    assert tide.speed_at(0.0) == pytest.approx(0.5 * 4.4, rel=1e-15)
+    half = np.linspace(-0.5, 0.5, 2001) * TIDAL_PERIODS["M2"]
+    assert np.ptp(tide.speed_at(fortnight + half)) == pytest.approx(2.8 * 0.5, rel=2e-3)
+    assert np.ptp(tide.speed_at(0.5 * fortnight + half)) == pytest.approx(1.2 * 0.5, rel=2e-2)
+
+
+@pytest.mark.parametrize(
+    ("inflow", "share"),
+    [(STEP, 0.03), (HAT, 0.03), (BUMP, 0.01), (SINE, 0.03)],
+    ids=["step", "hat", "bump", "sine"],
+)
+def test_little_of_the_rates_spectrum_lies_above_the_highest_frequency(inflow, share):
+    time = np.linspace(0.0, 60.0, 2**14)
+    window = np.blackman(time.size) if inflow is SINE else 1.0  # takes away the edges
+    power = np.abs(np.fft.rfft(inflow.rate_at(time) * window)) ** 2
+    frequency = np.fft.rfftfreq(time.size, time[1])
+    above = np.sum(power[frequency > inflow.highest_frequency + 0.06])
+    assert above < share * np.sum(power)
+
+
+# Sums ---------------------------------------------------------------------------------------------
+
+
+def test_a_sum_is_the_sum():
+    expected = SINE.speed_at(TIME) + HAT.speed_at(TIME) - 1.5
+    np.testing.assert_allclose(SUM.speed_at(TIME), expected, rtol=1e-14)
+    assert SUM.length is None
+    assert SUM.highest_frequency == HAT.highest_frequency
+    turbulence = TurbulentInflow(spectrum="kaimal", length_scale=1.0, duration=40.0, cutoff=2.0)
+    whole = SumInflow(parts=(turbulence, HAT))
+    assert (whole.length, whole.highest_frequency) == (40.0, 2.0)
+    assert (whole.mean_speed, whole.messages) == (1.5, turbulence.messages)
+
+
+@pytest.mark.parametrize(
+    ("part", "mean"),
+    [
+        ("{profile: constant, speed: 1.3}", 1.3),
+        ("{profile: step}", 1.2),
+        ("{profile: sine, scale: 1.1}", 1.65),
+        ("{profile: gust, amplitude: 0.2}", 1.5),
+        ("{profile: turbulence, mean: 1.2}", 1.2),
+        ("{profile: tide, mean: 2, constituents: [{name: M2, amplitude: 0.5, phase: 1}]}", 2.0),
+    ],
+)
+def test_a_later_part_adds_its_fluctuation_alone(part, mean):
+    whole = section(f"{{profile: sum, parts: [{{profile: sine, mean: 1.4}}, {part}]}}")
+    first = SineInflow(mean=1.4)
+    expected = first.speed_at(TIME) + section(part).speed_at(TIME) - mean
+    np.testing.assert_allclose(whole.speed_at(TIME), expected, rtol=1e-13)
+    assert whole.mean_speed == 1.4
+
+
+# Flows in which a turbine cannot stand ------------------------------------------------------------
+
+
+def test_a_flow_that_turns_back_is_refused():
+    tide = section("{profile: tide, constituents: [{name: M2, amplitude: 2}]}")
+    tide.check(3600.0)  # an hour after the flood's peak
+    with pytest.raises(InputError) as caught:
+        tide.check(6 * 3600.0)
+    message = str(caught.value)
+    assert message.startswith("inflow: reaches -")
+    assert "at t = 21600 s: it stands still or turns back" in message
+    assert "a shorter phase.duration" in message
+    lull = section("{profile: gust, amplitude: -1.6, time: 20}")
+    lull.check(20.0)
+    with pytest.raises(InputError, match=r"t = 25\.2"):
+        lull.check(60.0)
+
+
+def test_a_fluctuation_may_exceed_its_own_mean_in_a_sum():
+    weak = "{profile: turbulence, mean: 0.5, intensity: 0.9, length_scale: 1}"
+    with pytest.raises(InputError, match="it stands still or turns back"):
+        section(weak).check(60.0)
+    section(f"{{profile: sum, parts: [{{profile: constant, speed: 3}}, {weak}]}}").check(60.0)

@@ -1,0 +1,293 @@
+"""Flows through samples: splines against polynomials, turbulence against its spectrum, records."""
+
+import os
+from dataclasses import asdict
+from typing import get_args
+
+import numpy as np
+import pytest
+from broken.records import SOUND
+from scipy.integrate import quad, trapezoid
+from scipy.signal import periodogram
+from scipy.special import gamma, kv
+
+from hkt_mdo.case import read_case
+from hkt_mdo.dynamics import records
+from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow, SumInflow
+from hkt_mdo.dynamics.records import RecordOptions, read_record
+from hkt_mdo.dynamics.sampled import SPECTRA, RecordInflow, Samples, TurbulentInflow
+from hkt_mdo.errors import InputError
+from hkt_mdo.files.record import DISCHARGE_UNITS, SPEED_UNITS, TIME_UNITS
+
+TIME = np.linspace(0.0, 60.0, 245)
+SINE = SineInflow()
+_TIMES = np.linspace(0.0, 60.0, 121)
+WAVES = Samples(_TIMES, 1.5 + 0.1 * np.sin(_TIMES**1.3))
+each_spectrum = pytest.mark.parametrize("spectrum", SPECTRA)
+
+
+# Samples ------------------------------------------------------------------------------------------
+
+
+def test_spline_of_a_cubic_is_the_cubic():
+    time = 2.0 + 0.5 * np.arange(20)
+    cubic = np.polynomial.Polynomial([1.5, 0.2, -0.03, 0.002])
+    inflow = Samples(time, cubic(time))
+    between = np.linspace(2.0, 11.5, 333)
+    np.testing.assert_allclose(inflow.speed_at(between), cubic(between), rtol=1e-13)
+    np.testing.assert_allclose(inflow.rate_at(between), cubic.deriv()(between), atol=1e-13)
+    assert inflow.duration == pytest.approx(9.5)
+
+
+def test_spline_is_twice_differentiable_at_its_samples():
+    def curvature(time):
+        return np.imag(WAVES.rate_at(time + 1e-30j)) / 1e-30
+
+    inner = WAVES.time[1:-1]
+    jump = curvature(inner + 1e-9) - curvature(inner - 1e-9)
+    assert np.max(np.abs(jump)) < 1e-6 * np.max(np.abs(curvature(inner)))
+    assert np.max(np.abs(WAVES.rate_at(inner + 1e-9) - WAVES.rate_at(inner - 1e-9))) < 1e-8
+
+
+def test_spline_converges_with_the_fourth_power_of_the_step():
+    def error(count):
+        time = np.linspace(0.0, 60.0, count)
+        return np.max(
+            np.abs(Samples(time, SINE.speed_at(time)).speed_at(TIME) - SINE.speed_at(TIME))
+        )
+
+    assert error(61) / error(121) == pytest.approx(16.0, rel=0.2)
+
+
+def test_samples_hold_their_ends_outside():
+    for time, value in ((-3.0, WAVES.speed_values[0]), (1e9, WAVES.speed_values[-1])):
+        assert WAVES.speed_at(time) == pytest.approx(value, rel=1e-14)
+        assert WAVES.speed_at(np.array([time]))[0] == pytest.approx(value, rel=1e-14)
+        assert WAVES.rate_at(time) == 0.0
+        assert WAVES.rate_at(np.array([time]))[0] == 0.0
+        assert np.imag(WAVES.speed_at(time + 1e-30j)) == 0.0
+
+
+def test_periodic_samples_go_on_smoothly():
+    period = 2.0 * np.pi / 0.25
+    time = np.arange(40) * (period / 40)
+    inflow = Samples(time, SINE.speed_at(time), period)
+    far = np.linspace(-3.0 * period, 5.0 * period, 401)
+    np.testing.assert_allclose(inflow.speed_at(far), SINE.speed_at(far), atol=2e-6)
+    np.testing.assert_allclose(inflow.rate_at(far), SINE.rate_at(far), atol=5e-6)
+    assert inflow.duration == pytest.approx(period)
+
+
+@pytest.mark.parametrize(
+    ("time", "period", "told"),
+    [
+        ([0.0, 1.0, 2.0], None, "at least four"),
+        ([0.0, 1.0, 2.1, 3.0], None, "equal steps"),
+        ([3.0, 2.0, 1.0, 0.0], None, "equal steps"),
+        ([0.0, 1.0, 2.0, 3.0], 3.0, "as many steps"),
+    ],
+)
+def test_samples_must_be_even(time, period, told):
+    with pytest.raises(ValueError, match=told):
+        Samples(np.array(time), np.ones(len(time)), period)
+
+
+def test_rate_of_samples_is_the_derivative_and_one_time_is_as_many():
+    times = TIME[::7]
+    by_complex_step = np.imag(WAVES.speed_at(times + 1e-30j)) / 1e-30
+    np.testing.assert_allclose(WAVES.rate_at(times), by_complex_step, rtol=1e-13, atol=5e-14)
+    for function in (WAVES.speed_at, WAVES.rate_at):
+        np.testing.assert_allclose(
+            [function(t) for t in times.tolist()], function(times), atol=1e-14
+        )
+
+
+# Turbulence ---------------------------------------------------------------------------------------
+
+
+def long_turbulence(spectrum):
+    return TurbulentInflow(
+        spectrum=spectrum, intensity=0.12, length_scale=4.0, seed=3, duration=2000.0, cutoff=3.0
+    )
+
+
+@each_spectrum
+def test_spectra_are_those_of_their_names(spectrum):
+    density = SPECTRA[spectrum]
+    # the integral is 1, for von Karman up to the rounded constant 70.8; at f = 0 it is 4, so L is
+    # the integral scale; far up is the inertial range
+    area = 2.0 * np.sqrt(np.pi / 70.8) * gamma(1.0 / 3.0) / gamma(5.0 / 6.0)
+    assert area == pytest.approx(1.0, abs=2e-4)
+    low, high = quad(density, 0.0, 10.0, epsrel=1e-12)[0], quad(density, 10.0, np.inf)[0]
+    assert low + high == pytest.approx({"von_karman": area, "kaimal": 1.0}[spectrum], rel=1e-8)
+    assert density(0.0) == 4.0
+    assert density(1e6) / density(1e5) == pytest.approx(10.0 ** (-5.0 / 3.0), rel=1e-4)
+
+
+@each_spectrum
+def test_turbulence_has_its_spectrum(spectrum):
+    inflow = long_turbulence(spectrum)
+    samples, step = inflow.samples.speed_values, inflow.samples.time[1]
+    frequency, density = periodogram(samples, 1.0 / step)
+    waves = slice(1, 6001)
+    np.testing.assert_allclose(frequency[waves], inflow.frequencies, rtol=1e-12)
+    np.testing.assert_allclose(density[waves], inflow.spectral_density(frequency[waves]), rtol=1e-9)
+    assert np.max(density[6001:]) < 1e-20
+    assert frequency[-1] >= 4.0 * 3.0  # eight samples in the shortest period
+
+
+@each_spectrum
+def test_turbulence_has_the_variance_that_it_says(spectrum):
+    inflow = long_turbulence(spectrum)
+    assert np.mean(inflow.samples.speed_values) == pytest.approx(1.5, rel=1e-13)
+    variance = np.var(inflow.samples.speed_values)
+    assert variance == pytest.approx(inflow.kept_variance * 0.18**2, rel=1e-12)
+    ends = 0.5 / 2000.0, 3.0 + 0.5 / 2000.0
+    share = quad(inflow.spectral_density, *ends, limit=200)[0] / 0.18**2
+    assert inflow.kept_variance == pytest.approx(share, rel=1e-3)
+    assert f"{100 * share:.3g} %" in inflow.messages[0]
+
+
+def test_autocorrelation_is_von_karmans():
+    # the spectrum's transform: 2^(2/3) / gamma(1/3) z^(1/3) K_1/3(z), z = tau V / (1.339 L)
+    inflow = TurbulentInflow(length_scale=3.0, seed=5, duration=4000.0, cutoff=40.0)
+    samples, step = inflow.samples.speed_values, inflow.samples.time[1]
+    power = np.abs(np.fft.rfft(samples - 1.5)) ** 2
+    correlation = np.fft.irfft(power, samples.size) / (samples.size * 0.15**2)
+    lags = np.round(np.array([0.5, 1.0, 2.0, 4.0, 6.0]) / step).astype(int)
+    z = lags * step * 1.5 / (3.0 * np.sqrt(70.8) / (2.0 * np.pi))
+    expected = 2.0 ** (2.0 / 3.0) / gamma(1.0 / 3.0) * z ** (1.0 / 3.0) * kv(1.0 / 3.0, z)
+    np.testing.assert_allclose(correlation[lags], expected, atol=2e-3)
+    # and its integral is L / V
+    window = int(30.0 / step)
+    assert trapezoid(correlation[:window], dx=step) == pytest.approx(3.0 / 1.5, rel=0.02)
+
+
+def test_seeds_reproduce_and_a_cutoff_leaves_what_is_slower():
+    inflow = TurbulentInflow(spectrum="kaimal", seed=11, duration=300.0, cutoff=1.0)
+    inflow.speed_at(0.0)  # a copy must not keep these samples
+    again, other = inflow.model_copy(), inflow.model_copy(update={"seed": 12})
+    np.testing.assert_array_equal(again.speed_at(TIME), inflow.speed_at(TIME))
+    assert np.std(other.speed_at(TIME) - inflow.speed_at(TIME)) > 0.05
+    finer = inflow.model_copy(update={"cutoff": 2.0})
+    slow = [np.fft.rfft(f.samples.speed_values, norm="forward")[:301] for f in (inflow, finer)]
+    np.testing.assert_allclose(slow[0], slow[1], atol=1e-14)
+
+
+def test_turbulence_between_its_samples_is_the_sum_of_waves():
+    inflow = TurbulentInflow(seed=2, duration=200.0, cutoff=1.0)
+    frequency = inflow.frequencies
+    phase = np.random.default_rng(2).uniform(0.0, 2.0 * np.pi, frequency.size)
+    amplitude = np.sqrt(2.0 * inflow.spectral_density(frequency) / 200.0)
+    time = np.linspace(0.0, 400.0, 5001)
+    waves = np.cos(2.0 * np.pi * np.multiply.outer(time, frequency) + phase) @ amplitude
+    np.testing.assert_allclose(inflow.speed_at(time), 1.5 + waves, atol=2e-4)
+
+
+def test_turbulence_is_gaussian():
+    samples = TurbulentInflow(
+        spectrum="kaimal", length_scale=2.0, duration=5000.0, cutoff=5.0
+    ).samples.speed_values
+    normal = (samples - 1.5) / np.std(samples)
+    assert np.mean(normal**3) == pytest.approx(0.0, abs=0.05)
+    assert np.mean(normal**4) == pytest.approx(3.0, abs=0.1)
+
+
+def test_turbulence_that_may_stand_still_is_refused():
+    with pytest.raises(InputError, match="inflow: reaches -"):
+        TurbulentInflow(intensity=0.9).check(60.0)
+
+
+# Records ------------------------------------------------------------------------------------------
+
+
+def section(text, folder="."):
+    return read_case(f"inflow: {text}\ncontrol: {{law: linear}}", folder=folder).inflow
+
+
+@pytest.fixture
+def sound(tmp_path):
+    name, content = SOUND
+    (tmp_path / name).write_bytes(content)
+    return tmp_path / name
+
+
+def test_a_record_goes_through_its_samples(sound):
+    flow = section("{profile: record, file: sound.csv, start: 5 s, cutoff: 0.4}", sound.parent)
+    record = read_record(sound, start=5.0, cutoff=0.4)
+    np.testing.assert_allclose(flow.speed_at(record.time), record.speed, rtol=1e-14)
+    assert (flow.length, flow.highest_frequency) == (pytest.approx(54.5), 0.4)
+    assert flow.mean_speed == pytest.approx(np.mean(record.speed))
+    assert flow.messages == tuple(record.messages)
+    assert any("taken from 5 s" in message for message in flow.messages)
+    between = np.linspace(0.0, 54.0, 101)
+    by_complex_step = np.imag(flow.speed_at(between + 1e-30j)) / 1e-30
+    np.testing.assert_allclose(flow.rate_at(between), by_complex_step, rtol=1e-12, atol=1e-13)
+
+
+def test_a_record_is_read_once_and_anew_when_it_is_written_anew(sound, monkeypatch):
+    reads = []
+
+    def counted(*arguments, **options):
+        reads.append(arguments)
+        return read_record(*arguments, **options)
+
+    monkeypatch.setattr(records, "read_record", counted)
+    first = RecordInflow(file=str(sound))
+    speed = first.speed_at(10.0)
+    assert RecordInflow(file=str(sound)).speed_at(10.0) == speed
+    assert len(reads) == 1
+    sound.write_bytes(SOUND[1].replace(b"speed_m_s", b"speed_mph"))
+    os.utime(sound, ns=(1, 1))
+    assert RecordInflow(file=str(sound)).speed_at(10.0) == pytest.approx(0.44704 * speed, rel=1e-12)
+    later = first.model_copy(update={"start": 10.0})
+    assert later.speed_at(1.0) == RecordInflow(file=str(sound), start=10.0).speed_at(1.0)
+    assert first.speed_at(10.0) == speed
+    lost = RecordInflow(file=str(sound), start=2.0)
+    sound.unlink()
+    with pytest.raises(InputError, match=r"sound\.csv: does not exist"):
+        lost.check(10.0)
+
+
+def test_a_record_in_a_sum_adds_its_fluctuation_alone(sound):
+    record = read_record(sound)
+    whole = SumInflow(parts=(ConstantInflow(speed=3.0), RecordInflow(file=str(sound))))
+    expected = 3.0 + record.speed - np.mean(record.speed)
+    np.testing.assert_allclose(whole.speed_at(record.time), expected, rtol=1e-13)
+    assert (whole.length, whole.highest_frequency) == (pytest.approx(59.5), 0.5)
+    assert whole.messages == tuple(record.messages)
+
+
+def test_a_record_must_last(sound):
+    record = RecordInflow(file=str(sound))
+    record.check(59.5)
+    for flow in (record, SumInflow(parts=(record, TurbulentInflow()))):
+        with pytest.raises(InputError, match=r"is longer than the record of the flow, 59\.5 s"):
+            flow.check(60.0)
+    TurbulentInflow().check(200.0)  # turbulence repeats
+
+
+def test_a_broken_record_is_told_with_its_file(sound):
+    sound.write_bytes(SOUND[1].replace(b"speed_m_s", b"speed"))
+    with pytest.raises(InputError, match=r"sound\.csv: column speed: has no unit that is known"):
+        RecordInflow(file=str(sound)).check(10.0)
+
+
+def words(model, key):
+    """Return the words that a key of a section allows."""
+    annotation = model.model_fields[key].annotation
+    inner = get_args(annotation)
+    return set(get_args(inner[0]) if type(None) in inner else inner)
+
+
+def test_the_case_allows_what_the_readers_know():
+    assert words(TurbulentInflow, "spectrum") == set(SPECTRA)
+    assert words(RecordInflow, "time_unit") == set(TIME_UNITS)
+    assert words(RecordInflow, "speed_unit") == {*SPEED_UNITS, *DISCHARGE_UNITS}
+    defaults = {key: field.default for key, field in RecordInflow.model_fields.items()}
+    assert {**asdict(RecordOptions()), "profile": "record"} == {
+        key: value for key, value in defaults.items() if key != "file"
+    }
+    for key in ("gaps", "spikes", "uneven"):
+        for word in words(RecordInflow, key):
+            RecordOptions(**{key: word})

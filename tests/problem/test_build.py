@@ -1,0 +1,208 @@
+"""A case as an OpenMDAO problem: totals, feasible starts, two scenarios, the public problem."""
+
+from dataclasses import replace
+
+import numpy as np
+import openmdao.api as om
+import pytest
+from openmdao.utils.assert_utils import assert_check_partials, assert_check_totals
+from threadpoolctl import threadpool_limits
+
+from hkt_mdo import build_problem, load_case
+from hkt_mdo.case import Phase, read_case
+from hkt_mdo.dynamics.flows import StepInflow
+from hkt_mdo.problem.build import assemble
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.problem.scenario import Scenario
+from hkt_mdo.problem.setup import Setup, find_start
+from hkt_mdo.rotor.steady_optimum import best_operation
+
+VARIANTS = {
+    "quadratic": "control: {law: quadratic, torque_limit: 700}",
+    "linear": "control: {law: linear}",
+    "open loop in speed": "control: {law: open_loop, torque_limit: 700}",
+    "open loop in torque": "control: {law: open_loop, torque_limit: 700, unknown: torque}",
+}
+NODES = np.linspace(2.5, 9.0, 27)
+
+
+def coarse_physics(control, more="", segments=5):
+    return physics(
+        read_case(
+            f"inflow: sine\n{control}\nphase: {{segments: {segments}, duration: 20}}\n"
+            f"start: {{method: blade}}\n{more}"
+        )
+    )
+
+
+def assembled(world, **options):
+    """Return the problem of some physics at the start of its own blade, run once."""
+    start = find_start(world, best_operation(world.blade, world.polar))
+    problem = assemble(world, Setup(start, NODES, **options))
+    problem.run_model()
+    return problem, start
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _one_thread():
+    """As in a run: the matrices are small."""
+    with threadpool_limits(1):
+        yield
+
+
+def check_totals(problem):
+    data = problem.check_totals(
+        method="fd",
+        form="central",
+        step=1e-6,
+        step_calc="rel_avg",
+        out_stream=None,
+        driver_scaling=True,
+    )
+    assert_check_totals(data, atol=2e-6, rtol=2e-5)
+
+
+@pytest.mark.parametrize("torque", ["curve", "direct"])
+@pytest.mark.parametrize("name", VARIANTS)
+def test_totals_of_a_coarse_problem(name, torque):
+    """Every total derivative that the optimizer sees, against central differences."""
+    world = coarse_physics(VARIANTS[name], f"hydrodynamics: {{torque: {torque}}}")
+    check_totals(assembled(world)[0])
+
+
+def test_totals_with_a_designed_radius_and_distance_from_stall():
+    world = coarse_physics(VARIANTS["quadratic"], "design: {radius_bounds: [1.2, 1.6]}")
+    problem, _ = assembled(world, slowed=0.02)
+    assert "limit_distance_from_stall.value" in problem.driver.get_constraint_values()
+    check_totals(problem)
+
+
+def test_totals_with_a_designed_set_angle():
+    more = "rotor: {set_angle: 5}\ndesign: {blade: fixed, set_angle_bounds: [0, 10]}"
+    check_totals(assembled(coarse_physics(VARIANTS["linear"], more))[0])
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_the_start_is_nearly_feasible(name):
+    """At the shipped second a segment; from an infeasible start optimizers wander off."""
+    smooth = VARIANTS[name].replace(", torque_limit: 700", "")  # a limit leaves a kink in the start
+    problem, start = assembled(coarse_physics(smooth, segments=20))
+    assert problem.get_val("energy")[0] == pytest.approx(start.operation.energy, rel=1e-3)
+    violations = {
+        key: np.max(np.abs(values))
+        for key, values in problem.driver.get_constraint_values().items()
+        if "control_torque" not in key
+    }
+    assert max(violations.values()) < 0.05, violations
+
+
+def assert_sparse_totals_are_openmdaos(problem):
+    driver = problem.driver
+    problem.final_setup()
+    driver._coloring_info.deactivate()
+    sparse = problem.model.linear_solver.totals(driver, [*driver._objs, *driver._cons])
+    own = driver._compute_totals(return_format="array")
+    found = sparse.compute().toarray()
+    np.testing.assert_allclose(found, own, rtol=1e-10, atol=1e-12 * np.max(np.abs(own)))
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_sparse_totals_are_openmdaos_own(name):
+    """Substitution in the sparse Jacobian gives what OpenMDAO's linear solves give."""
+    assert_sparse_totals_are_openmdaos(assembled(coarse_physics(VARIANTS[name]))[0])
+
+
+# Two scenarios ------------------------------------------------------------------------------------
+
+
+def two_flows(world, weights=(0.7, 0.3)):
+    """Return some physics in its own flow and in a step, of another duration and mesh."""
+    step = StepInflow(before=1.2, after=1.5, time=6.0, width=1.5)
+    mesh = Phase(segments=6, duration=12.0)
+    scenarios = (
+        replace(world.scenarios[0], weight=weights[0]),
+        Scenario(step, mesh, weight=weights[1], name="step"),
+    )
+    return replace(world, scenarios=scenarios)
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_energy_of_two_scenarios_is_the_weighted_sum_of_the_single_ones(name):
+    world = two_flows(coarse_physics(VARIANTS[name]))
+    both, _ = assembled(world)
+    for output in ("energy", "generator_energy", "objective"):
+        parts = []
+        for scenario in world.scenarios:
+            weights = scenario.node_weights
+            quantity = "generator_power" if output == "generator_energy" else "hydrodynamic_power"
+            parts.append(weights @ both.get_val(f"{scenario.path}.{quantity}").ravel())
+        expected = 0.7 * parts[0] + 0.3 * parts[1]
+        assert both.get_val(output)[0] == pytest.approx(expected, rel=1e-13), output
+    energies = []
+    for scenario in world.scenarios:
+        alone = replace(world, scenarios=(replace(scenario, weight=1.0),))
+        single, _ = assembled(alone)
+        for name in single.model.get_design_vars():
+            single.set_val(name, both.get_val(name))
+        single.run_model()
+        energies.append(single.get_val("energy")[0])
+    assert both.get_val("energy")[0] == pytest.approx(
+        0.7 * energies[0] + 0.3 * energies[1], rel=1e-12
+    )
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_totals_of_two_scenarios(name):
+    problem, _ = assembled(two_flows(coarse_physics(VARIANTS[name])))
+    check_totals(problem)
+    assert_sparse_totals_are_openmdaos(problem)
+
+
+# The public problem -------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def public():
+    case = {
+        "inflow": {"profile": "sine"},
+        "control": {"law": "quadratic", "torque_limit": 700},
+        "phase": {"segments": 15, "duration": 15},
+    }
+    problem = build_problem(load_case(case))
+    problem.run_model()
+    return problem
+
+
+def test_the_public_problem_runs_as_it_stands(public):
+    energy = public.get_val("energy", units="J")[0]
+    power = public.get_val("traj.phase.timeseries.hydrodynamic_power", units="W").ravel()
+    assert energy == pytest.approx(15.0 * np.mean(power), rel=0.02)
+    assert public.get_val("objective")[0] == energy
+    assert 0.0 < public.get_val("inertia", units="kg*m**2")[0] < 100.0
+
+
+def test_partials_of_the_public_problem(public):
+    """Those of the package's own components but BEM, which takes no complex numbers."""
+    case = {
+        "inflow": {"profile": "sine"},
+        "control": {"law": "quadratic", "torque_limit": 700},
+        "phase": {"segments": 3, "duration": 5},
+    }
+    problem = build_problem(load_case(case), improve=False)
+    problem.run_model()
+    parts = [
+        part.pathname
+        for part in problem.model.system_iter(recurse=True, typ=om.ExplicitComponent)
+        if type(part).__module__.startswith("hkt_mdo.")
+    ]
+    assert len(parts) >= 7
+    data = problem.check_partials(
+        includes=parts, method="fd", form="central", step_calc="rel_avg", out_stream=None
+    )
+    assert len(data) >= 7
+    assert_check_partials(data, atol=1e-4, rtol=1e-5)
+
+
+def test_n2_of_the_public_problem(public, tmp_path):
+    om.n2(public, outfile=str(tmp_path / "n2.html"), show_browser=False)
+    assert (tmp_path / "n2.html").stat().st_size > 100_000

@@ -1,0 +1,151 @@
+"""Limits and objectives as components: their formulas, and all partials by complex step."""
+
+from typing import ClassVar
+
+import numpy as np
+import openmdao.api as om
+import pytest
+from openmdao.utils.assert_utils import assert_check_partials
+
+from hkt_mdo.dynamics.flows import SineInflow
+from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
+from hkt_mdo.dynamics.limits import DistanceFromStall, Limit, TorqueLimit
+from hkt_mdo.dynamics.objectives import CapturedEnergy, GeneratorEnergy, Objective
+from hkt_mdo.problem.components import IntegralComp, LimitComp
+from hkt_mdo.rotor.torque_curve import TorqueSpline
+
+N, RADIUS, DENSITY = 6, 1.4, 998.0
+NODES = np.linspace(2.0, 12.0, 41)
+TABLE = 0.09 * np.exp(-((NODES - 6.0) ** 2) / 20.0)
+
+
+class PowerPerInertia(Limit):
+    """A limit on quantities over time and on every scalar of the design."""
+
+    name: ClassVar[str] = "power_per_inertia"
+    unit: ClassVar[str | None] = None
+    inputs: ClassVar[tuple[str, ...]] = (
+        "generator_power", "rotor_speed", "inertia", "rotor_radius", "density"
+    )  # fmt: skip
+
+    def value(self, generator_power, rotor_speed, inertia, rotor_radius, density):
+        return generator_power / (inertia * rotor_speed**2) / (density * rotor_radius**3)
+
+
+class PaidPower(Objective):
+    """An objective of power, speed and the size of the rotor."""
+
+    kind: str = "paid"
+    inputs: ClassVar[tuple[str, ...]] = ("generator_power", "rotor_speed", "rotor_radius")
+
+    def rate(self, generator_power, rotor_speed, rotor_radius):
+        return generator_power - 2.0 * rotor_speed**2 * rotor_radius
+
+
+def checked(component, **values):
+    """Return a problem of one component at some values, after a check of its partials."""
+    problem = om.Problem(reports=False)
+    problem.model.add_subsystem("part", component, promotes=["*"])
+    problem.setup(force_alloc_complex=True)
+    for name, value in values.items():
+        meta = problem.model.get_io_metadata(("input",), metadata_keys=("shape",))
+        shape = next(each["shape"] for each in meta.values() if each["prom_name"] == name)
+        problem.set_val(name, np.reshape(value, shape))
+    problem.run_model()
+    data = problem.check_partials(method="cs", compact_print=True, out_stream=None)
+    assert_check_partials(data, atol=1e-9, rtol=1e-11)
+    return problem
+
+
+def operation():
+    """Return speeds of a rotor and a flow at tip speed ratios from 4 to 9."""
+    flow = SineInflow().speed_at(np.linspace(0.0, 20.0, N))
+    return np.linspace(4.0, 9.0, N) * flow / RADIUS, flow
+
+
+@pytest.mark.parametrize("least", [0.0, 5e-3])
+@pytest.mark.parametrize(
+    ("law", "gain"),
+    [(QuadraticFeedback(torque_limit=700.0), 7.2), (LinearFeedback(), 68.0)],
+    ids=["quadratic, limited", "linear"],
+)
+def test_distance_from_stall(law, gain, least):
+    """N((1 - slowed) w) - N(w) less what is asked for, N = 0.5 rho pi R^3 v^2 Cq - u."""
+    (speed, flow), spline = operation(), TorqueSpline(NODES)
+    limit = DistanceFromStall(law=law, spline=spline, slowed=0.03, least=least)
+    problem = checked(
+        LimitComp(num_nodes=N, limit=limit, table_nodes=41, gain_units=law.gain_units),
+        rotor_speed=speed,
+        inflow_speed=flow,
+        torque_coefficient_table=TABLE,
+        density=DENSITY,
+        rotor_radius=RADIUS,
+        gain_0=gain,
+    )
+    unit = 0.5 * DENSITY * np.pi * RADIUS**3 * flow**2
+
+    def net(w):
+        return unit * (spline.basis(w * RADIUS / flow) @ TABLE) - law.torque(w, np.array([gain]))
+
+    expected = net(0.97 * speed) - net(speed) - least * 0.05 * unit
+    np.testing.assert_allclose(problem.get_val("value"), expected, rtol=1e-12)
+
+
+def test_a_limit_of_time_and_design():
+    speed, _ = operation()
+    power = np.linspace(2e3, 5e3, N)
+    problem = checked(
+        LimitComp(num_nodes=N, limit=PowerPerInertia()),
+        generator_power=power,
+        rotor_speed=speed,
+        inertia=3.5,
+        rotor_radius=RADIUS,
+        density=DENSITY,
+    )
+    expected = power / (3.5 * speed**2) / (DENSITY * RADIUS**3)
+    np.testing.assert_allclose(problem.get_val("value"), expected, rtol=1e-14)
+
+
+def test_a_limit_of_one_quantity():
+    torque = np.linspace(-10.0, 700.0, N)
+    problem = checked(LimitComp(num_nodes=N, limit=TorqueLimit(bound=500.0)), control_torque=torque)
+    np.testing.assert_array_equal(problem.get_val("value"), torque)
+
+
+def test_excess_is_counted_in_bounds():
+    """Above the upper or below the lower bound, over the larger of the two."""
+    limit = TorqueLimit(bound=500.0)
+    torque = np.array([-50.0, 0.0, 250.0, 500.0, 600.0])
+    over = limit.excess({"control_torque": torque})
+    np.testing.assert_allclose(over, [0.1, 0.0, -0.5, 0.0, 0.2], atol=1e-15)
+
+
+def test_integrals_are_weighted_sums_over_all_scenarios():
+    weights = {"sine": np.array([0.5, 2.0, 1.5]), "step": np.array([1.0, 0.25])}
+    rng = np.random.default_rng(3)
+    values = {
+        f"{scenario}:{name}": rng.uniform(1.0, 9.0, each.size)
+        for scenario, each in weights.items()
+        for name in ("hydrodynamic_power", "generator_power", "rotor_speed")
+    }
+    integrands = {
+        "energy": CapturedEnergy(), "generator_energy": GeneratorEnergy(), "objective": PaidPower()
+    }  # fmt: skip
+    problem = checked(
+        IntegralComp(weights=weights, integrands=integrands), **values, rotor_radius=RADIUS
+    )
+
+    def total(of):
+        return sum(weight @ of(scenario) for scenario, weight in weights.items())
+
+    expected = {
+        "energy": total(lambda s: values[f"{s}:hydrodynamic_power"]),
+        "generator_energy": total(lambda s: values[f"{s}:generator_power"]),
+        "objective": total(
+            lambda s: (
+                values[f"{s}:generator_power"] - 2.0 * RADIUS * values[f"{s}:rotor_speed"] ** 2
+            )
+        ),
+    }
+    for name, value in expected.items():
+        assert problem.get_val(name)[0] == pytest.approx(value, rel=1e-14), name

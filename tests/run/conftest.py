@@ -1,0 +1,50 @@
+"""What the tests of runs share: cases of a few seconds, solved without a result folder."""
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from threadpoolctl import threadpool_limits
+
+from hkt_mdo.case import load_case
+from hkt_mdo.dynamics.objectives import GeneratorEnergy
+from hkt_mdo.problem.physics import Physics, physics
+from hkt_mdo.problem.setup import bounding_optimum, find_start, steady_optimum
+from hkt_mdo.rotor.steady_optimum import SteadyOptimum
+from hkt_mdo.run.judge import Check, Flight, Optimized, judge
+from hkt_mdo.run.log import Log
+from hkt_mdo.run.passes import optimize
+
+
+@dataclass(frozen=True)
+class Solved:
+    """What the judges look at."""
+
+    physics: Physics
+    optimum: SteadyOptimum
+    reference: float
+    result: Optimized
+    flights: tuple[Flight, ...]
+
+    def checks(self) -> dict[str, Check]:
+        """Return what every judge says, by its name."""
+        parts = self.physics, self.optimum, self.reference, self.result, self.flights
+        return {check.name: check for check in judge(*parts)}
+
+
+def _solve(data: dict, change: Callable[[Physics], Physics] = lambda world: world) -> Solved:
+    world = change(physics(load_case(data, extensions=[GeneratorEnergy])))
+    with threadpool_limits(1), tempfile.TemporaryDirectory() as folder:
+        optimum = steady_optimum(world, world.blade)
+        start = find_start(world, optimum)
+        result, flights = optimize(world, start, Log(Path(folder), folder, None, False))
+        optimum = bounding_optimum(world, optimum, result.point.blade)
+    return Solved(world, optimum, world.objective_at(start), result, flights)
+
+
+@pytest.fixture(scope="session")
+def solve_physics():
+    """Optimize a case given as a dict, its physics changed or not, in one call."""
+    return _solve

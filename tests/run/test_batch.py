@@ -1,0 +1,112 @@
+"""Many cases: finished results are reused, anything else is run again."""
+
+import json
+
+import pytest
+
+from hkt_mdo.case import read_case
+from hkt_mdo.results.solution import Solution
+from hkt_mdo.run.batch import is_finished, run_batch
+
+CASE = """
+name: batch
+inflow: {profile: sine}
+control: {law: open_loop}
+design: {blade: fixed}
+phase: {segments: 10, duration: 10}
+"""
+
+
+def case(*overrides):
+    return read_case(CASE, overrides)
+
+
+@pytest.fixture(scope="module")
+def batch(tmp_path_factory):
+    """Two cases that run and one whose record of the flow is broken; and what was reported."""
+    folder = tmp_path_factory.mktemp("batch")
+    (folder / "flow.csv").write_text("time_s,speed_m_s\n0,1\n1,fast\n", encoding="utf-8")
+    cases = {
+        folder / "first": case(),
+        folder / "broken": case(f"inflow={{profile: record, file: {folder / 'flow.csv'}}}"),
+        folder / "second": case("control.torque_limit=600"),
+    }
+    told = {}
+    found = run_batch(cases, 1, told.__setitem__, records=False)
+    return folder, cases, found, told
+
+
+def test_every_case_is_run_and_told(batch):
+    folder, cases, found, told = batch
+    assert list(found) == list(cases)
+    assert found[folder / "broken"] is None
+    assert "flow.csv" in told.pop(folder / "broken")
+    assert told == {folder / "first": "ok", folder / "second": "ok"}
+    for name in ("first", "second"):
+        assert found[folder / name].success
+        assert found[folder / name].folder == folder / name
+        assert not (folder / name / "history.db").exists()
+    assert found[folder / "second"].case.control.torque_limit == 600.0
+
+
+def test_a_finished_result_is_reused_and_a_changed_case_is_run_again(batch):
+    folder, cases, found, _ = batch
+    first = (folder / "first" / "summary.json").read_bytes()
+    changed = {
+        folder / "first": cases[folder / "first"],
+        folder / "second": case("control.torque_limit=500"),
+    }
+    told = {}
+    again = run_batch(changed, 1, told.__setitem__, records=False)
+    assert told == {folder / "first": "reused", folder / "second": "ok"}
+    assert (folder / "first" / "summary.json").read_bytes() == first
+    before, after = (each[folder / "second"].summary for each in (found, again))
+    assert after["control_torque_max_Nm"] <= 500.0 * (1.0 + 1e-6)
+    assert after["simulated_energy_J"] < before["simulated_energy_J"]
+
+
+@pytest.fixture
+def finished(batch, tmp_path):
+    """A folder with the case and the summary of a finished result."""
+    folder, *_ = batch
+    for name in ("case.yaml", "summary.json"):
+        (tmp_path / name).write_bytes((folder / "first" / name).read_bytes())
+    return tmp_path
+
+
+def test_an_equal_case_is_finished(finished):
+    assert is_finished(finished, case())
+    assert is_finished(finished, Solution.load(finished).case)
+    assert not is_finished(finished, case("inflow.mean=1.4"))
+    assert not is_finished(finished / "nowhere", case())
+
+
+def test_a_case_that_leaves_its_time_span_to_the_flow_is_compared_when_complete(finished):
+    case_file = finished / "case.yaml"
+    whole = case("phase.duration=60", "phase.segments=60")
+    case_file.write_text(whole.to_yaml(), encoding="utf-8")
+    assert is_finished(finished, case("phase.duration=null", "phase.segments=null"))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda summary: summary.pop("checks"),
+        lambda summary: summary["versions"].update(hkt_mdo="0.0.0"),
+        lambda summary: summary.pop("versions"),
+    ],
+    ids=["interrupted", "another version", "no version"],
+)
+def test_another_summary_is_not_finished(finished, change):
+    path = finished / "summary.json"
+    summary = json.loads(path.read_text(encoding="utf-8"))
+    change(summary)
+    path.write_text(json.dumps(summary), encoding="utf-8")
+    assert not is_finished(finished, case())
+
+
+@pytest.mark.parametrize("name", ["case.yaml", "summary.json"])
+@pytest.mark.parametrize("content", ["", "[1, 2]", "{", "\ud800"])
+def test_a_corrupt_result_is_not_finished(finished, name, content):
+    (finished / name).write_bytes(content.encode("utf-8", "surrogatepass"))
+    assert not is_finished(finished, case())

@@ -1,0 +1,239 @@
+"""Each judge refuses alone: results that are doctored in one place, where no other judge looks."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hkt_mdo.case import Phase
+from hkt_mdo.dynamics.flows import StepInflow
+from hkt_mdo.dynamics.simulation import RecordedTorque
+from hkt_mdo.problem.scenario import Scenario
+from hkt_mdo.run.judge import explain
+
+SHORT = {"inflow": "sine", "phase": {"segments": 15, "duration": 15}}
+# bounds that are active at the optimum: a step across them hardly changes the blade
+DESIGNED = SHORT | {
+    "control": {"law": "quadratic", "torque_limit": 700},
+    "design": {
+        "chord_bounds": [0.05, 0.18],
+        "twist_bounds": [0, 12],
+        "radius_bounds": [1.2, 1.45],
+        "gain_bounds": [2, 20],
+    },
+}
+TURNED = SHORT | {
+    "control": {"law": "open_loop", "torque_limit": 700},
+    "objective": "generator",
+    "rotor": {"set_angle": 5},
+    "design": {"blade": "fixed", "set_angle_bounds": [0, 5.5]},
+}
+NODE = 16  # the middle of the sixth segment of three nodes, t = 5.5 s
+
+
+@pytest.fixture(scope="module")
+def feedback(solve_physics):
+    """Quadratic feedback with designed chord, twist, radius and gain."""
+    return solve_physics(DESIGNED)
+
+
+@pytest.fixture(scope="module")
+def open_loop(solve_physics):
+    """Open loop with a designed set angle, for the generator's energy."""
+    return solve_physics(TURNED)
+
+
+def with_flight(solved, **changes):
+    """Return a result whose only flight is changed."""
+    (flight,) = solved.flights
+    return replace(solved, flights=(replace(flight, **changes),))
+
+
+def with_node(solved, quantity, change):
+    """Return a result with another value of a quantity at one node, in flight and trajectory."""
+    (flight,) = solved.flights
+    values = flight.trajectory[quantity].copy()
+    values[NODE] = change(values[NODE])
+    return with_flight(solved, trajectory={**flight.trajectory, quantity: values})
+
+
+def with_blade(solved, change):
+    """Return a result with another blade."""
+    point = solved.result.point
+    point = replace(point, blade=change(point.blade))
+    return replace(solved, result=replace(solved.result, point=point))
+
+
+def not_converged(solved):
+    outcome = replace(solved.result.outcome, success=False, message="Restoration_Failed")
+    return replace(solved, result=replace(solved.result, outcome=outcome))
+
+
+def stopped(solved):
+    return with_flight(solved, simulation=replace(solved.flights[0].simulation, stopped_at=7.25))
+
+
+def more_power_at_a_node(solved):
+    (flight,) = solved.flights
+    more = 1e-3 * flight.simulation.energy / flight.scenario.node_weights[NODE]
+    return with_node(solved, "hydrodynamic_power", lambda power: power + more)
+
+
+def faster_at_a_node(solved):
+    return with_node(solved, "rotor_speed", lambda speed: 1.02 * speed)
+
+
+def backwards_at_a_node(solved):
+    """Collocation and integration agree on a rotor that turns backwards."""
+    doctored = with_node(solved, "rotor_speed", lambda speed: -0.5)
+    (flight,) = doctored.flights
+    same = replace(flight.simulation, speed_at=lambda time: flight.trajectory["rotor_speed"])
+    return with_flight(doctored, simulation=same)
+
+
+def torque_above_its_limit_at_a_node(solved):
+    return with_node(solved, "control_torque", lambda torque: 700.07)
+
+
+def generator_that_drives(solved):
+    return with_node(solved, "control_torque", lambda torque: -0.07)
+
+
+def torque_above_its_limit_between_nodes(solved):
+    (flight,) = solved.flights
+    torque = flight.trajectory["control_torque"].copy()
+    torque[NODE] += 60.0
+    recorded = RecordedTorque(flight.trajectory["time"], torque, 15, 700.0)
+    return with_flight(solved, recorded=recorded)
+
+
+def wrong_curve(solved):
+    return replace(solved, result=replace(solved.result, curve=1.002 * solved.result.curve))
+
+
+def lower_bound_of_the_energy(solved):
+    less = 0.9 * solved.optimum.power_coefficient
+    return replace(solved, optimum=solved.optimum._replace(power_coefficient=less))
+
+
+def better_start(solved):
+    return replace(solved, reference=1.004 * solved.reference)
+
+
+def other_objective(solved):
+    more = 1.0005 * solved.result.objective
+    return replace(solved, result=replace(solved.result, objective=more))
+
+
+def thinner_station(solved):
+    def change(blade):
+        chord = blade.chord.copy()
+        chord[5] = 0.05 - 1e-4 * 0.18
+        return blade.with_shape(chord, blade.twist)
+
+    return with_blade(solved, change)
+
+
+def twisted_station(solved):
+    def change(blade):
+        twist = blade.twist.copy()
+        twist[0] = np.deg2rad(12.0) * 1.0001
+        return blade.with_shape(blade.chord, twist)
+
+    return with_blade(solved, change)
+
+
+def turned_blade(solved):
+    return with_blade(
+        solved,
+        lambda blade: blade.with_shape(blade.chord, blade.twist + 1e-4 * np.deg2rad(5.5)),
+    )
+
+
+def larger_rotor(solved):
+    return with_blade(solved, lambda blade: blade.with_rotor_radius(1.45 * 1.0001))
+
+
+def larger_gain(solved):
+    point = replace(solved.result.point, gains=np.array([22.0]))
+    return replace(solved, result=replace(solved.result, point=point))
+
+
+# judge, whose result, how it is doctored, value, and the words of its explanation
+REFUSALS = [
+    ("optimizer", "feedback", not_converged, 1.0, ["did not converge", "Restoration_Failed"]),
+    ("rotor_keeps_turning", "feedback", stopped, 1.0, ["stops at t = 7.25 s", "torque_limit"]),
+    ("energy_error", "feedback", more_power_at_a_node, 1e-3, ["at t = 5.50 s", "phase.segments"]),
+    ("max_speed_error", "feedback", faster_at_a_node, 0.0196, ["at t = 5.50 s", "phase.segments"]),
+    ("surrogate_error", "feedback", wrong_curve, 2e-3, ["at tip speed ratio", "hydrodynamics"]),
+    ("energy_over_bound", "feedback", lower_bound_of_the_energy, 0.07, ["bound", "phase.segments"]),
+    ("energy_below_start", "feedback", better_start, 4e-3, ["worse", "start.method"]),
+    ("energy_below_start", "open_loop", better_start, 3.2e-3, ["worse", "start.method"]),
+    ("chord_bounds", "feedback", thinner_station, 1e-4, ["r = 1.0", "driver.tolerance"]),
+    ("twist_bounds", "feedback", twisted_station, 1e-4, ["r = 0.290 m", "driver.tolerance"]),
+    ("radius_bounds", "feedback", larger_rotor, 1e-4, ["at the radius", "driver.tolerance"]),
+    ("gain_bounds", "feedback", larger_gain, 0.1, ["at the gain", "driver.tolerance"]),
+    ("set_angle_bounds", "open_loop", turned_blade, 1e-4, ["set angle", "driver.tolerance"]),
+    ("rotor_speed_at_nodes", "feedback", backwards_at_a_node, 0.05, ["at t = 5.50 s"]),
+    ("control_torque_at_nodes", "feedback", torque_above_its_limit_at_a_node, 1e-4, ["t = 5.50 s"]),
+    ("control_torque_at_nodes", "open_loop", generator_that_drives, 1e-4, ["at t = 5.50 s"]),
+    (
+        "control_torque_between_nodes",
+        "open_loop",
+        torque_above_its_limit_between_nodes,
+        0.0857,
+        ["at t = 5.", "phase.segments"],
+    ),
+    ("objective_error", "open_loop", other_objective, 5e-4, ["objective", "phase.segments"]),
+]
+
+
+@pytest.mark.parametrize(
+    ("judge", "whose", "doctor", "value", "words"),
+    REFUSALS,
+    ids=[f"{name}: {doctor.__name__}, {whose}" for name, whose, doctor, *_ in REFUSALS],
+)
+def test_one_judge_refuses(request, judge, whose, doctor, value, words):
+    solved = request.getfixturevalue(whose)
+    assert all(check.passed for check in solved.checks().values())
+    checks = doctor(solved).checks()
+    assert [name for name, check in checks.items() if not check.passed] == [judge]
+    refused = checks[judge]
+    assert refused.value == pytest.approx(value, rel=0.1)
+    said = explain(refused)
+    assert all(word in said for word in words), said
+    assert "try " in said
+    if judge not in ("optimizer", "rotor_keeps_turning"):
+        assert said.startswith(f"{judge} = {refused.value:.3g} exceeds {refused.limit:g}, ")
+
+
+def test_every_judge_is_asked(feedback, open_loop):
+    assert {name for name, *_ in REFUSALS} == {*feedback.checks(), *open_loop.checks()}
+
+
+# Two scenarios ------------------------------------------------------------------------------------
+
+
+def two_flows(world):
+    step = StepInflow(before=1.2, after=1.5, time=6.0, width=1.5)
+    second = Scenario(step, Phase(segments=20, duration=12.0), weight=0.3, name="step")
+    return replace(world, scenarios=(replace(world.scenarios[0], weight=0.7), second))
+
+
+@pytest.mark.parametrize("law", ["quadratic", "open_loop"])
+def test_one_design_for_two_scenarios_is_accepted(solve_physics, law):
+    case = SHORT | {"control": {"law": law, "torque_limit": 700}}
+    solved = solve_physics(case, two_flows)
+    checks = solved.checks()
+    assert all(check.passed for check in checks.values()), checks
+    assert {"energy_error (phase)", "energy_error (step)"} <= set(checks)
+    first, second = solved.flights
+    expected = 0.7 * first.simulation.energy + 0.3 * second.simulation.energy
+    assert solved.result.energy == pytest.approx(expected, rel=2e-5)
+    # each scenario has a judge of its own
+    nodes = second.trajectory["rotor_speed"].copy()
+    nodes[4] *= 1.02
+    doctored = replace(second, trajectory={**second.trajectory, "rotor_speed": nodes})
+    refused = replace(solved, flights=(first, doctored)).checks()
+    assert [n for n, c in refused.items() if not c.passed] == ["max_speed_error (step)"]
+    assert "phase.segments" in explain(refused["max_speed_error (step)"])

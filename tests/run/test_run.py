@@ -1,0 +1,295 @@
+"""Whole runs, held to theory: bounds, formulas, the ranking of controllers; and what they leave."""
+
+import json
+import os
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from threading import Barrier
+
+import numpy as np
+import openmdao.api as om
+import pytest
+
+from hkt_mdo.case import load_case, read_case
+from hkt_mdo.cli import main
+from hkt_mdo.errors import InputError
+from hkt_mdo.results.solution import Solution
+from hkt_mdo.run.run import resume_case, run_case
+
+CASES = Path(__file__).parents[2] / "cases"
+RADIUS, DENSITY = 1.4, 1000.0
+PERIOD = ("phase.segments=25", "phase.duration=25")  # of the sinusoidal flow
+SHORT = ("phase.segments=15", "phase.duration=15")
+PAPER = ["sine_oloc", "sine_quadratic", "sine_limited_quadratic"]
+RESULTS = ("energy_J", "simulated_energy_J", "gain", "chord_m", "twist_deg", "iterations")
+
+
+def short_case(name, *overrides):
+    return load_case(CASES / f"{name}.yaml", [*SHORT, *overrides])
+
+
+@pytest.fixture
+def run(solve):
+    """Run a shipped case over one period of its flow, once per session."""
+
+    def over_a_period(name, *overrides):
+        return solve(name, *PERIOD, *overrides)
+
+    return over_a_period
+
+
+# Theory -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", PAPER)
+def test_both_optimizers_succeed_and_agree(run, name):
+    found = {o: run(name, f"driver.optimizer={o}") for o in ("IPOPT", "SLSQP")}
+    for optimizer, solution in found.items():
+        assert solution.success, solution.summary["message"]
+        assert solution.summary["optimizer"] == optimizer
+    ipopt, slsqp = (each.summary["energy_J"] for each in found.values())
+    assert slsqp == pytest.approx(ipopt, rel=2e-4)
+
+
+def test_unlimited_open_loop_reaches_the_bound_at_constant_tip_speed_ratio(run):
+    summary = run("sine_oloc", "driver.optimizer=IPOPT").summary
+    assert 0.9995 <= summary["simulated_energy_J"] / summary["energy_bound_J"] <= 1.0 + 1e-5
+    assert summary["tip_speed_ratio"]["max"] - summary["tip_speed_ratio"]["min"] < 0.1
+
+
+def test_quadratic_feedback_is_open_loop_without_a_limit(run):
+    """K2 = 0.5 rho pi R^5 Cp / tsr^3 at the Cp maximum of its blade."""
+    loop, feedback = (
+        run("sine_oloc", "driver.optimizer=IPOPT"),
+        run("sine_quadratic", "driver.optimizer=IPOPT"),
+    )
+    summary = feedback.summary
+    assert summary["simulated_energy_J"] == pytest.approx(
+        loop.summary["simulated_energy_J"], rel=2e-4
+    )
+    ratio = summary["tip_speed_ratio_at_power_coefficient_max"]
+    gain = 0.5 * DENSITY * np.pi * RADIUS**5 * summary["power_coefficient_max"] / ratio**3
+    assert summary["gain"] == pytest.approx(gain, rel=5e-3)
+
+
+def test_ranking_under_a_torque_limit(run):
+    energy = {
+        law: run(f"sine_limited_{law}", "driver.optimizer=IPOPT").summary["simulated_energy_J"]
+        for law in ("oloc", "linear", "quadratic")
+    }
+    assert energy["linear"] < energy["quadratic"] <= energy["oloc"] * (1.0 + 2e-5)
+    assert 0.001 < 1.0 - energy["linear"] / energy["oloc"] < 0.015
+    unlimited = run("sine_oloc", "driver.optimizer=IPOPT").summary["simulated_energy_J"]
+    assert max(energy.values()) < unlimited
+
+
+@pytest.mark.parametrize("law", ["oloc", "linear", "quadratic"])
+def test_torque_never_exceeds_its_limit(run, law):
+    solution = run(f"sine_limited_{law}", "driver.optimizer=IPOPT")
+    for columns in (solution.trajectory, solution.simulation):
+        assert np.max(columns["control_torque_Nm"]) <= 700.0 * (1.0 + 1e-6)
+
+
+def test_baseline_is_a_few_percent_below_the_optimum(run):
+    baseline, best = run("sine_baseline_oloc"), run("sine_oloc", "driver.optimizer=IPOPT")
+    assert baseline.success
+    assert baseline.summary["chord_m"] == baseline.summary["start_chord_m"]
+    loss = 1.0 - baseline.summary["simulated_energy_J"] / best.summary["simulated_energy_J"]
+    assert 0.03 < loss < 0.08
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "control.unknown=torque",
+        "phase.transcription=radau",
+        "hydrodynamics.torque=direct",
+        pytest.param("hydrodynamics.bem=ccblade", marks=pytest.mark.slow),
+    ],
+)
+def test_other_formulations_find_the_same_optimum(solve, override):
+    reference = solve("sine_limited_oloc", *SHORT)
+    other = solve("sine_limited_oloc", *SHORT, override)
+    assert other.success, other.summary["message"]
+    assert other.summary["simulated_energy_J"] == pytest.approx(
+        reference.summary["simulated_energy_J"], rel=2e-5
+    )
+
+
+# What a run leaves --------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory):
+    """A short run of quadratic feedback, with all its files."""
+    folder = tmp_path_factory.mktemp("runs") / "short"
+    return run_case(short_case("sine_limited_quadratic", "driver.optimizer=SLSQP"), folder)
+
+
+def test_result_folder_is_complete(short):
+    names = {path.name for path in short.folder.iterdir()}
+    assert {
+        "case.yaml", "summary.json", "solution.db", "history.db", "trajectory.csv",
+        "simulation.csv", "power_curve.csv", "convergence.csv", "blade.csv", "n2.html", "figures",
+    } <= names  # fmt: skip
+    assert "lock" not in names
+
+
+def test_recorder_databases_hold_the_solution(short):
+    final = om.CaseReader(str(short.folder / "solution.db")).get_case("final")
+    assert final.get_val("energy", units="J")[0] == pytest.approx(
+        short.summary["energy_J"], rel=1e-12
+    )
+    history = om.CaseReader(str(short.folder / "history.db"))
+    assert len(history.list_cases("driver", out_stream=None)) > 1
+
+
+def test_the_case_of_a_result_reruns_identically(short, tmp_path):
+    case = load_case(short.folder / "case.yaml")
+    assert case == short.case
+    again = run_case(case, tmp_path / "again", figures=False, records=False)
+    for key in RESULTS:
+        assert again.summary[key] == short.summary[key], key
+
+
+def test_the_case_of_a_result_takes_overrides(short, tmp_path):
+    """As the case that was run, with the same override, would."""
+    override = "control.torque_limit=0.6 kN*m"
+    expected = run_case(
+        short_case("sine_limited_quadratic", "driver.optimizer=SLSQP", override),
+        tmp_path / "expected",
+        figures=False,
+        records=False,
+    )
+    assert short.case.with_overrides(override) == expected.case
+    out = tmp_path / "again"
+    arguments = ["--out", str(out), "--quiet", "--no-figures", "--set", override]
+    assert main(["run", str(short.folder / "case.yaml"), *arguments]) == 0
+    found = Solution.load(out)
+    assert found.summary["control_torque_max_Nm"] == pytest.approx(600.0, rel=0.01)
+    for key in RESULTS:
+        assert found.summary[key] == expected.summary[key], key
+
+
+@pytest.mark.parametrize(
+    ("overrides", "check"),
+    [
+        (["control.law=linear"], lambda case: case.control.law == "linear"),
+        (["control={law: open_loop}"], lambda case: case.control.torque_limit is None),
+        (["inflow.mean=160 cm/s"], lambda case: case.inflow.mean == pytest.approx(1.6)),
+        (["inflow={profile: step}"], lambda case: case.inflow.profile == "step"),
+        (["phase.segments=null", "phase.duration=null"], lambda case: case.phase.segments is None),
+        (["rotor.radius=2"], lambda case: case.rotor.radius == 2.0),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_any_key_of_a_completed_case_can_be_overridden(short, overrides, check):
+    changed = short.case.with_overrides(*overrides)
+    assert check(changed)
+    assert read_case(changed.to_yaml()) == changed
+
+
+def test_an_override_that_does_not_fit_a_completed_case_is_told(short):
+    """The key `smoothing` of the feedback law is no key of open loop."""
+    with pytest.raises(InputError, match=r"control\.smoothing"):
+        short.case.with_overrides("control.law=open_loop")
+
+
+def test_nothing_is_written_outside_the_result_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    case = load_case(CASES / "sine_baseline_oloc.yaml", ["phase.segments=10", "phase.duration=10"])
+    run_case(case, tmp_path / "out", figures=False)
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+# Runs that are no success, or none at all ---------------------------------------------------------
+
+
+def test_an_unfinished_optimization_is_no_success(tmp_path):
+    case = short_case("sine_limited_oloc", "driver.max_iterations=2")
+    solution = run_case(case, tmp_path / "out", figures=False)
+    assert not solution.success
+    assert "optimizer did not converge" in solution.summary["message"]
+    assert solution.summary["simulated_energy_J"] is not None
+
+
+def test_a_false_solution_is_no_success(tmp_path):
+    """Dymos' Radau collocates left ends only: on stiff feedback it finds false speeds."""
+    overrides = ["phase.transcription=radau", "phase.segments=20", "phase.duration=20"]
+    case = load_case(CASES / "sine_limited_linear.yaml", overrides)
+    solution = run_case(case, tmp_path / "out", figures=False)
+    assert not solution.success
+    failed = {check["name"] for check in solution.summary["checks"] if not check["passed"]}
+    assert failed & {"max_speed_error", "energy_error", "energy_below_start"}
+
+
+def test_existing_folder_is_kept_without_force(tmp_path):
+    case = load_case(CASES / "sine_baseline_oloc.yaml")
+    (tmp_path / "precious.txt").write_text("mine")
+    with pytest.raises(InputError, match="exists"):
+        run_case(case, tmp_path)
+    with pytest.raises(InputError, match="no earlier result"):
+        run_case(case, tmp_path, force=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["precious.txt"]
+
+
+def test_bad_files_are_told_before_anything_is_written(tmp_path):
+    polar = tmp_path / "polar.csv"
+    polar.write_text(
+        "alpha_deg,cl,cd\n" + "\n".join(f"{a},0.1,0.01" for a in (0, 1, 3, 2, 4, 5, 6, 7, 8))
+    )
+    case = read_case(
+        f"inflow: {{profile: sine}}\ncontrol: {{law: linear}}\nrotor: {{polar: {polar}}}\n"
+    )
+    with pytest.raises(InputError, match=r"polar\.csv.*alpha_deg"):
+        run_case(case, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+# At the same time ---------------------------------------------------------------------------------
+
+
+def test_two_runs_at_the_same_time_are_as_alone(tmp_path):
+    """In one process: a run changes neither folder nor environment, which its threads share."""
+    names = ["sine_limited_quadratic", "sine_baseline_oloc"]
+    surroundings = Path.cwd(), dict(os.environ)
+    met, seen = Barrier(2, timeout=120.0), []
+
+    def beside(name):
+        def meet(count, objective, infeasibility):
+            if count in (1, 4):
+                met.wait()
+                seen.append((Path.cwd(), dict(os.environ)))
+
+        case = short_case(name, "driver.optimizer=IPOPT")
+        return run_case(case, tmp_path / "beside" / name, progress=meet, figures=False)
+
+    with ThreadPoolExecutor(2) as threads:
+        found = list(threads.map(beside, names))
+    assert seen == [surroundings] * 4
+    for name, solution in zip(names, found, strict=True):
+        case = short_case(name, "driver.optimizer=IPOPT")
+        alone = run_case(case, tmp_path / "alone" / name, figures=False)
+        assert solution.success, solution.message
+        for key in RESULTS:
+            assert solution.summary[key] == alone.summary[key], (name, key)
+        np.testing.assert_array_equal(
+            solution.simulation["rotor_speed_rad_s"], alone.simulation["rotor_speed_rad_s"]
+        )
+
+
+def test_a_second_run_on_one_folder_is_refused(tmp_path):
+    out, refused = tmp_path / "out", []
+    case = short_case("sine_baseline_oloc")
+
+    def second(count, objective, infeasibility):
+        if count == 2:
+            for start in (lambda: run_case(case, out, force=True), lambda: resume_case(out)):
+                with pytest.raises(InputError, match="another run is at work") as caught:
+                    start()
+                refused.append(caught.value)
+            assert json.loads((out / "summary.json").read_text())["success"] is False
+
+    solution = run_case(case, out, progress=second, figures=False)
+    assert len(refused) == 2
+    assert solution.success, solution.message
