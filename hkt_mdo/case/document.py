@@ -133,10 +133,10 @@ def case_markdown() -> str:
             blocks += [f"## {key}", section["description"]]
             blocks += _keys(key, section, definitions)
         elif "oneOf" in value:
-            parts.append(f"- [`{key}`](#{key}), required: {_first(value['description'])}")
+            required = ", required" if key in schema["required"] else ""
+            parts.append(f"- [`{key}`](#{key}){required}: {_first(value['description'])}")
             blocks += [f"## {key}", value["description"]]
-            for member in value["oneOf"]:
-                section = _resolve(member, definitions)
+            for section in _members(value, definitions):
                 blocks += [f"### `{section['title']}`", section["description"]]
                 blocks += _keys(key, section, definitions)
         else:
@@ -153,11 +153,17 @@ def _resolve(value: Mapping[str, Any], definitions: Mapping[str, Any]) -> dict[s
     return section
 
 
+def _members(value: Mapping[str, Any], definitions: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the sections that a tag chooses from; the schema takes their bare names as well."""
+    return [_resolve(member, definitions) for member in value["oneOf"] if "$ref" in member]
+
+
 def _keys(path: str, section: dict[str, Any], definitions: Mapping[str, Any]) -> Iterator[str]:
     """Yield the list of a section's keys, then the entries of those keys that list sections."""
     free = {key: value for key, value in section["properties"].items() if "const" not in value}
     required = section.get("required", ())
-    yield "\n".join(_bullet(key, value, key in required) for key, value in free.items())
+    if free:
+        yield "\n".join(_bullet(key, value, key in required) for key, value in free.items())
     for key, value in free.items():
         if "$ref" in value.get("items", {}):
             entry = _resolve(value["items"], definitions)
@@ -325,17 +331,20 @@ def commented_case(
         given = values.get(name, {})
         if "oneOf" in part:
             tag = part["discriminator"]["propertyName"]
-            members = [_resolve(member, schema["$defs"]) for member in part["oneOf"]]
+            members = _members(part, schema["$defs"])
             tags = [member["properties"][tag]["const"] for member in members]
-            section = members[tags.index(given[tag])]
+            chosen = given.get(tag) or part["default"][tag]
+            section = members[tags.index(chosen)]
             about = _comment(f"{part['description']} Choices: {', '.join(tags)}.")
-            first = [f"{_comment(section['description'], '  ')}\n  {tag}: {given[tag]}"]
+            first = [f"{_comment(section['description'], '  ')}\n  {tag}: {chosen}"]
         elif "$ref" in part:
             section = _resolve(part, schema["$defs"])
             about, first = _comment(section["description"]), []
         else:
             continue  # the name is the file's
         keys = {key: value for key, value in section["properties"].items() if "const" not in value}
+        if not keys and not first:
+            continue  # `limits`, where no kind of limit is known
         wanted = dict.fromkeys((*usual.get(name, keys), *given))
         lines = [_commented(key, keys[key], given) for key in wanted if key in keys]
         blocks.append("\n".join((about, f"{name}:", "\n\n".join((*first, *lines)), "")))
