@@ -74,16 +74,7 @@ class Kinds:
         """
         kinds = self
         for extension in extensions:
-            origin: list[Any]
-            if isinstance(extension, type):
-                origin = found = [extension]
-                source = extension.__qualname__
-            elif isinstance(extension, ModuleType):
-                origin = found = _classes(extension)
-                source = extension.__name__
-            else:
-                source = str(Path(extension).resolve())
-                origin, found = [source], _classes(_load(Path(source)))
+            source, found = _read(extension)
             if not found:
                 raise InputError(
                     "defines no kind",
@@ -92,6 +83,7 @@ class Kinds:
                 )
             for each in found:
                 kinds = kinds._with(each, source)
+            origin = [source] if isinstance(extension, str | Path) else found
             kinds = replace(kinds, extensions=tuple(dict.fromkeys((*kinds.extensions, *origin))))
         return kinds
 
@@ -174,6 +166,18 @@ def _installed() -> Kinds:
             ) from error
         kinds = kinds.extended([extension])
     return replace(kinds, extensions=())
+
+
+def _read(extension: Extension) -> tuple[str, list[type]]:
+    """Return what messages call an extension, and the kinds that it defines."""
+    if isinstance(extension, type):
+        return extension.__qualname__, [extension]
+    if isinstance(extension, ModuleType):
+        return extension.__name__, _classes(extension)
+    if isinstance(extension, str | Path):
+        path = Path(extension).resolve()
+        return str(path), _classes(_load(path))
+    raise InputError("is no file, module or class", "give one", key="extension", value=extension)
 
 
 def _classes(module: ModuleType) -> list[type]:
