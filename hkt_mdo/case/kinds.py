@@ -87,7 +87,7 @@ class Kinds:
             kinds = replace(kinds, extensions=tuple(dict.fromkeys((*kinds.extensions, *origin))))
         return kinds
 
-    def _with(self, kind: type, source: str) -> Kinds:
+    def _with(self, kind: Any, source: str) -> Kinds:
         """Return these kinds and one more; refuse it if it has no name or one that is taken."""
         sort = next((sort for sort, (base, _) in _SORTS.items() if issubclass(kind, base)), "")
         known: tuple[Any, ...] = getattr(self, sort, ())

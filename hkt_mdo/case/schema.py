@@ -22,7 +22,7 @@ from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, Objective
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.shipped import read_bytes
+from hkt_mdo.files.shipped import read_text
 from hkt_mdo.sections import Section, refusal
 
 STATION_COUNT = 40
@@ -33,9 +33,9 @@ MAX_CASE_BYTES = 1024**2
 
 
 class Limits(Section):
-    """Limits besides that on the control torque, each under its name.
+    """Limits besides `control.torque_limit`, each under its name.
 
-    One whose only key is `bound` may be given as that alone, such as `limits: {NAME: 15 m/s}`.
+    A limit whose only key is `bound` may be given as that alone, such as `limits: {NAME: 15 m/s}`.
     """
 
     @property
@@ -190,13 +190,13 @@ _BaseCase = Case
 def case_class(kinds: Kinds) -> type[Case]:
     """Return the class of the cases that may name some kinds; a subclass of `Case`."""
     profiles = [each for each in kinds.profiles if not issubclass(each, SumInflow)]
-    parts = Annotated[Union[tuple(profiles)], Field(discriminator="profile")]  # noqa: UP007
+    part: Any = Annotated[_union(profiles), Field(discriminator="profile")]
     about = SumInflow.model_fields["parts"].description
     total = create_model(
         "SumInflow",
         __base__=SumInflow,
         __doc__=SumInflow.__doc__,
-        parts=(tuple[parts, ...], Field(min_length=2, max_length=20, description=about)),
+        parts=(tuple[part, ...], Field(min_length=2, max_length=20, description=about)),
     )
     limits: dict[str, Any] = {
         kind_name(each): (each | None, Field(None, description=(each.__doc__ or "").strip()))
@@ -216,9 +216,13 @@ def case_class(kinds: Kinds) -> type[Case]:
     return made
 
 
-def _choice(key: str, classes: Sequence[type]) -> Any:
+def _union(classes: Sequence[type[Section]]) -> Any:
+    """Return the type of a value of one of some classes."""
+    return Union[tuple(classes)]  # noqa: UP007
+
+
+def _choice(key: str, classes: Sequence[type[Section]]) -> Any:
     """Return the field of a case that takes one of some sections, which a tag tells apart."""
-    field = _BaseCase.model_fields[key]
     plain = [e for e in classes if not any(f.is_required() for f in e.model_fields.values())]
 
     def describe(schema: dict[str, Any]) -> None:
@@ -227,9 +231,11 @@ def _choice(key: str, classes: Sequence[type]) -> Any:
         schema["oneOf"] = [*whole, {"enum": [kind_name(each) for each in plain]}]
         schema.setdefault("discriminator", {"propertyName": TAGS[key]})
 
-    tag = {"discriminator": TAGS[key]} if len(classes) > 1 else {}
-    about = {"default": field.default, "description": field.description}
-    return Union[tuple(classes)], Field(**about, **tag, json_schema_extra=describe)  # noqa: UP007
+    field = _BaseCase.model_fields[key]
+    options: dict[str, Any] = {"default": field.default, "description": field.description}
+    if len(classes) > 1:
+        options["discriminator"] = TAGS[key]
+    return _union(classes), Field(json_schema_extra=describe, **options)
 
 
 if not TYPE_CHECKING:
@@ -278,27 +284,12 @@ def load_case(
         If the file cannot be read or anything in it, or in an override, is wrong. The message names
         file, key, value and remedy.
     """
+    kinds = known_kinds(extensions)
     if isinstance(source, Mapping):
-        kinds = known_kinds(extensions)
         return _make_case(deepcopy(dict(source)), overrides, kinds, check_files=check_files)
     path = Path(source)
-    content = read_bytes(path, MAX_CASE_BYTES, "case file in YAML")
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
-        raise InputError(
-            "is not UTF-8 text", "save it as UTF-8", file=path, key=f"line {line}"
-        ) from None
-    return read_case(
-        text,
-        overrides,
-        file=str(path),
-        folder=path.parent,
-        name=path.stem,
-        check_files=check_files,
-        extensions=extensions,
-    )
+    data = _parse_case(read_text(path, "case file in YAML", MAX_CASE_BYTES), str(path))
+    return _make_case(data, overrides, kinds, str(path), path.parent, path.stem, check_files)
 
 
 def read_case(
@@ -311,32 +302,25 @@ def read_case(
     check_files: bool = True,
     extensions: Iterable[Extension] = (),
 ) -> Case:
-    """Make a case of YAML text; overrides, check_files and extensions are those of `load_case`.
+    """Make a case of YAML text; the rest is as in `load_case`.
 
-    Parameters
-    ----------
-    text : str
-        The case in YAML.
-    file : str
-        What messages call the text.
-    folder : str or pathlib.Path
-        From where relative paths of blade, polar and outline count.
-    name : str
-        Name of a case that gives none.
-
-    Raises
-    ------
-    InputError
-        If anything in the text or an override is wrong.
+    Messages call the text `file`, relative paths count from `folder`, and `name` is the name of a
+    case that gives none.
     """
-    kinds, data = known_kinds(extensions), parse(text, file)
+    data = _parse_case(text, file)
+    return _make_case(data, overrides, known_kinds(extensions), file, folder, name, check_files)
+
+
+def _parse_case(text: str, file: str) -> dict[str, Any]:
+    """Return the sections of a case in YAML."""
+    data = parse(text, file)
     if data is None:
         remedy = "give at least inflow: {profile: ...} and control: {law: ...}"
         raise InputError("holds no case", remedy, file=file)
     if not isinstance(data, dict):
         problem = "must hold keys and values at its top"
         raise InputError(problem, "write inflow: ... and so on", file=file, value=data)
-    return _make_case(data, overrides, kinds, file, folder, name, check_files)
+    return data
 
 
 def _make_case(

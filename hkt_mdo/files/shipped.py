@@ -223,7 +223,7 @@ def read_bytes(path: Path, largest: int, what: str) -> bytes:
     return content
 
 
-def read_text(path: Path, what: str) -> str:
+def read_text(path: Path, what: str, largest: int = MAX_TABLE_BYTES) -> str:
     """Return the text of a regular file of limited size, without a byte order mark.
 
     Parameters
@@ -244,7 +244,7 @@ def read_text(path: Path, what: str) -> str:
         If the file cannot be read, is larger than 16 MiB, or is no UTF-8 text; the message names
         the line.
     """
-    content = read_bytes(path, MAX_TABLE_BYTES, what)
+    content = read_bytes(path, largest, what)
     wrong = None
     try:
         text = content.decode("utf-8-sig")

@@ -57,7 +57,7 @@ SECTIONS = [
     ),
     ("phase: {segments: true}", "phase.segments", "true", "whole number"),
     ("phase: {segments: 20001}", "phase.segments", "20001", "smaller"),
-    ("phase: {order: 4}", "phase.order", "4", "3, 5, 7 or 9"),
+    ("phase: {order: 4}", "phase.order", "4", "give one of 3, 5, 7, 9"),
     ("name: 3", "name", "3", "quotes"),
     ("name: ../up", "name", "../up", "letters, digits"),
     ("rotor:", "rotor", "null", "leave it out"),
