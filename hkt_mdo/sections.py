@@ -32,6 +32,13 @@ _FACTOR = rf"(?:{_POWER}|\({_PRODUCT}\){_EXPONENT})"
 _QUANTITY_TEXT = re.compile(rf"({_NUMBER}) *({_FACTOR}(?:(?:\*| +){_FACTOR})*(?:[*/]{_FACTOR})*)?")
 _LONGEST_QUANTITY = 64
 _LONGEST_UNIT = 24
+_BOUNDS = (
+    ("gt", operator.gt, "greater than", "exclusiveMinimum"),
+    ("ge", operator.ge, "at least", "minimum"),
+    ("lt", operator.lt, "less than", "exclusiveMaximum"),
+    ("le", operator.le, "at most", "maximum"),
+)
+"""Field of a bound, what it asks for, in words and in a JSON schema."""
 
 
 @dataclass(frozen=True)
@@ -76,13 +83,9 @@ class Quantity:
             raise self._refuse("must be a number")
         if not math.isfinite(number):
             raise self._refuse("must be a finite number")
-        for bound, broken, words in (
-            (self.gt, operator.le, "greater than"),
-            (self.ge, operator.lt, "at least"),
-            (self.lt, operator.ge, "less than"),
-            (self.le, operator.gt, "at most"),
-        ):
-            if bound is not None and broken(number, bound):
+        for name, holds, words, _ in _BOUNDS:
+            bound = getattr(self, name)
+            if bound is not None and not holds(number, bound):
                 unit = f" {self.unit}" if self.unit else ""
                 raise self._refuse(f"must be {words} {bound:g}{unit}")
         return number
@@ -120,9 +123,8 @@ class Quantity:
 
     def _refuse(self, problem: str) -> PydanticCustomError:
         """Return an error whose remedy says what form the quantity has."""
-        form = "a plain number"
-        if self.unit:
-            form = f"a number in {self.unit}, or a text with a unit of that kind"
+        of_unit = f"a number in {self.unit}, or a text with a unit of that kind"
+        form = of_unit if self.unit else "a plain number"
         return refusal(problem, f"give {form}", quantity=form)
 
     def __get_pydantic_core_schema__(self, _: Any, __: GetCoreSchemaHandler) -> CoreSchema:
@@ -141,11 +143,8 @@ class Quantity:
                 "pattern": f"^{_QUANTITY_TEXT.pattern[:-1]}$",
                 "unit": self.unit,
             }
-        words = {"gt": "exclusiveMinimum", "ge": "minimum", "lt": "exclusiveMaximum"}
-        for name, word in {**words, "le": "maximum"}.items():
-            if getattr(self, name) is not None:
-                schema[word] = getattr(self, name)
-        return schema
+        bounds = {word: getattr(self, name) for name, _, _, word in _BOUNDS}
+        return schema | {word: bound for word, bound in bounds.items() if bound is not None}
 
 
 def ordered(bounds: tuple[float, float]) -> tuple[float, float]:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from typing import Any, get_args
+from collections.abc import Iterable
+from typing import Any, NamedTuple, get_args
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -44,24 +43,18 @@ _PLAIN = {
 """Problem and remedy by pydantic's type of error, with places for its context."""
 
 
-@dataclass(frozen=True)
-class _Place:
-    """Where in the case an error lies: its dotted key, the section it is in, the field if known."""
+class _Place(NamedTuple):
+    """Where in the case an error lies."""
 
     key: str
     section: type[BaseModel]
-    field: FieldInfo | None
-
-    @property
-    def what(self) -> str:
-        """The first clause of the field's documentation."""
-        text = " ".join((self.field.description or "").split()) if self.field else ""
-        return re.split(r"[.;,](?: |$)", text, maxsplit=1)[0]
-
-    @property
-    def tag(self) -> str:
-        """The key that tells the sections of a union apart."""
-        return str(self.field.discriminator) if self.field else ""
+    members: dict[str, type[BaseModel]]
+    """The sections of a union by the value of their tag, if the place is a union."""
+    tag: str
+    choices: tuple[Any, ...]
+    """What a Literal allows."""
+    what: str
+    """First clause of the documentation."""
 
 
 def _find(location: Iterable[int | str], root: type[BaseModel]) -> _Place:
@@ -69,25 +62,29 @@ def _find(location: Iterable[int | str], root: type[BaseModel]) -> _Place:
     path: list[str] = []
     section = root
     field: FieldInfo | None = None
-    union: dict[str, type[BaseModel]] = {}
     for part in location:
+        union = _members(field)
         if isinstance(part, int):
             path.append(f"[{part}]")
             inner = get_args(field.annotation) if field else ()
             item = FieldInfo.from_annotation(inner[0]) if inner and inner[-1] is Ellipsis else None
             # a number in a list has the description of the list
-            if item is not None and (_members(item) or _section(item)):
-                field = item
+            field = item if _members(item) or _section(item) else field
         elif union:
             section, field = union[part], None
         else:
             path.append(part)
             field = section.model_fields.get(part)
-        union = _members(field)
-        inside = None if union else _section(field)
+        inside = None if _members(field) else _section(field)
         if inside is not None:
             section, field = inside, None
-    return _Place(dotted(path), section, field)
+    if field is None:
+        return _Place(dotted(path), section, {}, "", (), "")
+    choices = get_args(field.annotation)
+    choices = get_args(choices[0]) if type(None) in choices else choices
+    text = " ".join((field.description or "").split())
+    what = re.split(r"[.;,](?: |$)", text, maxsplit=1)[0]
+    return _Place(dotted(path), section, _members(field), str(field.discriminator), choices, what)
 
 
 def _section(field: FieldInfo | None) -> type[BaseModel] | None:
@@ -129,45 +126,36 @@ def translate(
 
 def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, dict[str, Any]]:
     """Return key, problem and remedy of an error, and the value as keyword if there is one."""
-    place, context = _find(error["loc"], root), error.get("ctx", {})
-    key, kind = place.key, error["type"]
-    found = {"value": error["input"]}
-    if kind in _PLAIN:
-        problem, remedy = (words.format(**context) for words in _PLAIN[kind])
-        return key, problem, remedy, found
-    match kind:
+    place, context, given = _find(error["loc"], root), error.get("ctx", {}), error["input"]
+    key, found = place.key, {"value": given}
+    problem, remedy = error["msg"], place.what
+    if error["type"] in _PLAIN:
+        problem, remedy = (words.format(**context) for words in _PLAIN[error["type"]])
+    match error["type"]:
         case "hkt_mdo":
             problem, remedy = context["problem"], context["remedy"]
             key = dotted(part for part in (key, context.get("key")) if part)
-            found["value"] = context.get("value", error["input"])
+            found["value"] = context.get("value", given)
             if "quantity" in context and place.what:
                 what = place.what[0].lower() + place.what[1:]
                 remedy = f"give the {what} as {context['quantity']}"
         case "extra_forbidden":
-            problem = "unknown key"
-            remedy = _suggest_key(key, str(error["loc"][-1]), place.section, root)
+            problem, remedy = "unknown key", _suggest_key(place, str(error["loc"][-1]), root)
         case "missing":
-            found, problem = {}, "is missing"
-            remedy = f"give it: {place.what}"
-            if tags := ", ".join(_members(place.field)):
-                remedy = f"give {key}: {{{place.tag}: ...}} with one of {tags}"
+            found, problem, remedy = {}, "is missing", f"give it: {place.what}"
+            if place.members:
+                remedy = f"give {key}: {{{place.tag}: ...}} with one of {', '.join(place.members)}"
             elif isinstance(error["loc"][-1], int):
                 remedy = "give two values, [lower, upper]"
         case "union_tag_not_found":
             found, problem, key = {}, "is missing", f"{key}.{place.tag}"
-            remedy = _suggest(None, _members(place.field))
+            remedy = _suggest(None, place.members)
         case "union_tag_invalid":
             problem, key = "unknown", f"{key}.{place.tag}"
-            given = error["input"]
             found["value"] = given.get(place.tag) if isinstance(given, dict) else context["tag"]
-            remedy = _suggest(found["value"], _members(place.field))
+            remedy = _suggest(found["value"], place.members)
         case "literal_error":
-            choices = get_args(place.field.annotation) if place.field else ()
-            if type(None) in choices:
-                choices = get_args(choices[0])
-            problem, remedy = "unknown", _suggest(error["input"], choices)
-        case _:
-            problem, remedy = error["msg"], place.what
+            problem, remedy = "unknown", _suggest(given, place.choices)
     section, _, name = key.rpartition(".")
     if problem.startswith("unknown") and (section == "limits" or name in TAGS.values()):
         remedy += "; one of your own needs --extend FILE"
@@ -181,17 +169,16 @@ def _suggest(value: object, choices: Iterable[object]) -> str:
     return f"{f'did you mean {near[0]}? ' if near else ''}give one of {', '.join(words)}"
 
 
-def _suggest_key(place: str, key: str, section: type[BaseModel], root: type[BaseModel]) -> str:
+def _suggest_key(place: _Place, key: str, root: type[BaseModel]) -> str:
     """Return the nearest key of the section, or the sections that do have the key."""
-    known = list(section.model_fields)
+    known = list(place.section.model_fields)
     near = difflib.get_close_matches(key[:60], known, n=1)
-    homes = [f"{name}.{key}" for name, field in root.model_fields.items() if key in _keys(field)]
-    homes = [home for home in homes if home != place]
-    guess = f"did you mean {' or '.join(near or homes)}? " if near or homes else ""
+    if not near:
+        near = [
+            f"{name}.{key}"
+            for name, field in root.model_fields.items()
+            for home in _members(field).values() or [field.annotation]
+            if key in getattr(home, "model_fields", ()) and f"{name}.{key}" != place.key
+        ]
+    guess = f"did you mean {' or '.join(dict.fromkeys(near))}? " if near else ""
     return f"{guess}known here: {', '.join(known) or 'none'}"
-
-
-def _keys(field: FieldInfo) -> Iterator[str]:
-    """Yield the keys of a section, or of all that a union chooses from."""
-    for member in _members(field).values() or [field.annotation]:
-        yield from getattr(member, "model_fields", ())

@@ -122,20 +122,17 @@ class Case(Section):
         """Refuse a start outside the bounds of the design, and options that exclude each other."""
         design, rotor, control = self.design, self.rotor, self.control
         if design.gain_bounds is not None and not isinstance(control, FeedbackLaw):
-            raise refusal(
-                f"bounds a gain that the law {control.law} does not have",
-                "leave design.gain_bounds out, or choose a feedback law",
-                key="design.gain_bounds",
-                value=list(design.gain_bounds),
-            )
+            problem = f"bounds a gain that the law {control.law} does not have"
+            remedy = "leave design.gain_bounds out, or choose a feedback law"
+            value = list(design.gain_bounds)
+            raise refusal(problem, remedy, key="design.gain_bounds", value=value)
         for name in ("bem", "check"):
             if rotor.reynolds == "local" and getattr(self.hydrodynamics, name) == "ccblade":
-                raise refusal(
-                    "takes the Reynolds number of the induced speed, not that of rotor.reynolds",
-                    "give vectorized, or rotor.reynolds: invariant",
-                    key=f"hydrodynamics.{name}",
-                    value="ccblade",
+                problem = (
+                    "takes the Reynolds number of the induced speed, not that of rotor.reynolds"
                 )
+                remedy = "give vectorized, or rotor.reynolds: invariant"
+                raise refusal(problem, remedy, key=f"hydrodynamics.{name}", value="ccblade")
         start = [("rotor.set_angle", rotor.set_angle or 0.0, "set_angle_bounds")]
         gains = control.starting_gains() if isinstance(control, FeedbackLaw) else None
         if gains is not None:
@@ -148,12 +145,9 @@ class Case(Section):
         for key, value, name in start:
             bounds = getattr(design, name)
             if bounds is not None and not bounds[0] <= value <= bounds[1]:
-                raise refusal(
-                    f"lies outside design.{name} = [{bounds[0]:g}, {bounds[1]:g}]",
-                    "the start must lie within the bounds: change one or the other",
-                    key=key,
-                    value=value,
-                )
+                problem = f"lies outside design.{name} = [{bounds[0]:g}, {bounds[1]:g}]"
+                remedy = "the start must lie within the bounds: change one or the other"
+                raise refusal(problem, remedy, key=key, value=value)
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -351,13 +345,8 @@ def _split(override: str, file: str) -> tuple[str, Any]:
     key, equals, text = override.partition("=")
     key = key.strip()
     if not equals or not text.strip() or not re.fullmatch(r"\w+(\.\w+)*", key, re.ASCII):
-        raise InputError(
-            "is no override",
-            "write section.key=value, such as rotor.radius=2 (null for none)",
-            file=file,
-            key="override",
-            value=override,
-        )
+        remedy = "write section.key=value, such as rotor.radius=2 (null for none)"
+        raise InputError("is no override", remedy, file=file, key="override", value=override)
     return key, parse(text, f"{file}, override {key}", key)
 
 
@@ -369,12 +358,9 @@ def _assign(data: dict[str, Any], key: str, value: object, file: str) -> None:
         if isinstance(inner, str) and depth == 0 and section in TAGS:
             inner = data[section] = {TAGS[section]: inner}
         if not isinstance(inner, dict):
-            raise InputError(
-                f"has no keys, so the override {key} cannot be made",
-                "override the whole of it, or only keys of sections",
-                file=file,
-                key=".".join(sections[: depth + 1]),
-                value=inner,
-            )
+            problem = f"has no keys, so the override {key} cannot be made"
+            remedy = "override the whole of it, or only keys of sections"
+            place = ".".join(sections[: depth + 1])
+            raise InputError(problem, remedy, file=file, key=place, value=inner)
         data = inner
     data[last] = value

@@ -36,6 +36,7 @@ def _find_file(value: str, info: ValidationInfo) -> str:
 
 
 _File = Annotated[str, AfterValidator(_find_file)]
+_Station = Annotated[float, Quantity(gt=0, lt=1)]
 
 
 class SectionFile(Section):
@@ -75,12 +76,7 @@ class Rotor(Section):
     cone: Annotated[float, Quantity("deg", ge=-45, le=45)] | None = None
     """Cone angle between the blades and the rotor plane; null: the blade's own, or 0."""
 
-    stations: (
-        Annotated[
-            tuple[Annotated[float, Quantity(gt=0, lt=1)], ...], Field(min_length=3, max_length=200)
-        ]
-        | None
-    ) = None
+    stations: Annotated[tuple[_Station, ...], Field(min_length=3, max_length=200)] | None = None
     """Radial stations r/R at which chord and twist are given, rising, between hub and tip; null:
     the rows of the blade's file between hub and tip.
 
@@ -157,42 +153,30 @@ class Rotor(Section):
 
     @model_validator(mode="after")
     def _check_stations(self) -> Rotor:
-        if self.stations is not None and self.station_count is not None:
-            raise refusal(
-                "stands beside rotor.stations",
-                "give one of the two",
-                key="station_count",
-                value=self.station_count,
-            )
         stations = self.stations or ()
-        for index, (inner, outer) in enumerate(pairwise(stations)):
+        if stations and self.station_count is not None:
+            problem, remedy = "stands beside rotor.stations", "give one of the two"
+            raise refusal(problem, remedy, key="station_count", value=self.station_count)
+        for index, (inner, outer) in enumerate(pairwise(stations), start=1):
             if not inner < outer:
-                raise refusal(
-                    f"stands after {inner:g}: stations must rise",
-                    "sort the stations from hub to tip, none twice",
-                    key=f"stations[{index + 1}]",
-                    value=outer,
-                )
+                problem = f"stands after {inner:g}: stations must rise"
+                remedy = "sort the stations from hub to tip, none twice"
+                raise refusal(problem, remedy, key=f"stations[{index}]", value=outer)
         hub = self.hub_radius_fraction
         if stations and hub is not None and not stations[0] > hub:
-            raise refusal(
-                f"lies on or within the hub, whose radius is {hub:g} R",
-                "move the first station outwards or lessen rotor.hub_radius_fraction",
-                key="stations[0]",
-                value=stations[0],
-            )
+            problem = f"lies on or within the hub, whose radius is {hub:g} R"
+            remedy = "move the first station outwards or lessen rotor.hub_radius_fraction"
+            raise refusal(problem, remedy, key="stations[0]", value=stations[0])
         for name, other in (("chord", "twist"), ("twist", "chord")):
             column = getattr(self, name)
-            if column is None:
-                continue
-            problem = remedy = ""
-            if getattr(self, other) is None:
-                problem = f"is given without rotor.{other}"
+            if column is not None and getattr(self, other) is None:
                 remedy = f"give rotor.{other} too, or neither and name a blade"
-            elif len(column) != len(stations):
+                raise refusal(
+                    f"is given without rotor.{other}", remedy, key=name, value=list(column)
+                )
+            if column is not None and len(column) != len(stations):
                 problem = f"has {len(column)} values for {len(stations)} stations"
                 remedy = "give one value for each of rotor.stations"
-            if problem:
                 raise refusal(problem, remedy, key=name, value=list(column))
         return self
 
