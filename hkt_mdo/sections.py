@@ -1,4 +1,4 @@
-"""What every section of a case is made of: quantities with units, and how a check complains."""
+"""What every section of a case is made of: quantities with units, and refusals of bad values."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 
 def refusal(problem: str, remedy: str, **context: Any) -> PydanticCustomError:
-    """Return what a check found; context may hold the `key` inside the section and its `value`."""
+    """Return a check's error; context may hold the `key` inside the section and its `value`."""
     return PydanticCustomError(
         "hkt_mdo", "{problem}; {remedy}", {"problem": problem, "remedy": remedy, **context}
     )
@@ -22,16 +22,23 @@ def refusal(problem: str, remedy: str, **context: Any) -> PydanticCustomError:
 
 # Quantities ---------------------------------------------------------------------------------------
 
-# The unit is read by OpenMDAO, which evaluates it as an expression: only products of powers of
-# names get that far, and a power has one digit.
+# OpenMDAO evaluates a unit as an expression: only products of powers of names may get that far, and
+# a power has one digit. A space is a product up to the first "/": what a/b c means is not clear.
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
-_EXPONENT = r"(?:\*\*-?[0-9])?"
+_EXPONENT = r"(?:(?:\*\*|\^)-?[0-9])?"
 _POWER = rf"[A-Za-z][A-Za-z0-9]*{_EXPONENT}"
-_PRODUCT = rf"{_POWER}(?:[*/]{_POWER})*"
+_PRODUCT = rf"{_POWER}(?:(?:\*| +){_POWER})*(?:[*/]{_POWER})*"
 _FACTOR = rf"(?:{_POWER}|\({_PRODUCT}\){_EXPONENT})"
-_QUANTITY_TEXT = re.compile(rf"({_NUMBER}) *({_FACTOR}(?:[*/]{_FACTOR})*)?")
+_QUANTITY_TEXT = re.compile(rf"({_NUMBER}) *({_FACTOR}(?:(?:\*| +){_FACTOR})*(?:[*/]{_FACTOR})*)?")
 _LONGEST_QUANTITY = 64
 _LONGEST_UNIT = 24
+_BOUNDS = (
+    ("gt", operator.gt, "greater than", "exclusiveMinimum"),
+    ("ge", operator.ge, "at least", "minimum"),
+    ("lt", operator.lt, "less than", "exclusiveMaximum"),
+    ("le", operator.le, "at most", "maximum"),
+)
+"""Field of a bound, what it asks for, in words and in a JSON schema."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +46,8 @@ class Quantity:
     """What a physical quantity is: its unit and range, as the annotation of a float.
 
     ``Annotated[float, Quantity("m", gt=0)]`` takes a finite number in metres, or a text such as
-    ``1400 mm``, which OpenMDAO's table of units converts.
+    ``1400 mm``, which OpenMDAO's table of units converts. Units are written ``N*m`` or ``N m``,
+    ``m**2`` or ``m^2``.
 
     Parameters
     ----------
@@ -56,22 +64,13 @@ class Quantity:
     le: float | None = None
 
     def read(self, value: object) -> float:
-        """Return the value as a float in the quantity's unit.
-
-        Parameters
-        ----------
-        value : object
-            A number, or a text of a number and a unit.
-
-        Returns
-        -------
-        float
-            Finite and within the bounds.
+        """Return a number, or a text of a number and a unit, as a float in the quantity's unit.
 
         Raises
         ------
         PydanticCustomError
-            If it is not a number, the unit is unknown or of another kind, or a bound is broken.
+            If it is not a finite number, the unit is unknown or of another kind, or a bound is
+            broken.
         """
         if isinstance(value, str):
             number = self._convert(value)
@@ -84,59 +83,52 @@ class Quantity:
             raise self._refuse("must be a number")
         if not math.isfinite(number):
             raise self._refuse("must be a finite number")
-        for bound, broken, words in (
-            (self.gt, operator.le, "greater than"),
-            (self.ge, operator.lt, "at least"),
-            (self.lt, operator.ge, "less than"),
-            (self.le, operator.gt, "at most"),
-        ):
-            if bound is not None and broken(number, bound):
+        for name, holds, words, _ in _BOUNDS:
+            bound = getattr(self, name)
+            if bound is not None and not holds(number, bound):
                 unit = f" {self.unit}" if self.unit else ""
                 raise self._refuse(f"must be {words} {bound:g}{unit}")
         return number
 
     def _convert(self, text: str) -> float:
+        """Return the number that a text says, in the quantity's unit."""
         text = text.strip() if len(text) <= _LONGEST_QUANTITY else ""
         match = _QUANTITY_TEXT.fullmatch(text)
         if match is None:
             wanted = "a number, or a number and a unit" if self.unit else "a number"
             raise self._refuse(f"must be {wanted}")
-        number, unit = float(match[1]), match[2]
         if self.unit is None:
             raise self._refuse("must be a plain number, no text and no unit")
-        if unit is None:
+        if match[2] is None:
             raise self._refuse(f"is a text without a unit; this key is in {self.unit}")
+        number, unit = float(match[1]), re.sub(" +", "*", match[2].replace("^", "**"))
         if len(unit) > _LONGEST_UNIT:
             raise self._refuse(f"has too long a unit; this key is in {self.unit}")
 
-        from openmdao.utils.units import (  # type: ignore[import-untyped]
-            convert_units,
-            valid_units,
-        )
+        from openmdao.utils import units  # type: ignore[import-untyped]
 
         try:
-            known = valid_units(unit)
+            known = units.valid_units(unit)
         except Exception:  # the unit is evaluated: any error of that says that it is none
             known = False
         if not known:
             raise self._refuse(f"has the unknown unit {unit}; this key is in {self.unit}")
         try:
-            return float(convert_units(number, unit, self.unit))
+            return float(units.convert_units(number, unit, self.unit))
         except TypeError:
-            raise self._refuse(
-                f"has the unit {unit}, which does not convert to {self.unit}"
-            ) from None
+            problem = f"has the unit {unit}, which does not convert to {self.unit}"
         except (ArithmeticError, ValueError):
-            raise self._refuse(f"cannot be converted from {unit} to {self.unit}") from None
+            problem = f"cannot be converted from {unit} to {self.unit}"
+        raise self._refuse(problem)
 
     def _refuse(self, problem: str) -> PydanticCustomError:
-        form = "a plain number"
-        if self.unit:
-            form = f"a number in {self.unit}, or a text with a unit of that kind"
+        """Return an error whose remedy says what form the quantity has."""
+        of_unit = f"a number in {self.unit}, or a text with a unit of that kind"
+        form = of_unit if self.unit else "a plain number"
         return refusal(problem, f"give {form}", quantity=form)
 
     def __get_pydantic_core_schema__(self, _: Any, __: GetCoreSchemaHandler) -> CoreSchema:
-        """Return the schema of a value that `read` checks."""
+        """Return the schema of a value that goes through `read`."""
         return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(
@@ -145,17 +137,14 @@ class Quantity:
         """Return the JSON schema: a number within the bounds, or a text, and the unit."""
         schema: dict[str, Any] = {"type": "number"}
         if self.unit:
-            # a bound is read for numbers alone, a pattern for texts alone
+            # JSON schema applies a bound to numbers only, a pattern to texts only
             schema = {
                 "type": ["number", "string"],
                 "pattern": f"^{_QUANTITY_TEXT.pattern[:-1]}$",
                 "unit": self.unit,
             }
-        words = {"gt": "exclusiveMinimum", "ge": "minimum", "lt": "exclusiveMaximum"}
-        for name, word in {**words, "le": "maximum"}.items():
-            if getattr(self, name) is not None:
-                schema[word] = getattr(self, name)
-        return schema
+        bounds = {word: getattr(self, name) for name, _, _, word in _BOUNDS}
+        return schema | {word: bound for word, bound in bounds.items() if bound is not None}
 
 
 def ordered(bounds: tuple[float, float]) -> tuple[float, float]:

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hkt_mdo.dynamics.controllers import QuadraticLaw
 
 from hkt_mdo.case import load_case
-from hkt_mdo.dynamics.controllers import QuadraticLaw
 from hkt_mdo.dynamics.quasi_steady import SLOWED
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.build import RecoveryComp, physics

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    Field,
-    Strict,
-    field_validator,
-    model_validator,
-)
+from pydantic import AfterValidator, BeforeValidator, Field, Strict, model_validator
 
 from hkt_mdo.sections import Quantity, Section, ordered, refusal, upper
 
-_Chords = tuple[Annotated[float, Quantity("m", gt=0)], Annotated[float, Quantity("m", gt=0)]]
-_Angles = tuple[
-    Annotated[float, Quantity("deg", ge=-180, le=180)],
-    Annotated[float, Quantity("deg", ge=-180, le=180)],
+_Length = Annotated[float, Quantity("m", gt=0)]
+_Angle = Annotated[float, Quantity("deg", ge=-180, le=180)]
+_Lengths = Annotated[tuple[_Length, _Length], AfterValidator(ordered)]
+_Angles = Annotated[tuple[_Angle, _Angle], AfterValidator(ordered)]
+_Gains = Annotated[
+    tuple[Annotated[float, Quantity(ge=0)], Annotated[float, Quantity(gt=0)]],
+    AfterValidator(ordered),
 ]
-_Gains = tuple[Annotated[float, Quantity(ge=0)], Annotated[float, Quantity(gt=0)]]
+_Points = Annotated[int, Strict(), Field(ge=2, le=200)]
 
 
 class Design(Section):
@@ -29,31 +25,29 @@ class Design(Section):
     blade: Literal["optimized", "fixed"] = "optimized"
     """Whether chord and twist are optimized along with the control, or kept."""
 
-    chord_bounds: Annotated[_Chords, AfterValidator(ordered)] = (0.01, 1.0)
+    chord_bounds: _Lengths = (0.01, 1.0)
     """Bounds on the chord, [lower, upper]."""
 
-    twist_bounds: Annotated[_Angles, AfterValidator(ordered)] = (-30.0, 30.0)
+    twist_bounds: _Angles = (-30.0, 30.0)
     """Bounds on the twist, [lower, upper]."""
 
-    chord_points: Annotated[int, Strict(), Field(ge=2, le=200)] | None = None
-    """Number of control points of a cubic B-spline that is the chord along the span; as many as
-    there are stations, or more: the chord is designed at the stations. Null: at the stations if
-    there are 20 or fewer, else 8."""
+    chord_points: _Points | None = None
+    """Number of control points of a cubic B-spline that gives the chord along the span. With as
+    many as there are stations, or more, the chord of each station is designed. Null: the chord of
+    each station if there are 20 or fewer, else 8 control points."""
 
-    twist_points: Annotated[int, Strict(), Field(ge=2, le=200)] | None = None
-    """Number of control points of a cubic B-spline that is the twist along the span; as many as
-    there are stations, or more: the twist is designed at the stations. Null: at the stations if
-    there are 20 or fewer, else 8."""
+    twist_points: _Points | None = None
+    """Number of control points of the twist along the span, as `chord_points`."""
 
-    set_angle_bounds: Annotated[_Angles, AfterValidator(ordered)] | None = None
+    set_angle_bounds: _Angles | None = None
     """Bounds on the set angle of a fixed blade, [lower, upper]; null: it is not designed. A twist
-    that is designed has the set angle in it."""
+    that is designed includes the set angle."""
 
-    radius_bounds: Annotated[_Chords, AfterValidator(ordered)] | None = None
+    radius_bounds: _Lengths | None = None
     """Bounds on the tip radius R, [lower, upper]; null: it is not designed. Stations and hub move
     with it; a fixed blade is scaled as a whole."""
 
-    gain_bounds: Annotated[_Gains, AfterValidator(ordered)] | None = None
+    gain_bounds: _Gains | None = None
     """Bounds on the feedback gain, [lower, upper], plain numbers in the unit of `control.gain`;
     null: scaled from the gain at the start."""
 
@@ -61,19 +55,14 @@ class Design(Section):
     def _check_designed(self) -> Design:
         points = [name for name in ("chord_points", "twist_points") if getattr(self, name)]
         if self.blade == "fixed" and points:
-            raise refusal(
-                "shapes a blade that is fixed",
-                "give design.blade: optimized, or leave it out",
-                key=points[0],
-                value=getattr(self, points[0]),
-            )
-        if self.blade == "optimized" and self.set_angle_bounds is not None:
-            raise refusal(
-                "bounds a set angle that a designed twist has in it already",
-                "give design.blade: fixed, or widen design.twist_bounds instead",
-                key="set_angle_bounds",
-                value=list(self.set_angle_bounds),
-            )
+            problem = "gives the control points of a blade that is fixed"
+            remedy = "give design.blade: optimized, or leave it out"
+            raise refusal(problem, remedy, key=points[0], value=getattr(self, points[0]))
+        bounds = self.set_angle_bounds
+        if self.blade == "optimized" and bounds is not None:
+            problem = "bounds a set angle, which the designed twist includes already"
+            remedy = "give design.blade: fixed, or widen design.twist_bounds instead"
+            raise refusal(problem, remedy, key="set_angle_bounds", value=list(bounds))
         return self
 
 
@@ -84,25 +73,18 @@ class Phase(Section):
     """Duration; null: that of the flow's record, or 60 s, which the paper's tables imply."""
 
     segments: Annotated[int, Strict(), Field(ge=2, le=20000)] | None = None
-    """Number of collocation segments; null: 60, or as many as the flow's highest frequency asks
-    for, eight a period."""
+    """Number of collocation segments; null: 60, or eight in each period of the flow's highest
+    frequency if those are more."""
 
     transcription: Literal["gauss-lobatto", "radau"] = "gauss-lobatto"
-    """Collocation method: Gauss-Lobatto's or Radau's nodes in each segment."""
+    """Collocation method: Gauss-Lobatto or Radau nodes in each segment."""
 
-    order: Annotated[int, Strict(), Field(ge=3, le=9, json_schema_extra={"enum": [3, 5, 7, 9]})] = 3
-    """Order of the polynomials of a segment."""
+    order: Literal[3, 5, 7, 9] = 3
+    """Order of the polynomials in each segment."""
 
     initial_speed: Literal["auto", "free", "equilibrium"] = "auto"
-    """Rotor speed at t = 0: `free` for the optimizer to choose, or in `equilibrium` (hydrodynamic
-    and control torque balance); `auto`: free for open loop, equilibrium for feedback."""
-
-    @field_validator("order")
-    @classmethod
-    def _check_odd(cls, value: int) -> int:
-        if value % 2 == 0:
-            raise refusal("must be odd", "give 3, 5, 7 or 9")
-        return value
+    """Rotor speed at t = 0: `free`, chosen by the optimizer; `equilibrium`, where hydrodynamic and
+    control torque balance; `auto`: free for open loop, equilibrium for feedback."""
 
 
 class Start(Section):
@@ -121,15 +103,15 @@ class Hydrodynamics(Section):
     `ccblade`, WISDEM's CCBlade, which is slower and needs `hkt_mdo[ccblade]`."""
 
     torque: Literal["curve", "direct"] = "curve"
-    """`curve`: a torque coefficient over tip speed ratio, computed once a design; `direct`: the
-    solver at every node of the trajectory."""
+    """`curve`: a curve of torque coefficient over tip speed ratio, computed once for each design;
+    `direct`: the solver runs at every node of the trajectory."""
 
     tolerance: Annotated[float, Quantity(ge=1e-8, le=1e-2)] = 1e-4
-    """Largest relative torque error of the curve along the trajectory; beyond it the curve is
+    """Largest relative torque error of the curve along the trajectory; above it the curve is
     refined."""
 
     check: Literal["vectorized", "ccblade"] = "vectorized"
-    """Blade element momentum solver of the independent simulation, as `bem`."""
+    """Blade element momentum solver of the independent simulation; choices as for `bem`."""
 
 
 _OPTIMIZERS = "IPOPT", "SLSQP", "SNOPT"
@@ -140,15 +122,15 @@ class Driver(Section):
     """The optimizer and the package that provides it."""
 
     package: Literal["auto", "pyoptsparse", "casadi", "scipy"] = "auto"
-    """Package that provides the optimizer; `auto` takes pyoptsparse where it is installed and has
-    it, else casadi (IPOPT) or scipy (SLSQP). SNOPT comes with pyoptsparse alone."""
+    """Package that provides the optimizer; `auto` takes pyoptsparse if it is installed and has the
+    optimizer, else casadi (IPOPT) or scipy (SLSQP). Only pyoptsparse provides SNOPT."""
 
     optimizer: Annotated[
         Literal["IPOPT", "SLSQP", "SNOPT"],
         BeforeValidator(upper),
         Field(json_schema_extra={"enum": [*_OPTIMIZERS, *map(str.lower, _OPTIMIZERS)]}),
     ] = "IPOPT"
-    """Optimizer, in capitals or not."""
+    """Optimizer, in capital or small letters."""
 
     tolerance: Annotated[float, Quantity(ge=1e-12, le=1e-2)] = 1e-7
     """Tolerance on optimality and feasibility of the scaled problem."""
@@ -160,10 +142,7 @@ class Driver(Section):
     def _check_package(self) -> Driver:
         only = _PROVIDES.get(self.package, self.optimizer)
         if self.optimizer != only:
-            raise refusal(
-                f"is not provided by the package {self.package}, which provides {only}",
-                f"give driver.optimizer: {only}, or driver.package: auto",
-                key="optimizer",
-                value=self.optimizer,
-            )
+            problem = f"is not provided by the package {self.package}, which provides {only}"
+            remedy = f"give driver.optimizer: {only}, or driver.package: auto"
+            raise refusal(problem, remedy, key="optimizer", value=self.optimizer)
         return self

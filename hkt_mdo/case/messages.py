@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any, cast, get_args
+from collections.abc import Iterable
+from typing import Any, NamedTuple, get_args
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -16,14 +15,46 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import dotted
 from hkt_mdo.sections import Section
 
+TAGS = {"inflow": "profile", "control": "law", "objective": "kind"}
+"""The sections of a case that name a kind, and the key that names it."""
 
-@dataclass(frozen=True)
-class _Place:
-    """Where in the case an error lies: its dotted key, the section it is in, the field if known."""
+_SECTION = (
+    "must be a section of keys and values",
+    "write keys below it, or leave it out where it has defaults",
+)
+_NAME = (
+    "must be up to 100 letters, digits, _ - . and begin with none of - .",
+    "give such a name, or none: the case is then named after its file",
+)
+_PLAIN = {
+    "model_type": _SECTION,
+    "model_attributes_type": _SECTION,
+    "tuple_type": ("must be a list", "write [first, second, ...]"),
+    "too_short": ("must have at least {min_length} values, and has {actual_length}", "add some"),
+    "too_long": ("must have at most {max_length} values, and has {actual_length}", "take some out"),
+    "int_type": ("must be a whole number", "write it without a point, a unit or quotes"),
+    "greater_than_equal": ("must be at least {ge}", "give a larger number"),
+    "less_than_equal": ("must be at most {le}", "give a smaller number"),
+    "string_type": ("must be a text", "write it in quotes if it looks like a number"),
+    "string_pattern_mismatch": _NAME,
+    "string_too_long": _NAME,
+    "string_too_short": _NAME,
+}
+"""Problem and remedy by pydantic's type of error, with places for its context."""
+
+
+class _Place(NamedTuple):
+    """Where in the case an error lies."""
 
     key: str
     section: type[BaseModel]
-    field: FieldInfo | None
+    members: dict[str, type[BaseModel]]
+    """The sections of a union by the value of their tag, if the place is a union."""
+    tag: str
+    choices: tuple[Any, ...]
+    """What a Literal allows."""
+    what: str
+    """First clause of the documentation."""
 
 
 def _find(location: Iterable[int | str], root: type[BaseModel]) -> _Place:
@@ -31,24 +62,29 @@ def _find(location: Iterable[int | str], root: type[BaseModel]) -> _Place:
     path: list[str] = []
     section = root
     field: FieldInfo | None = None
-    union: dict[str, type[BaseModel]] = {}
     for part in location:
+        union = _members(field)
         if isinstance(part, int):
             path.append(f"[{part}]")
-            item = _item(field)
-            if item is not None:  # of a list of sections; a list of numbers is told by its own key
-                union, field = _members(item), item
-                section = section if union else cast(type[BaseModel], item.annotation)
+            inner = get_args(field.annotation) if field else ()
+            item = FieldInfo.from_annotation(inner[0]) if inner and inner[-1] is Ellipsis else None
+            # a number in a list has the description of the list
+            field = item if _members(item) or _section(item) else field
         elif union:
-            section, union, field = union[part], {}, None
+            section, field = union[part], None
         else:
             path.append(part)
             field = section.model_fields.get(part)
-            union = _members(field)
-            inner = _section(field)
-            if inner is not None and not union:
-                section, field = inner, None
-    return _Place(dotted(path), section, field)
+        inside = None if _members(field) else _section(field)
+        if inside is not None:
+            section, field = inside, None
+    if field is None:
+        return _Place(dotted(path), section, {}, "", (), "")
+    choices = get_args(field.annotation)
+    choices = get_args(choices[0]) if type(None) in choices else choices
+    text = " ".join((field.description or "").split())
+    what = re.split(r"[.;,](?: |$)", text, maxsplit=1)[0]
+    return _Place(dotted(path), section, _members(field), str(field.discriminator), choices, what)
 
 
 def _section(field: FieldInfo | None) -> type[BaseModel] | None:
@@ -65,139 +101,84 @@ def _members(field: FieldInfo | None) -> dict[str, type[BaseModel]]:
     return {get_args(m.model_fields[field.discriminator].annotation)[0]: m for m in members}
 
 
-def _item(field: FieldInfo | None) -> FieldInfo | None:
-    """Return what a list holds, if that is sections of one class or of a union."""
-    inner = get_args(field.annotation) if field else ()
-    item = FieldInfo.from_annotation(inner[0]) if inner and inner[-1] is Ellipsis else None
-    kind = item.annotation if item is not None else None
-    if isinstance(kind, type) and issubclass(kind, Section):
-        return item
-    return item if item is not None and _members(item) else None
-
-
 def translate(
     errors: list[ErrorDetails], root: type[BaseModel], file: str, overrides: dict[str, str]
 ) -> InputError:
     """Return the first of pydantic's errors in the user's terms.
 
-    Parameters
-    ----------
-    errors : list of ErrorDetails
-    root : type of BaseModel
-        What was validated; the places of the errors are found in its schema.
-    file : str
-        What messages call the text.
-    overrides : dict of str to str
-        The overrides by their keys: an error in one of them is told as such.
+    Its place is found in the schema of `root`, the class that was validated. `file` is what
+    messages call the text. `overrides` are the overrides by their keys: an error in one of them is
+    told as such.
     """
     # a list whose items are refused is not too short as well
-    errors = [e for e in errors if e["type"] != "too_short" or len(e["input"]) < _least(e)]
-    error = errors[0]
-    context = error.get("ctx", {})
-    place = _find(error["loc"], root)
-    key, value = place.key, error["input"]
-    missing = False
-    match error["type"]:
-        case "hkt_mdo":
-            problem, remedy = context["problem"], context["remedy"]
-            key = dotted(part for part in (key, context.get("key")) if part)
-            value = context.get("value", value)
-            if "quantity" in context and place.field and place.field.description:
-                what = re.split(r"[.;,]( |\n|$)", place.field.description, maxsplit=1)[0]
-                remedy = f"give the {what[0].lower()}{what[1:]} as {context['quantity']}"
-        case "extra_forbidden":
-            problem, remedy = (
-                "unknown key",
-                _suggest_key(key, str(error["loc"][-1]), place.section, root),
-            )
-        case "missing":
-            missing, problem = True, "is missing"
-            tags = ", ".join(_members(place.field))
-            remedy = f"give it: {_first_line(place.field)}"
-            if tags:
-                remedy = f"give {key}: {{{_discriminator(place.field)}: ...}} with one of {tags}"
-            elif isinstance(error["loc"][-1], int):
-                remedy = "give two values, [lower, upper]"
-        case "union_tag_not_found":
-            tags = ", ".join(_members(place.field))
-            missing, problem, remedy = True, "is missing", f"give one of {tags}"
-            key = f"{key}.{_discriminator(place.field)}"
-        case "union_tag_invalid":
-            key = f"{key}.{_discriminator(place.field)}"
-            value = cast(dict[str, Any], value).get(_discriminator(place.field))
-            problem, remedy = "unknown", _suggest(value, tuple(_members(place.field)))
-        case "literal_error":
-            choices = _choices(place.field.annotation) if place.field else ()
-            problem, remedy = "unknown", _suggest(value, choices)
-        case "model_type" | "model_attributes_type" | "dict_type":
-            problem = "must be a section of keys and values"
-            remedy = "write keys below it, or leave it out where it has defaults"
-        case "tuple_type":
-            problem, remedy = "must be a list", "write [first, second, ...]"
-        case "too_short" | "too_long":
-            limit = context.get("min_length", context.get("max_length"))
-            words = "at least" if error["type"] == "too_short" else "at most"
-            problem = f"must have {words} {limit} values, and has {context['actual_length']}"
-            remedy = "add some" if error["type"] == "too_short" else "take some out"
-        case "int_type":
-            problem, remedy = "must be a whole number", "write it without a point, a unit or quotes"
-        case "greater_than_equal":
-            problem, remedy = f"must be at least {context['ge']}", "give a larger number"
-        case "less_than_equal":
-            problem, remedy = f"must be at most {context['le']}", "give a smaller number"
-        case "string_type":
-            problem, remedy = "must be a text", "write it in quotes if it looks like a number"
-        case "string_pattern_mismatch" | "string_too_long" | "string_too_short":
-            problem = "must be up to 100 letters, digits, _ - . and begin with none of - ."
-            remedy = "give such a name, or none: the case is then named after its file"
-        case _:
-            problem, remedy = error["msg"], _first_line(place.field)
+    errors = [
+        e for e in errors if e["type"] != "too_short" or len(e["input"]) < e["ctx"]["min_length"]
+    ]
+    key, problem, remedy, found = _words(errors[0], root)
     if len(errors) > 1:
         remedy = f"{remedy} (and {len(errors) - 1} more)"
     for overridden, text in overrides.items():
         if key == overridden or key.startswith((f"{overridden}.", f"{overridden}[")):
             file = f"{file}, override {text if len(text) <= 60 else text[:57] + '...'}"
             break
-    if missing:
-        return InputError(problem, remedy, file=file, key=key)
-    return InputError(problem, remedy, file=file, key=key, value=value)
+    return InputError(problem, remedy, file=file, key=key, **found)
 
 
-def _least(error: ErrorDetails) -> int:
-    return cast(int, error["ctx"]["min_length"])
+def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, dict[str, Any]]:
+    """Return key, problem and remedy of an error, and the value as keyword if there is one."""
+    place, context, given = _find(error["loc"], root), error.get("ctx", {}), error["input"]
+    key, found = place.key, {"value": given}
+    problem, remedy = error["msg"], place.what
+    if error["type"] in _PLAIN:
+        problem, remedy = (words.format(**context) for words in _PLAIN[error["type"]])
+    match error["type"]:
+        case "hkt_mdo":
+            problem, remedy = context["problem"], context["remedy"]
+            key = dotted(part for part in (key, context.get("key")) if part)
+            found["value"] = context.get("value", given)
+            if "quantity" in context and place.what:
+                what = place.what[0].lower() + place.what[1:]
+                remedy = f"give the {what} as {context['quantity']}"
+        case "extra_forbidden":
+            problem, remedy = "unknown key", _suggest_key(place, str(error["loc"][-1]), root)
+        case "missing":
+            found, problem, remedy = {}, "is missing", f"give it: {place.what}"
+            if place.members:
+                remedy = f"give {key}: {{{place.tag}: ...}} with one of {', '.join(place.members)}"
+            elif isinstance(error["loc"][-1], int):
+                remedy = "give two values, [lower, upper]"
+        case "union_tag_not_found":
+            found, problem, key = {}, "is missing", f"{key}.{place.tag}"
+            remedy = _suggest(None, place.members)
+        case "union_tag_invalid":
+            problem, key = "unknown", f"{key}.{place.tag}"
+            found["value"] = given.get(place.tag) if isinstance(given, dict) else context["tag"]
+            remedy = _suggest(found["value"], place.members)
+        case "literal_error":
+            problem, remedy = "unknown", _suggest(given, place.choices)
+    section, _, name = key.rpartition(".")
+    if problem.startswith("unknown") and (section == "limits" or name in TAGS.values()):
+        remedy += "; one of your own needs --extend FILE"
+    return key, problem, remedy, found
 
 
-def _discriminator(field: FieldInfo | None) -> str:
-    return str(field.discriminator) if field else ""
-
-
-def _first_line(field: FieldInfo | None) -> str:
-    return (field.description or "").partition("\n")[0] if field else ""
-
-
-def _choices(annotation: Any) -> tuple[Any, ...]:
-    """Return the texts that a Literal allows, also one beside None."""
-    inner = get_args(annotation)
-    return inner if type(None) not in inner else _choices(inner[0])
-
-
-def _suggest(value: object, choices: Sequence[object]) -> str:
-    words = [str(choice) for choice in choices]
+def _suggest(value: object, choices: Iterable[object]) -> str:
+    """Return the nearest choice and all of them."""
+    words = list(map(str, choices))
     near = difflib.get_close_matches(value[:60], words, n=1) if isinstance(value, str) else []
     return f"{f'did you mean {near[0]}? ' if near else ''}give one of {', '.join(words)}"
 
 
-def _suggest_key(place: str, key: str, section: type[BaseModel], root: type[BaseModel]) -> str:
+def _suggest_key(place: _Place, key: str, root: type[BaseModel]) -> str:
     """Return the nearest key of the section, or the sections that do have the key."""
-    known = list(section.model_fields)
+    known = list(place.section.model_fields)
     near = difflib.get_close_matches(key[:60], known, n=1)
-    homes = [f"{name}.{key}" for name, field in root.model_fields.items() if key in _keys(field)]
-    homes = [home for home in homes if home != place]
-    guess = f"did you mean {' or '.join(near or homes)}? " if near or homes else ""
-    return f"{guess}known here: {', '.join(known)}"
-
-
-def _keys(field: FieldInfo) -> set[str]:
-    """Return the keys of a section, or of all that a union chooses from."""
-    members: list[Any] = list(_members(field).values()) or [field.annotation]
-    return {key for member in members for key in getattr(member, "model_fields", ())}
+    if not near:
+        near = [
+            f"{name}.{key}"
+            for name, field in root.model_fields.items()
+            for home in _members(field).values() or [field.annotation]
+            if key in getattr(home, "model_fields", ()) and f"{name}.{key}" != place.key
+        ]
+    guess = f"did you mean {' or '.join(dict.fromkeys(near))}? " if near else ""
+    return f"{guess}known here: {', '.join(known) or 'none'}"

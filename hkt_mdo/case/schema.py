@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from copy import deepcopy
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Union
 
 import yaml
 from pydantic import Field, SerializeAsAny, ValidationError, create_model, model_validator
-from pydantic_core import PydanticCustomError
 
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, Phase, Start
 from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kinds
-from hkt_mdo.case.messages import translate
+from hkt_mdo.case.messages import TAGS, translate
 from hkt_mdo.case.turbine import Fluid, Rotor
 from hkt_mdo.dynamics.flows import Inflow, SumInflow
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, Objective
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import read_bytes
+from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import Dumper, parse
 from hkt_mdo.sections import Section, refusal
 
@@ -33,9 +33,9 @@ MAX_CASE_BYTES = 1024**2
 
 
 class Limits(Section):
-    """Limits besides that on the control torque, each under its name.
+    """Limits besides `control.torque_limit`, each under its name.
 
-    One whose only key is `bound` may be given as that alone, such as `limits: {NAME: 15 m/s}`.
+    A limit whose only key is `bound` may be given as that alone, such as `limits: {NAME: 15 m/s}`.
     """
 
     @property
@@ -87,122 +87,110 @@ class Case(Section):
     driver: Driver = Driver()
     """The optimizer and the package that provides it."""
 
-    extensions: ClassVar[tuple[str, ...]] = ()
-    """Python files that define kinds of this case's class."""
+    kinds: ClassVar[Kinds] = BUILT_IN
+    """What cases of this class may name."""
+
+    @property
+    def extensions(self) -> tuple[Extension, ...]:
+        """Python files and classes that define kinds of this case's class."""
+        return self.kinds.extensions
 
     @model_validator(mode="before")
     @classmethod
     def _spell_out(cls, data: Any) -> Any:
-        """Give a kind without keys by its bare name, and a blade of splines its stations.
+        """Write out a kind that is given by its bare name, and the stations of a blade of splines.
 
-        docs/stations.md tells how many stations resolve it.
+        docs/stations.md tells how many stations resolve such a blade.
         """
         if not isinstance(data, dict):
             return data
-        for key, tag in _TAGS.items():
+        for key, tag in TAGS.items():
             if isinstance(data.get(key), str):
                 data = data | {key: {tag: data[key]}}
+        if isinstance(data.get("inflow"), SumInflow):  # of any class of parts
+            data = data | {"inflow": data["inflow"].model_dump()}
         design, rotor = data.get("design"), data.get("rotor", {})
-        if isinstance(rotor, Rotor) or not isinstance(design, dict) or not isinstance(rotor, dict):
-            return data
-        splined = any(design.get(name) is not None for name in ("chord_points", "twist_points"))
-        own = any(rotor.get(name) is not None for name in ("stations", "station_count", "chord"))
-        if splined and not own:
-            return data | {"rotor": rotor | {"station_count": STATION_COUNT}}
+        if isinstance(design, dict) and isinstance(rotor, dict):
+            splined = any(design.get(name) is not None for name in ("chord_points", "twist_points"))
+            given = ("stations", "station_count", "chord")
+            if splined and all(rotor.get(name) is None for name in given):
+                return data | {"rotor": rotor | {"station_count": STATION_COUNT}}
         return data
 
     @model_validator(mode="after")
     def _check_start(self) -> Case:
-        """Hold the start to the bounds of the design."""
-        bounds = self.design.gain_bounds
-        if bounds is not None:
-            if not isinstance(self.control, FeedbackLaw):
-                raise refusal(
-                    f"bounds a gain that the law {self.control.law} does not have",
-                    "leave design.gain_bounds out, or choose a feedback law",
-                    key="design.gain_bounds",
-                    value=list(bounds),
-                )
-            gain = getattr(self.control, "gain", None)
-            if gain is not None and not bounds[0] <= gain <= bounds[1]:
-                raise _outside("control.gain", gain, "design.gain_bounds", bounds)
+        """Refuse a start outside the bounds of the design, and options that exclude each other."""
+        design, rotor, control = self.design, self.rotor, self.control
+        if design.gain_bounds is not None and not isinstance(control, FeedbackLaw):
+            problem = f"bounds a gain that the law {control.law} does not have"
+            remedy = "leave design.gain_bounds out, or choose a feedback law"
+            value = list(design.gain_bounds)
+            raise refusal(problem, remedy, key="design.gain_bounds", value=value)
         for name in ("bem", "check"):
-            if self.rotor.reynolds == "local" and getattr(self.hydrodynamics, name) == "ccblade":
-                raise refusal(
-                    "takes the Reynolds number of the induced speed, not that of rotor.reynolds",
-                    "give vectorized, or rotor.reynolds: invariant",
-                    key=f"hydrodynamics.{name}",
-                    value="ccblade",
+            if rotor.reynolds == "local" and getattr(self.hydrodynamics, name) == "ccblade":
+                problem = (
+                    "takes the Reynolds number of the induced speed, not that of rotor.reynolds"
                 )
-        radius, limits = self.rotor.radius, self.design.radius_bounds
-        if radius is not None and limits is not None and not limits[0] <= radius <= limits[1]:
-            raise _outside("rotor.radius", radius, "design.radius_bounds", limits)
-        angle, limits = self.rotor.set_angle or 0.0, self.design.set_angle_bounds
-        if limits is not None and not limits[0] <= angle <= limits[1]:
-            raise _outside("rotor.set_angle", angle, "design.set_angle_bounds", limits)
-        if self.design.blade == "optimized":
-            for name in ("chord", "twist"):
-                limits = getattr(self.design, f"{name}_bounds")
-                for index, value in enumerate(getattr(self.rotor, name) or ()):
-                    if not limits[0] <= value <= limits[1]:
-                        key = f"rotor.{name}[{index}]"
-                        raise _outside(key, value, f"design.{name}_bounds", limits)
+                remedy = "give vectorized, or rotor.reynolds: invariant"
+                raise refusal(problem, remedy, key=f"hydrodynamics.{name}", value="ccblade")
+        start = [("rotor.set_angle", rotor.set_angle or 0.0, "set_angle_bounds")]
+        gains = control.starting_gains() if isinstance(control, FeedbackLaw) else None
+        if gains is not None:
+            start += [("control.gain", float(gain), "gain_bounds") for gain in gains]
+        if rotor.radius is not None:
+            start.append(("rotor.radius", rotor.radius, "radius_bounds"))
+        for name in ("chord", "twist") if design.blade == "optimized" else ():
+            for index, value in enumerate(getattr(rotor, name) or ()):
+                start.append((f"rotor.{name}[{index}]", value, f"{name}_bounds"))
+        for key, value, name in start:
+            bounds = getattr(design, name)
+            if bounds is not None and not bounds[0] <= value <= bounds[1]:
+                problem = f"lies outside design.{name} = [{bounds[0]:g}, {bounds[1]:g}]"
+                remedy = "the start must lie within the bounds: change one or the other"
+                raise refusal(problem, remedy, key=key, value=value)
         return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the values and the extensions: another process makes the class again."""
+        return _unpickled, (self.model_dump(), self.extensions)
 
     def to_yaml(self) -> str:
         """Return the case as YAML with every default written out.
 
-        Returns
-        -------
-        str
-            The same text for equal cases; `read_case` makes an equal case of it.
+        The text is the same for equal cases, and `read_case` makes an equal case of it.
         """
-        return yaml.dump(
-            self.model_dump(mode="json"),
-            Dumper=Dumper,
-            sort_keys=False,
-            allow_unicode=True,
-            width=100,
-        )
+        data = self.model_dump(mode="json")
+        return yaml.dump(data, Dumper=Dumper, sort_keys=False, allow_unicode=True, width=100)
 
     def with_overrides(self, *overrides: str) -> Case:
-        """Return a case in which some keys have other values.
+        """Return a case in which some keys have other values, checked as a file would be.
 
-        Parameters
-        ----------
-        *overrides : str
-            Such as ``rotor.radius=2`` or ``control={law: linear}``; relative paths count from the
-            current folder.
-
-        Returns
-        -------
-        Case
-            The changed case, checked as a file would be.
+        An override is a text such as ``rotor.radius=2`` or ``control={law: linear}``; relative
+        paths count from the current folder.
 
         Raises
         ------
         InputError
             If an override is malformed or makes the case invalid.
         """
-        return read_case(
-            self.to_yaml(), overrides, file=f"case {self.name}", extensions=self.extensions
-        )
+        data = self.model_dump(mode="json")
+        return _make_case(data, overrides, self.kinds, file=f"case {self.name}")
 
 
-_TAGS = {"inflow": "profile", "control": "law", "objective": "kind"}
+_BaseCase = Case
 
 
 @cache
 def case_class(kinds: Kinds) -> type[Case]:
-    """Return the class of the cases that may name some kinds."""
+    """Return the class of the cases that may name some kinds; a subclass of `Case`."""
     profiles = [each for each in kinds.profiles if not issubclass(each, SumInflow)]
-    parts = Annotated[Union[tuple(profiles)], Field(discriminator="profile")]  # noqa: UP007
+    part: Any = Annotated[_union(profiles), Field(discriminator="profile")]
     about = SumInflow.model_fields["parts"].description
     total = create_model(
         "SumInflow",
         __base__=SumInflow,
         __doc__=SumInflow.__doc__,
-        parts=(tuple[parts, ...], Field(min_length=2, max_length=20, description=about)),
+        parts=(tuple[part, ...], Field(min_length=2, max_length=20, description=about)),
     )
     limits: dict[str, Any] = {
         kind_name(each): (each | None, Field(None, description=(each.__doc__ or "").strip()))
@@ -211,39 +199,47 @@ def case_class(kinds: Kinds) -> type[Case]:
     section = create_model("Limits", __base__=Limits, __doc__=Limits.__doc__, **limits)
     made = create_model(
         "Case",
-        __base__=_AnyCase,
-        __doc__=_AnyCase.__doc__,
+        __base__=Case,
+        __doc__=Case.__doc__,
         inflow=_choice("inflow", [*profiles, total]),
         control=_choice("control", kinds.laws),
         limits=(section, Field(section(), description=Limits.__doc__)),
         objective=_choice("objective", kinds.objectives),
     )
-    made.extensions = kinds.files
+    made.kinds = kinds
     return made
 
 
-def _choice(key: str, classes: Sequence[type]) -> Any:
+def _union(classes: Sequence[type[Section]]) -> Any:
+    """Return the type of a value of one of some classes."""
+    return Union[tuple(classes)]  # noqa: UP007
+
+
+def _choice(key: str, classes: Sequence[type[Section]]) -> Any:
     """Return the field of a case that takes one of some sections, which a tag tells apart."""
-    field = _AnyCase.model_fields[key]
-    tag = {"discriminator": _TAGS[key]} if len(classes) > 1 else {}
-    about = {"default": field.default, "description": field.description}
-    return Union[tuple(classes)], Field(**about, **tag)  # noqa: UP007
+    plain = [e for e in classes if not any(f.is_required() for f in e.model_fields.values())]
+
+    def describe(schema: dict[str, Any]) -> None:
+        """Let the JSON schema take the bare name of a kind that has no required keys."""
+        whole = schema.pop("oneOf", None) or [{"$ref": schema.pop("$ref")}]
+        schema["oneOf"] = [*whole, {"enum": [kind_name(each) for each in plain]}]
+        schema.setdefault("discriminator", {"propertyName": TAGS[key]})
+
+    field = _BaseCase.model_fields[key]
+    options: dict[str, Any] = {"default": field.default, "description": field.description}
+    if len(classes) > 1:
+        options["discriminator"] = TAGS[key]
+    return _union(classes), Field(json_schema_extra=describe, **options)
 
 
-_AnyCase = Case
 if not TYPE_CHECKING:
     Case = case_class(BUILT_IN)
 
 
-def _outside(
-    key: str, value: float, bounds_key: str, bounds: tuple[float, float]
-) -> PydanticCustomError:
-    return refusal(
-        f"lies outside {bounds_key} = [{bounds[0]:g}, {bounds[1]:g}]",
-        "the start must lie within the bounds: change one or the other",
-        key=key,
-        value=value,
-    )
+def _unpickled(data: dict[str, Any], extensions: tuple[Extension, ...]) -> Case:
+    """Return the case with some values."""
+    made = case_class(known_kinds(extensions))
+    return made.model_validate(data, context={"check_files": False})
 
 
 # Reading ------------------------------------------------------------------------------------------
@@ -284,25 +280,10 @@ def load_case(
     """
     kinds = known_kinds(extensions)
     if isinstance(source, Mapping):
-        return _make_case(dict(source), overrides, "case", ".", "case", check_files, kinds)
+        return _make_case(deepcopy(dict(source)), overrides, kinds, check_files=check_files)
     path = Path(source)
-    content = read_bytes(path, MAX_CASE_BYTES, "case file in YAML")
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
-        raise InputError(
-            "is not UTF-8 text", "save it as UTF-8", file=path, key=f"line {line}"
-        ) from None
-    return read_case(
-        text,
-        overrides,
-        file=str(path),
-        folder=path.parent,
-        name=path.stem,
-        check_files=check_files,
-        extensions=kinds,
-    )
+    data = _parse_case(read_text(path, "case file in YAML", MAX_CASE_BYTES), str(path))
+    return _make_case(data, overrides, kinds, str(path), path.parent, path.stem, check_files)
 
 
 def read_case(
@@ -313,55 +294,39 @@ def read_case(
     folder: str | Path = ".",
     name: str = "case",
     check_files: bool = True,
-    extensions: Iterable[Extension] | Kinds = (),
+    extensions: Iterable[Extension] = (),
 ) -> Case:
-    """Make a case of YAML text.
+    """Make a case of YAML text; the rest is as in `load_case`.
 
-    Parameters
-    ----------
-    text : str
-        The case in YAML.
-    overrides : sequence of str
-        Such as ``rotor.radius=2``; what stands after the first ``=`` is YAML.
-    file : str
-        What messages call the text.
-    folder : str or pathlib.Path
-        Where relative paths of blade, polar and outline count from.
-    name : str
-        Name of a case that gives none.
-    check_files : bool
-        Whether the files that the case names must exist.
-    extensions : iterable of path, module or class, or Kinds
-        As of `load_case`.
-
-    Returns
-    -------
-    Case
-
-    Raises
-    ------
-    InputError
-        If anything in the text or an override is wrong.
+    Messages call the text `file`, relative paths count from `folder`, and `name` is the name of a
+    case that gives none.
     """
+    data = _parse_case(text, file)
+    return _make_case(data, overrides, known_kinds(extensions), file, folder, name, check_files)
+
+
+def _parse_case(text: str, file: str) -> dict[str, Any]:
+    """Return the sections of a case in YAML."""
     data = parse(text, file)
     if data is None:
-        raise InputError(
-            "holds no case",
-            "give at least inflow: {profile: ...} and control: {law: ...}",
-            file=file,
-        )
+        remedy = "give at least inflow: {profile: ...} and control: {law: ...}"
+        raise InputError("holds no case", remedy, file=file)
     if not isinstance(data, dict):
-        raise InputError(
-            "must hold keys and values at its top",
-            "write inflow: ... and so on",
-            file=file,
-            value=data,
-        )
-    kinds = extensions if isinstance(extensions, Kinds) else known_kinds(extensions)
-    return _make_case(data, overrides, file, folder, name, check_files, kinds)
+        problem = "must hold keys and values at its top"
+        raise InputError(problem, "write inflow: ... and so on", file=file, value=data)
+    return data
 
 
-def _make_case(data, overrides, file, folder, name, check_files, kinds) -> Case:
+def _make_case(
+    data: dict[str, Any],
+    overrides: Sequence[str],
+    kinds: Kinds,
+    file: str = "case",
+    folder: str | Path = ".",
+    name: str = "case",
+    check_files: bool = True,
+) -> Case:
+    """Return the case of some data, which is changed, and overrides."""
     given = {}
     for override in (overrides,) if isinstance(overrides, str) else overrides:
         key, value = _split(override, file)
@@ -380,26 +345,22 @@ def _split(override: str, file: str) -> tuple[str, Any]:
     key, equals, text = override.partition("=")
     key = key.strip()
     if not equals or not text.strip() or not re.fullmatch(r"\w+(\.\w+)*", key, re.ASCII):
-        raise InputError(
-            "is no override",
-            "write section.key=value, such as rotor.radius=2 (null for none)",
-            file=file,
-            key="override",
-            value=override,
-        )
+        remedy = "write section.key=value, such as rotor.radius=2 (null for none)"
+        raise InputError("is no override", remedy, file=file, key="override", value=override)
     return key, parse(text, f"{file}, override {key}", key)
 
 
 def _assign(data: dict[str, Any], key: str, value: object, file: str) -> None:
+    """Set a dotted key; a kind that is given by its bare name becomes a section first."""
     *sections, last = key.split(".")
     for depth, section in enumerate(sections):
-        data = data.setdefault(section, {})
-        if not isinstance(data, dict):
-            raise InputError(
-                f"has no keys, so the override {key} cannot be made",
-                "override the whole of it, or only keys of sections",
-                file=file,
-                key=".".join(sections[: depth + 1]),
-                value=data,
-            )
+        inner = data.setdefault(section, {})
+        if isinstance(inner, str) and depth == 0 and section in TAGS:
+            inner = data[section] = {TAGS[section]: inner}
+        if not isinstance(inner, dict):
+            problem = f"has no keys, so the override {key} cannot be made"
+            remedy = "override the whole of it, or only keys of sections"
+            place = ".".join(sections[: depth + 1])
+            raise InputError(problem, remedy, file=file, key=place, value=inner)
+        data = inner
     data[last] = value

@@ -1,6 +1,6 @@
 """The turbine of a case: its blade, the polar of each station and the area of each section.
 
-Marries a case's section `rotor` with the files that it names.
+It is made of the section `rotor` of a case and the files that this section names.
 """
 
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.reynolds import LocalReynolds
 
-HUB, BLADES = 0.125, 3  # where neither case nor blade file says: hub over tip radius, blade count
+HUB, BLADES = 0.125, 3  # hub over tip radius, blade count: where neither case nor file says
 POLAR, OUTLINE = "naca63815_Re2e5", "naca63815"
 
 
@@ -34,7 +34,7 @@ class Turbine:
     thickness : float or ndarray, shape (n_stations,)
         Largest thickness over chord.
     messages : tuple of str
-        What was converted, carried on or left out, in plain words.
+        What was converted, extrapolated or left out.
     """
 
     blade: Blade
@@ -68,49 +68,46 @@ def build_turbine(rotor: Rotor, fluid: Fluid, flow_speed: float) -> Turbine:
     InputError
         If a file is broken, or what they say does not fit together.
     """
-    table, hub_fraction = _blade_table(rotor)
-    tip_radius = table.tip_radius
-    hub_radius = hub_fraction * tip_radius
-    blade_count = rotor.blade_count or table.blade_count or BLADES
+    table, tip_radius, hub_radius = _blade_table(rotor)
+    stations, messages = _stations(rotor, table, tip_radius, hub_radius)
+    read = () if rotor.blade in shipped_names("blade") else table.messages
+    table = _at_stations(table, stations).scaled(tip_radius)
     cone = np.deg2rad(rotor.cone) if rotor.cone is not None else table.cone or 0.0
-    table, messages = _at_stations(rotor, table, hub_radius)
-    set_angle = 0.0 if rotor.chord is not None else np.deg2rad(rotor.set_angle or 0.0)
     blade = Blade(
         table.r,
         table.chord,
-        table.twist + set_angle,
+        table.twist + (0.0 if rotor.chord is not None else np.deg2rad(rotor.set_angle or 0.0)),
         hub_radius,
         tip_radius,
-        blade_count,
+        rotor.blade_count or table.blade_count or BLADES,
         float(cone),
     )
-    polars, area, thickness, blended = _sections(rotor, table)
+    sections, blended = _sections(rotor, table)
+    families = tuple(each.polars for each in sections)
     if rotor.reynolds == "local":
-        families = polars if isinstance(polars, tuple) else (polars,) * blade.r.size
+        families = families if len(families) > 1 else families * stations.size
         polar = LocalReynolds.of(families, flow_speed, fluid.kinematic_viscosity)
     else:
-        number = rotor.reynolds_number
-        polar = (
-            tuple(_invariant(family, number) for family in polars)
-            if isinstance(polars, tuple)
-            else _invariant(polars, number)
-        )
-    read = () if rotor.blade in shipped_names("blade") else table.messages
+        polar = tuple(_invariant(family, rotor.reynolds_number) for family in families)
+        polar = polar if len(polar) > 1 else polar[0]
+    area, thickness = sections[0].area, sections[0].thickness
+    if len(sections) > 1:
+        area = np.array([each.area for each in sections])
+        thickness = np.array([each.thickness for each in sections])
     return Turbine(blade, polar, area, thickness, (*read, *messages, *blended))
 
 
-def _blade_table(rotor: Rotor) -> tuple[BladeTable, float]:
-    """Return the blade's rows for the case's tip radius, and the hub radius over it."""
+def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
+    """Return the blade's rows for the case's tip radius, tip radius and hub radius, m.
+
+    Rows whose lengths are over the tip radius stay so, to be interpolated as they are written.
+    """
     fraction = rotor.hub_radius_fraction
     if rotor.chord is not None:
         radius = _radius(rotor, None)
-        rows = BladeTable(
-            np.array(rotor.stations) * radius,
-            np.array(rotor.chord),
-            np.deg2rad(rotor.twist),
-            tip_radius=radius,
-        )
-        return rows, HUB if fraction is None else fraction
+        rows = np.array(rotor.stations) * radius, np.array(rotor.chord), np.deg2rad(rotor.twist)
+        table = BladeTable(*rows, tip_radius=radius)
+        return table, radius, (HUB if fraction is None else fraction) * radius
     table = read_blade(rotor.blade, hub_radius=0.0)
     own = shipped_rotor(rotor.blade).get("radius")
     if own is not None and not table.relative:  # a shipped file in metres is of this size
@@ -129,160 +126,133 @@ def _blade_table(rotor: Rotor) -> tuple[BladeTable, float]:
         fraction = HUB
         if table.hub_radius is not None and table.tip_radius is not None:
             fraction = table.hub_radius / table.tip_radius
-    if table.relative:
-        return replace(table, tip_radius=_radius(rotor, None)), fraction
-    return table.scaled(_radius(rotor, table.tip_radius)), fraction
+    radius = _radius(rotor, None if table.relative else table.tip_radius)
+    return table if table.relative else table.scaled(radius), radius, fraction * radius
 
 
 def _radius(rotor: Rotor, own: float | None) -> float:
-    if rotor.radius is not None:
-        return rotor.radius
-    if own is None:
+    """Return the tip radius of the case, or else that of the blade's file."""
+    radius = own if rotor.radius is None else rotor.radius
+    if radius is None:
         raise InputError(
             "does not say the tip radius", "give rotor.radius", file=rotor.blade, key="tip radius"
         )
-    return own
+    return radius
 
 
-def _at_stations(rotor, table, hub_radius) -> tuple[BladeTable, tuple[str, ...]]:
-    """Return the rows at the case's stations, in metres; linear between the file's rows."""
-    tip_radius, messages = table.tip_radius, ()
-    unit = tip_radius if table.relative else 1.0
-    if rotor.stations is None and rotor.station_count is None:
-        own = table.interior(hub_radius / unit)
-        if own.r.size < 3:
+def _stations(rotor, table, tip_radius, hub_radius) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return the radii of the stations in the table's unit of length, and messages about them."""
+    tip, hub = (1.0, hub_radius / tip_radius) if table.relative else (tip_radius, hub_radius)
+    low, high = table.r[0] / tip, table.r[-1] / tip
+    if rotor.stations is not None:
+        fraction = np.array(rotor.stations)
+    elif rotor.station_count is not None:
+        angle = np.pi * (np.arange(rotor.station_count) + 0.5) / rotor.station_count
+        fraction = hub / tip + (1.0 - hub / tip) * 0.5 * (1.0 - np.cos(angle))
+    else:
+        own = table.interior(hub).r
+        if own.size < 3:
             raise InputError(
-                f"has {own.r.size} rows between hub and tip",
+                f"has {own.size} rows between hub and tip",
                 "give at least 3, or rotor.station_count",
                 file=rotor.blade,
             )
-        left_out = table.r.size - own.r.size
-        if left_out:
-            messages = (
-                f"{left_out} of {table.r.size} rows lie at hub or tip, where there is no load: the "
-                "stations are the others",
-            )
-        fraction = own.r * (unit / tip_radius)
-        stations = own.r
-    else:
-        if rotor.stations is not None:
-            fraction = np.array(rotor.stations)
-        else:
-            angle = np.pi * (np.arange(rotor.station_count) + 0.5) / rotor.station_count
-            hub = hub_radius / tip_radius
-            fraction = hub + (1.0 - hub) * 0.5 * (1.0 - np.cos(angle))
-        stations = fraction if table.relative else fraction * tip_radius
-    low, high = table.r[0], table.r[-1]
-    edge = 1e-9 * high
-    if stations[0] <= hub_radius / unit:
+        left_out = table.r.size - own.size
+        text = f"{left_out} of {table.r.size} rows lie at hub or tip, where there is no load: the "
+        return own, (f"{text}stations are the others",) if left_out else ()
+    beyond = fraction[0] < low - 1e-9 * high or fraction[-1] > high * (1.0 + 1e-9)
+    if rotor.stations is not None and fraction[0] * tip <= hub:
         raise InputError(
             f"lies on or within the hub, whose radius is {hub_radius:.6g} m",
             "move the first station outwards or lessen rotor.hub_radius_fraction",
             key="rotor.stations[0]",
-            value=float(fraction[0]),
+            value=rotor.stations[0],
         )
-    if rotor.stations is not None and (stations[0] < low - edge or stations[-1] > high + edge):
-        ends = low * unit / tip_radius, high * unit / tip_radius
+    if rotor.stations is not None and beyond:
         raise InputError(
-            f"blade covers r/R = {ends[0]:g} … {ends[1]:g} but rotor.stations reach "
+            f"blade covers r/R = {low:g} … {high:g} but rotor.stations reach "
             f"{fraction[0]:g} … {fraction[-1]:g}",
             "change them or extend the file",
             file=rotor.blade,
         )
-    if stations[0] < low - edge or stations[-1] > high + edge:
-        messages = (
-            *messages,
-            f"the file covers r/R = {low * unit / tip_radius:.4g} to "
-            f"{high * unit / tip_radius:.4g}: chord, twist and section are carried on unchanged "
-            "to hub and tip",
-        )
-
-    def at(column):
-        return None if column is None else np.interp(stations, table.r, column)
-
-    found = replace(
-        table,
-        r=fraction * tip_radius if table.relative else stations,
-        chord=at(table.chord) * unit,
-        twist=at(table.twist),
-        thickness=at(table.thickness),
-        section=None,
-        section_position=None,
-        relative=False,
+    text = (
+        f"the file covers r/R = {low:.4g} to {high:.4g}: chord, twist and section are carried on "
     )
+    return fraction * tip, (f"{text}unchanged to hub and tip",) if beyond else ()
+
+
+def _at_stations(table: BladeTable, r: np.ndarray) -> BladeTable:
+    """Return a table's rows at some radii, linear between its own; `section` then holds blends."""
+    section = None
     if table.section is not None or table.section_position is not None:
-        # which sections a station lies between, kept by station
-        found = replace(found, section=table.blend(np.clip(stations, low, high)))
-    return found, messages
+        section = table.blend(np.clip(r, table.r[0], table.r[-1]))
+    columns = {
+        name: None if column is None else np.interp(r, table.r, column)
+        for name in ("chord", "twist", "thickness")
+        for column in [getattr(table, name)]
+    }
+    return replace(table, r=r, section=section, section_position=None, **columns)
 
 
-def _sections(rotor, table):
-    """Return polars, area and thickness: of one section, or of every station; and messages."""
+def _sections(rotor, table) -> tuple[list[_Section], tuple[str, ...]]:
+    """Return the one section of the blade, or that of every station; and messages."""
+    named = _named_sections(rotor, table)
+    if len(named) == 1:
+        return list(named.values()), ()
+    pairs, messages = _pairs(rotor, table, named)
+    return [_mixed(named[inner], named[outer], share) for inner, outer, share in pairs], messages
+
+
+def _named_sections(rotor, table) -> dict[str, _Section]:
+    """Return the sections that the case or the blade's file gives, by name."""
     if rotor.sections:
         named = {}
         for number, entry in enumerate(rotor.sections, start=1):
-            outline = None if entry.outline is None else Outline.from_file(entry.outline)
-            if outline is None and entry.thickness is None:
+            if entry.outline is None and entry.thickness is None:
                 raise InputError(
                     "gives neither outline nor thickness",
                     "give one of them",
                     key=f"rotor.sections[{number - 1}]",
                     value=entry.polar,
                 )
-            named[entry.name or str(number)] = _section(
-                PolarFamily.from_file(entry.polar),
-                outline,
-                entry.thickness,
-                rotor,
-            )
-    elif rotor.polar is None and table.sections:
-        named = {
-            each.name: _section(
-                PolarFamily.from_tables(each.polars),
-                None if each.outline_x is None else Outline(each.outline_x, each.outline_y),
-                each.thickness,
-                rotor,
-            )
-            for each in table.sections
-        }
-    else:
-        source = rotor.polar or POLAR
-        outline = Outline.from_file(rotor.outline or OUTLINE)
-        one = _section(PolarFamily.from_file(source), outline, None, rotor)
-        several = {name for pair in table.section or () for name in pair[:2]}
-        if len(several) > 1 and rotor.polar is None:
-            raise InputError(
-                f"names {len(several)} sections: {', '.join(sorted(several)[:8])}",
-                "give rotor.sections, one for each, or rotor.polar for all of them",
-                file=rotor.blade,
-            )
-        return one.polars, one.area, one.thickness, ()
-    if len(named) == 1:
-        (one,) = named.values()
-        return one.polars, one.area, one.thickness, ()
-    pairs, messages = _pairs(rotor, table, named)
-    mixed = [_mixed(named[inner], named[outer], share) for inner, outer, share in pairs]
-    polars = tuple(each.polars for each in mixed)
-    area = np.array([each.area for each in mixed])
-    return polars, area, np.array([each.thickness for each in mixed]), messages
+            outline = None if entry.outline is None else Outline.from_file(entry.outline)
+            polars = PolarFamily.from_file(entry.polar)
+            named[entry.name or str(number)] = _section(rotor, polars, outline, entry.thickness)
+        return named
+    if rotor.polar is None and table.sections:
+        named = {}
+        for each in table.sections:
+            outline = None if each.outline_x is None else Outline(each.outline_x, each.outline_y)
+            polars = PolarFamily.from_tables(each.polars)
+            named[each.name] = _section(rotor, polars, outline, each.thickness)
+        return named
+    several = {name for pair in table.section or () for name in pair[:2]}
+    if len(several) > 1 and rotor.polar is None:
+        raise InputError(
+            f"names {len(several)} sections: {', '.join(sorted(several)[:8])}",
+            "give rotor.sections, one for each, or rotor.polar for all of them",
+            file=rotor.blade,
+        )
+    outline = Outline.from_file(rotor.outline or OUTLINE)
+    return {"": _section(rotor, PolarFamily.from_file(rotor.polar or POLAR), outline, None)}
 
 
-def _section(polars, outline, thickness, rotor) -> _Section:
+def _section(rotor, polars, outline, thickness) -> _Section:
     """Return a section; one without an outline has the rotor's, stretched to its thickness."""
-    if outline is None:
-        base = Outline.from_file(rotor.outline or OUTLINE)
-        thickness = base.thickness if thickness is None else thickness
-        return _Section(polars, thickness, base.area * thickness / base.thickness)
-    return _Section(polars, outline.thickness if thickness is None else thickness, outline.area)
+    stretched = outline is None
+    outline = Outline.from_file(rotor.outline or OUTLINE) if stretched else outline
+    thickness = outline.thickness if thickness is None else thickness
+    area = outline.area * thickness / outline.thickness if stretched else outline.area
+    return _Section(polars, thickness, area)
 
 
 def _mixed(inner: _Section, outer: _Section, share: float) -> _Section:
-    """Return what stands between two sections: polars, thickness and area, linear in the share."""
+    """Return the section between two, its polars, thickness and area linear in the share."""
     if share == 0.0:
         return inner
     numbers = np.union1d(inner.polars.reynolds, outer.polars.reynolds)
     if np.any(np.isfinite(numbers)):
-        numbers = numbers[np.isfinite(numbers)]  # a polar without a number holds at all
+        numbers = numbers[np.isfinite(numbers)]  # a polar without a number holds for each
     polars = tuple(inner.polars.at(n).blend(outer.polars.at(n), share) for n in numbers)
     return _Section(
         PolarFamily(numbers, polars),
@@ -314,8 +284,8 @@ def _pairs(rotor, table, named):
         raise InputError(
             "has two sections of one thickness", "keep one of them", key="rotor.sections"
         )
-    messages = ()
     beyond = (table.thickness < values[0] - 1e-3) | (table.thickness > values[-1] + 1e-3)
+    messages = ()
     if np.any(beyond):
         messages = (
             f"{np.count_nonzero(beyond)} stations are thinner or thicker than every section "

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from hkt_mdo.dynamics.controllers import LinearLaw, QuadraticLaw
 from hkt_mdo.dynamics.inflow import SineInflow
+
 from hkt_mdo.dynamics.quasi_steady import MOST_SPEEDS, QuasiSteady
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.steady_optimum import best_operation

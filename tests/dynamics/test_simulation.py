@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-
 from hkt_mdo.dynamics.controllers import LinearLaw, QuadraticLaw
 from hkt_mdo.dynamics.inflow import (
     ConstantInflow,
@@ -14,6 +12,8 @@ from hkt_mdo.dynamics.inflow import (
     StepInflow,
     TurbulentInflow,
 )
+from scipy.integrate import solve_ivp
+
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant, RecordedTorque, simulate
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor import bem

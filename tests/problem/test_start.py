@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-
 from hkt_mdo.dynamics.controllers import QuadraticLaw
 from hkt_mdo.dynamics.inflow import SineInflow
+
 from hkt_mdo.dynamics.quasi_steady import QuasiSteady
 from hkt_mdo.problem.start import starting_point
 from hkt_mdo.rotor.scales import power_scale

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import openmdao.api as om
 import pytest
-from tests.files.broken.blades import WINDIO
 
 from hkt_mdo.case import load_case, read_case
 from hkt_mdo.cli import main
@@ -22,6 +21,7 @@ from hkt_mdo.rotor.bem import LocalReynolds, rotor_coefficients
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.check import CheckReport, check_case
 from hkt_mdo.run.findings import power_spectrum, problem_size
+from tests.files.broken.blades import WINDIO
 
 CASES = Path(__file__).parents[2] / "cases"
 BASE = "{inflow: {profile: sine}, control: {law: quadratic}}"

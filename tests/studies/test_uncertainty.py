@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from hkt_mdo.dynamics.inflow import ConstantInflow, SineInflow
+from hkt_mdo.problem.flow import build_inflow
 from scipy import signal
 
-from hkt_mdo.dynamics.inflow import ConstantInflow, SineInflow
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.flow import build_inflow
 from hkt_mdo.studies.uncertainty import Design, Sensor, flow_named, fly_noisy
 
 

@@ -1,0 +1,355 @@
+"""Cases: what is shipped loads, what is given comes back, and nothing else gets past the reader."""
+
+import json
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from hkt_mdo.case import Case, case_json_schema, load_case, read_case
+from hkt_mdo.dynamics.flows import GustInflow, SineInflow, StepInflow, SumInflow
+from hkt_mdo.dynamics.laws import FeedbackLaw, LinearFeedback, OpenLoop, QuadraticFeedback
+from hkt_mdo.dynamics.objectives import CapturedEnergy
+from hkt_mdo.errors import InputError
+from hkt_mdo.files.shipped import data_path, shipped_names
+
+CASES = Path(__file__).parents[2] / "cases"
+LAWS = {"oloc": OpenLoop, "linear": LinearFeedback, "quadratic": QuadraticFeedback}
+NAMES = [f"{flow}_{law}" for flow in ("step", "sine", "sine_limited") for law in LAWS]
+NAMES.append("sine_baseline_oloc")
+MINIMAL = "inflow: {profile: sine}\ncontrol: {law: quadratic}\n"
+TIDE = "{profile: tide, mean: 2, constituents: [{name: M2, amplitude: 0.5, phase: 30 deg}]}"
+FLOWS = {
+    "record": "{profile: record, file: river.csv, longest_gap: 2 min, bins: [1, 250 cm]}",
+    "turbulence": "{profile: turbulence, intensity: 0.15, cutoff: 0.5, seed: 7}",
+    "tide": TIDE,
+    "gust": "{profile: gust, shape: mexican_hat, amplitude: -20 cm/s, width: 1 min}",
+    "sum": f"{{profile: sum, parts: [{TIDE}, {{profile: turbulence}}, {{profile: gust}}]}}",
+}
+
+
+def write(folder: Path, text: str, name: str = "a.yaml") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def same(case: Case, other: Case) -> bool:
+    """Tell whether two cases are equal, and in all that follows from it."""
+    texts = case.to_yaml() == other.to_yaml()
+    return case == other and hash(case) == hash(other) and texts and type(case) is type(other)
+
+
+# What is shipped ----------------------------------------------------------------------------------
+
+
+def test_the_ten_cases_of_the_paper_are_shipped():
+    assert sorted(path.stem for path in CASES.glob("*.yaml")) == sorted(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_shipped_case_says_what_its_name_says_and_comes_back_from_its_own_yaml(name, tmp_path):
+    case = load_case(CASES / f"{name}.yaml")
+    assert case.name == name
+    assert isinstance(case.control, LAWS[name.rpartition("_")[2]])
+    assert isinstance(case.inflow, StepInflow if name.startswith("step") else SineInflow)
+    assert case.control.torque_limit == (700.0 if "limited" in name else None)
+    assert case.design.blade == ("fixed" if "baseline" in name else "optimized")
+    assert same(load_case(write(tmp_path, case.to_yaml())), case)
+
+
+def test_defaults_are_the_numbers_of_the_paper():
+    reported = yaml.safe_load(data_path("amini2023", "reported").read_text(encoding="utf-8"))
+    case = read_case(MINIMAL)
+    assert 2 * case.rotor.radius == reported["turbine"]["diameter_m"]
+    assert case.rotor.blade_count == reported["turbine"]["blades"]
+    assert len(case.rotor.stations) == reported["turbine"]["blade_segments"]
+    assert list(case.design.chord_bounds) == reported["bounds"]["chord_m"]
+    assert list(case.design.twist_bounds) == reported["bounds"]["twist_deg"]
+    assert isinstance(case.control, FeedbackLaw)
+    assert case.control.smoothing == reported["saturation"]["nu"]
+    limited = load_case(CASES / "sine_limited_oloc.yaml")
+    assert limited.control.torque_limit == reported["sine_limited"]["u_max_Nm"]
+
+
+def test_import_is_light():
+    program = (
+        "import sys, hkt_mdo.case as c\n"
+        f"c.load_case({str(CASES / 'sine_oloc.yaml')!r})\n"
+        "heavy = {'openmdao', 'dymos', 'matplotlib', 'scipy', 'casadi', 'wisdem'}\n"
+        "sys.exit(' '.join(heavy & set(sys.modules)) or 0)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=CASES.parent,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+# What is accepted ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("override", "expected"),
+    [
+        ("rotor.radius=1400 mm", 1.4),
+        ("rotor.radius=2", 2.0),
+        ("rotor.hub_inertia=20 kg m^2", 20.0),
+        ("control.torque_limit=0.7 kN m", 700.0),
+        ("control.gain=7.16 N*m/(rad/s)**2", 7.16),
+        ("phase.duration=1 min", 60.0),
+        ("driver.tolerance=1e-8", 1e-8),
+        ("driver.optimizer=ipopt", "IPOPT"),
+        ("design.chord_bounds=[5 mm, 0.4]", (0.005, 0.4)),
+        ("design.twist_bounds=[-10, 0.5 rad]", (-10.0, np.degrees(0.5))),
+    ],
+)
+def test_values_are_taken_in_the_unit_of_the_key(override, expected):
+    section, name = override.partition("=")[0].split(".")
+    value = getattr(getattr(read_case(MINIMAL, [override]), section), name)
+    assert value == (expected if isinstance(expected, str) else pytest.approx(expected, rel=1e-12))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "rotor: {stations: [0.2, 0.6, 0.99], chord: [0.2, 100 mm, 0.1], twist: [20, 10, 5]}",
+        *(f"rotor: {{blade: {name}, radius: 3}}" for name in shipped_names("blade")),
+        "rotor: {sections: [{polar: naca4415, thickness: 0.15}]}\ndesign: {chord_points: 5}",
+        *(f"inflow: {flow}" for flow in FLOWS.values()),
+    ],
+)
+def test_a_case_comes_back_from_its_own_yaml_and_from_a_pickle(text, tmp_path):
+    write(tmp_path, "time_s,speed_m_s\n0,1\n", "river.csv")
+    minimal = "control: linear\n" + ("" if "inflow" in text else "inflow: sine\n")
+    case = read_case(minimal + text, folder=tmp_path)
+    assert same(read_case(case.to_yaml()), case)
+    assert same(pickle.loads(pickle.dumps(case)), case)
+
+
+def test_units_reach_into_lists():
+    case = read_case(f"inflow: {FLOWS['sum']}\ncontrol: linear")
+    tide, turbulence, _ = case.inflow.parts
+    assert tide.constituents[0].phase == pytest.approx(np.pi / 6.0)
+    assert turbulence.highest_frequency == pytest.approx(2.0 * 1.5 / 5.0)
+
+
+def test_a_blade_of_splines_has_stations_that_resolve_it():
+    assert read_case(MINIMAL + "design: {twist_points: 4}").rotor.station_count == 40
+    text = MINIMAL + "design: {twist_points: 4}\nrotor: {stations: [0.3, 0.5, 0.9]}"
+    assert read_case(text).rotor.station_count is None
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "name", "told"),
+    [
+        ("inflow: sine\nrotor: {blade: own/f.csv}", "rotor", "blade", "a shipped blade nor a file"),
+        ("inflow: {profile: record, file: own/f.csv}", "inflow", "file", "is not a file; give the"),
+    ],
+)
+def test_paths_count_from_the_folder_of_the_case(text, key, name, told, tmp_path):
+    (tmp_path / "own").mkdir()
+    file = write(tmp_path / "own", "r_over_R,c_over_R,pitch_deg\n0.2,0.1,10\n", "f.csv")
+    path = write(tmp_path, f"control: linear\n{text}")
+    case = load_case(path)
+    assert getattr(getattr(case, key), name) == str(file.resolve())
+    (tmp_path / "elsewhere").mkdir()
+    assert load_case(write(tmp_path / "elsewhere", case.to_yaml())) == case
+    file.unlink()
+    with pytest.raises(InputError, match=told):
+        load_case(path)
+    assert load_case(path, check_files=False) == case
+
+
+def test_a_name_that_looks_like_another_type_round_trips():
+    for name in ("no", "null", "1e5", "1_000", "2020-01-01", "0x10", "1.", "12", "y"):
+        case = Case(name=name, inflow=SineInflow(), control=OpenLoop())
+        assert read_case(case.to_yaml()) == case
+        assert yaml.safe_load(case.to_yaml())["name"] == name
+
+
+def test_cases_are_frozen():
+    case = read_case(MINIMAL)
+    with pytest.raises(ValidationError):
+        case.rotor.radius = 2.0
+
+
+def test_with_overrides_leaves_the_case_alone():
+    case = read_case(MINIMAL)
+    other = case.with_overrides("rotor.radius=2", "control={law: linear, gain: 70}")
+    assert (case.rotor.radius, other.rotor.radius) == (1.4, 2.0)
+    assert other.control == LinearFeedback(gain=70.0)
+    assert case.with_overrides() == case
+    with pytest.raises(
+        InputError, match=r"^case case, override rotor.radius=-2: rotor.radius = -2"
+    ):
+        case.with_overrides("rotor.radius=-2")
+
+
+# Cases from Python, bare names --------------------------------------------------------------------
+
+
+def test_a_case_from_a_dict_is_that_of_a_file(tmp_path, monkeypatch):
+    data = {
+        "inflow": {"profile": "sine", "mean": "150 cm/s"},
+        "control": {"law": "linear"},
+        "rotor": {"stations": (0.3, 0.6, np.float64(0.9)), "blade": "river"},
+        "name": "a",
+    }
+    before = repr(data)
+    case = load_case(data, ["rotor.radius=2", "control.gain=80"])
+    assert repr(data) == before
+    text = "inflow: {profile: sine, mean: 1.5}\ncontrol: {law: linear, gain: 80}\n"
+    text += "rotor: {stations: [0.3, 0.6, 0.9], blade: river, radius: 2}"
+    assert same(load_case(write(tmp_path, text)), case)
+    write(tmp_path, "", "own.csv")
+    monkeypatch.chdir(tmp_path)  # relative paths count from the current folder
+    data["rotor"]["blade"] = "own.csv"
+    assert load_case(data).rotor.blade == str((tmp_path / "own.csv").resolve())
+
+
+def test_a_case_is_made_of_sections_too():
+    gust = SumInflow(parts=(SineInflow(mean=2.0), GustInflow()))
+    case = Case(inflow=gust, control=OpenLoop())
+    assert case.inflow.parts == gust.parts
+    assert same(load_case({"inflow": gust, "control": "open_loop"}), case)
+    assert same(read_case(case.to_yaml()), case)
+
+
+@pytest.mark.parametrize(
+    ("data", "told"),
+    [
+        ({}, r"case: inflow: is missing"),
+        ({"inflow": "sine", "control": "linear", 1: 2}, "Keys should be strings"),
+        ({"inflow": 3, "control": "linear"}, "inflow = .*must be a section"),
+        ({"inflow": LinearFeedback(), "control": "linear"}, "inflow.profile: is missing"),
+        ({"inflow": "sine", "control": "linear", "rotor": {"radius": -1}}, "radius = -1: must be"),
+        ({"inflow": "sine", "control": "linear", "rotor": {"blade": Path("x")}}, "must be a text"),
+    ],
+)
+def test_a_bad_dict_is_told_as_a_file_is(data, told):
+    with pytest.raises(InputError, match=told):
+        load_case(data)
+
+
+def test_a_kind_without_keys_is_given_by_its_bare_name():
+    bare = read_case("inflow: sine\ncontrol: open_loop\nobjective: captured")
+    spelled = "inflow: {profile: sine}\ncontrol: {law: open_loop}\nobjective: {kind: captured}"
+    assert same(read_case(spelled), bare)
+    assert same(Case(inflow="sine", control="open_loop", objective=CapturedEnergy()), bare)
+    assert same(read_case(MINIMAL, ["inflow=sine", "control=open_loop"]), bare)
+    # a bare name is a section whose keys can be overridden
+    assert read_case("inflow: sine\ncontrol: linear", ["control.gain=80"]).control.gain == 80.0
+    with pytest.raises(InputError, match=r"inflow.speed: is missing; give it: Inflow speed v"):
+        read_case("inflow: constant\ncontrol: linear")
+
+
+def test_schema_documents_every_key_with_its_unit():
+    schema = case_json_schema()
+    json.dumps(schema)
+    assert schema["required"] == ["inflow", "control"]
+    for section in (schema, *schema["$defs"].values()):
+        assert section["additionalProperties"] is False
+        for name, key in section["properties"].items():
+            assert key.get("description") or key["$ref"], name
+    radius = schema["$defs"]["Rotor"]["properties"]["radius"]
+    assert (radius["anyOf"][0]["unit"], radius["anyOf"][0]["exclusiveMinimum"]) == ("m", 0)
+
+
+# Whatever is given --------------------------------------------------------------------------------
+
+KEYS = [*Case.model_fields, "radius", "stations", "chord", "twist", "blade", "profile", "law", "<<"]
+KEYS += [
+    "amplitude",
+    "mean",
+    "chord_bounds",
+    "optimizer",
+    "package",
+    "torque_limit",
+    "gain",
+    "kind",
+]
+WORDS = ["sine", "step", "constant", "linear", "quadratic", "open_loop"]
+WORDS += ["captured", "3 m", "2 rpm", "1 m^9", "1 kN m", "ipopt"]
+LEAVES = (
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats()
+    | st.sampled_from(WORDS)
+    | st.text(max_size=20)
+    | st.dates()
+    | st.binary(max_size=4)
+)
+TREES = st.recursive(
+    LEAVES,
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(st.sampled_from(KEYS) | st.text(max_size=5), inner, max_size=5)
+    ),
+    max_leaves=15,
+)
+SECTIONS = st.fixed_dictionaries(
+    {
+        "inflow": st.sampled_from(WORDS[:3])
+        | st.fixed_dictionaries({"profile": st.sampled_from(WORDS[:3])}, optional={"mean": LEAVES}),
+        "control": st.sampled_from(WORDS[3:6])
+        | st.fixed_dictionaries({"law": st.sampled_from(WORDS[3:6])}, optional={"gain": LEAVES}),
+    },
+    optional={name: TREES for name in Case.model_fields if name not in ("inflow", "control")},
+)
+FLOW = st.dictionaries(
+    st.sampled_from(["parts", "constituents", "mean", "file", "bins", "cutoff", "name"]),
+    TREES
+    | st.lists(
+        st.fixed_dictionaries({"profile": st.sampled_from(list(FLOWS))}, optional={"mean": TREES}),
+        max_size=3,
+    ),
+    max_size=4,
+)
+MANY = settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+
+
+def read_or_refuse(text: str, overrides: tuple[str, ...] = ()) -> None:
+    """Read a case that comes back from its own YAML, or meet one line of an InputError."""
+    try:
+        case = read_case(text, overrides)
+    except InputError as error:
+        message = str(error)
+    else:
+        assert read_case(case.to_yaml()) == case
+        return
+    assert message.isprintable()
+
+
+@MANY
+@given(
+    TREES
+    | SECTIONS
+    | st.builds(
+        lambda profile, keys: {"inflow": {"profile": profile, **keys}, "control": "linear"},
+        st.sampled_from([*FLOWS, "sine"]),
+        FLOW,
+    )
+)
+def test_any_data_gives_a_case_or_an_input_error(data):
+    read_or_refuse(yaml.safe_dump(data, allow_unicode=True))
+
+
+@MANY
+@given(st.text() | st.text(alphabet="{}[]:,-&*!|>'\"%@#?~ \n\\0x1e.m/^"))
+def test_any_text_gives_a_case_or_an_input_error(text):
+    read_or_refuse(text)
+    read_or_refuse(MINIMAL + "rotor: {radius: 3 " + text + "}")
+    read_or_refuse(MINIMAL, (text,))
+    read_or_refuse(MINIMAL, (f"rotor.blade={text}", f"name={text}"))

@@ -1,0 +1,281 @@
+"""Extensions: kinds of one's own from files, modules, classes and installed packages."""
+
+import json
+import pickle
+import sys
+import types
+from importlib import metadata
+from pathlib import Path
+from typing import Literal
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from hkt_mdo import Case, FeedbackLaw, Inflow, InputError, load_case
+from hkt_mdo.case import case_class, known_kinds, read_case
+from hkt_mdo.case.kinds import ENTRY_POINTS, _installed, _load
+from hkt_mdo.dynamics.limits import Limit
+
+FILE = Path(__file__).parents[1] / "data" / "extension.py"
+MINIMAL = "inflow: sine\ncontrol: linear\n"
+OWN = (
+    "inflow: {profile: sum, parts: [{profile: ramp, rise: 30 cm/s}, {profile: gust}]}\n"
+    "control: {law: mixed, torque_limit: 1 kN m}\n"
+    "limits: {tip_speed: 15 m/s}\n"
+    "objective: {kind: priced_torque, price: 1e-3}\n"
+)
+
+
+class Plain(FeedbackLaw):
+    """A law that asks for no torque."""
+
+    law: Literal["plain"] = "plain"
+    """The control law."""
+
+    def demand(self, speed, gains):
+        return 0.0 * speed
+
+
+class Nameless(Limit):
+    """A base of limits, which no case can name."""
+
+
+class AnyName(Inflow):
+    """A flow whose name may be any text."""
+
+    profile: str = "any"
+    """The kind of flow."""
+
+
+class Taken(FeedbackLaw):
+    """A law with a name of the package."""
+
+    law: Literal["linear"] = "linear"
+    """The control law."""
+
+
+class Given(Limit):
+    """A limit whose name `Limits` has for something else."""
+
+    name = "given"
+
+
+@pytest.fixture
+def install(monkeypatch):
+    """Return a function that installs an entry point for the time of a test."""
+
+    def declare(value):
+        point = metadata.EntryPoint("my_turbines", value, ENTRY_POINTS)
+        monkeypatch.setattr(
+            metadata, "entry_points", lambda group: [point] if group == ENTRY_POINTS else []
+        )
+        _installed.cache_clear()
+
+    yield declare
+    monkeypatch.undo()
+    _installed.cache_clear()
+
+
+def in_module():
+    """Return the extension as a module, as an import would."""
+    return _load(FILE)
+
+
+@pytest.mark.parametrize("source", [FILE, str(FILE), in_module], ids=["path", "text", "module"])
+def test_a_case_names_kinds_of_an_extension(source):
+    extension = source() if callable(source) else source
+    case = read_case(OWN, extensions=[extension])
+    assert isinstance(case, Case)
+    assert case.inflow.parts[0].rise == 0.3
+    assert case.control.torque_limit == 1000.0
+    assert case.control.demand(2.0, [3.0, 4.0]) == 22.0
+    assert [limit.upper for limit in case.limits.given] == [15.0]
+    assert case.objective.price == 1e-3
+    again = read_case(case.to_yaml(), extensions=case.extensions)
+    for other in (again, case.with_overrides(), pickle.loads(pickle.dumps(case))):
+        assert other.to_yaml() == case.to_yaml()
+        if isinstance(source, types.FunctionType):
+            continue  # classes stand for the module: they are the case's extensions
+        assert (other == case, type(other)) == (True, type(case))
+    assert case.with_overrides("limits.tip_speed=12").limits.tip_speed.bound == 12.0
+
+
+def test_a_case_names_a_class():
+    case = load_case({"inflow": "sine", "control": "plain"}, extensions=[Plain])
+    assert case.control == Plain()
+    assert case.with_overrides("rotor.radius=2").control == case.control
+    assert pickle.loads(pickle.dumps(case)) == case
+    assert known_kinds([Plain, Plain, FILE, FILE]).extensions == (Plain, str(FILE.resolve()))
+
+
+@pytest.mark.parametrize("value", ["my_package", "my_package:Ramp"])
+def test_installed_packages_bring_their_kinds(install, monkeypatch, value):
+    module = types.ModuleType("my_package")
+    source = FILE.read_text(encoding="utf-8")
+    monkeypatch.setitem(sys.modules, "my_package", module)
+    exec(compile(source, str(FILE), "exec"), module.__dict__)
+    install(value)
+    case = load_case({"inflow": "ramp", "control": "linear"})
+    assert case.inflow.speed_at(0.0) == 1.3
+    assert case.extensions == ()
+    assert case.with_overrides("inflow.before=2").inflow.before == 2.0
+
+
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [
+        ("no_such_package", r"no_such_package: cannot be imported: ModuleNotFoundError: No module"),
+        ("json:dumps", "is no file, module or class"),
+        ("json", "json: defines no kind"),
+    ],
+)
+def test_an_installed_package_that_is_broken_is_told(install, value, told):
+    install(value)
+    with pytest.raises(InputError, match=told):
+        read_case(MINIMAL)
+
+
+GOOD_HEAD = "from typing import Literal\nfrom hkt_mdo import FeedbackLaw\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "e.py: defines no kind; write a subclass of FeedbackLaw, Inflow, Limit or Objective"),
+        (GOOD_HEAD + "class Base(FeedbackLaw):\n    '''A base.'''\n", "defines no kind"),
+        ("a = 1\n\nb = a / 0\n", "e.py: line 3: cannot be run: ZeroDivisionError: division by"),
+        ("import json\njson.loads('{')\n", "e.py: line 2: cannot be run: JSONDecodeError"),
+        ("a = 1\nb = (\n", "e.py: line 2: cannot be run: SyntaxError: '[(]' was never closed"),
+        ("import sys\nsys.exit(3)\n", "e.py: line 2: cannot be run: SystemExit: 3"),
+        ("inflow: sine\n", "e.py: line 1: cannot be run: NameError"),
+        ("\0", "e.py: .*cannot be run: .*null bytes"),
+        (
+            GOOD_HEAD + "class A(FeedbackLaw):\n    law: Literal['linear'] = 'linear'\n",
+            "e.py: A: has the name linear of another kind; give its law another",
+        ),
+        (
+            GOOD_HEAD + "class A(FeedbackLaw):\n    law: str = 'mine'\n",
+            r"""e.py: A: has its law .*; write law: Literal\["mine"\] = "mine" """.strip(),
+        ),
+    ],
+)
+def test_a_bad_extension_file_is_told_with_its_line(text, told, tmp_path):
+    (tmp_path / "e.py").write_text(text, encoding="utf-8")
+    before = set(sys.modules)
+    with pytest.raises(InputError, match=told) as caught:
+        read_case(MINIMAL, extensions=[tmp_path / "e.py"])
+    assert str(caught.value).startswith(str(tmp_path))
+    if "cannot be run" in told:
+        assert not any(name.startswith("hkt_extension") for name in set(sys.modules) - before)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("none.py", r"none\.py: cannot be read \(No such file"),
+        (".", r"cannot be read \(Is a directory"),
+        ("e.txt", r"e\.txt: is no Python file; give --extend a file \.py"),
+    ],
+)
+def test_what_is_no_python_file_is_told(name, told, tmp_path):
+    (tmp_path / "e.txt").write_text("a case", encoding="utf-8")
+    with pytest.raises(InputError, match=told):
+        read_case(MINIMAL, extensions=[tmp_path / name])
+
+
+@pytest.mark.parametrize(
+    ("kind", "told"),
+    [
+        (dict, "dict: dict: is no law, profile, limit or objective; derive it from FeedbackLaw"),
+        (Nameless, "Nameless: has no name"),
+        (AnyName, "AnyName: has its profile declared as any text"),
+        (Taken, "Taken: has the name linear of another kind"),
+        (Given, "Given: has the name given, which no key can have"),
+        (types.ModuleType("empty"), "empty: defines no kind"),
+        (3, "is no file, module or class"),
+    ],
+)
+def test_what_is_no_kind_is_told(kind, told):
+    with pytest.raises(InputError, match=told):
+        known_kinds([kind])
+
+
+def test_nothing_is_left_of_an_extension():
+    with_it = read_case(OWN, extensions=[FILE])
+    for line, told in (
+        ("inflow: ramp", "inflow.profile = 'ramp': unknown; .*give one of constant, .*, sum; one"),
+        ("control: mixed", "control.law = 'mixed': unknown; give one of open_loop, linear, quad"),
+        ("limits: {tip_speed: 15 m/s}", "limits.tip_speed = '15 m/s': unknown key; known here: no"),
+        ("objective: priced_torque", "objective.kind = 'priced_torque': unknown; give one of capt"),
+    ):
+        text = "\n".join(e for e in MINIMAL.split("\n") if e.split(":")[0] != line.split(":")[0])
+        with pytest.raises(InputError, match=f"{told}.* of your own needs --extend FILE"):
+            read_case(f"{text}{line}")
+    assert case_class(known_kinds()) is Case
+    assert read_case(MINIMAL) != read_case(MINIMAL, extensions=[FILE])
+    assert with_it == read_case(OWN, extensions=[FILE])
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("limits: {tip_spee: 15 m/s}", "unknown key; did you mean tip_speed?"),
+        (
+            "limits: {tip_speed: 15 kg}",
+            "tip_speed.bound = '15 kg': has the unit kg.*largest tip sp",
+        ),
+        ("limits: {tip_speed: -1}", "tip_speed.bound = -1: must be greater than 0 m/s"),
+        ("limits: {tip_speed: {bound: 15 kg}}", "tip_speed.bound = '15 kg': has the unit kg"),
+        ("limits: {tip_speed: {}}", "tip_speed.bound: is missing; give it: Largest tip speed"),
+        ("limits: {tip_speed: true}", "tip_speed = true: must be a section"),
+        ("objective: priced", "objective.kind = 'priced': unknown; did you mean priced_torque?"),
+        ("objective: {kind: priced_torque, price: -1}", "objective.price = -1: must be at least 0"),
+        (
+            "objective: {kind: captured, price: 1}",
+            "objective.price = 1: unknown key; known here: k",
+        ),
+    ],
+)
+def test_bad_values_of_an_extension_are_told_as_all_are(text, told):
+    with pytest.raises(InputError, match=told):
+        read_case(MINIMAL + text, extensions=[FILE])
+
+
+def test_a_limit_is_its_bound_or_a_section():
+    bare, spelled, plain = (
+        read_case(MINIMAL + f"limits: {{tip_speed: {value}}}", extensions=[FILE])
+        for value in ("15 m/s", "{bound: 15 m/s}", "15")
+    )
+    assert bare == spelled == plain
+    assert bare.limits.tip_speed.bound == 15.0
+    assert read_case(MINIMAL, extensions=[FILE]).limits.given == ()
+
+
+def test_json_schema_of_a_case_takes_both_spellings_and_the_kinds_of_extensions():
+    schema = json.loads(json.dumps(case_class(known_kinds([FILE])).model_json_schema()))
+    Draft202012Validator.check_schema(schema)
+    validator = Draft202012Validator(schema)
+    data = {"inflow": "ramp", "control": "mixed"}
+    for more in (
+        {"objective": "captured", "limits": {"tip_speed": "15 m/s"}},
+        {"objective": "priced_torque", "limits": {"tip_speed": 15}},
+        {"objective": {"kind": "priced_torque", "price": 1.0}, "limits": {}},
+        {"limits": {"tip_speed": {"bound": "15 m s^-1"}}, "inflow": {"profile": "ramp", "rise": 1}},
+        {"control": {"law": "linear", "torque_limit": "1.8 kN m"}},
+        {"inflow": {"profile": "constant", "speed": 1.5}},
+    ):
+        validator.validate(data | more)
+        load_case(data | more, extensions=[FILE])
+    for wrong in (
+        {"objective": "priced"},
+        {"objective": {"kind": "captured", "price": 1}},
+        {"limits": {"tip_speed": "fast"}},
+        {"limits": {"tip_speed": -15}},
+        {"limits": {"tip_speed": {"bound": "15 m / s"}}},
+        {"limits": {"thrust": 1}},
+        {"inflow": "constant"},
+        {"control": "Mixed"},
+    ):
+        assert not validator.is_valid(data | wrong), wrong
+        with pytest.raises(InputError):
+            load_case(data | wrong, extensions=[FILE])

@@ -1,0 +1,80 @@
+"""Quantities: numbers and units as people write them, and nothing that is not one."""
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from pydantic_core import PydanticCustomError
+
+from hkt_mdo.sections import Quantity
+
+ACCEPTED = {
+    "m": {"1400 mm": 1.4, "1400mm": 1.4, " 1.4e0 m ": 1.4, "+.5 m": 0.5, "-2. m": -2.0, 3: 3.0},
+    "N*m": {"1.8 kN m": 1800.0, "1.8 kN*m": 1800.0, "0.7kN  m": 700.0, "2 kg m^2/s^2": 2.0},
+    "N*m/s": {"500 N m/s": 500.0, "500 N*m/s": 500.0, "0.5 kN m s^-1": 500.0},
+    "kg*m**2": {"20 kg m^2": 20.0, "20 kg*m**2": 20.0, "2e5 g m**2": 200.0},
+    "m**2": {"0.5 m^2": 0.5, "5000 cm**2": 0.5, "0.5 m m": 0.5},
+    "kg/m**3": {"1.025 g/cm^3": 1025.0, "1025 kg m^-3": 1025.0, np.float32(2.0): 2.0},
+    "rad/s": {"2 rev/min": np.pi / 15.0, "2rpm": np.pi / 15.0},
+    "N*m*s**2/rad**2": {
+        "7 N*m/(rad/s)**2": 7.0,
+        "7 N m/(rad/s)^2": 7.0,
+        "7 N m s^2/rad^2": 7.0,
+        "7 N m s^2/(rad rad)": 7.0,
+    },
+    "deg": {"0.1 rad": np.degrees(0.1)},
+    "Hz": {"1/2": None, "0.5 1/s": None},
+}
+
+
+@pytest.mark.parametrize("unit", ACCEPTED)
+def test_units_are_converted_however_they_are_written(unit):
+    for value, expected in ACCEPTED[unit].items():
+        if expected is None:
+            with pytest.raises(PydanticCustomError, match="number and a unit"):
+                Quantity(unit).read(value)
+        else:
+            assert Quantity(unit).read(value) == pytest.approx(expected, rel=1e-12), value
+
+
+REFUSED = {
+    "which does not convert to m": ["3 kg", "3 m^2", "3 m m"],
+    "has the unknown unit": ["3 foo", "3 m s foo"],
+    "is a text without a unit": ["3"],
+    # 3 m/s s could be 3 m/s*s or 3 m/(s*s)
+    "must be a number, or a number and a unit": ["m", "3 m/s s", "1 400 mm", "3 * m", "3 m^ 2"],
+    "a number and a unit": [
+        "3 m*9**9**9",
+        "3 m^9^9",
+        "3 m^99",
+        "3 m.__class__",
+        "3 m\tm",
+        "3 ((m))",
+    ],
+    "must be": ["3" * 100 + " m", True, [3], None, float("nan"), 10**400, "1e999 m"],
+    "too long a unit": ["3 " + 30 * "m "],
+    "must be greater than 0 m": [0, "-1 mm"],
+    "must be at most 10 m": [11, "1 km"],
+}
+
+
+@pytest.mark.parametrize("told", REFUSED)
+def test_what_is_no_quantity_is_refused(told):
+    for value in REFUSED[told]:
+        with pytest.raises(PydanticCustomError, match=told) as caught:
+            Quantity("m", gt=0, le=10).read(value)
+        assert "give a number in m, or a text with a unit of that kind" in str(caught.value)
+
+
+def test_a_plain_number_takes_no_unit():
+    with pytest.raises(PydanticCustomError, match="must be a plain number"):
+        Quantity().read("1 m")
+
+
+@given(st.text() | st.text(alphabet="0123456789.e+-*/^() mskgNrad", max_size=30))
+@example("3 m" + "(" * 50)
+def test_any_text_is_read_or_refused(text):
+    try:
+        assert np.isfinite(Quantity("m").read(text))
+    except PydanticCustomError:
+        pass

@@ -1,0 +1,155 @@
+"""The turbine of a case: files, stations and sections fit together, or it is told why not."""
+
+import numpy as np
+import pytest
+
+from hkt_mdo.case import read_case
+from hkt_mdo.errors import InputError
+from hkt_mdo.files.shipped import shipped_names
+from hkt_mdo.problem.turbine import build_turbine
+from hkt_mdo.rotor.airfoil import Outline, Polar
+from hkt_mdo.rotor.steady_optimum import best_operation
+
+CSV = (
+    "r_m,chord_m,twist_deg,t_over_c\n0.2,0.2,20,0.24\n0.6,0.1,10,0.18\n0.9,0.1,5,0.15\n1,0.1,4,0.15"
+)
+NAMED = "r_m,chord_m,twist_deg,section\n0.2,0.2,20,a\n0.6,0.1,10,b\n0.9,0.1,5,b\n1.0,0.1,4,b\n"
+AERODYN = """\
+------- AERODYN BLADE -------
+======  Blade Properties =====
+5 NumBlNds
+BlSpn BlCrvAC BlSwpAC BlCrvAng BlTwist BlChord BlAFID
+(m) (m) (m) (deg) (deg) (m) (-)
+0.0 0 0 0 20 0.2 1
+0.2 0 0 0 15 0.15 1
+0.4 0 0 0 10 0.1 1
+0.7 0 0 0 5 0.1 1
+0.8 0 0 0 4 0.1 1
+"""
+THICK, THIN = (
+    "{polar: naca4415_Re2e5, thickness: 0.24}",
+    "{polar: naca63815_Re2e5, thickness: 0.15}",
+)
+
+
+@pytest.fixture
+def turbine(tmp_path):
+    """Return a function that builds the turbine of some keys of `rotor`."""
+    (tmp_path / "b.csv").write_text(CSV, encoding="utf-8")
+    (tmp_path / "n.csv").write_text(NAMED, encoding="utf-8")
+    (tmp_path / "a.dat").write_text(AERODYN, encoding="utf-8")
+
+    def build(keys):
+        case = read_case(f"inflow: sine\ncontrol: linear\nrotor: {{{keys}}}", folder=tmp_path)
+        return build_turbine(case.rotor, case.fluid, 1.5)
+
+    return build
+
+
+@pytest.mark.parametrize("name", shipped_names("blade"))
+def test_a_shipped_blade_brings_its_turbine_with_it(name, turbine):
+    found = turbine(f"blade: {name}")
+    best = best_operation(found.blade, found.polar)
+    # bahaj2007: as measured; RM1: ROSCO (hkt_mdo/files/data/README.md); river: designed for 5
+    expected, ratio = {"bahaj2007": (0.458, 5.37), "rm1": (0.447, 7.0), "river": (0.45, 5.0)}[name]
+    assert best.power_coefficient == pytest.approx(expected, rel=0.04)
+    assert best.tip_speed_ratio == pytest.approx(ratio, rel=0.05)
+
+
+@pytest.mark.parametrize("name", shipped_names("blade"))
+def test_a_shipped_blade_is_scaled_to_the_radius(name, turbine):
+    small = turbine(f"blade: {name}").blade
+    large = turbine(f"blade: {name}, radius: {1.5 * small.tip_radius}").blade
+    for lengths in ("r", "chord", "hub_radius", "tip_radius"):
+        ratio = np.array(getattr(large, lengths)) / getattr(small, lengths)
+        np.testing.assert_allclose(ratio, 1.5, rtol=1e-12)
+
+
+def test_rows_between_hub_and_tip_are_the_stations(turbine):
+    found = turbine("blade: b.csv, radius: 1, set_angle: 2, cone: 3")
+    np.testing.assert_array_equal(found.blade.r, [0.2, 0.6, 0.9])
+    np.testing.assert_array_equal(found.blade.chord, [0.2, 0.1, 0.1])
+    np.testing.assert_allclose(np.rad2deg(found.blade.twist), [22, 12, 7], rtol=1e-12)
+    assert (found.blade.hub_radius, found.blade.blade_count) == (0.125, 3)
+    assert np.rad2deg(found.blade.cone) == pytest.approx(3.0)
+    assert any("1 of 4 rows lie at hub or tip" in line for line in found.messages)
+
+
+def test_stations_are_interpolated_between_the_rows(turbine):
+    blade = turbine("blade: b.csv, radius: 1, stations: [0.4, 0.75, 0.95]").blade
+    np.testing.assert_allclose(blade.chord, [0.15, 0.1, 0.1], rtol=1e-12)
+    np.testing.assert_allclose(np.rad2deg(blade.twist), [15, 7.5, 4.5], rtol=1e-12)
+
+
+def test_counted_stations_are_closer_together_towards_hub_and_tip(turbine):
+    found = turbine("blade: b.csv, radius: 1, hub_radius_fraction: 0.1, station_count: 4")
+    angle = np.pi * np.array([1, 3, 5, 7]) / 8
+    np.testing.assert_allclose(found.blade.r, 0.1 + 0.45 * (1 - np.cos(angle)), rtol=1e-12)
+    assert found.blade.chord[0] == 0.2
+    assert any("carried on unchanged to hub and tip" in line for line in found.messages)
+
+
+def test_a_span_that_is_counted_from_the_root_begins_at_the_hub(turbine):
+    blade = turbine("blade: a.dat, hub_radius_fraction: 0.2, polar: naca4415_Re2e5").blade
+    assert (blade.tip_radius, blade.hub_radius) == pytest.approx((1.0, 0.2))
+    np.testing.assert_allclose(blade.r, [0.4, 0.6, 0.9])
+
+
+def test_sections_are_blended_by_thickness(turbine):
+    found = turbine(f"blade: b.csv, radius: 1, sections: [{THIN}, {THICK}]")
+    np.testing.assert_allclose(found.thickness, [0.24, 0.18, 0.15], rtol=1e-12)
+    thick, thin = Polar.from_csv("naca4415_Re2e5"), Polar.from_csv("naca63815_Re2e5")
+    for polar, share in zip(found.polar, (1.0, 1.0 / 3.0, 0.0), strict=True):
+        expected = share * thick.evaluate(0.1)[0] + (1.0 - share) * thin.evaluate(0.1)[0]
+        assert polar.evaluate(0.1)[0] == pytest.approx(expected, rel=1e-9)
+    base = Outline.from_file("naca63815")
+    np.testing.assert_allclose(
+        found.section_area, base.area * found.thickness / base.thickness, rtol=1e-12
+    )
+
+
+def test_sections_are_those_that_the_file_names(turbine):
+    a, b = (each[:-1] + f", name: {name}}}" for each, name in ((THICK, "a"), (THIN, "b")))
+    found = turbine(f"blade: n.csv, radius: 1, sections: [{b}, {a}]")
+    np.testing.assert_allclose(found.thickness, [0.24, 0.15, 0.15], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("keys", "told"),
+    [
+        ("blade: b.csv", "b.csv: tip radius: does not say the tip radius; give rotor.radius"),
+        ("blade: a.dat", "a.dat: counts its span from the blade's root .*hub_radius_fraction"),
+        ("blade: b.csv, radius: 0.9", "reaches beyond the rotor's tip radius of 0.9 m"),
+        (
+            "blade: b.csv, radius: 1, hub_radius_fraction: 0.5",
+            "b.csv: has 2 rows between hub and tip; give at least 3, or rotor.station_count",
+        ),
+        (
+            "blade: b.csv, radius: 1, stations: [0.1, 0.5, 0.9]",
+            r"rotor.stations\[0\] = 0.1: lies on or within the hub, whose radius is 0.125 m",
+        ),
+        (
+            "stations: [0.13, 0.5, 0.9]",
+            r"blade covers r/R = 0.2 … 1 but rotor.stations reach 0.13 ",
+        ),
+        ("polar: naca4415", r"rotor.reynolds_number: is needed to choose from polars at 1e\+05"),
+        ("sections: [{polar: naca4415_Re2e5}]", r"sections\[0\] = .*neither outline nor thickness"),
+        ("blade: n.csv, radius: 1", "n.csv: names 2 sections: a, b; give rotor.sections, one for"),
+        (
+            f"blade: n.csv, radius: 1, sections: [{THIN}, {THICK}]",
+            "n.csv: names the section a, which rotor.sections does not have; .*known: 1, 2",
+        ),
+        (
+            f"blade: b.csv, radius: 1, sections: [{THIN}, {THIN}]",
+            "rotor.sections: has two sections of one thickness",
+        ),
+        (
+            "stations: [0.2, 0.5, 0.9], chord: [0.1, 0.1, 0.1], twist: [9, 8, 7], sections: "
+            f"[{THIN}, {THICK}]",
+            "says neither thickness nor section of its rows, but there are 2 sections",
+        ),
+    ],
+)
+def test_what_does_not_fit_together_is_told(keys, told, turbine):
+    with pytest.raises(InputError, match=told):
+        turbine(keys)
