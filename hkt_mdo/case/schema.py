@@ -18,6 +18,7 @@ from hkt_mdo.case.messages import translate
 from hkt_mdo.case.turbine import Fluid, Rotor
 from hkt_mdo.case.yaml_text import Dumper, parse
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.cases import find_case
 from hkt_mdo.files.shipped import read_bytes
 from hkt_mdo.sections import Section, refusal
 
@@ -175,7 +176,7 @@ def load_case(path: str | Path, overrides: Sequence[str] = (), *, check_files: b
     Parameters
     ----------
     path : str or pathlib.Path
-        A YAML file.
+        A YAML file, or the name of a shipped case where no such file exists.
     overrides : sequence of str
         Such as ``rotor.radius=2``; what stands after the first ``=`` is YAML.
     check_files : bool
@@ -193,7 +194,7 @@ def load_case(path: str | Path, overrides: Sequence[str] = (), *, check_files: b
         If the file cannot be read or anything in it, or in an override, is wrong. The message names
         file, key, value and remedy.
     """
-    path = Path(path)
+    path = find_case(path)
     content = read_bytes(path, MAX_CASE_BYTES, "case file in YAML")
     try:
         text = content.decode("utf-8-sig")

@@ -518,8 +518,14 @@ def paper(
         Path, typer.Option("--out", metavar="DIR", help="Folder of the results.")
     ] = Path("results/paper"),
     cases: Annotated[
-        Path, typer.Option("--cases", metavar="DIR", help="Folder of the shipped case files.")
-    ] = Path("cases"),
+        Path | None,
+        typer.Option(
+            "--cases",
+            metavar="DIR",
+            help="Folder of the case files.",
+            show_default="the shipped ones",
+        ),
+    ] = None,
     jobs: Annotated[
         int | None,
         typer.Option(min=1, max=256, help="Parallel processes.", show_default="one a core"),
@@ -569,8 +575,14 @@ def verify(
         "results/verification"
     ),
     cases: Annotated[
-        Path, typer.Option("--cases", metavar="DIR", help="Folder of the shipped case files.")
-    ] = Path("cases"),
+        Path | None,
+        typer.Option(
+            "--cases",
+            metavar="DIR",
+            help="Folder of the case files.",
+            show_default="the shipped ones",
+        ),
+    ] = None,
     count: Annotated[
         int | None,
         typer.Option(
