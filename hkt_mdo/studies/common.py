@@ -1,0 +1,53 @@
+"""What the paper's reproduction and the verification study share."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from hkt_mdo.case import Case, load_case
+from hkt_mdo.errors import InputError
+from hkt_mdo.files.cases import shipped_cases
+
+LAWS = ("oloc", "linear", "quadratic")
+SCENARIOS = ("step", "sine", "sine_limited")
+CODESIGN = tuple(f"{scenario}_{law}" for scenario in SCENARIOS for law in LAWS)
+"""The shipped cases in which blade and controller are designed together."""
+
+
+def load_shipped(cases: Path | None, names: Iterable[str]) -> dict[str, Case]:
+    """Return case files by name from a folder (None: the shipped ones).
+
+    Raises
+    ------
+    InputError
+        If the folder lacks one of them, or a case file is wrong.
+    """
+    folder = shipped_cases() if cases is None else cases
+    files = {name: folder / f"{name}.yaml" for name in names}
+    for path in files.values():
+        if not path.is_file():
+            raise InputError(
+                f"--cases {folder}: has no {path.name}; give the folder of the shipped cases"
+            )
+    return {name: load_case(path) for name, path in files.items()}
+
+
+def with_fixed_blade(case: Case, chord: Iterable[float], twist: Iterable[float]) -> Case:
+    """Return a case whose blade has a given chord (m) and twist (deg) and is not optimized."""
+    shape = {"chord": tuple(map(float, chord)), "twist": tuple(map(float, twist))}
+    return case.model_copy(
+        update={
+            "rotor": case.rotor.model_copy(update=shape),
+            "design": case.design.model_copy(update={"blade": "fixed"}),
+        }
+    )
+
+
+def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """Return the lines of a table in Markdown."""
+    lines = ["| " + " | ".join(cells) + " |" for cells in (header, *rows)]
+    return [lines[0], "|" + "---|" * len(header), *lines[1:]]
+
+
+def percent(value: float | None, reference: float | None) -> float | None:
+    """Return by how much a value exceeds a reference, %; None where either is missing."""
+    return None if value is None or not reference else 100.0 * (value / reference - 1.0)
