@@ -13,22 +13,21 @@ CODESIGN = tuple(f"{scenario}_{law}" for scenario in SCENARIOS for law in LAWS)
 """The shipped cases in which blade and controller are designed together."""
 
 
-def load_shipped(cases: Path | None, names: Iterable[str]) -> dict[str, Case]:
-    """Return case files by name from a folder (None: the shipped ones).
+def case_file(folder: Path | None, name: str, overrides: Sequence[str] = ()) -> Case:
+    """Return a case by the name of its file in a folder (None: the shipped cases).
 
     Raises
     ------
     InputError
-        If the folder lacks one of them, or a case file is wrong.
+        If the folder has no such file, or something in the case or an override is wrong.
     """
-    folder = shipped_cases() if cases is None else cases
-    files = {name: folder / f"{name}.yaml" for name in names}
-    for path in files.values():
-        if not path.is_file():
-            raise InputError(
-                f"--cases {folder}: has no {path.name}; give the folder of the shipped cases"
-            )
-    return {name: load_case(path) for name, path in files.items()}
+    folder = shipped_cases() if folder is None else folder
+    path = folder / f"{name}.yaml"
+    if not path.is_file():
+        raise InputError(
+            f"--cases {folder}: has no {path.name}; give the folder of the shipped cases"
+        )
+    return load_case(path, overrides)
 
 
 def with_fixed_blade(case: Case, chord: Iterable[float], twist: Iterable[float]) -> Case:

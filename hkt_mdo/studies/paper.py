@@ -21,7 +21,7 @@ from hkt_mdo.files.shipped import data_path
 from hkt_mdo.results.folder import write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.batch import in_processes, run_batch
-from hkt_mdo.studies.common import CODESIGN, LAWS, load_shipped, with_fixed_blade
+from hkt_mdo.studies.common import CODESIGN, LAWS, case_file, with_fixed_blade
 
 FLOWS = ("A", "B", "C")
 REFERENCES = ("fluctuation", "total")
@@ -76,7 +76,7 @@ def reproduce(
     InputError
         If the case files are not found or the folder cannot be written.
     """
-    shipped = load_shipped(cases, (*CODESIGN, "sine_baseline_oloc"))
+    shipped = {name: case_file(cases, name) for name in (*CODESIGN, "sine_baseline_oloc")}
 
     def run(plan):
         found = run_batch(

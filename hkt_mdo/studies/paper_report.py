@@ -278,13 +278,24 @@ def _stack(solutions, *panels):
 # Text ---------------------------------------------------------------------------------------------
 
 
-def _cell(value, form=".0f", unit="", none="–"):
-    return none if value is None else format(value, form) + unit
+def _section(title, text, header, cells, rows, figures=()):
+    """Return a section with a table: a row of headings, and a template of the other rows."""
+    table = [[_filled(cell, row) for cell in cells.split(" | ")] for row in rows]
+    return Section(title, text, tuple(header.split(" | ")), table, list(figures))
+
+
+def _filled(template, row):
+    """Return a template with a row's values; a dash where a value is missing (None)."""
+    try:
+        return template.format(**row)
+    except TypeError:  # None takes no number format
+        return "–"
 
 
 def _sections(data, figures):
     """Return the report as sections, which are written as Markdown and as HTML."""
     passed = sum(check["passed"] for check in data["checks"])
+    checks = [check | {"holds": "yes" if check["passed"] else "NO"} for check in data["checks"]]
     return [
         Section(
             "Amini et al. (ACC 2023), reproduced",
@@ -292,24 +303,18 @@ def _sections(data, figures):
             "(`simulated_energy_J`), not the optimizer's. 'Gap' is relative to OLOC in the same "
             "table; 'difference' is relative to the paper. What the paper leaves out, and how it "
             "was inferred, is in docs/reproduction.md.\n\n"
-            f"{passed} of {len(data['checks'])} checks pass (last section).",
+            f"{passed} of {len(checks)} checks pass (last section).",
         ),
         *_table_sections(data["tables"], figures),
-        _uncertain_section(data["uncertain_flow"], [figures[n] for n in (10, 11, 12)]),
+        _uncertain_section(data["uncertain_flow"], figures),
         _sensor_section(data["sensor"]),
         _sequential_section(data["sequential"]),
-        Section(
+        _section(
             "Checks",
-            header=("statement", "found", "asked", "holds"),
-            rows=[
-                [
-                    check["statement"],
-                    _cell(check["value"], ".4g"),
-                    f"{check['low']:g} … {check['high']:g}",
-                    "yes" if check["passed"] else "NO",
-                ]
-                for check in data["checks"]
-            ],
+            "",
+            "statement | found | asked | holds",
+            "{statement} | {value:.4g} | {low:g} … {high:g} | {holds}",
+            checks,
         ),
         Section(
             "How this was made",
@@ -320,22 +325,18 @@ def _sections(data, figures):
 
 
 def _table_sections(tables, figures):
-    energies = ("", "energy / J", "paper / J", "difference", "gap", "paper")
-    header = (*energies, "gain", "paper", "TSR at max C_P", "paper")
-    columns = {
-        "energy_J": (".0f", ""), "reported_energy_J": (".0f", ""),
-        "difference_percent": ("+.2f", " %"), "gap_percent": ("+.4f", " %"),
-        "reported_gap_percent": ("+.3f", " %"), "gain": (".2f", ""), "reported_gain": (".2f", ""),
-        "tip_speed_ratio_at_power_coefficient_max": (".2f", ""),
-        "reported_tip_speed_ratio": (".2f", ""),
-    }  # fmt: skip
+    header = " | energy / J | paper / J | difference | gap | paper"
+    cells = (
+        "{label} | {energy_J:.0f} | {reported_energy_J:.0f} | {difference_percent:+.2f} %"
+        " | {gap_percent:+.4f} % | {reported_gap_percent:+.3f} %"
+        " | {gain:.2f} | {reported_gain:.2f}"
+        " | {tip_speed_ratio_at_power_coefficient_max:.2f} | {reported_tip_speed_ratio:.2f}"
+    )
+    header += " | gain | paper | TSR at max C_P | paper"
     numbers = ((3,), (4, 5, 6), (7, 8, 9))
     for title, table, shown in zip(TITLES, tables.values(), numbers, strict=True):
-        rows = [
-            [LABELS[name], *(_cell(row[key], *form) for key, form in columns.items())]
-            for name, row in table.items()
-        ]
-        yield Section(title, "", header, rows, [figures[number] for number in shown])
+        rows = [{"label": LABELS[name]} | row for name, row in table.items()]
+        yield _section(title, "", header, cells, rows, [figures[number] for number in shown])
 
 
 def _uncertain_section(flows, figures):
@@ -343,18 +344,15 @@ def _uncertain_section(flows, figures):
     rows = []
     for flow, lines in flows.items():
         for name, row in lines.items():
+            form = "{energy_J:.0f}"
             if row["energy_J"] is None:
-                energy = f"rotor stops at t = {row['stopped_at_s']:.1f} s, not generating"
-            else:
-                energy = _cell(row["energy_J"])
-                if row.get("spread_J") is not None:
-                    energy += f" ± {row['spread_J']:.0f} (worst {row['worst_J']:.0f})"
-            printed = _cell(row["reported_energy_J"], none="N/A")
-            gap = _cell(row["gap_percent"], "+.2f", " %", none="")
-            told = _cell(row["reported_gap_percent"], "+.1f", " %", none="")
-            stalled = f"{row['stalled']} of {row['repeats']}" if "stalled" in row else ""
-            rows.append([flow, labels[name], energy, printed, gap, told, stalled])
-    return Section(
+                form = "rotor stops at t = {stopped_at_s:.1f} s, not generating"
+            elif row.get("spread_J") is not None:
+                form += " ± {spread_J:.0f} (worst {worst_J:.0f})"
+            words = {"flow": flow, "label": labels[name], "energy": form.format(**row)}
+            words["of"] = "{stalled} of {repeats}".format(**row) if "stalled" in row else ""
+            rows.append(words | row)
+    return _section(
         "Table V: uncertain flows",
         "Designs of Table IV in flows that they were not made for. Feedback reads a speed sensor "
         "with 20 dB of the speed's fluctuation, sampled at 100 Hz, behind a second-order "
@@ -362,55 +360,42 @@ def _uncertain_section(flows, figures):
         "replays its recorded torque. 'Redesigned' is the optimal control of the fixed blade of "
         "sine_limited_oloc in the actual flow: the ceiling. Every run starts at the tip speed "
         "ratio that its design starts at.",
-        ("flow", "controller", "energy / J", "paper / J", "gap", "paper", "stalled"),
+        "flow | controller | energy / J | paper / J | gap | paper | stalled",
+        "{flow} | {label} | {energy} | {reported_energy_J:.0f} | {gap_percent:+.2f} %"
+        " | {reported_gap_percent:+.1f} % | {of}",
         rows,
-        figures,
+        [figures[number] for number in (10, 11, 12)],
     )
 
 
-def _sensor_section(found):
-    rows = [
-        [
-            row["law"],
-            row["flow"],
-            row["reference"],
-            f"{row['rate_Hz']:g}",
-            f"{row['noise_deviation_rad_s']:.3f}",
-            f"{row['stalled']} of {row['repeats']}",
-            _cell(row["loss_percent"], "+.3f", " %"),
-        ]
-        for row in found
-    ]
-    return Section(
+def _sensor_section(rows):
+    return _section(
         "What the sensor's open choices do",
         "The paper does not say what the 20 dB refer to (the speed's fluctuation about its mean, "
         "or the whole speed, whose rms is some ten times larger), nor how often the sensor is "
         "sampled. Stalled repeats are counted here and left out of the energies. The default, "
         "fluctuation at 100 Hz, is the coarsest choice under which nothing stalls, as in the "
         "paper.",
-        ("law", "flow", "20 dB of", "rate / Hz", "σ / (rad/s)", "stalled", "energy, to no noise"),
+        "law | flow | 20 dB of | rate / Hz | σ / (rad/s) | stalled | energy, to no noise",
+        "{law} | {flow} | {reference} | {rate_Hz:g} | {noise_deviation_rad_s:.3f}"
+        " | {stalled} of {repeats} | {loss_percent:+.3f} %",
         rows,
     )
 
 
 def _sequential_section(found):
-    rows = [
-        [
-            limit,
-            LABELS[law],
-            _cell(row["sequential_J"]) if row["sequential_success"] else "no success",
-            _cell(row["co_design_J"]),
-            _cell(row["gain_percent"], "+.4f", " %"),
-        ]
-        for limit, lines in zip(("none", "700 N m"), found.values(), strict=True)
-        for law, row in lines.items()
-    ]
-    return Section(
+    rows = []
+    for limit, lines in zip(("none", "700 N m"), found.values(), strict=True):
+        for law, row in lines.items():
+            kept = f"{row['sequential_J']:.0f}" if row["sequential_success"] else "no success"
+            rows.append(row | {"limit": limit, "label": LABELS[law], "kept": kept})
+    return _section(
         "Sequential against simultaneous design",
         "Sequential: the best steady blade first, then the controller on it. Without a torque "
         "limit both lead to the same rotor under OLOC and quadratic feedback; with it, or with "
         "linear feedback, the controller changes the best blade (paper Sec. IV, from its ref. 11).",
-        ("torque limit", "controller", "sequential / J", "co-design / J", "co-design gains"),
+        "torque limit | controller | sequential / J | co-design / J | co-design gains",
+        "{limit} | {label} | {kept} | {co_design_J:.0f} | {gain_percent:+.4f} %",
         rows,
     )
 
