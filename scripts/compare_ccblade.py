@@ -6,7 +6,6 @@ Both are given the same polar objects. Prints a Markdown table, or writes it wit
 import argparse
 import contextlib
 import io
-import time
 import warnings
 from collections import Counter
 from pathlib import Path
