@@ -50,6 +50,7 @@ def test_the_sweep_is_as_wide_as_promised():
         assert case.phase.segments <= 300
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "law", "optimizer"), [(1, "linear", "IPOPT"), (2, "quadratic", "SLSQP")]
 )
