@@ -30,15 +30,13 @@ def case_file(folder: Path | None, name: str, overrides: Sequence[str] = ()) -> 
     return load_case(path, overrides)
 
 
-def with_fixed_blade(case: Case, chord: Iterable[float], twist: Iterable[float]) -> Case:
-    """Return a case whose blade has a given chord (m) and twist (deg) and is not optimized."""
+def with_blade(case: Case, chord: Iterable[float], twist: Iterable[float], design="") -> Case:
+    """Return a case with a blade of given chord (m) and twist (deg), and another `design.blade`."""
     shape = {"chord": tuple(map(float, chord)), "twist": tuple(map(float, twist))}
-    return case.model_copy(
-        update={
-            "rotor": case.rotor.model_copy(update=shape),
-            "design": case.design.model_copy(update={"blade": "fixed"}),
-        }
-    )
+    changed = {"rotor": case.rotor.model_copy(update=shape)}
+    if design:
+        changed["design"] = case.design.model_copy(update={"blade": design})
+    return case.model_copy(update=changed)
 
 
 def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:

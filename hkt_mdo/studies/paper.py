@@ -21,7 +21,7 @@ from hkt_mdo.files.shipped import data_path
 from hkt_mdo.results.folder import write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.batch import in_processes, run_batch
-from hkt_mdo.studies.common import CODESIGN, LAWS, case_file, with_fixed_blade
+from hkt_mdo.studies.common import CODESIGN, LAWS, case_file, with_blade
 
 FLOWS = ("A", "B", "C")
 REFERENCES = ("fluctuation", "total")
@@ -108,8 +108,8 @@ def _sequential_cases(shipped):
         world.blade, world.polar, world.shape.chord_bounds, world.shape.twist_bounds
     ).blade
     return {
-        f"{scenario}_sequential_{law}": with_fixed_blade(
-            shipped[f"{scenario}_{law}"], best.chord, np.rad2deg(best.twist)
+        f"{scenario}_sequential_{law}": with_blade(
+            shipped[f"{scenario}_{law}"], best.chord, np.rad2deg(best.twist), "fixed"
         )
         for scenario in ("sine", "sine_limited")
         for law in LAWS
@@ -121,7 +121,7 @@ def _redesigned_cases(solution):
     from hkt_mdo.studies.uncertainty import flow_named
 
     summary = solution.summary
-    kept = with_fixed_blade(solution.case, summary["chord_m"], summary["twist_deg"])
+    kept = with_blade(solution.case, summary["chord_m"], summary["twist_deg"], "fixed")
     return {
         f"redesigned_{name}": kept.model_copy(update={"inflow": flow_named(name, kept.inflow)})
         for name in FLOWS

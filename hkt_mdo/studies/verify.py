@@ -25,13 +25,14 @@ from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.run.batch import run_batch
-from hkt_mdo.studies.common import CODESIGN, case_file, markdown_table, percent, with_fixed_blade
+from hkt_mdo.studies.common import CODESIGN, case_file, markdown_table, percent, with_blade
 from hkt_mdo.studies.fuzz import fuzz
 from hkt_mdo.studies.uncertainty import Design
 
 OPTIMIZERS = ("IPOPT", "SLSQP")
 LAWS = {"open_loop": "oloc", "linear": "linear", "quadratic": "quadratic"}
 POLARS = tuple(f"naca63815_Re{re}" for re in ("1e5", "2e5", "3e5", "5e5", "1e6", "2e6"))
+FREQUENCIES = ((0.05, 60), (0.1, 60), (0.5, 60), (1.0, 80), (2.0, 160))  # rad/s, segments
 PEAK_TORQUE_COEFFICIENT = 0.065  # of a good rotor: Cp 0.47 at a tip speed ratio of 7.2
 FALSE_SUCCESS = 5e-4  # a success whose energy is this fraction below the best of its case is false
 
@@ -93,35 +94,30 @@ def random_start(case: Case, rng: np.random.Generator) -> Case:
     offset = PchipInterpolator(knots, rng.uniform(-6.0, 6.0, 3))(place)
     chord = np.clip(blade.chord * factor, *case.design.chord_bounds)
     twist = np.clip(np.rad2deg(blade.twist) + offset, *case.design.twist_bounds)
-    rotor = case.rotor.model_copy(update={"chord": tuple(chord), "twist": tuple(twist)})
-    return case.model_copy(update={"rotor": rotor})
+    return with_blade(case, chord, twist)
 
 
 def single_changes() -> dict[str, list[str]]:
     """Return the overrides of each change of one factor of a paper's case, by name."""
-    changes = {
-        f"limit_{limit}": [f"control.torque_limit={limit}"] for limit in (300, 500, 1000, 1500)
+    radii = [(radius, 700 * (radius / 1.4) ** 3) for radius in (0.4, 0.8, 3.0, 5.0, 10.0)]
+    times = ((10, 20, 0.25), (300, 100, 0.25), (1200, 300, 0.125))
+    families = {
+        "limit": ("control.torque_limit={}", (300, 500, 1000, 1500)),
+        "mean": ("inflow.mean={}", (0.8, 1.2, 2.0, 3.0)),
+        "frequency": ("inflow.angular_frequency={} phase.segments={}", FREQUENCIES),
+        "blades": ("rotor.blade_count={}", (4, 5)),
+        "radius": ("rotor.radius={} control.torque_limit={:.6g}", radii),
+        "density": ("fluid.density={}", (998, 1027)),
+        "segments": ("phase.segments={}", (20, 150, 300)),
+        "duration": ("phase.duration={} phase.segments={} inflow.angular_frequency={}", times),
+        "polar": ("rotor.polar={}", POLARS),
     }
-    changes |= {f"mean_{mean}": [f"inflow.mean={mean}"] for mean in (0.8, 1.2, 2.0, 3.0)}
-    for frequency, segments in ((0.05, 60), (0.1, 60), (0.5, 60), (1.0, 80), (2.0, 160)):
-        changes[f"frequency_{frequency}"] = [
-            f"inflow.angular_frequency={frequency}", f"phase.segments={segments}",
-        ]  # fmt: skip
-    changes |= {f"blades_{n}": [f"rotor.blade_count={n}"] for n in (4, 5)}
-    changes |= {
-        f"radius_{radius}": [
-            f"rotor.radius={radius}", f"control.torque_limit={700 * (radius / 1.4) ** 3:.6g}",
-        ]
-        for radius in (0.4, 0.8, 3.0, 5.0, 10.0)
-    }  # fmt: skip
-    changes |= {f"density_{rho}": [f"fluid.density={rho}"] for rho in (998, 1027)}
-    changes |= {f"segments_{n}": [f"phase.segments={n}"] for n in (20, 150, 300)}
-    for duration, segments in ((10, 20), (300, 100), (1200, 300)):
-        changes[f"duration_{duration}"] = [
-            f"phase.duration={duration}", f"phase.segments={segments}",
-            f"inflow.angular_frequency={min(0.25, 0.25 * 600 / duration)}",
-        ]  # fmt: skip
-    return changes | {polar: [f"rotor.polar={polar}"] for polar in POLARS}
+    changes = {}
+    for name, (overrides, variants) in families.items():
+        for variant in variants:
+            values = variant if isinstance(variant, tuple) else (variant,)
+            changes[f"{name}_{values[0]}"] = overrides.format(*values).split()
+    return changes
 
 
 def random_change(rng: np.random.Generator, law: str) -> list[str]:
@@ -138,20 +134,19 @@ def random_change(rng: np.random.Generator, law: str) -> list[str]:
     segments = int(np.clip(np.ceil(periods * rng.uniform(8.0, 24.0)), 10, 300))
     torque = PEAK_TORQUE_COEFFICIENT * torque_scale(density, radius, mean + amplitude)
     torque *= rng.uniform(0.4, 1.5)
-    values = {
-        "control": f"{{law: {law}, torque_limit: {torque:.6g}}}",
-        "inflow.mean": f"{mean:.6g}",
-        "inflow.amplitude": f"{amplitude:.6g}",
-        "inflow.angular_frequency": f"{frequency:.6g}",
-        "inflow.phase": f"{rng.uniform(0.0, 2.0 * np.pi):.6g}",
-        "rotor.radius": f"{radius:.6g}",
-        "rotor.blade_count": f"{rng.integers(3, 6)}",
-        "rotor.polar": str(rng.choice(POLARS)),
-        "fluid.density": f"{density:.6g}",
-        "phase.duration": f"{duration:.6g}",
-        "phase.segments": f"{segments}",
-    }
-    return [f"{key}={value}" for key, value in values.items()]
+    return [
+        f"control={{law: {law}, torque_limit: {torque:.6g}}}",
+        f"inflow.mean={mean:.6g}",
+        f"inflow.amplitude={amplitude:.6g}",
+        f"inflow.angular_frequency={frequency:.6g}",
+        f"inflow.phase={rng.uniform(0.0, 2.0 * np.pi):.6g}",
+        f"rotor.radius={radius:.6g}",
+        f"rotor.blade_count={rng.integers(3, 6)}",
+        f"rotor.polar={rng.choice(POLARS)}",
+        f"fluid.density={density:.6g}",
+        f"phase.duration={duration:.6g}",
+        f"phase.segments={segments}",
+    ]
 
 
 # Parts --------------------------------------------------------------------------------------------
@@ -233,7 +228,7 @@ def _against_physics(study):
         if name.endswith("oloc"):
             solution = found[f"physics/shipped/{name}"]
             for key, chord, twist, _ in _perturbations(Design.of(solution)):
-                changed = with_fixed_blade(solution.case, chord, np.rad2deg(twist))
+                changed = with_blade(solution.case, chord, np.rad2deg(twist), "fixed")
                 open_loop[f"physics/perturbed/{name}/{key}"] = changed
     found |= study.run(open_loop)
     rows = []

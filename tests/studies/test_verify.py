@@ -131,6 +131,36 @@ def test_mutilated_files_are_accepted_or_refused(tmp_path):
     assert all(int(row[4]) == 0 for row in rows), text
 
 
+def test_successes_are_counted_by_group_and_optimizer(tmp_path, monkeypatch):
+    """One run of each optimizer fails, one success of SLSQP is false; all others are the best."""
+
+    def run_batch(cases, *_, **__):
+        found = {}
+        for folder, case in cases.items():
+            optimizer, name = folder.parts[-2:]
+            assert (case.driver.optimizer, case.name) == (optimizer, name)
+            energy = 990.0 if (optimizer, name) == ("SLSQP", "limit_300_oloc") else 1000.0
+            found[folder] = SimpleNamespace(
+                success=name != "mean_0.8_linear",
+                summary={"simulated_energy_J": energy, "iterations": 7},
+                message="did not converge",
+            )
+        return found
+
+    monkeypatch.setattr(verify, "run_batch", run_batch)
+    text = verify.run_part("sweep", tmp_path, CASES, 3, 0, 1, silent)
+    for row in (
+        "| limit | IPOPT | 12/12, 100.0 % | 0.00000 | 7 (7) | 0 |",
+        "| limit | SLSQP | 12/12, 100.0 % | 1.00000 | 7 (7) | 1 |",
+        "| mean | IPOPT | 11/12, 91.7 % | 0.00000 | 7 (7) | 0 |",
+        "| random | SLSQP | 3/3, 100.0 % | 0.00000 | 7 (7) | 0 |",
+        "| **all** | IPOPT | 104/105, 99.0 % | 0.00000 | 7 (7) | 0 |",
+        "| **all** | SLSQP | 104/105, 99.0 % | 1.00000 | 7 (7) | 1 |",
+        "- `sweep/SLSQP/mean_0.8_linear`: did not converge",
+    ):
+        assert f"\n{row}\n" in text
+
+
 def test_the_best_energy_is_kept_and_the_report_takes_what_there_is(tmp_path):
     with pytest.raises(InputError, match="unknown part"):
         verify.run_part("luck", tmp_path, CASES, 1, 0, 1, silent)
