@@ -6,7 +6,7 @@ import json
 import platform
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -30,17 +30,6 @@ TITLES = (
     "Table III: sine flow, no torque limit",
     "Table IV: sine flow, torque limit 700 N m",
 )
-
-
-@dataclass
-class Section:
-    """A heading with text, a table and figures (caption, file) below it."""
-
-    title: str
-    text: str = ""
-    header: tuple[str, ...] = ()
-    rows: list[list[str]] = field(default_factory=list)
-    figures: list[tuple[str, str]] = field(default_factory=list)
 
 
 def write_report(paper: Paper, out: Path, report: Callable[[str], None]) -> dict:
@@ -79,10 +68,10 @@ def write_report(paper: Paper, out: Path, report: Callable[[str], None]) -> dict
     ]  # fmt: skip
     figures = _figures(paper, out / "figures")
     report(f"{len(figures)} figures")
-    sections = _sections(data, figures)
+    text = "\n\n".join(_blocks(data, figures))
     write_text(out / "paper.json", json.dumps(data, indent=2) + "\n")
-    write_text(out / "report.md", _markdown(sections))
-    write_text(out / "report.html", _page(sections, out))
+    write_text(out / "report.md", text + "\n")
+    write_text(out / "report.html", _page(text, out))
     return data
 
 
@@ -203,7 +192,7 @@ def _flow_checks(flows):
 
 
 def _figures(paper, folder):
-    """Draw Figs. 3 to 12 as PNG and PDF; return the caption and file of each by its number."""
+    """Draw Figs. 3 to 12 as PNG and PDF; return each in Markdown by its number."""
     folder.mkdir(parents=True, exist_ok=True)
     drawn = {}
 
@@ -211,7 +200,8 @@ def _figures(paper, folder):
         number = 3 + len(drawn)
         for suffix, metadata in (("png", {"Software": None}), ("pdf", {"CreationDate": None})):
             figure.savefig(folder / f"figure_{number:02d}.{suffix}", dpi=140, metadata=metadata)
-        drawn[number] = (f"Fig. {number}. {caption}", f"figures/figure_{number:02d}.png")
+        caption = f"Fig. {number}. {caption}"
+        drawn[number] = f"![{caption}](figures/figure_{number:02d}.png)\n\n*{caption}*"
 
     def three(scenario):
         return [_named(paper.solutions[f"{scenario}_{law}"], LABELS[law]) for law in LAWS]
@@ -271,10 +261,10 @@ def _stack(solutions, *panels):
 # Text ---------------------------------------------------------------------------------------------
 
 
-def _section(title, text, header, cells, rows, figures=()):
-    """Return a section with a table: a row of headings, and a template of the other rows."""
-    table = [[_filled(cell, row) for cell in cells.split(" | ")] for row in rows]
-    return Section(title, text, tuple(header.split(" | ")), table, list(figures))
+def _table(header, cells, rows):
+    """Return a table in Markdown from its headings and a template of the other rows."""
+    filled = [[_filled(cell, row) for cell in cells.split(" | ")] for row in rows]
+    return "\n".join(markdown_table(header.split(" | "), filled))
 
 
 def _filled(template, row):
@@ -285,39 +275,36 @@ def _filled(template, row):
         return "–"
 
 
-def _sections(data, figures):
-    """Return the report as sections, which are written as Markdown and as HTML."""
+def _blocks(data, figures):
+    """Yield the report in Markdown: headings, paragraphs, tables and figures."""
     passed = sum(check["passed"] for check in data["checks"])
-    checks = [check | {"holds": "yes" if check["passed"] else "NO"} for check in data["checks"]]
-    return [
-        Section(
-            "Amini et al. (ACC 2023), reproduced",
-            "Energies are those of the independent integration with direct BEM "
-            "(`simulated_energy_J`), not the optimizer's. 'Gap' is relative to OLOC in the same "
-            "table; 'difference' is relative to the paper. What the paper leaves out, and how it "
-            "was inferred, is in docs/reproduction.md.\n\n"
-            f"{passed} of {len(checks)} checks pass (last section).",
-        ),
-        *_table_sections(data["tables"], figures),
-        _uncertain_section(data["uncertain_flow"], figures),
-        _sensor_section(data["sensor"]),
-        _sequential_section(data["sequential"]),
-        _section(
-            "Checks",
-            "",
-            "statement | found | asked | holds",
-            "{statement} | {value:.4g} | {low:g} … {high:g} | {holds}",
-            checks,
-        ),
-        Section(
-            "How this was made",
-            f"`hkt paper` of hkt_mdo {data['version']}, Python {data['python']}. All numbers are "
-            "in paper.json.",
-        ),
-    ]
+    yield "# Amini et al. (ACC 2023), reproduced"
+    yield (
+        "Energies are those of the independent integration with direct BEM "
+        "(`simulated_energy_J`), not the optimizer's. 'Gap' is relative to OLOC in the same "
+        "table; 'difference' is relative to the paper. What the paper leaves out, and how it "
+        "was inferred, is in docs/reproduction.md."
+    )
+    yield f"{passed} of {len(data['checks'])} checks pass (last section)."
+    yield from _tables(data["tables"], figures)
+    yield from _uncertain_table(data["uncertain_flow"])
+    yield from (figures[number] for number in (10, 11, 12))
+    yield from _sensor_table(data["sensor"])
+    yield from _sequential_table(data["sequential"])
+    yield "## Checks"
+    yield _table(
+        "statement | found | asked | holds",
+        "{statement} | {value:.4g} | {low:g} … {high:g} | {holds}",
+        [check | {"holds": "yes" if check["passed"] else "NO"} for check in data["checks"]],
+    )
+    yield "## How this was made"
+    yield (
+        f"`hkt paper` of hkt_mdo {data['version']}, Python {data['python']}. All numbers are in "
+        "paper.json."
+    )
 
 
-def _table_sections(tables, figures):
+def _tables(tables, figures):
     header = " | energy / J | paper / J | difference | gap | paper"
     cells = (
         "{label} | {energy_J:.0f} | {reported_energy_J:.0f} | {difference_percent:+.2f} %"
@@ -329,10 +316,12 @@ def _table_sections(tables, figures):
     numbers = ((3,), (4, 5, 6), (7, 8, 9))
     for title, table, shown in zip(TITLES, tables.values(), numbers, strict=True):
         rows = [{"label": LABELS[name]} | row for name, row in table.items()]
-        yield _section(title, "", header, cells, rows, [figures[number] for number in shown])
+        yield f"## {title}"
+        yield _table(header, cells, rows)
+        yield from (figures[number] for number in shown)
 
 
-def _uncertain_section(flows, figures):
+def _uncertain_table(flows):
     labels = LABELS | {"oloc": "OLOC replayed", "oloc_redesigned": "OLOC redesigned"}
     rows = []
     for flow, lines in flows.items():
@@ -345,30 +334,33 @@ def _uncertain_section(flows, figures):
             words = {"flow": flow, "label": labels[name], "energy": form.format(**row)}
             words["of"] = "{stalled} of {repeats}".format(**row) if "stalled" in row else ""
             rows.append(words | row)
-    return _section(
-        "Table V: uncertain flows",
+    yield "## Table V: uncertain flows"
+    yield (
         "Designs of Table IV in flows that they were not made for. Feedback reads a speed sensor "
         "with 20 dB of the speed's fluctuation, sampled at 100 Hz, behind a second-order "
         "Butterworth low-pass at 0.5 Hz; mean and standard deviation over the repeats. OLOC "
         "replays its recorded torque. 'Redesigned' is the optimal control of the fixed blade of "
         "sine_limited_oloc in the actual flow: the ceiling. Every run starts at the tip speed "
-        "ratio that its design starts at.",
+        "ratio that its design starts at."
+    )
+    yield _table(
         "flow | controller | energy / J | paper / J | gap | paper | stalled",
         "{flow} | {label} | {energy} | {reported_energy_J:.0f} | {gap_percent:+.2f} %"
         " | {reported_gap_percent:+.1f} % | {of}",
         rows,
-        [figures[number] for number in (10, 11, 12)],
     )
 
 
-def _sensor_section(rows):
-    return _section(
-        "What the sensor's open choices do",
+def _sensor_table(rows):
+    yield "## What the sensor's open choices do"
+    yield (
         "The paper does not say what the 20 dB refer to (the speed's fluctuation about its mean, "
         "or the whole speed, whose rms is some ten times larger), nor how often the sensor is "
         "sampled. Stalled repeats are counted here and left out of the energies. The default, "
         "fluctuation at 100 Hz, is the coarsest choice under which nothing stalls, as in the "
-        "paper.",
+        "paper."
+    )
+    yield _table(
         "law | flow | 20 dB of | rate / Hz | σ / (rad/s) | stalled | energy, to no noise",
         "{law} | {flow} | {reference} | {rate_Hz:g} | {noise_deviation_rad_s:.3f}"
         " | {stalled} of {repeats} | {loss_percent:+.3f} %",
@@ -376,32 +368,23 @@ def _sensor_section(rows):
     )
 
 
-def _sequential_section(found):
+def _sequential_table(found):
     rows = []
     for limit, lines in zip(("none", "700 N m"), found.values(), strict=True):
         for law, row in lines.items():
             kept = f"{row['sequential_J']:.0f}" if row["sequential_success"] else "no success"
             rows.append(row | {"limit": limit, "label": LABELS[law], "kept": kept})
-    return _section(
-        "Sequential against simultaneous design",
+    yield "## Sequential against simultaneous design"
+    yield (
         "Sequential: the best steady blade first, then the controller on it. Without a torque "
         "limit both lead to the same rotor under OLOC and quadratic feedback; with it, or with "
-        "linear feedback, the controller changes the best blade (paper Sec. IV, from its ref. 11).",
+        "linear feedback, the controller changes the best blade (paper Sec. IV, from its ref. 11)."
+    )
+    yield _table(
         "torque limit | controller | sequential / J | co-design / J | co-design gains",
         "{limit} | {label} | {kept} | {co_design_J:.0f} | {gain_percent:+.4f} %",
         rows,
     )
-
-
-def _markdown(sections):
-    lines = []
-    for section in sections:
-        lines += [f"{'##' if lines else '#'} {section.title}", ""]
-        lines += [section.text, ""] if section.text else []
-        lines += [*markdown_table(section.header, section.rows), ""] if section.rows else []
-        for caption, name in section.figures:
-            lines += [f"![{caption}]({name})", "", f"*{caption}*", ""]
-    return "\n".join(lines)
 
 
 _STYLE = """
@@ -419,25 +402,26 @@ figcaption { color: #555; font-size: 0.9rem; }
 """
 
 
-def _page(sections, out):
-    """Return one HTML page with its images inside: no server, no network."""
+def _page(text, out):
+    """Return the report as one HTML page with its images inside: no server, no network."""
     parts = []
-    for section in sections:
-        parts.append("<{0}>{1}</{0}>".format("h2" if parts else "h1", html.escape(section.title)))
-        for text in filter(None, section.text.split("\n\n")):
-            words = re.sub("`([^`]*)`", r"<code>\1</code>", html.escape(text))
+    for block in html.escape(text).split("\n\n"):
+        if block.startswith("#"):
+            level, title = block.split(" ", 1)
+            parts.append(f"<h{len(level)}>{title}</h{len(level)}>")
+        elif block.startswith("|"):
+            header, _, *rows = (line[2:-2].split(" | ") for line in block.splitlines())
+            rows = _row("th", header) + "".join(_row("td", row) for row in rows)
+            parts.append(f'<div class="scroll"><table>{rows}</table></div>')
+        elif figure := re.fullmatch(r"!\[(.*)\]\((.*)\)", block):
+            image = base64.b64encode((out / figure[2]).read_bytes()).decode("ascii")
+            parts.append(f'<figure><img alt="{figure[1]}" src="data:image/png;base64,{image}">')
+        elif block.startswith("*"):
+            parts.append(f"<figcaption>{block.strip('*')}</figcaption></figure>")
+        else:
+            words = re.sub("`([^`]*)`", r"<code>\1</code>", block)
             parts.append(f"<p>{words}</p>")
-        if section.rows:
-            rows = [_row("th", section.header), *(_row("td", row) for row in section.rows)]
-            parts.append(f'<div class="scroll"><table>{"".join(rows)}</table></div>')
-        for caption, name in section.figures:
-            image = base64.b64encode((out / name).read_bytes()).decode("ascii")
-            words = html.escape(caption)
-            parts.append(
-                f'<figure><img alt="{words}" src="data:image/png;base64,{image}">'
-                f"<figcaption>{words}</figcaption></figure>"
-            )
-    title = html.escape(sections[0].title)
+    title = text.partition("\n")[0].strip("# ")
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
         f"<style>{_STYLE}</style></head>\n<body>\n" + "\n".join(parts) + "\n</body></html>\n"
@@ -445,4 +429,4 @@ def _page(sections, out):
 
 
 def _row(tag, cells):
-    return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+    return "<tr>" + "".join(f"<{tag}>{cell}</{tag}>" for cell in cells) + "</tr>"
