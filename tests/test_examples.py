@@ -44,7 +44,7 @@ def test_shipped_cases_go_by_their_names_unless_a_file_has_that_name(tmp_path, m
     assert load_case("sine_oloc").control.law == "linear"
     for name in ("sine", "cases/sine_oloc.yaml", "files", "../sine_oloc"):
         assert find_case(name) == Path(name)
-    with pytest.raises(InputError, match="^sine: does not exist"):
+    with pytest.raises(InputError, match=r"^sine: does not exist"):
         load_case("sine")
 
 
