@@ -46,9 +46,9 @@ def fuzz(study) -> list[str]:
         words, slowest, errors = _read_mutilated(kind, originals, path, study)
         study.done(path, f"{study.count} examples")
         broken += [f"- {kind}: {error}" for error in errors[:5]]
-        known = words["accepted"], words["refused"], words.total()
-        other = known[2] - known[0] - known[1]
-        rows.append([kind, *map(str, (known[2], *known[:2], other)), f"{1e3 * slowest:.0f}"])
+        total, accepted, refused = words.total(), words["accepted"], words["refused"]
+        counts = (total, accepted, refused, total - accepted - refused)
+        rows.append([kind, *map(str, counts), f"{1e3 * slowest:.0f}"])
     header = ("file", "examples", "accepted", "refused in one line", "anything else")
     return [*markdown_table((*header, "slowest (ms)"), rows), "", *broken]
 

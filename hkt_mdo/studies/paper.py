@@ -10,6 +10,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -131,9 +132,9 @@ def _redesigned_cases(solution):
 # Uncertainty --------------------------------------------------------------------------------------
 
 
-def ensemble_key(law: str, flow: str, reference: str = "fluctuation", rate: float = 100.0) -> str:
-    """Return the name of the noisy runs of a law in a flow; by default of the default sensor."""
-    return f"{law}_{flow}_{reference}_{rate:g}Hz"
+def ensemble_key(law: str, flow: str, reference="fluctuation", rate=100.0) -> str:
+    """Return the name of a law's runs in a flow, by default under the default sensor."""
+    return f"{law}_{flow}_quiet" if reference is None else f"{law}_{flow}_{reference}_{rate:g}Hz"
 
 
 def _ensembles(out, repeats, seed, jobs, report):
@@ -141,13 +142,9 @@ def _ensembles(out, repeats, seed, jobs, report):
     folder = out / "uncertainty"
     folder.mkdir(parents=True, exist_ok=True)
     settings = {f"oloc_{flow}": ("oloc", flow, None, None) for flow in FLOWS}
-    for law in LAWS[1:]:
-        for flow in FLOWS:
-            settings[f"{law}_{flow}_quiet"] = (law, flow, None, None)
-            for reference in REFERENCES:
-                for rate in SENSOR_RATES:
-                    key = ensemble_key(law, flow, reference, rate)
-                    settings[key] = (law, flow, reference, rate)
+    for law, flow in product(LAWS[1:], FLOWS):
+        for sensor in ((None, None), *product(REFERENCES, SENSOR_RATES)):
+            settings[ensemble_key(law, flow, *sensor)] = (law, flow, *sensor)
     found, waiting, stamps = {}, {}, {}
     for key, (law, *rest) in settings.items():
         task = (out / "cases" / f"sine_limited_{law}", *rest, repeats, seed)

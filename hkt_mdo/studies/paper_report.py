@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import version
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -109,7 +110,7 @@ def _uncertain(paper, flow):
         noisy = paper.ensembles[ensemble_key(law, flow)]
         keys = ("energy_J", "spread_J", "worst_J", "stalled", "repeats")
         rows[law] = {key: noisy[key] for key in keys}
-        rows[law]["quiet_energy_J"] = paper.ensembles[f"{law}_{flow}_quiet"]["energy_J"]
+        rows[law]["quiet_energy_J"] = paper.ensembles[ensemble_key(law, flow, None)]["energy_J"]
     ceiling, printed = _energy(paper, f"redesigned_{flow}"), paper.reported["uncertain_flow"][flow]
     success = paper.solutions[f"redesigned_{flow}"].success
     rows["oloc_redesigned"] = {"energy_J": ceiling, "success": success}
@@ -123,15 +124,13 @@ def _uncertain(paper, flow):
 def _sensor(paper):
     """Return how the number of stalled repeats and the energy depend on the sensor."""
     rows = []
-    for law in LAWS[1:]:
-        for flow in FLOWS:
-            quiet = paper.ensembles[f"{law}_{flow}_quiet"]["energy_J"]
-            for reference in REFERENCES:
-                for rate in SENSOR_RATES:
-                    run = paper.ensembles[ensemble_key(law, flow, reference, rate)]
-                    row = {"law": law, "flow": flow, "reference": reference, "rate_Hz": rate}
-                    row |= {k: run[k] for k in ("noise_deviation_rad_s", "stalled", "repeats")}
-                    rows.append(row | {"loss_percent": percent(run["energy_J"], quiet)})
+    for law, flow in product(LAWS[1:], FLOWS):
+        quiet = paper.ensembles[ensemble_key(law, flow, None)]["energy_J"]
+        for reference, rate in product(REFERENCES, SENSOR_RATES):
+            run = paper.ensembles[ensemble_key(law, flow, reference, rate)]
+            row = {"law": law, "flow": flow, "reference": reference, "rate_Hz": rate}
+            row |= {key: run[key] for key in ("noise_deviation_rad_s", "stalled", "repeats")}
+            rows.append(row | {"loss_percent": percent(run["energy_J"], quiet)})
     return rows
 
 
