@@ -1,39 +1,48 @@
-# The two commands of the README, and the longer studies.
+# The commands of the README, and the longer studies.
 VENV ?= .venv
 PYTHON ?= python3
 BIN = $(VENV)/bin
+STAMP = $(VENV)/.installed
 
-.PHONY: run test cases bench lint clean
+.PHONY: run test check cases bench lint clean
 
-run: $(VENV)/.installed
+run: $(STAMP)-run
 	$(BIN)/hkt run cases/sine_limited_quadratic.yaml --out results/sine_limited_quadratic --force
 
-test: $(VENV)/.installed
-	$(BIN)/python -m pytest -n 2
+# what is fast (under four minutes on two cores)
+test: $(STAMP)-test
+	$(BIN)/python -m pytest -n 2 -m "not slow"
 
-# all ten cases of the paper with both optimizers, side by side (about two minutes on two cores)
-cases: $(VENV)/.installed
-	$(BIN)/python scripts/run_all_cases.py --out results/cases
+# what is slower: installed package, commands of the documentation, benchmarks in small; and lint
+check: $(STAMP)-test lint
+	$(BIN)/python -m pytest -n 2 --dist loadgroup -m slow
 
-lint: $(VENV)/.installed
-	$(BIN)/pip install --quiet --editable '.[dev]'
+lint: $(STAMP)-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-$(VENV)/.installed: pyproject.toml
+# all ten cases of the paper with both optimizers, side by side (about two minutes on two cores)
+cases: $(STAMP)-run
+	$(BIN)/python scripts/run_all_cases.py --out results/cases
+
+# speed and growth, against CCBlade, CasADi and SciPy; writes docs/performance.md (about ten minutes)
+bench: export OPENBLAS_NUM_THREADS = 1
+bench: $(STAMP)-test
+	mkdir -p results
+	$(BIN)/python -m pytest tests/benchmarks --benchmark-enable \
+	    --benchmark-columns=median,iqr,rounds --benchmark-json=results/benchmarks.json; \
+	status=$$?; $(BIN)/python tests/benchmarks/report.py results/benchmarks.json; exit $$status
+
+# a run needs the package alone; tests bring their own packages, lint those of the developers
+$(STAMP)-run: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --editable '.[test]'
+	$(BIN)/pip install --quiet --editable .
+	touch $@
+
+$(STAMP)-test $(STAMP)-dev: $(STAMP)-%: $(STAMP)-run
+	$(BIN)/pip install --quiet --editable '.[$*]'
 	touch $@
 
 clean:
 	rm -rf $(VENV) build results *.egg-info
-
-# speed and growth, against CCBlade, CasADi and SciPy; writes docs/performance.md (about ten minutes)
-bench: export OPENBLAS_NUM_THREADS = 1
-bench: $(VENV)/.installed
-	$(BIN)/pip install --quiet --editable '.[dev]'
-	mkdir -p results
-	$(BIN)/python -m pytest tests/benchmarks --override-ini addopts= -q \
-	    --benchmark-columns=median,iqr,rounds --benchmark-json=results/benchmarks.json; \
-	status=$$?; $(BIN)/python tests/benchmarks/report.py results/benchmarks.json; exit $$status

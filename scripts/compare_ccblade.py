@@ -6,7 +6,6 @@ Both are given the same polar objects. Prints a Markdown table, or writes it wit
 import argparse
 import contextlib
 import io
-import time
 import warnings
 from collections import Counter
 from pathlib import Path
@@ -279,47 +278,6 @@ def study(count, seed):
     ]
 
 
-def timed(function, repeats):
-    """Return the shortest time of a call (s), the first one not counted."""
-    function()
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        function()
-        times.append(time.perf_counter() - start)
-    return min(times)
-
-
-def speed():
-    """Return rows of Markdown: time per curve of both solvers."""
-    from hkt_mdo.rotor import ccblade as original
-
-    rows = [
-        "| stations | points | derivatives | CCBlade, ms | here, ms | ratio | each section, ns |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    sizes = [
-        (STATIONS_5KW, 27, 20),
-        (np.linspace(0.2, 0.99, 50), 200, 5),
-        (np.linspace(0.2, 0.99, 200), 1000, 0),
-    ]
-    for stations, points, repeats in sizes:
-        rotor = bahaj(stations, ratios=np.linspace(1.0, 14.0, points))
-        for derivatives in (False, True):
-            arguments = (rotor.blade, rotor.polar, rotor.tip_speed_ratio, derivatives)
-            mine = timed(lambda a=arguments: bem.rotor_coefficients(*a), 100)
-            each = 1e9 * mine / (stations.size * points)
-            theirs = ratio = "-"
-            if repeats:
-                seconds = timed(lambda a=arguments: original.rotor_coefficients(*a), repeats)
-                theirs, ratio = f"{1e3 * seconds:.1f}", f"{seconds / mine:.0f}"
-            rows.append(
-                f"| {stations.size} | {points} | {'yes' if derivatives else 'no'} | {theirs} "
-                f"| {1e3 * mine:.3f} | {ratio} | {each:.0f} |"
-            )
-    return rows
-
-
 def report(results):
     """Return rows of Markdown: agreement, and what became of the sections."""
     rows = [
@@ -350,13 +308,9 @@ def main():
     )
     parser.add_argument("--count", type=int, default=2000, help="random rotors (default: 2000)")
     parser.add_argument("--seed", type=int, default=0, help="of the random numbers (default: 0)")
-    parser.add_argument("--speed", action="store_true", help="measure speed as well")
     parser.add_argument("--out", type=Path, help="Markdown file to write; printed otherwise")
     options = parser.parse_args()
-    rows = report(study(options.count, options.seed))
-    if options.speed:
-        rows += ["", *speed()]
-    text = "\n".join(rows) + "\n"
+    text = "\n".join(report(study(options.count, options.seed))) + "\n"
     if options.out:
         options.out.write_text(text, encoding="utf-8")
     else:

@@ -17,6 +17,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 import numpy as np
+from hkt_mdo.problem.flow import build_inflow
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
@@ -27,7 +28,6 @@ from hkt_mdo.case import TurbulentInflow, load_case
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.outline import read_outline
 from hkt_mdo.files.polar import read_polars
-from hkt_mdo.problem.flow import build_inflow
 from hkt_mdo.results import plots
 from hkt_mdo.run.batch import run_batch
 

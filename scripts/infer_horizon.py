@@ -6,7 +6,6 @@ horizon and little else.
 """
 
 import numpy as np
-
 from hkt_mdo.dynamics.inflow import SineInflow
 
 PAPER = {"A": 414301 / 321316, "B": 310307 / 321316, "C": 321936 / 321316}

@@ -5,6 +5,9 @@ import signal
 from functools import cache
 from pathlib import Path
 
+for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(name, "1")  # small matrices: more threads make the tests slower
+
 import numpy as np
 import pytest
 

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from hkt_mdo.case import load_case
+from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade import read_blade
+from hkt_mdo.files.cases import find_case
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.problem.build import complete, physics
 from hkt_mdo.rotor.inertia import mass_and_inertia
@@ -31,6 +33,19 @@ def test_example_is_whole_and_says_what_it_is(path):
     speed = world.inflow.speed(np.linspace(0.0, case.phase.duration, 2001))
     assert np.all(speed > 0.0)
     assert f"{path.stem}.yaml" in (ROOT / "docs" / "examples.md").read_text(encoding="utf-8")
+
+
+def test_shipped_cases_go_by_their_names_unless_a_file_has_that_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert find_case("sine_oloc") == ROOT / "cases" / "sine_oloc.yaml"
+    assert find_case("river_gust.yaml") == EXAMPLES / "river_gust.yaml"
+    assert load_case("own_files").name == "own_files"
+    (tmp_path / "sine_oloc").write_text("inflow: {profile: sine}\ncontrol: {law: linear}\n")
+    assert load_case("sine_oloc").control.law == "linear"
+    for name in ("sine", "cases/sine_oloc.yaml", "files", "../sine_oloc"):
+        assert find_case(name) == Path(name)
+    with pytest.raises(InputError, match=r"^sine: does not exist"):
+        load_case("sine")
 
 
 @pytest.mark.parametrize("name", ["rm1_turbulent", "rm1_set_angle"])

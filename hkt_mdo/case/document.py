@@ -7,19 +7,16 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import yaml
 
 from hkt_mdo.case.kinds import Extension, known_kinds
 from hkt_mdo.case.schema import case_class
+from hkt_mdo.files.cases import shipped_cases
 from hkt_mdo.files.shipped import POLAR_FAMILIES, shipped_names, shipped_rotor
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import Dumper, parse
-
-CHECKOUT_CASES = Path(__file__).parents[2] / "cases"
-"""Where the case files lie beside the package; an installed package has none."""
 
 _COMMENT_WIDTH = 88
 _EXACT_INTEGERS = 1e7
@@ -295,7 +292,8 @@ def _plain(value: object) -> object:
 
 def _cases() -> Iterator[str]:
     """Yield the table of the shipped case files, where they are there."""
-    files = [*sorted(CHECKOUT_CASES.glob("*.yaml")), *sorted(CHECKOUT_CASES.glob("*/*.yaml"))]
+    folder = shipped_cases()
+    files = [*sorted(folder.glob("*.yaml")), *sorted(folder.glob("*/*.yaml"))]
     if not files:
         return
     yield "## Shipped cases"
@@ -307,7 +305,7 @@ def _cases() -> Iterator[str]:
         first = next((line for line in remarks if not line.startswith("yaml-language-server")), "")
         rows.append(
             (
-                f"[{file.stem}](../cases/{file.relative_to(CHECKOUT_CASES).as_posix()})",
+                f"[{file.stem}](../cases/{file.relative_to(folder).as_posix()})",
                 data["inflow"]["profile"],
                 data["control"]["law"],
                 first.replace("|", "\\|"),

@@ -21,6 +21,7 @@ from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, Objective
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.cases import find_case
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import Dumper, parse
 from hkt_mdo.sections import Section, refusal
@@ -257,7 +258,8 @@ def load_case(
     Parameters
     ----------
     source : str, pathlib.Path or mapping
-        A YAML file; or what one holds, with relative paths from the current folder.
+        A YAML file, or the name of a shipped case where there is no such file; or what a file
+        holds, with relative paths from the current folder.
     overrides : sequence of str
         Such as ``rotor.radius=2``; what stands after the first ``=`` is YAML.
     check_files : bool
@@ -281,7 +283,7 @@ def load_case(
     kinds = known_kinds(extensions)
     if isinstance(source, Mapping):
         return _make_case(deepcopy(dict(source)), overrides, kinds, check_files=check_files)
-    path = Path(source)
+    path = find_case(source)
     data = _parse_case(read_text(path, "case file in YAML", MAX_CASE_BYTES), str(path))
     return _make_case(data, overrides, kinds, str(path), path.parent, path.stem, check_files)
 

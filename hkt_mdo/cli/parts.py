@@ -58,7 +58,10 @@ NoFigures = Annotated[bool, Option("--no-figures", help="Draw no figures.")]
 OutFolder = Annotated[
     Path | None, Option("--out", metavar="DIR", help="Folder to write to, made if need be.")
 ]
-CaseFolder = Annotated[Path, Option("--cases", metavar="DIR", help="Folder of the shipped cases.")]
+CaseFolder = Annotated[
+    Path | None,
+    Option("--cases", metavar="DIR", help="Folder of cases.", show_default="the shipped ones"),
+]
 Seed = Annotated[int, Option(min=0, help="Seed of the random numbers.")]
 Jobs = Annotated[
     int | None, Option(min=1, max=256, help="Parallel processes.", show_default="one a core")

@@ -15,7 +15,7 @@ def paper(
     out: Annotated[Path, Option(metavar="DIR", help="Folder of the results.")] = Path(
         "results/paper"
     ),
-    cases: CaseFolder = Path("cases"),
+    cases: CaseFolder = None,
     jobs: Jobs = None,
     repeats: Annotated[int, Option(min=2, max=10_000, help="Noisy runs of each design.")] = 20,
     seed: Seed = 1,
@@ -55,7 +55,7 @@ def verify(
     out: Annotated[Path, Option(metavar="DIR", help="Folder of the study.")] = Path(
         "results/verification"
     ),
-    cases: CaseFolder = Path("cases"),
+    cases: CaseFolder = None,
     count: Annotated[
         int | None, Option(min=1, max=100_000, help=_COUNT, show_default="30, 30 or 1500")
     ] = None,

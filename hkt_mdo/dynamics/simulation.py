@@ -163,8 +163,8 @@ def simulate(
     ----------
     plant : Plant
     inflow : Inflow
-        Looked at sixteen times a step and a period of its `highest_frequency`, so that no gust is stepped
-        over.
+        Looked at sixteen times a step and a period of its `highest_frequency`, so that no gust is
+        stepped over.
     controller : callable
         u(time, speed), N*m, for scalars or arrays of one shape. It is smooth between its `ends`
         (s), if it has such.

@@ -6,41 +6,81 @@ goes on. Goals are stated beside the figures; nothing here makes a run succeed.
 """
 
 import json
-import time
-from collections import Counter
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
-from hkt_mdo.case import Case, load_case
+from hkt_mdo.case import Case
 from hkt_mdo.dynamics.simulation import simulate
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.blade import read_blade
-from hkt_mdo.files.shipped import data_path, shipped_names
-from hkt_mdo.problem.build import physics
-from hkt_mdo.rotor.airfoil import PolarFamily
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.results.folder import write_text
+from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.inertia import mass_and_inertia
-from hkt_mdo.rotor.outline import Outline
+from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.run.batch import run_batch
+from hkt_mdo.studies.common import CODESIGN, case_file, markdown_table, percent, with_blade
+from hkt_mdo.studies.fuzz import fuzz
 from hkt_mdo.studies.uncertainty import Design
 
 OPTIMIZERS = ("IPOPT", "SLSQP")
-CODESIGN = tuple(
-    f"{flow}_{law}"
-    for flow in ("step", "sine", "sine_limited")
-    for law in ("oloc", "linear", "quadratic")
-)
 LAWS = {"open_loop": "oloc", "linear": "linear", "quadratic": "quadratic"}
 POLARS = tuple(f"naca63815_Re{re}" for re in ("1e5", "2e5", "3e5", "5e5", "1e6", "2e6"))
+FREQUENCIES = ((0.05, 60), (0.1, 60), (0.5, 60), (1.0, 80), (2.0, 160))  # rad/s, segments
 PEAK_TORQUE_COEFFICIENT = 0.065  # of a good rotor: Cp 0.47 at a tip speed ratio of 7.2
-FALSE_SUCCESS = 5e-4  # of the best energy of a case: a success further below it is false
+FALSE_SUCCESS = 5e-4  # a success whose energy is this fraction below the best of its case is false
 
 Done = Callable[[Path, str], None]
+
+
+@dataclass(frozen=True)
+class Study:
+    """Where a study's files are, how many runs a part makes, and how it runs cases.
+
+    `cases` is None for the shipped case files, `jobs` for one process per core; `done` is called as
+    in `run_batch`. Runs and solutions are named by the path of their folder within `out`.
+    """
+
+    out: Path
+    cases: Path | None
+    count: int
+    seed: int
+    jobs: int | None
+    done: Done
+
+    def case(self, name: str, overrides: list[str]) -> Case:
+        """Return a case file with overrides."""
+        return case_file(self.cases, name, overrides)
+
+    def run(self, cases: Mapping[str, Case]) -> dict[str, Solution | None]:
+        """Run cases by the name of the run; None where a case could not be run at all."""
+        folders = {self.out / name: case for name, case in cases.items()}
+        found = run_batch(folders, self.jobs, self.done, records=False)
+        return dict(zip(cases, found.values(), strict=True))
+
+    def shortfalls(self, found: Mapping[str, Solution | None], problems: Mapping[str, str]):
+        """Return how far each success lies below the best energy of its problem, as a fraction.
+
+        `problems` names the problem that a run solves. The best energies are kept in the study's
+        folder and count in later studies there.
+        """
+        path = self.out / "best.json"
+        best = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+        energies = {name: _energy(each) for name, each in found.items() if each and each.success}
+        for name, energy in energies.items():
+            best[problems[name]] = max(best.get(problems[name], 0.0), energy)
+        write_text(path, json.dumps(best, indent=1) + "\n")
+        return {name: 1.0 - energy / best[problems[name]] for name, energy in energies.items()}
+
+
+def _energy(solution):
+    return solution.summary["simulated_energy_J"]
 
 
 # Cases --------------------------------------------------------------------------------------------
@@ -54,41 +94,36 @@ def random_start(case: Case, rng: np.random.Generator) -> Case:
     offset = PchipInterpolator(knots, rng.uniform(-6.0, 6.0, 3))(place)
     chord = np.clip(blade.chord * factor, *case.design.chord_bounds)
     twist = np.clip(np.rad2deg(blade.twist) + offset, *case.design.twist_bounds)
-    rotor = case.rotor.model_copy(update={"chord": tuple(chord), "twist": tuple(twist)})
-    return case.model_copy(update={"rotor": rotor})
+    return with_blade(case, chord, twist)
 
 
 def single_changes() -> dict[str, list[str]]:
-    """Return the overrides of the sweep that change one factor of a paper's case, by name."""
-    changes = {
-        f"limit_{limit}": [f"control.torque_limit={limit}"] for limit in (300, 500, 1000, 1500)
+    """Return the overrides of each change of one factor of a paper's case, by name."""
+    radii = [(radius, 700 * (radius / 1.4) ** 3) for radius in (0.4, 0.8, 3.0, 5.0, 10.0)]
+    times = ((10, 20, 0.25), (300, 100, 0.25), (1200, 300, 0.125))
+    families = {
+        "limit": ("control.torque_limit={}", (300, 500, 1000, 1500)),
+        "mean": ("inflow.mean={}", (0.8, 1.2, 2.0, 3.0)),
+        "frequency": ("inflow.angular_frequency={} phase.segments={}", FREQUENCIES),
+        "blades": ("rotor.blade_count={}", (4, 5)),
+        "radius": ("rotor.radius={} control.torque_limit={:.6g}", radii),
+        "density": ("fluid.density={}", (998, 1027)),
+        "segments": ("phase.segments={}", (20, 150, 300)),
+        "duration": ("phase.duration={} phase.segments={} inflow.angular_frequency={}", times),
+        "polar": ("rotor.polar={}", POLARS),
     }
-    changes |= {f"mean_{mean}": [f"inflow.mean={mean}"] for mean in (0.8, 1.2, 2.0, 3.0)}
-    for frequency, segments in ((0.05, 60), (0.1, 60), (0.5, 60), (1.0, 80), (2.0, 160)):
-        changes[f"frequency_{frequency}"] = [
-            f"inflow.angular_frequency={frequency}", f"phase.segments={segments}",
-        ]  # fmt: skip
-    changes |= {f"blades_{n}": [f"rotor.blade_count={n}"] for n in (4, 5)}
-    changes |= {
-        f"radius_{radius}": [
-            f"rotor.radius={radius}", f"control.torque_limit={700 * (radius / 1.4) ** 3:.6g}",
-        ]
-        for radius in (0.4, 0.8, 3.0, 5.0, 10.0)
-    }  # fmt: skip
-    changes |= {f"density_{rho}": [f"fluid.density={rho}"] for rho in (998, 1027)}
-    changes |= {f"segments_{n}": [f"phase.segments={n}"] for n in (20, 150, 300)}
-    for duration, segments in ((10, 20), (300, 100), (1200, 300)):
-        changes[f"duration_{duration}"] = [
-            f"phase.duration={duration}", f"phase.segments={segments}",
-            f"inflow.angular_frequency={min(0.25, 0.25 * 600 / duration)}",
-        ]  # fmt: skip
-    return changes | {polar: [f"rotor.polar={polar}"] for polar in POLARS}
+    changes = {}
+    for name, (overrides, variants) in families.items():
+        for variant in variants:
+            values = variant if isinstance(variant, tuple) else (variant,)
+            changes[f"{name}_{values[0]}"] = overrides.format(*values).split()
+    return changes
 
 
 def random_change(rng: np.random.Generator, law: str) -> list[str]:
     """Return overrides that change everything at once, within the range of the sweep.
 
-    The torque limit is 0.4 to 1.5 times what a good rotor would ask for without one.
+    The torque limit is 0.4 to 1.5 times the largest torque of a good rotor without a limit.
     """
     mean, radius = rng.uniform(0.8, 3.0), np.exp(rng.uniform(np.log(0.4), np.log(10.0)))
     amplitude, density = mean * rng.uniform(0.02, 0.25), rng.uniform(998.0, 1027.0)
@@ -97,240 +132,165 @@ def random_change(rng: np.random.Generator, law: str) -> list[str]:
     duration = np.exp(rng.uniform(np.log(10.0), np.log(longest)))
     periods = duration * frequency / (2.0 * np.pi)
     segments = int(np.clip(np.ceil(periods * rng.uniform(8.0, 24.0)), 10, 300))
-    torque = (
-        0.5 * np.pi * density * radius**3 * (mean + amplitude) ** 2 * PEAK_TORQUE_COEFFICIENT
-    ) * rng.uniform(0.4, 1.5)
-    values = {
-        "control": f"{{law: {law}, torque_limit: {torque:.6g}}}",
-        "inflow.mean": f"{mean:.6g}",
-        "inflow.amplitude": f"{amplitude:.6g}",
-        "inflow.angular_frequency": f"{frequency:.6g}",
-        "inflow.phase": f"{rng.uniform(0.0, 2.0 * np.pi):.6g}",
-        "rotor.radius": f"{radius:.6g}",
-        "rotor.blade_count": f"{rng.integers(3, 6)}",
-        "rotor.polar": str(rng.choice(POLARS)),
-        "fluid.density": f"{density:.6g}",
-        "phase.duration": f"{duration:.6g}",
-        "phase.segments": f"{segments}",
-    }
-    return [f"{key}={value}" for key, value in values.items()]
+    torque = PEAK_TORQUE_COEFFICIENT * torque_scale(density, radius, mean + amplitude)
+    torque *= rng.uniform(0.4, 1.5)
+    return [
+        f"control={{law: {law}, torque_limit: {torque:.6g}}}",
+        f"inflow.mean={mean:.6g}",
+        f"inflow.amplitude={amplitude:.6g}",
+        f"inflow.angular_frequency={frequency:.6g}",
+        f"inflow.phase={rng.uniform(0.0, 2.0 * np.pi):.6g}",
+        f"rotor.radius={radius:.6g}",
+        f"rotor.blade_count={rng.integers(3, 6)}",
+        f"rotor.polar={rng.choice(POLARS)}",
+        f"fluid.density={density:.6g}",
+        f"phase.duration={duration:.6g}",
+        f"phase.segments={segments}",
+    ]
 
 
 # Parts --------------------------------------------------------------------------------------------
 
 
-def starts(
-    out: Path, cases: Path, count: int, seed: int, jobs: int | None, done: Done, method: str
-) -> list[str]:
-    """Run the co-design cases from random blades; see `random_start`.
-
-    Parameters
-    ----------
-    out, cases : Path
-        Folder of the study; folder of the case files.
-    count, seed : int
-        Starts a case and optimizer; seed of the random numbers.
-    jobs : int or None
-        Number of processes.
-    done : callable
-        As in `run_batch`.
-    method : {"quasi_steady", "blade"}
-        The case's start.method: the program's own start, or the blade as given.
-
-    Returns
-    -------
-    list of str
-        Markdown.
-    """
-    runs = {}
-    for name in CODESIGN:
-        for i in range(count):
-            for optimizer in OPTIMIZERS:
-                case = load_case(
-                    cases / f"{name}.yaml",
-                    [f"driver.optimizer={optimizer}", f"start.method={method}"],
-                )
-                rng = np.random.default_rng([seed, CODESIGN.index(name), i])
-                runs[out / method / optimizer / name / f"{i:03d}"] = random_start(case, rng)
-    found = run_batch(runs, jobs, done, records=False)
-    best = _keep_best(out, {folder: folder.parent.name for folder in runs}, found)
-    rows = [
-        "| case | optimizer | success | spread of energy (%) | furthest below best (%) "
-        "| iterations, median (largest) | false successes |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    failures, totals = [], {optimizer: np.zeros(3, int) for optimizer in OPTIMIZERS}
-    for name in CODESIGN:
+def _starts(study, method):
+    """Run the co-design cases from random blades, with a given `start.method`."""
+    plan = {}
+    for place, name in enumerate(CODESIGN):
         for optimizer in OPTIMIZERS:
-            group = {
-                folder: solution
-                for folder, solution in found.items()
-                if folder.parent == out / method / optimizer / name
-            }
-            good = [solution for solution in group.values() if solution and solution.success]
-            energy = np.array([solution.summary["simulated_energy_J"] for solution in good])
-            iterations = [solution.summary["iterations"] for solution in good]
-            false = int(np.sum(energy < best[name] * (1.0 - FALSE_SUCCESS)))
-            totals[optimizer] = [
-                a + b
-                for a, b in zip(totals[optimizer], (len(good), len(group), false), strict=True)
-            ]
-            failures += _failures(group, out)
-            figures = ("-", "-", "-")
-            if good:
-                figures = (
-                    f"{100.0 * np.ptp(energy) / best[name]:.5f}",
-                    f"{100.0 * (1.0 - np.min(energy) / best[name]):.5f}",
-                    f"{np.median(iterations):.0f} ({max(iterations)})",
-                )
-            rows.append(
-                f"| {name} | {optimizer} | {len(good)}/{len(group)} | {' | '.join(figures)} "
-                f"| {false} |"
-            )
-    for optimizer, (good, total, false) in totals.items():
-        rows.append(
-            f"| **all** | {optimizer} | **{good}/{total}, {100.0 * good / total:.1f} %** | | | "
-            f"| **{false}** |"
-        )
-    return [*rows, "", *failures]
+            settings = [f"driver.optimizer={optimizer}", f"start.method={method}"]
+            case = study.case(name, settings)
+            for i in range(study.count):
+                rng = np.random.default_rng([study.seed, place, i])
+                plan[f"{method}/{optimizer}/{name}/{i:03d}"] = random_start(case, rng)
+    problems = {run: run.split("/")[2] for run in plan}
+    return _run_and_tell(study, plan, problems, problems)
 
 
-def sweep(out: Path, cases: Path, count: int, seed: int, jobs: int | None, done: Done) -> list[str]:
-    """Run changed cases with both optimizers: one factor at a time, then `count` random mixtures.
-
-    Parameters and result are those of `starts`.
-    """
-    problems = {
+def _sweep(study):
+    """Run cases with one factor changed at a time, then `study.count` random mixtures."""
+    changed = {
         f"{change}_{LAWS[law]}": (f"sine_limited_{LAWS[law]}", overrides)
         for change, overrides in single_changes().items()
         for law in LAWS
     }
-    for i in range(count):
+    for i in range(study.count):
         law = tuple(LAWS)[i % len(LAWS)]
-        overrides = random_change(np.random.default_rng([seed, i]), law)
-        problems[f"random{i:03d}_{LAWS[law]}"] = "sine_oloc", overrides
-    runs = {
-        out / "sweep" / optimizer / name: load_case(
-            cases / f"{base}.yaml", [*overrides, f"driver.optimizer={optimizer}", f"name={name}"]
-        )
-        for name, (base, overrides) in problems.items()
-        for optimizer in OPTIMIZERS
-    }
-    found = run_batch(runs, jobs, done, records=False)
-    best = _keep_best(out, {folder: f"sweep {folder.name}" for folder in runs}, found)
-    rows = [
-        "| change | "
-        + " | ".join(f"success, {o}" for o in OPTIMIZERS)
-        + " | furthest below best (%) "
-        "| false successes |",
-        "|---|---|---|---|---|",
-    ]
-    groups = dict.fromkeys(name.partition("_")[0].rstrip("0123456789") for name in problems)
-    totals = Counter()
-    for group in groups:
-        members = [name for name in problems if name.startswith(group)]
-        cells, below = [], []
+        overrides = random_change(np.random.default_rng([study.seed, i]), law)
+        changed[f"random{i:03d}_{LAWS[law]}"] = "sine_oloc", overrides
+    plan, problems, groups = {}, {}, {}
+    for name, (base, overrides) in changed.items():
         for optimizer in OPTIMIZERS:
-            solutions = {name: found[out / "sweep" / optimizer / name] for name in members}
-            good = {name: s for name, s in solutions.items() if s and s.success}
-            below += [
-                1.0 - s.summary["simulated_energy_J"] / best[f"sweep {name}"]
-                for name, s in good.items()
-            ]
-            cells.append(f"{len(good)}/{len(members)}")
-            totals[optimizer] += len(good)
-        false = sum(value > FALSE_SUCCESS for value in below)
-        totals["false"] += false
-        worst = f"{100.0 * max(below):.5f}" if below else "-"
-        rows.append(f"| {group} | {' | '.join(cells)} | {worst} | {false} |")
-    cells = [
-        f"**{totals[o]}/{len(problems)}, {100.0 * totals[o] / len(problems):.1f} %**"
-        for o in OPTIMIZERS
-    ]
-    rows.append(f"| **all** | {' | '.join(cells)} | | **{totals['false']}** |")
-    return [*rows, "", *_failures(found, out)]
+            run = f"sweep/{optimizer}/{name}"
+            settings = [*overrides, f"driver.optimizer={optimizer}", f"name={name}"]
+            plan[run] = study.case(base, settings)
+            problems[run] = f"sweep {name}"
+            groups[run] = name.partition("_")[0].rstrip("0123456789")
+    return _run_and_tell(study, plan, problems, groups)
 
 
-def against_physics(
-    out: Path, cases: Path, count: int, seed: int, jobs: int | None, done: Done
-) -> list[str]:
-    """Hold optima to physics: stationarity, energy balance, refinement, another transcription.
+def _run_and_tell(study, plan, problems, groups):
+    """Run cases and return a table of their successes by group and optimizer, and the failures.
 
-    Parameters and result are those of `starts`; `count` and `seed` are of no use here.
+    `problems` and `groups` give each run's problem, whose best energy counts, and its line.
     """
-    variants = {
+    found = study.run(plan)
+    below = study.shortfalls(found, problems)
+
+    def line(title, optimizer, runs):
+        good = [run for run in runs if run in below]
+        false = sum(below[run] > FALSE_SUCCESS for run in good)
+        success = f"{len(good)}/{len(runs)}, {100.0 * len(good) / len(runs):.1f} %"
+        furthest = f"{100.0 * max(below[run] for run in good):.5f}" if good else "-"
+        iterations = [found[run].summary["iterations"] for run in good]
+        most = f"{np.median(iterations):.0f} ({max(iterations)})" if good else "-"
+        return [title, optimizer, success, furthest, most, str(false)]
+
+    rows = []
+    for group in [*dict.fromkeys(groups.values()), None]:
+        for optimizer in OPTIMIZERS:
+            runs = [run for run in plan if f"/{optimizer}/" in run and group in (groups[run], None)]
+            rows.append(line(group or "**all**", optimizer, runs))
+    header = ("", "optimizer", "success", "furthest below best (%)", "iterations, median (largest)")
+    return [*markdown_table((*header, "false successes"), rows), "", *_failures(found)]
+
+
+def _against_physics(study):
+    """Hold optima to stationarity, energy balance, refinement and another transcription."""
+    found = study.run(
+        {
+            f"physics/{variant}/{name}": study.case(name, overrides)
+            for name in CODESIGN
+            for variant, overrides in _variants(name).items()
+        }
+    )
+    open_loop = {}
+    for name in CODESIGN:  # the open loop answers a changed blade by a control of its own
+        if name.endswith("oloc"):
+            solution = found[f"physics/shipped/{name}"]
+            for key, chord, twist, _ in _perturbations(Design.of(solution)):
+                changed = with_blade(solution.case, chord, np.rad2deg(twist), "fixed")
+                open_loop[f"physics/perturbed/{name}/{key}"] = changed
+    found |= study.run(open_loop)
+    rows = []
+    for name in CODESIGN:
+        solution = found[f"physics/shipped/{name}"]
+        design = Design.of(solution)
+        coarse = _fly(design, *_design_point(design)).energy
+        fine = _fly(design, *_design_point(design), tolerance=1e-11, refined=4).energy
+        risen = _rises(name, design, coarse, found)
+        worst = max(risen, key=risen.get)
+        changes = {}
+        for variant in _variants(name):
+            other = found[f"physics/{variant}/{name}"]
+            refused = other is None or not other.success
+            change = None if refused else percent(_energy(other), _energy(solution))
+            changes[variant] = "refused" if refused else f"{change:+.5f}"
+        rows.append(
+            [
+                name,
+                f"{risen[worst]:+.1e} ({worst}, of {len(risen)})",
+                f"{solution.summary['energy_balance_error']:.1e}",
+                changes["segments_x2"],
+                changes["segments_x4"],
+                f"{abs(fine / coarse - 1.0):.1e}",
+                changes["radau"],
+            ]
+        )
+    header = ("case", "largest rise when perturbed", "energy balance", "segments ×2 (%)")
+    header = (*header, "segments ×4 (%)", "finer integration", "Radau (%)")
+    return [*markdown_table(header, rows), "", *_failures(found)]
+
+
+def _variants(name):
+    """Return the overrides of each variant of a case that must give the same energy."""
+    # Dymos' Radau does not collocate a segment's right end: under feedback it needs segments of no
+    # more than about two time constants (docs/theory.md)
+    short = [] if name.endswith("oloc") else ["phase.segments=1200"]
+    return {
         "shipped": [],
         "segments_x2": ["phase.segments=120"],
         "segments_x4": ["phase.segments=240"],
-        "radau": ["phase.transcription=radau"],
+        "radau": ["phase.transcription=radau", *short],
     }
 
-    def overrides(name, variant):
-        # Dymos' Radau does not collocate a segment's right end: under feedback it needs segments
-        # of no more than about two time constants (docs/theory.md)
-        short = variant == "radau" and not name.endswith("oloc")
-        return [*variants[variant], *(["phase.segments=1200"] if short else [])]
 
-    runs = {
-        out / "physics" / variant / name: load_case(
-            cases / f"{name}.yaml", overrides(name, variant)
-        )
-        for name in CODESIGN
-        for variant in variants
+def _rises(name, design, reference, found):
+    """Return by which fraction each perturbed design captures more than the optimum."""
+    if design.law is None:
+        best = _energy(design.solution)
+        return {
+            run.rpartition("/")[2]: _energy(other) / best - 1.0
+            for run, other in found.items()
+            if run.startswith(f"physics/perturbed/{name}/") and other and other.success
+        }
+    return {
+        key: _fly(design, chord, twist, gains).energy / reference - 1.0
+        for key, chord, twist, gains in _perturbations(design)
     }
-    found = run_batch(runs, jobs, done, records=False)
-    for name in CODESIGN:  # the open loop answers a changed blade by a control of its own
-        if name.endswith("oloc"):
-            perturbed = {
-                out / "physics" / "perturbed" / name / key: _fixed(found, out, name, chord, twist)
-                for key, chord, twist, _ in _perturbations(Design.of(found[_shipped(out, name)]))
-            }
-            found |= run_batch(perturbed, jobs, done, records=False)
-    rows = [
-        "| case | largest rise when perturbed | energy balance | segments ×2 (%) | segments ×4 (%) "
-        "| finer integration | Radau (%) |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for name in CODESIGN:
-        solution = found[_shipped(out, name)]
-        energy = solution.summary["simulated_energy_J"]
-
-        def change(variant, name=name, energy=energy):
-            other = found[out / "physics" / variant / name]
-            if other is None or not other.success:
-                return "refused"
-            return f"{100.0 * (other.summary['simulated_energy_J'] / energy - 1.0):+.5f}"
-
-        design = Design.of(solution)
-        if design.law is None:
-            folder = out / "physics" / "perturbed" / name
-            risen = {
-                path.name: other.summary["simulated_energy_J"] / energy - 1.0
-                for path, other in found.items()
-                if path.parent == folder and other is not None and other.success
-            }
-        else:
-            reference = _fly(design, *_design_point(design)).energy
-            risen = {
-                key: _fly(design, chord, twist, gains).energy / reference - 1.0
-                for key, chord, twist, gains in _perturbations(design)
-            }
-        worst = max(risen, key=risen.get)
-        coarse = _fly(design, *_design_point(design)).energy
-        fine = _fly(design, *_design_point(design), tolerance=1e-11, refined=4).energy
-        rows.append(
-            f"| {name} | {risen[worst]:+.1e} ({worst}, of {len(risen)}) "
-            f"| {solution.summary['energy_balance_error']:.1e} | {change('segments_x2')} "
-            f"| {change('segments_x4')} | {abs(fine / coarse - 1.0):.1e} | {change('radau')} |"
-        )
-    return [*rows, "", *_failures(found, out)]
-
-
-def _shipped(out, name):
-    return out / "physics" / "shipped" / name
 
 
 def _design_point(design):
+    """Return chord (m), twist (rad) and gains of a design."""
     return design.plant.blade.chord, design.plant.blade.twist, design.gains
 
 
@@ -352,33 +312,21 @@ def _perturbations(design):
             yield f"gain{sign:+.0f}_{i}", chord, twist, gains * (1.0 + 0.01 * sign * step)
 
 
-def _fixed(found, out, name, chord, twist):
-    """Return a shipped case with the blade fixed at a given shape."""
-    case = found[_shipped(out, name)].case
-    changed = {
-        "rotor": {"chord": tuple(chord), "twist": tuple(np.rad2deg(twist))},
-        "design": {"blade": "fixed"},
-    }
-    return case.model_copy(
-        update={
-            key: getattr(case, key).model_copy(update=values) for key, values in changed.items()
-        }
-    )
-
-
 def _fly(design, chord, twist, gains, tolerance=1e-9, refined=1):
-    """Integrate a design with a given blade and gains, from its equilibrium if it has feedback."""
+    """Integrate a design with another blade and gains; feedback starts from its equilibrium.
+
+    `refined` tells how many times the longest step fits into a segment.
+    """
     case, plant = design.solution.case, design.plant
     blade = plant.blade.with_shape(chord, twist)
-    inertia = [mass_and_inertia(each, 1.0, 1.0)[1] for each in (blade, plant.blade)]
-    solid = plant.inertia - case.rotor.hub_inertia
-    plant = replace(
-        plant, blade=blade, inertia=case.rotor.hub_inertia + solid * inertia[0] / inertia[1]
-    )
-    speed = design.initial_speed(design.inflow)
-    controller = design.recorded_torque if design.law is None else None
-    if controller is None:
-        flow = np.array([design.inflow.speed(0.0)])
+    changed, given = (mass_and_inertia(each, 1.0, 1.0)[1] for each in (blade, plant.blade))
+    hub = case.rotor.hub_inertia
+    plant = replace(plant, blade=blade, inertia=hub + (plant.inertia - hub) * changed / given)
+    speed, controller = design.initial_speed(design.inflow), None
+    if design.law is None:
+        controller = design.recorded_torque
+    else:
+        flow = np.array([design.inflow.speed_at(0.0)])
 
         def controller(_, speed):
             return design.law.torque(speed, gains)
@@ -387,173 +335,50 @@ def _fly(design, chord, twist, gains, tolerance=1e-9, refined=1):
             return float(plant.torque(np.array([w]), flow)[0] - controller(0.0, w))
 
         speed = brentq(excess, 0.95 * speed, 1.05 * speed, xtol=1e-12)
-    return simulate(
-        plant,
-        design.inflow,
-        controller,
-        speed,
-        case.phase.duration,
-        samples=2,
-        max_step=case.phase.duration / case.phase.segments / refined,
-        tolerance=tolerance,
-    )
+    duration = case.phase.duration
+    longest = duration / case.phase.segments / refined
+    return simulate(plant, design.inflow, controller, speed, duration, 2, longest, tolerance)
 
 
-DATA = {
-    "polar": PolarFamily.from_file,
-    "outline": Outline.from_file,
-    "blade": read_blade,
-}
-
-
-def fuzz(out: Path, cases: Path, count: int, seed: int, jobs: int | None, done: Done) -> list[str]:
-    """Read mutilated case and data files: each is accepted, or refused in one line in a second.
-
-    Parameters and result are those of `starts`; `count` is the number of examples that Hypothesis
-    makes for each kind of file.
-    """
-    files = {"case": [path.read_bytes() for path in sorted(cases.glob("*.yaml"))]}
-    files["case"] += [load_case(path).to_yaml().encode() for path in sorted(cases.glob("*.yaml"))]
-    files |= {
-        kind: [data_path(name, kind).read_bytes() for name in shipped_names(kind)] for kind in DATA
-    }
-    folder = out / "fuzz"
-    folder.mkdir(parents=True, exist_ok=True)
-    rows = [
-        "| file | examples | accepted | refused in one line | anything else | slowest (ms) |",
-        "|---|---|---|---|---|---|",
+def _failures(found):
+    """Return a line for each run that did not succeed, with its reason."""
+    return [
+        f"- `{run}`: {solution.message if solution else 'could not be run'}"
+        for run, solution in found.items()
+        if solution is None or not solution.success
     ]
-    broken = []
-    for kind, originals in files.items():
-        path = folder / ("case.yaml" if kind == "case" else f"{kind}.csv")
-        words, slowest, errors = _fuzz_one(kind, originals, path, count, seed)
-        done(path, f"{count} examples")
-        broken += [f"- {kind}: {error}" for error in errors[:5]]
-        other = sum(words.values()) - words["accepted"] - words["refused"]
-        rows.append(
-            f"| {kind} | {sum(words.values())} | {words['accepted']} | {words['refused']} "
-            f"| {other} | {1e3 * slowest:.0f} |"
-        )
-    return [*rows, "", *broken]
-
-
-def _fuzz_one(kind, originals, path, count, seed):
-    """Return how often a reader said what, its longest time (s) and the errors it let through."""
-    try:
-        import hypothesis
-    except ImportError as error:
-        raise InputError("hypothesis is not installed", "pip install hypothesis") from error
-    words, times, errors = Counter(), [], []
-
-    @hypothesis.seed(seed)
-    @hypothesis.settings(
-        max_examples=count,
-        database=None,
-        deadline=None,
-        suppress_health_check=list(hypothesis.HealthCheck),
-    )
-    @hypothesis.given(mutilated(originals))
-    def read(content):
-        path.write_bytes(content)
-        began = time.perf_counter()
-        try:
-            physics(load_case(path)) if kind == "case" else DATA[kind](path)
-            word = "accepted"
-        except InputError as error:
-            word = "refused" if str(error).isprintable() else "unprintable"
-        except Exception as error:
-            word = type(error).__name__
-            errors.append(f"{word}: {str(error)[:200]} in `{content[:200]!r}`")
-        times.append(time.perf_counter() - began)
-        words[word] += 1
-
-    read()
-    return words, max(times), errors
-
-
-def mutilated(originals: list[bytes]):
-    """Return Hypothesis' strategy of files with a few bytes, lines or numbers made worse."""
-    from hypothesis import strategies as st
-
-    junk = st.one_of(
-        st.binary(max_size=8),
-        st.text(max_size=8).map(lambda text: text.encode("utf-8", "surrogatepass")),
-        st.floats().map(lambda number: repr(number).encode()),
-        st.sampled_from(
-            [b"nan", b"1e999", b"-0", b"{", b"]", b"&a", b"*a", b"!!python/name:os", b"\x00", b"\n",
-             b"\r", b",", b":", b"#", b"1 m/s", b"1e-320 m", b"null", b"[]", b"9" * 400]
-        ),
-    )  # fmt: skip
-    edit = st.tuples(st.integers(0, 10**6), st.integers(0, 30), junk)
-
-    def apply(original, edits):
-        content = original
-        for place, length, insertion in edits:
-            place %= len(content) + 1
-            content = content[:place] + insertion + content[place + length :]
-        return content
-
-    edited = st.builds(apply, st.sampled_from(originals), st.lists(edit, min_size=1, max_size=6))
-    return edited | st.binary(max_size=200)
 
 
 # The study ----------------------------------------------------------------------------------------
 
 
-def _keep_best(out, names, found):
-    """Return the best energy of any success, by name, over this study and what it was before."""
-    path = out / "best.json"
-    best = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-    for folder, solution in found.items():
-        if solution is not None and solution.success:
-            name = names[folder]
-            best[name] = max(best.get(name, 0.0), solution.summary["simulated_energy_J"])
-    _replace(path, json.dumps(best, indent=1) + "\n")
-    return best
-
-
-def _failures(found, out):
-    """Return a line for each run that did not succeed, with its reason."""
-    return [
-        f"- `{folder.relative_to(out)}`: {solution.message if solution else 'could not be run'}"
-        for folder, solution in found.items()
-        if solution is None or not solution.success
-    ]
-
-
-def _replace(path, text):
-    part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)
-
-
 PARTS = {
     "starts": (
         "From random blades",
-        partial(starts, method="quasi_steady"),
+        partial(_starts, method="quasi_steady"),
         30,
         "Each co-design case from random smooth starting blades (chord × 0.6 to × 1.6, twist "
-        "± 6°). Goal: 99 % success with IPOPT, 95 % with SLSQP, spread at most 0.02 %, no false "
-        "success: none more than 0.05 % below the best energy of its case. The start tries steady-"
+        "± 6°). Goal: 99 % success with IPOPT, 95 % with SLSQP, at most 0.02 % below the best "
+        "energy of the case, no false success (more than 0.05 % below). The start tries steady-"
         "optimal blades beside the random one and mostly prefers those; the next part does not.",
     ),
     "blades": (
         "From random blades, without the quasi-steady start",
-        partial(starts, method="blade"),
+        partial(_starts, method="blade"),
         30,
         "The same blades with `start.method: blade`: the dynamic optimization begins at the random "
         "blade itself. No goal; it shows what the quasi-steady start is worth.",
     ),
     "sweep": (
         "Under change",
-        sweep,
+        _sweep,
         30,
         "One factor at a time from the torque-limited cases, each under the three laws, then "
         "random mixtures. Goal: 95 % success.",
     ),
     "physics": (
         "Against physics",
-        against_physics,
+        _against_physics,
         1,
         "Each design variable a little off (chord ± 1 %, twist ± 0.1°, gain ± 1 %) and integrated "
         "again with direct BEM; the open loop re-solves its control. Goals: no rise above 1e-5; "
@@ -568,13 +393,22 @@ PARTS = {
         "(exit code 2) within a second.",
     ),
 }
-"""Title, function, default count and explanation of each part, in the order of the report."""
+"""Title, function, usual count and explanation of each part, in the order of the report."""
 
 
 def run_part(
-    part: str, out: Path, cases: Path, count: int | None, seed: int, jobs: int | None, done: Done
+    part: str,
+    out: Path,
+    cases: Path | None,
+    count: int | None,
+    seed: int,
+    jobs: int | None,
+    done: Done,
 ) -> str:
     """Run a part of the study and return its figures, which `out` keeps for the report.
+
+    The count is that of the runs or examples (None: the part's usual one); the other parameters are
+    those of `Study`.
 
     Raises
     ------
@@ -583,14 +417,14 @@ def run_part(
     """
     if part not in PARTS:
         raise InputError("unknown part", f"choose from {', '.join(PARTS)}", value=part)
-    title, function, usual, explanation = PARTS[part]
-    count = count or usual
+    title, run, usual, explanation = PARTS[part]
+    study = Study(out, cases, count or usual, seed, jobs, done)
     try:
         out.mkdir(parents=True, exist_ok=True)
-        figures = "\n".join(function(out, cases, count, seed, jobs, done)).rstrip()
-        command = f"`hkt verify {part} --count {count} --seed {seed}`"
+        figures = "\n".join(run(study)).rstrip()
+        command = f"`hkt verify {part} --count {study.count} --seed {seed}`"
         text = f"## {title}\n\n{explanation}\n\n{command}\n\n{figures}\n"
-        _replace(out / f"{part}.md", text)
+        write_text(out / f"{part}.md", text)
     except OSError as error:
         raise InputError(f"cannot be written ({error.strerror})", file=out) from error
     return text
@@ -598,15 +432,10 @@ def run_part(
 
 def report(out: Path) -> str:
     """Return the report of all parts that a study's folder holds figures of."""
-    from importlib.metadata import version
-
-    parts = [
-        path.read_text(encoding="utf-8")
-        for name in (*PARTS, "kills")
-        if (path := out / f"{name}.md").exists()
-    ]
+    files = [out / f"{name}.md" for name in (*PARTS, "kills")]
     head = (
         "# Verification\n\nGenerated by `hkt verify --report docs/verification.md` with version "
         f"{version('hkt_mdo')}; each section names its command. Nothing here is edited by hand.\n"
     )
+    parts = [path.read_text(encoding="utf-8") for path in files if path.exists()]
     return "\n".join([head, *parts])

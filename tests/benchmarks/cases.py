@@ -1,4 +1,4 @@
-"""A case as the benchmarks take it apart: optimum, start, problem, optimization, each timed."""
+"""A case as the benchmarks take it apart: optimum, start, optimization, integration."""
 
 import time
 import warnings
@@ -9,6 +9,8 @@ from hkt_mdo.case import read_case
 from hkt_mdo.problem.build import BEM, build_problem, find_start, physics
 from hkt_mdo.rotor.steady_optimum import best_operation, best_rotor
 from hkt_mdo.rotor.torque_curve import TorqueSpline
+from hkt_mdo.run.judge import fly
+from hkt_mdo.run.run import _collect
 from hkt_mdo.solve.drivers import outcome
 
 QUADRATIC = "{law: quadratic, torque_limit: 700}"
@@ -56,6 +58,12 @@ def optimize(case, prepared):
         problem.run_driver()
         ended = time.perf_counter()
     return problem, outcome(problem.driver), {"setup": built - began, "driver": ended - built}
+
+
+def integrate(case, prepared, problem):
+    """Return the independent integration of an optimized problem, as a run judges it by."""
+    world, _, nodes = prepared
+    return fly(case, world, _collect(case, world, problem, nodes))
 
 
 class TimedBEM:

@@ -1,18 +1,51 @@
 """Benchmarks check values as well as time; `make bench` runs them and writes docs/performance.md.
 
 Every comparison is made within one run, in turns (A B A B), and quoted as a ratio of medians.
+Without `--benchmark-enable` each benchmark runs once and small, as a test that it still works:
+values are checked, times are not.
 """
 
+import os
 import statistics
 import time
+from pathlib import Path
 
 import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+def pytest_collection_modifyitems(items):
+    for item in items:
+        if Path(__file__).parent in item.path.parents:
+            item.add_marker(pytest.mark.slow)
+            item.add_marker(pytest.mark.xdist_group("benchmarks"))
 
 
 @pytest.fixture(autouse=True)
 def _scratch(tmp_path, monkeypatch):
     monkeypatch.setenv("OPENMDAO_WORKDIR", str(tmp_path))
     monkeypatch.setenv("OPENMDAO_REPORTS", "0")
+    # processes started in other folders get the package of this checkout, too
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(map(str, (ROOT, Path(__file__).parent))))
+
+
+@pytest.fixture(scope="session")
+def measured():
+    """What the benchmarks of this session have found, by name: `report.py` makes a page of it."""
+    return {}
+
+
+@pytest.fixture(autouse=True)
+def _keep(request, measured):
+    if "benchmark" in request.fixturenames:
+        measured[request.node.name] = request.getfixturevalue("benchmark").extra_info
+
+
+@pytest.fixture
+def full(benchmark):
+    """Whether this is a real measurement: of the full size, its times asserted."""
+    return benchmark.enabled
 
 
 @pytest.fixture

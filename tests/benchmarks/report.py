@@ -56,6 +56,34 @@ Start-up: {", ".join(f"`{name}` {seconds(value)}" for name, value in start.items
 """
 
 
+def parts(found):
+    """Return the section on the other parts of a run, as ratios to what cannot be avoided."""
+    times, cold = found["test_parts_of_a_run"]["times"], found["test_over_the_imports"]["times"]
+    rows = [
+        ("search for the steady optimum and start, 60 segments", times["start"], times),
+        *(
+            (f"integration, {law}, {within_brackets(name)} segments", of["integration"], of)
+            for name, info in found.items()
+            if name.startswith("test_integration")
+            for law, of in info["times"].items()
+        ),
+    ]
+    rows = [
+        (what, f"{value / of['optimization']:.2f}", seconds(value), seconds(of["optimization"]))
+        for what, value, of in rows
+    ]
+    return f"""
+## The parts of a run
+
+Over the optimization of the same case (set-up of the problem and driver).
+
+{table(("", "ratio", "time", "optimization"), rows)}
+`hkt run cases/sine_limited_quadratic.yaml` from a cold start, figures included, takes
+**{cold["run"] / cold["imports"]:.1f} times** as long as `python -c "import openmdao.api, dymos"`
+({seconds(cold["run"])} against {seconds(cold["imports"])}).
+"""
+
+
 def iteration(found):
     """Return the section on one NLP iteration and its growth."""
     times = found["test_over_the_bare_phase"]["times"]
@@ -65,7 +93,7 @@ def iteration(found):
 Model and totals at 60 segments, over the same phase with a straight line for its hydrodynamics and
 a fixed blade: **{times["this"] / times["bare"]:.1f} times** ({seconds(times["this"])} against
 {seconds(times["bare"])}). With OpenMDAO's colored linear solves instead of substitution in the
-sparse Jacobian (`hkt_mdo/totals.py`) it would be {times["openmdao"] / times["bare"]:.1f}
+sparse Jacobian (`hkt_mdo/solve/totals.py`) it would be {times["openmdao"] / times["bare"]:.1f}
 times ({seconds(times["openmdao"])}), and a coloring would come first.
 
 ## Growth
@@ -192,31 +220,47 @@ def figure(found, path):
     sheet.savefig(path, dpi=150)
 
 
-def main(source, docs):
-    """Write the document and the figure."""
-    data = json.loads(Path(source).read_text(encoding="utf-8"))
-    found = {each["name"]: each["extra_info"] for each in data["benchmarks"]}
-    packages = ("openmdao", "dymos", "numpy", "scipy", "numba", "casadi")
-    text = HEAD + whole_case(found) + iteration(found) + direct(found) + peers(found)
+def bem_alone(found):
+    """Return the section on one call of BEM."""
     rows = [
-        (within_brackets(name), info["times_faster_than_ccblade"])
-        for name, info in found.items()
-        if "times_faster_than_ccblade" in info
+        (
+            within_brackets(name),
+            f"{of['times_faster_than_ccblade']:.0f}",
+            seconds(of["seconds"]),
+            f"{1e9 * of['seconds_per_section']:.0f} ns",
+        )
+        for name, of in found.items()
+        if "times_faster_than_ccblade" in of
     ]
-    if rows:
-        header = ("points x stations", "times faster than CCBlade")
-        text += f"\n## BEM alone\n\n{table(header, rows)}"
-    cpu = data["machine_info"].get("cpu", {})
-    text += (
+    header = ("points x stations", "times faster than CCBlade", "a call", "a section and point")
+    return f"""
+## BEM alone
+
+One core, the fastest of several calls. [bem.md](bem.md) says what is computed and how.
+
+{table(header, rows)}"""
+
+
+def write(found, machine, docs):
+    """Write the document and the figure of what was found, by name of the benchmark."""
+    packages = ("openmdao", "dymos", "numpy", "scipy", "numba", "casadi")
+    sections = (whole_case, parts, iteration, direct, peers, bem_alone)
+    cpu = machine.get("cpu", {})
+    end = (
         f"\nMeasured with Python {platform.python_version()}, "
         f"{', '.join(f'{name} {version(name)}' for name in packages)}, "
         f"on {cpu.get('count', '?')} cores of {cpu.get('brand_raw', 'an unnamed processor')}.\n"
     )
+    text = HEAD + "".join(section(found) for section in sections) + end
+    docs.mkdir(parents=True, exist_ok=True)
     (docs / "performance.md").write_text(text, encoding="utf-8")
     figure(found, docs / "images" / "growth.png")
 
 
 if __name__ == "__main__":
-    main(
-        sys.argv[1], Path(sys.argv[2]) if len(sys.argv) > 2 else Path(__file__).parents[2] / "docs"
+    data = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
+    write(
+        {each["name"]: each["extra_info"] for each in data["benchmarks"]},
+        data["machine_info"],
+        Path(sys.argv[2]) if len(sys.argv) > 2 else Path(__file__).parents[2] / "docs",
     )

@@ -9,18 +9,19 @@ from pathlib import Path
 
 import pytest
 
-from cases import TimedBEM, case_of, optimize, start_of
+from cases import OPEN_LOOP, QUADRATIC, TimedBEM, case_of, integrate, optimize, start_of
 from hkt_mdo.problem import build as problem
 
 ROOT = Path(__file__).parents[2]
 
 
-def test_optimization(benchmark, in_turns, monkeypatch):
+def test_optimization(benchmark, full, in_turns, monkeypatch):
     """The optimization is at least 4 times faster, and BEM at most 15 % of it."""
     pytest.importorskip("wisdem")
     solvers = {name: TimedBEM(name) for name in problem.BEM}
     monkeypatch.setattr(problem, "BEM", solvers)
-    cases = {name: case_of(hydrodynamics=f"{{bem: {name}}}") for name in solvers}
+    size = 60 if full else 6
+    cases = {name: case_of(segments=size, hydrodynamics=f"{{bem: {name}}}") for name in solvers}
     prepared = start_of(cases["vectorized"])
     solvers["ccblade"](prepared[0].blade, prepared[0].polar, prepared[2][:2])  # imports WISDEM
     shares = {name: [] for name in cases}
@@ -32,7 +33,7 @@ def test_optimization(benchmark, in_turns, monkeypatch):
         shares[name].append(solvers[name].seconds / (time.perf_counter() - began))
         return found
 
-    times = in_turns({name: lambda name=name: run(name) for name in cases}, rounds=3)
+    times = in_turns({name: lambda name=name: run(name) for name in cases}, rounds=3 if full else 1)
     energies = {
         name: float(found[0].get_val("energy")[0]) for name, found in in_turns.results.items()
     }
@@ -47,11 +48,43 @@ def test_optimization(benchmark, in_turns, monkeypatch):
         "energies": energies,
         "iterations": {n: found[1].iterations for n, found in in_turns.results.items()},
     }
-    assert ratio > 4.0
-    assert share["vectorized"] < 0.15
+    if full:
+        assert ratio > 4.0
+        assert share["vectorized"] < 0.15
 
 
-def test_process(benchmark, in_turns, tmp_path):
+def test_parts_of_a_run(benchmark, full, in_turns):
+    """Search and start take no longer than the optimization."""
+    case = case_of(segments=60 if full else 6)
+    prepared = start_of(case)
+    parts = {"start": lambda: start_of(case), "optimization": lambda: optimize(case, prepared)}
+    times = in_turns(parts, rounds=5 if full else 1)
+    assert in_turns.results["optimization"][1].success
+    benchmark.extra_info["times"] = times
+
+
+@pytest.mark.parametrize("segments", [60, 3000])
+def test_integration(benchmark, full, in_turns, segments):
+    """The independent integration agrees with the optimization; its time is quoted over it."""
+    laws = {"open loop": OPEN_LOOP, "quadratic": QUADRATIC}
+    size, times = segments if full else 10, {}
+    for name, control in laws.items():
+        case = case_of(control, segments=size)
+        prepared = start_of(case)
+        began = time.perf_counter()
+        problem, ended, _ = optimize(case, prepared)
+        times[name] = {"optimization": time.perf_counter() - began}
+        assert ended.success
+        integrate(case, prepared, problem)  # what is compiled is compiled here
+        began = time.perf_counter()
+        flown = integrate(case, prepared, problem)
+        times[name]["integration"] = time.perf_counter() - began
+        assert flown.energy == pytest.approx(float(problem.get_val("energy")[0]), rel=2e-4)
+    benchmark.extra_info["times"] = times
+    benchmark.pedantic(lambda: integrate(case, prepared, problem), rounds=1, iterations=1)
+
+
+def test_process(benchmark, full, in_turns, tmp_path):
     """`hkt run` from a cold start is at least 2.5 times faster."""
     pytest.importorskip("wisdem")
 
@@ -60,21 +93,46 @@ def test_process(benchmark, in_turns, tmp_path):
         command = [sys.executable, "-m", "hkt_mdo", "run"]
         command += [ROOT / "cases" / "sine_limited_quadratic.yaml", "--out", out]
         command += ["--set", f"hydrodynamics.bem={name}", "--set", f"hydrodynamics.check={name}"]
+        if not full:
+            command += ["--set", "phase={duration: 5, segments: 5}", "--set", "design.blade=fixed"]
         subprocess.run([*command, "--force", "--no-figures", "--quiet"], check=True, cwd=tmp_path)
         return json.loads((out / "summary.json").read_text())
 
     times = in_turns(
-        {name: lambda name=name: run(name) for name in ("vectorized", "ccblade")}, rounds=3
+        {name: lambda name=name: run(name) for name in ("vectorized", "ccblade")},
+        rounds=3 if full else 1,
     )
     energies = {name: found["simulated_energy_J"] for name, found in in_turns.results.items()}
     assert energies["vectorized"] == pytest.approx(energies["ccblade"], rel=1e-6)
     ratio = times["ccblade"] / times["vectorized"]
     benchmark.extra_info |= {"times": times, "ratio": ratio, "energies": energies}
-    assert ratio > 2.5
+    if full:
+        assert ratio > 2.5
 
 
-def test_start_up(benchmark, in_turns, tmp_path):
-    """What nothing costs: help and import, over an interpreter that does nothing."""
+def test_over_the_imports(benchmark, full, in_turns, tmp_path):
+    """`hkt run` from a cold start, over importing OpenMDAO and Dymos and doing nothing."""
+    path = ROOT / "cases" / "sine_limited_quadratic.yaml"
+    small = ["--set", "phase={duration: 5, segments: 5}", "--set", "design.blade=fixed"]
+    small = [] if full else [*small, "--no-figures"]
+    commands = {
+        "imports": ["-c", "import openmdao.api, dymos"],
+        "run": ["-m", "hkt_mdo", "run", path, "--out", "out", "--force", "--quiet", *small],
+    }
+    times = in_turns(
+        {
+            name: lambda words=words: subprocess.run(
+                [sys.executable, "-W", "ignore", *words], check=True, cwd=tmp_path
+            )
+            for name, words in commands.items()
+        },
+        rounds=5 if full else 1,
+    )
+    benchmark.extra_info["times"] = times
+
+
+def test_start_up(benchmark, full, in_turns, tmp_path):
+    """Help and import, beside an interpreter that does nothing."""
     commands = {
         "python": ["-c", "pass"],
         "import hkt_mdo": ["-c", "import hkt_mdo"],
@@ -87,10 +145,11 @@ def test_start_up(benchmark, in_turns, tmp_path):
             )
             for name, words in commands.items()
         },
-        rounds=7,
+        rounds=7 if full else 1,
     )
     code = "import sys, hkt_mdo, hkt_mdo.cli; print(*sys.modules)"
     loaded = subprocess.check_output([sys.executable, "-c", code], text=True, cwd=tmp_path).split()
     assert not {"wisdem", "matplotlib", "dymos", "openmdao", "casadi"} & set(loaded)
     benchmark.extra_info["times"] = times
-    assert times["hkt --help"] < 0.5
+    if full:
+        assert times["hkt --help"] < 0.5

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,9 +15,9 @@ from hkt_mdo.problem.build import RecoveryComp, physics
 from hkt_mdo.rotor.bem import rotor_coefficients
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.run.run import run_case
-from hkt_mdo.studies import verify
+from hkt_mdo.studies import fuzz, verify
 
-CASES = Path(__file__).parent.parent / "cases"
+CASES = Path(__file__).parents[2] / "cases"
 
 
 def silent(*_):
@@ -49,6 +50,7 @@ def test_the_sweep_is_as_wide_as_promised():
         assert case.phase.segments <= 300
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "law", "optimizer"), [(1, "linear", "IPOPT"), (2, "quadratic", "SLSQP")]
 )
@@ -125,15 +127,54 @@ def test_the_optimum_is_stationary(tmp_path, law):
 def test_mutilated_files_are_accepted_or_refused(tmp_path):
     text = verify.run_part("fuzz", tmp_path, CASES, 100, 1, None, silent)
     rows = [line.split("|")[1:-1] for line in text.splitlines() if line.startswith("| ")][1:]
-    assert [row[0].strip() for row in rows] == ["case", *verify.DATA]
+    assert [row[0].strip() for row in rows] == ["case", *fuzz.DATA]
     assert all(int(row[4]) == 0 for row in rows), text
+
+
+def test_successes_are_counted_by_group_and_optimizer(tmp_path, monkeypatch):
+    """One run of each optimizer fails, one success of SLSQP is false; all others are the best."""
+
+    def run_batch(cases, *_, **__):
+        found = {}
+        for folder, case in cases.items():
+            optimizer, name = folder.parts[-2:]
+            assert (case.driver.optimizer, case.name) == (optimizer, name)
+            energy = 990.0 if (optimizer, name) == ("SLSQP", "limit_300_oloc") else 1000.0
+            found[folder] = SimpleNamespace(
+                success=name != "mean_0.8_linear",
+                summary={"simulated_energy_J": energy, "iterations": 7},
+                message="did not converge",
+            )
+        return found
+
+    monkeypatch.setattr(verify, "run_batch", run_batch)
+    text = verify.run_part("sweep", tmp_path, CASES, 3, 0, 1, silent)
+    for row in (
+        "| limit | IPOPT | 12/12, 100.0 % | 0.00000 | 7 (7) | 0 |",
+        "| limit | SLSQP | 12/12, 100.0 % | 1.00000 | 7 (7) | 1 |",
+        "| mean | IPOPT | 11/12, 91.7 % | 0.00000 | 7 (7) | 0 |",
+        "| random | SLSQP | 3/3, 100.0 % | 0.00000 | 7 (7) | 0 |",
+        "| **all** | IPOPT | 104/105, 99.0 % | 0.00000 | 7 (7) | 0 |",
+        "| **all** | SLSQP | 104/105, 99.0 % | 1.00000 | 7 (7) | 1 |",
+        "- `sweep/SLSQP/mean_0.8_linear`: did not converge",
+    ):
+        assert f"\n{row}\n" in text
 
 
 def test_the_best_energy_is_kept_and_the_report_takes_what_there_is(tmp_path):
     with pytest.raises(InputError, match="unknown part"):
         verify.run_part("luck", tmp_path, CASES, 1, 0, 1, silent)
+    study = verify.Study(tmp_path, CASES, 1, 0, 1, silent)
     (tmp_path / "best.json").write_text(json.dumps({"a": 2.0}))
-    assert verify._keep_best(tmp_path, {}, {}) == {"a": 2.0}
+    runs = {
+        "below": SimpleNamespace(success=True, summary={"simulated_energy_J": 1.0}),
+        "above": SimpleNamespace(success=True, summary={"simulated_energy_J": 4.0}),
+        "failed": SimpleNamespace(success=False, summary={"simulated_energy_J": 9.0}),
+        "lost": None,
+    }
+    problems = {"below": "a", "above": "b", "failed": "b", "lost": "b"}
+    assert study.shortfalls(runs, problems) == {"below": 0.5, "above": 0.0}
+    assert json.loads((tmp_path / "best.json").read_text()) == {"a": 2.0, "b": 4.0}
     (tmp_path / "sweep.md").write_text("## Under change\n")
     report = verify.report(tmp_path)
     assert report.startswith("# Verification")

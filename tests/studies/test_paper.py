@@ -1,6 +1,8 @@
 """The reproduction's report and its bookkeeping; the reproduction itself is `hkt paper`."""
 
 import json
+from concurrent.futures import Future
+from itertools import product
 
 import pytest
 import yaml
@@ -8,7 +10,15 @@ import yaml
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import data_path
 from hkt_mdo.studies import paper as paper_module
-from hkt_mdo.studies.paper import LAWS, SENSOR_RATES, TABLES, Paper, reproduce
+from hkt_mdo.studies.common import LAWS, SCENARIOS
+from hkt_mdo.studies.paper import (
+    FLOWS,
+    REFERENCES,
+    SENSOR_RATES,
+    Paper,
+    ensemble_key,
+    reproduce,
+)
 from hkt_mdo.studies.paper_report import write_report
 
 
@@ -16,7 +26,7 @@ from hkt_mdo.studies.paper_report import write_report
 def small_paper(solve):
     """All of the paper's slots, filled from four real results: the shape is right."""
     limited = {law: solve(f"sine_limited_{law}", "driver.optimizer=IPOPT") for law in LAWS}
-    solutions = {f"{scenario}_{law}": limited[law] for scenario in TABLES for law in LAWS}
+    solutions = {f"{scenario}_{law}": limited[law] for scenario in SCENARIOS for law in LAWS}
     solutions["sine_baseline_oloc"] = solve("sine_baseline_oloc")
     series = {
         key: limited["oloc"].simulation[key].tolist()
@@ -31,19 +41,16 @@ def small_paper(solve):
     for flow in "BC":
         ensembles[f"oloc_{flow}"] = {"energy_J": None, "stopped_at_s": 21.3, "series": series}
     for law in LAWS[1:]:
-        for flow in "ABC":
+        for flow in FLOWS:
             ensembles[f"{law}_{flow}_quiet"] = {"energy_J": energy, "stopped_at_s": None}
-            for reference in ("fluctuation", "total"):
-                for rate in SENSOR_RATES:
-                    ensembles[f"{law}_{flow}_{reference}_{rate:g}Hz"] = noisy
-    sequential = {
-        f"{scenario}_sequential_{law}": limited[law]
-        for scenario in ("sine", "sine_limited")
-        for law in LAWS
-    }
-    redesigned = dict.fromkeys("ABC", limited["oloc"])
+            for sensor in product(REFERENCES, SENSOR_RATES):
+                ensembles[ensemble_key(law, flow, *sensor)] = noisy
+    for law in LAWS:
+        for scenario in ("sine", "sine_limited"):
+            solutions[f"{scenario}_sequential_{law}"] = limited[law]
+    solutions |= {f"redesigned_{flow}": limited["oloc"] for flow in FLOWS}
     reported = yaml.safe_load(data_path("amini2023", "reported").read_text(encoding="utf-8"))
-    return Paper(solutions, sequential, redesigned, ensembles, reported)
+    return Paper(solutions, ensembles, reported)
 
 
 @pytest.fixture(scope="module")
@@ -83,13 +90,29 @@ def test_checks_tell_what_fails(report):
 
 
 def test_an_ensemble_is_computed_once(solve, tmp_path, monkeypatch):
-    source = solve("sine_limited_quadratic", "driver.optimizer=IPOPT").folder
-    path = tmp_path / "one.json"
-    stamp = paper_module._stamp(source, "A", None, None, 2, 1)
-    result = paper_module._one_ensemble(str(source), "A", None, None, 2, 1, stamp, str(path))
-    assert result["energy_J"] > 0.0
-    assert json.loads(path.read_text())["stamp"] == stamp
-    assert paper_module._stamp(source, "A", None, None, 3, 1) != stamp
+    """What is there is read; another number of repeats, or a damaged file, is simulated again."""
+    (tmp_path / "cases").mkdir()
+    for law in LAWS:
+        folder = solve(f"sine_limited_{law}", "driver.optimizer=IPOPT").folder
+        (tmp_path / "cases" / f"sine_limited_{law}").symlink_to(folder)
+    simulated = []
+
+    def in_this_process(function, tasks, jobs, ended):
+        simulated.append(list(tasks))
+        for key, task in tasks.items():
+            future = Future()
+            future.set_result({"energy_J": 1.0} if key != "quadratic_A_quiet" else function(*task))
+            ended(key, future)
+
+    monkeypatch.setattr(paper_module, "in_processes", in_this_process)
+    found = paper_module._ensembles(tmp_path, 2, 1, 1, lambda line: None)
+    assert found["quadratic_A_quiet"]["energy_J"] > 1e5
+    assert list(found) == simulated[0]
+    (tmp_path / "uncertainty" / "oloc_A.json").write_text("{")
+    assert paper_module._ensembles(tmp_path, 2, 1, 1, lambda line: None) == found
+    assert simulated[1] == ["oloc_A"]
+    paper_module._ensembles(tmp_path, 3, 1, 1, lambda line: None)
+    assert simulated[2] == simulated[0]
 
 
 def test_missing_cases_are_told(tmp_path):

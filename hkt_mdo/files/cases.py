@@ -1,0 +1,29 @@
+"""The case files that come with the program."""
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).parents[1]
+
+
+def shipped_cases() -> Path:
+    """Return the folder of the shipped case files: in an installed package, or in the checkout."""
+    installed = _PACKAGE / "cases"
+    return installed if installed.is_dir() else _PACKAGE.parent / "cases"
+
+
+def find_case(path: str | Path) -> Path:
+    """Return the path of a case file; a bare name may be that of a shipped case.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        Such as ``mine.yaml``. Where no such file exists, ``sine_oloc`` or ``river_gust`` is looked
+        for among the shipped cases and their examples, with or without its ending.
+    """
+    path = Path(path)
+    if path.name == str(path) and not path.exists():
+        for folder in (shipped_cases(), shipped_cases() / "examples"):
+            for name in (path.name, f"{path.name}.yaml"):
+                if name.endswith(".yaml") and (folder / name).is_file():
+                    return folder / name
+    return path

@@ -1,0 +1,14 @@
+"""The page that `make bench` writes, from what this session's benchmarks have found."""
+
+import pytest
+import report
+
+
+def test_page_takes_what_the_benchmarks_found(measured, tmp_path):
+    if len(measured) < 15:
+        pytest.skip("needs the other benchmarks in the same process")
+    report.write(measured, {}, tmp_path)
+    page = (tmp_path / "performance.md").read_text(encoding="utf-8")
+    for section in ("The whole case", "One NLP iteration", "Growth", "Peers", "BEM alone"):
+        assert f"\n## {section}\n" in page
+    assert (tmp_path / "images" / "growth.png").is_file()
