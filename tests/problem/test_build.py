@@ -14,8 +14,9 @@ from hkt_mdo.dynamics.flows import StepInflow
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.scenario import Scenario
-from hkt_mdo.problem.setup import Setup, find_start
+from hkt_mdo.problem.setup import Setup, find_start, steady_optimum
 from hkt_mdo.rotor.steady_optimum import best_operation
+from hkt_mdo.solve.drivers import outcome
 
 VARIANTS = {
     "quadratic": "control: {law: quadratic, torque_limit: 700}",
@@ -68,13 +69,6 @@ def test_totals_of_a_coarse_problem(name, torque):
     """Every total derivative that the optimizer sees, against central differences."""
     world = coarse_physics(VARIANTS[name], f"hydrodynamics: {{torque: {torque}}}")
     check_totals(assembled(world)[0])
-
-
-def test_totals_with_a_designed_radius_and_distance_from_stall():
-    world = coarse_physics(VARIANTS["quadratic"], "design: {radius_bounds: [1.2, 1.6]}")
-    problem, _ = assembled(world, slowed=0.02)
-    assert "limit_distance_from_stall.value" in problem.driver.get_constraint_values()
-    check_totals(problem)
 
 
 def test_totals_with_a_designed_set_angle():
@@ -158,6 +152,14 @@ def test_totals_of_two_scenarios(name):
     assert_sparse_totals_are_openmdaos(problem)
 
 
+def test_totals_with_a_designed_radius_and_distance_from_stall_in_both_scenarios():
+    world = two_flows(coarse_physics(VARIANTS["quadratic"], "design: {radius_bounds: [1.2, 1.6]}"))
+    problem, _ = assembled(world, slowed=0.02)
+    names = {f"limit_distance_from_stall{suffix}.value" for suffix in ("", "_step")}
+    assert names <= set(problem.driver.get_constraint_values())
+    check_totals(problem)
+
+
 # The public problem -------------------------------------------------------------------------------
 
 
@@ -181,7 +183,7 @@ def test_the_public_problem_runs_as_it_stands(public):
     assert 0.0 < public.get_val("inertia", units="kg*m**2")[0] < 100.0
 
 
-def test_partials_of_the_public_problem(public):
+def test_partials_of_the_public_problem():
     """Those of the package's own components but BEM, which takes no complex numbers."""
     case = {
         "inflow": {"profile": "sine"},
@@ -201,6 +203,22 @@ def test_partials_of_the_public_problem(public):
     )
     assert len(data) >= 7
     assert_check_partials(data, atol=1e-4, rtol=1e-5)
+
+
+def test_the_public_problem_is_optimized_as_it_stands():
+    """Without a run of the model before; to the quasi-steady optimum, which is close."""
+    case = {
+        "inflow": {"profile": "sine"},
+        "control": {"law": "open_loop", "torque_limit": 700},
+        "phase": {"segments": 15, "duration": 15},
+    }
+    problem = build_problem(load_case(case))
+    world = physics(load_case(case))
+    start = find_start(world, steady_optimum(world, world.blade)).operation.energy
+    problem.run_driver()
+    assert outcome(problem.driver).success
+    assert problem.get_val("energy")[0] == pytest.approx(start, rel=5e-4)
+    assert problem.get_val("energy")[0] > start
 
 
 def test_n2_of_the_public_problem(public, tmp_path):

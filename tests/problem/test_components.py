@@ -8,7 +8,7 @@ import pytest
 from openmdao.utils.assert_utils import assert_check_partials
 
 from hkt_mdo.dynamics.flows import SineInflow
-from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
+from hkt_mdo.dynamics.laws import FeedbackLaw, LinearFeedback, QuadraticFeedback
 from hkt_mdo.dynamics.limits import DistanceFromStall, Limit, TorqueLimit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, GeneratorEnergy, Objective
 from hkt_mdo.problem.components import IntegralComp, LimitComp
@@ -17,6 +17,16 @@ from hkt_mdo.rotor.torque_curve import TorqueSpline
 N, RADIUS, DENSITY = 6, 1.4, 998.0
 NODES = np.linspace(2.0, 12.0, 41)
 TABLE = 0.09 * np.exp(-((NODES - 6.0) ** 2) / 20.0)
+
+
+class TwoGains(FeedbackLaw):
+    """A law that is not linear in its gains, u = K w^p."""
+
+    law: str = "two_gains"
+    gain_units: ClassVar[tuple[str | None, ...]] = ("N*m", None)
+
+    def demand(self, speed, gains):
+        return gains[0] * speed ** gains[1]
 
 
 class PowerPerInertia(Limit):
@@ -65,11 +75,15 @@ def operation():
 
 @pytest.mark.parametrize("least", [0.0, 5e-3])
 @pytest.mark.parametrize(
-    ("law", "gain"),
-    [(QuadraticFeedback(torque_limit=700.0), 7.2), (LinearFeedback(), 68.0)],
-    ids=["quadratic, limited", "linear"],
+    ("law", "gains"),
+    [
+        (QuadraticFeedback(torque_limit=700.0), [7.2]),
+        (LinearFeedback(), [68.0]),
+        (TwoGains(torque_limit=900.0), [20.0, 1.6]),
+    ],
+    ids=["quadratic, limited", "linear", "two gains"],
 )
-def test_distance_from_stall(law, gain, least):
+def test_distance_from_stall(law, gains, least):
     """N((1 - slowed) w) - N(w) less what is asked for, N = 0.5 rho pi R^3 v^2 Cq - u."""
     (speed, flow), spline = operation(), TorqueSpline(NODES)
     limit = DistanceFromStall(law=law, spline=spline, slowed=0.03, least=least)
@@ -80,12 +94,12 @@ def test_distance_from_stall(law, gain, least):
         torque_coefficient_table=TABLE,
         density=DENSITY,
         rotor_radius=RADIUS,
-        gain_0=gain,
+        **{f"gain_{i}": gain for i, gain in enumerate(gains)},
     )
     unit = 0.5 * DENSITY * np.pi * RADIUS**3 * flow**2
 
     def net(w):
-        return unit * (spline.basis(w * RADIUS / flow) @ TABLE) - law.torque(w, np.array([gain]))
+        return unit * (spline.basis(w * RADIUS / flow) @ TABLE) - law.torque(w, np.array(gains))
 
     expected = net(0.97 * speed) - net(speed) - least * 0.05 * unit
     np.testing.assert_allclose(problem.get_val("value"), expected, rtol=1e-12)

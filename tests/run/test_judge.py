@@ -1,12 +1,14 @@
 """Each judge refuses alone: results that are doctored in one place, where no other judge looks."""
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from hkt_mdo.case import Phase
 from hkt_mdo.dynamics.flows import StepInflow
+from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.simulation import RecordedTorque
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.run.judge import explain
@@ -209,6 +211,36 @@ def test_one_judge_refuses(request, judge, whose, doctor, value, words):
 
 def test_every_judge_is_asked(feedback, open_loop):
     assert {name for name, *_ in REFUSALS} == {*feedback.checks(), *open_loop.checks()}
+
+
+class TipSpeed(Limit):
+    """Largest speed of the blade tip."""
+
+    name: ClassVar[str] = "tip_speed"
+    unit: ClassVar[str | None] = "m/s"
+    inputs: ClassVar[tuple[str, ...]] = ("rotor_speed", "rotor_radius")
+    bound: float
+
+    def value(self, rotor_speed, rotor_radius):
+        return rotor_speed * rotor_radius
+
+
+def test_a_limit_of_ones_own_is_judged_at_and_between_the_nodes(feedback):
+    (flight,) = feedback.flights
+    fastest = np.max(flight.trajectory["rotor_speed"]) * 1.45
+    for share, refused in ((1.01, []), (0.99, ["at", "between"])):
+        limits = (*feedback.physics.limits, TipSpeed(bound=share * fastest))
+        limited = replace(feedback, physics=replace(feedback.physics, limits=limits))
+        failed = [name for name, check in limited.checks().items() if not check.passed]
+        assert failed == [f"tip_speed_{place}_nodes" for place in refused]
+        if refused:
+            continue
+        speed = flight.simulation.rotor_speed.copy()
+        speed[107] *= 1.1  # a sample of the sixth segment, seven twentieths from its start
+        faster = with_flight(limited, simulation=replace(flight.simulation, rotor_speed=speed))
+        checks = faster.checks()
+        assert [n for n, c in checks.items() if not c.passed] == ["tip_speed_between_nodes"]
+        assert checks["tip_speed_between_nodes"].detail == "at t = 5.35 s"
 
 
 # Two scenarios ------------------------------------------------------------------------------------
