@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hkt_mdo.case import load_case
-from hkt_mdo.problem.build import physics
+from hkt_mdo.problem.physics import physics
 from hkt_mdo.run.run import run_case
 
 CASES = Path(__file__).parent.parent / "cases"

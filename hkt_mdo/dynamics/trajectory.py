@@ -16,3 +16,17 @@ _SUFFIXES = {None: "", "N*m": "_Nm", "m/s": "_m_s", "rad/s": "_rad_s"}
 
 COLUMNS = {name: name + _SUFFIXES.get(unit, f"_{unit}") for name, (unit, _) in QUANTITIES.items()}
 """Header of each quantity's column in `trajectory.csv` and `simulation.csv`: name and unit."""
+
+
+def quantities(time, inflow_speed, rotor_speed, hydrodynamic_torque, control_torque, rotor_radius):
+    """Return all `QUANTITIES` by their names, arrays of one shape; rotor_radius (m) is a scalar."""
+    return {
+        "time": time,
+        "inflow_speed": inflow_speed,
+        "rotor_speed": rotor_speed,
+        "tip_speed_ratio": rotor_speed * rotor_radius / inflow_speed,
+        "hydrodynamic_torque": hydrodynamic_torque,
+        "control_torque": control_torque,
+        "hydrodynamic_power": hydrodynamic_torque * rotor_speed,
+        "generator_power": control_torque * rotor_speed,
+    }

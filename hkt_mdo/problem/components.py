@@ -23,14 +23,12 @@ class LimitComp(om.ExplicitComponent):
     """
 
     def initialize(self):
-        """Declare the options."""
         self.options.declare("num_nodes", types=int)
         self.options.declare("limit", types=Limit, recordable=False)
         self.options.declare("table_nodes", default=0, desc="number of nodes of the torque curve")
         self.options.declare("gain_units", default=(), types=tuple)
 
     def setup(self):
-        """Declare inputs and output."""
         limit, n = self.options["limit"], self.options["num_nodes"]
         for name in limit.inputs:
             if name in QUANTITIES:
@@ -48,7 +46,6 @@ class LimitComp(om.ExplicitComponent):
         self.add_output("value", shape=(n,), units=limit.unit, desc=type(limit).__doc__)
 
     def setup_partials(self):
-        """Declare diagonal partials by what varies over time, columns by the design."""
         rows = np.arange(self.options["num_nodes"])
         for name in self.options["limit"].inputs:
             if name in QUANTITIES:
@@ -70,11 +67,9 @@ class LimitComp(om.ExplicitComponent):
         return found
 
     def compute(self, inputs, outputs):
-        """Evaluate the limit."""
         outputs["value"] = self.options["limit"].value(**self._quantities(inputs))
 
     def compute_partials(self, inputs, partials):
-        """Differentiate it."""
         for name, by in self.options["limit"].partials(**self._quantities(inputs)).items():
             if name == "gains":
                 for i, column in enumerate(by.T):
@@ -97,7 +92,6 @@ class IntegralComp(om.ExplicitComponent):
     """
 
     def initialize(self):
-        """Declare the options."""
         self.options.declare("weights", types=dict, desc="quadrature weights (s) by scenario")
         self.options.declare(
             "integrands", types=dict, desc="`Objective` by output", recordable=False
@@ -110,7 +104,6 @@ class IntegralComp(om.ExplicitComponent):
         }
 
     def setup(self):
-        """Declare inputs and outputs."""
         declared = set()
         for output, integrand in self.options["integrands"].items():
             self.add_output(output, units="J", desc=type(integrand).__doc__)
@@ -124,13 +117,11 @@ class IntegralComp(om.ExplicitComponent):
                     self.add_input(place, shape=shape, units=units, desc=text)
 
     def setup_partials(self):
-        """Declare a row by each input of an integrand."""
         for output, integrand in self.options["integrands"].items():
             for scenario in self.options["weights"]:
                 self.declare_partials(output, list(self._places(integrand, scenario).values()))
 
     def compute(self, inputs, outputs):
-        """Integrate."""
         for output, integrand in self.options["integrands"].items():
             outputs[output] = sum(
                 weights @ (integrand.rate(**values) * np.ones(weights.size))
@@ -138,7 +129,6 @@ class IntegralComp(om.ExplicitComponent):
             )
 
     def compute_partials(self, inputs, partials):
-        """Differentiate the rates by complex step, and integrate."""
         for output, integrand in self.options["integrands"].items():
             for name in integrand.inputs:
                 total = 0.0

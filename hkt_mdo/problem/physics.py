@@ -11,6 +11,7 @@ from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.limits import DesignBounds, ForwardRotation, Limit, TorqueLimit
 from hkt_mdo.dynamics.objectives import Objective
+from hkt_mdo.dynamics.trajectory import quantities
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem, ccblade
@@ -95,15 +96,10 @@ class Physics:
         return self.case.hydrodynamics.torque == "curve" and not local
 
     def split(self, operation):
-        """Return (rotor speed, hydrodynamic torque) of an operation, one pair a scenario."""
+        """Return rotor speed and hydrodynamic torque of an operation, (2, n_times) a scenario."""
         ends = np.cumsum([each.samples.size for each in self.scenarios])[:-1]
-        return list(
-            zip(
-                np.split(operation.rotor_speed, ends),
-                np.split(operation.hydrodynamic_torque, ends),
-                strict=True,
-            )
-        )
+        both = np.stack((operation.rotor_speed, operation.hydrodynamic_torque))
+        return np.split(both, ends, axis=1)
 
     def on_start(self, point) -> list[dict]:
         """Return the quantities of a quasi-steady starting point, one dict a scenario.
@@ -111,34 +107,26 @@ class Physics:
         Those of `hkt_mdo.dynamics.trajectory.QUANTITIES`, and the scalars that limits and
         objectives may take; the control torque balances the flow's.
         """
-        radius, found = point.blade.rotor_radius, []
-        _, inertia = self.mass_and_inertia(point.blade)
+        scalars = self.scalars(point.blade, self.mass_and_inertia(point.blade)[1])
+        found = []
         for scenario, (speed, torque) in zip(
             self.scenarios, self.split(point.operation), strict=True
         ):
-            flow = scenario.inflow.speed_at(scenario.samples)
-            found.append(
-                {
-                    "time": scenario.samples,
-                    "inflow_speed": flow,
-                    "rotor_speed": speed,
-                    "tip_speed_ratio": speed * radius / flow,
-                    "hydrodynamic_torque": torque,
-                    "control_torque": torque,
-                    "hydrodynamic_power": torque * speed,
-                    "generator_power": torque * speed,
-                    "rotor_radius": radius,
-                    "density": self.density,
-                    "inertia": inertia,
-                }
-            )
+            time, radius = scenario.samples, point.blade.rotor_radius
+            flow = scenario.inflow.speed_at(time)
+            found.append(quantities(time, flow, speed, torque, torque, radius) | scalars)
         return found
+
+    def scalars(self, blade: Blade, inertia: float) -> dict[str, float]:
+        """Return what limits and objectives may take besides quantities over time, SI units."""
+        radius = blade.rotor_radius
+        return {"rotor_radius": radius, "density": self.density, "inertia": inertia}
 
     def objective_at(self, point) -> float:
         """Return the objective of a quasi-steady starting point, J."""
         total = 0.0
-        for scenario, quantities in zip(self.scenarios, self.on_start(point), strict=True):
-            rate = self.objective.rate(**{n: quantities[n] for n in self.objective.inputs})
+        for scenario, start in zip(self.scenarios, self.on_start(point), strict=True):
+            rate = self.objective.rate(**{name: start[name] for name in self.objective.inputs})
             total += scenario.weight * float(scenario.sample_weights @ rate)
         return total
 

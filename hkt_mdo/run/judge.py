@@ -22,6 +22,7 @@ from hkt_mdo.dynamics.simulation import (
     Simulation,
     simulate,
 )
+from hkt_mdo.dynamics.trajectory import quantities
 from hkt_mdo.problem.physics import BEM, Physics
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
@@ -87,17 +88,14 @@ class Flight:
     def integrated(self) -> dict[str, np.ndarray]:
         """The quantities of the integration, by their names in a trajectory."""
         flown = self.simulation
-        speed, flow = flown.rotor_speed, flown.inflow_speed
-        return {
-            "time": flown.time,
-            "inflow_speed": flow,
-            "rotor_speed": speed,
-            "tip_speed_ratio": speed * self.scalars["rotor_radius"] / flow,
-            "hydrodynamic_torque": flown.hydrodynamic_torque,
-            "control_torque": flown.control_torque,
-            "hydrodynamic_power": flown.hydrodynamic_torque * speed,
-            "generator_power": flown.control_torque * speed,
-        }
+        return quantities(
+            flown.time,
+            flown.inflow_speed,
+            flown.rotor_speed,
+            flown.hydrodynamic_torque,
+            flown.control_torque,
+            self.scalars["rotor_radius"],
+        )
 
     @property
     def energy_error(self) -> float:
@@ -114,8 +112,8 @@ class Flight:
 
     def objective(self, objective) -> float:
         """Return the integral of an objective over the integration, J."""
-        quantities = {**self.integrated, **self.scalars}
-        rate = objective.rate(**{name: quantities[name] for name in objective.inputs})
+        flown = self.integrated | self.scalars
+        rate = objective.rate(**{name: flown[name] for name in objective.inputs})
         return float(simpson(rate * np.ones(self.simulation.time.size), x=self.simulation.time))
 
     def between_nodes(self, limit: Limit) -> tuple[np.ndarray, np.ndarray]:
@@ -130,8 +128,8 @@ class Flight:
             dense = (np.arange(segments)[:, None] + share) * duration / segments
             over = limit.excess({"control_torque": self.recorded.unlimited(dense.ravel())})
         else:
-            quantities = {**self.integrated, **self.scalars}
-            dense, over = quantities["time"][1:], limit.excess(quantities)[1:]
+            flown = self.integrated | self.scalars
+            dense, over = flown["time"][1:], limit.excess(flown)[1:]
         over = over.reshape(segments, SAMPLES)
         worst, rows = np.argmax(over, axis=1), np.arange(segments)
         return over[rows, worst], dense.reshape(segments, SAMPLES)[rows, worst]
@@ -142,12 +140,7 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
     blade, gains = result.point.blade, result.point.gains
     check = BEM[physics.case.hydrodynamics.check]
     plant = Plant(blade, physics.polar, result.inertia, physics.density, check)
-    scalars = {
-        "rotor_radius": blade.rotor_radius,
-        "density": physics.density,
-        "inertia": result.inertia,
-    }
-    flights = []
+    scalars, flights = physics.scalars(blade, result.inertia), []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
         mesh, recorded, law = scenario.mesh, None, physics.law
         if law is None:
@@ -273,7 +266,7 @@ def _of_limit(physics, limit, result, flights):
         return
     for flight in flights:
         suffix = "" if len(flights) == 1 else f" ({flight.scenario.name})"
-        over = limit.excess({**flight.trajectory, **flight.scalars})
+        over = limit.excess(flight.trajectory | flight.scalars)
         worst = int(np.argmax(over))
         when = f"at t = {flight.trajectory['time'][worst]:.2f} s"
         yield f"{limit.name}_at_nodes{suffix}", max(over[worst], 0.0), NODE_VIOLATION, when

@@ -102,10 +102,7 @@ def _limit(limit, flights):
     values = [
         np.max(limit.value(**{name: quantities[name] for name in limit.inputs}))
         for flight in flights
-        for quantities in (
-            {**flight.trajectory, **flight.scalars},
-            {**flight.integrated, **flight.scalars},
-        )
+        for quantities in (flight.trajectory | flight.scalars, flight.integrated | flight.scalars)
     ]
     value, bound = float(max(values)), float(limit.upper)
     binding = bool(value >= bound - BINDING * abs(bound))
