@@ -49,6 +49,14 @@ def test_a_limit_is_kept_and_told(run, control):
     assert {"tip_speed_at_nodes", "tip_speed_between_nodes"} <= checks
 
 
+@pytest.mark.parametrize("control", ["open_loop", "quadratic"])
+def test_a_limit_far_inside_the_start_is_no_worse_optimum(run, control):
+    """A start that breaks a limit has more energy than any design that keeps it."""
+    held = run(control=control, limits={"tip_speed": "8 m/s"})
+    assert held.success, held.message
+    assert held.summary["starting_energy_J"] > 1.01 * held.summary["energy_J"]
+
+
 def test_an_objective_is_maximized(run):
     plain = run()
     priced = run(objective={"kind": "priced_torque", "price": 1e-3})

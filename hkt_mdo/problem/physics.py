@@ -25,6 +25,7 @@ BEM = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficien
 DURATION = 60.0  # s, of a flow that has no end of its own
 SEGMENTS_PER_PERIOD = 8.0  # of the highest frequency in the flow
 FEWEST_SEGMENTS, MOST_SEGMENTS = 60, 20_000
+START_EXCESS = 1e-3  # relative excess of a limit up to which a start counts as keeping it
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +122,16 @@ class Physics:
         """Return what limits and objectives may take besides quantities over time, SI units."""
         radius = blade.rotor_radius
         return {"rotor_radius": radius, "density": self.density, "inertia": inertia}
+
+    def broken_limits(self, point) -> list[str]:
+        """Return the names of the limits over time that a quasi-steady starting point exceeds."""
+        starts = self.on_start(point)
+        return [
+            limit.name
+            for limit in self.limits
+            if limit.place == "time"
+            and any(np.max(limit.excess(start)) > START_EXCESS for start in starts)
+        ]
 
     def objective_at(self, point) -> float:
         """Return the objective of a quasi-steady starting point, J."""

@@ -156,7 +156,8 @@ def _optimize_and_judge(
     optimum = steady_optimum(world, world.blade)
     if start is None:
         start = find_start(world, optimum)
-        if start.operation.running:
+        # a start that breaks a limit may well be better than the best design that keeps it
+        if start.operation.running and not world.broken_limits(start):
             log.reference = world.objective_at(start)
     log.save(start)
     result, flights = optimize(world, start, log)
