@@ -121,6 +121,11 @@ class _Recorder(om.SqliteRecorder):
     Options of systems are not recorded: `case.yaml` says the same, and grids cannot be pickled.
     """
 
+    def shutdown(self):
+        """Close the database; OpenMDAO also collects garbage, which takes longer than the rest."""
+        for connection in {self.connection, self.metadata_connection} - {None}:
+            connection.close()
+
     def record_metadata_system(self, system, run_number=None):
         """Record nothing."""
 
