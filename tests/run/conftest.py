@@ -12,6 +12,7 @@ from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.objectives import GeneratorEnergy
 from hkt_mdo.problem.physics import Physics, physics
 from hkt_mdo.problem.setup import bounding_optimum, find_start, steady_optimum
+from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.run.judge import Check, Flight, Optimized, judge
 from hkt_mdo.run.log import Log
@@ -23,6 +24,7 @@ class Solved:
     """What the judges look at."""
 
     physics: Physics
+    start: StartingPoint
     optimum: SteadyOptimum
     reference: float
     result: Optimized
@@ -41,7 +43,7 @@ def _solve(data: dict, change: Callable[[Physics], Physics] = lambda world: worl
         start = find_start(world, optimum)
         result, flights = optimize(world, start, Log(Path(folder), folder, None, False))
         optimum = bounding_optimum(world, optimum, result.point.blade)
-    return Solved(world, optimum, world.objective_at(start), result, flights)
+    return Solved(world, start, optimum, world.objective_at(start), result, flights)
 
 
 @pytest.fixture(scope="session")

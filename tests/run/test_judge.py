@@ -12,6 +12,7 @@ from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.simulation import RecordedTorque
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.run.judge import explain
+from hkt_mdo.run.summary import summarize, write_tables
 
 SHORT = {"inflow": "sine", "phase": {"segments": 15, "duration": 15}}
 # bounds that are active at the optimum: a step across them hardly changes the blade
@@ -253,7 +254,7 @@ def two_flows(world):
 
 
 @pytest.mark.parametrize("law", ["quadratic", "open_loop"])
-def test_one_design_for_two_scenarios_is_accepted(solve_physics, law):
+def test_one_design_for_two_scenarios_is_accepted(solve_physics, law, tmp_path):
     case = SHORT | {"control": {"law": law, "torque_limit": 700}}
     solved = solve_physics(case, two_flows)
     checks = solved.checks()
@@ -262,6 +263,19 @@ def test_one_design_for_two_scenarios_is_accepted(solve_physics, law):
     first, second = solved.flights
     expected = 0.7 * first.simulation.energy + 0.3 * second.simulation.energy
     assert solved.result.energy == pytest.approx(expected, rel=2e-5)
+    parts = solved.physics, solved.optimum, solved.start, solved.result, solved.flights
+    summary = summarize(*parts, list(checks.values()))
+    assert summary.success
+    assert summary.simulated_energy_J == pytest.approx(expected, rel=1e-12)
+    assert summary.energy_balance_error < 1e-4
+    write_tables(tmp_path, solved.physics, solved.result, solved.flights)
+    for name, scenario in (("", first), ("_step", second)):
+        for table, columns in (
+            ("trajectory", scenario.trajectory), ("simulation", scenario.integrated)
+        ):  # fmt: skip
+            written = np.genfromtxt(tmp_path / f"{table}{name}.csv", delimiter=",", names=True)
+            speed = written["rotor_speed_rad_s"]
+            np.testing.assert_allclose(speed, columns["rotor_speed"], rtol=1e-9)
     # each scenario has a judge of its own
     nodes = second.trajectory["rotor_speed"].copy()
     nodes[4] *= 1.02
