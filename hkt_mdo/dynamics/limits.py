@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import model_validator
 
 from hkt_mdo.dynamics.laws import Law, OpenLoop
+from hkt_mdo.dynamics.trajectory import QUANTITIES
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.sections import Section
 
@@ -38,8 +39,6 @@ class Limit(Section):
     name: ClassVar[str] = ""
     unit: ClassVar[str | None] = None
     inputs: ClassVar[tuple[str, ...]] = ()
-    place: ClassVar[str] = "time"
-    """What its value is an array over: the "time", the "span" of the blade, or the "design"."""
 
     @model_validator(mode="before")
     @classmethod
@@ -54,6 +53,14 @@ class Limit(Section):
         whole = handler(schema)
         bound = handler.resolve_ref_schema(whole)["properties"].get("bound")
         return {"anyOf": [bound, whole]} if bound else whole
+
+    @property
+    def place(self) -> str:
+        """What its value is an array over: the "time", or the "design" if only scalars are in it.
+
+        Of `DesignBounds` also the "span" of the blade.
+        """
+        return "time" if QUANTITIES.keys() & set(self.inputs) else "design"
 
     @property
     def lower(self) -> Any:
@@ -167,7 +174,7 @@ class DesignBounds(Limit):
         return self.quantity
 
     @property
-    def place(self):  # type: ignore[override]
+    def place(self):
         """Chord and twist are arrays over the span."""
         return "span" if self.quantity in ("chord", "twist") else "design"
 

@@ -98,7 +98,9 @@ def assemble(
     phases = _add_phases(model, physics, hydrodynamics, parameters, scales, bounds["rotor_speed"])
     for limit in (*physics.limits, *_distance_from_stall(physics, setup)):
         if limit.constrains(physics.case.control):
-            for place, scenario in enumerate(physics.scenarios):
+            # a limit on the design alone is the same in all scenarios
+            met = physics.scenarios if limit.place == "time" else physics.scenarios[:1]
+            for place, scenario in enumerate(met):
                 _add_limit(model, physics, setup, limit, place, scenario, scales)
     _add_objective(model, physics, setup)
     problem.driver.declare_coloring(show_summary=False, show_sparsity=False)
@@ -220,7 +222,7 @@ def _add_limit(
 ) -> None:
     """Constrain a limit at the nodes of a scenario's phase."""
     ref = None
-    nodes = np.arange(scenario.node_times.size)
+    nodes = np.arange(scenario.node_times.size if limit.place == "time" else 1)
     if limit.name == DistanceFromStall.name:
         nodes, ref = _near_stall(physics, setup, limit, place, scenario), scales.torque
     elif QUANTITIES.get(limit.name, (None,))[0] == "N*m":

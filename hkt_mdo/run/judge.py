@@ -258,7 +258,7 @@ def _of_design(physics, optimum, reference, result, flights):
 def _of_limit(physics, limit, result, flights):
     """Yield how far a limit is exceeded: by the design, or at and between the nodes."""
     if limit.place != "time":
-        over = limit.excess(designed(physics, result.point))
+        over = limit.excess(designed(physics, result.point) | flights[0].scalars)
         worst, where = int(np.argmax(over)), f"the {limit.name.replace('_', ' ')}"
         if limit.place == "span":
             where = f"r = {result.point.blade.r[worst]:.3f} m"

@@ -5,6 +5,7 @@ from importlib import metadata
 
 import numpy as np
 
+from hkt_mdo.dynamics.limits import DesignBounds
 from hkt_mdo.dynamics.trajectory import COLUMNS
 from hkt_mdo.files.blade import write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable
@@ -65,7 +66,7 @@ def summarize(physics, optimum, start, result, flights, checks) -> Summary:
         "limits": {
             limit.name: _limit(limit, flights)
             for limit in physics.limits
-            if limit.place == "time" and np.isfinite(limit.upper)
+            if not isinstance(limit, DesignBounds) and np.isfinite(limit.upper)
         },
         "bound_power_coefficient": optimum.power_coefficient,
         "bound_tip_speed_ratio": optimum.tip_speed_ratio,

@@ -120,6 +120,26 @@ def test_a_limit_of_time_and_design():
     np.testing.assert_allclose(problem.get_val("value"), expected, rtol=1e-14)
 
 
+class LargestInertia(Limit):
+    """A limit on a scalar of the design alone."""
+
+    name: ClassVar[str] = "largest_inertia"
+    unit: ClassVar[str | None] = "kg*m**2"
+    inputs: ClassVar[tuple[str, ...]] = ("inertia",)
+    bound: float = 3.0
+
+    def value(self, inertia):
+        return inertia
+
+
+def test_a_limit_of_the_design_alone():
+    limit = LargestInertia()
+    assert (limit.place, PowerPerInertia().place) == ("design", "time")
+    problem = checked(LimitComp(num_nodes=1, limit=limit), inertia=3.5)
+    np.testing.assert_array_equal(problem.get_val("value"), [3.5])
+    np.testing.assert_allclose(limit.excess({"inertia": 3.6}), [0.2])
+
+
 def test_a_limit_of_one_quantity():
     torque = np.linspace(-10.0, 700.0, N)
     problem = checked(LimitComp(num_nodes=N, limit=TorqueLimit(bound=500.0)), control_torque=torque)

@@ -36,8 +36,10 @@ class Solved:
         return {check.name: check for check in judge(*parts)}
 
 
-def _solve(data: dict, change: Callable[[Physics], Physics] = lambda world: world) -> Solved:
-    world = change(physics(load_case(data, extensions=[GeneratorEnergy])))
+def _solve(
+    data: dict, change: Callable[[Physics], Physics] = lambda world: world, *extensions: type
+) -> Solved:
+    world = change(physics(load_case(data, extensions=[GeneratorEnergy, *extensions])))
     with threadpool_limits(1), tempfile.TemporaryDirectory() as folder:
         optimum = steady_optimum(world, world.blade)
         start = find_start(world, optimum)

@@ -1,7 +1,7 @@
 """Each judge refuses alone: results that are doctored in one place, where no other judge looks."""
 
 from dataclasses import replace
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from hkt_mdo.dynamics.simulation import RecordedTorque
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.run.judge import explain
 from hkt_mdo.run.summary import summarize, write_tables
+from hkt_mdo.sections import Quantity
 
 SHORT = {"inflow": "sine", "phase": {"segments": 15, "duration": 15}}
 # bounds that are active at the optimum: a step across them hardly changes the blade
@@ -242,6 +243,38 @@ def test_a_limit_of_ones_own_is_judged_at_and_between_the_nodes(feedback):
         checks = faster.checks()
         assert [n for n, c in checks.items() if not c.passed] == ["tip_speed_between_nodes"]
         assert checks["tip_speed_between_nodes"].detail == "at t = 5.35 s"
+
+
+class LargestInertia(Limit):
+    """Largest moment of inertia of the rotor."""
+
+    name: ClassVar[str] = "largest_inertia"
+    unit: ClassVar[str | None] = "kg*m**2"
+    inputs: ClassVar[tuple[str, ...]] = ("inertia",)
+    bound: Annotated[float, Quantity("kg*m**2", gt=0)]
+
+    def value(self, inertia):
+        return inertia
+
+
+def test_a_limit_on_the_design_alone_is_held_and_judged(solve_physics):
+    law = {"law": "open_loop", "torque_limit": 700}
+    free = solve_physics(SHORT | {"control": law}, two_flows)
+    bound = 0.9 * free.result.inertia
+    case = SHORT | {"control": law, "limits": {"largest_inertia": bound}}
+    held = solve_physics(case, two_flows, LargestInertia)
+    checks = held.checks()
+    assert all(check.passed for check in checks.values()), checks
+    assert held.result.inertia == pytest.approx(bound, rel=1e-6)
+    assert 0.99 * free.result.energy < held.result.energy < free.result.energy
+    parts = held.physics, held.optimum, held.start, held.result, held.flights
+    entry = summarize(*parts, list(checks.values())).limits["largest_inertia"]
+    assert entry.value == pytest.approx(bound, rel=1e-6)
+    assert entry.binding
+    tighter = LargestInertia(bound=0.99 * bound)
+    limits = (*held.physics.limits[:-1], tighter)
+    refused = replace(held, physics=replace(held.physics, limits=limits)).checks()
+    assert [n for n, c in refused.items() if not c.passed] == ["largest_inertia_bounds"]
 
 
 # Two scenarios ------------------------------------------------------------------------------------
