@@ -6,7 +6,6 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from broken.records import SOUND
 from scipy.integrate import quad, trapezoid
 from scipy.signal import periodogram
 from scipy.special import gamma, kv
@@ -18,6 +17,7 @@ from hkt_mdo.dynamics.records import RecordOptions, read_record
 from hkt_mdo.dynamics.sampled import SPECTRA, RecordInflow, Samples, TurbulentInflow
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.record import DISCHARGE_UNITS, SPEED_UNITS, TIME_UNITS
+from tests.files.broken.records import SOUND
 
 TIME = np.linspace(0.0, 60.0, 245)
 SINE = SineInflow()

@@ -1,6 +1,7 @@
 """Many cases: finished results are reused, anything else is run again."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -17,19 +18,23 @@ phase: {segments: 10, duration: 10}
 """
 
 
-def case(*overrides):
-    return read_case(CASE, overrides)
+EXTENSION = Path(__file__).parents[1] / "data" / "extension.py"
+
+
+def case(*overrides, extensions=()):
+    return read_case(CASE, overrides, extensions=extensions)
 
 
 @pytest.fixture(scope="module")
 def batch(tmp_path_factory):
-    """Two cases that run and one whose record of the flow is broken; and what was reported."""
+    """Three cases that run and one whose record of the flow is broken; and what was reported."""
     folder = tmp_path_factory.mktemp("batch")
     (folder / "flow.csv").write_text("time_s,speed_m_s\n0,1\n1,fast\n", encoding="utf-8")
     cases = {
         folder / "first": case(),
         folder / "broken": case(f"inflow={{profile: record, file: {folder / 'flow.csv'}}}"),
         folder / "second": case("control.torque_limit=600"),
+        folder / "own": case("limits={tip_speed: 12}", extensions=[EXTENSION]),
     }
     told = {}
     found = run_batch(cases, 1, told.__setitem__, records=False)
@@ -41,8 +46,9 @@ def test_every_case_is_run_and_told(batch):
     assert list(found) == list(cases)
     assert found[folder / "broken"] is None
     assert "flow.csv" in told.pop(folder / "broken")
-    assert told == {folder / "first": "ok", folder / "second": "ok"}
-    for name in ("first", "second"):
+    names = "first", "second", "own"
+    assert told == {folder / name: "ok" for name in names}
+    for name in names:
         assert found[folder / name].success
         assert found[folder / name].folder == folder / name
         assert not (folder / name / "history.db").exists()
@@ -54,11 +60,15 @@ def test_a_finished_result_is_reused_and_a_changed_case_is_run_again(batch):
     first = (folder / "first" / "summary.json").read_bytes()
     changed = {
         folder / "first": cases[folder / "first"],
+        folder / "own": cases[folder / "own"],
         folder / "second": case("control.torque_limit=500"),
     }
     told = {}
     again = run_batch(changed, 1, told.__setitem__, records=False)
-    assert told == {folder / "first": "reused", folder / "second": "ok"}
+    assert told == {
+        folder / "first": "reused", folder / "own": "reused", folder / "second": "ok"
+    }  # fmt: skip
+    assert again[folder / "own"].case.limits.tip_speed.bound == 12.0
     assert (folder / "first" / "summary.json").read_bytes() == first
     before, after = (each[folder / "second"].summary for each in (found, again))
     assert after["control_torque_max_Nm"] <= 500.0 * (1.0 + 1e-6)
