@@ -124,12 +124,12 @@ class Physics:
         return {"rotor_radius": radius, "density": self.density, "inertia": inertia}
 
     def broken_limits(self, point) -> list[str]:
-        """Return the names of the limits over time that a quasi-steady starting point exceeds."""
+        """Return the names of the limits, design bounds aside, that a starting point exceeds."""
         starts = self.on_start(point)
         return [
             limit.name
             for limit in self.limits
-            if limit.place == "time"
+            if not isinstance(limit, DesignBounds)
             and any(np.max(limit.excess(start)) > START_EXCESS for start in starts)
         ]
 

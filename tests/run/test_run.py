@@ -215,8 +215,7 @@ def test_an_unfinished_optimization_is_no_success(tmp_path):
 
 def test_a_false_solution_is_no_success(tmp_path):
     """Dymos' Radau collocates left ends only: on stiff feedback it finds false speeds."""
-    overrides = ["phase.transcription=radau", "phase.segments=20", "phase.duration=20"]
-    case = load_case(CASES / "sine_limited_linear.yaml", overrides)
+    case = short_case("sine_limited_linear", "phase.transcription=radau")
     solution = run_case(case, tmp_path / "out", figures=False)
     assert not solution.success
     failed = {check["name"] for check in solution.summary["checks"] if not check["passed"]}
