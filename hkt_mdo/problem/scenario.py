@@ -148,20 +148,9 @@ _TRANSCRIPTIONS = {"gauss-lobatto": GaussLobatto, "radau": Radau}
 def add_phase(trajectory, scenario, law, unknown, ode_options, parameters, scales, speed_bounds):
     """Add a scenario's phase to a trajectory and return it.
 
-    Parameters
-    ----------
-    trajectory : dm.Trajectory
-    scenario : Scenario
-    law : FeedbackLaw or None
-        None: open loop.
-    unknown : {"speed", "torque"}
-        What the open loop chooses.
-    ode_options : dict
-        Options of `RotorODE` besides law, unknown and inflow.
-    parameters : dict of str to str or None
-        ODE inputs that the model feeds, with their units.
-    scales : Scales
-    speed_bounds : (float, float), rad/s
+    `law` None: open loop, which chooses `unknown`, "speed" or "torque". `ode_options` are those of
+    `RotorODE` besides law, unknown and inflow; `parameters` the ODE inputs that the model feeds,
+    with their units; `speed_bounds` (rad/s) a pair.
     """
     mesh = scenario.mesh
     phase = dm.Phase(
@@ -240,13 +229,7 @@ class Scales:
 
 
 def set_start(phase, time, rotor_speed, torque):
-    """Set the phase's time span and the start of its unknowns from a sampled trajectory.
-
-    Parameters
-    ----------
-    phase : dm.Phase
-    time, rotor_speed, torque : array, shape (n_times,), s, rad/s, N*m
-    """
+    """Set a phase's time span and the start of its unknowns from samples, SI units, (n_times,)."""
     phase.set_time_val(initial=time[0], duration=time[-1] - time[0], units="s")
     for names, setter in (
         (phase.control_options, phase.set_control_val),

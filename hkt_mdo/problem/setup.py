@@ -141,13 +141,8 @@ def bounding_optimum(physics: Physics, optimum: SteadyOptimum, blade: Blade) -> 
 def find_start(physics: Physics, optimum: SteadyOptimum, *, improve=None) -> StartingPoint:
     """Return the start of an optimization by quasi-steady co-design over all scenarios' flows.
 
-    Parameters
-    ----------
-    physics : Physics
-    optimum : SteadyOptimum
-        From which the search begins.
-    improve : bool or None
-        Whether blade and gains are improved, or kept as given; None: as `start.method` says.
+    The search begins at `optimum`; `improve` False keeps blade and gains as given, None does as
+    `start.method` says.
     """
     if improve is None:
         improve = physics.case.start.method == "quasi_steady"

@@ -53,11 +53,7 @@ class Check:
 
 @dataclass(frozen=True, eq=False)
 class Optimized:
-    """An optimization's end: the design, the collocated trajectories, how the optimizer fared.
-
-    `trajectories` has, for each scenario, the quantities of
-    `hkt_mdo.dynamics.trajectory.QUANTITIES` at the nodes.
-    """
+    """An optimization's end; `trajectories` has the quantities at the nodes of each scenario."""
 
     problem: om.Problem
     outcome: Outcome
@@ -87,15 +83,9 @@ class Flight:
     @property
     def integrated(self) -> dict[str, np.ndarray]:
         """The quantities of the integration, by their names in a trajectory."""
-        flown = self.simulation
-        return quantities(
-            flown.time,
-            flown.inflow_speed,
-            flown.rotor_speed,
-            flown.hydrodynamic_torque,
-            flown.control_torque,
-            self.scalars["rotor_radius"],
-        )
+        names = "time inflow_speed rotor_speed hydrodynamic_torque control_torque".split()
+        flown = (getattr(self.simulation, name) for name in names)
+        return quantities(*flown, self.scalars["rotor_radius"])
 
     @property
     def energy_error(self) -> float:
@@ -177,15 +167,8 @@ def judge(
 ) -> list[Check]:
     """Return what every judge says, the optimizer first.
 
-    Parameters
-    ----------
-    physics : Physics
-    optimum : SteadyOptimum
-        The best power coefficient, which bounds the energy.
-    reference : float, J
-        Objective of the quasi-steady start; 0: the rotor does not run on it.
-    result : Optimized
-    flights : tuple of Flight
+    `optimum` has the power coefficient that bounds the energy; `reference` (J) is the objective of
+    the quasi-steady start, 0 where that is no measure of the optimum.
     """
     status = result.outcome
     checks = [Check("optimizer", float(not status.success), 0.0, status.success, status.message)]

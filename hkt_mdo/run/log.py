@@ -29,16 +29,8 @@ Progress = Callable[[int, float, float], None]
 class Log:
     """The optimizer's `progress`: notes every evaluation, and saves iterates worth resuming from.
 
-    Parameters
-    ----------
-    out : Path
-        The result folder.
-    scratch : str
-        Folder for OpenMDAO's own files, which vanishes with the run.
-    progress : callable or None
-        Called as progress(count, objective in J, infeasibility).
-    records : bool
-        Whether OpenMDAO's databases are written.
+    `out` is the result folder, `scratch` one for OpenMDAO's own files, which vanishes with the run;
+    `records` says whether OpenMDAO's databases are written.
     """
 
     def __init__(self, out: Path, scratch: str, progress: Progress | None, records: bool):
