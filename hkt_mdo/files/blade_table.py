@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 
@@ -14,6 +15,9 @@ __all__ = ["BladeTable", "SectionTable", "check_rows"]
 FEWEST_ROWS, MOST_ROWS = 2, 100_000
 EDGE = 1e-9
 """A row this close to the hub or the tip, over the tip radius, lies on it."""
+
+THICK_ROUNDED = 1e-6
+"""How far a thickness over chord may be rounded above 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +61,6 @@ class BladeTable:
     messages: tuple[str, ...] = ()
     """Every conversion made and everything passed over."""
     file: str = ""
-    """Where the table comes from, for messages."""
 
     def scaled(self, tip_radius: float) -> BladeTable:
         """Return the table in metres for a tip radius (m).
@@ -67,9 +70,8 @@ class BladeTable:
         InputError is raised if its rows reach beyond this tip radius.
         """
         tip_radius = float(tip_radius)
-        if not self.relative and self.tip_radius == tip_radius:
-            return self
-        if not self.relative and self.tip_radius is None:
+        own = 1.0 if self.relative else self.tip_radius
+        if own is None:
             if self.r[-1] > tip_radius * (1.0 + EDGE):
                 raise InputError(
                     f"reaches beyond the rotor's tip radius of {tip_radius:g} m",
@@ -79,7 +81,8 @@ class BladeTable:
                     value=float(self.r[-1]),
                 )
             return replace(self, tip_radius=tip_radius)
-        own = 1.0 if self.relative else float(self.tip_radius or 1.0)
+        if own == tip_radius and not self.relative:
+            return self
 
         def scale(length):
             # Dividing first keeps a row that lies on the tip there, to the last bit.
@@ -110,23 +113,17 @@ class BladeTable:
             raise InputError("says no hub radius", "give one", file=self.file)
         tip = 1.0 if self.relative else self.tip_radius
         margin = EDGE * (self.r[-1] if tip is None else tip)
-        keep = self.r > hub + margin
-        if tip is not None:
-            keep &= self.r < tip - margin
+        keep = (self.r > hub + margin) & (self.r < (np.inf if tip is None else tip - margin))
         if not np.any(keep):
-            raise InputError(
-                f"has no row between the hub ({hub:g}) and the tip",
-                "add rows there, or lessen the hub radius",
-                file=self.file,
-            )
+            problem = f"has no row between the hub ({hub:g}) and the tip"
+            raise InputError(problem, "add rows there, or lessen the hub radius", file=self.file)
         return replace(
             self,
             r=self.r[keep],
             chord=self.chord[keep],
             twist=self.twist[keep],
             thickness=None if self.thickness is None else self.thickness[keep],
-            section=self.section
-            and tuple(name for name, kept in zip(self.section, keep, strict=True) if kept),
+            section=self.section and tuple(compress(self.section, keep)),
             hub_radius=hub,
         )
 
@@ -138,13 +135,10 @@ class BladeTable:
         alone. Radii r[n_stations] are in the table's unit of length. Raises InputError if the file
         names no sections.
         """
-        if self.section_position is not None:
-            names = [name for name, _ in self.section_position]
-            places = np.array([radius for _, radius in self.section_position])
-        elif self.section is not None:
-            names, places = list(self.section), self.r
-        else:
+        if self.section_position is None and self.section is None:
             raise InputError("names no sections", "add a column section", file=self.file)
+        stands = self.section_position or tuple(zip(self.section, self.r, strict=True))
+        names, places = zip(*stands, strict=True)
         thick = {section.name: section.thickness for section in self.sections}
         blends = []
         for radius in np.atleast_1d(np.asarray(r, dtype=float)):
@@ -163,39 +157,34 @@ class BladeTable:
 
 
 def check_rows(
-    r: Column, chord: Column, twist: Column, thickness: Column | None, longest: float
+    r: Column,
+    chord: Column,
+    twist: Column,
+    thickness: Column | None,
+    longest: float,
+    twist_remedy: str = "check the unit of the twist",
 ) -> None:
-    """Refuse rows that are no blade.
+    """Refuse rows that are no blade, by the first value that is wrong.
 
     Radii (from zero) must increase strictly, chords lie within 0 and `longest`, the outermost
     radius, twists (rad) within half a turn and thicknesses within 0 and 1. Lengths are in metres or
-    all over the tip radius. Raises InputError for the first value that is wrong.
+    all over the tip radius.
     """
     count = np.full(r.values.size, r.values.size)
-    r.refuse(
-        count < FEWEST_ROWS,
-        f"is the only row: a blade has at least {FEWEST_ROWS}",
-        "add the rows from hub to tip",
-    )
-    r.refuse(
-        count > MOST_ROWS, f"is one of more than {MOST_ROWS} rows", "give a blade of usual length"
-    )
-    r.refuse(r.values < 0.0, "is a negative radius", "count radii from the rotor's centre")
+    only = f"is the only row: a blade has at least {FEWEST_ROWS}"
+    r.refuse(count < FEWEST_ROWS, only, "add the rows from hub to tip")
+    many = f"is one of more than {MOST_ROWS} rows"
+    r.refuse(count > MOST_ROWS, many, "give a blade of usual length")
     r.check_rising("radii")
+    r.refuse(r.values < 0.0, "is a negative radius", "count radii from the rotor's centre")
     chord.refuse(chord.values <= 0.0, "is no chord", "chords must be greater than 0")
-    chord.refuse(
-        chord.values > longest,
-        f"is a chord longer than the outermost radius ({longest:g})",
-        "check the unit of the chord",
-    )
-    twist.refuse(
-        np.abs(twist.values) > np.pi * (1.0 + EDGE),
-        "is beyond 180 degrees",
-        "check the unit of the twist",
-    )
+    long = f"is a chord longer than the outermost radius ({longest:g})"
+    chord.refuse(chord.values > longest, long, "check the unit of the chord")
+    turned = np.abs(twist.values) > np.pi * (1.0 + EDGE)
+    twist.refuse(turned, "is beyond 180 degrees", twist_remedy)
     if thickness is not None:
         thickness.refuse(
-            (thickness.values <= 0.0) | (thickness.values > 1.0 + EDGE),
+            (thickness.values <= 0.0) | (thickness.values > 1.0 + THICK_ROUNDED),
             "is no thickness over chord, which lies within 0 and 1 (0 and 100 %)",
             "correct it; thickness_percent counts in per cent, thickness_over_chord does not",
         )

@@ -23,7 +23,6 @@ REYNOLDS_RANGE = 1e3, 1e9
 
 _CIRCLE_EDGE = 1e-3  # deg; files write 180 deg as 3.1416 rad
 _ENDS_EQUAL = 1e-6
-_QUANTITIES = "alpha", "lift", "drag", "moment"
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,26 +66,30 @@ def polar_table(
     """
     rows = [f"line {line}" for line in lines or ()] or [f"row {n + 1}" for n in range(len(alpha))]
     prefix = f"{where}, " if where else ""
-    quantities = {}
-    for name, title, values in zip(_QUANTITIES, columns, (alpha, lift, drag, moment), strict=False):
-        if values is not None:
-            numbers = np.asarray(values, dtype=float)
-            keys = [f"{prefix}{row}, column {title}" for row in rows]
-            quantities[name] = Column(f"{prefix}{title}", numbers, keys, numbers.tolist(), file)
-            quantities[name].refuse(
-                ~np.isfinite(numbers), "must be a finite number", "correct the row"
-            )
-    given, *coefficients = quantities.values()
-    even = all(np.all(c.values == c.values[:1]) for c in coefficients[:2])
-    radians, circle = _angles(given, not columns[0].endswith("_rad"), even)
-    for name, column in zip(_QUANTITIES[1:], coefficients, strict=False):
-        _check_coefficient(name, column, circle)
+
+    def column(title: str, values: np.ndarray) -> Column:
+        numbers = np.asarray(values, dtype=float)
+        keys = [f"{prefix}{row}, column {title}" for row in rows]
+        found = Column(f"{prefix}{title}", numbers, keys, numbers.tolist(), file)
+        found.refuse(~np.isfinite(numbers), "must be a finite number", "correct the row")
+        return found
+
+    angle = column(columns[0], alpha)
+    given = {"lift": lift, "drag": drag} | ({} if moment is None else {"moment": moment})
+    coefficients = {
+        name: column(title, values)
+        for title, (name, values) in zip(columns[1:], given.items(), strict=False)
+    }
+    even = all(np.ptp(coefficients[name].values) == 0.0 for name in ("lift", "drag") if rows)
+    radians, circle = _angles(angle, not columns[0].endswith("_rad"), even)
+    for name, each in coefficients.items():
+        _check_coefficient(name, each, circle)
     return PolarTable(
         None if reynolds is None else float(reynolds),
         radians,
-        quantities["lift"].values,
-        quantities["drag"].values,
-        quantities["moment"].values if "moment" in quantities else None,
+        coefficients["lift"].values,
+        coefficients["drag"].values,
+        None if moment is None else coefficients["moment"].values,
         circle,
         f"{file}, {where}" if where else str(file),
     )
@@ -104,28 +107,26 @@ def _angles(given: Column, in_degrees: bool, even: bool) -> tuple[np.ndarray, bo
         "lies beyond the full circle",
         f"angles of attack run from -180 to 180 degrees{unit}",
     )
-    circle = bool(
-        angle.size > 1 and angle[0] <= -180 + _CIRCLE_EDGE and angle[-1] >= 180 - _CIRCLE_EDGE
-    )
+    first, last = (angle[0], angle[-1]) if angle.size else (0.0, 0.0)
+    circle = bool(first <= -180 + _CIRCLE_EDGE and last >= 180 - _CIRCLE_EDGE)
     radians = np.deg2rad(given.values) if in_degrees else given.values.copy()
     if circle:
         radians[0], radians[-1] = -np.pi, np.pi
-    given.check_rising("angles", np.diff(radians, prepend=-np.inf))
+    given.check_rising("angles", radians)
     low, high = NEEDED_RANGE
-    problem = ""
     if angle.size < FEWEST_ROWS and not (circle and even):
         problem = f"the polar has {angle.size} rows, at least {FEWEST_ROWS} angles of attack are "
         problem, remedy = problem + "needed", "give a finer table"
-    elif not circle and (angle[0] > low or angle[-1] < high or angle[0] < -90 or angle[-1] > 90):
+    elif not circle and (first > low or last < high or first < -90 or last > 90):
         problem = f"the table must reach from {low:g} or less to {high:g} or more and stay within "
         problem += "-90 and 90 degrees, or run from -180 to 180"
         remedy = "extend or cut it (beyond the table the polar is extended by Viterna)"
         if in_degrees and np.max(np.abs(angle)) <= np.pi:
             remedy = f"if these are radians, convert them or name the column alpha_rad; {remedy}"
-    if problem:
-        span = f"{given.values[0]:g} … {given.values[-1]:g}" if angle.size else "nothing"
-        raise InputError(problem, remedy, file=given.file, key=given.name, value=span)
-    return radians, circle
+    else:
+        return radians, circle
+    span = f"{given.values[0]:g} … {given.values[-1]:g}" if angle.size else "nothing"
+    raise InputError(problem, remedy, file=given.file, key=given.name, value=span)
 
 
 def _check_coefficient(name: str, column: Column, circle: bool) -> None:
@@ -150,15 +151,10 @@ def _check_coefficient(name: str, column: Column, circle: bool) -> None:
 def check_reynolds(
     number: float | None, cell: str, file: object, key: str, unit: float = 1.0
 ) -> float:
-    """Return a Reynolds number that is within the range of sections; `unit` is 1 or a million."""
+    """Return a Reynolds number within the range of sections; `number` counts in this unit."""
     low, high = REYNOLDS_RANGE
-    if number is None or not low <= number <= high:
+    if number is None or not low <= number * unit <= high:
         scale = "in millions, such as 0.2" if unit != 1.0 else "as a plain number, such as 2e5"
-        raise InputError(
-            f"is no Reynolds number between {low / unit:g} and {high / unit:g}",
-            f"give it {scale}",
-            file=file,
-            key=key,
-            value=cell,
-        )
-    return number
+        problem = f"is no Reynolds number between {low / unit:g} and {high / unit:g}"
+        raise InputError(problem, f"give it {scale}", file=file, key=key, value=cell)
+    return number * unit

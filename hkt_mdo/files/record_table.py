@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,7 +27,6 @@ MAX_ROWS = 10_000_000
 """Largest number of samples."""
 
 _LONGEST_NAME = 100
-_EXAMPLES = {"time_unit": "time_s or time [h]", "speed_unit": "speed_m_s or v [ft/s]"}
 
 
 @dataclass(frozen=True)
@@ -59,8 +58,7 @@ class RecordOptions:
             "uneven": ("refuse", "resample"),
         }.items():
             if getattr(self, key) not in words:
-                remedy = f"give one of {', '.join(word for word in words if word)}"
-                raise self.refuse(key, "unknown", remedy)
+                raise self.refuse(key, "unknown", f"give one of {', '.join(filter(None, words))}")
 
     def refuse(self, key: str, problem: str, remedy: str, file: str = "") -> InputError:
         """Return the error of an option that does not fit, perhaps to a file."""
@@ -69,14 +67,18 @@ class RecordOptions:
         return InputError(problem, remedy, file=file, key=key, value=value)
 
 
+def column_key(name: str) -> str:
+    """Return what a message calls a column."""
+    return f"column {name[:_LONGEST_NAME] or '1'}"
+
+
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Time and speed of a record as they are in the file, but in SI units."""
+    """Time and speed of a record: as they are in the file, and then in SI units."""
 
     file: str
     """Its name; empty for data in memory."""
-    columns: tuple[str, str]
-    """What messages call the columns of time and speed, such as ``column time_s``."""
+    names: tuple[str, str]
     time: np.ndarray
     """Seconds since the first sample, not checked; NaN where a date is missing."""
     speed: np.ndarray
@@ -89,78 +91,64 @@ class Columns:
     def refuse(self, problem: str, remedy: str, row: int, column: int) -> InputError:
         """Return the error that lies in a row, in the column of the time (0) or the speed (1)."""
         number = float((self.time, self.speed)[column][row])
-        key = f"{self.place(row)}, {self.columns[column]}"
-        if np.isnan(number):
-            return InputError(problem, remedy, file=self.file, key=key)
-        value = f"{number:.10g} {('s since the first', 'm/s')[column]}"
-        return InputError(problem, remedy, file=self.file, key=key, value=value)
+        value = {} if np.isnan(number) else {"value": f"{number:.10g} {_SI[column]}"}
+        key = f"{self.place(row)}, {column_key(self.names[column])}"
+        return InputError(problem, remedy, file=self.file, key=key, **value)
 
+    def in_si(
+        self, dated: bool, options: RecordOptions, units: tuple[str, str] = ("", "")
+    ) -> Columns:
+        """Return the columns in s and m/s; times are in seconds already where they were dates.
 
-@dataclass(frozen=True)
-class Name:
-    """A column's name, and the unit that it has as an attribute."""
-
-    name: str
-    unit: str = ""
-
-    @property
-    def place(self) -> str:
-        """What a message calls the column."""
-        return f"column {self.name[:_LONGEST_NAME] or '1'}"
-
-
-def in_si(raw: Columns, names: tuple[Name, Name], dated: bool, options: RecordOptions) -> Columns:
-    """Return columns in s and m/s: times are seconds where dated, and else in the file's units."""
-    time = raw.time
-    if dated and options.time_unit is not None:
-        raise InputError(
-            f"holds dates, and time_unit is {options.time_unit}",
-            "leave time_unit out",
-            file=raw.file,
-            key=names[0].place,
+        `units` are those that the file says besides its columns' names.
+        """
+        time, wanted = self.time, options.time_unit
+        if dated and wanted is not None:
+            problem = f"holds dates, and time_unit is {wanted}"
+            key = column_key(self.names[0])
+            raise InputError(problem, "leave time_unit out", file=self.file, key=key)
+        if not dated:
+            unit = self._unit(0, units[0], wanted, "time_unit", TIMES)
+            with np.errstate(over="ignore"):  # infinite times are refused later, with their place
+                time = (time - time[:1]) * TIME_UNITS[unit]
+        unit, area = self._unit(1, units[1], options.speed_unit, "speed_unit", SPEEDS), options.area
+        if (unit in DISCHARGE_UNITS) != (area is not None):
+            problem = f"is a speed in {unit}, and area is given for a discharge"
+            remedy = "leave area out, or give the column of the discharge"
+            if area is None:
+                problem = f"is a discharge in {unit}, not a speed"
+                remedy = "give area, the channel's cross section in m2, or a column of the speed"
+            raise InputError(problem, remedy, file=self.file, key=column_key(self.names[1]))
+        if area is None:
+            factor = SPEED_UNITS[unit]
+            note = f"speed converted from {unit} to m/s, times {factor:.6g}"
+        else:
+            factor = DISCHARGE_UNITS[unit] / area
+            note = f"discharge in {unit} over the area of {area:g} m2 is the speed"
+        notes = () if unit == "m/s" else (note,)
+        return replace(
+            self, time=time, speed=self.speed * factor, messages=(*self.messages, *notes)
         )
-    if not dated:
-        unit = _unit(raw.file, names[0], options.time_unit, TIMES, "time_unit")
-        with np.errstate(over="ignore"):  # infinite times are refused later, with their place
-            time = (time - time[:1]) * TIME_UNITS[unit]
-    factor, notes = _speed_factor(raw.file, names[1], options)
-    places = names[0].place, names[1].place
-    return Columns(raw.file, places, time, raw.speed * factor, raw.place, (*raw.messages, *notes))
+
+    def _unit(
+        self, column: int, said: str, given: str | None, key: str, spellings: dict[str, str]
+    ) -> str:
+        """Return a column's unit, which the option `key` or the file says."""
+        named = named_unit(said, spellings) or named_unit(self.names[column], spellings)
+        if given is None and named is None:
+            known = ", ".join(dict.fromkeys(spellings.values()))
+            problem = f"has no unit that is known ({known})" + (f": {said}" if said else "")
+            example = ("time_s or time [h]", "speed_m_s or v [ft/s]")[column]
+            remedy = f"give {key}, or name it with its unit, such as {example}"
+        elif given is not None and named not in (None, given):
+            problem = f"is in {named} by its own name or attributes, and in {given} by {key}"
+            remedy = f"mend {key} or the file, whichever is wrong"
+        else:
+            return str(given or named)
+        raise InputError(problem, remedy, file=self.file, key=column_key(self.names[column]))
 
 
-def _unit(file: str, column: Name, given: str | None, spellings: dict[str, str], key: str) -> str:
-    """Return a column's unit, which the option `key` or the column itself says."""
-    named = named_unit(column.unit, spellings) or named_unit(column.name, spellings)
-    if given is None and named is None:
-        known = ", ".join(dict.fromkeys(spellings.values()))
-        problem = f"has no unit that is known ({known})"
-        problem += f": {column.unit}" if column.unit else ""
-        remedy = f"give {key}, or name it with its unit, such as {_EXAMPLES[key]}"
-    elif given is not None and named not in (None, given):
-        problem = f"is in {named} by its own name or attributes, and in {given} by {key}"
-        remedy = f"mend {key} or the file, whichever is wrong"
-    else:
-        return str(given or named)
-    raise InputError(problem, remedy, file=file, key=column.place)
-
-
-def _speed_factor(file: str, column: Name, options: RecordOptions) -> tuple[float, tuple[str, ...]]:
-    """Return what brings a speed or a discharge to m/s, and a note of what was done."""
-    unit = _unit(file, column, options.speed_unit, SPEEDS, "speed_unit")
-    if unit in DISCHARGE_UNITS and options.area is not None:
-        note = f"discharge in {unit} over the area of {options.area:g} m2 is the speed"
-        return DISCHARGE_UNITS[unit] / options.area, (note,)
-    if unit in SPEED_UNITS and options.area is None:
-        factor = SPEED_UNITS[unit]
-        note = f"speed converted from {unit} to m/s, times {factor:.6g}"
-        return factor, () if unit == "m/s" else (note,)
-    if unit in DISCHARGE_UNITS:
-        problem = f"is a discharge in {unit}, not a speed"
-        remedy = "give area, the channel's cross section in m2, or a column of the speed"
-    else:
-        problem = f"is a speed in {unit}, and area is given for a discharge"
-        remedy = "leave area out, or give the column of the discharge"
-    raise InputError(problem, remedy, file=file, key=column.place)
+_SI = "s since the first", "m/s"
 
 
 def choose(
@@ -176,19 +164,16 @@ def choose(
     if speed is None:
         others = [name for name in names if name != time]
         if len(others) != 1:
-            raise InputError(
-                f"has {len(others) or 'no'} columns besides the time, {time[:_LONGEST_NAME]}",
-                f"give speed_column: of {shown}" if others else "add the speed",
-                file=file,
-            )
+            problem = f"has {len(others) or 'no'} columns besides the time, {time[:_LONGEST_NAME]}"
+            remedy = f"give speed_column: of {shown}" if others else "add the speed"
+            raise InputError(problem, remedy, file=file)
         speed = others[0]
     for key, name in (("time_column", time), ("speed_column", speed)):
         found = names.count(name)
         if found != 1 or time == speed:
             near = difflib.get_close_matches(name, names, n=1)
             guess = f"did you mean {near[0]}? " if near and not found else ""
-            problem = "is the time" if found == 1 else "is no column"
-            problem = "appears twice" if found > 1 else problem
+            problem = ("is no column", "is the time")[found] if found < 2 else "appears twice"
             raise InputError(problem, f"{guess}there are {shown}", file=file, key=key, value=name)
     return time, speed
 

@@ -382,7 +382,7 @@ def test_profiles(tmp_path, form, options, factor, message):
         ({"speed_column": "vel", "bins": (1, 2), "component": "N"}, "mend the sign"),
         ({"speed_column": "pressure"}, "column pressure: has no unit that is known"),
         ({"speed_column": "c_sound"}, "is faster than any river"),
-        ({"speed_column": "c_sound", "bins": (1, 2)}, "are given for a record without depth bins"),
+        ({"speed_column": "c_sound", "bins": (1, 2)}, "is given for a record without depth bins"),
         ({"speed_column": "c_sound", "component": "E"}, "for a record without components"),
         ({"speed_column": "vel", "time_column": "range"}, "has no distances along time"),
         ({"speed_column": "vel", "time_column": "times"}, "did you mean time?"),
