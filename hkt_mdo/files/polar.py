@@ -115,7 +115,6 @@ def _read_csv(text: str, path: Path) -> list[PolarTable]:
 # XFOIL --------------------------------------------------------------------------------------------
 
 _XFOIL_BEGIN = re.compile(r"Calculated polar for\s*:", re.IGNORECASE)
-_XFOIL_NEXT = re.compile(r"\s*(XFOIL|xflr5)\b|.*Calculated polar for", re.IGNORECASE)
 _XFOIL_REYNOLDS = re.compile(r"\bRe\s*=\s*([^\s=]+?)(?:\s*[eE]\s*([+-]?\d{1,3}))?(?=\s|$)")
 _XFOIL_REMEDY = "give the file as XFOIL's PACC has written it"
 
@@ -139,7 +138,7 @@ def _read_xfoil_polar(part: list[tuple[int, str]], path: Path, where: str) -> Po
     for number, line in part:
         words = re.sub(r"(?i)\b(top|bot) (xtr|itr)\b", r"\1_\2", line).split()
         if names:
-            if _XFOIL_NEXT.match(line):
+            if _XFOIL.match(line):
                 break
             if words and set(line.strip()) - set("- "):
                 rows.append((number, words))

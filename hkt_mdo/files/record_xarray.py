@@ -78,11 +78,7 @@ def _read_parquet(path: Path, options: RecordOptions) -> Columns:
     _need("pandas", path)
     file = parquet.ParquetFile(io.BytesIO(read_bytes(path, MAX_BYTES, "record")))
     check_length(file.metadata.num_rows, str(path))
-    empty = file.schema_arrow.empty_table().to_pandas()
-    wanted = _frame_columns(empty, str(path), options)
-    columns = [name for name in empty.columns if str(name) in wanted]
-    frame = file.read(columns=columns, use_pandas_metadata=True).to_pandas()
-    return columns_from(frame, options, str(path))
+    return columns_from(file.read().to_pandas(), options, str(path))
 
 
 def _read_netcdf(path: Path, options: RecordOptions) -> Columns:
@@ -109,10 +105,10 @@ def _check_kinds(columns: tuple[Any, Any], names: tuple[str, str], file: str) ->
     check_length(columns[0].size, file)
 
 
-def _columns(raw: Columns, options: RecordOptions, units: tuple[str, str] = ("", "")) -> Columns:
+def _in_si(raw: Columns, options: RecordOptions, units: tuple[str, str] = ("", "")) -> Columns:
     """Return columns in s and m/s of dates or numbers, and speeds that may be missing."""
     for row in np.flatnonzero(np.isinf(raw.speed))[:1]:
-        key, value = f"row {row + 1}, {column_key(raw.names[1])}", float(raw.speed[row])
+        key, value = f"{raw.place(row)}, {column_key(raw.names[1])}", float(raw.speed[row])
         remedy = "mark missing samples by NaN"
         raise InputError("must be a finite number", remedy, file=raw.file, key=key, value=value)
     dated = raw.time.dtype.kind == "M"
@@ -127,32 +123,19 @@ def _row(row: int) -> str:
     return f"row {row + 1}"
 
 
-# pandas -------------------------------------------------------------------------------------------
-
-
-def _frame_columns(frame: Any, file: str, options: RecordOptions) -> tuple[str, str]:
-    """Return the names of the time, which may be the index, and of the speed."""
-    names = [str(name) for name in frame.columns]
-    default = names[0] if names else None
-    if frame.index.nlevels == 1 and (frame.index.name or frame.index.dtype.kind == "M"):
-        default = str(frame.index.name or "index")
-        names.insert(0, default)
-    return choose(names, default, options, file)
-
-
 def _from_frame(frame: Any, file: str, options: RecordOptions) -> Columns:
-    names = _frame_columns(frame, file, options)
-    known = {str(name): frame.iloc[:, at] for at, name in enumerate(frame.columns)}
-    time, speed = (known[name] if name in known else frame.index.to_series() for name in names)
+    """Take two columns of a DataFrame; its index is the first if it has a name or dates."""
+    if frame.index.nlevels == 1 and (frame.index.name or frame.index.dtype.kind == "M"):
+        frame = frame.reset_index(allow_duplicates=True)
+    known = [str(name) for name in frame.columns]
+    names = choose(known, next(iter(known), None), options, file)
+    time, speed = (frame.iloc[:, known.index(name)] for name in names)
     _check_kinds((time, speed), names, file)
     if hasattr(time.dtype, "tz"):
         time = time.dt.tz_convert(None)
     times = time.to_numpy() if time.dtype.kind == "M" else time.to_numpy(float, na_value=np.nan)
     speeds = speed.to_numpy(dtype=float, na_value=np.nan)
-    return _columns(Columns(file, names, times, speeds, _row), options)
-
-
-# xarray -------------------------------------------------------------------------------------------
+    return _in_si(Columns(file, names, times, speeds, _row), options)
 
 
 def _from_dataset(data: Any, file: str, options: RecordOptions) -> Columns:
@@ -174,7 +157,7 @@ def _from_dataset(data: Any, file: str, options: RecordOptions) -> Columns:
     speeds, messages = _profile(speed, dimension, file, options)
     units = str(time.attrs.get("units", "")), str(speed.attrs.get("units", ""))
     times = time.values if time.dtype.kind == "M" else time.values.astype(float)
-    return _columns(Columns(file, two, times, speeds, _row, messages), options, units)
+    return _in_si(Columns(file, two, times, speeds, _row, messages), options, units)
 
 
 _HORIZONTAL = {("e", "n"), ("x", "y"), ("u", "v"), ("streamwise", "x-stream")}

@@ -11,14 +11,7 @@ import numpy as np
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import Csv, read_text
 
-__all__ = [
-    "POLAR_FAMILIES",
-    "data_path",
-    "locate",
-    "read_table",
-    "shipped_names",
-    "shipped_rotor",
-]
+__all__ = ["POLAR_FAMILIES", "data_path", "locate", "read_table", "shipped_names", "shipped_rotor"]
 
 POLAR_FAMILIES: dict[str, dict[str, float]] = {
     section: {f"{section}_Re{number}": float(number) for number in numbers.split()}

@@ -9,15 +9,8 @@ __all__ = ["DISCHARGE_UNITS", "SPEED_UNITS", "TIME_UNITS", "named_unit"]
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0, "days": 86400.0}
 """Seconds in each unit of time."""
 
-SPEED_UNITS = {
-    "m/s": 1.0,
-    "cm/s": 0.01,
-    "mm/s": 0.001,
-    "km/h": 1 / 3.6,
-    "ft/s": 0.3048,
-    "knot": 1852 / 3600,
-    "mph": 0.44704,
-}
+SPEED_UNITS = {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001, "km/h": 1 / 3.6, "ft/s": 0.3048}
+SPEED_UNITS |= {"knot": 1852 / 3600, "mph": 0.44704}
 """m/s in each unit of speed."""
 
 DISCHARGE_UNITS = {"m3/s": 1.0, "L/s": 0.001, "ft3/s": 0.3048**3}
@@ -49,20 +42,15 @@ _OTHER_WORDS = {
 }
 _FORMS = ("{}/s", "{}/sec", "{}_s-1", "{}_s", "{}_per_s", "{}_per_second")
 
-
-def _by_word(words: dict[str, str], forms: tuple[str, ...] = ("{}",)) -> dict[str, str]:
-    return {
-        form.format(word): unit
-        for unit, spelled in words.items()
-        for word in spelled.split()
-        for form in forms
-    }
-
-
-TIMES = _by_word(_TIME_WORDS)
+TIMES = {word: unit for unit, words in _TIME_WORDS.items() for word in words.split()}
 """The unit of time behind each spelling."""
 
-SPEEDS = _by_word(_OTHER_WORDS) | _by_word(_PER_SECOND, _FORMS)
+SPEEDS = {word: unit for unit, words in _OTHER_WORDS.items() for word in words.split()} | {
+    form.format(word): unit
+    for unit, words in _PER_SECOND.items()
+    for word in words.split()
+    for form in _FORMS
+}
 """The unit of speed or discharge behind each spelling, words joined by underscores."""
 
 

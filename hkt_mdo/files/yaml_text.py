@@ -78,25 +78,22 @@ class Place:
         if not isinstance(self.node, kind):
             raise self.refuse(f"must be {what}", "see the schema of such files")
 
-    def find(self, name: str) -> Place | None:
-        """Return a member of a mapping; None where there is none or it is empty."""
-        self._expect(yaml.MappingNode, "a mapping")
-        for key, node in self.node.value:
-            if key.value == name:
-                empty = isinstance(node, yaml.ScalarNode) and word(node) == "null"
-                return None if empty else self.below(node, name)
-        return None
-
-    def get(self, path: str, remedy: str = "add it") -> Place:
-        """Return what a dotted key below this place names; it must be there."""
+    def find(self, path: str, remedy: str = "") -> Place | None:
+        """Return what a dotted key below this place names; None, or refused with the remedy."""
         here = self
         for name in path.split("."):
-            found = here.find(name)
-            if found is None:
+            here._expect(yaml.MappingNode, "a mapping")
+            node = next((node for key, node in here.node.value if key.value == name), None)
+            if node is None or (isinstance(node, yaml.ScalarNode) and word(node) == "null"):
                 key = here.below(here.node, name).shown
-                raise InputError("is missing", remedy, file=self.file, key=key)
-            here = found
+                if remedy:
+                    raise InputError("is missing", remedy, file=self.file, key=key)
+                return None
+            here = here.below(node, name)
         return here
+
+    def get(self, path: str, remedy: str = "add it") -> Place:
+        return self.find(path, remedy)  # type: ignore[return-value]
 
     def items(self) -> list[Place]:
         """Return the members of a list, one at least."""
@@ -109,16 +106,12 @@ class Place:
         self._expect(yaml.ScalarNode, "a word")
         return self.node.value.strip()
 
-    def finite(self) -> float:
+    def number(self, low: float = -np.inf, high: float = np.inf, remedy: str = "") -> float:
+        """Return a finite number within (low, high]."""
         self._expect(yaml.ScalarNode, "a number")
         number = None if self.node.style else fortran_number(self.node.value)
         if number is None:
             raise self.refuse("must be a finite number", "write it plainly, without a unit")
-        return number
-
-    def number(self, low: float, high: float, remedy: str) -> float:
-        """Return a number within (low, high]."""
-        number = self.finite()
         if not low < number <= high:
             raise self.refuse(f"must be above {low:g} and at most {high:g}", remedy)
         return number
@@ -142,7 +135,7 @@ class Place:
 
 def places_column(name: str, places: list[Place]) -> Column:
     """Return the numbers at some places of a file."""
-    values = np.array([place.finite() for place in places])
+    values = np.array([place.number() for place in places])
     shown = [place.node.value for place in places]
     return Column(name, values, [place.shown for place in places], shown, places[0].file)
 
