@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.record import read_columns
-from hkt_mdo.files.record_table import MAX_ROWS, Columns, RecordOptions
-from hkt_mdo.files.record_xarray import columns_from
+from hkt_mdo.files.record_table import MAX_ROWS, Columns, RecordOptions, read_csv
+from hkt_mdo.files.record_xarray import columns_from, read_binary
 
 __all__ = ["Record", "RecordOptions", "find_spikes", "low_pass", "read_record", "record_from"]
 
@@ -30,6 +29,9 @@ SPIKE = 6.0
 
 UNEVEN = 0.05
 """Share of a step by which a sample may miss its even time."""
+
+_READERS = dict.fromkeys((".csv", ".txt"), read_csv)
+_READERS |= dict.fromkeys((".nc", ".nc4", ".cdf", ".parquet", ".pq"), read_binary)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +58,13 @@ def read_record(path: str | Path, **options: Any) -> Record:
     file cannot be read, is larger than 256 MiB or 10 million rows, or anything in it is not as the
     options say; also if the packages for NetCDF or Parquet are not installed.
     """
-    chosen = RecordOptions(**options)
-    return _Record(read_columns(Path(path), chosen), chosen).made()
+    chosen, path = RecordOptions(**options), Path(path)
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        ending = path.suffix
+        problem = f"has the ending {ending}" if ending else "has no ending that says its kind"
+        raise InputError(problem, f"name it {', '.join(_READERS)}, whichever it is", file=path)
+    return _Record(reader(path, chosen), chosen).made()
 
 
 def record_from(data: Any, **options: Any) -> Record:

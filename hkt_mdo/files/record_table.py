@@ -1,24 +1,24 @@
-"""What a record is before it is checked: two columns, in s and m/s, of whichever file."""
+"""What a record is before it is checked: two columns, in s and m/s, of whichever file.
+
+Nothing is repaired here. What cannot be read is refused with file, place and remedy.
+"""
 
 from __future__ import annotations
 
 import difflib
+import re
+from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
 
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.units import (
-    DISCHARGE_UNITS,
-    SPEED_UNITS,
-    SPEEDS,
-    TIME_UNITS,
-    TIMES,
-    named_unit,
-)
+from hkt_mdo.files.table import Csv, line_error, parse_number, read_text
 
-__all__ = ["Columns", "RecordOptions"]
+__all__ = ["DISCHARGE_UNITS", "SPEED_UNITS", "TIME_UNITS", "Columns", "RecordOptions", "read_csv"]
 
 MAX_BYTES = 256 * 1024**2
 """Largest file that is read, in bytes."""
@@ -26,7 +26,80 @@ MAX_BYTES = 256 * 1024**2
 MAX_ROWS = 10_000_000
 """Largest number of samples."""
 
+_MISSING = {"", "nan", "na", "n/a", "null", "none"}
+_LONGEST_DATE = 64
+_PLAIN = "write it with a decimal point, no unit"
+_DATES = "write times as numbers, or as 2024-05-01T12:00:00.0 with or without a zone"
 _LONGEST_NAME = 100
+_SI = "s since the first", "m/s"
+
+# Units --------------------------------------------------------------------------------------------
+
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0, "days": 86400.0}
+"""Seconds in each unit of time."""
+
+SPEED_UNITS = {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001, "km/h": 1 / 3.6, "ft/s": 0.3048}
+SPEED_UNITS |= {"knot": 1852 / 3600, "mph": 0.44704}
+"""m/s in each unit of speed."""
+
+DISCHARGE_UNITS = {"m3/s": 1.0, "L/s": 0.001, "ft3/s": 0.3048**3}
+"""m³/s in each unit of discharge."""
+
+_TIME_WORDS = {
+    "s": "s sec secs second seconds",
+    "ms": "ms msec millisecond milliseconds",
+    "min": "min mins minute minutes",
+    "h": "h hr hrs hour hours",
+    "days": "d day days",
+}
+_PER_SECOND = {
+    "m/s": "m meter meters metre metres",
+    "cm/s": "cm centimeter centimeters centimetre centimetres",
+    "mm/s": "mm millimeter millimeters millimetre millimetres",
+    "ft/s": "ft foot feet",
+    "m3/s": "m3 cubic_meter cubic_meters cubic_metre cubic_metres",
+    "L/s": "l liter liters litre litres",
+    "ft3/s": "ft3 cubic_foot cubic_feet",
+}
+_OTHER_WORDS = {
+    "m/s": "mps",
+    "ft/s": "fps",
+    "ft3/s": "cfs",
+    "km/h": "km/h kmh kph km_h km_h-1 kilometers_per_hour kilometres_per_hour",
+    "knot": "knot knots kn kt kts",
+    "mph": "mph mi/h miles_per_hour",
+}
+_FORMS = ("{}/s", "{}/sec", "{}_s-1", "{}_s", "{}_per_s", "{}_per_second")
+
+TIMES = {word: unit for unit, words in _TIME_WORDS.items() for word in words.split()}
+"""The unit of time behind each spelling."""
+
+SPEEDS = {word: unit for unit, words in _OTHER_WORDS.items() for word in words.split()} | {
+    form.format(word): unit
+    for unit, words in _PER_SECOND.items()
+    for word in words.split()
+    for form in _FORMS
+}
+"""The unit of speed or discharge behind each spelling, words joined by underscores."""
+
+
+def named_unit(name: str, spellings: dict[str, str]) -> str | None:
+    """Return the unit that a column's name or attribute ends with: `v [m/s]`, `v_m_s`, `v, ft/s`.
+
+    None where there is none, or one that is not among the spellings.
+    """
+    text = re.sub(r"\*\*|\^", "", name.strip().lower().replace("³", "3"))
+    bracket = re.search(r"[\[(]([^\[\]()]*)[\])]$", text)
+    text = bracket[1] if bracket else text.rpartition(",")[2]
+    words = re.split(r"[\s_.·]+", text.strip())
+    for first in range(len(words)):  # the longest ending that is a unit: m_s, not s
+        ending = "_".join(words[first:])
+        if ending in SPEEDS or ending in TIMES:
+            return spellings.get(ending)
+    return None
+
+
+# Columns ------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -148,9 +221,6 @@ class Columns:
         raise InputError(problem, remedy, file=self.file, key=column_key(self.names[column]))
 
 
-_SI = "s since the first", "m/s"
-
-
 def choose(
     names: Sequence[str], default: str | None, options: RecordOptions, file: str
 ) -> tuple[str, str]:
@@ -183,3 +253,46 @@ def check_length(count: int, file: str) -> None:
     if count > MAX_ROWS:
         remedy = "give a part of it, or every so many"
         raise InputError(f"has more than {MAX_ROWS:,} samples", remedy, file=file)
+
+
+def read_csv(path: Path, options: RecordOptions) -> Columns:
+    """Read time and speed from two columns of a CSV file."""
+    file = str(path)
+    table = Csv(read_text(path, "record", MAX_BYTES), path, "a header such as time_s,speed_m_s")
+    names = choose(table.header, table.header[0], options, file)
+    places = [table.place(name) for name in names]
+    lines, times, speeds = array("q"), array("d"), array("d")
+    first: datetime | None = None  # where the times are dates
+    for line, cells in table:
+        time, speed = (cells[place].strip() for place in places)
+        seconds, problem, remedy = parse_number(time), "", ""
+        if first or (seconds is None and not lines):
+            try:
+                date = datetime.fromisoformat(time[:_LONGEST_DATE])
+                first = first or date
+                seconds = (date - first).total_seconds()
+            except ValueError:
+                problem, remedy = "is neither a number nor a date", _DATES
+            except TypeError:
+                problem = "has a zone and others have none, or the other way round"
+                remedy = "write all dates alike"
+        elif seconds is None:
+            problem, remedy = "must be a finite number", _PLAIN
+        if problem:
+            raise line_error(path, line, problem, remedy, f"column {names[0]}", value=time)
+        number = np.nan if speed.lower() in _MISSING else parse_number(speed)
+        if number is None:
+            problem, remedy = (
+                "must be a finite number",
+                f"{_PLAIN}; leave the cell empty where the ",
+            )
+            remedy += "sample is missing"
+            raise line_error(path, line, problem, remedy, f"column {names[1]}", value=speed)
+        lines.append(line)
+        times.append(seconds)
+        speeds.append(number)
+        check_length(len(lines), file)
+    if not lines:
+        raise InputError("has a header but no samples", "add its rows", file=path)
+    raw = Columns(file, names, np.array(times), np.array(speeds), lambda row: f"line {lines[row]}")
+    return raw.in_si(first is not None, options)

@@ -15,14 +15,15 @@ import numpy as np
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.record_table import (
     MAX_BYTES,
+    SPEEDS,
     Columns,
     RecordOptions,
     check_length,
     choose,
     column_key,
+    named_unit,
 )
 from hkt_mdo.files.table import read_bytes
-from hkt_mdo.files.units import SPEEDS, named_unit
 
 __all__ = ["columns_from", "read_binary"]
 

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from hkt_mdo.dynamics import records
 from hkt_mdo.dynamics.records import low_pass, read_record, record_from
 from hkt_mdo.errors import InputError
-from hkt_mdo.files import record as record_files
 from hkt_mdo.files import record_table
 from tests.files.broken.records import ROWS, SOUND, SPEEDS, TIMES
 
@@ -474,7 +473,7 @@ def test_the_sound_file_is_read(tmp_path):
 
 def test_limits(tmp_path, monkeypatch):
     path = csv(tmp_path)
-    monkeypatch.setattr(record_files, "MAX_BYTES", 1024)
+    monkeypatch.setattr(record_table, "MAX_BYTES", 1024)
     assert "is larger than 0.000976562 MiB" in refused(path)
     monkeypatch.undo()
     monkeypatch.setattr(record_table, "MAX_ROWS", 1000)
