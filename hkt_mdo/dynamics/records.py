@@ -320,12 +320,11 @@ def _stand_off(speed: np.ndarray) -> np.ndarray:
     # the first and the last samples are compared with the first and the last seven
     centres = np.clip(np.arange(speed.size), half, speed.size - 1 - half)
     off = np.abs(speed - median_filter(speed, 2 * half + 1)[centres])
-    found = np.zeros(speed.size, dtype=bool)
     suspects = np.flatnonzero(off > SPIKE * usual)
-    for block in np.array_split(suspects, suspects.size // 100_000 + 1):
-        around = speed[centres[block, None] + np.arange(-half, half + 1)]
-        middle = np.median(around, axis=1, keepdims=True)
-        found[block] = off[block] > SPIKE * 1.4826 * np.median(np.abs(around - middle), axis=1)
+    around = np.lib.stride_tricks.sliding_window_view(speed, 2 * half + 1)[centres[suspects] - half]
+    spread = np.median(np.abs(around - np.median(around, axis=1, keepdims=True)), axis=1)
+    found = np.zeros(speed.size, dtype=bool)
+    found[suspects] = off[suspects] > SPIKE * 1.4826 * spread
     return found
 
 

@@ -149,16 +149,11 @@ def read_blade_definition(text: str, file: Path, hub_radius: float | None) -> Bl
     span, chord, degrees, section = (
         columns[name] for name in ("BlSpn", "BlChord", "BlTwist", "BlAFID")
     )
-    span.refuse(
-        np.full(span.values.size, hub_radius is None),
-        "counts from the blade's root, whose radius an AeroDyn file does not say",
-        "give the hub radius in metres",
-    )
-    span.refuse(
-        (np.arange(span.values.size) == 0) & (span.values != 0.0),
-        "is not 0, where AeroDyn's span begins: it counts from the blade's root",
-        "subtract the hub radius from the column",
-    )
+    unknown = np.full(span.values.size, hub_radius is None)
+    problem = "counts from the blade's root, whose radius an AeroDyn file does not say"
+    span.refuse(unknown, problem, "give the hub radius in metres")
+    problem = "is not 0, where AeroDyn's span begins: it counts from the blade's root"
+    span.refuse(span.values[:1] != 0.0, problem, "subtract the hub radius from the column")
     messages.append("BlTwist: degrees converted to radians")
     if hub_radius:
         messages.append(f"BlSpn: counted from the root, hub radius of {hub_radius:g} m added")
@@ -175,11 +170,9 @@ def read_blade_definition(text: str, file: Path, hub_radius: float | None) -> Bl
     check_rows(span, chord, twist, thickness, hub_radius + float(np.max(span.values)))
     r = hub_radius + span.values
     span.check_rising("radii", r)  # spans that differ may give one radius by rounding
-    section.refuse(
-        (section.values < 1.0) | (section.values != np.floor(section.values)),
-        "is no number of an airfoil",
-        "give the place in AeroDyn's list of airfoil files, from 1",
-    )
+    wrong = (section.values < 1.0) | (section.values != np.floor(section.values))
+    remedy = "give the place in AeroDyn's list of airfoil files, from 1"
+    section.refuse(wrong, "is no number of an airfoil", remedy)
     return BladeTable(
         r,
         chord.values,

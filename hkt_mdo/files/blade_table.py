@@ -72,14 +72,11 @@ class BladeTable:
         tip_radius = float(tip_radius)
         own = 1.0 if self.relative else self.tip_radius
         if own is None:
-            if self.r[-1] > tip_radius * (1.0 + EDGE):
-                raise InputError(
-                    f"reaches beyond the rotor's tip radius of {tip_radius:g} m",
-                    "enlarge rotor.radius, cut the blade's rows, or give r_over_R and chord_over_R",
-                    file=self.file,
-                    key="outermost row",
-                    value=float(self.r[-1]),
-                )
+            last, key = float(self.r[-1]), "outermost row"
+            if last > tip_radius * (1.0 + EDGE):
+                problem = f"reaches beyond the rotor's tip radius of {tip_radius:g} m"
+                remedy = "enlarge rotor.radius, cut the rows, or give r_over_R and chord_over_R"
+                raise InputError(problem, remedy, file=self.file, key=key, value=last)
             return replace(self, tip_radius=tip_radius)
         if own == tip_radius and not self.relative:
             return self
@@ -183,8 +180,6 @@ def check_rows(
     turned = np.abs(twist.values) > np.pi * (1.0 + EDGE)
     twist.refuse(turned, "is beyond 180 degrees", twist_remedy)
     if thickness is not None:
-        thickness.refuse(
-            (thickness.values <= 0.0) | (thickness.values > 1.0 + THICK_ROUNDED),
-            "is no thickness over chord, which lies within 0 and 1 (0 and 100 %)",
-            "correct it; thickness_percent counts in per cent, thickness_over_chord does not",
-        )
+        wrong = (thickness.values <= 0.0) | (thickness.values > 1.0 + THICK_ROUNDED)
+        problem = "is no thickness over chord, which lies within 0 and 1 (0 and 100 %)"
+        thickness.refuse(wrong, problem, "correct it; in a CSV, thickness_percent is in per cent")

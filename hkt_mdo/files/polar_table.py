@@ -101,12 +101,9 @@ def _angles(given: Column, in_degrees: bool, even: bool) -> tuple[np.ndarray, bo
     `even` says that lift and drag are the same at every angle.
     """
     angle = given.values if in_degrees else np.rad2deg(given.values)
-    unit = "" if in_degrees else "; if these are degrees, name the column alpha_deg"
-    given.refuse(
-        np.abs(angle) > 180.0 + _CIRCLE_EDGE,
-        "lies beyond the full circle",
-        f"angles of attack run from -180 to 180 degrees{unit}",
-    )
+    remedy = "angles of attack run from -180 to 180 degrees"
+    remedy += "" if in_degrees else "; if these are degrees, name the column alpha_deg"
+    given.refuse(np.abs(angle) > 180.0 + _CIRCLE_EDGE, "lies beyond the full circle", remedy)
     first, last = (angle[0], angle[-1]) if angle.size else (0.0, 0.0)
     circle = bool(first <= -180 + _CIRCLE_EDGE and last >= 180 - _CIRCLE_EDGE)
     radians = np.deg2rad(given.values) if in_degrees else given.values.copy()
@@ -115,8 +112,8 @@ def _angles(given: Column, in_degrees: bool, even: bool) -> tuple[np.ndarray, bo
     given.check_rising("angles", radians)
     low, high = NEEDED_RANGE
     if angle.size < FEWEST_ROWS and not (circle and even):
-        problem = f"the polar has {angle.size} rows, at least {FEWEST_ROWS} angles of attack are "
-        problem, remedy = problem + "needed", "give a finer table"
+        problem = f"the polar has {angle.size} rows, at least {FEWEST_ROWS} are needed"
+        remedy = "give a finer table"
     elif not circle and (first > low or last < high or first < -90 or last > 90):
         problem = f"the table must reach from {low:g} or less to {high:g} or more and stay within "
         problem += "-90 and 90 degrees, or run from -180 to 180"
@@ -134,18 +131,14 @@ def _check_coefficient(name: str, column: Column, circle: bool) -> None:
     values = column.values
     if circle:
         last = np.arange(values.size) == values.size - 1
-        column.refuse(
-            last & (np.abs(values - values[0]) > _ENDS_EQUAL),
-            f"differs from {values[0]:g} at -180 degrees",
-            "-180 and 180 degrees are one angle: give both rows the same coefficients",
-        )
+        problem = f"differs from {values[0]:g} at -180 degrees"
+        remedy = "-180 and 180 degrees are one angle: give both rows the same coefficients"
+        column.refuse(last & (np.abs(values - values[0]) > _ENDS_EQUAL), problem, remedy)
     if name == "drag":
         column.refuse(values <= 0.0, "drag must be positive", "correct the row")
-    column.refuse(
-        np.abs(values) > LARGEST[name],
-        f"is beyond {LARGEST[name]:g}, which no section has",
-        "give the coefficient as a plain number, not in counts or percent",
-    )
+    problem = f"is beyond {LARGEST[name]:g}, which no section has"
+    remedy = "give the coefficient as a plain number, not in counts or percent"
+    column.refuse(np.abs(values) > LARGEST[name], problem, remedy)
 
 
 def check_reynolds(

@@ -156,7 +156,7 @@ class Columns:
     """Seconds since the first sample, not checked; NaN where a date is missing."""
     speed: np.ndarray
     """Speed, m/s; NaN where a sample is missing."""
-    place: Callable[[int], str]
+    place: Callable[[int], str] = lambda row: f"row {row + 1}"
     """place(row) says where a row is, such as ``line 7``."""
     messages: tuple[str, ...] = ()
     """What was done to the numbers."""

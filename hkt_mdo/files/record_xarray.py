@@ -120,10 +120,6 @@ def _in_si(raw: Columns, options: RecordOptions, units: tuple[str, str] = ("", "
     return raw.in_si(dated, options, units)
 
 
-def _row(row: int) -> str:
-    return f"row {row + 1}"
-
-
 def _from_frame(frame: Any, file: str, options: RecordOptions) -> Columns:
     """Take two columns of a DataFrame; its index is the first if it has a name or dates."""
     if frame.index.nlevels == 1 and (frame.index.name or frame.index.dtype.kind == "M"):
@@ -136,7 +132,7 @@ def _from_frame(frame: Any, file: str, options: RecordOptions) -> Columns:
         time = time.dt.tz_convert(None)
     times = time.to_numpy() if time.dtype.kind == "M" else time.to_numpy(float, na_value=np.nan)
     speeds = speed.to_numpy(dtype=float, na_value=np.nan)
-    return _in_si(Columns(file, names, times, speeds, _row), options)
+    return _in_si(Columns(file, names, times, speeds), options)
 
 
 def _from_dataset(data: Any, file: str, options: RecordOptions) -> Columns:
@@ -158,7 +154,7 @@ def _from_dataset(data: Any, file: str, options: RecordOptions) -> Columns:
     speeds, messages = _profile(speed, dimension, file, options)
     units = str(time.attrs.get("units", "")), str(speed.attrs.get("units", ""))
     times = time.values if time.dtype.kind == "M" else time.values.astype(float)
-    return _in_si(Columns(file, two, times, speeds, _row, messages), options, units)
+    return _in_si(Columns(file, two, times, speeds, messages=messages), options, units)
 
 
 _HORIZONTAL = {("e", "n"), ("x", "y"), ("u", "v"), ("streamwise", "x-stream")}

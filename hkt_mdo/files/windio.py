@@ -38,18 +38,16 @@ class _Version:
     number: int
     shape: str
     half_turn: float
-    unit: str
+    angles: str
     thickness: str
     coefficients: tuple[str, str, str]
 
-    @property
-    def angles(self) -> str:
-        return f"windIO {self.number} counts angles in {self.unit}"
 
-
+_ANGLES = "windIO 1 counts angles in radians", "windIO 2 counts angles in degrees"
+_COEFFICIENTS = ("c_l", "c_d", "c_m"), ("cl", "cd", "cm")
 _VERSIONS = (
-    _Version(1, "outer_shape_bem", np.pi, "radians", "relative_thickness", ("c_l", "c_d", "c_m")),
-    _Version(2, "outer_shape", 180.0, "degrees", "rthick", ("cl", "cd", "cm")),
+    _Version(1, "outer_shape_bem", np.pi, _ANGLES[0], "relative_thickness", _COEFFICIENTS[0]),
+    _Version(2, "outer_shape", 180.0, _ANGLES[1], "rthick", _COEFFICIENTS[1]),
 )
 
 
@@ -111,9 +109,8 @@ class _Turbine:
             twist = replace(twist, values=np.deg2rad(twist.values))
             self.messages.append("windIO 2: degrees converted to radians")
         if not np.array_equal(s_chord, s_twist):
-            self.messages.append(
-                "chord and twist have different grids: rows are both, linear in between"
-            )
+            said = "chord and twist have different grids: rows are both, linear in between"
+            self.messages.append(said)
         s = np.union1d(s_chord, s_twist)
         s = s[np.diff(s, prepend=-1.0) > EDGE]  # points closer than that are one
         r = hub + np.interp(s, s_axis, height)
@@ -127,11 +124,10 @@ class _Turbine:
         sections = self.airfoils(used)
         labels = [name for _, name, _ in used]
         known = {section.name: section.thickness for section in sections}
+        thickness = None
         if thick is not None:
             thickness = np.minimum(np.interp(s, s_thick, thick.values), 1.0)
-        elif None in known.values():
-            thickness = None
-        else:
+        elif None not in known.values():
             thickness = np.interp(s, stands, [known[name] for name in labels])
         cone, half = root.get("components.hub").find("cone_angle"), 0.5 * version.half_turn
         angle = cone and cone.number(-half, half, version.angles) / version.half_turn * np.pi
@@ -184,9 +180,8 @@ class _Turbine:
         # windIO's default of 0 says that it is not given
         given = diameter and diameter.number(-EDGE, 1000.0, "give the rotor's diameter in metres")
         if given and given > 0.0 and abs(given / own - 1.0) > DIAMETER_OFF:
-            remedy = "no blade is scaled to it: correct components.hub.diameter, the reference axis"
-            problem = f"does not fit hub and blade, which give {own:.6g} m"
-            raise diameter.refuse(problem, f"{remedy} or it")
+            remedy = "correct components.hub.diameter, the reference axis or it"
+            raise diameter.refuse(f"does not fit hub and blade, which give {own:.6g} m", remedy)
         if given and given > 0.0 and abs(given / own - 1.0) > 1e-6:
             said = f"{given:.8g} m, but hub and blade give {own:.8g} m, which is taken"
             self.messages.append(f"assembly.rotor_diameter = {said}")
@@ -204,11 +199,8 @@ class _Turbine:
             stands = [entry.get("spanwise_position") for entry in entries]
             grid = places_column("spanwise_position", stands)
             used = [(entry, entry.get("name").text(), _configuration(entry)) for entry in entries]
-        grid.refuse(
-            (grid.values < -EDGE) | (grid.values > 1.0 + EDGE),
-            "is no position along the span",
-            "it lies within 0 (root) and 1 (tip)",
-        )
+        outside = (grid.values < -EDGE) | (grid.values > 1.0 + EDGE)
+        grid.refuse(outside, "is no position along the span", "it lies within 0 (root) and 1 (tip)")
         grid.check_rising("positions")
         return used, grid.values
 
@@ -242,8 +234,7 @@ class _Turbine:
             table = self.polar(one, name)
             if (table.reynolds or 0.0) in polars:
                 problem = f"is the second polar of {name} at one Reynolds number"
-                remedy = "keep one of them, or tag them with different configurations"
-                raise one.refuse(problem, remedy)
+                raise one.refuse(problem, "keep one, or tag them with different configurations")
             polars[table.reynolds or 0.0] = table
         ordered = tuple(polars[reynolds] for reynolds in sorted(polars))
         return SectionTable(name, thickness, ordered, *(column.values for column in outline))
@@ -280,19 +271,17 @@ class _Turbine:
             beyond = np.abs(grid.values) > limit * 1.001
             grid.refuse(beyond, "lies beyond the full circle", self.version.angles)
             if self.version.number == 2 and np.max(np.abs(grid.values)) < 3.2:
-                span = f"from {grid.values[0]:g} to {grid.values[-1]:g}"
+                problem = f"has angles from {grid.values[0]:g} to {grid.values[-1]:g} degrees"
                 remedy = "windIO 2 counts them in degrees: convert them if they are radians"
-                problem = f"has angles of attack {span} degrees"
                 raise one.get("grid").refuse(problem, remedy)
             curves[name] = np.clip(grid.values, -limit, limit), column.values
         alpha, values = self.joined(place, curves, section)
         alpha = self.closed(alpha, values, section)
         reynolds = place.find("re")
-        remedy = "give the Reynolds number as a plain number"
         return polar_table(
             alpha,
             *values.values(),
-            reynolds=reynolds and reynolds.number(0.0, 1e12, remedy),
+            reynolds=reynolds and reynolds.number(0.0, 1e12, "give it as a plain number"),
             file=place.file,
             columns=(
                 f"{lift}.grid{', alpha_rad' * (self.version.number == 1)}",
@@ -315,8 +304,7 @@ class _Turbine:
         if alpha.size < 2:
             problem = "has lift and drag at angles that do not overlap"
             raise place.refuse(problem, "give both over one grid")
-        said = "coefficients on different grids of angles are joined linearly"
-        self.messages.append(f"{section}: {said}")
+        self.messages.append(f"{section}: coefficients on different grids are joined linearly")
         return alpha, {name: np.interp(alpha, *points) for name, points in curves.items()}
 
     def closed(self, alpha: np.ndarray, values: dict[str, np.ndarray], section: str) -> np.ndarray:
