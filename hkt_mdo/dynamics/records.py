@@ -52,11 +52,11 @@ class Record:
 def read_record(path: str | Path, **options: Any) -> Record:
     """Read a record from a CSV, NetCDF or Parquet file; the ending says which.
 
-    `.csv` or `.txt`: columns separated by commas, a header line, UTF-8; empty cells and `nan` are
-    gaps. `.nc`, `.nc4` or `.cdf`, `.parquet` or `.pq`: as MHKiT's data are saved. The options are
-    those of `RecordOptions`. Raises InputError, with file, line, column, value and remedy, if the
-    file cannot be read, is larger than 256 MiB or 10 million rows, or anything in it is not as the
-    options say; also if the packages for NetCDF or Parquet are not installed.
+    `.csv` or `.txt`: a header line, commas, UTF-8; empty cells and `nan` are gaps. `.nc`, `.nc4` or
+    `.cdf`, `.parquet` or `.pq`: as MHKiT's data are saved. The options are those of
+    `RecordOptions`. Raises InputError, with file, line, column, value and remedy, if anything in
+    the file is not as they say, it has more than 256 MiB or 10 million rows, or packages for NetCDF
+    or Parquet are missing.
     """
     chosen, path = RecordOptions(**options), Path(path)
     reader = _READERS.get(path.suffix.lower())
@@ -293,9 +293,8 @@ def find_spikes(speed: np.ndarray) -> np.ndarray:
     A sample is one if it is farther from the median of the seven around it than `SPIKE` times
     their spread, and `SPIKE` times the usual difference of neighbours among the 51 around it; both
     are 1.4826 times a median absolute deviation (Davies and Gather 1993; Pearson 2002). The samples
-    left without the spikes are filtered again, until there are none: so two or three bad samples
-    in a row are found, too. Gusts, steps and crests of waves are no spikes, since their neighbours
-    follow them.
+    left are filtered again, until there are none: so two or three bad samples in a row are found.
+    Gusts, steps and crests of waves are no spikes, since their neighbours follow them.
     """
     spikes = np.zeros(speed.size, dtype=bool)
     found = ~spikes

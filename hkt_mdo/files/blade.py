@@ -29,16 +29,12 @@ _WINDIO = re.compile(r"^(windIO_version|assembly|components|airfoils)\s*:", re.M
 def read_blade(source: str | Path, hub_radius: float | None = None) -> BladeTable:
     """Read a blade from a CSV file, an AeroDyn 15 blade file or a windIO turbine file.
 
-    The content decides the format, and the suffix where the content is not enough. CSV names
-    its units in its header: a radius (r_m, r_mm or r_over_R), a chord (chord_m, chord_mm,
-    chord_over_R or c_over_R), a twist (twist_deg, twist_rad or pitch_deg), and perhaps a thickness
-    (thickness_over_chord, t_over_c, thickness_percent or t_over_c_pct) and the name of a section
-    (section); other columns are ignored.
-
-    The source is the name of a shipped blade or the path of a file. `hub_radius` (m) is where the
-    blade's root lies, from which an AeroDyn file counts without saying it; other files need none.
-    Raises InputError if the file is missing, larger than 16 MiB, not UTF-8 or broken; the message
-    names file, line or key, value and remedy.
+    The source is the name of a shipped blade or a path. The content decides the format, and the
+    suffix where that is not enough. CSV names its units in its header: a radius (r_m, r_mm or
+    r_over_R), a chord (chord_m, chord_mm, chord_over_R or c_over_R), a twist (twist_deg, twist_rad
+    or pitch_deg), and perhaps a thickness (thickness_over_chord, t_over_c, thickness_percent or
+    t_over_c_pct) and a section's name (section). `hub_radius` (m) is where the blade's root lies,
+    which an AeroDyn file does not say. Raises InputError with file, line or key, value and remedy.
     """
     path = locate(source, "blade")
     text = read_text(path, "blade file")
@@ -147,9 +143,8 @@ def write_blade_csv(path: str | Path, blade, remarks: Iterable[str] = ()) -> Non
     """Write a blade as CSV whose numbers read back bit by bit.
 
     Columns r_m, chord_m, twist_rad, and thickness_over_chord and section where the blade (a Blade
-    or BladeTable) has them, below the remarks as lines that begin with ``#``. The file is complete
-    or not there at all. Raises ValueError if the blade's lengths are over the tip radius, for which
-    there is `BladeTable.scaled`, and InputError if the file cannot be written.
+    or BladeTable) has them, below the remarks (``#``). The file is complete or not there at all.
+    Raises ValueError if lengths are over the tip radius, and InputError if it cannot be written.
     """
     if getattr(blade, "relative", False):
         raise ValueError("a blade over the tip radius has no lengths to write; scale it first")

@@ -65,9 +65,8 @@ class BladeTable:
     def scaled(self, tip_radius: float) -> BladeTable:
         """Return the table in metres for a tip radius (m).
 
-        Lengths over the tip radius are multiplied by it. A table in metres whose file says its tip
-        radius is scaled to the new one; one that does not say it (CSV) keeps its lengths, and
-        InputError is raised if its rows reach beyond this tip radius.
+        A table in metres whose file says no tip radius (CSV) keeps its lengths; InputError is
+        raised if its rows reach beyond this one.
         """
         tip_radius = float(tip_radius)
         own = 1.0 if self.relative else self.tip_radius
@@ -81,8 +80,7 @@ class BladeTable:
         if own == tip_radius and not self.relative:
             return self
 
-        def scale(length):
-            # Dividing first keeps a row that lies on the tip there, to the last bit.
+        def scale(length):  # dividing first keeps a row that lies on the tip there, to the last bit
             return length / own * tip_radius
 
         note = f"lengths scaled from a tip radius of {own:g} m to {tip_radius:g} m"
@@ -101,9 +99,8 @@ class BladeTable:
     def interior(self, hub_radius: float | None = None) -> BladeTable:
         """Return the rows strictly between hub and tip, where blade elements may lie.
 
-        The hub radius is in the table's unit of length, by default the file's own. Where the table
-        has no tip radius, rows are cut at the hub only. Raises InputError if no row is left, or no
-        hub radius is known.
+        The hub radius is in the table's unit of length, by default the file's own. Raises
+        InputError if no row is left, or no hub radius is known.
         """
         hub = self.hub_radius if hub_radius is None else float(hub_radius)
         if hub is None:
@@ -127,10 +124,9 @@ class BladeTable:
     def blend(self, r: np.ndarray) -> tuple[tuple[str, str, float], ...]:
         """Return inner section, outer section and the share of the outer at each radius.
 
-        The share runs from 0 to 1, linearly with the thickness between the two where it is known
-        and differs, and with the radius where not; beyond the first and last section they stand
-        alone. Radii r[n_stations] are in the table's unit of length. Raises InputError if the file
-        names no sections.
+        Radii r[n_stations] are in the table's unit of length. The share is linear in the thickness
+        where it is known and differs, and in the radius where not; beyond the first and the last
+        section they stand alone. Raises InputError if the file names no sections.
         """
         if self.section_position is None and self.section is None:
             raise InputError("names no sections", "add a column section", file=self.file)

@@ -32,9 +32,7 @@ def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
     a CSV file with the columns ``x_over_c`` and ``y_over_c``, or pairs of numbers, with or without
     a line of text above them, in Selig's order (from the trailing edge round to it) or Lednicer's
     (number of points of either side, then the upper and the lower side from the leading edge).
-
-    Raises InputError if the file is missing or broken, or the points are no closed section of unit
-    chord; the message names file, line, value and remedy.
+    Raises InputError with file, line, value and remedy, also if the points are no closed section.
     """
     path = locate(source, "outline")
     text = read_text(path, "file with an outline")

@@ -32,15 +32,12 @@ _XFOIL = re.compile(r"\A\s*(XFOIL|xflr5)\b|Calculated polar for", re.IGNORECASE)
 def read_polars(source: str | Path) -> tuple[PolarTable, ...]:
     """Read the polars of a section, one a Reynolds number.
 
-    The content decides the format: a CSV file with the columns ``alpha_deg`` or ``alpha_rad``,
-    ``cl``, ``cd`` and, if there, ``cm`` and ``reynolds``; an airfoil file of OpenFAST's AeroDyn
-    (AirfoilInfo v1.01, Reynolds numbers in millions); or polars that XFOIL or XFLR5 has written,
-    one after the other.
-
-    The source is the path of a file, the name of a shipped polar (``naca63815_Re2e5``) or of a
-    shipped section (``naca63815``: all its Reynolds numbers). Tables are returned by rising
-    Reynolds number. Raises InputError if the file is missing or broken; the message names file,
-    line, column, value and remedy.
+    They are sorted by Reynolds number. The source is a path, the name of a shipped polar
+    (``naca63815_Re2e5``) or of a shipped section (``naca63815``: all its Reynolds numbers). The
+    content decides the format: a CSV file with the columns ``alpha_deg`` or ``alpha_rad``, ``cl``,
+    ``cd`` and perhaps ``cm`` and ``reynolds``; an airfoil file of OpenFAST's AeroDyn (AirfoilInfo
+    v1.01, Reynolds numbers in millions); or polars that XFOIL or XFLR5 has written, one after the
+    other. Raises InputError with file, line, column, value and remedy.
     """
     name = str(source)
     for family, polars in POLAR_FAMILIES.items():

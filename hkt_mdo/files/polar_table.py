@@ -56,13 +56,12 @@ def polar_table(
 ) -> PolarTable:
     """Check a polar and return it in radians.
 
-    Columns alpha, lift, drag and moment[n_rows] are as the file has them: angles in degrees, or in
-    radians where the first of `columns`, the file's names for them, ends in ``_rad``. `lines` are
-    the numbers of the rows' lines (rows are counted without), and `where` tells this polar from
-    others in the file. Raises InputError if there are fewer than 8 rows (two suffice where all are
-    equal, as a cylinder's), angles do not increase strictly or cover neither -5 to 12 degrees
-    within ±90 nor the full circle, the ends of a full circle differ, drag is not positive, or a
-    number is not finite or beyond what sections have.
+    Angles alpha[n_rows] are in degrees, or in radians where the first of `columns`, the file's
+    names, ends in ``_rad``. `lines` are the numbers of the rows' lines, and `where` tells this
+    polar from others in the file. Raises InputError if there are fewer than 8 rows (two suffice
+    where all are equal, as a cylinder's), angles do not increase strictly or cover neither -5 to 12
+    degrees within ±90 nor the full circle, the ends of a full circle differ, drag is not positive,
+    or a number is not finite or beyond what sections have.
     """
     rows = [f"line {line}" for line in lines or ()] or [f"row {n + 1}" for n in range(len(alpha))]
     prefix = f"{where}, " if where else ""

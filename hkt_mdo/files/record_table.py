@@ -84,10 +84,7 @@ SPEEDS = {word: unit for unit, words in _OTHER_WORDS.items() for word in words.s
 
 
 def named_unit(name: str, spellings: dict[str, str]) -> str | None:
-    """Return the unit that a column's name or attribute ends with: `v [m/s]`, `v_m_s`, `v, ft/s`.
-
-    None where there is none, or one that is not among the spellings.
-    """
+    """Return the unit that a column's name or attribute ends with, if any: `v [m/s]`, `v_m_s`."""
     text = re.sub(r"\*\*|\^", "", name.strip().lower().replace("³", "3"))
     bracket = re.search(r"[\[(]([^\[\]()]*)[\])]$", text)
     text = bracket[1] if bracket else text.rpartition(",")[2]
@@ -122,7 +119,6 @@ class RecordOptions:
     cutoff: float | None = None  # Hz, of the low-pass; by default half of Nyquist's frequency
 
     def __post_init__(self) -> None:
-        """Refuse a word that is none of its option's."""
         for key, words in {
             "time_unit": (None, *TIME_UNITS),
             "speed_unit": (None, *SPEED_UNITS, *DISCHARGE_UNITS),
@@ -134,7 +130,6 @@ class RecordOptions:
                 raise self.refuse(key, "unknown", f"give one of {', '.join(filter(None, words))}")
 
     def refuse(self, key: str, problem: str, remedy: str, file: str = "") -> InputError:
-        """Return the error of an option that does not fit, perhaps to a file."""
         value = getattr(self, key)
         value = list(value) if isinstance(value, tuple) else value
         return InputError(problem, remedy, file=file, key=key, value=value)
@@ -171,10 +166,7 @@ class Columns:
     def in_si(
         self, dated: bool, options: RecordOptions, units: tuple[str, str] = ("", "")
     ) -> Columns:
-        """Return the columns in s and m/s; times are in seconds already where they were dates.
-
-        `units` are those that the file says besides its columns' names.
-        """
+        """Return the columns in s and m/s, by the units that the file says besides their names."""
         time, wanted = self.time, options.time_unit
         if dated and wanted is not None:
             problem = f"holds dates, and time_unit is {wanted}"

@@ -163,10 +163,7 @@ _HORIZONTAL = {("e", "n"), ("x", "y"), ("u", "v"), ("streamwise", "x-stream")}
 def _profile(
     speed: Any, dimension: Any, file: str, options: RecordOptions
 ) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Return the speed over time, of the chosen component or horizontal, averaged over bins.
-
-    And what is to be said of them.
-    """
+    """Return the speed over time, averaged over bins, and what is to be said of it."""
 
     def refuse(problem: str, remedy: str) -> InputError:
         return InputError(problem, remedy, file=file, key=column_key(str(speed.name)))

@@ -25,10 +25,9 @@ _LONGEST_NUMBER, _LONGEST_NAME = 64, 100
 
 
 def read_bytes(path: Path, largest: int, what: str) -> bytes:
-    """Return the content of a regular file of at most `largest` bytes.
+    """Return the content of a regular file of at most `largest` bytes; `what` says what it holds.
 
-    `what` says what the file is to hold, for the message. Raises InputError if there is no such
-    file, it cannot be read, or it is too large.
+    Raises InputError if there is no such file, it cannot be read, or it is too large.
     """
     try:
         if not path.is_file():
@@ -76,11 +75,7 @@ def line_error(
 
 
 def parse_number(text: str) -> float | None:
-    """Return a finite number written with a decimal point.
-
-    None for anything else: words, nan, inf, thousands separators, digits of other scripts, and
-    spaces round the number.
-    """
+    """Return a finite number written with a decimal point, without spaces; None for all else."""
     if len(text) > _LONGEST_NUMBER or not _NUMBER.fullmatch(text):
         return None
     number = float(text)
@@ -98,7 +93,6 @@ class Column:
 
     name: str
     values: np.ndarray
-    """Numbers, shape (n_rows,), in any unit that the caller converts them to."""
     keys: Sequence[str]
     """The place of each in the file."""
     shown: Sequence[object]
@@ -210,8 +204,8 @@ class Csv:
     ) -> dict[str, Column]:
         """Return columns of numbers: these, which must be there, and optional ones if there.
 
-        `what` names the table in messages. Raises InputError if a column is missing or appears
-        twice, there are no rows, or a cell is no number.
+        Raises InputError if a column is missing or there twice, there are no rows, or a cell is no
+        number; `what` names the table.
         """
         wanted = [name for name in (*names, *optional) if name in self.header]
         for name in wanted:

@@ -54,10 +54,9 @@ _VERSIONS = (
 def read_windio(text: str, file: Path) -> BladeTable:
     """Read the blade of a windIO turbine file.
 
-    Rows are the grid of the chord together with that of the twist; what is given on another grid is
-    interpolated linearly. A row's radius is the hub radius plus z of the reference axis. The table
-    has the `sections` that its blade uses and `section_position`, where they stand. Raises
-    InputError if something is missing or broken; the message names the dotted key and the line.
+    Rows are the grids of chord and twist together; what is given on another grid is interpolated
+    linearly. A row's radius is the hub radius plus z of the reference axis. The table has the
+    sections that its blade uses. Raises InputError with the dotted key and the line.
     """
     tree = compose(text, file)
     if not isinstance(tree, yaml.MappingNode):
@@ -166,10 +165,7 @@ class _Turbine:
         return grid, height
 
     def assembly(self, tip: float, cone: float) -> int | None:
-        """Return the number of blades, and hold the rotor diameter to hub and blade.
-
-        It is 2 (hub radius + z of the tip) cos(cone).
-        """
+        """Return the number of blades; hold the diameter to 2 (hub + z of the tip) cos(cone)."""
         assembly = self.root.find("assembly")
         count = assembly and assembly.find("number_of_blades")
         number = count and count.number(0.0, 100.0, "give the number of blades")
