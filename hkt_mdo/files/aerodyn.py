@@ -67,8 +67,8 @@ class _Lines:
                 raise self.expect(keyword, f"{_COUNTS}, and each table has its line Re")
             self.at += 1
             if name == "numcoords" and not found[1].startswith("@"):
-                self.at += self.count("NumCoords", number, found[1], 0)
-                self.at = min(self.at, len(self.lines) - 1)
+                after = self.at + self.count("NumCoords", number, found[1], 0)
+                self.at = min(after, len(self.lines) - 1)
 
     def count(self, keyword: str, number: int, text: str, fewest: int = 1) -> int:
         if not re.fullmatch(r"\d{1,6}", text, re.ASCII) or int(text) < fewest:
@@ -146,9 +146,7 @@ def read_blade_definition(text: str, file: Path, hub_radius: float | None) -> Bl
     with the line where the file is broken.
     """
     columns, messages = _blade_columns(lines_of(text.rstrip()), file)
-    span, chord, degrees, section = (
-        columns[name] for name in ("BlSpn", "BlChord", "BlTwist", "BlAFID")
-    )
+    span, degrees, chord, section = (columns[name] for name in _NEEDED)
     unknown = np.full(span.values.size, hub_radius is None)
     problem = "counts from the blade's root, whose radius an AeroDyn file does not say"
     span.refuse(unknown, problem, "give the hub radius in metres")

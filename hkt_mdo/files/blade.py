@@ -55,14 +55,11 @@ def read_blade(source: str | Path, hub_radius: float | None = None) -> BladeTabl
 
 # For each quantity: the names of its columns, and words that headers use for it without a unit.
 _QUANTITIES = {
-    "radius": (("r_m", "r_mm", "r_over_R"), "r|radius|radii|span|rr|x"),
-    "chord": (("chord_m", "chord_mm", "chord_over_R", "c_over_R"), "c|chord|cr"),
-    "twist": (
-        ("twist_deg", "twist_rad", "pitch_deg"),
-        "twist|pitch|theta|beta|twistangle|pitchangle",
-    ),
+    "radius": ("r_m r_mm r_over_R", "r|radius|radii|span|rr|x"),
+    "chord": ("chord_m chord_mm chord_over_R c_over_R", "c|chord|cr"),
+    "twist": ("twist_deg twist_rad pitch_deg", "twist|pitch|theta|beta|twistangle|pitchangle"),
     "thickness": (
-        ("thickness_over_chord", "t_over_c", "thickness_percent", "t_over_c_pct"),
+        "thickness_over_chord t_over_c thickness_percent t_over_c_pct",
         "t|tc|thickness|rthick|relativethickness",
     ),
 }
@@ -120,7 +117,7 @@ def _read_csv(text: str, file: Path) -> BladeTable:
 
 def _choose(table: Csv, quantity: str) -> str:
     """Return the one column that holds a quantity; empty if there is no thickness."""
-    names, words = _QUANTITIES[quantity]
+    names, words = _QUANTITIES[quantity][0].split(), _QUANTITIES[quantity][1]
     needed = quantity != "thickness"
     one_of = f"{', '.join(names[:-1])} or {names[-1]}"
     found = [name for name in dict.fromkeys(table.header) if name in names]

@@ -163,9 +163,7 @@ class Columns:
         key = f"{self.place(row)}, {column_key(self.names[column])}"
         return InputError(problem, remedy, file=self.file, key=key, **value)
 
-    def in_si(
-        self, dated: bool, options: RecordOptions, units: tuple[str, str] = ("", "")
-    ) -> Columns:
+    def in_si(self, dated: bool, options: RecordOptions, units: Sequence[str]) -> Columns:
         """Return the columns in s and m/s, by the units that the file says besides their names."""
         time, wanted = self.time, options.time_unit
         if dated and wanted is not None:
@@ -173,10 +171,10 @@ class Columns:
             key = column_key(self.names[0])
             raise InputError(problem, "leave time_unit out", file=self.file, key=key)
         if not dated:
-            unit = self._unit(0, units[0], wanted, "time_unit", TIMES)
+            unit = self._unit(0, units[0], options)
             with np.errstate(over="ignore"):  # infinite times are refused later, with their place
                 time = (time - time[:1]) * TIME_UNITS[unit]
-        unit, area = self._unit(1, units[1], options.speed_unit, "speed_unit", SPEEDS), options.area
+        unit, area = self._unit(1, units[1], options), options.area
         if (unit in DISCHARGE_UNITS) != (area is not None):
             problem = f"is a speed in {unit}, and area is given for a discharge"
             remedy = "leave area out, or give the column of the discharge"
@@ -190,15 +188,13 @@ class Columns:
         else:
             factor = DISCHARGE_UNITS[unit] / area
             note = f"discharge in {unit} over the area of {area:g} m2 is the speed"
-        notes = () if unit == "m/s" else (note,)
-        return replace(
-            self, time=time, speed=self.speed * factor, messages=(*self.messages, *notes)
-        )
+        messages = self.messages if unit == "m/s" else (*self.messages, note)
+        return replace(self, time=time, speed=self.speed * factor, messages=messages)
 
-    def _unit(
-        self, column: int, said: str, given: str | None, key: str, spellings: dict[str, str]
-    ) -> str:
-        """Return a column's unit, which the option `key` or the file says."""
+    def _unit(self, column: int, said: str, options: RecordOptions) -> str:
+        """Return a column's unit, which an option or the file says."""
+        key, spellings = (("time_unit", TIMES), ("speed_unit", SPEEDS))[column]
+        given = getattr(options, key)
         named = named_unit(said, spellings) or named_unit(self.names[column], spellings)
         if given is None and named is None:
             known = ", ".join(dict.fromkeys(spellings.values()))
@@ -287,4 +283,4 @@ def read_csv(path: Path, options: RecordOptions) -> Columns:
     if not lines:
         raise InputError("has a header but no samples", "add its rows", file=path)
     raw = Columns(file, names, np.array(times), np.array(speeds), lambda row: f"line {lines[row]}")
-    return raw.in_si(first is not None, options)
+    return raw.in_si(first is not None, options, ("", ""))
