@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.record import read_columns
-from hkt_mdo.files.record_table import MAX_ROWS, Columns, RecordOptions
-from hkt_mdo.files.record_xarray import columns_from
+from hkt_mdo.files.record_table import MAX_ROWS, Columns, RecordOptions, read_csv
+from hkt_mdo.files.record_xarray import columns_from, read_binary
 
 __all__ = ["Record", "RecordOptions", "find_spikes", "low_pass", "read_record", "record_from"]
 
@@ -30,6 +29,9 @@ SPIKE = 6.0
 
 UNEVEN = 0.05
 """Share of a step by which a sample may miss its even time."""
+
+_READERS = dict.fromkeys((".csv", ".txt"), read_csv)
+_READERS |= dict.fromkeys((".nc", ".nc4", ".cdf", ".parquet", ".pq"), read_binary)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,14 +52,19 @@ class Record:
 def read_record(path: str | Path, **options: Any) -> Record:
     """Read a record from a CSV, NetCDF or Parquet file; the ending says which.
 
-    `.csv` or `.txt`: columns separated by commas, a header line, UTF-8; empty cells and `nan` are
-    gaps. `.nc`, `.nc4` or `.cdf`, `.parquet` or `.pq`: as MHKiT's data are saved. The options are
-    those of `RecordOptions`. Raises InputError, with file, line, column, value and remedy, if the
-    file cannot be read, is larger than 256 MiB or 10 million rows, or anything in it is not as the
-    options say; also if the packages for NetCDF or Parquet are not installed.
+    `.csv` or `.txt`: a header line, commas, UTF-8; empty cells and `nan` are gaps. `.nc`, `.nc4` or
+    `.cdf`, `.parquet` or `.pq`: as MHKiT's data are saved. The options are those of
+    `RecordOptions`. Raises InputError, with file, line, column, value and remedy, if anything in
+    the file is not as they say, it has more than 256 MiB or 10 million rows, or packages for NetCDF
+    or Parquet are missing.
     """
-    chosen = RecordOptions(**options)
-    return _record(read_columns(Path(path), chosen), chosen)
+    chosen, path = RecordOptions(**options), Path(path)
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        ending = path.suffix
+        problem = f"has the ending {ending}" if ending else "has no ending that says its kind"
+        raise InputError(problem, f"name it {', '.join(_READERS)}, whichever it is", file=path)
+    return _Record(reader(path, chosen), chosen).made()
 
 
 def record_from(data: Any, **options: Any) -> Record:
@@ -67,193 +74,185 @@ def record_from(data: Any, **options: Any) -> Record:
     `mhkit.river.io.usgs` or `mhkit.dolfyn`. Options and errors are those of `read_record`.
     """
     chosen = RecordOptions(**options)
-    return _record(columns_from(data, chosen), chosen)
+    return _Record(columns_from(data, chosen), chosen).made()
 
 
-# From columns to a record -------------------------------------------------------------------------
+class _Record:
+    """Columns on their way to a record: checked, cut, repaired as far as allowed, low-passed."""
 
+    def __init__(self, raw: Columns, options: RecordOptions) -> None:
+        self.raw, self.options, self.messages = raw, options, list(raw.messages)
 
-def _record(raw: Columns, options: RecordOptions) -> Record:
-    """Check, cut, repair as far as allowed, and low-pass."""
-    messages = list(raw.messages)
-    _check_order(raw)
-    raw = _part(raw, options, messages)
-    spikes = _spikes(raw, options, messages)
-    fast = np.flatnonzero((np.abs(raw.speed) > FASTEST) & ~spikes)
-    if fast.size:
-        problem = f"is faster than any river, {FASTEST:g} m/s"
-        remedy = "mend speed_unit, or leave cells empty where samples are missing"
-        raise raw.refuse(problem, remedy, int(fast[0]), 1)
-    step, speed = _even(raw, spikes, options, messages)
-    cutoff, smooth = _cut_off(raw.file, step, speed, options, messages)
-    low = int(np.argmin(smooth))
-    if not smooth[low] > 0.0:
-        row = min(int(np.searchsorted(raw.time, low * step)), raw.time.size - 1)
-        problem = f"falls to {smooth[low]:.3g} m/s when low-passed: the flow stands still or turns"
-        remedy = "take a part where it runs one way by start and duration, or mend the sign"
-        raise raw.refuse(problem, remedy, row, 1)
-    summary = (
-        f"{Path(raw.file).name or 'record'}: {_count(smooth.size, 'sample')} every {step:.6g} s, "
-        f"mean {np.mean(smooth):.4g} m/s, from {smooth[low]:.4g} to {np.max(smooth):.4g} m/s"
-    )
-    time = step * np.arange(smooth.size)
-    return Record(time, smooth, step, cutoff, (summary, *messages))
+    def made(self) -> Record:
+        self.check_order()
+        self.cut()
+        raw, spikes = self.raw, self.spikes()
+        for row in np.flatnonzero((np.abs(raw.speed) > FASTEST) & ~spikes)[:1]:
+            problem = f"is faster than any river, {FASTEST:g} m/s"
+            remedy = "mend speed_unit, or leave cells empty where samples are missing"
+            raise raw.refuse(problem, remedy, row, 1)
+        step, speed = self.even(spikes)
+        cutoff, smooth = self.low_passed(step, speed)
+        low = int(np.argmin(smooth))
+        if not smooth[low] > 0.0:
+            row = min(int(np.searchsorted(raw.time, low * step)), raw.time.size - 1)
+            problem = f"falls to {smooth[low]:.3g} m/s when low-passed: the flow stands still or "
+            remedy = "take a part where it runs one way by start and duration, or mend the sign"
+            raise raw.refuse(f"{problem}turns", remedy, row, 1)
+        summary = (
+            f"{Path(raw.file).name or 'record'}: {_count(smooth.size, 'sample')} every {step:.6g} "
+            f"s, mean {np.mean(smooth):.4g} m/s, from {smooth[low]:.4g} to {np.max(smooth):.4g} m/s"
+        )
+        time = step * np.arange(smooth.size)
+        return Record(time, smooth, step, cutoff, (summary, *self.messages))
 
+    def check_order(self) -> None:
+        """Refuse a record that is too short, lacks a time, or whose times do not rise."""
+        raw, time = self.raw, self.raw.time
+        if time.size < MIN_SAMPLES:
+            problem = f"has {_count(time.size, 'sample')}"
+            raise InputError(problem, f"give {MIN_SAMPLES} at least", file=raw.file)
+        for row in np.flatnonzero(~np.isfinite(time))[:1]:
+            raise raw.refuse("is no time", "give every sample its time", row, 0)
+        for row in np.flatnonzero(np.diff(time) <= 0.0)[:1]:
+            after = "also the time of" if time[row + 1] == time[row] else "before"
+            remedy = "sort the rows by time and keep one of each; if the clock was changed, give "
+            remedy += "dates with their zone"
+            raise raw.refuse(f"is {after} {raw.place(row)}", remedy, row + 1, 0)
 
-def _check_order(raw: Columns) -> None:
-    """Refuse a record that is too short, lacks a time, or whose times do not rise."""
-    if raw.time.size < MIN_SAMPLES:
-        problem = f"has {_count(raw.time.size, 'sample')}"
-        raise InputError(problem, f"give {MIN_SAMPLES} at least", file=raw.file)
-    absent = np.flatnonzero(~np.isfinite(raw.time))
-    if absent.size:
-        raise raw.refuse("is no time", "give every sample its time", int(absent[0]), 0)
-    back = np.flatnonzero(np.diff(raw.time) <= 0.0)
-    if back.size:
-        row = int(back[0]) + 1
-        same = raw.time[row] == raw.time[row - 1]
-        problem = f"is {'also the time of' if same else 'before'} {raw.place(row - 1)}"
-        remedy = "sort the rows by time and keep one of each; if the clock was changed, give dates "
-        raise raw.refuse(problem, remedy + "with their zone", row, 0)
+    def cut(self) -> None:
+        """Take the rows from start to start + duration, times anew from 0."""
+        raw, time, options = self.raw, self.raw.time, self.options
+        start, length = options.start, options.duration
+        end = np.inf if length is None else start + length
+        near = 1e-9 * (1.0 + time[-1])
+        for key, value in (("start", start), ("duration", end)):
+            if time[-1] + near < value < np.inf:
+                whole = f"the record ends {time[-1]:.6g} s after it begins"
+                problem, remedy = f"asks for {value:.6g} s, and {whole}", f"give a smaller {key}"
+                raise options.refuse(key, problem, f"{remedy}, or none", raw.file)
+        first, last = map(int, np.searchsorted(time, (start - near, end + near)))
+        if last - first == time.size:
+            return
+        if last - first < MIN_SAMPLES:
+            problem = f"leaves {_count(last - first, 'sample')} of the record"
+            remedy = f"take a longer part, {MIN_SAMPLES} samples at least"
+            key = "start" if length is None else "duration"
+            raise options.refuse(key, problem, remedy, raw.file)
+        span = f"from {time[first]:.6g} s to {time[last - 1]:.6g} s"
+        self.messages.append(f"taken {span} of the record")
+        self.raw = replace(
+            raw,
+            time=time[first:last] - time[first],
+            speed=raw.speed[first:last],
+            place=lambda row: raw.place(row + first),
+        )
 
-
-def _part(raw: Columns, options: RecordOptions, messages: list[str]) -> Columns:
-    """Return the rows from start to start + duration, times anew from 0."""
-    time, start, whole = raw.time, options.start, raw.place
-    end = np.inf if options.duration is None else start + options.duration
-    near = 1e-9 * (1.0 + time[-1])
-    for key, value in (("start", start), ("duration", end)):
-        if np.isfinite(value) and value > time[-1] + near:
-            problem = (
-                f"asks for {value:.6g} s, and the record ends {time[-1]:.6g} s after it begins"
-            )
-            raise options.refuse(key, problem, f"give a smaller {key}, or none", raw.file)
-    first, last = map(int, np.searchsorted(time, (start - near, end + near)))
-    if last - first == time.size:
-        return raw
-    if last - first < MIN_SAMPLES:
-        key = "start" if options.duration is None else "duration"
-        problem = f"leaves {_count(last - first, 'sample')} of the record"
-        remedy = f"take a longer part, {MIN_SAMPLES} samples at least"
-        raise options.refuse(key, problem, remedy, raw.file)
-    messages.append(f"taken from {time[first]:.6g} s to {time[last - 1]:.6g} s of the record")
-    return replace(
-        raw,
-        time=time[first:last] - time[first],
-        speed=raw.speed[first:last],
-        place=lambda row: whole(row + first),
-    )
-
-
-def find_spikes(speed: np.ndarray) -> np.ndarray:
-    """Return which samples of speed[n], n >= 16 and finite, are spikes, by a Hampel filter.
-
-    A sample is one if it is farther from the median of the seven around it than `SPIKE` times
-    their spread, and `SPIKE` times the usual difference of neighbours among the 51 around it; both
-    are 1.4826 times a median absolute deviation (Davies and Gather 1993; Pearson 2002). The samples
-    left without the spikes are filtered again, until there are none: so two or three bad samples
-    in a row are found, too. Gusts, steps and crests of waves are no spikes, since their neighbours
-    follow them.
-    """
-    spikes = np.zeros(speed.size, dtype=bool)
-    left = np.arange(speed.size)
-    while left.size >= MIN_SAMPLES:
-        found = _stand_off(np.clip(speed[left], -1e6, 1e6))  # so that absurd speeds do not overflow
-        if not np.any(found):
-            break
-        spikes[left[found]] = True
-        left = left[~found]
-    return spikes
-
-
-def _stand_off(speed: np.ndarray) -> np.ndarray:
-    """Return which samples stand off from the seven around them."""
-    from scipy.ndimage import median_filter, minimum_filter
-
-    half = 3
-    steps = np.abs(np.diff(speed, append=speed[-1]))
-    # Samples of few digits differ mostly by zero: a step of the last digit is no spike, unless it
-    # is more than a hundredth of the speed.
-    digit = minimum_filter(np.where(steps > 0.0, steps, np.inf), 51)
-    digit = np.minimum(digit, 0.01 * np.median(np.abs(speed)))
-    usual = np.maximum(1.4826 * median_filter(steps, 51), digit)
-    # the first and the last samples are compared with the first and the last seven
-    centres = np.clip(np.arange(speed.size), half, speed.size - 1 - half)
-    off = np.abs(speed - median_filter(speed, 2 * half + 1)[centres])
-    found = np.zeros(speed.size, dtype=bool)
-    suspects = np.flatnonzero(off > SPIKE * usual)
-    for block in np.array_split(suspects, suspects.size // 100_000 + 1):
-        around = speed[centres[block, None] + np.arange(-half, half + 1)]
-        middle = np.median(around, axis=1, keepdims=True)
-        found[block] = off[block] > SPIKE * 1.4826 * np.median(np.abs(around - middle), axis=1)
-    return found
-
-
-def _spikes(raw: Columns, options: RecordOptions, messages: list[str]) -> np.ndarray:
-    """Return which samples are spikes that are to be replaced."""
-    spikes = np.zeros(raw.speed.size, dtype=bool)
-    present = np.flatnonzero(np.isfinite(raw.speed))
-    if options.spikes == "keep" or present.size < MIN_SAMPLES:
+    def spikes(self) -> np.ndarray:
+        """Return which samples are spikes that are to be replaced."""
+        speed, time, choice = self.raw.speed, self.raw.time, self.options.spikes
+        spikes = np.zeros(speed.size, dtype=bool)
+        present = np.flatnonzero(np.isfinite(speed))
+        if choice == "keep" or present.size < MIN_SAMPLES:
+            return spikes
+        found = present[find_spikes(speed[present])]
+        if found.size and choice == "refuse":
+            others = f", and {found.size - 1} more do" if found.size > 1 else ""
+            problem = f"stands off from its neighbours like a spike{others}"
+            remedy = "give spikes: replace to interpolate there, or spikes: keep if that is the "
+            raise self.raw.refuse(problem, f"{remedy}flow", int(found[0]), 1)
+        if found.size:
+            spikes[found] = True
+            told = f"{_count(found.size, 'spike')} replaced ({_percent(spikes)})"
+            self.messages.append(f"{told}, at t = {_times(time[found])}")
         return spikes
-    found = present[find_spikes(raw.speed[present])]
-    if found.size and options.spikes == "refuse":
-        others = f", and {found.size - 1} more do" if found.size > 1 else ""
-        problem = f"stands off from its neighbours like a spike{others}"
-        remedy = "give spikes: replace to interpolate there, or spikes: keep if that is the flow"
-        raise raw.refuse(problem, remedy, int(found[0]), 1)
-    if found.size:
-        spikes[found] = True
-        messages.append(
-            f"{_count(found.size, 'spike')} replaced ({100.0 * np.mean(spikes):.2g} %), "
-            f"at t = {_times(raw.time[found])}"
-        )
-    return spikes
 
-
-def _even(
-    raw: Columns, spikes: np.ndarray, options: RecordOptions, messages: list[str]
-) -> tuple[float, np.ndarray]:
-    """Return the step, and the speeds at even times, interpolated where the record has none."""
-    step, index, miss = _grid(raw.time)
-    uneven = miss > UNEVEN * step
-    resample = bool(np.any(uneven))
-    if resample and options.uneven == "refuse":
-        row = int(np.argmax(uneven))
-        problem = f"is {miss[row]:.3g} s off an even spacing of {step:.6g} s"
-        raise raw.refuse(problem, "give uneven: resample to interpolate at even times", row, 0)
-    if resample:
-        step = float(np.median(np.diff(raw.time)))
-    longest = _check_gaps(raw, step, resample, options)
-    count = int(raw.time[-1] / step * (1.0 + 1e-12)) + 1 if resample else int(index[-1]) + 1
-    if count > MAX_ROWS:
-        problem = f"has {count:,} even samples, and {MAX_ROWS:,} are taken"
-        raise InputError(problem, "take a part of it by start and duration", file=raw.file)
-    good = np.isfinite(raw.speed) & ~spikes
-    if resample:
-        messages.append(
-            f"resampled every {step:.6g} s: samples were up to {np.max(miss):.3g} s off even times"
-        )
-        return step, _interpolate(raw, good, step * np.arange(count))
-
-    if np.max(miss) > 1e-3 * step:
-        share = 100.0 * np.max(miss) / step
-        messages.append(f"times taken as even: they are up to {share:.2g} % of a step off")
-    place = index.astype(np.intp)
-    speed = np.full(count, np.nan)
-    speed[place[good]] = raw.speed[good]
-    holes = np.isnan(speed)
-    gaps = holes.copy()
-    gaps[place[spikes]] = False
-    if np.any(gaps):
+    def even(self, spikes: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return the step, and the speeds at even times, interpolated where there are none."""
+        raw, messages = self.raw, self.messages
+        step, index, miss = _grid(raw.time)
+        count = int(index[-1]) + 1
+        uneven = np.flatnonzero(miss > UNEVEN * step)
+        if uneven.size and self.options.uneven == "refuse":
+            problem = f"is {miss[uneven[0]]:.3g} s off an even spacing of {step:.6g} s"
+            remedy = "give uneven: resample to interpolate at even times"
+            raise raw.refuse(problem, remedy, uneven[0], 0)
+        if uneven.size:
+            step = float(np.median(np.diff(raw.time)))
+            count = int(raw.time[-1] / step * (1.0 + 1e-12)) + 1
+        longest = self.longest_gap(step, uneven.size > 0)
+        if count > MAX_ROWS:
+            problem = f"has {count:,} even samples, and {MAX_ROWS:,} are taken"
+            raise InputError(problem, "take a part of it by start and duration", file=raw.file)
+        good = np.isfinite(raw.speed) & ~spikes
+        if uneven.size:
+            off = f"samples were up to {np.max(miss):.3g} s off even times"
+            messages.append(f"resampled every {step:.6g} s: {off}")
+            return step, _interpolate(raw, good, step * np.arange(count))
+        if np.max(miss) > 1e-3 * step:
+            share = f"{100.0 * np.max(miss) / step:.2g} % of a step off"
+            messages.append(f"times taken as even: they are up to {share}")
+        place = index.astype(np.intp)
+        speed = np.full(count, np.nan)
+        speed[place[good]] = raw.speed[good]
+        holes = np.isnan(speed)
+        gaps = holes.copy()
+        gaps[place[spikes]] = False
         begins = np.flatnonzero(gaps & ~np.append(False, gaps[:-1]))
-        messages.append(
-            f"{_count(begins.size, 'gap')} interpolated, {_count(int(np.sum(gaps)), 'sample')} "
-            f"({100.0 * np.mean(gaps):.2g} %), the longest {longest:.6g} s, "
-            f"at t = {_times(step * begins)}"
-        )
-    if np.any(holes):
-        speed[holes] = _interpolate(raw, good, step * np.flatnonzero(holes))
-    return step, speed
+        if begins.size:
+            messages.append(
+                f"{_count(begins.size, 'gap')} interpolated, {_count(int(np.sum(gaps)), 'sample')} "
+                f"({_percent(gaps)}), the longest {longest:.6g} s, at t = {_times(step * begins)}"
+            )
+        if np.any(holes):
+            speed[holes] = _interpolate(raw, good, step * np.flatnonzero(holes))
+        return step, speed
+
+    def longest_gap(self, step: float, resample: bool) -> float:
+        """Return the longest gap, s; refuse one that may not be interpolated.
+
+        Where samples are uneven, all of them are interpolated, and only the longest gap counts.
+        """
+        raw, interpolate = self.raw, self.options.gaps == "interpolate"
+        present = np.isfinite(raw.speed)
+        empty = np.flatnonzero(~present)
+        another = "take a part without it by start and duration"
+        if empty.size and not interpolate:
+            others = f", as are {empty.size - 1} more" if empty.size > 1 else ""
+            remedy = f"give gaps: interpolate, or {another}"
+            raise raw.refuse(f"is missing{others}", remedy, int(empty[0]), 1)
+        for row, key in ((0, "start"), (present.size - 1, "duration")):
+            if not present[row]:
+                problem = "is missing at an end of the record, where nothing can be interpolated"
+                raise raw.refuse(problem, f"leave it out by {key}", row, 1)
+        rows = np.flatnonzero(present)
+        missing = np.diff(raw.time[rows]) - step
+        longest = self.options.longest_gap or min(3.0 * step, 3600.0)
+        allowed = longest + 0.1 * step
+        most = allowed if interpolate or resample else 0.5 * step
+        for gap in np.flatnonzero(missing > most)[:1]:
+            problem = f"ends a gap of {missing[gap]:.6g} s"
+            remedy = f"give gaps: interpolate, or {another}"
+            if missing[gap] > allowed:
+                problem += f", and no more than {longest:.6g} s may be interpolated"
+                remedy = f"{another}, or give a longest_gap of up to an hour"
+            raise raw.refuse(problem, remedy, int(rows[gap + 1]), 0)
+        return float(np.max(missing))
+
+    def low_passed(self, step: float, speed: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return the cutoff and the low-passed speeds."""
+        nyquist, slowest = 0.5 / step, 1.0 / (step * (speed.size - 1))
+        cutoff = 0.5 * nyquist if self.options.cutoff is None else self.options.cutoff
+        if not slowest <= cutoff < nyquist:
+            problem = f"must lie between {slowest:.4g} Hz, one wave in the record, and "
+            problem += f"{nyquist:.4g} Hz, half the sampling rate"
+            remedy = "give another cutoff, or none for half of the upper one"
+            raise self.options.refuse("cutoff", problem, remedy, self.raw.file)
+        smooth, variance = low_pass(speed, step, cutoff), float(np.var(speed))
+        removed = 1.0 - float(np.var(smooth)) / variance if variance > 0.0 else 0.0
+        share = f"{100.0 * removed:.2g} % of the variance"
+        self.messages.append(f"low-passed at {cutoff:.4g} Hz, which removed {share}")
+        return cutoff, smooth
 
 
 def _grid(time: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
@@ -275,36 +274,57 @@ def _interpolate(raw: Columns, good: np.ndarray, time: np.ndarray) -> np.ndarray
     return PchipInterpolator(known, raw.speed[good])(np.clip(time, known[0], known[-1]))
 
 
-def _check_gaps(raw: Columns, step: float, resample: bool, options: RecordOptions) -> float:
-    """Return the longest gap, s; refuse one that may not be interpolated.
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'s' if number != 1 else ''}"
 
-    Where samples are uneven, all of them are interpolated, and only the longest gap counts.
+
+def _percent(which: np.ndarray) -> str:
+    return f"{100.0 * np.mean(which):.2g} %"
+
+
+def _times(times: np.ndarray) -> str:
+    shown = ", ".join(f"{time:.6g}" for time in times[:5])
+    return f"{shown}{', ...' if times.size > 5 else ''} s"
+
+
+def find_spikes(speed: np.ndarray) -> np.ndarray:
+    """Return which samples of speed[n], n >= 16 and finite, are spikes, by a Hampel filter.
+
+    A sample is one if it is farther from the median of the seven around it than `SPIKE` times
+    their spread, and `SPIKE` times the usual difference of neighbours among the 51 around it; both
+    are 1.4826 times a median absolute deviation (Davies and Gather 1993; Pearson 2002). The samples
+    left are filtered again, until there are none: so two or three bad samples in a row are found.
+    Gusts, steps and crests of waves are no spikes, since their neighbours follow them.
     """
-    present = np.isfinite(raw.speed)
-    empty = np.flatnonzero(~present)
-    another = "take a part without it by start and duration"
-    if empty.size and options.gaps == "refuse":
-        others = f", as are {empty.size - 1} more" if empty.size > 1 else ""
-        remedy = f"give gaps: interpolate, or {another}"
-        raise raw.refuse(f"is missing{others}", remedy, int(empty[0]), 1)
-    for row, key in ((0, "start"), (-1, "duration")):
-        if not present[row]:
-            problem = "is missing at an end of the record, where nothing can be interpolated"
-            raise raw.refuse(problem, f"leave it out by {key}", row % present.size, 1)
-    rows = np.flatnonzero(present)
-    missing = np.diff(raw.time[rows]) - step
-    longest = min(3.0 * step, 3600.0) if options.longest_gap is None else options.longest_gap
-    allowed = longest + 0.1 * step
-    found = missing > (allowed if options.gaps == "interpolate" or resample else 0.5 * step)
-    if np.any(found):
-        gap = int(np.argmax(found))
-        problem = f"ends a gap of {missing[gap]:.6g} s"
-        remedy = f"give gaps: interpolate, or {another}"
-        if missing[gap] > allowed:
-            problem += f", and no more than {longest:.6g} s may be interpolated"
-            remedy = f"{another}, or give a longest_gap of up to an hour"
-        raise raw.refuse(problem, remedy, int(rows[gap + 1]), 0)
-    return float(np.max(missing))
+    spikes = np.zeros(speed.size, dtype=bool)
+    found = ~spikes
+    while np.any(found) and np.count_nonzero(~spikes) >= MIN_SAMPLES:
+        left = np.flatnonzero(~spikes)
+        found = _stand_off(np.clip(speed[left], -1e6, 1e6))  # so that absurd speeds do not overflow
+        spikes[left[found]] = True
+    return spikes
+
+
+def _stand_off(speed: np.ndarray) -> np.ndarray:
+    """Return which samples stand off from the seven around them."""
+    from scipy.ndimage import median_filter, minimum_filter
+
+    half = 3
+    steps = np.abs(np.diff(speed, append=speed[-1]))
+    # Samples of few digits differ mostly by zero: a step of the last digit is no spike, unless it
+    # is more than a hundredth of the speed.
+    digit = minimum_filter(np.where(steps > 0.0, steps, np.inf), 51)
+    digit = np.minimum(digit, 0.01 * np.median(np.abs(speed)))
+    usual = np.maximum(1.4826 * median_filter(steps, 51), digit)
+    # the first and the last samples are compared with the first and the last seven
+    centres = np.clip(np.arange(speed.size), half, speed.size - 1 - half)
+    off = np.abs(speed - median_filter(speed, 2 * half + 1)[centres])
+    suspects = np.flatnonzero(off > SPIKE * usual)
+    around = np.lib.stride_tricks.sliding_window_view(speed, 2 * half + 1)[centres[suspects] - half]
+    spread = np.median(np.abs(around - np.median(around, axis=1, keepdims=True)), axis=1)
+    found = np.zeros(speed.size, dtype=bool)
+    found[suspects] = off[suspects] > SPIKE * 1.4826 * spread
+    return found
 
 
 def low_pass(speed: np.ndarray, step: float, cutoff: float) -> np.ndarray:
@@ -324,30 +344,3 @@ def low_pass(speed: np.ndarray, step: float, cutoff: float) -> np.ndarray:
     smooth = line.copy()
     smooth[1:-1] += idst(sines / (1.0 + (frequency / cutoff) ** 8), type=1)
     return smooth
-
-
-def _cut_off(
-    file: str, step: float, speed: np.ndarray, options: RecordOptions, messages: list[str]
-) -> tuple[float, np.ndarray]:
-    """Return the cutoff and the low-passed speeds."""
-    nyquist, slowest = 0.5 / step, 1.0 / (step * (speed.size - 1))
-    cutoff = 0.5 * nyquist if options.cutoff is None else options.cutoff
-    if not slowest <= cutoff < nyquist:
-        problem = f"must lie between {slowest:.4g} Hz, one wave in the record, and {nyquist:.4g} Hz"
-        remedy = "give another cutoff, or none for half of the upper one"
-        raise options.refuse("cutoff", f"{problem}, half the sampling rate", remedy, file)
-    smooth, variance = low_pass(speed, step, cutoff), float(np.var(speed))
-    removed = 1.0 - float(np.var(smooth)) / variance if variance > 0.0 else 0.0
-    messages.append(
-        f"low-passed at {cutoff:.4g} Hz, which removed {100.0 * removed:.2g} % of the variance"
-    )
-    return cutoff, smooth
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'s' if number != 1 else ''}"
-
-
-def _times(times: np.ndarray) -> str:
-    shown = ", ".join(f"{time:.6g}" for time in times[:5])
-    return f"{shown}{', ...' if times.size > 5 else ''} s"

@@ -6,7 +6,6 @@ Numbers may have Fortran's exponents (1.0D+00).
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +14,7 @@ import numpy as np
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade_table import FEWEST_ROWS, MOST_ROWS, BladeTable, check_rows
 from hkt_mdo.files.polar_table import PolarTable, check_reynolds, polar_table
-from hkt_mdo.files.table import Column, Source, fortran_number, lines_of, text_columns
+from hkt_mdo.files.table import Column, fortran_number, line_error, lines_of, number_columns
 
 __all__ = ["read_airfoil", "read_blade_definition"]
 
@@ -23,74 +22,69 @@ __all__ = ["read_airfoil", "read_blade_definition"]
 
 _SETTING = re.compile(r"""\s*(@?"[^"]*"|@?'[^']*'|\S+)\s+([A-Za-z]\w*)""")
 _REMEDY = "see OpenFAST's AirfoilInfo v1.01 files"
+_COUNTS = "NumAlf counts the rows of a table, NumTabs the tables"
 
 
-class _Lines(Source):
-    """The lines of an airfoil file that are no remarks, read one after the other."""
+class _Lines:
+    """The lines of an airfoil file that are no remarks, read one after the other, and an end."""
 
-    def __init__(self, text: str, path: Path) -> None:
-        super().__init__(path)
-        self.at = 0
+    def __init__(self, text: str, file: Path) -> None:
+        self.file, self.at = file, 0
         self.lines: list[tuple[int, str, list[str]]] = []  # number, text, names of columns above
         names: list[str] = []
-        for number, line in enumerate(lines_of(text), start=1):
+        for number, line in enumerate([*lines_of(text.rstrip()), ""], start=1):
             remark = line.lstrip()
             if remark.startswith(("!", "#", "%")):
                 words = [re.sub(r"\W|_", "", word).lower() for word in remark.lstrip("!#%").split()]
                 if words and words[0] in ("alpha", "aoa", "alfa"):
                     names = words
-            elif line.strip():
+            elif remark:
                 self.lines.append((number, line.partition("!")[0].strip(), names))
                 names = []
+        self.lines.append((number, "", []))
 
-    def refusal(self, problem: str, remedy: str = _REMEDY) -> InputError:
-        if self.at < len(self.lines):
-            number, text, _ = self.lines[self.at]
-            return self.refuse(problem, remedy, number, value=text)
-        return InputError(f"the file ends where {problem}", remedy, file=self.file, key="end")
+    def refuse(self, problem: str, remedy: str) -> InputError:
+        number, text, _ = self.lines[self.at]
+        return line_error(self.file, number, problem, remedy, value=text)
+
+    def expect(self, what: str, remedy: str = _COUNTS) -> InputError:
+        begin = "comes" if self.at < len(self.lines) - 1 else "the file ends"
+        return self.refuse(f"{begin} where {what} is expected", remedy)
 
     def setting(self, keyword: str) -> tuple[int, str]:
         """Return line number and value of the next setting of this name, passing over others."""
-        while self.at < len(self.lines):
+        while True:
             number, text, _ = self.lines[self.at]
             found = _SETTING.match(text)
-            if text.startswith("@") and not found:
-                raise self.refusal(
-                    "takes its tables from another file", "paste that file in place of this line"
-                )
             name = found[2].lower() if found else ""
-            later = name in ("numtabs", "re", "numalf") and name != keyword.lower()
-            if found is None or later:
-                raise self.refusal(
-                    f"comes where {keyword} is expected",
-                    "NumAlf counts the rows of a table, NumTabs the tables, and each table has its "
-                    "line Re",
-                )
-            self.at += 1
+            if text.startswith("@") and not found:
+                remedy = "paste that file in place of this line"
+                raise self.refuse("takes its tables from another file", remedy)
             if name == keyword.lower():
+                self.at += 1
                 return number, found[1]
+            if found is None or name in ("numtabs", "re", "numalf"):
+                raise self.expect(keyword, f"{_COUNTS}, and each table has its line Re")
+            self.at += 1
             if name == "numcoords" and not found[1].startswith("@"):
-                self.at += self.count("NumCoords", number, found[1], 0)
-        raise self.refusal(f"{keyword} is expected")
+                after = self.at + self.count("NumCoords", number, found[1], 0)
+                self.at = min(after, len(self.lines) - 1)
 
     def count(self, keyword: str, number: int, text: str, fewest: int = 1) -> int:
         if not re.fullmatch(r"\d{1,6}", text, re.ASCII) or int(text) < fewest:
             problem = f"must be a whole number of at least {fewest}"
-            raise self.refuse(problem, _REMEDY, number, keyword, value=text)
+            raise line_error(self.file, number, problem, _REMEDY, keyword, value=text)
         return int(text)
 
     def rows(self, count: int, count_line: int) -> list[tuple[int, list[str]]]:
         """Return line number and cells of the rows that NumAlf, in line `count_line`, promises."""
         rows: list[tuple[int, list[str]]] = []
         while len(rows) < count:
-            number, line, _ = self.lines[self.at] if self.at < len(self.lines) else (0, "", [])
+            number, line, _ = self.lines[self.at]
             cells = re.split(r"[\s,]+", line)
             setting = len(cells) > 1 and cells[1].lower() in ("re", "userprop", "ctrl")
             if setting or fortran_number(cells[0]) is None:
-                raise self.refusal(
-                    f"row {len(rows) + 1} of NumAlf = {count} (line {count_line}) is expected",
-                    "NumAlf counts the rows of a table",
-                )
+                raise self.expect(f"row {len(rows) + 1} of NumAlf = {count} (line {count_line})")
             rows.append((number, cells))
             self.at += 1
         return rows
@@ -103,45 +97,36 @@ def read_airfoil(text: str, path: Path) -> list[PolarTable]:
     """
     file = _Lines(text, path)
     n_tables = file.count("NumTabs", *file.setting("NumTabs"))
-    tables = [_read_table(file, index + 1) for index in range(n_tables)]
-    if file.at < len(file.lines):
-        raise file.refusal(
-            "follows the last row of the last table",
-            "NumAlf counts the rows of a table, NumTabs the tables",
-        )
+    tables = [_read_table(file, f"table {index + 1}") for index in range(n_tables)]
+    if file.at < len(file.lines) - 1:
+        raise file.refuse("follows the last row of the last table", _COUNTS)
     return tables
 
 
-def _read_table(file: _Lines, index: int) -> PolarTable:
-    """Read the table of this number, from 1."""
-    path = file.file
-    at, cell = file.setting("Re")
-    millions = fortran_number(cell)
-    reynolds = check_reynolds(
-        millions and 1e6 * millions, cell, path, f"line {at}, Re of table {index}", 1e6
-    )
-    at, cell = file.setting("NumAlf")
-    names = file.lines[file.at][2] if file.at < len(file.lines) else []
+def _read_table(file: _Lines, where: str) -> PolarTable:
+    line, cell = file.setting("Re")
+    reynolds = check_reynolds(fortran_number(cell), cell, file.file, f"line {line}, Re", 1e6)
+    count_line, cell = file.setting("NumAlf")
+    line, _, names = file.lines[file.at]
     if names and names[1:3] != ["cl", "cd"]:
-        problem = "the columns are to be Alpha, Cl, Cd and perhaps Cm"
-        line, remedy = file.lines[file.at][0], "put them in this order"
-        raise file.refuse(problem, remedy, line, f"table {index}", value=" ".join(names))
-    rows = file.rows(file.count("NumAlf", at, cell), at)
+        problem, remedy = "the columns are to be Alpha, Cl, Cd and perhaps Cm", "put them in order"
+        raise line_error(file.file, line, problem, remedy, where, value=" ".join(names))
+    rows = file.rows(file.count("NumAlf", count_line, cell), count_line)
     numbers = [str(number + 1) for number in range(len(rows[0][1]))]
-    columns = list(text_columns(rows, numbers, path, numbers).values())
+    columns = list(number_columns(rows, numbers, file.file, numbers).values())
     if len(columns) < 3:
         remedy = "give Alpha, Cl and Cd in every row"
-        raise file.refuse("has fewer than three columns", remedy, rows[0][0])
+        raise line_error(file.file, rows[0][0], "has fewer than three columns", remedy)
     # Without names the fourth column is the moment; MHK files have the lowest pressure there.
     moment = names.index("cm") if "cm" in names else (0 if names else 3)
     return polar_table(
         *(column.values for column in columns[:3]),
         columns[moment].values if 0 < moment < len(columns) else None,
         reynolds,
-        file=path,
+        file=file.file,
         columns=("Alpha", "Cl", "Cd", "Cm"),
         lines=[line for line, _ in rows],
-        where=f"table {index}",
+        where=where,
     )
 
 
@@ -160,23 +145,13 @@ def read_blade_definition(text: str, file: Path, hub_radius: float | None) -> Bl
     columns are found by their names, since their number grew over the versions. Raises InputError
     with the line where the file is broken.
     """
-    lines = lines_of(text.rstrip())
-    columns, messages = _blade_columns(lines, file)
-    span, chord, degrees = (columns[name] for name in ("BlSpn", "BlChord", "BlTwist"))
-    if hub_radius is None:
-        raise InputError(
-            "counts from the blade's root, whose radius an AeroDyn file does not say",
-            "give the hub radius in metres",
-            file=file,
-            key=span.keys[0],
-            value=span.shown[0],
-        )
-    span.refuse(
-        (np.arange(span.values.size) == 0) & (span.values != 0.0),
-        "is not 0, where AeroDyn's span begins: it counts from the blade's root",
-        "subtract the hub radius from the column",
-    )
-    span.refuse(span.values < 0.0, "is a negative span", "count from the blade's root")
+    columns, messages = _blade_columns(lines_of(text.rstrip()), file)
+    span, degrees, chord, section = (columns[name] for name in _NEEDED)
+    unknown = np.full(span.values.size, hub_radius is None)
+    problem = "counts from the blade's root, whose radius an AeroDyn file does not say"
+    span.refuse(unknown, problem, "give the hub radius in metres")
+    problem = "is not 0, where AeroDyn's span begins: it counts from the blade's root"
+    span.refuse(span.values[:1] != 0.0, problem, "subtract the hub radius from the column")
     messages.append("BlTwist: degrees converted to radians")
     if hub_radius:
         messages.append(f"BlSpn: counted from the root, hub radius of {hub_radius:g} m added")
@@ -191,85 +166,69 @@ def read_blade_definition(text: str, file: Path, hub_radius: float | None) -> Bl
     # check_rows is given the span as the radius, so that its messages quote what the file says.
     twist = replace(degrees, values=np.deg2rad(degrees.values))
     check_rows(span, chord, twist, thickness, hub_radius + float(np.max(span.values)))
-    r = replace(span, values=hub_radius + span.values)
-    r.check_rising("radii")  # spans that differ may give one radius by rounding
-    section = columns["BlAFID"]
-    section.refuse(
-        (section.values < 1.0) | (section.values != np.floor(section.values)),
-        "is no number of an airfoil",
-        "give the place in AeroDyn's list of airfoil files, from 1",
-    )
+    r = hub_radius + span.values
+    span.check_rising("radii", r)  # spans that differ may give one radius by rounding
+    wrong = (section.values < 1.0) | (section.values != np.floor(section.values))
+    remedy = "give the place in AeroDyn's list of airfoil files, from 1"
+    section.refuse(wrong, "is no number of an airfoil", remedy)
     return BladeTable(
-        r.values,
+        r,
         chord.values,
         twist.values,
         thickness=None if thickness is None else thickness.values,
         section=tuple(f"{number:.0f}" for number in section.values),
-        tip_radius=float(r.values[-1]),
+        tip_radius=float(r[-1]),
         hub_radius=float(hub_radius),
         messages=tuple(messages),
         file=str(file),
     )
 
 
-def _blade_columns(lines: Sequence[str], file: Path) -> tuple[dict[str, Column], list[str]]:
+def _blade_columns(lines: list[str], file: Path) -> tuple[dict[str, Column], list[str]]:
     """Return the columns in the file's units, and what is to be said of rows that are ignored."""
-    count, count_line = _node_count(lines, file)
-    first, header = _blade_header(lines, count_line, file)
+    found = (re.match(r"\s*(\S+)\s+NumBlNds\b", line, re.IGNORECASE) for line in lines)
+    count_line, cell = next(((n, each[1]) for n, each in enumerate(found, 1) if each), (0, ""))
+    if not count_line:
+        problem = "has no line `19 NumBlNds`, so it is no AeroDyn 15 blade file"
+        remedy = "give the blade file (ADBlFile) that AeroDyn's primary file names, or a CSV file"
+        raise line_error(file, 1, problem, remedy, value=lines[0])
+    number = fortran_number(cell) or 0.0
+    count = int(number)
+    if count != number or not FEWEST_ROWS <= count <= MOST_ROWS:
+        problem = f"is no number of rows from {FEWEST_ROWS} to {MOST_ROWS}"
+        remedy = "write how many rows the blade has"
+        raise line_error(file, count_line, problem, remedy, "NumBlNds", value=cell)
+    names_line = count_line + 1
+    while names_line < len(lines) and not lines[names_line - 1].strip():
+        names_line += 1
+    names, units = (line.split() for line in [*lines, "", ""][names_line - 1 : names_line + 1])
+    known = {name.lower(): name for name in _UNITS}
+    names = [known.get(name.lower(), name) for name in names]
+    _check_head(names, units, names_line, file)
     rows = [
-        (number + 1, re.split(r"[!#]", lines[number])[0].split())
-        for number in range(first, min(first + count, len(lines)))
+        (line, re.split(r"[!#]", text)[0].split())
+        for line, text in enumerate(lines[names_line + 1 :], names_line + 2)
     ]
     if len(rows) < count:
         problem = f"promises {count} rows, but the file ends after {len(rows)}"
         remedy = "complete the rows or correct NumBlNds"
-        raise Source(file).refuse(problem, remedy, count_line + 1, "NumBlNds", value=count)
-    more = [line.split() for line in lines[first + count :]]
-    left = sum(fortran_number(cells[0]) is not None for cells in more if cells)
+        raise line_error(file, count_line, problem, remedy, "NumBlNds", value=count)
+    left = sum(fortran_number(cells[0]) is not None for _, cells in rows[count:] if cells)
     said = f"NumBlNds = {count}: {left} rows after these are ignored, as OpenFAST does"
-    return text_columns(rows, header, file, _UNITS), [said] if left else []
+    return number_columns(rows[:count], names, file, _UNITS), [said] if left else []
 
 
-def _blade_header(lines: Sequence[str], count_line: int, file: Path) -> tuple[int, list[str]]:
-    """Return the index of the first row, and the names of the columns."""
-    after = (number for number in range(count_line + 1, len(lines)) if lines[number].strip())
-    header_line = next(after, len(lines))
-    header = lines[header_line].split() if header_line < len(lines) else []
-    known = {name.lower(): name for name in _UNITS}
-    header = [known.get(name.lower(), name) for name in header]
-    wrong = [name for name in _NEEDED if name not in header]
-    twice = [name for name in header if header.count(name) > 1]
-    if wrong or twice:
-        problem = f"lacks the column {wrong[0]}" if wrong else f"has the column {twice[0]} twice"
+def _check_head(names: list[str], units: list[str], line: int, file: Path) -> None:
+    """Refuse columns that are missing or there twice, and units that are not AeroDyn's."""
+    lacking = [f"lacks the column {name}" for name in _NEEDED if name not in names]
+    twice = [f"has the column {name} twice" for name in names if names.count(name) > 1]
+    for problem in (lacking + twice)[:1]:
         remedy = f"the line after NumBlNds names the columns {_USUAL}"
-        line = min(header_line, len(lines) - 1) + 1
-        raise Source(file).refuse(problem, remedy, line, value=" ".join(header))
-    first = header_line + 2
-    units = lines[first - 1].split() if first - 1 < len(lines) else []
+        raise line_error(file, line, problem, remedy, value=" ".join(names))
     if not units or not units[0].startswith("("):
         remedy = "write (m) (m) (m) (deg) (deg) (m) (-) under the names of the columns"
-        line, shown = min(first, len(lines)), " ".join(units)
-        raise Source(file).refuse("is not the line of units", remedy, line, value=shown)
-    if len(units) == len(header):
-        for name, unit in zip(header, units, strict=True):
-            if name in _UNITS and unit.strip("()").lower() != _UNITS[name]:
-                problem = f"is not AeroDyn's unit ({_UNITS[name]})"
-                remedy = f"convert the column to ({_UNITS[name]})"
-                raise Source(file).refuse(problem, remedy, first, f"column {name}", value=unit)
-    return first, header
-
-
-def _node_count(lines: Sequence[str], file: Path) -> tuple[int, int]:
-    """Return what the line NumBlNds says, and its index."""
-    for index, line in enumerate(lines):
-        found = re.match(r"\s*(\S+)\s+NumBlNds\b", line, re.IGNORECASE)
-        if found:
-            count = fortran_number(found[1]) or 0.0
-            if count == np.floor(count) and FEWEST_ROWS <= count <= MOST_ROWS:
-                return int(count), index
-            problem = f"is no number of rows from {FEWEST_ROWS} to {MOST_ROWS}"
-            remedy = "write how many rows the blade has"
-            raise Source(file).refuse(problem, remedy, index + 1, "NumBlNds", value=found[1])
-    problem = "has no line `19 NumBlNds`, so it is no AeroDyn 15 blade file"
-    remedy = "give the blade file (ADBlFile) that AeroDyn's primary file names, or a CSV file"
-    raise Source(file).refuse(problem, remedy, 1, value=lines[0])
+        raise line_error(file, line + 1, "is not the line of units", remedy, value=" ".join(units))
+    for name, unit in zip(names, units, strict=False) if len(names) == len(units) else ():
+        if name in _UNITS and unit.strip("()").lower() != _UNITS[name]:
+            problem, remedy = f"is not AeroDyn's unit ({_UNITS[name]})", "convert the column to it"
+            raise line_error(file, line + 1, problem, remedy, f"column {name}", value=unit)

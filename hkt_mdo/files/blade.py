@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.aerodyn import read_blade_definition
 from hkt_mdo.files.blade_table import EDGE, BladeTable, check_rows
 from hkt_mdo.files.shipped import locate
-from hkt_mdo.files.table import Column, Csv, lines_of, read_text
+from hkt_mdo.files.table import Csv, line_error, lines_of, read_text
 from hkt_mdo.files.windio import read_windio
 
 __all__ = ["read_blade", "write_blade_csv"]
@@ -29,23 +29,18 @@ _WINDIO = re.compile(r"^(windIO_version|assembly|components|airfoils)\s*:", re.M
 def read_blade(source: str | Path, hub_radius: float | None = None) -> BladeTable:
     """Read a blade from a CSV file, an AeroDyn 15 blade file or a windIO turbine file.
 
-    The content decides the format, and the suffix where the content is not enough. CSV names
-    its units in its header: a radius (r_m, r_mm or r_over_R), a chord (chord_m, chord_mm,
-    chord_over_R or c_over_R), a twist (twist_deg, twist_rad or pitch_deg), and perhaps a thickness
-    (thickness_over_chord, t_over_c, thickness_percent or t_over_c_pct) and the name of a section
-    (section); other columns are ignored.
-
-    The source is the name of a shipped blade or the path of a file. `hub_radius` (m) is where the
-    blade's root lies, from which an AeroDyn file counts without saying it; other files need none.
-    Raises InputError if the file is missing, larger than 16 MiB, not UTF-8 or broken; the message
-    names file, line or key, value and remedy.
+    The source is the name of a shipped blade or a path. The content decides the format, and the
+    suffix where that is not enough. CSV names its units in its header: a radius (r_m, r_mm or
+    r_over_R), a chord (chord_m, chord_mm, chord_over_R or c_over_R), a twist (twist_deg, twist_rad
+    or pitch_deg), and perhaps a thickness (thickness_over_chord, t_over_c, thickness_percent or
+    t_over_c_pct) and a section's name (section). `hub_radius` (m) is where the blade's root lies,
+    which an AeroDyn file does not say. Raises InputError with file, line or key, value and remedy.
     """
     path = locate(source, "blade")
     text = read_text(path, "blade file")
-    if hub_radius is not None and not (np.isfinite(hub_radius) and hub_radius >= 0.0):
-        raise InputError(
-            "must not be negative", "give it in metres", key="hub_radius", value=hub_radius
-        )
+    if hub_radius is not None and not 0.0 <= hub_radius < np.inf:
+        problem, remedy = "must not be negative", "give it in metres"
+        raise InputError(problem, remedy, key="hub_radius", value=hub_radius)
     # The first lines that are no remarks show which format it is.
     lines = [line for line in lines_of(text) if line.strip() and line.lstrip()[0] != "#"]
     head, suffix = "\n".join(lines[:30]), path.suffix.lower()
@@ -58,73 +53,56 @@ def read_blade(source: str | Path, hub_radius: float | None = None) -> BladeTabl
 
 # CSV ----------------------------------------------------------------------------------------------
 
-# For each column that is converted: how, and what the messages say of it.
-_CONVERSIONS: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
-    "r_mm": (lambda length: length / 1e3, "mm converted to m"),
-    "chord_mm": (lambda length: length / 1e3, "mm converted to m"),
-    "twist_deg": (np.deg2rad, "degrees converted to radians"),
-    "pitch_deg": (np.deg2rad, "degrees converted to radians"),
-    "thickness_percent": (lambda share: share / 100.0, "per cent converted to a fraction"),
-    "t_over_c_pct": (lambda share: share / 100.0, "per cent converted to a fraction"),
-}
-_RELATIVE = {"r_over_R", "chord_over_R", "c_over_R"}
-
 # For each quantity: the names of its columns, and words that headers use for it without a unit.
 _QUANTITIES = {
-    "radius": (("r_m", "r_mm", "r_over_R"), r"r|radius|radii|span|rr|x"),
-    "chord": (("chord_m", "chord_mm", "chord_over_R", "c_over_R"), r"c|chord|cr"),
-    "twist": (
-        ("twist_deg", "twist_rad", "pitch_deg"),
-        r"twist|pitch|theta|beta|twistangle|pitchangle",
-    ),
+    "radius": ("r_m r_mm r_over_R", "r|radius|radii|span|rr|x"),
+    "chord": ("chord_m chord_mm chord_over_R c_over_R", "c|chord|cr"),
+    "twist": ("twist_deg twist_rad pitch_deg", "twist|pitch|theta|beta|twistangle|pitchangle"),
     "thickness": (
-        ("thickness_over_chord", "t_over_c", "thickness_percent", "t_over_c_pct"),
-        r"t|tc|thickness|rthick|relativethickness",
+        "thickness_over_chord t_over_c thickness_percent t_over_c_pct",
+        "t|tc|thickness|rthick|relativethickness",
     ),
 }
 _UNIT = re.compile(
     r"[\[(].*|_(m|mm|cm|ft|in|inch|deg|rad|degrees|radians|pct|percent|over_\w+)$|/.*"
 )
+# For each unit at a name's end that is converted: how, and what the messages say of it.
+_CONVERSIONS: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
+    "mm": (lambda length: length / 1e3, "mm converted to m"),
+    "deg": (np.deg2rad, "degrees converted to radians"),
+    "percent": (lambda share: share / 100.0, "per cent converted to a fraction"),
+    "pct": (lambda share: share / 100.0, "per cent converted to a fraction"),
+}
 
 
 def _read_csv(text: str, file: Path) -> BladeTable:
     table = Csv(text, file, "a header such as r_m,chord_m,twist_deg")
     chosen = {quantity: _choose(table, quantity) for quantity in _QUANTITIES}
-    relative = chosen["radius"] in _RELATIVE
-    if relative != (chosen["chord"] in _RELATIVE):
-        raise table.refuse(
-            f"mixes {chosen['radius']} with {chosen['chord']}",
-            "give radius and chord both as lengths or both over the tip radius",
-            table.header_line,
-            value=",".join(table.header),
-        )
-    section = tuple(table.cells("section")) if "section" in table.header else None
-    if not table.rows:
-        remedy = "add the rows from hub to tip"
-        raise table.refuse("has a header but no rows", remedy, table.header_line)
-    columns: dict[str, Column] = {}
+    relative = chosen["radius"] == "r_over_R"
+    if relative != chosen["chord"].endswith("_over_R"):
+        problem = f"mixes {chosen['radius']} with {chosen['chord']}"
+        remedy = "give radius and chord both as lengths or both over the tip radius"
+        raise table.refuse(problem, remedy)
+    columns = table.columns([name for name in chosen.values() if name], "blade")
     messages = []
-    for quantity, name in chosen.items():
-        if name is None:
-            continue
-        column = table.numbers(name)
-        if name in _CONVERSIONS:
-            convert, said = _CONVERSIONS[name]
-            column = replace(column, values=convert(column.values))
+    for name, column in columns.items():
+        convert, said = _CONVERSIONS.get(name.rpartition("_")[2], (None, ""))
+        if convert:
+            columns[name] = replace(column, values=convert(column.values))
             messages.append(f"{name}: {said}")
-        columns[quantity] = column
-    r, chord, twist = (columns[quantity] for quantity in ("radius", "chord", "twist"))
-    thickness = columns.get("thickness")
+    r, chord, twist, thickness = (columns.get(name) for name in chosen.values())
     if relative:
-        r.refuse(
-            r.values > 1.0 + EDGE,
-            "lies beyond the tip, where r/R is 1",
-            "divide by the tip radius, or name the column r_m or r_mm",
-        )
+        problem = "lies beyond the tip, where r/R is 1"
+        remedy = "divide by the tip radius, or name the column r_m or r_mm"
+        r.refuse(r.values > 1.0 + EDGE, problem, remedy)
     check_rows(r, chord, twist, thickness, 1.0 if relative else float(np.max(r.values)))
-    if section is not None and "" in section:
-        line, remedy = table.lines[section.index("")], "name the section of every row, or of none"
-        raise table.refuse("names no section", remedy, line, "column section")
+    section = None
+    if "section" in table.header:
+        place = table.place("section")
+        section = tuple(cells[place].strip() for _, cells in table.rows)
+        if "" in section:
+            line, remedy = table.rows[section.index("")][0], "name the section of every row or none"
+            raise line_error(file, line, "names no section", remedy, "column section")
     return BladeTable(
         r.values,
         chord.values,
@@ -137,54 +115,47 @@ def _read_csv(text: str, file: Path) -> BladeTable:
     )
 
 
-def _choose(table: Csv, quantity: str) -> str | None:
-    """Return the one column that holds a quantity; None if there is no thickness."""
-    names, words = _QUANTITIES[quantity]
+def _choose(table: Csv, quantity: str) -> str:
+    """Return the one column that holds a quantity; empty if there is no thickness."""
+    names, words = _QUANTITIES[quantity][0].split(), _QUANTITIES[quantity][1]
     needed = quantity != "thickness"
-    line, shown = table.header_line, ",".join(table.header)
-    one_of = ", ".join(names[:-1]) + f" or {names[-1]}"
-    found = [name for name in table.header if name in names]
+    one_of = f"{', '.join(names[:-1])} or {names[-1]}"
+    found = [name for name in dict.fromkeys(table.header) if name in names]
+    if len(found) > 1:
+        problem = f"has two columns for the {quantity}: {found[0]} and {found[1]}"
+        raise table.refuse(problem, "keep one of them")
     if found:
-        table.place(found[0])
-        if len(found) > 1:
-            problem = f"has two columns for the {quantity}: {found[0]} and {found[1]}"
-            raise table.refuse(problem, "keep one of them", line, value=shown)
         return found[0]
     for cell in table.header:
         bare = re.sub(r"[^a-z]", "", _UNIT.sub("", cell.lower()))
         if (needed or cell.lower() == "thickness") and re.fullmatch(words, bare):
             problem = "has no unit in its name" if bare == cell.lower() else "is no known column"
-            raise table.refuse(problem, f"rename it {one_of}", line, f"column {cell}")
+            raise table.refuse(problem, f"rename it {one_of}", cell)
     if needed:
-        problem = f"lacks a column of the {quantity}"
-        raise table.refuse(problem, f"add one named {one_of}", line, value=shown)
-    return None
+        raise table.refuse(f"lacks a column of the {quantity}", f"add one named {one_of}")
+    return ""
 
 
 def write_blade_csv(path: str | Path, blade, remarks: Iterable[str] = ()) -> None:
     """Write a blade as CSV whose numbers read back bit by bit.
 
     Columns r_m, chord_m, twist_rad, and thickness_over_chord and section where the blade (a Blade
-    or BladeTable) has them, below the remarks as lines that begin with ``#``. The file is complete
-    or not there at all. Raises ValueError if the blade's lengths are over the tip radius, for which
-    there is `BladeTable.scaled`, and InputError if the file cannot be written.
+    or BladeTable) has them, below the remarks (``#``). The file is complete or not there at all.
+    Raises ValueError if lengths are over the tip radius, and InputError if it cannot be written.
     """
     if getattr(blade, "relative", False):
         raise ValueError("a blade over the tip radius has no lengths to write; scale it first")
-    columns: dict[str, Sequence] = {
+    columns = {
         "r_m": blade.r,
         "chord_m": blade.chord,
         "twist_rad": blade.twist,
+        "thickness_over_chord": getattr(blade, "thickness", None),
+        "section": getattr(blade, "section", None),
     }
-    columns = {name: [repr(float(value)) for value in values] for name, values in columns.items()}
-    if getattr(blade, "thickness", None) is not None:
-        columns["thickness_over_chord"] = [repr(float(value)) for value in blade.thickness]
-    if getattr(blade, "section", None) is not None:
-        columns["section"] = blade.section
+    columns = {name: np.array(each).tolist() for name, each in columns.items() if each is not None}
     stream = io.StringIO(newline="")
-    for remark in remarks:
-        for line in str(remark).splitlines() or [""]:
-            stream.write(f"# {line}".rstrip() + "\n")
+    for line in "\n".join(map(str, remarks)).splitlines():
+        stream.write(f"# {line}".rstrip() + "\n")
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(columns)
     writer.writerows(zip(*columns.values(), strict=True))
@@ -196,6 +167,5 @@ def write_blade_csv(path: str | Path, blade, remarks: Iterable[str] = ()) -> Non
         part.replace(path)
     except OSError as error:
         part.unlink(missing_ok=True)
-        raise InputError(
-            f"cannot be written ({error.strerror})", "choose another place", file=path
-        ) from None
+        problem = f"cannot be written ({error.strerror})"
+        raise InputError(problem, "choose another place", file=path) from None

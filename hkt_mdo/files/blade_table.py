@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 
@@ -14,6 +15,9 @@ __all__ = ["BladeTable", "SectionTable", "check_rows"]
 FEWEST_ROWS, MOST_ROWS = 2, 100_000
 EDGE = 1e-9
 """A row this close to the hub or the tip, over the tip radius, lies on it."""
+
+THICK_ROUNDED = 1e-6
+"""How far a thickness over chord may be rounded above 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,32 +61,26 @@ class BladeTable:
     messages: tuple[str, ...] = ()
     """Every conversion made and everything passed over."""
     file: str = ""
-    """Where the table comes from, for messages."""
 
     def scaled(self, tip_radius: float) -> BladeTable:
         """Return the table in metres for a tip radius (m).
 
-        Lengths over the tip radius are multiplied by it. A table in metres whose file says its tip
-        radius is scaled to the new one; one that does not say it (CSV) keeps its lengths, and
-        InputError is raised if its rows reach beyond this tip radius.
+        A table in metres whose file says no tip radius (CSV) keeps its lengths; InputError is
+        raised if its rows reach beyond this one.
         """
         tip_radius = float(tip_radius)
-        if not self.relative and self.tip_radius == tip_radius:
-            return self
-        if not self.relative and self.tip_radius is None:
-            if self.r[-1] > tip_radius * (1.0 + EDGE):
-                raise InputError(
-                    f"reaches beyond the rotor's tip radius of {tip_radius:g} m",
-                    "enlarge rotor.radius, cut the blade's rows, or give r_over_R and chord_over_R",
-                    file=self.file,
-                    key="outermost row",
-                    value=float(self.r[-1]),
-                )
+        own = 1.0 if self.relative else self.tip_radius
+        if own is None:
+            last, key = float(self.r[-1]), "outermost row"
+            if last > tip_radius * (1.0 + EDGE):
+                problem = f"reaches beyond the rotor's tip radius of {tip_radius:g} m"
+                remedy = "enlarge rotor.radius, cut the rows, or give r_over_R and chord_over_R"
+                raise InputError(problem, remedy, file=self.file, key=key, value=last)
             return replace(self, tip_radius=tip_radius)
-        own = 1.0 if self.relative else float(self.tip_radius or 1.0)
+        if own == tip_radius and not self.relative:
+            return self
 
-        def scale(length):
-            # Dividing first keeps a row that lies on the tip there, to the last bit.
+        def scale(length):  # dividing first keeps a row that lies on the tip there, to the last bit
             return length / own * tip_radius
 
         note = f"lengths scaled from a tip radius of {own:g} m to {tip_radius:g} m"
@@ -101,50 +99,39 @@ class BladeTable:
     def interior(self, hub_radius: float | None = None) -> BladeTable:
         """Return the rows strictly between hub and tip, where blade elements may lie.
 
-        The hub radius is in the table's unit of length, by default the file's own. Where the table
-        has no tip radius, rows are cut at the hub only. Raises InputError if no row is left, or no
-        hub radius is known.
+        The hub radius is in the table's unit of length, by default the file's own. Raises
+        InputError if no row is left, or no hub radius is known.
         """
         hub = self.hub_radius if hub_radius is None else float(hub_radius)
         if hub is None:
             raise InputError("says no hub radius", "give one", file=self.file)
         tip = 1.0 if self.relative else self.tip_radius
         margin = EDGE * (self.r[-1] if tip is None else tip)
-        keep = self.r > hub + margin
-        if tip is not None:
-            keep &= self.r < tip - margin
+        keep = (self.r > hub + margin) & (self.r < (np.inf if tip is None else tip - margin))
         if not np.any(keep):
-            raise InputError(
-                f"has no row between the hub ({hub:g}) and the tip",
-                "add rows there, or lessen the hub radius",
-                file=self.file,
-            )
+            problem = f"has no row between the hub ({hub:g}) and the tip"
+            raise InputError(problem, "add rows there, or lessen the hub radius", file=self.file)
         return replace(
             self,
             r=self.r[keep],
             chord=self.chord[keep],
             twist=self.twist[keep],
             thickness=None if self.thickness is None else self.thickness[keep],
-            section=self.section
-            and tuple(name for name, kept in zip(self.section, keep, strict=True) if kept),
+            section=self.section and tuple(compress(self.section, keep)),
             hub_radius=hub,
         )
 
     def blend(self, r: np.ndarray) -> tuple[tuple[str, str, float], ...]:
         """Return inner section, outer section and the share of the outer at each radius.
 
-        The share runs from 0 to 1, linearly with the thickness between the two where it is known
-        and differs, and with the radius where not; beyond the first and last section they stand
-        alone. Radii r[n_stations] are in the table's unit of length. Raises InputError if the file
-        names no sections.
+        Radii r[n_stations] are in the table's unit of length. The share is linear in the thickness
+        where it is known and differs, and in the radius where not; beyond the first and the last
+        section they stand alone. Raises InputError if the file names no sections.
         """
-        if self.section_position is not None:
-            names = [name for name, _ in self.section_position]
-            places = np.array([radius for _, radius in self.section_position])
-        elif self.section is not None:
-            names, places = list(self.section), self.r
-        else:
+        if self.section_position is None and self.section is None:
             raise InputError("names no sections", "add a column section", file=self.file)
+        stands = self.section_position or tuple(zip(self.section, self.r, strict=True))
+        names, places = zip(*stands, strict=True)
         thick = {section.name: section.thickness for section in self.sections}
         blends = []
         for radius in np.atleast_1d(np.asarray(r, dtype=float)):
@@ -163,39 +150,32 @@ class BladeTable:
 
 
 def check_rows(
-    r: Column, chord: Column, twist: Column, thickness: Column | None, longest: float
+    r: Column,
+    chord: Column,
+    twist: Column,
+    thickness: Column | None,
+    longest: float,
+    twist_remedy: str = "check the unit of the twist",
 ) -> None:
-    """Refuse rows that are no blade.
+    """Refuse rows that are no blade, by the first value that is wrong.
 
     Radii (from zero) must increase strictly, chords lie within 0 and `longest`, the outermost
     radius, twists (rad) within half a turn and thicknesses within 0 and 1. Lengths are in metres or
-    all over the tip radius. Raises InputError for the first value that is wrong.
+    all over the tip radius.
     """
     count = np.full(r.values.size, r.values.size)
-    r.refuse(
-        count < FEWEST_ROWS,
-        f"is the only row: a blade has at least {FEWEST_ROWS}",
-        "add the rows from hub to tip",
-    )
-    r.refuse(
-        count > MOST_ROWS, f"is one of more than {MOST_ROWS} rows", "give a blade of usual length"
-    )
-    r.refuse(r.values < 0.0, "is a negative radius", "count radii from the rotor's centre")
+    only = f"is the only row: a blade has at least {FEWEST_ROWS}"
+    r.refuse(count < FEWEST_ROWS, only, "add the rows from hub to tip")
+    many = f"is one of more than {MOST_ROWS} rows"
+    r.refuse(count > MOST_ROWS, many, "give a blade of usual length")
     r.check_rising("radii")
+    r.refuse(r.values < 0.0, "is a negative radius", "count radii from the rotor's centre")
     chord.refuse(chord.values <= 0.0, "is no chord", "chords must be greater than 0")
-    chord.refuse(
-        chord.values > longest,
-        f"is a chord longer than the outermost radius ({longest:g})",
-        "check the unit of the chord",
-    )
-    twist.refuse(
-        np.abs(twist.values) > np.pi * (1.0 + EDGE),
-        "is beyond 180 degrees",
-        "check the unit of the twist",
-    )
+    long = f"is a chord longer than the outermost radius ({longest:g})"
+    chord.refuse(chord.values > longest, long, "check the unit of the chord")
+    turned = np.abs(twist.values) > np.pi * (1.0 + EDGE)
+    twist.refuse(turned, "is beyond 180 degrees", twist_remedy)
     if thickness is not None:
-        thickness.refuse(
-            (thickness.values <= 0.0) | (thickness.values > 1.0 + EDGE),
-            "is no thickness over chord, which lies within 0 and 1 (0 and 100 %)",
-            "correct it; thickness_percent counts in per cent, thickness_over_chord does not",
-        )
+        wrong = (thickness.values <= 0.0) | (thickness.values > 1.0 + THICK_ROUNDED)
+        problem = "is no thickness over chord, which lies within 0 and 1 (0 and 100 %)"
+        thickness.refuse(wrong, problem, "correct it; in a CSV, thickness_percent is in per cent")

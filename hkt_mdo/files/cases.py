@@ -12,14 +12,7 @@ def shipped_cases() -> Path:
 
 
 def find_case(path: str | Path) -> Path:
-    """Return the path of a case file; a bare name may be that of a shipped case.
-
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        Such as ``mine.yaml``. Where no such file exists, ``sine_oloc`` or ``river_gust`` is looked
-        for among the shipped cases and their examples, with or without its ending.
-    """
+    """Return the path of a case file; ``sine_oloc`` or ``river_gust.yaml`` may be a shipped one."""
     path = Path(path)
     if path.name == str(path) and not path.exists():
         for folder in (shipped_cases(), shipped_cases() / "examples"):

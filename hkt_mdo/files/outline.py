@@ -10,7 +10,7 @@ import numpy as np
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import locate
-from hkt_mdo.files.table import Source, lines_of, parse_number, parse_table, read_text, text_columns
+from hkt_mdo.files.table import Csv, line_error, lines_of, number_columns, parse_number, read_text
 
 __all__ = ["read_outline"]
 
@@ -26,16 +26,13 @@ _FORMATS = "a CSV file x_over_c,y_over_c, or coordinates in Selig's or Lednicer'
 
 
 def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
-    """Read the outline of a section.
+    """Read the outline of a section: x[n_points] and y[n_points] over the chord.
 
-    The content decides the format: a CSV file with the columns ``x_over_c`` and ``y_over_c``, or
-    pairs of numbers, with or without a line of text above them, in Selig's order (from the trailing
-    edge round to it) or Lednicer's (number of points of either side, then the upper and the lower
-    side from the leading edge).
-
-    Returns x[n_points] and y[n_points] over the chord, from the trailing edge round to it. Raises
-    InputError if the file is missing or broken, or the points are no closed section of unit chord;
-    the message names file, line, value and remedy.
+    They run from the trailing edge over the upper side round to it. The content decides the format:
+    a CSV file with the columns ``x_over_c`` and ``y_over_c``, or pairs of numbers, with or without
+    a line of text above them, in Selig's order (from the trailing edge round to it) or Lednicer's
+    (number of points of either side, then the upper and the lower side from the leading edge).
+    Raises InputError with file, line, value and remedy, also if the points are no closed section.
     """
     path = locate(source, "outline")
     text = read_text(path, "file with an outline")
@@ -47,8 +44,9 @@ def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
     if not lines:
         raise InputError("is empty", f"give {_FORMATS}", file=path)
     if re.search(r"[xy]_over_c", lines[0][1]):
-        table = parse_table(text, path, ("x_over_c", "y_over_c"), "outline")
-        x, y, numbers = table["x_over_c"], table["y_over_c"], table.lines
+        table = Csv(text, path, "x_over_c,y_over_c")
+        columns = table.columns(("x_over_c", "y_over_c"), "outline").values()
+        x, y, numbers = *(column.values for column in columns), [line for line, _ in table.rows]
     else:
         x, y, numbers = _read_pairs(lines, path)
     _check(x, y, numbers, path)
@@ -63,8 +61,8 @@ def _read_pairs(
     if len(rows[0][1]) != 2 or None in map(parse_number, rows[0][1]):
         lines, rows = lines[1:], rows[1:]  # the first line is the name of the section
     if not rows:
-        raise InputError("has no coordinates", f"give {_FORMATS}", file=path, key="line 1")
-    columns = text_columns(rows, ("x", "y"), path, ("x", "y"), f"give {_FORMATS}")
+        raise line_error(path, 1, "has no coordinates", f"give {_FORMATS}")
+    columns = number_columns(rows, ("x", "y"), path, ("x", "y"), f"give {_FORMATS}")
     x, y = columns["x"].values, columns["y"].values
     numbers = [number for number, _ in lines]
     if not (min(x[0], y[0]) >= 2.0 and x[0] == int(x[0]) and y[0] == int(y[0])):
@@ -73,66 +71,58 @@ def _read_pairs(
     if n_upper + n_lower != x.size - 1:
         problem = f"{x.size - 1} points follow, not {n_upper} + {n_lower}"
         remedy = "count the points of either side, or give coordinates over the chord"
-        raise Source(path).refuse(problem, remedy, numbers[0], value=lines[0][1])
+        raise line_error(path, numbers[0], problem, remedy, value=lines[0][1])
     upper, lower = np.arange(1, n_upper + 1), np.arange(n_upper + 1, x.size)
     for side, name in ((upper, "upper"), (lower, "lower")):
         if x[side[0]] > x[side[-1]]:
             problem = f"the {name} side begins nearer to the trailing edge than it ends"
             remedy = "in Lednicer's order both sides run from the leading to the trailing edge"
             line, shown = lines[side[0]]
-            raise Source(path).refuse(problem, remedy, line, value=shown)
+            raise line_error(path, line, problem, remedy, value=shown)
     shared = x[upper[0]] == x[lower[0]] and y[upper[0]] == y[lower[0]]
     order = np.concatenate((upper[::-1], lower[1:] if shared else lower))
     return x[order], y[order], [numbers[point] for point in order]
 
 
 def _check(x: np.ndarray, y: np.ndarray, numbers: Sequence[int], path: Path) -> None:
-    def refuse(problem: str, remedy: str, point: int) -> InputError:
-        value = f"{x[point]:g}, {y[point]:g}"
-        return Source(path).refuse(problem, remedy, numbers[point], value=value)
+    def refuse(wrong: object, problem: str, remedy: str, point: int) -> None:
+        if wrong:
+            value = f"{x[point]:g}, {y[point]:g}"
+            raise line_error(path, numbers[point], problem, remedy, value=value)
 
-    if not FEWEST_POINTS <= x.size <= MOST_POINTS:
-        problem = f"the outline has {x.size} points, not {FEWEST_POINTS} to {MOST_POINTS}"
-        raise Source(path).refuse(problem, "give some hundred points", numbers[-1])
-    for edge, end, what in (
-        (0.0, int(np.argmin(x)), "smallest"),
-        (1.0, int(np.argmax(x)), "largest"),
-    ):
-        if abs(x[end] - edge) > EDGE:
-            raise refuse(f"the {what} x is {x[end]:g} instead of {edge:g}", _CHORD_AXES, end)
-    far = int(np.argmax(np.abs(y)))
-    if abs(y[far]) > 0.6:
-        raise refuse("lies more than 0.6 of the chord beside it", _CHORD_AXES, far)
+    size = f"the outline has {x.size} points, not {FEWEST_POINTS} to {MOST_POINTS}"
+    refuse(not FEWEST_POINTS <= x.size <= MOST_POINTS, size, "give some hundred points", -1)
+    nose, tail, far = int(np.argmin(x)), int(np.argmax(x)), int(np.argmax(np.abs(y)))
+    for edge, end, what in ((0, nose, "smallest"), (1, tail, "largest")):
+        off = abs(x[end] - edge) > EDGE
+        refuse(off, f"the {what} x is {x[end]:g} instead of {edge}", _CHORD_AXES, end)
+    refuse(abs(y[far]) > 0.6, "lies more than 0.6 of the chord beside it", _CHORD_AXES, far)
     for point, name in ((0, "first"), (-1, "last")):
-        if x[point] < 1.0 - 2.0 * EDGE:
-            raise refuse(f"the {name} point is not at the trailing edge", _ORDER, point)
-    nose = int(np.argmin(x))
-    if not 2 < nose < x.size - 3:
-        raise refuse("the outline does not go round the leading edge", _ORDER, nose)
-    crossing = _first_crossing(x, y)
-    if crossing:
-        one, other = crossing
-        raise refuse(f"the outline crosses itself: here and at line {numbers[other]}", _ORDER, one)
+        inside = x[point] < 1.0 - 2.0 * EDGE
+        refuse(inside, f"the {name} point is not at the trailing edge", _ORDER, point)
+    back = not 2 < nose < x.size - 3
+    refuse(back, "the outline does not go round the leading edge", _ORDER, nose)
+    for one, other in _first_crossing(x, y):
+        refuse(True, f"the outline crosses itself: here and at line {numbers[other]}", _ORDER, one)
     area = 0.5 * abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
-    low, high = AREA_RANGE
-    if not low <= area <= high:
-        problem, last = f"encloses {area:.4g} chord², no area of a section", f"to {numbers[-1]}"
-        raise Source(path).refuse(problem, _ORDER, numbers[0], last)
+    empty = not AREA_RANGE[0] <= area <= AREA_RANGE[1]
+    problem = f"the outline up to line {numbers[-1]} encloses {area:.4g} chord², no area of a "
+    refuse(empty, f"{problem}section", _ORDER, 0)
 
 
-def _first_crossing(x: np.ndarray, y: np.ndarray) -> tuple[int, int] | None:
-    """Return two sides (by their first points) that cross within both, or None."""
+def _first_crossing(x: np.ndarray, y: np.ndarray) -> list[tuple[int, int]]:
+    """Return the first two sides (by their first points) that cross within both, if any."""
     dx, dy = np.diff(x, append=x[0]), np.diff(y, append=y[0])
 
-    def turn(i, j, k):  # of point k from side i..j: positive on its left
+    def turn(i, k):  # of point k from side i: positive on its left
         return dx[i] * (y[k] - y[i]) - dy[i] * (x[k] - x[i])
 
     for side in range(x.size - 2):
         others = np.arange(side + 2, x.size - (side == 0))
         after = (others + 1) % x.size
-        apart = turn(side, None, others) * turn(side, None, after)
-        own = turn(others, None, side) * turn(others, None, side + 1)
+        apart = turn(side, others) * turn(side, after)
+        own = turn(others, side) * turn(others, side + 1)
         crossed = np.flatnonzero((apart < 0.0) & (own < 0.0))
         if crossed.size:
-            return side, int(others[crossed[0]])
-    return None
+            return [(side, int(others[crossed[0]]))]
+    return []

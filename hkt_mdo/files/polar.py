@@ -13,15 +13,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.aerodyn import read_airfoil
 from hkt_mdo.files.polar_table import PolarTable, check_reynolds, polar_table
 from hkt_mdo.files.shipped import POLAR_FAMILIES, locate, shipped_names
-from hkt_mdo.files.table import (
-    Csv,
-    Source,
-    lines_of,
-    parse_number,
-    parse_table,
-    read_text,
-    text_columns,
-)
+from hkt_mdo.files.table import Csv, line_error, lines_of, number_columns, parse_number, read_text
 
 __all__ = ["read_polars"]
 
@@ -40,19 +32,16 @@ _XFOIL = re.compile(r"\A\s*(XFOIL|xflr5)\b|Calculated polar for", re.IGNORECASE)
 def read_polars(source: str | Path) -> tuple[PolarTable, ...]:
     """Read the polars of a section, one a Reynolds number.
 
-    The content decides the format: a CSV file with the columns ``alpha_deg`` or ``alpha_rad``,
-    ``cl``, ``cd`` and, if there, ``cm`` and ``reynolds``; an airfoil file of OpenFAST's AeroDyn
-    (AirfoilInfo v1.01, Reynolds numbers in millions); or polars that XFOIL or XFLR5 has written,
-    one after the other.
-
-    The source is the path of a file, the name of a shipped polar (``naca63815_Re2e5``) or of a
-    shipped section (``naca63815``: all its Reynolds numbers). Tables are returned by rising
-    Reynolds number. Raises InputError if the file is missing or broken; the message names file,
-    line, column, value and remedy.
+    They are sorted by Reynolds number. The source is a path, the name of a shipped polar
+    (``naca63815_Re2e5``) or of a shipped section (``naca63815``: all its Reynolds numbers). The
+    content decides the format: a CSV file with the columns ``alpha_deg`` or ``alpha_rad``, ``cl``,
+    ``cd`` and perhaps ``cm`` and ``reynolds``; an airfoil file of OpenFAST's AeroDyn (AirfoilInfo
+    v1.01, Reynolds numbers in millions); or polars that XFOIL or XFLR5 has written, one after the
+    other. Raises InputError with file, line, column, value and remedy.
     """
     name = str(source)
     for family, polars in POLAR_FAMILIES.items():
-        taken = polars if name == family else [name] if name in polars else []
+        taken = [polar for polar in polars if name in (family, polar)]
         if taken:
             tables = {polar: _read_file(locate(polar, "polar"))[0] for polar in taken}
             return tuple(replace(table, reynolds=polars[key]) for key, table in tables.items())
@@ -65,13 +54,9 @@ def read_polars(source: str | Path) -> tuple[PolarTable, ...]:
     tables = sorted(_read_file(path), key=lambda table: table.reynolds or 0.0)
     for one, other in pairwise(tables):
         if one.reynolds == other.reynolds:
-            raise InputError(
-                "stands over two tables",
-                "give one table for each Reynolds number",
-                file=path,
-                key="Reynolds number",
-                value=other.reynolds,
-            )
+            problem, remedy = "stands over two tables", "give one table for each Reynolds number"
+            key, value = "Reynolds number", other.reynolds
+            raise InputError(problem, remedy, file=path, key=key, value=value)
     return tuple(tables)
 
 
@@ -82,10 +67,11 @@ def _read_file(path: Path) -> list[PolarTable]:
     if _AERODYN.search(text):
         return read_airfoil(text, path)
     if old := _OLD_AERODYN.search(text):
-        remedy = "copy its rows into a CSV file alpha_deg,cl,cd,cm"
-        line = len(lines_of(text[: old.start()]))
-        problem = "is an airfoil table of AeroDyn 14 or older"
-        raise Source(path).refuse(problem, remedy, line)
+        line, problem = (
+            len(lines_of(text[: old.start()])),
+            "is an airfoil table of AeroDyn 14 or older",
+        )
+        raise line_error(path, line, problem, "copy its rows into a CSV file alpha_deg,cl,cd,cm")
     return _read_xfoil(text, path) if _XFOIL.search(text) else _read_csv(text, path)
 
 
@@ -93,43 +79,39 @@ def _read_file(path: Path) -> list[PolarTable]:
 
 
 def _read_csv(text: str, path: Path) -> list[PolarTable]:
-    head = Csv(text, path, "alpha_deg,cl,cd")
-    angle = "alpha_rad" if "alpha_rad" in head.header else "alpha_deg"
-    problem = ""
-    if {"alpha_rad", "alpha_deg"} <= set(head.header):
-        problem, remedy = "names both alpha_deg and alpha_rad", "keep one of them"
-    elif not {angle, "cl", "cd"} & set(head.header):
-        problem, remedy = f"is no header of {angle},cl,cd", f"give {_FORMATS}"
-    if problem:
-        raise head.refuse(problem, remedy, head.header_line, value=",".join(head.header))
-    columns = angle, "cl", "cd", "cm"
-    table = parse_table(text, path, columns[:3], "polar", optional=("cm", "reynolds"))
-    line = np.array(table.lines)
+    table = Csv(text, path, "alpha_deg,cl,cd")
+    angle = "alpha_rad" if "alpha_rad" in table.header else "alpha_deg"
+    if {"alpha_rad", "alpha_deg"} <= set(table.header):
+        raise table.refuse("names both alpha_deg and alpha_rad", "keep one of them")
+    if not {angle, "cl", "cd"} & set(table.header):
+        raise table.refuse(f"is no header of {angle},cl,cd", f"give {_FORMATS}")
+    columns = table.columns((angle, "cl", "cd"), "polar", ("cm", "reynolds"))
+    reynolds = columns.pop("reynolds", None)
+    lines = np.array([line for line, _ in table.rows])
 
-    def part(rows: np.ndarray, reynolds: float | None) -> PolarTable:
+    def part(rows: np.ndarray | slice, number: float | None, where: str) -> PolarTable:
         return polar_table(
-            *(table[name][rows] if name in table else None for name in columns),
-            reynolds,
+            *(column.values[rows] for column in columns.values()),
+            reynolds=number,
             file=path,
-            columns=columns,
-            lines=line[rows].tolist(),
-            where="" if reynolds is None else f"reynolds = {reynolds:g}",
+            columns=list(columns),
+            lines=lines[rows].tolist(),
+            where=where,
         )
 
-    if "reynolds" not in table:
-        return [part(np.arange(line.size), None)]
-    for row, number in enumerate(table["reynolds"].tolist()):
-        check_reynolds(number, f"{number:g}", path, f"line {line[row]}, column reynolds")
+    if reynolds is None:
+        return [part(slice(None), None, "")]
+    for number, cell, key in zip(reynolds.values, reynolds.shown, reynolds.keys, strict=True):
+        check_reynolds(number, cell, path, key)
     return [
-        part(np.flatnonzero(table["reynolds"] == number), float(number))
-        for number in np.unique(table["reynolds"])
+        part(reynolds.values == number, number, f"reynolds = {number:g}")
+        for number in np.unique(reynolds.values).tolist()
     ]
 
 
 # XFOIL --------------------------------------------------------------------------------------------
 
 _XFOIL_BEGIN = re.compile(r"Calculated polar for\s*:", re.IGNORECASE)
-_XFOIL_NEXT = re.compile(r"\s*(XFOIL|xflr5)\b|.*Calculated polar for", re.IGNORECASE)
 _XFOIL_REYNOLDS = re.compile(r"\bRe\s*=\s*([^\s=]+?)(?:\s*[eE]\s*([+-]?\d{1,3}))?(?=\s|$)")
 _XFOIL_REMEDY = "give the file as XFOIL's PACC has written it"
 
@@ -138,7 +120,7 @@ def _read_xfoil(text: str, path: Path) -> list[PolarTable]:
     lines = list(enumerate(lines_of(text), start=1))
     begins = [at for at, (_, line) in enumerate(lines) if _XFOIL_BEGIN.search(line)]
     if not begins:
-        raise Source(path).refuse("lacks the line Calculated polar for:", _XFOIL_REMEDY, 1)
+        raise line_error(path, 1, "lacks the line Calculated polar for:", _XFOIL_REMEDY)
     parts = [lines[low:high] for low, high in pairwise([*begins, len(lines)])]
     return [
         _read_xfoil_polar(part, path, f"polar {index}" if len(parts) > 1 else "")
@@ -153,7 +135,7 @@ def _read_xfoil_polar(part: list[tuple[int, str]], path: Path, where: str) -> Po
     for number, line in part:
         words = re.sub(r"(?i)\b(top|bot) (xtr|itr)\b", r"\1_\2", line).split()
         if names:
-            if _XFOIL_NEXT.match(line):
+            if _XFOIL.match(line):
                 break
             if words and set(line.strip()) - set("- "):
                 rows.append((number, words))
@@ -162,24 +144,20 @@ def _read_xfoil_polar(part: list[tuple[int, str]], path: Path, where: str) -> Po
         else:
             reynolds = _xfoil_reynolds(line, number, path) or reynolds
     lacking = [name.upper() for name in ("alpha", "cl", "cd") if name not in names]
-    problem = ""
-    if lacking:
-        problem = "lacks the line of column names alpha CL CD"
-        problem = f"lacks the column {lacking[0]}" if names else problem
-    elif reynolds is None:
+    problem = "" if rows else "has no rows"
+    if reynolds is None:
         problem = "lacks the line Mach = Re ="
-    elif not rows:
-        problem = "has no rows"
+    if lacking:
+        problem = f"lacks the column {lacking[0]}"
+    if not names:
+        problem = "lacks the line of column names alpha CL CD"
     if problem:
         problem = f"the polar that begins here {problem}"
-        raise Source(path).refuse(problem, _XFOIL_REMEDY, part[0][0])
-    columns = text_columns(rows, names, path, ("alpha", "cl", "cd", "cm"))
+        raise line_error(path, part[0][0], problem, _XFOIL_REMEDY)
+    columns = number_columns(rows, names, path, ("alpha", "cl", "cd", "cm"))
     return polar_table(
-        columns["alpha"].values,
-        columns["cl"].values,
-        columns["cd"].values,
-        columns["cm"].values if "cm" in columns else None,
-        reynolds,
+        *(column.values for column in columns.values()),
+        reynolds=reynolds,
         file=path,
         columns=("alpha", "CL", "CD", "CM"),
         lines=[line for line, _ in rows],
@@ -192,7 +170,7 @@ def _xfoil_reynolds(line: str, number: int, path: Path) -> float | None:
     if re.search(r"Reynolds number\s*~", line):
         problem = "the Reynolds number varies along this polar"
         remedy = "run XFOIL at a fixed Reynolds number (TYPE 1)"
-        raise Source(path).refuse(problem, remedy, number, value=line.strip())
+        raise line_error(path, number, problem, remedy, value=line.strip())
     found = _XFOIL_REYNOLDS.search(line)
     if found is None:
         return None

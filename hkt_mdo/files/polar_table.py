@@ -23,7 +23,6 @@ REYNOLDS_RANGE = 1e3, 1e9
 
 _CIRCLE_EDGE = 1e-3  # deg; files write 180 deg as 3.1416 rad
 _ENDS_EQUAL = 1e-6
-_QUANTITIES = "alpha", "lift", "drag", "moment"
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,36 +56,39 @@ def polar_table(
 ) -> PolarTable:
     """Check a polar and return it in radians.
 
-    Columns alpha, lift, drag and moment[n_rows] are as the file has them: angles in degrees, or in
-    radians where the first of `columns`, the file's names for them, ends in ``_rad``. `lines` are
-    the numbers of the rows' lines (rows are counted without), and `where` tells this polar from
-    others in the file. Raises InputError if there are fewer than 8 rows (two suffice where all are
-    equal, as a cylinder's), angles do not increase strictly or cover neither -5 to 12 degrees
-    within ±90 nor the full circle, the ends of a full circle differ, drag is not positive, or a
-    number is not finite or beyond what sections have.
+    Angles alpha[n_rows] are in degrees, or in radians where the first of `columns`, the file's
+    names, ends in ``_rad``. `lines` are the numbers of the rows' lines, and `where` tells this
+    polar from others in the file. Raises InputError if there are fewer than 8 rows (two suffice
+    where all are equal, as a cylinder's), angles do not increase strictly or cover neither -5 to 12
+    degrees within ±90 nor the full circle, the ends of a full circle differ, drag is not positive,
+    or a number is not finite or beyond what sections have.
     """
     rows = [f"line {line}" for line in lines or ()] or [f"row {n + 1}" for n in range(len(alpha))]
     prefix = f"{where}, " if where else ""
-    quantities = {}
-    for name, title, values in zip(_QUANTITIES, columns, (alpha, lift, drag, moment), strict=False):
-        if values is not None:
-            numbers = np.asarray(values, dtype=float)
-            keys = [f"{prefix}{row}, column {title}" for row in rows]
-            quantities[name] = Column(f"{prefix}{title}", numbers, keys, numbers.tolist(), file)
-            quantities[name].refuse(
-                ~np.isfinite(numbers), "must be a finite number", "correct the row"
-            )
-    given, *coefficients = quantities.values()
-    even = all(np.all(c.values == c.values[:1]) for c in coefficients[:2])
-    radians, circle = _angles(given, not columns[0].endswith("_rad"), even)
-    for name, column in zip(_QUANTITIES[1:], coefficients, strict=False):
-        _check_coefficient(name, column, circle)
+
+    def column(title: str, values: np.ndarray) -> Column:
+        numbers = np.asarray(values, dtype=float)
+        keys = [f"{prefix}{row}, column {title}" for row in rows]
+        found = Column(f"{prefix}{title}", numbers, keys, numbers.tolist(), file)
+        found.refuse(~np.isfinite(numbers), "must be a finite number", "correct the row")
+        return found
+
+    angle = column(columns[0], alpha)
+    given = {"lift": lift, "drag": drag} | ({} if moment is None else {"moment": moment})
+    coefficients = {
+        name: column(title, values)
+        for title, (name, values) in zip(columns[1:], given.items(), strict=False)
+    }
+    even = all(np.ptp(coefficients[name].values) == 0.0 for name in ("lift", "drag") if rows)
+    radians, circle = _angles(angle, not columns[0].endswith("_rad"), even)
+    for name, each in coefficients.items():
+        _check_coefficient(name, each, circle)
     return PolarTable(
         None if reynolds is None else float(reynolds),
         radians,
-        quantities["lift"].values,
-        quantities["drag"].values,
-        quantities["moment"].values if "moment" in quantities else None,
+        coefficients["lift"].values,
+        coefficients["drag"].values,
+        None if moment is None else coefficients["moment"].values,
         circle,
         f"{file}, {where}" if where else str(file),
     )
@@ -98,34 +100,29 @@ def _angles(given: Column, in_degrees: bool, even: bool) -> tuple[np.ndarray, bo
     `even` says that lift and drag are the same at every angle.
     """
     angle = given.values if in_degrees else np.rad2deg(given.values)
-    unit = "" if in_degrees else "; if these are degrees, name the column alpha_deg"
-    given.refuse(
-        np.abs(angle) > 180.0 + _CIRCLE_EDGE,
-        "lies beyond the full circle",
-        f"angles of attack run from -180 to 180 degrees{unit}",
-    )
-    circle = bool(
-        angle.size > 1 and angle[0] <= -180 + _CIRCLE_EDGE and angle[-1] >= 180 - _CIRCLE_EDGE
-    )
+    remedy = "angles of attack run from -180 to 180 degrees"
+    remedy += "" if in_degrees else "; if these are degrees, name the column alpha_deg"
+    given.refuse(np.abs(angle) > 180.0 + _CIRCLE_EDGE, "lies beyond the full circle", remedy)
+    first, last = (angle[0], angle[-1]) if angle.size else (0.0, 0.0)
+    circle = bool(first <= -180 + _CIRCLE_EDGE and last >= 180 - _CIRCLE_EDGE)
     radians = np.deg2rad(given.values) if in_degrees else given.values.copy()
     if circle:
         radians[0], radians[-1] = -np.pi, np.pi
-    given.check_rising("angles", np.diff(radians, prepend=-np.inf))
+    given.check_rising("angles", radians)
     low, high = NEEDED_RANGE
-    problem = ""
     if angle.size < FEWEST_ROWS and not (circle and even):
-        problem = f"the polar has {angle.size} rows, at least {FEWEST_ROWS} angles of attack are "
-        problem, remedy = problem + "needed", "give a finer table"
-    elif not circle and (angle[0] > low or angle[-1] < high or angle[0] < -90 or angle[-1] > 90):
+        problem = f"the polar has {angle.size} rows, at least {FEWEST_ROWS} are needed"
+        remedy = "give a finer table"
+    elif not circle and (first > low or last < high or first < -90 or last > 90):
         problem = f"the table must reach from {low:g} or less to {high:g} or more and stay within "
         problem += "-90 and 90 degrees, or run from -180 to 180"
         remedy = "extend or cut it (beyond the table the polar is extended by Viterna)"
         if in_degrees and np.max(np.abs(angle)) <= np.pi:
             remedy = f"if these are radians, convert them or name the column alpha_rad; {remedy}"
-    if problem:
-        span = f"{given.values[0]:g} … {given.values[-1]:g}" if angle.size else "nothing"
-        raise InputError(problem, remedy, file=given.file, key=given.name, value=span)
-    return radians, circle
+    else:
+        return radians, circle
+    span = f"{given.values[0]:g} … {given.values[-1]:g}" if angle.size else "nothing"
+    raise InputError(problem, remedy, file=given.file, key=given.name, value=span)
 
 
 def _check_coefficient(name: str, column: Column, circle: bool) -> None:
@@ -133,32 +130,23 @@ def _check_coefficient(name: str, column: Column, circle: bool) -> None:
     values = column.values
     if circle:
         last = np.arange(values.size) == values.size - 1
-        column.refuse(
-            last & (np.abs(values - values[0]) > _ENDS_EQUAL),
-            f"differs from {values[0]:g} at -180 degrees",
-            "-180 and 180 degrees are one angle: give both rows the same coefficients",
-        )
+        problem = f"differs from {values[0]:g} at -180 degrees"
+        remedy = "-180 and 180 degrees are one angle: give both rows the same coefficients"
+        column.refuse(last & (np.abs(values - values[0]) > _ENDS_EQUAL), problem, remedy)
     if name == "drag":
         column.refuse(values <= 0.0, "drag must be positive", "correct the row")
-    column.refuse(
-        np.abs(values) > LARGEST[name],
-        f"is beyond {LARGEST[name]:g}, which no section has",
-        "give the coefficient as a plain number, not in counts or percent",
-    )
+    problem = f"is beyond {LARGEST[name]:g}, which no section has"
+    remedy = "give the coefficient as a plain number, not in counts or percent"
+    column.refuse(np.abs(values) > LARGEST[name], problem, remedy)
 
 
 def check_reynolds(
     number: float | None, cell: str, file: object, key: str, unit: float = 1.0
 ) -> float:
-    """Return a Reynolds number that is within the range of sections; `unit` is 1 or a million."""
+    """Return a Reynolds number within the range of sections; `number` counts in this unit."""
     low, high = REYNOLDS_RANGE
-    if number is None or not low <= number <= high:
+    if number is None or not low <= number * unit <= high:
         scale = "in millions, such as 0.2" if unit != 1.0 else "as a plain number, such as 2e5"
-        raise InputError(
-            f"is no Reynolds number between {low / unit:g} and {high / unit:g}",
-            f"give it {scale}",
-            file=file,
-            key=key,
-            value=cell,
-        )
-    return number
+        problem = f"is no Reynolds number between {low / unit:g} and {high / unit:g}"
+        raise InputError(problem, f"give it {scale}", file=file, key=key, value=cell)
+    return number * unit

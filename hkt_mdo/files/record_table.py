@@ -1,24 +1,24 @@
-"""What a record is before it is checked: two columns, in s and m/s, of whichever file."""
+"""What a record is before it is checked: two columns, in s and m/s, of whichever file.
+
+Nothing is repaired here. What cannot be read is refused with file, place and remedy.
+"""
 
 from __future__ import annotations
 
 import difflib
+import re
+from array import array
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
 
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.units import (
-    DISCHARGE_UNITS,
-    SPEED_UNITS,
-    SPEEDS,
-    TIME_UNITS,
-    TIMES,
-    named_unit,
-)
+from hkt_mdo.files.table import Csv, line_error, parse_number, read_text
 
-__all__ = ["Columns", "RecordOptions"]
+__all__ = ["DISCHARGE_UNITS", "SPEED_UNITS", "TIME_UNITS", "Columns", "RecordOptions", "read_csv"]
 
 MAX_BYTES = 256 * 1024**2
 """Largest file that is read, in bytes."""
@@ -26,8 +26,77 @@ MAX_BYTES = 256 * 1024**2
 MAX_ROWS = 10_000_000
 """Largest number of samples."""
 
+_MISSING = {"", "nan", "na", "n/a", "null", "none"}
+_LONGEST_DATE = 64
+_PLAIN = "write it with a decimal point, no unit"
+_DATES = "write times as numbers, or as 2024-05-01T12:00:00.0 with or without a zone"
 _LONGEST_NAME = 100
-_EXAMPLES = {"time_unit": "time_s or time [h]", "speed_unit": "speed_m_s or v [ft/s]"}
+_SI = "s since the first", "m/s"
+
+# Units --------------------------------------------------------------------------------------------
+
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0, "days": 86400.0}
+"""Seconds in each unit of time."""
+
+SPEED_UNITS = {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001, "km/h": 1 / 3.6, "ft/s": 0.3048}
+SPEED_UNITS |= {"knot": 1852 / 3600, "mph": 0.44704}
+"""m/s in each unit of speed."""
+
+DISCHARGE_UNITS = {"m3/s": 1.0, "L/s": 0.001, "ft3/s": 0.3048**3}
+"""m³/s in each unit of discharge."""
+
+_TIME_WORDS = {
+    "s": "s sec secs second seconds",
+    "ms": "ms msec millisecond milliseconds",
+    "min": "min mins minute minutes",
+    "h": "h hr hrs hour hours",
+    "days": "d day days",
+}
+_PER_SECOND = {
+    "m/s": "m meter meters metre metres",
+    "cm/s": "cm centimeter centimeters centimetre centimetres",
+    "mm/s": "mm millimeter millimeters millimetre millimetres",
+    "ft/s": "ft foot feet",
+    "m3/s": "m3 cubic_meter cubic_meters cubic_metre cubic_metres",
+    "L/s": "l liter liters litre litres",
+    "ft3/s": "ft3 cubic_foot cubic_feet",
+}
+_OTHER_WORDS = {
+    "m/s": "mps",
+    "ft/s": "fps",
+    "ft3/s": "cfs",
+    "km/h": "km/h kmh kph km_h km_h-1 kilometers_per_hour kilometres_per_hour",
+    "knot": "knot knots kn kt kts",
+    "mph": "mph mi/h miles_per_hour",
+}
+_FORMS = ("{}/s", "{}/sec", "{}_s-1", "{}_s", "{}_per_s", "{}_per_second")
+
+TIMES = {word: unit for unit, words in _TIME_WORDS.items() for word in words.split()}
+"""The unit of time behind each spelling."""
+
+SPEEDS = {word: unit for unit, words in _OTHER_WORDS.items() for word in words.split()} | {
+    form.format(word): unit
+    for unit, words in _PER_SECOND.items()
+    for word in words.split()
+    for form in _FORMS
+}
+"""The unit of speed or discharge behind each spelling, words joined by underscores."""
+
+
+def named_unit(name: str, spellings: dict[str, str]) -> str | None:
+    """Return the unit that a column's name or attribute ends with, if any: `v [m/s]`, `v_m_s`."""
+    text = re.sub(r"\*\*|\^", "", name.strip().lower().replace("³", "3"))
+    bracket = re.search(r"[\[(]([^\[\]()]*)[\])]$", text)
+    text = bracket[1] if bracket else text.rpartition(",")[2]
+    words = re.split(r"[\s_.·]+", text.strip())
+    for first in range(len(words)):  # the longest ending that is a unit: m_s, not s
+        ending = "_".join(words[first:])
+        if ending in SPEEDS or ending in TIMES:
+            return spellings.get(ending)
+    return None
+
+
+# Columns ------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -50,7 +119,6 @@ class RecordOptions:
     cutoff: float | None = None  # Hz, of the low-pass; by default half of Nyquist's frequency
 
     def __post_init__(self) -> None:
-        """Refuse a word that is none of its option's."""
         for key, words in {
             "time_unit": (None, *TIME_UNITS),
             "speed_unit": (None, *SPEED_UNITS, *DISCHARGE_UNITS),
@@ -59,29 +127,31 @@ class RecordOptions:
             "uneven": ("refuse", "resample"),
         }.items():
             if getattr(self, key) not in words:
-                remedy = f"give one of {', '.join(word for word in words if word)}"
-                raise self.refuse(key, "unknown", remedy)
+                raise self.refuse(key, "unknown", f"give one of {', '.join(filter(None, words))}")
 
     def refuse(self, key: str, problem: str, remedy: str, file: str = "") -> InputError:
-        """Return the error of an option that does not fit, perhaps to a file."""
         value = getattr(self, key)
         value = list(value) if isinstance(value, tuple) else value
         return InputError(problem, remedy, file=file, key=key, value=value)
 
 
+def column_key(name: str) -> str:
+    """Return what a message calls a column."""
+    return f"column {name[:_LONGEST_NAME] or '1'}"
+
+
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Time and speed of a record as they are in the file, but in SI units."""
+    """Time and speed of a record: as they are in the file, and then in SI units."""
 
     file: str
     """Its name; empty for data in memory."""
-    columns: tuple[str, str]
-    """What messages call the columns of time and speed, such as ``column time_s``."""
+    names: tuple[str, str]
     time: np.ndarray
     """Seconds since the first sample, not checked; NaN where a date is missing."""
     speed: np.ndarray
     """Speed, m/s; NaN where a sample is missing."""
-    place: Callable[[int], str]
+    place: Callable[[int], str] = lambda row: f"row {row + 1}"
     """place(row) says where a row is, such as ``line 7``."""
     messages: tuple[str, ...] = ()
     """What was done to the numbers."""
@@ -89,78 +159,54 @@ class Columns:
     def refuse(self, problem: str, remedy: str, row: int, column: int) -> InputError:
         """Return the error that lies in a row, in the column of the time (0) or the speed (1)."""
         number = float((self.time, self.speed)[column][row])
-        key = f"{self.place(row)}, {self.columns[column]}"
-        if np.isnan(number):
-            return InputError(problem, remedy, file=self.file, key=key)
-        value = f"{number:.10g} {('s since the first', 'm/s')[column]}"
-        return InputError(problem, remedy, file=self.file, key=key, value=value)
+        value = {} if np.isnan(number) else {"value": f"{number:.10g} {_SI[column]}"}
+        key = f"{self.place(row)}, {column_key(self.names[column])}"
+        return InputError(problem, remedy, file=self.file, key=key, **value)
 
+    def in_si(self, dated: bool, options: RecordOptions, units: Sequence[str]) -> Columns:
+        """Return the columns in s and m/s, by the units that the file says besides their names."""
+        time, wanted = self.time, options.time_unit
+        if dated and wanted is not None:
+            problem = f"holds dates, and time_unit is {wanted}"
+            key = column_key(self.names[0])
+            raise InputError(problem, "leave time_unit out", file=self.file, key=key)
+        if not dated:
+            unit = self._unit(0, units[0], options)
+            with np.errstate(over="ignore"):  # infinite times are refused later, with their place
+                time = (time - time[:1]) * TIME_UNITS[unit]
+        unit, area = self._unit(1, units[1], options), options.area
+        if (unit in DISCHARGE_UNITS) != (area is not None):
+            problem = f"is a speed in {unit}, and area is given for a discharge"
+            remedy = "leave area out, or give the column of the discharge"
+            if area is None:
+                problem = f"is a discharge in {unit}, not a speed"
+                remedy = "give area, the channel's cross section in m2, or a column of the speed"
+            raise InputError(problem, remedy, file=self.file, key=column_key(self.names[1]))
+        if area is None:
+            factor = SPEED_UNITS[unit]
+            note = f"speed converted from {unit} to m/s, times {factor:.6g}"
+        else:
+            factor = DISCHARGE_UNITS[unit] / area
+            note = f"discharge in {unit} over the area of {area:g} m2 is the speed"
+        messages = self.messages if unit == "m/s" else (*self.messages, note)
+        return replace(self, time=time, speed=self.speed * factor, messages=messages)
 
-@dataclass(frozen=True)
-class Name:
-    """A column's name, and the unit that it has as an attribute."""
-
-    name: str
-    unit: str = ""
-
-    @property
-    def place(self) -> str:
-        """What a message calls the column."""
-        return f"column {self.name[:_LONGEST_NAME] or '1'}"
-
-
-def in_si(raw: Columns, names: tuple[Name, Name], dated: bool, options: RecordOptions) -> Columns:
-    """Return columns in s and m/s: times are seconds where dated, and else in the file's units."""
-    time = raw.time
-    if dated and options.time_unit is not None:
-        raise InputError(
-            f"holds dates, and time_unit is {options.time_unit}",
-            "leave time_unit out",
-            file=raw.file,
-            key=names[0].place,
-        )
-    if not dated:
-        unit = _unit(raw.file, names[0], options.time_unit, TIMES, "time_unit")
-        with np.errstate(over="ignore"):  # infinite times are refused later, with their place
-            time = (time - time[:1]) * TIME_UNITS[unit]
-    factor, notes = _speed_factor(raw.file, names[1], options)
-    places = names[0].place, names[1].place
-    return Columns(raw.file, places, time, raw.speed * factor, raw.place, (*raw.messages, *notes))
-
-
-def _unit(file: str, column: Name, given: str | None, spellings: dict[str, str], key: str) -> str:
-    """Return a column's unit, which the option `key` or the column itself says."""
-    named = named_unit(column.unit, spellings) or named_unit(column.name, spellings)
-    if given is None and named is None:
-        known = ", ".join(dict.fromkeys(spellings.values()))
-        problem = f"has no unit that is known ({known})"
-        problem += f": {column.unit}" if column.unit else ""
-        remedy = f"give {key}, or name it with its unit, such as {_EXAMPLES[key]}"
-    elif given is not None and named not in (None, given):
-        problem = f"is in {named} by its own name or attributes, and in {given} by {key}"
-        remedy = f"mend {key} or the file, whichever is wrong"
-    else:
-        return str(given or named)
-    raise InputError(problem, remedy, file=file, key=column.place)
-
-
-def _speed_factor(file: str, column: Name, options: RecordOptions) -> tuple[float, tuple[str, ...]]:
-    """Return what brings a speed or a discharge to m/s, and a note of what was done."""
-    unit = _unit(file, column, options.speed_unit, SPEEDS, "speed_unit")
-    if unit in DISCHARGE_UNITS and options.area is not None:
-        note = f"discharge in {unit} over the area of {options.area:g} m2 is the speed"
-        return DISCHARGE_UNITS[unit] / options.area, (note,)
-    if unit in SPEED_UNITS and options.area is None:
-        factor = SPEED_UNITS[unit]
-        note = f"speed converted from {unit} to m/s, times {factor:.6g}"
-        return factor, () if unit == "m/s" else (note,)
-    if unit in DISCHARGE_UNITS:
-        problem = f"is a discharge in {unit}, not a speed"
-        remedy = "give area, the channel's cross section in m2, or a column of the speed"
-    else:
-        problem = f"is a speed in {unit}, and area is given for a discharge"
-        remedy = "leave area out, or give the column of the discharge"
-    raise InputError(problem, remedy, file=file, key=column.place)
+    def _unit(self, column: int, said: str, options: RecordOptions) -> str:
+        """Return a column's unit, which an option or the file says."""
+        key, spellings = (("time_unit", TIMES), ("speed_unit", SPEEDS))[column]
+        given = getattr(options, key)
+        named = named_unit(said, spellings) or named_unit(self.names[column], spellings)
+        if given is None and named is None:
+            known = ", ".join(dict.fromkeys(spellings.values()))
+            problem = f"has no unit that is known ({known})" + (f": {said}" if said else "")
+            example = ("time_s or time [h]", "speed_m_s or v [ft/s]")[column]
+            remedy = f"give {key}, or name it with its unit, such as {example}"
+        elif given is not None and named not in (None, given):
+            problem = f"is in {named} by its own name or attributes, and in {given} by {key}"
+            remedy = f"mend {key} or the file, whichever is wrong"
+        else:
+            return str(given or named)
+        raise InputError(problem, remedy, file=self.file, key=column_key(self.names[column]))
 
 
 def choose(
@@ -176,19 +222,16 @@ def choose(
     if speed is None:
         others = [name for name in names if name != time]
         if len(others) != 1:
-            raise InputError(
-                f"has {len(others) or 'no'} columns besides the time, {time[:_LONGEST_NAME]}",
-                f"give speed_column: of {shown}" if others else "add the speed",
-                file=file,
-            )
+            problem = f"has {len(others) or 'no'} columns besides the time, {time[:_LONGEST_NAME]}"
+            remedy = f"give speed_column: of {shown}" if others else "add the speed"
+            raise InputError(problem, remedy, file=file)
         speed = others[0]
     for key, name in (("time_column", time), ("speed_column", speed)):
         found = names.count(name)
         if found != 1 or time == speed:
             near = difflib.get_close_matches(name, names, n=1)
             guess = f"did you mean {near[0]}? " if near and not found else ""
-            problem = "is the time" if found == 1 else "is no column"
-            problem = "appears twice" if found > 1 else problem
+            problem = ("is no column", "is the time")[found] if found < 2 else "appears twice"
             raise InputError(problem, f"{guess}there are {shown}", file=file, key=key, value=name)
     return time, speed
 
@@ -198,3 +241,46 @@ def check_length(count: int, file: str) -> None:
     if count > MAX_ROWS:
         remedy = "give a part of it, or every so many"
         raise InputError(f"has more than {MAX_ROWS:,} samples", remedy, file=file)
+
+
+def read_csv(path: Path, options: RecordOptions) -> Columns:
+    """Read time and speed from two columns of a CSV file."""
+    file = str(path)
+    table = Csv(read_text(path, "record", MAX_BYTES), path, "a header such as time_s,speed_m_s")
+    names = choose(table.header, table.header[0], options, file)
+    places = [table.place(name) for name in names]
+    lines, times, speeds = array("q"), array("d"), array("d")
+    first: datetime | None = None  # where the times are dates
+    for line, cells in table:
+        time, speed = (cells[place].strip() for place in places)
+        seconds, problem, remedy = parse_number(time), "", ""
+        if first or (seconds is None and not lines):
+            try:
+                date = datetime.fromisoformat(time[:_LONGEST_DATE])
+                first = first or date
+                seconds = (date - first).total_seconds()
+            except ValueError:
+                problem, remedy = "is neither a number nor a date", _DATES
+            except TypeError:
+                problem = "has a zone and others have none, or the other way round"
+                remedy = "write all dates alike"
+        elif seconds is None:
+            problem, remedy = "must be a finite number", _PLAIN
+        if problem:
+            raise line_error(path, line, problem, remedy, f"column {names[0]}", value=time)
+        number = np.nan if speed.lower() in _MISSING else parse_number(speed)
+        if number is None:
+            problem, remedy = (
+                "must be a finite number",
+                f"{_PLAIN}; leave the cell empty where the ",
+            )
+            remedy += "sample is missing"
+            raise line_error(path, line, problem, remedy, f"column {names[1]}", value=speed)
+        lines.append(line)
+        times.append(seconds)
+        speeds.append(number)
+        check_length(len(lines), file)
+    if not lines:
+        raise InputError("has a header but no samples", "add its rows", file=path)
+    raw = Columns(file, names, np.array(times), np.array(speeds), lambda row: f"line {lines[row]}")
+    return raw.in_si(first is not None, options, ("", ""))

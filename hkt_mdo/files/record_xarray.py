@@ -6,9 +6,7 @@ import importlib
 import importlib.util
 import io
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,20 +15,53 @@ import numpy as np
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.record_table import (
     MAX_BYTES,
+    SPEEDS,
     Columns,
-    Name,
     RecordOptions,
     check_length,
     choose,
-    in_si,
+    column_key,
+    named_unit,
 )
 from hkt_mdo.files.table import read_bytes
-from hkt_mdo.files.units import SPEEDS, named_unit
 
-__all__ = ["columns_from", "read_netcdf", "read_parquet"]
+__all__ = ["columns_from", "read_binary"]
 
 MAX_VALUES = 50_000_000
 """Largest number of values that are read of a profiler's record: samples times bins times two."""
+
+
+def columns_from(data: Any, options: RecordOptions, file: str = "") -> Columns:
+    """Take time and speed from a pandas DataFrame or Series, or an xarray Dataset or DataArray.
+
+    Raises InputError if it is something else, or its columns or units are not plain.
+    """
+    if hasattr(data, "to_frame") and not hasattr(data, "columns"):  # a Series
+        data = data.to_frame(data.name or "speed")
+    if hasattr(data, "columns"):
+        return _from_frame(data, file, options)
+    if hasattr(data, "to_dataset") and not hasattr(data, "data_vars"):  # a DataArray
+        data = data.to_dataset(name=data.name or "speed")
+    if hasattr(data, "data_vars"):
+        return _from_dataset(data, file, options)
+    remedy = "give a pandas DataFrame or an xarray Dataset"
+    raise InputError("is no record", remedy, value=type(data).__name__)
+
+
+def read_binary(path: Path, options: RecordOptions) -> Columns:
+    """Read time and speed from a Parquet or a NetCDF file; the ending says which.
+
+    Raises InputError whatever a broken file makes the libraries raise.
+    """
+    parquet = path.suffix.lower() in (".parquet", ".pq")
+    try:
+        return (_read_parquet if parquet else _read_netcdf)(path, options)
+    except InputError:
+        raise
+    except Exception as error:
+        reason = re.sub(r"\s+", " ", str(error))[:120] or type(error).__name__
+        problem = f"cannot be read as {'Parquet' if parquet else 'NetCDF'} ({reason})"
+        raise InputError(problem, "write the file anew, or as CSV", file=path) from None
 
 
 def _need(name: str, file: object) -> Any:
@@ -43,119 +74,65 @@ def _need(name: str, file: object) -> Any:
         raise InputError(problem, remedy, file=file) from None
 
 
-@contextmanager
-def _reading(kind: str, path: Path) -> Iterator[None]:
-    """Turn whatever a broken file makes a library raise into an InputError."""
-    try:
-        yield
-    except InputError:
-        raise
-    except Exception as error:
-        reason = re.sub(r"\s+", " ", str(error))[:120] or type(error).__name__
-        problem = f"cannot be read as {kind} ({reason})"
-        raise InputError(problem, "write the file anew, or as CSV", file=path) from None
-
-
-def _check_kind(column: Any, name: str, kinds: str, file: str) -> None:
-    """Refuse a column whose type is none of NumPy's kinds: i, u, f for numbers, M for dates."""
-    if column.dtype.kind not in kinds:
-        problem = "holds no numbers" + (" and no dates" if "M" in kinds else "")
-        remedy = "write it as numbers, or choose another"
-        raise InputError(problem, remedy, file=file, key=Name(name).place)
-
-
-def _columns(
-    file: str,
-    time: np.ndarray,
-    speed: np.ndarray,
-    names: tuple[Name, Name],
-    options: RecordOptions,
-    messages: Sequence[str] = (),
-) -> Columns:
-    """Return columns in s and m/s of dates or numbers, and speeds that may be missing."""
-    infinite = np.flatnonzero(np.isinf(speed))
-    if infinite.size:
-        raise InputError(
-            "must be a finite number",
-            "mark missing samples by NaN",
-            file=file,
-            key=f"row {infinite[0] + 1}, {names[1].place}",
-            value=float(speed[infinite[0]]),
-        )
-    dated = time.dtype.kind == "M"
-    if dated:
-        dates = time.astype("datetime64[ns]")
-        since = (dates - dates[:1]).astype(np.int64) * 1e-9
-        time = np.where(np.isnat(dates), np.nan, since)
-    places = names[0].place, names[1].place
-    raw = Columns(file, places, time, speed, lambda row: f"row {row + 1}", tuple(messages))
-    return in_si(raw, names, dated, options)
-
-
-# Parquet, pandas ----------------------------------------------------------------------------------
-
-
-def read_parquet(path: Path, options: RecordOptions) -> Columns:
-    """Read two columns of a Parquet file."""
+def _read_parquet(path: Path, options: RecordOptions) -> Columns:
     parquet = _need("pyarrow.parquet", path)
     _need("pandas", path)
-    content = read_bytes(path, MAX_BYTES, "record")
-    with _reading("Parquet", path):
-        file = parquet.ParquetFile(io.BytesIO(content))
-        check_length(file.metadata.num_rows, str(path))
-        empty = file.schema_arrow.empty_table().to_pandas()
-        wanted = _frame_columns(empty, str(path), options)
-        columns = [name for name in empty.columns if str(name) in wanted]
-        frame = file.read(columns=columns, use_pandas_metadata=True).to_pandas()
-        return _from_frame(frame, str(path), options)
+    file = parquet.ParquetFile(io.BytesIO(read_bytes(path, MAX_BYTES, "record")))
+    check_length(file.metadata.num_rows, str(path))
+    return columns_from(file.read().to_pandas(), options, str(path))
 
 
-def _frame_columns(frame: Any, file: str, options: RecordOptions) -> tuple[str, str]:
-    """Return the names of the time, which may be the index, and of the speed."""
-    names = [str(name) for name in frame.columns]
-    default = names[0] if names else None
-    if frame.index.nlevels == 1 and (frame.index.name or frame.index.dtype.kind == "M"):
-        default = str(frame.index.name or "index")
-        names.insert(0, default)
-    return choose(names, default, options, file)
+def _read_netcdf(path: Path, options: RecordOptions) -> Columns:
+    xarray = _need("xarray", path)
+    head = read_bytes(path, MAX_BYTES, "record")[:8]
+    further: dict[str, Any] = {}
+    if head.startswith(b"CDF"):
+        further = {"engine": "scipy", "mmap": False}
+    elif not head.startswith(b"\x89HDF\r\n\x1a\n"):
+        raise InputError("is not NetCDF", "write the file anew, or as CSV", file=path)
+    elif importlib.util.find_spec("h5netcdf") is None:
+        _need("netCDF4", path)
+    with xarray.open_dataset(path, decode_timedelta=False, **further) as dataset:
+        return columns_from(dataset, options, str(path))
+
+
+def _check_kinds(columns: tuple[Any, Any], names: tuple[str, str], file: str) -> None:
+    """Refuse a time that is neither number nor date, a speed that is no number, and length."""
+    for column, name, kinds in zip(columns, names, ("iufM", "iuf"), strict=True):
+        if column.dtype.kind not in kinds:
+            problem = "holds no numbers" + (" and no dates" if "M" in kinds else "")
+            remedy = "write it as numbers, or choose another"
+            raise InputError(problem, remedy, file=file, key=column_key(name))
+    check_length(columns[0].size, file)
+
+
+def _in_si(raw: Columns, options: RecordOptions, units: tuple[str, str] = ("", "")) -> Columns:
+    """Return columns in s and m/s of dates or numbers, and speeds that may be missing."""
+    for row in np.flatnonzero(np.isinf(raw.speed))[:1]:
+        key, value = f"{raw.place(row)}, {column_key(raw.names[1])}", float(raw.speed[row])
+        remedy = "mark missing samples by NaN"
+        raise InputError("must be a finite number", remedy, file=raw.file, key=key, value=value)
+    dated = raw.time.dtype.kind == "M"
+    if dated:
+        dates = raw.time.astype("datetime64[ns]")
+        since = (dates - dates[:1]).astype(np.int64) * 1e-9
+        raw = replace(raw, time=np.where(np.isnat(dates), np.nan, since))
+    return raw.in_si(dated, options, units)
 
 
 def _from_frame(frame: Any, file: str, options: RecordOptions) -> Columns:
-    """Take two columns of a DataFrame."""
-    check_length(len(frame), file)
-    names = _frame_columns(frame, file, options)
-    known = {str(name): frame.iloc[:, at] for at, name in enumerate(frame.columns)}
-    time, speed = (known[name] if name in known else frame.index.to_series() for name in names)
-    _check_kind(time, names[0], "iufM", file)
-    _check_kind(speed, names[1], "iuf", file)
+    """Take two columns of a DataFrame; its index is the first if it has a name or dates."""
+    if frame.index.nlevels == 1 and (frame.index.name or frame.index.dtype.kind == "M"):
+        frame = frame.reset_index(allow_duplicates=True)
+    known = [str(name) for name in frame.columns]
+    names = choose(known, next(iter(known), None), options, file)
+    time, speed = (frame.iloc[:, known.index(name)] for name in names)
+    _check_kinds((time, speed), names, file)
     if hasattr(time.dtype, "tz"):
         time = time.dt.tz_convert(None)
     times = time.to_numpy() if time.dtype.kind == "M" else time.to_numpy(float, na_value=np.nan)
     speeds = speed.to_numpy(dtype=float, na_value=np.nan)
-    return _columns(file, times, speeds, (Name(names[0]), Name(names[1])), options)
-
-
-# NetCDF, xarray -----------------------------------------------------------------------------------
-
-
-def read_netcdf(path: Path, options: RecordOptions) -> Columns:
-    """Read a variable over time of a NetCDF file."""
-    xarray = _need("xarray", path)
-    head = read_bytes(path, MAX_BYTES, "record")[:8]
-    further = {}
-    if head.startswith(b"CDF"):
-        engine, further = "scipy", {"mmap": False}
-    elif head.startswith(b"\x89HDF\r\n\x1a\n"):
-        engine = "netcdf4" if importlib.util.find_spec("netCDF4") else "h5netcdf"
-        if engine == "h5netcdf" and not importlib.util.find_spec("h5netcdf"):
-            _need("netCDF4", path)
-    else:
-        raise InputError("is not NetCDF", "write the file anew, or as CSV", file=path)
-    with (
-        _reading("NetCDF", path),
-        xarray.open_dataset(path, engine=engine, decode_timedelta=False, **further) as dataset,
-    ):
-        return _from_dataset(dataset, str(path), options)
+    return _in_si(Columns(file, names, times, speeds), options)
 
 
 def _from_dataset(data: Any, file: str, options: RecordOptions) -> Columns:
@@ -173,40 +150,24 @@ def _from_dataset(data: Any, file: str, options: RecordOptions) -> Columns:
     names = [*([str(chosen)] if chosen in lines else lines), *names]
     two = choose(names, None if default is None else str(default), options, file)
     time, speed = data[two[0]], data[two[1]]
-    _check_kind(time, two[0], "iufM", file)
-    _check_kind(speed, two[1], "iuf", file)
-    check_length(time.size, file)
-    messages: list[str] = []
-    speeds = _profile(speed, dimension, file, options, messages)
-    units = [str(variable.attrs.get("units", "")) for variable in (time, speed)]
+    _check_kinds((time, speed), two, file)
+    speeds, messages = _profile(speed, dimension, file, options)
+    units = str(time.attrs.get("units", "")), str(speed.attrs.get("units", ""))
     times = time.values if time.dtype.kind == "M" else time.values.astype(float)
-    named = Name(two[0], units[0]), Name(two[1], units[1])
-    return _columns(file, times, speeds, named, options, messages)
+    return _in_si(Columns(file, two, times, speeds, messages=messages), options, units)
 
 
 _HORIZONTAL = {("e", "n"), ("x", "y"), ("u", "v"), ("streamwise", "x-stream")}
 
 
-@dataclass(frozen=True)
-class _Refusals:
-    """The errors of a variable, and of an option that does not fit it."""
-
-    file: str
-    variable: str
-    options: RecordOptions
-
-    def here(self, problem: str, remedy: str) -> InputError:
-        return InputError(problem, remedy, file=self.file, key=Name(self.variable).place)
-
-    def option(self, key: str, problem: str, remedy: str) -> InputError:
-        return self.options.refuse(key, problem, remedy, self.file)
-
-
 def _profile(
-    speed: Any, dimension: Any, file: str, options: RecordOptions, messages: list[str]
-) -> np.ndarray:
-    """Return the speed over time: of the chosen component or horizontal, averaged over bins."""
-    refuse = _Refusals(file, str(speed.name), options)
+    speed: Any, dimension: Any, file: str, options: RecordOptions
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return the speed over time, averaged over bins, and what is to be said of it."""
+
+    def refuse(problem: str, remedy: str) -> InputError:
+        return InputError(problem, remedy, file=file, key=column_key(str(speed.name)))
+
     others = [name for name in speed.dims if name != dimension]
     labelled = [
         name
@@ -216,77 +177,48 @@ def _profile(
     bins = [name for name in others if name not in labelled]
     if len(labelled) > 1 or len(bins) > 1:
         remedy = "give a variable over time, depth bins and components at most"
-        raise refuse.here(f"has the dimensions {', '.join(map(str, speed.dims))}", remedy)
-    parts = [speed]
-    if labelled:
-        labels = [str(label) for label in speed[labelled[0]].values]
-        taken = _components(labels, refuse)
-        parts = [speed.isel({labelled[0]: labels.index(label)}) for label in taken]
+        raise refuse(f"has the dimensions {', '.join(map(str, speed.dims))}", remedy)
+    for key, axis, what in (("component", labelled, "components"), ("bins", bins, "depth bins")):
+        if not axis and getattr(options, key) is not None:
+            problem = f"is given for a record without {what}"
+            raise options.refuse(key, problem, "leave it out", file)
+    parts, messages = [speed], []
+    for name in labelled:
+        labels = [str(label) for label in speed[name].values]
+        known, taken = f"there are {', '.join(labels)}", [options.component]
+        if all(label.isdigit() for label in labels):
+            remedy = "rotate it to earth or flow coordinates"
+            raise refuse("is along the beams of the instrument", remedy)
+        if options.component is None:
+            taken = labels[:2]
+            if tuple(map(str.lower, taken)) not in _HORIZONTAL:
+                problem = "has no two horizontal components at its head"
+                raise refuse(problem, f"give component: {known}")
+        elif options.component not in labels:
+            raise options.refuse("component", "is no component", known, file)
+        parts = [speed.isel({name: labels.index(label)}) for label in taken]
         kind = "component" if options.component else "horizontal speed of"
         messages.append(f"{speed.name}: {kind} {' and '.join(taken)}")
-    elif options.component is not None:
-        problem = "is given for a record without components"
-        raise refuse.option("component", problem, "leave it out")
-    if bins:
-        taken_bins, said = _bins(speed, bins[0], refuse)
-        parts = [part.isel({bins[0]: taken_bins}) for part in parts]
-        messages.append(said)
-    elif options.bins is not None:
-        problem = "are given for a record without depth bins"
-        raise refuse.option("bins", problem, "leave them out")
+    for name in bins:
+        if name not in speed.coords or speed[name].dtype.kind not in "iuf" or not speed[name].size:
+            raise refuse(f"has no distances along {name}", f"give {name} its values in metres")
+        centres = speed[name].values.astype(float)
+        known = f"there are {centres.size} from {_span(centres)}"
+        if options.bins is None:
+            remedy = f"give bins: [lower, upper]; {known}"
+            raise refuse(f"has depth bins along {name}", remedy)
+        lower, upper = options.bins
+        inside = np.flatnonzero((centres >= lower) & (centres <= upper))
+        if not inside.size:
+            raise options.refuse("bins", "has no bin", f"widen it; {known}", file)
+        parts = [part.isel({name: inside}) for part in parts]
+        messages.append(f"average of {inside.size} bins from {_span(centres[inside])}")
     if sum(part.size for part in parts) > MAX_VALUES:
-        raise refuse.here(f"has more than {MAX_VALUES:,} values to read", "take fewer bins")
-    order = [dimension, *bins]
-    arrays = [part.transpose(*order).values.astype(float) for part in parts]
+        raise refuse(f"has more than {MAX_VALUES:,} values to read", "take fewer bins")
+    arrays = [part.transpose(dimension, *bins).values.astype(float) for part in parts]
     size = arrays[0] if len(arrays) == 1 else np.hypot(*arrays)
-    return np.mean(size, axis=1) if bins else size
+    return np.mean(size, axis=1) if bins else size, tuple(messages)
 
 
-def _components(labels: list[str], refuse: _Refusals) -> list[str]:
-    """Return the labels of the chosen component, or of the two horizontal ones."""
-    if all(label.isdigit() for label in labels):
-        problem = "is along the beams of the instrument"
-        raise refuse.here(problem, "rotate it to earth or flow coordinates")
-    known, chosen = f"there are {', '.join(labels)}", refuse.options.component
-    if chosen is not None and chosen not in labels:
-        raise refuse.option("component", "is no component", known)
-    if chosen is None and tuple(map(str.lower, labels[:2])) not in _HORIZONTAL:
-        problem = "has no two horizontal components at its head"
-        raise refuse.here(problem, f"give component: {known}")
-    return labels[:2] if chosen is None else [chosen]
-
-
-def _bins(speed: Any, name: Any, refuse: _Refusals) -> tuple[np.ndarray, str]:
-    """Return the places of the chosen depth bins, and what is to be said of them."""
-    if name not in speed.coords or speed[name].dtype.kind not in "iuf":
-        raise refuse.here(f"has no distances along {name}", f"give {name} its values in metres")
-    centres = speed[name].values.astype(float)
-    if not centres.size:
-        raise refuse.here(f"has no bin along {name}", "give a record that has some")
-    known = f"there are {centres.size} from {np.min(centres):.4g} to {np.max(centres):.4g} m"
-    if refuse.options.bins is None:
-        remedy = f"give bins: [lower, upper]; {known}"
-        raise refuse.here(f"has depth bins along {name}", remedy)
-    lower, upper = refuse.options.bins
-    taken = np.flatnonzero((centres >= lower) & (centres <= upper))
-    if not taken.size:
-        raise refuse.option("bins", "has no bin", f"widen it; {known}")
-    span = f"{np.min(centres[taken]):.4g} to {np.max(centres[taken]):.4g} m"
-    return taken, f"average of {taken.size} bins from {span}"
-
-
-def columns_from(data: Any, options: RecordOptions) -> Columns:
-    """Take time and speed from a pandas DataFrame or Series, or an xarray Dataset or DataArray.
-
-    Raises InputError if it is something else, or its columns or units are not plain.
-    """
-    if hasattr(data, "to_frame") and not hasattr(data, "columns"):  # a Series
-        data = data.to_frame(data.name or "speed")
-    if hasattr(data, "columns"):
-        return _from_frame(data, "", options)
-    if hasattr(data, "to_dataset") and not hasattr(data, "data_vars"):  # a DataArray
-        data = data.to_dataset(name=data.name or "speed")
-    if hasattr(data, "data_vars"):
-        return _from_dataset(data, "", options)
-    remedy = "give a pandas DataFrame or an xarray Dataset"
-    raise InputError("is no record", remedy, value=type(data).__name__)
+def _span(centres: np.ndarray) -> str:
+    return f"{np.min(centres):.4g} to {np.max(centres):.4g} m"

@@ -6,46 +6,29 @@ import difflib
 from collections.abc import Sequence
 from pathlib import Path
 
-from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import Table, parse_table, read_text
+import numpy as np
 
-__all__ = [
-    "POLAR_FAMILIES",
-    "data_path",
-    "locate",
-    "read_table",
-    "shipped_names",
-    "shipped_rotor",
-]
+from hkt_mdo.errors import InputError
+from hkt_mdo.files.table import Csv, read_text
+
+__all__ = ["POLAR_FAMILIES", "data_path", "locate", "read_table", "shipped_names", "shipped_rotor"]
 
 POLAR_FAMILIES: dict[str, dict[str, float]] = {
-    "naca63815": {
-        f"naca63815_Re{reynolds}": float(reynolds)
-        for reynolds in ("1e5", "2e5", "3e5", "5e5", "1e6", "2e6")
-    },
-    "naca63424": {f"naca63424_Re{reynolds}": float(reynolds) for reynolds in ("1e6", "3e6", "1e7")},
-    "naca4415": {
-        f"naca4415_Re{reynolds}": float(reynolds) for reynolds in ("1e5", "2e5", "5e5", "1e6")
-    },
+    section: {f"{section}_Re{number}": float(number) for number in numbers.split()}
+    for section, numbers in {
+        "naca63815": "1e5 2e5 3e5 5e5 1e6 2e6",
+        "naca63424": "1e6 3e6 1e7",
+        "naca4415": "1e5 2e5 5e5 1e6",
+    }.items()
 }
 """Shipped polars of one section: name of the section, name of the polar, its Reynolds number."""
 
+_POLARS = [polar for family in POLAR_FAMILIES.values() for polar in family]
 _FILES: dict[str, dict[str, str]] = {
-    "blade": {
-        "bahaj2007": "bahaj2007_blade.csv",
-        "rm1": "rm1_blade.csv",
-        "river": "river_blade.csv",
-    },
-    "polar": {
-        polar: f"{polar.replace('_', '_polar_')}.csv"
-        for family in POLAR_FAMILIES.values()
-        for polar in family
-    }
+    "blade": {name: f"{name}_blade.csv" for name in ("bahaj2007", "rm1", "river")},
+    "polar": {name: f"{name.replace('_', '_polar_')}.csv" for name in _POLARS}
     | {"cylinder": "cylinder_polar.csv"},
-    "outline": {
-        name: f"{name}_coordinates.csv"
-        for name in ("naca63815", "naca63424", "naca4415", "cylinder")
-    },
+    "outline": {name: f"{name}_coordinates.csv" for name in (*POLAR_FAMILIES, "cylinder")},
     "measurement": {"bahaj2007": "bahaj2007_measured_cp.csv"},
     "reported": {"amini2023": "amini2023_reported.yaml"},
 }
@@ -106,11 +89,10 @@ def data_path(name: str, kind: str) -> Path:
 def locate(path_or_name: str | Path, kind: str) -> Path:
     """Return the file behind a shipped name, which comes first, or behind a path.
 
-    Raises InputError if it is neither a shipped name of this kind nor an existing file; the
-    message lists the shipped names.
+    Raises InputError, with the shipped names, if it is neither.
     """
     name = str(path_or_name)
-    if name in _FILES.get(kind, {}):
+    if name in _FILES[kind]:
         return data_path(name, kind)
     try:
         found = Path(name).is_file()
@@ -122,19 +104,20 @@ def locate(path_or_name: str | Path, kind: str) -> Path:
 
 
 def _remedy(name: str, kind: str) -> str:
-    known = shipped_names(kind)
-    near = difflib.get_close_matches(name[:100], known, n=1)
+    near = difflib.get_close_matches(name[:100], _FILES[kind], n=1)
     guess = f"did you mean {near[0]}? " if near else ""
-    return f"{guess}shipped: {', '.join(known)}; or give the path of a file"
+    return f"{guess}shipped: {', '.join(_FILES[kind])}; or give the path of a file"
 
 
 def read_table(
     path_or_name: str | Path, columns: Sequence[str], what: str, optional: Sequence[str] = ()
-) -> Table:
-    """Read columns of numbers from a CSV file, given by a shipped name or a path.
+) -> dict[str, np.ndarray]:
+    """Read columns of numbers, column[n_rows], from a CSV file: a shipped name or a path.
 
-    `what` is blade, polar, outline or measurement: where shipped names are looked up, and what
-    messages call the table. Columns, result and errors are those of `parse_table`.
+    `columns` must be there; `optional` ones are read if they are there, and others are ignored.
+    `what` is blade, polar, outline or measurement. Raises InputError, with file, line, column and
+    value, if a column is missing or appears twice, there are no rows, or a cell is no number.
     """
     path = locate(path_or_name, what)
-    return parse_table(read_text(path, f"CSV file with the {what}"), path, columns, what, optional)
+    table = Csv(read_text(path, f"CSV file with the {what}"), path, ",".join(columns))
+    return {name: each.values for name, each in table.columns(columns, what, optional).items()}

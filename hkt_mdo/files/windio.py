@@ -1,4 +1,4 @@
-"""The blade of a windIO turbine file (YAML), versions 1 and 2.
+"""The blade and the airfoils of a windIO turbine file (YAML), versions 1 and 2.
 
 Source: windIO, IEA Wind Task 37, turbine schema, https://windio.readthedocs.io.
 """
@@ -6,22 +6,16 @@ Source: windIO, IEA Wind Task 37, turbine schema, https://windio.readthedocs.io.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import yaml
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.blade_table import EDGE, MOST_ROWS, BladeTable, SectionTable, check_rows
+from hkt_mdo.files.blade_table import EDGE, BladeTable, SectionTable, check_rows
+from hkt_mdo.files.polar_table import PolarTable, polar_table
 from hkt_mdo.files.table import Column
-from hkt_mdo.files.windio_airfoil import (
-    THICK_ROUNDED,
-    VERSIONS,
-    Version,
-    curve,
-    read_airfoils,
-)
 from hkt_mdo.files.yaml_text import Place, compose, places_column
 
 __all__ = ["read_windio"]
@@ -29,138 +23,304 @@ __all__ = ["read_windio"]
 DIAMETER_OFF = 0.02
 """How far the file's rotor diameter may be from that of its hub and blade, relatively."""
 
+# Files round: a full circle of angles to ±3.14 rad, and the coefficients at its two ends.
+_CIRCLE_ROUNDED = math.radians(0.1)
+_ENDS_ROUNDED = 0.01
+
+Used = tuple[Place, str, str | None]
+"""An airfoil that stands along the blade: place, name, and configuration of its polars."""
+
+
+@dataclass(frozen=True)
+class _Version:
+    """What the versions of windIO write differently."""
+
+    number: int
+    shape: str
+    half_turn: float
+    angles: str
+    thickness: str
+    coefficients: tuple[str, str, str]
+
+
+_ANGLES = "windIO 1 counts angles in radians", "windIO 2 counts angles in degrees"
+_COEFFICIENTS = ("c_l", "c_d", "c_m"), ("cl", "cd", "cm")
+_VERSIONS = (
+    _Version(1, "outer_shape_bem", np.pi, _ANGLES[0], "relative_thickness", _COEFFICIENTS[0]),
+    _Version(2, "outer_shape", 180.0, _ANGLES[1], "rthick", _COEFFICIENTS[1]),
+)
+
 
 def read_windio(text: str, file: Path) -> BladeTable:
     """Read the blade of a windIO turbine file.
 
-    Rows are the grid of the chord together with that of the twist; what is given on another grid is
-    interpolated linearly. A row's radius is the hub radius plus z of the reference axis. The table
-    has the `sections` that its blade uses and `section_position`, where they stand. Raises
-    InputError if something is missing or broken; the message names the dotted key and the line.
+    Rows are the grids of chord and twist together; what is given on another grid is interpolated
+    linearly. A row's radius is the hub radius plus z of the reference axis. The table has the
+    sections that its blade uses. Raises InputError with the dotted key and the line.
     """
     tree = compose(text, file)
     if not isinstance(tree, yaml.MappingNode):
         remedy = "it has the keys assembly, components and airfoils"
         raise InputError("is no windIO turbine", remedy, file=file, key="line 1")
     root = Place(tree, "", file)
-    messages: list[str] = []
     blade = root.get("components.blade", "give a turbine with a blade")
-    shape, version = _shape(blade)
-    diameter = root.get("components.hub.diameter", "add the hub's diameter in metres")
-    hub = 0.5 * diameter.number(0.0, 100.0, "give the hub's diameter in metres")
-    s_axis, height = _height(shape.find("reference_axis") or blade.get("reference_axis"), messages)
-    s, chord, twist = _chord_and_twist(shape, version, messages)
-    r = hub + np.interp(s, s_axis, height)
-    tip = float(r[-1])
-    rows = [f"components.blade, row at s = {share:.6g}" for share in s]
-    check_rows(Column("r", r, rows, r.tolist(), file), chord[1], twist[1], None, tip)
-    names, stands = _positions(shape, version)
-    sections = read_airfoils(root, names, version, messages)
-    cone = root.get("components.hub").find("cone_angle")
-    angle = None
-    if cone is not None:
-        half = 0.5 * version.half_turn
-        angle = cone.number(-half, half, version.angles) / version.half_turn * np.pi
-    _check_diameter(root.find("assembly"), tip, angle or 0.0, messages)
-    labels = [name for _, name, _ in names]
-    stand_r = hub + np.interp(stands, s_axis, height)
-    return BladeTable(
-        r,
-        np.interp(s, chord[0], chord[1].values),
-        np.interp(s, twist[0], twist[1].values),
-        thickness=_thickness(shape, s, labels, stands, sections),
-        sections=sections,
-        section_position=tuple(zip(labels, stand_r.tolist(), strict=True)),
-        tip_radius=tip,
-        hub_radius=hub,
-        blade_count=_blade_count(root.find("assembly")),
-        cone=angle,
-        messages=tuple(dict.fromkeys(messages)),
-        file=str(file),
-    )
-
-
-def _shape(blade: Place) -> tuple[Place, Version]:
-    """Return the blade's outer shape and the version of windIO that it belongs to."""
-    found = [(blade.find(version.shape), version) for version in VERSIONS]
+    found = [(blade.find(version.shape), version) for version in _VERSIONS]
     shapes = [(shape, version) for shape, version in found if shape is not None]
     if not shapes:
         blade.get("outer_shape", "add outer_shape (windIO 2) or outer_shape_bem (windIO 1)")
     if len(shapes) > 1:
         remedy = "keep that of the file's windIO version"
         raise blade.refuse("holds outer_shape and outer_shape_bem", remedy)
-    return shapes[0]
+    return _Turbine(root, *shapes[0]).blade()
+
+
+def _curve(place: Place) -> tuple[Column, Column]:
+    """Return the grid, which increases strictly, and the values of a quantity."""
+    grid, values = place.pair("grid", "values")
+    grid.check_rising("grids")
+    return grid, values
 
 
 def _spanwise(place: Place) -> tuple[np.ndarray, Column]:
     """Return grid and values of a quantity along the whole span."""
-    grid, values = curve(place)
+    grid, values = _curve(place)
     if abs(grid.values[0]) > EDGE or abs(grid.values[-1] - 1.0) > EDGE:
         problem = f"has a grid from {grid.values[0]:g} to {grid.values[-1]:g}"
         raise place.get("grid").refuse(problem, "a grid runs from 0 at the root to 1 at the tip")
-    if grid.values.size > MOST_ROWS:
-        raise place.get("grid").refuse(f"has more than {MOST_ROWS} numbers", "give fewer")
     return grid.values, values
 
 
-def _chord_and_twist(
-    shape: Place, version: Version, messages: list[str]
-) -> tuple[np.ndarray, tuple[np.ndarray, Column], tuple[np.ndarray, Column]]:
-    """Return the grid of the rows, and grid and values of chord and twist (rad)."""
-    s_chord, chord = _spanwise(shape.get("chord"))
-    s_twist, twist = _spanwise(shape.get("twist"))
-    if version.number == 2:
-        twist = replace(twist, values=np.deg2rad(twist.values))
-        messages.append("windIO 2: degrees converted to radians")
-    beyond = np.abs(twist.values) > np.pi * (1.0 + EDGE)
-    twist.refuse(beyond, "is beyond 180 degrees", version.angles)
-    if not np.array_equal(s_chord, s_twist):
-        messages.append("chord and twist have different grids: rows are both, linear in between")
-    s = np.union1d(s_chord, s_twist)
-    s = s[np.diff(s, prepend=-1.0) > EDGE]  # points closer than that are one
-    return s, (s_chord, chord), (s_twist, twist)
+class _Turbine:
+    """A turbine on its way to a table: its blade's shape, and what is to be said of it."""
 
+    def __init__(self, root: Place, shape: Place, version: _Version) -> None:
+        self.root, self.shape, self.version = root, shape, version
+        self.messages: list[str] = []
 
-def _height(axis: Place, messages: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the grid of a blade's axis and z over it, which begins at 0 and rises."""
-    grid, z = _spanwise(axis.get("z"))
-    aside = np.zeros(z.values.size, dtype=bool)
-    aside[0] = abs(z.values[0]) > EDGE * abs(z.values[-1])
-    z.refuse(aside, "is not 0 at the blade's root", "count z from the root")
-    height = np.concatenate(([0.0], z.values[1:]))
-    z.check_rising("heights above the root", np.diff(height, prepend=-np.inf))
-    for name, what in (("x", "prebend"), ("y", "sweep")):
-        side = axis.find(name)
-        largest = 0.0 if side is None else np.max(np.abs(_spanwise(side)[1].values))
-        if largest > 0.0:
-            said = f"{what} of up to {largest:g} m is ignored: straight blade"
-            messages.append(f"{axis.key}.{name}: {said}")
-    return grid, height
+    def blade(self) -> BladeTable:
+        root, shape, version = self.root, self.shape, self.version
+        diameter = root.get("components.hub.diameter", "add the hub's diameter in metres")
+        hub = 0.5 * diameter.number(0.0, 100.0, "give the hub's diameter in metres")
+        s_axis, height = self.height()
+        s_chord, chord = _spanwise(shape.get("chord"))
+        s_twist, twist = _spanwise(shape.get("twist"))
+        if version.number == 2:
+            twist = replace(twist, values=np.deg2rad(twist.values))
+            self.messages.append("windIO 2: degrees converted to radians")
+        if not np.array_equal(s_chord, s_twist):
+            said = "chord and twist have different grids: rows are both, linear in between"
+            self.messages.append(said)
+        s = np.union1d(s_chord, s_twist)
+        s = s[np.diff(s, prepend=-1.0) > EDGE]  # points closer than that are one
+        r = hub + np.interp(s, s_axis, height)
+        tip = float(r[-1])
+        rows = [f"components.blade, row at s = {share:.6g}" for share in s]
+        own = shape.find("rthick")
+        s_thick, thick = (None, None) if own is None else _spanwise(own)
+        radii = Column("r", r, rows, r.tolist(), root.file)
+        check_rows(radii, chord, twist, thick, tip, version.angles)
+        used, stands = self.positions()
+        sections = self.airfoils(used)
+        labels = [name for _, name, _ in used]
+        known = {section.name: section.thickness for section in sections}
+        thickness = None
+        if thick is not None:
+            thickness = np.minimum(np.interp(s, s_thick, thick.values), 1.0)
+        elif None not in known.values():
+            thickness = np.interp(s, stands, [known[name] for name in labels])
+        cone, half = root.get("components.hub").find("cone_angle"), 0.5 * version.half_turn
+        angle = cone and cone.number(-half, half, version.angles) / version.half_turn * np.pi
+        stand_r = hub + np.interp(stands, s_axis, height)
+        return BladeTable(
+            r,
+            np.interp(s, s_chord, chord.values),
+            np.interp(s, s_twist, twist.values),
+            thickness=thickness,
+            sections=sections,
+            section_position=tuple(zip(labels, stand_r.tolist(), strict=True)),
+            tip_radius=tip,
+            hub_radius=hub,
+            blade_count=self.assembly(tip, angle or 0.0),
+            cone=angle,
+            messages=tuple(dict.fromkeys(self.messages)),
+            file=str(root.file),
+        )
 
+    def height(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the grid of the blade's axis and z over it, which begins at 0 and rises."""
+        axis = self.shape.find("reference_axis")
+        axis = axis or self.root.get("components.blade.reference_axis")
+        grid, z = _spanwise(axis.get("z"))
+        aside = np.zeros(z.values.size, dtype=bool)
+        aside[0] = abs(z.values[0]) > EDGE * abs(z.values[-1])
+        z.refuse(aside, "is not 0 at the blade's root", "count z from the root")
+        height = np.concatenate(([0.0], z.values[1:]))
+        z.check_rising("heights above the root", height)
+        for name, what in (("x", "prebend"), ("y", "sweep")):
+            side = axis.find(name)
+            largest = 0.0 if side is None else np.max(np.abs(_spanwise(side)[1].values))
+            if largest > 0.0:
+                said = f"{what} of up to {largest:g} m is ignored: straight blade"
+                self.messages.append(f"{axis.key}.{name}: {said}")
+        return grid, height
 
-def _positions(
-    shape: Place, version: Version
-) -> tuple[list[tuple[Place, str, str | None]], np.ndarray]:
-    """Return (place, name, configuration) of the airfoils along the span, and where they stand."""
-    if version.number == 1:
-        where = shape.get("airfoil_position")
-        grid, labels = where.get("grid").numbers(), where.get("labels").items()
-        if grid.values.size != len(labels):
-            problem = f"has {grid.values.size} grid points and {len(labels)} labels"
-            raise where.refuse(problem, "give as many labels as grid points")
-        used: list[tuple[Place, str, str | None]] = [(at, at.text(), None) for at in labels]
-    else:
-        entries = shape.get("airfoils").items()
-        stands = [entry.get("spanwise_position") for entry in entries]
-        grid = places_column("spanwise_position", stands)
-        used = [(entry, entry.get("name").text(), _configuration(entry)) for entry in entries]
-    grid.refuse(
-        (grid.values < -EDGE) | (grid.values > 1.0 + EDGE),
-        "is no position along the span",
-        "it lies within 0 (root) and 1 (tip)",
-    )
-    grid.check_rising("positions")
-    return used, grid.values
+    def assembly(self, tip: float, cone: float) -> int | None:
+        """Return the number of blades; hold the diameter to 2 (hub + z of the tip) cos(cone)."""
+        assembly = self.root.find("assembly")
+        count = assembly and assembly.find("number_of_blades")
+        number = count and count.number(0.0, 100.0, "give the number of blades")
+        if count and number != math.floor(number):
+            raise count.refuse("is no whole number", "give the number of blades")
+        diameter = assembly and assembly.find("rotor_diameter")
+        own = 2.0 * tip * math.cos(cone)
+        # windIO's default of 0 says that it is not given
+        given = diameter and diameter.number(-EDGE, 1000.0, "give the rotor's diameter in metres")
+        if given and given > 0.0 and abs(given / own - 1.0) > DIAMETER_OFF:
+            remedy = "correct components.hub.diameter, the reference axis or it"
+            raise diameter.refuse(f"does not fit hub and blade, which give {own:.6g} m", remedy)
+        if given and given > 0.0 and abs(given / own - 1.0) > 1e-6:
+            said = f"{given:.8g} m, but hub and blade give {own:.8g} m, which is taken"
+            self.messages.append(f"assembly.rotor_diameter = {said}")
+        return number and int(number)
+
+    def positions(self) -> tuple[list[Used], np.ndarray]:
+        """Return the airfoils along the span, and where they stand."""
+        if self.version.number == 1:
+            where = self.shape.get("airfoil_position")
+            grid, labels = where.get("grid").numbers(), where.get("labels").items()
+            where.check_sizes(grid=grid.values, labels=labels)
+            used: list[Used] = [(at, at.text(), None) for at in labels]
+        else:
+            entries = self.shape.get("airfoils").items()
+            stands = [entry.get("spanwise_position") for entry in entries]
+            grid = places_column("spanwise_position", stands)
+            used = [(entry, entry.get("name").text(), _configuration(entry)) for entry in entries]
+        outside = (grid.values < -EDGE) | (grid.values > 1.0 + EDGE)
+        grid.refuse(outside, "is no position along the span", "it lies within 0 (root) and 1 (tip)")
+        grid.check_rising("positions")
+        return used, grid.values
+
+    def airfoils(self, used: list[Used]) -> tuple[SectionTable, ...]:
+        """Return the airfoils that the blade uses."""
+        library: dict[str, Place] = {}
+        for entry in self.root.get("airfoils", "add the airfoils that the blade names").items():
+            name = entry.get("name").text()
+            if name in library:
+                raise entry.refuse(f"is the second airfoil {name}", "give each its own name")
+            library[name] = entry
+        chosen: dict[str, str | None] = {}
+        for place, name, configuration in used:
+            if name not in library:
+                problem = f"names the airfoil {name}, which airfoils does not hold"
+                known = ", ".join(list(library)[:8])
+                raise place.refuse(problem, f"add it there; known: {known}")
+            if chosen.setdefault(name, configuration) != configuration:
+                problem = f"uses {name} in configurations {chosen[name]} and {configuration}"
+                raise place.refuse(problem, "copy the airfoil under a second name")
+        return tuple(self.section(library[name], name, tag) for name, tag in chosen.items())
+
+    def section(self, airfoil: Place, name: str, configuration: str | None) -> SectionTable:
+        """Return one airfoil with the polars of its configuration."""
+        thick = airfoil.find(self.version.thickness)
+        thickness = thick and min(thick.number(0.0, 1.0 + 1e-6, "it is over the chord"), 1.0)
+        coordinates = airfoil.find("coordinates")
+        outline = coordinates.pair("x", "y") if coordinates else ()
+        polars: dict[float, PolarTable] = {}
+        for one in self.polar_places(airfoil, name, configuration):
+            table = self.polar(one, name)
+            if (table.reynolds or 0.0) in polars:
+                problem = f"is the second polar of {name} at one Reynolds number"
+                raise one.refuse(problem, "keep one, or tag them with different configurations")
+            polars[table.reynolds or 0.0] = table
+        ordered = tuple(polars[reynolds] for reynolds in sorted(polars))
+        return SectionTable(name, thickness, ordered, *(column.values for column in outline))
+
+    def polar_places(self, airfoil: Place, name: str, configuration: str | None) -> list[Place]:
+        """Return where the polars of a configuration are, of the first if none is given."""
+        polars = airfoil.get("polars", "add the airfoil's lift and drag")
+        tagged: dict[str | None, list[Place]] = {}
+        for entry in polars.items():
+            tag = entry.find("configuration")
+            tagged.setdefault(tag and tag.text(), []).append(entry)
+        if configuration is None:
+            configuration = next(iter(tagged))
+            if len(tagged) > 1:
+                said = f"polars of configuration {configuration}, the first, are taken"
+                self.messages.append(f"{name}: {said}")
+        if configuration not in tagged:
+            known = f"known: {', '.join(map(str, tagged))}"
+            raise polars.refuse(f"has no polars of configuration {configuration}", known)
+        chosen = tagged[configuration]
+        if self.version.number == 1:
+            return chosen
+        return [one for entry in chosen for one in entry.get("re_sets").items()]
+
+    def polar(self, place: Place, section: str) -> PolarTable:
+        """Return one polar, its coefficients on one grid of angles of attack."""
+        limit, (lift, drag, moment) = self.version.half_turn, self.version.coefficients
+        given = {lift: place.get(lift), drag: place.get(drag), moment: place.find(moment)}
+        curves: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        for name, one in given.items():
+            if one is None:
+                continue
+            grid, column = _curve(one)
+            beyond = np.abs(grid.values) > limit * 1.001
+            grid.refuse(beyond, "lies beyond the full circle", self.version.angles)
+            if self.version.number == 2 and np.max(np.abs(grid.values)) < 3.2:
+                problem = f"has angles from {grid.values[0]:g} to {grid.values[-1]:g} degrees"
+                remedy = "windIO 2 counts them in degrees: convert them if they are radians"
+                raise one.get("grid").refuse(problem, remedy)
+            curves[name] = np.clip(grid.values, -limit, limit), column.values
+        alpha, values = self.joined(place, curves, section)
+        alpha = self.closed(alpha, values, section)
+        reynolds = place.find("re")
+        return polar_table(
+            alpha,
+            *values.values(),
+            reynolds=reynolds and reynolds.number(0.0, 1e12, "give it as a plain number"),
+            file=place.file,
+            columns=(
+                f"{lift}.grid{', alpha_rad' * (self.version.number == 1)}",
+                *(f"{name}.values" for name in values),
+            ),
+            where=place.shown,
+        )
+
+    def joined(
+        self, place: Place, curves: dict[str, tuple[np.ndarray, np.ndarray]], section: str
+    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Return the coefficients on one grid of angles, linear in between if there are several."""
+        grids = [grid for grid, _ in curves.values()]
+        alpha = grids[0]
+        if all(np.array_equal(alpha, other) for other in grids):
+            return alpha, {name: column for name, (_, column) in curves.items()}
+        low, high = max(grid[0] for grid in grids), min(grid[-1] for grid in grids)
+        alpha = np.unique(np.concatenate(grids))
+        alpha = alpha[(alpha >= low) & (alpha <= high)]
+        if alpha.size < 2:
+            problem = "has lift and drag at angles that do not overlap"
+            raise place.refuse(problem, "give both over one grid")
+        self.messages.append(f"{section}: coefficients on different grids are joined linearly")
+        return alpha, {name: np.interp(alpha, *points) for name, points in curves.items()}
+
+    def closed(self, alpha: np.ndarray, values: dict[str, np.ndarray], section: str) -> np.ndarray:
+        """Close a full circle whose angles, or whose coefficients at both ends, are rounded."""
+        limit = self.version.half_turn
+        short = limit - np.abs(alpha[[0, -1]])
+        if np.any(short >= limit / np.pi * _CIRCLE_ROUNDED):
+            return alpha
+        if np.any(short > 0.0):
+            alpha = np.concatenate(([-limit], alpha[1:-1], [limit]))
+            self.messages.append("polars: angles of attack of ±3.14 rad are taken as half a turn")
+        for name, numbers in values.items():
+            first, last = numbers[0], numbers[-1]
+            if 1e-6 < abs(last - first) < _ENDS_ROUNDED:
+                mean = 0.5 * (first + last)
+                values[name] = np.concatenate(([mean], numbers[1:-1], [mean]))
+                ends = f"{name} = {first:.4g} and {last:.4g} at ±180 degrees"
+                said = f"{ends}, which are one angle: their mean is taken"
+                self.messages.append(f"{section}: {said}")
+        return alpha
 
 
 def _configuration(entry: Place) -> str | None:
@@ -169,65 +329,10 @@ def _configuration(entry: Place) -> str | None:
     if tags is None:
         return None
     names = [tag.text() for tag in tags.items()]
-    shares = np.ones(len(names)) if weights is None else weights.numbers().values
-    if weights is not None and shares.size != len(names):
-        problem = f"has {shares.size} weights for {len(names)} configurations"
-        raise weights.refuse(problem, "give one for each")
+    shares = weights.numbers().values if weights else np.ones(len(names))
+    entry.check_sizes(configuration=names, weight=shares)
     used = [name for name, share in zip(names, shares, strict=True) if share > 0.0]
     if len(used) != 1:
         remedy = "keep the one that holds for your water, with the weight [1.0]"
         raise tags.refuse(f"blends {len(used)} configurations of polars", remedy)
     return used[0]
-
-
-def _thickness(
-    shape: Place,
-    s: np.ndarray,
-    labels: list[str],
-    stands: np.ndarray,
-    sections: tuple[SectionTable, ...],
-) -> np.ndarray | None:
-    """Return the thickness of rows: the blade's own, or linear between its sections."""
-    own = shape.find("rthick")
-    if own is None:
-        known = {section.name: section.thickness for section in sections}
-        between = [known[name] for name in labels]
-        return None if None in between else np.interp(s, stands, np.array(between, dtype=float))
-    grid, column = _spanwise(own)
-    column.refuse(
-        (column.values <= 0.0) | (column.values > 1.0 + THICK_ROUNDED),
-        "is no thickness over chord",
-        "rthick lies within 0 (a plate) and 1 (a cylinder)",
-    )
-    return np.minimum(np.interp(s, grid, column.values), 1.0)
-
-
-def _blade_count(assembly: Place | None) -> int | None:
-    count = assembly and assembly.find("number_of_blades")
-    if count is None:
-        return None
-    number = count.number(0.0, 100.0, "give the number of blades")
-    if number != math.floor(number):
-        raise count.refuse("is no whole number", "give the number of blades")
-    return int(number)
-
-
-def _check_diameter(assembly: Place | None, tip: float, cone: float, messages: list[str]) -> None:
-    """Hold the file's rotor diameter, 2 (hub radius + z of the tip) cos(cone), to its blade."""
-    diameter = assembly and assembly.find("rotor_diameter")
-    if diameter is None:
-        return
-    number = diameter.number(-EDGE, 1000.0, "give the rotor's diameter in metres")
-    own = 2.0 * tip * math.cos(cone)
-    off = abs(number / own - 1.0)
-    if number <= 0.0 or off <= 1e-6:  # windIO's default of 0 says that it is not given
-        return
-    if off > DIAMETER_OFF:
-        raise diameter.refuse(
-            f"does not fit hub and blade, which give {own:.6g} m",
-            "no blade is scaled to it: correct components.hub.diameter, the reference axis or it",
-        )
-    messages.append(
-        f"assembly.rotor_diameter = {number:.8g} m, but hub and blade give {own:.8g} m, which is "
-        "taken"
-    )

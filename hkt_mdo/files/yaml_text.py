@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sized
 from dataclasses import dataclass
 from functools import reduce
 from typing import Any, ClassVar
@@ -37,15 +37,10 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
     yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}
 
 
-# PyYAML's own parser, for cases, locates errors more precisely.
-_LOADERS = {False: _Loader, True: yaml.SafeLoader}
-
-
 class Dumper(yaml.SafeDumper):
     """Lists on one line; quotes round a text that YAML 1.1 or 1.2 would take for another type."""
 
     def ignore_aliases(self, data: Any) -> bool:
-        """Write everything out."""
         return True
 
     def represent_flow_list(self, data: list[Any]) -> yaml.Node:
@@ -72,42 +67,33 @@ class Place:
         """What a message calls the place."""
         return f"{self.key} (line {self.node.start_mark.line + 1})"
 
-    def error(self, problem: str, remedy: str, **value: object) -> InputError:
-        """Return the error of this key."""
-        return InputError(problem, remedy, file=self.file, key=self.key, **value)
-
     def refuse(self, problem: str, remedy: str) -> InputError:
-        """Return the error that lies in this line."""
         value = {"value": self.node.value} if isinstance(self.node, yaml.ScalarNode) else {}
         return InputError(problem, remedy, file=self.file, key=self.shown, **value)
 
     def below(self, node: yaml.Node, name: str) -> Place:
-        """Return the place of a member."""
         return Place(node, joined(self.key, name), self.file)
 
     def _expect(self, kind: type, what: str) -> None:
         if not isinstance(self.node, kind):
             raise self.refuse(f"must be {what}", "see the schema of such files")
 
-    def find(self, name: str) -> Place | None:
-        """Return a member of a mapping; None where there is none or it is empty."""
-        self._expect(yaml.MappingNode, "a mapping")
-        for key, node in self.node.value:
-            if key.value == name:
-                empty = isinstance(node, yaml.ScalarNode) and word(node) == "null"
-                return None if empty else self.below(node, name)
-        return None
-
-    def get(self, path: str, remedy: str = "add it") -> Place:
-        """Return what a dotted key below this place names; it must be there."""
+    def find(self, path: str, remedy: str = "") -> Place | None:
+        """Return what a dotted key below this place names; None, or refused with the remedy."""
         here = self
         for name in path.split("."):
-            found = here.find(name)
-            if found is None:
+            here._expect(yaml.MappingNode, "a mapping")
+            node = next((node for key, node in here.node.value if key.value == name), None)
+            if node is None or (isinstance(node, yaml.ScalarNode) and word(node) == "null"):
                 key = here.below(here.node, name).shown
-                raise InputError("is missing", remedy, file=self.file, key=key)
-            here = found
+                if remedy:
+                    raise InputError("is missing", remedy, file=self.file, key=key)
+                return None
+            here = here.below(node, name)
         return here
+
+    def get(self, path: str, remedy: str = "add it") -> Place:
+        return self.find(path, remedy)  # type: ignore[return-value]
 
     def items(self) -> list[Place]:
         """Return the members of a list, one at least."""
@@ -117,33 +103,39 @@ class Place:
         return [self.below(node, f"[{index}]") for index, node in enumerate(self.node.value)]
 
     def text(self) -> str:
-        """Return a text without spaces round it."""
         self._expect(yaml.ScalarNode, "a word")
         return self.node.value.strip()
 
-    def finite(self) -> float:
-        """Return a finite number."""
+    def number(self, low: float = -np.inf, high: float = np.inf, remedy: str = "") -> float:
+        """Return a finite number within (low, high]."""
         self._expect(yaml.ScalarNode, "a number")
         number = None if self.node.style else fortran_number(self.node.value)
         if number is None:
             raise self.refuse("must be a finite number", "write it plainly, without a unit")
-        return number
-
-    def number(self, low: float, high: float, remedy: str) -> float:
-        """Return a number within (low, high]."""
-        number = self.finite()
         if not low < number <= high:
             raise self.refuse(f"must be above {low:g} and at most {high:g}", remedy)
         return number
 
     def numbers(self) -> Column:
-        """Return a list of numbers."""
         return places_column(self.key, self.items())
+
+    def pair(self, *names: str) -> list[Column]:
+        """Return two members that are lists of as many numbers."""
+        columns = {name: self.get(name).numbers() for name in names}
+        self.check_sizes(**{name: column.values for name, column in columns.items()})
+        return list(columns.values())
+
+    def check_sizes(self, **lists: Sized) -> None:
+        """Refuse two lists of this place that are not as long as each other."""
+        (one, first), (other, second) = lists.items()
+        if len(first) != len(second):
+            problem = f"has {len(first)} values in {one} and {len(second)} in {other}"
+            raise self.refuse(problem, "give as many in both")
 
 
 def places_column(name: str, places: list[Place]) -> Column:
     """Return the numbers at some places of a file."""
-    values = np.array([place.finite() for place in places])
+    values = np.array([place.number() for place in places])
     shown = [place.node.value for place in places]
     return Column(name, values, [place.shown for place in places], shown, places[0].file)
 
@@ -157,19 +149,19 @@ def compose(text: str, file: object, key: str = "", *, case: bool = False) -> ya
     where the text is no YAML, or YAML that is refused: tags, merge keys, a key that is given twice,
     a second document, too many values.
     """
-    loader = _LOADERS[case]
+    # PyYAML's own parser, for cases, locates errors more precisely.
+    loader = yaml.SafeLoader if case else _Loader
     try:
         _check_events(yaml.parse(text, Loader=loader), file, case)
         root = yaml.compose(text, Loader=loader)
     except (yaml.YAMLError, ValueError, OverflowError) as error:
         mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
-        place = f"line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        place = _shown(mark) if mark else key
         if not mark and hasattr(error, "position"):
             place = f"line {text.count(chr(10), 0, error.position) + 1}"
-        problem = getattr(error, "problem", None) or getattr(error, "reason", None) or str(error)
-        raise InputError(
-            f"cannot be read as YAML: {problem}", "mend it there", file=file, key=place or key
-        ) from None
+        reason = getattr(error, "problem", None) or getattr(error, "reason", None) or error
+        problem = f"cannot be read as YAML: {reason}"
+        raise InputError(problem, "mend it there", file=file, key=place) from None
     if root is not None:
         _check_keys(Place(root, key, file), case, set())
     return root
@@ -198,13 +190,19 @@ def _check_events(events: Iterable[Any], file: object, case: bool) -> None:
             remedy = "write the plain value; put an included file's content in its place"
         else:
             continue
-        mark = event.start_mark
-        place = f"line {mark.line + 1}, column {mark.column + 1}"
-        raise InputError(problem, remedy, file=file, key=place)
+        raise InputError(problem, remedy, file=file, key=_shown(event.start_mark))
+
+
+def _shown(mark: yaml.Mark) -> str:
+    return f"line {mark.line + 1}, column {mark.column + 1}"
 
 
 def _check_keys(place: Place, case: bool, seen: set[int]) -> None:
     """Refuse keys that are no words or stand twice in a mapping, each mapping once."""
+
+    def refuse(problem: str, remedy: str, place: Place = place, **value: object) -> InputError:
+        return InputError(problem, remedy, file=place.file, key=place.key, **value)
+
     node = place.node
     if id(node) in seen:
         return
@@ -218,23 +216,18 @@ def _check_keys(place: Place, case: bool, seen: set[int]) -> None:
         for key, value in node.value:
             line = f"line {key.start_mark.line + 1}"
             if not isinstance(key, yaml.ScalarNode) or (case and word(key) != "str"):
-                raise place.error(f"has a key that is not a word ({line})", "write a word")
+                raise refuse(f"has a key that is not a word ({line})", "write a word")
             below = place.below(value, key.value)
             if key.value == "<<":
-                raise below.error("merge keys (<<) are refused", "write the values out")
+                raise refuse("merge keys (<<) are refused", "write the values out", below)
             if key.value in known:
                 # A list may hold itself by aliases: only a scalar is shown.
                 shown = {"value": plain(value)} if isinstance(value, yaml.ScalarNode) else {}
-                problem = f"is given twice (again in {line})"
-                raise below.error(problem, "keep one of them", **shown)
+                raise refuse(f"is given twice (again in {line})", "keep one", below, **shown)
             known.add(key.value)
             _check_keys(below, case, seen)
-    elif not node.value.isascii():
-        try:
-            node.value.encode()
-        except UnicodeEncodeError:
-            remedy = "write the text without \\u escapes"
-            raise place.error("holds half a character", remedy) from None
+    elif re.search("[\ud800-\udfff]", node.value):
+        raise refuse("holds half a character", "write the text without \\u escapes")
 
 
 def word(node: yaml.ScalarNode) -> str:

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from hkt_mdo.dynamics.inflow import GustInflow, StepInflow, TurbulentInflow
 
+from hkt_mdo.dynamics.flows import GustInflow, StepInflow
 from hkt_mdo.dynamics.records import find_spikes, low_pass
+from hkt_mdo.dynamics.sampled import TurbulentInflow
 
 STEP = 0.25
 TIME = STEP * np.arange(2400)
@@ -78,8 +79,16 @@ def test_spikes_in_still_water_are_found():
 @pytest.mark.parametrize("spectrum", ["von_karman", "kaimal"])
 @pytest.mark.parametrize(("cutoff", "digit"), [(0.5, 1e-2), (4.0, 1e-3), (15.9, 1e-9)])
 def test_clean_turbulence_has_no_spikes(spectrum, cutoff, digit):
-    inflow = TurbulentInflow(spectrum, 1.5, 0.2, 4.0, 3, 3200.0, cutoff)
-    speed = inflow.speed(np.arange(100_000) / 32.0)
+    inflow = TurbulentInflow(
+        spectrum=spectrum,
+        mean=1.5,
+        intensity=0.2,
+        length_scale=4.0,
+        seed=3,
+        duration=3200.0,
+        cutoff=cutoff,
+    )
+    speed = inflow.speed_at(np.arange(100_000) / 32.0)
     for noise in (0.0, 0.03):
         noisy = speed + noise * np.random.default_rng(1).standard_normal(speed.size)
         assert not np.any(find_spikes(np.round(noisy / digit) * digit))
@@ -87,10 +96,10 @@ def test_clean_turbulence_has_no_spikes(spectrum, cutoff, digit):
 
 def test_gusts_steps_and_crests_are_no_spikes():
     flows = [
-        GustInflow(1.5, 0.8, 200.0, 3.0),
-        GustInflow(1.5, -0.8, 200.0, 3.0, "mexican_hat"),
-        StepInflow(1.0, 2.0, 300.0, 0.05),
+        GustInflow(mean=1.5, amplitude=0.8, time=200.0, width=3.0),
+        GustInflow(mean=1.5, amplitude=-0.8, time=200.0, width=3.0, shape="mexican_hat"),
+        StepInflow(before=1.0, after=2.0, time=300.0, width=0.05),
     ]
-    for speed in [*(flow.speed(TIME) for flow in flows), SLOW, np.abs(np.sin(TIME)), TIME]:
+    for speed in [*(flow.speed_at(TIME) for flow in flows), SLOW, np.abs(np.sin(TIME)), TIME]:
         assert not np.any(find_spikes(speed))
         assert not np.any(find_spikes(np.round(speed, 2)))

@@ -16,7 +16,7 @@ from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow, SumInflow
 from hkt_mdo.dynamics.records import RecordOptions, read_record
 from hkt_mdo.dynamics.sampled import SPECTRA, RecordInflow, Samples, TurbulentInflow
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.units import DISCHARGE_UNITS, SPEED_UNITS, TIME_UNITS
+from hkt_mdo.files.record_table import DISCHARGE_UNITS, SPEED_UNITS, TIME_UNITS
 from tests.files.broken.records import SOUND
 
 TIME = np.linspace(0.0, 60.0, 245)

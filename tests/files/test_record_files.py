@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from hkt_mdo.dynamics import records
 from hkt_mdo.dynamics.records import low_pass, read_record, record_from
 from hkt_mdo.errors import InputError
-from hkt_mdo.files import record as record_files
 from hkt_mdo.files import record_table
 from tests.files.broken.records import ROWS, SOUND, SPEEDS, TIMES
 
@@ -382,7 +381,7 @@ def test_profiles(tmp_path, form, options, factor, message):
         ({"speed_column": "vel", "bins": (1, 2), "component": "N"}, "mend the sign"),
         ({"speed_column": "pressure"}, "column pressure: has no unit that is known"),
         ({"speed_column": "c_sound"}, "is faster than any river"),
-        ({"speed_column": "c_sound", "bins": (1, 2)}, "are given for a record without depth bins"),
+        ({"speed_column": "c_sound", "bins": (1, 2)}, "is given for a record without depth bins"),
         ({"speed_column": "c_sound", "component": "E"}, "for a record without components"),
         ({"speed_column": "vel", "time_column": "range"}, "has no distances along time"),
         ({"speed_column": "vel", "time_column": "times"}, "did you mean time?"),
@@ -474,7 +473,7 @@ def test_the_sound_file_is_read(tmp_path):
 
 def test_limits(tmp_path, monkeypatch):
     path = csv(tmp_path)
-    monkeypatch.setattr(record_files, "MAX_BYTES", 1024)
+    monkeypatch.setattr(record_table, "MAX_BYTES", 1024)
     assert "is larger than 0.000976562 MiB" in refused(path)
     monkeypatch.undo()
     monkeypatch.setattr(record_table, "MAX_ROWS", 1000)

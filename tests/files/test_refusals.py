@@ -1,6 +1,5 @@
 """Broken files of every format: one InputError with file, place and remedy, never anything else."""
 
-import math
 import re
 
 import pytest
@@ -12,7 +11,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.outline import read_outline
 from hkt_mdo.files.polar import read_polars
-from hkt_mdo.files.table import any_number, parse_number, parse_table
+from hkt_mdo.files.table import Csv, parse_number
 from tests.files.broken import blades, polars, records
 
 BROKEN = (
@@ -161,19 +160,17 @@ def test_what_is_no_plain_number_is_none(text):
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
-def test_a_table_may_hold_nan_where_that_is_allowed(end, tmp_path):
-    text = end.join(["# a remark", "b, a ,c", "", "nan,1,x", " -inf ,2,y", ""])
-    table = parse_table(text, tmp_path, ("a", "b"), "result", ("d",), parse=any_number)
-    assert table["a"].tolist() == [1.0, 2.0]
-    assert math.isnan(table["b"][0])
-    assert table["b"][1] == -math.inf
-    assert table.lines == (4, 5)
+def test_a_table_has_any_line_ends_remarks_and_further_columns(end, tmp_path):
+    text = end.join(["# a remark", "b, a ,c", "", "7,1,x", " -.5 ,2,y", ""])
+    table = Csv(text, tmp_path, "a,b").columns(("a", "b"), "result", ("d",))
+    assert table["a"].values.tolist() == [1.0, 2.0]
+    assert table["b"].values.tolist() == [7.0, -0.5]
+    assert table["b"].keys == ["line 4, column b", "line 5, column b"]
     assert "d" not in table
     with pytest.raises(InputError, match="line 4, column b = 'nan': must be a finite number"):
-        parse_table(text, tmp_path, ("a", "b"), "result")
+        Csv(text.replace("7", "nan"), tmp_path, "a,b").columns(("a", "b"), "result")
 
 
-def test_a_table_without_rows_is_read_where_that_is_allowed(tmp_path):
-    assert parse_table("a,b\n", tmp_path, ("a",), "result", fewest=0)["a"].size == 0
-    with pytest.raises(InputError, match="has a header but no numbers"):
-        parse_table("a,b\n", tmp_path, ("a",), "result")
+def test_a_table_has_rows(tmp_path):
+    with pytest.raises(InputError, match="has a header but no rows"):
+        Csv("a,b\n", tmp_path, "a").columns(("a",), "result")
