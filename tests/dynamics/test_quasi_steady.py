@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hkt_mdo.dynamics.controllers import LinearLaw, QuadraticLaw
-from hkt_mdo.dynamics.inflow import SineInflow
 
+from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.dynamics.quasi_steady import MOST_SPEEDS, QuasiSteady
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.steady_optimum import best_operation
@@ -16,7 +15,7 @@ RADIUS, DENSITY = 1.4, 1000.0
 TIME = np.linspace(0.0, 60.0, 121)
 WEIGHTS = np.full(121, 0.5)
 WEIGHTS[[0, -1]] = 0.25
-FLOW = SineInflow(1.5, 0.2, 0.25).speed(TIME)
+FLOW = 1.5 + 0.2 * np.sin(0.25 * TIME)
 SPLINE = TorqueSpline(np.linspace(2.0, 15.0, 131))
 
 
@@ -47,7 +46,7 @@ def test_quadratic_feedback_with_the_matching_gain_equals_open_loop(table):
     ratio = quasi_steady().operate(table).rotor_speed[0] * RADIUS / FLOW[0]
     coefficient = float((SPLINE.basis(np.array([ratio])) @ table)[0])
     gain = 0.5 * DENSITY * np.pi * RADIUS**5 * coefficient / ratio**2
-    operation = quasi_steady(QuadraticLaw()).operate(table, [gain])
+    operation = quasi_steady(QuadraticFeedback()).operate(table, [gain])
     assert operation.running
     assert operation.energy == pytest.approx(quasi_steady().operate(table).energy, rel=1e-9)
 
@@ -60,7 +59,7 @@ def test_torque_limit_is_met_on_the_fast_side(table):
 
 
 def test_an_excessive_gain_is_not_running(table):
-    assert not quasi_steady(QuadraticLaw()).operate(table, [500.0]).running
+    assert not quasi_steady(QuadraticFeedback()).operate(table, [500.0]).running
 
 
 @pytest.mark.parametrize(
@@ -68,9 +67,9 @@ def test_an_excessive_gain_is_not_running(table):
     [
         (None, None, []),
         (None, 700.0, []),
-        (LinearLaw(), None, [110.0]),
-        (LinearLaw(700.0), None, [80.0]),
-        (QuadraticLaw(700.0), None, [15.0]),
+        (LinearFeedback(), None, [110.0]),
+        (LinearFeedback(torque_limit=700.0), None, [80.0]),
+        (QuadraticFeedback(torque_limit=700.0), None, [15.0]),
     ],
 )
 def test_gradient_of_the_energy(table, law, limit, gains):
@@ -98,7 +97,7 @@ def test_gradient_of_the_energy(table, law, limit, gains):
 
 
 @pytest.mark.parametrize(
-    ("law", "gains"), [(LinearLaw(), [110.0]), (LinearLaw(700.0), [80.0]), (QuadraticLaw(), [9.0])]
+    ("law", "gains"), [(LinearFeedback(), [110.0]), (LinearFeedback(torque_limit=700.0), [80.0]), (QuadraticFeedback(), [9.0])]
 )
 def test_gradients_of_the_distance_from_stall(table, law, gains):
     problem, gains = quasi_steady(law), np.array(gains)
@@ -139,7 +138,7 @@ def test_a_condensed_flow_has_the_same_energy(table):
     time = np.linspace(0.0, 600.0, 24001)
     flow = 1.5 + 0.2 * np.sin(0.25 * time) + 0.1 * np.sin(1.7 * time + 1.0)
     weights = np.full(time.size, time[1])
-    problem = QuasiSteady(flow, weights, DENSITY, RADIUS, SPLINE, LinearLaw(700.0))
+    problem = QuasiSteady(flow, weights, DENSITY, RADIUS, SPLINE, LinearFeedback(torque_limit=700.0))
     few = problem.condensed()
     assert few.inflow_speed.size <= MOST_SPEEDS
     assert few.weights.sum() == pytest.approx(weights.sum(), rel=1e-12)
