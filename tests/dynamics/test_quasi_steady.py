@@ -97,7 +97,12 @@ def test_gradient_of_the_energy(table, law, limit, gains):
 
 
 @pytest.mark.parametrize(
-    ("law", "gains"), [(LinearFeedback(), [110.0]), (LinearFeedback(torque_limit=700.0), [80.0]), (QuadraticFeedback(), [9.0])]
+    ("law", "gains"),
+    [
+        (LinearFeedback(), [110.0]),
+        (LinearFeedback(torque_limit=700.0), [80.0]),
+        (QuadraticFeedback(), [9.0]),
+    ],
 )
 def test_gradients_of_the_distance_from_stall(table, law, gains):
     problem, gains = quasi_steady(law), np.array(gains)
@@ -138,7 +143,9 @@ def test_a_condensed_flow_has_the_same_energy(table):
     time = np.linspace(0.0, 600.0, 24001)
     flow = 1.5 + 0.2 * np.sin(0.25 * time) + 0.1 * np.sin(1.7 * time + 1.0)
     weights = np.full(time.size, time[1])
-    problem = QuasiSteady(flow, weights, DENSITY, RADIUS, SPLINE, LinearFeedback(torque_limit=700.0))
+    problem = QuasiSteady(
+        flow, weights, DENSITY, RADIUS, SPLINE, LinearFeedback(torque_limit=700.0)
+    )
     few = problem.condensed()
     assert few.inflow_speed.size <= MOST_SPEEDS
     assert few.weights.sum() == pytest.approx(weights.sum(), rel=1e-12)

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from hkt_mdo.files.shipped import shipped_names
 from hkt_mdo.rotor import bem, ccblade
-from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.blade import Blade
 
-POLARS = [Polar.from_csv(name) for name in shipped_names("polar")]
+POLARS = [PolarFamily.from_file(name).polars[0] for name in shipped_names("polar")]
 
 
 @st.composite
