@@ -301,36 +301,21 @@ def _residual(point, lambda_r):
 
 
 @njit(cache=True, error_model="numpy")
-def _brake_bracket(lambda_r, station):
-    """Return the residual's sign change nearest below phi = 0, both ends as in `_residual`."""
-    low = np.nan, np.nan, np.nan
-    for phi in _NEGATIVE_SAMPLES:
-        high = _residual(_point(phi, station), lambda_r)
-        if high[1] * low[1] < 0.0:
-            return low, high
-        low = high
-    return low, low
-
-
-@njit(cache=True, error_model="numpy")
 def _first_root(lambda_r, knots, n_knots, station):
     """Return the first root (phi and the terms there), or terms with s <= 0."""
-    below, above = -1, n_knots  # above: the first knot whose running minimum is <= lambda_r
-    while above - below > 1:
-        middle = (below + above) // 2
-        if knots[5, middle] > lambda_r:
-            below = middle
-        else:
-            above = middle
+    # The first knot whose running minimum is <= lambda_r
+    above = np.searchsorted(-knots[5, :n_knots], -lambda_r)
     phi, terms = 0.0, _NO_ROOT
     if 0 < above < n_knots:
-        low, high = _residual(knots[:, below], lambda_r), _residual(knots[:, above], lambda_r)
+        low, high = _residual(knots[:, above - 1], lambda_r), _residual(knots[:, above], lambda_r)
         if low[1] < 0.0 <= high[1]:
             phi, terms = _root(low, high, lambda_r, station)
     if terms[0] <= 0.0:  # no root in 0 to 180 degrees, or one with a negative relative speed
-        low, high = _brake_bracket(lambda_r, station)
-        if low[1] * high[1] < 0.0:
-            phi, terms = _root(low, high, lambda_r, station)
+        high = np.nan, np.nan, np.nan
+        for angle in _NEGATIVE_SAMPLES:
+            low, high = high, _residual(_point(angle, station), lambda_r)
+            if low[1] * high[1] < 0.0:
+                return _root(low, high, lambda_r, station)
     return phi, terms
 
 

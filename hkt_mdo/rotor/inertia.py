@@ -15,7 +15,6 @@ def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
 
     Parameters
     ----------
-    blade : Blade
     section_area : float or array, shape (n_stations,)
         Area of the outline over chord squared.
     density : float, kg/m**3
@@ -23,10 +22,8 @@ def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
 
     Returns
     -------
-    mass : float, kg
-    inertia : float, kg*m**2
-    mass_gradient, inertia_gradient : ndarray, shape (n_stations,)
-        Per metre of chord.
+    mass, inertia : float, kg and kg*m**2
+    mass_gradient, inertia_gradient : ndarray, shape (n_stations,), per metre of chord
     """
     edges = np.concatenate(([blade.hub_radius], blade.r, [blade.tip_radius]))
 

@@ -7,15 +7,10 @@ from scipy.interpolate import CubicSpline, PPoly
 
 
 class TorqueSpline:
-    """Natural cubic spline over fixed tip speed ratios, linear beyond them: a C² function.
+    """Natural cubic spline over increasing tip speed ratios, linear beyond them: a C² function.
 
     Its value is linear in the table, q(tsr) = basis(tsr) @ table, so both partials are exact and
     cost a small matrix product; the basis does not change during an optimization.
-
-    Parameters
-    ----------
-    nodes : array, shape (n_nodes,)
-        Tip speed ratios, increasing.
     """
 
     def __init__(self, nodes):
