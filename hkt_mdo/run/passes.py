@@ -24,7 +24,6 @@ from hkt_mdo.run.judge import (
     recovers,
 )
 from hkt_mdo.run.log import Log
-from hkt_mdo.solve.drivers import outcome
 
 MAX_PASSES = 8
 # recovery of the start, over a typical torque, below which it is a constraint from the beginning
@@ -133,7 +132,7 @@ def _solve(physics: Physics, setup: Setup, log: Log) -> Optimized:
         problem.cleanup()
     return Optimized(
         problem,
-        outcome(problem.driver),
+        problem.driver.outcome(),
         setup,
         _point(physics, problem),
         tuple(

@@ -27,14 +27,8 @@ class CasadiIpoptDriver(ReportingDriver):
     """IPOPT in CasADi, with first derivatives from OpenMDAO.
 
     The sparsity of the derivatives comes from sparse totals or a coloring; without both they are
-    dense. An `AnalysisError` or a value that is not finite makes IPOPT shorten its step.
-
-    Attributes
-    ----------
-    opt_settings : dict
-        IPOPT's options by IPOPT's names.
-    iterations : int
-        Iterations of the last run.
+    dense. An `AnalysisError` or a value that is not finite makes IPOPT shorten its step; any other
+    error of the model or of `progress` is raised by `run`. `opt_settings` has IPOPT's names.
     """
 
     package = "casadi"
@@ -61,13 +55,6 @@ class CasadiIpoptDriver(ReportingDriver):
         return "CasadiIpopt"
 
     def run(self) -> bool:
-        """Optimize and return whether that failed.
-
-        Raises
-        ------
-        Exception
-            Whatever the model or `progress` raised, except `AnalysisError`.
-        """
         self.result.reset()
         self.iter_count = self.iterations = 0
         self._message, self._error = "stopped by an error", None

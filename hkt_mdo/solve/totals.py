@@ -33,24 +33,10 @@ class SparseTotals:
 
         dy_i/dx = sum over j of (df_i/dy_j) (dy_j/dx),
 
-    over the nonzeros alone, whose places are known before anything has run.
-
-    Parameters
-    ----------
-    driver : Driver
-        After final setup.
-    responses : sequence of str
-        Names of the driver's responses, in the order of the rows.
-
-    Attributes
-    ----------
-    pattern : csr_matrix, shape (n_responses, n_design)
-        Ones where a total may differ from zero.
-
-    Raises
-    ------
-    NotImplementedError
-        If the model has parts that are not explicit, or that depend on each other in a circle.
+    over the nonzeros alone, whose places are known before anything has run: `pattern`, a csr_matrix
+    of ones (n_responses, n_design). It is made of a driver after final setup and the names of its
+    responses; NotImplementedError is raised if the model has parts that are not explicit, or that
+    depend on each other in a circle.
     """
 
     def __init__(self, driver: Driver, responses: Sequence[str]) -> None:
