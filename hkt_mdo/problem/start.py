@@ -47,10 +47,6 @@ def starting_point(problem, shape, gains, polar, optimum, *, improve):
         Of the blades to choose from, at the given radius.
     improve : bool
         False: the blade and gains as given.
-
-    Returns
-    -------
-    StartingPoint
     """
     if not improve:
         return _with_gains(problem, shape.blade, polar, gains)
@@ -71,8 +67,7 @@ def starting_point(problem, shape, gains, polar, optimum, *, improve):
 def _worth(operation):
     """Return what ranks operations: one that runs, then one that recovers, then energy."""
     # The optimizer of the start meets its constraints only to within rounding.
-    safe = operation.recovery is None or bool(np.all(operation.recovery.margin >= SAFE - 1e-6))
-    return operation.running, safe, operation.energy
+    return operation.running, bool(np.all(operation.margin >= SAFE - 1e-6)), operation.energy
 
 
 def _torque(problem, blade, polar):
@@ -140,19 +135,14 @@ class _CoDesign:
         """Return the operation at x, and the derivatives of its energy and recovery, row by row."""
         shape, (_, gains, problem, found) = self.shape, self._coefficients(x, derivatives=True)
         state = problem.operate(found.torque, gains)
-        by_table, by_gain, by_radius = state.by_table, state.by_gain, [[state.by_radius]]
-        if state.recovery is not None:
-            by_table = np.vstack((by_table, state.recovery.by_table))
-            by_gain = np.vstack((by_gain, state.recovery.by_gain))
-            by_radius = np.vstack((by_radius, state.recovery.by_radius))
-        by_table = np.atleast_2d(by_table)
+        by_table, by_gain, by_radius = np.split(state.gradient, [found.torque.size, -1], axis=1)
         by_chord = by_table @ found.torque_by_chord
         by_radius = by_radius + (by_table @ found.torque_by_rotor_radius)[:, None]
         if not shape.designs_chord:  # the chord is scaled with the disc
             by_radius += (by_chord @ shape.chord_offset)[:, None] / shape.blade.rotor_radius
         by_twist = by_table @ found.torque_by_twist @ shape.twist_basis
-        parts = by_chord @ shape.chord_basis, by_twist, by_radius[:, : self._resized]
-        return state, np.hstack((*parts, np.atleast_2d(by_gain)))
+        parts = by_chord @ shape.chord_basis, by_twist, by_radius[:, : self._resized], by_gain
+        return state, np.hstack(parts)
 
 
 def _improve(design, point):
@@ -188,7 +178,7 @@ def _maximize(design, start, low, high, units, energy):
 
     distance = {
         "type": "ineq",
-        "fun": lambda x: at(tuple(x))[0].recovery.margin - SAFE,
+        "fun": lambda x: at(tuple(x))[0].margin - SAFE,
         "jac": lambda x: at(tuple(x))[1][1:],
     }
     return minimize(

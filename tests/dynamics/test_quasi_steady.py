@@ -81,19 +81,20 @@ def test_gradient_of_the_energy(table, law, limit, gains):
         problem.operate(table + step * direction, gains).energy
         - problem.operate(table - step * direction, gains).energy
     ) / (2.0 * step)
-    assert operation.by_table @ direction == pytest.approx(difference, rel=1e-4)
+    by_table, by_gain, (by_radius,) = np.split(operation.gradient[0], [table.size, -1])
+    assert by_table @ direction == pytest.approx(difference, rel=1e-4)
     larger, smaller = (
         replace(problem, rotor_radius=RADIUS * factor).operate(table, gains).energy
         for factor in (1.0 + 1e-6, 1.0 - 1e-6)
     )
-    assert operation.by_radius == pytest.approx((larger - smaller) / (2e-6 * RADIUS), rel=1e-4)
+    assert by_radius == pytest.approx((larger - smaller) / (2e-6 * RADIUS), rel=1e-4)
     for i in range(gains.size):
         change = 1e-5 * gains[i] * np.eye(gains.size)[i]
         difference = (
             problem.operate(table, gains + change).energy
             - problem.operate(table, gains - change).energy
         ) / (2.0 * change[i])
-        assert operation.by_gain[i] == pytest.approx(difference, rel=1e-4)
+        assert by_gain[i] == pytest.approx(difference, rel=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -106,7 +107,8 @@ def test_gradient_of_the_energy(table, law, limit, gains):
 )
 def test_gradients_of_the_distance_from_stall(table, law, gains):
     problem, gains = quasi_steady(law), np.array(gains)
-    recovery = problem.operate(table, gains).recovery
+    gradient = problem.operate(table, gains).gradient[1:]
+    by_table, by_gain, by_radius = np.split(gradient, [table.size, -1], axis=1)
 
     def slope(at):
         return at(1.0) - at(-1.0)
@@ -118,24 +120,22 @@ def test_gradients_of_the_distance_from_stall(table, law, gains):
         w = np.interp(speeds, np.sort(FLOW), found.rotor_speed[np.argsort(FLOW)]) * 0.98
         scale = 0.5 * np.pi * radius**3 * DENSITY * speeds**2
         driving = scale * (SPLINE.basis(w * radius / speeds) @ table)
-        assert found.recovery.margin * 0.05 * scale == pytest.approx(
+        assert found.margin * 0.05 * scale == pytest.approx(
             driving - law.torque(w, gains), rel=1e-6, abs=1e-6
         )
-        return found.recovery.margin
+        return found.margin
 
     step = 1e-6
     difference = slope(lambda sign: margin(table, gains * (1.0 + sign * step)))
-    np.testing.assert_allclose(
-        recovery.by_gain @ gains, difference / (2.0 * step), rtol=1e-4, atol=1e-6
-    )
+    np.testing.assert_allclose(by_gain @ gains, difference / (2.0 * step), rtol=1e-4, atol=1e-6)
     difference = slope(lambda sign: margin(table, gains, RADIUS * (1.0 + sign * step)))
     np.testing.assert_allclose(
-        recovery.by_radius[:, 0] * RADIUS, difference / (2.0 * step), rtol=1e-4, atol=1e-6
+        by_radius[:, 0] * RADIUS, difference / (2.0 * step), rtol=1e-4, atol=1e-6
     )
     direction = np.cos(np.arange(table.size)) * 1e-2
     difference = slope(lambda sign: margin(table + sign * step * direction, gains))
     np.testing.assert_allclose(
-        recovery.by_table @ direction, difference / (2.0 * step), rtol=1e-4, atol=1e-6
+        by_table @ direction, difference / (2.0 * step), rtol=1e-4, atol=1e-6
     )
 
 
