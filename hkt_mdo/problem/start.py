@@ -35,18 +35,9 @@ def starting_point(problem, shape, gains, polar, optimum, *, improve):
     a range of tip speed ratios; the best of them under the controller is improved by gradient steps
     within move limits.
 
-    Parameters
-    ----------
-    problem : QuasiSteady
-    shape : Shape
-        The blades to choose from, and the one given.
-    gains : array, shape (n_gains,), or None
-        None: fitted to the blade.
-    polar : Polar, sequence of Polar, or LocalReynolds
-    optimum : SteadyOptimum
-        Of the blades to choose from, at the given radius.
-    improve : bool
-        False: the blade and gains as given.
+    `optimum` is the `SteadyOptimum` of the blades that the shape gives to choose from, at the given
+    radius. Gains that are None are fitted to the blade. Without `improve`, blade and gains are as
+    given.
     """
     if not improve:
         return _with_gains(problem, shape.blade, polar, gains)
@@ -154,8 +145,8 @@ def _improve(design, point):
         low, high = design.bounds(center) / units
         found = _maximize(design, center / units, low, high, units, point.operation.energy)
         better = design.point(found * units)
-        new, old = _worth(better.operation), _worth(point.operation)
-        if new[:2] < old[:2] or (new[:2] == old[:2] and new[2] <= old[2] * (1.0 + 1e-7)):
+        *sound, energy = _worth(point.operation)
+        if _worth(better.operation) <= (*sound, energy * (1.0 + 1e-7)):
             break
         point = better
     return point

@@ -406,11 +406,7 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False):
         Positive. Here, and in the derivatives, it is Omega R / V with R along the blade, which for
         coned blades is larger than the tip speed ratio of the disc.
 
-    Raises
-    ------
-    ValueError
-        If a tip speed ratio is not positive, a station is not between hub and tip, or the number
-        of polars is not that of the stations.
+    A ValueError is raised where one of these does not hold.
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
     arguments, stations, mixture = _arguments(blade, polar, points)
@@ -485,18 +481,8 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     speed and flow, Omega r / V, that a plane rotor would at the tip speed ratio over cos(cone). The
     coefficients depend on lengths only through their ratios, hence the derivative by the radius.
 
-    Parameters
-    ----------
-    blade : Blade
-        Stations in ascending order.
-    polar : Polar, sequence of Polar, or LocalReynolds
-        As in `sections`, whose errors are raised.
-    tip_speed_ratio : array, shape (n_points,)
-
-    Warns
-    -----
-    RuntimeWarning
-        If a station has no root at some point; its load is taken as zero there.
+    Stations ascend; polar, tip_speed_ratio[n_points] and errors are those of `sections`. A
+    RuntimeWarning says where a station has no root; its load is taken as zero there.
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
     ratio = points / float(np.cos(blade.cone))
@@ -506,7 +492,7 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
         warnings.warn(
             f"no root at {unsolved} of {found.branch.size} sections: their loads are taken as zero",
             RuntimeWarning,
-            2,
+            stacklevel=2,
         )
     weights = torque_weights(blade)
     torque = weights @ found.tangential_load.T
@@ -519,13 +505,8 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     # Chord and tip speed ratio change the Reynolds number too; the radius does not.
     squared = (ratio[:, None] * blade.r / blade.tip_radius) ** 2
     by_ratio += np.sum(by_number * squared / (1.0 + squared), axis=1) / points
+    by_chord += by_number / blade.chord
+    by_number = np.sum(by_number, axis=1)
     return Coefficients(
-        torque,
-        torque * points,
-        thrust,
-        by_ratio,
-        by_chord + by_number / blade.chord,
-        by_twist,
-        by_radius,
-        np.sum(by_number, axis=1),
+        torque, torque * points, thrust, by_ratio, by_chord, by_twist, by_radius, by_number
     )

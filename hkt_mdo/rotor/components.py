@@ -8,9 +8,11 @@ import openmdao.api as om
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.shape import Shape
 
-RADIUS = {"units": "m", "desc": "radius of the swept disc"}
-CHORD = {"units": "m", "desc": "chord at the stations"}
-TWIST = {"units": "rad", "desc": "twist at the stations, set angle included"}
+QUANTITIES = {
+    "chord": {"units": "m", "desc": "chord at the stations"},
+    "twist": {"units": "rad", "desc": "twist at the stations, set angle included"},
+    "rotor_radius": {"units": "m", "desc": "radius of the swept disc"},
+}
 
 
 class ShapeComp(om.ExplicitComponent):
@@ -25,16 +27,15 @@ class ShapeComp(om.ExplicitComponent):
 
     def setup(self):
         shape = self.options["shape"]
-        bases = shape.chord_basis, shape.twist_basis
-        for name, meta, basis in zip(("chord", "twist"), (CHORD, TWIST), bases, strict=True):
-            self.add_output(name, shape=basis.shape[0], **meta)
+        for name, basis in (("chord", shape.chord_basis), ("twist", shape.twist_basis)):
+            self.add_output(name, shape=basis.shape[0], **QUANTITIES[name])
             if basis.size:
                 control, (rows, cols) = f"{name}_control", np.nonzero(basis)
-                about = f"control points of the {name}"
-                self.add_input(control, shape=basis.shape[1], units=meta["units"], desc=about)
+                meta = QUANTITIES[name] | {"desc": f"control points of the {name}"}
+                self.add_input(control, shape=basis.shape[1], **meta)
                 self.declare_partials(name, control, rows=rows, cols=cols, val=basis[rows, cols])
         if not shape.designs_chord:
-            self.add_input("rotor_radius", **RADIUS)
+            self.add_input("rotor_radius", **QUANTITIES["rotor_radius"])
             by_radius = shape.chord_offset / shape.blade.rotor_radius
             self.declare_partials("chord", "rotor_radius", val=by_radius[:, None])
 
@@ -65,9 +66,8 @@ class TorqueTable(om.ExplicitComponent):
 
     def setup(self):
         blade = self.options["blade"]
-        self.add_input("chord", val=blade.chord, **CHORD)
-        self.add_input("twist", val=blade.twist, **TWIST)
-        self.add_input("rotor_radius", val=blade.rotor_radius, **RADIUS)
+        for name, meta in QUANTITIES.items():
+            self.add_input(name, val=getattr(blade, name), **meta)
         self.add_output(
             "torque_coefficient_table",
             shape=self.options["nodes"].shape,
@@ -80,7 +80,7 @@ class TorqueTable(om.ExplicitComponent):
 
     def compute_partials(self, inputs, partials):
         found = self._solve(inputs, derivatives=True)
-        for name in ("chord", "twist", "rotor_radius"):
+        for name in QUANTITIES:
             partials["torque_coefficient_table", name] = getattr(found, f"torque_by_{name}")
 
     def _solve(self, inputs, derivatives):
@@ -106,8 +106,8 @@ class InertiaComp(om.ExplicitComponent):
 
     def setup(self):
         blade = self.options["blade"]
-        self.add_input("chord", val=blade.chord, **CHORD)
-        self.add_input("rotor_radius", val=blade.rotor_radius, **RADIUS)
+        for name in ("chord", "rotor_radius"):
+            self.add_input(name, val=getattr(blade, name), **QUANTITIES[name])
         self.add_output("mass", units="kg", desc="mass of the blades")
         self.add_output("inertia", units="kg*m**2", desc="inertia of the rotor about its axis")
         self.declare_partials("*", "*")

@@ -39,17 +39,9 @@ def best_blade(
 ):
     """Return the `SteadyOptimum` over chord and twist at one tip speed ratio.
 
-    Parameters
-    ----------
-    blade : Blade
-        Gives stations, hub, tip, blade count and cone.
-    polar : Polar, sequence of Polar, or LocalReynolds
-    chord_bounds, twist_bounds : (float, float), m and rad
-    start : Blade or None
-        A blade from which the nearest local optimum is taken; None: the search over the whole range
-        of chord and twist.
-    tolerance : float
-        Change in power coefficient at which the local search ends.
+    The blade gives stations, hub, tip, blade count and cone; bounds are in m and rad. From `start`,
+    a blade, the nearest local optimum is taken; None: the search covers the whole range of chord
+    and twist. A local search ends where the power coefficient changes by less than the tolerance.
     """
     bounds = chord_bounds, twist_bounds
     if start is None:
