@@ -139,7 +139,8 @@ class QuasiSteady:
 
     def _open_loop(self, table):
         """Operate at the largest power coefficient, or faster where the torque limit is active."""
-        curve, ratios = self.spline.curve(table), self._search()
+        curve = self.spline.curve(table)
+        ratios = np.linspace(curve.x[0], curve.x[-1], N_SEARCH)
         peak = int(np.argmax(ratios * curve(ratios)))
         ends = ratios[[max(peak - 1, 0), min(peak + 1, ratios.size - 1)]]
         best = _root(
@@ -158,7 +159,8 @@ class QuasiSteady:
 
     def _balance(self, table, controller, controller_slope):
         """Find the largest tip speed ratio with Q = u at each instant: the unstalled root."""
-        curve, ratios = self.spline.curve(table), self._search()
+        curve = self.spline.curve(table)
+        ratios = np.linspace(curve.x[0], curve.x[-1], N_SEARCH)
         scale = torque_scale(self.density, self.rotor_radius, self.inflow_speed)
         unit = self.inflow_speed / self.rotor_radius
         driving = scale[:, None] * curve(ratios) >= controller(ratios * unit[:, None])
@@ -173,9 +175,6 @@ class QuasiSteady:
             )
 
         return _root(net, ratios[last], ratios[last + 1]), bool(np.all(has_root))
-
-    def _search(self):
-        return np.linspace(self.spline.nodes[0], self.spline.nodes[-1], N_SEARCH)
 
 
 def _root(function, low, high):

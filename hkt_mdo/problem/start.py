@@ -109,22 +109,12 @@ class _CoDesign:
         ends = np.where(self._is_twist, (x - TWIST_MOVE, x + TWIST_MOVE), ends)
         return np.clip(ends, *self._own)
 
-    def _coefficients(self, x, derivatives):
-        """Return the blade, the gains, the problem at the blade's radius, and its coefficients."""
-        chord, twist, radius, gains = np.split(x, self._ends)
-        blade = self.shape.at(chord, twist, radius[0] if self._resized else None)
-        problem = replace(self.problem, rotor_radius=blade.rotor_radius)
-        found = bem.rotor_coefficients(blade, self.polar, problem.spline.nodes, derivatives)
-        return blade, gains, problem, found
-
-    def point(self, x):
-        """Return the starting point at x."""
-        blade, gains, problem, found = self._coefficients(x, derivatives=False)
-        return StartingPoint(blade, gains, problem.operate(found.torque, gains))
-
     def evaluate(self, x):
-        """Return the operation at x, and the derivatives of its energy and recovery, row by row."""
-        shape, (_, gains, problem, found) = self.shape, self._coefficients(x, derivatives=True)
+        """Return the starting point at x, and its energy's and margins' derivatives, row by row."""
+        shape, (chord, twist, radius, gains) = self.shape, np.split(x, self._ends)
+        blade = shape.at(chord, twist, radius[0] if self._resized else None)
+        problem = replace(self.problem, rotor_radius=blade.rotor_radius)
+        found = bem.rotor_coefficients(blade, self.polar, problem.spline.nodes, derivatives=True)
         state = problem.operate(found.torque, gains)
         by_table, by_gain, by_radius = np.split(state.gradient, [found.torque.size, -1], axis=1)
         by_chord = by_table @ found.torque_by_chord
@@ -133,7 +123,7 @@ class _CoDesign:
             by_radius += (by_chord @ shape.chord_offset)[:, None] / shape.blade.rotor_radius
         by_twist = by_table @ found.torque_by_twist @ shape.twist_basis
         parts = by_chord @ shape.chord_basis, by_twist, by_radius[:, : self._resized], by_gain
-        return state, np.hstack(parts)
+        return StartingPoint(blade, gains, state), np.hstack(parts)
 
 
 def _improve(design, point):
@@ -144,7 +134,7 @@ def _improve(design, point):
             return point
         low, high = design.bounds(center) / units
         found = _maximize(design, center / units, low, high, units, point.operation.energy)
-        better = design.point(found * units)
+        better, _ = design.evaluate(found * units)
         *sound, energy = _worth(point.operation)
         if _worth(better.operation) <= (*sound, energy * (1.0 + 1e-7)):
             break
@@ -157,8 +147,8 @@ def _maximize(design, start, low, high, units, energy):
 
     @lru_cache(maxsize=1)
     def at(x):
-        state, gradients = design.evaluate(np.array(x) * units)
-        return state, gradients * units
+        point, gradients = design.evaluate(np.array(x) * units)
+        return point.operation, gradients * units
 
     def loss(x):
         state, gradients = at(tuple(x))

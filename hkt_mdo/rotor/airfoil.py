@@ -114,19 +114,13 @@ class PolarFamily:
 
     @classmethod
     def from_tables(cls, tables):
-        """Make a family of the tables of a section, as `read_polars` returns them.
-
-        Raises InputError if the curve through the rows of a table overshoots.
-        """
+        """Make a family of a section's tables; see `Polar.from_polar_table`."""
         reynolds = [np.inf if table.reynolds is None else table.reynolds for table in tables]
         return cls(np.array(reynolds), tuple(map(Polar.from_polar_table, tables)))
 
     @classmethod
     def from_file(cls, source):
-        """Read the polars of a section: a file or a shipped name, as `read_polars` takes it.
-
-        Raises InputError if the file is broken, or the curve through its rows overshoots.
-        """
+        """Read a section's polars as `read_polars` does; see `Polar.from_polar_table` too."""
         return cls.from_tables(read_polars(source))
 
     def at(self, reynolds):

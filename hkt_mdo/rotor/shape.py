@@ -79,16 +79,9 @@ class Shape:
         """Keep chord and twist, but for the set angle (rad) if that has bounds."""
         n = blade.r.size
         turned = np.ones((n, 1)) if set_angle_bounds else np.empty((n, 0))
-        return cls(
-            blade,
-            blade.chord,
-            np.empty((n, 0)),
-            blade.twist - set_angle if set_angle_bounds else blade.twist,
-            turned,
-            (0.0, np.inf),
-            set_angle_bounds or (-np.inf, np.inf),
-            radius_bounds,
-        )
+        twist = blade.twist - set_angle if set_angle_bounds else blade.twist
+        bounds = (0.0, np.inf), set_angle_bounds or (-np.inf, np.inf), radius_bounds
+        return cls(blade, blade.chord, np.empty((n, 0)), twist, turned, *bounds)
 
     @property
     def designs_chord(self):
@@ -103,7 +96,7 @@ class Shape:
     @property
     def designs_set_angle(self):
         """Whether the set angle of a fixed blade is designed."""
-        return not self.designs_chord and self.twist_basis.shape[1] > 0
+        return not self.designs_chord and self.points["twist"] > 0
 
     def stretch(self, rotor_radius):
         """Return the factor on chords that are not designed."""

@@ -93,8 +93,7 @@ def _settings(optimizer: str, tolerance: float, max_iterations: int) -> Settings
         "acceptable_iter": 0,  # the 'acceptable' level is looser than the tolerance asked for
         "max_iter": max_iterations,
         "nlp_scaling_method": "none",  # the problem is scaled where its quantities are declared
-        # Bounds hold exactly.
-        "bound_relax_factor": 0.0,
+        "bound_relax_factor": 0.0,  # bounds hold exactly
         "honor_original_bounds": "yes",
         "print_level": 0,
         "sb": "yes",
