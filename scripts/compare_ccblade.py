@@ -20,7 +20,7 @@ from hkt_mdo.files.shipped import read_table, shipped_names
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor import ccblade as reference
-from hkt_mdo.rotor.airfoil import KNOTS_PER_DEGREE, Polar
+from hkt_mdo.rotor.airfoil import KNOTS_PER_DEGREE, Polar, PolarFamily
 from hkt_mdo.rotor.blade import Blade
 
 DATA = Path(__file__).resolve().parents[1] / "tests" / "rotor" / "data"
@@ -113,13 +113,13 @@ def bahaj(stations=STATIONS_5KW, polar="naca63815_Re2e5", ratios=None):
     """Return the Bahaj rotor at 2.8 m diameter, 5 degrees added to its pitch."""
     blade = build_turbine(Section(stations=tuple(stations)), Fluid(), 1.0).blade
     ratios = np.arange(0.5, 15.1, 0.25) if ratios is None else ratios
-    return Rotor("Bahaj, 2.8 m", blade, Polar.from_csv(polar), ratios)
+    return Rotor("Bahaj, 2.8 m", blade, PolarFamily.from_file(polar).polars[0], ratios)
 
 
 def all_polars():
     """Return the polars that random rotors draw from."""
     return [
-        *(Polar.from_csv(name) for name in shipped_names("polar")),
+        *(PolarFamily.from_file(name).polars[0] for name in shipped_names("polar")),
         *nrel_5mw_polars().values(),
         plate_polar(),
         plate_polar(drag=0.2),
@@ -225,10 +225,10 @@ def compare(rotor, derivatives=False):
         [(loads["Np"], loads["Tp"]) for loads, _ in recorded]
     )  # (points, 2, stations)
     kinds = np.empty(phi_cc.shape, dtype=object)
-    *arguments, polars, section, _ = bem._arguments(blade, rotor.polar)
+    (*arguments, polars, section, _), _, _ = bem._arguments(blade, rotor.polar)
     for i, j in np.ndindex(kinds.shape):
         station = (blade.chord[j], blade.twist[j], blade.r[j], *arguments[3:], polars[section[j]])
-        s, c, _, _ = bem._terms(float(phi_cc[i, j]), *station)[0]
+        s, c = bem._terms(float(phi_cc[i, j]), *station)[:2]
         residual = (s - c * blade.tip_radius / (ratios[i] * blade.r[j])) / s if s else np.inf
         kinds[i, j] = kind_of(
             found.branch[i, j],

@@ -14,7 +14,7 @@ from hkt_mdo.case import Fluid, Rotor
 from hkt_mdo.files.shipped import read_table
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.airfoil import PolarFamily
 
 SETS = {
     "all 17 tabulated stations": None,
@@ -26,7 +26,7 @@ def main():
     """Draw measured points and the curves of two sets of stations."""
     measured = read_table("bahaj2007", ("TSR", "Cp"), "measurement")
     tabulated = np.minimum(read_table("bahaj2007", ("r_over_R",), "blade")["r_over_R"], 0.999)
-    polar = Polar.from_csv("naca63815_Re2e5")
+    polar = PolarFamily.from_file("naca63815_Re2e5").polars[0]
     figure = Figure(figsize=(6.2, 4.0), layout="constrained")
     FigureCanvasAgg(figure)
     ax = figure.subplots()

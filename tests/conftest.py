@@ -127,9 +127,9 @@ def linear_result_folder(tmp_path: Path) -> Path:
 @pytest.fixture(scope="session")
 def polar():
     """The shipped polar of the tests' own Reynolds number."""
-    from hkt_mdo.rotor.airfoil import Polar
+    from hkt_mdo.rotor.airfoil import PolarFamily
 
-    return Polar.from_csv("naca63815_Re2e5")
+    return PolarFamily.from_file("naca63815_Re2e5").polars[0]
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,7 @@ the rotor follows Q = u on the unstalled side. This has no differential equation
 solutions; its energy lies within about 1e-5 of the dynamic one.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,76 +16,42 @@ from hkt_mdo.rotor.torque_curve import TorqueSpline
 SAFE = 2e-2  # margin that a start keeps, so that the optimization begins inside its constraints
 
 PROBES = 12  # flow speeds at which the distance from stall is evaluated
-MOST_SPEEDS = 100  # flow speeds in a condensed problem
+FEWEST_SPEEDS, MOST_SPEEDS = 100, 400  # flow speeds in a condensed problem
 N_SEARCH = 240  # points of the search for the unstalled root over the torque curve
-
-
-@dataclass(frozen=True, eq=False)
-class Recovery:
-    """Torque that accelerates a rotor under feedback again after it was slowed by `SLOWED`.
-
-    margin = Q((1 - SLOWED) w) - u((1 - SLOWED) w) over a typical torque, TYPICAL 0.5 rho pi R³ v²,
-    at `PROBES` speeds of the flow from the slowest to the fastest. It is positive where the stable
-    and the unstable equilibrium, which meet at stall, are apart.
-
-    Parameters
-    ----------
-    margin : ndarray, shape (n,)
-    by_table, by_gain, by_radius : ndarray, shape (n, n_nodes), (n, n_gains), (n, 1)
-        Its derivatives along the equilibria.
-    """
-
-    margin: np.ndarray
-    by_table: np.ndarray
-    by_gain: np.ndarray
-    by_radius: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
 class Operation:
     """A rotor in quasi-steady operation over a sampled flow.
 
-    Parameters
-    ----------
-    energy : float, J
-    rotor_speed, hydrodynamic_torque : ndarray, shape (n_times,), rad/s and N*m
-    by_table : ndarray, shape (n_nodes,), J
-        Derivative of the energy with respect to the torque coefficient table.
-    by_gain : ndarray, shape (n_gains,), J per gain
-    by_radius : float, J/m
-        With respect to the disc's radius at a constant torque coefficient table.
-    running : bool
-        Whether an unstalled equilibrium exists at every instant.
-    recovery : Recovery or None
-        The rotor's distance from stall under feedback; None without feedback.
+    energy (J), rotor_speed[n_times] (rad/s) and hydrodynamic_torque[n_times] (N*m); running tells
+    whether an unstalled equilibrium exists at every instant. Under feedback, margin is the torque
+    that accelerates the rotor again after it was slowed by `SLOWED`,
+
+        margin = (Q((1 - SLOWED) w) - u((1 - SLOWED) w)) / (TYPICAL 0.5 rho pi R³ v²),
+
+    at `PROBES` speeds of the flow from the slowest to the fastest. It is positive where the stable
+    and the unstable equilibrium, which meet at stall, are apart. The rows of gradient are those of
+    the energy, then of the margins, along the equilibria, by torque coefficient table, gains and
+    disc's radius (at a constant table): shape (1 + n_margins, n_nodes + n_gains + 1).
     """
 
     energy: float
     rotor_speed: np.ndarray
     hydrodynamic_torque: np.ndarray
-    by_table: np.ndarray
-    by_gain: np.ndarray
-    by_radius: float
-    running: bool
-    recovery: Recovery | None = None
+    running: bool = True
+    margin: np.ndarray = field(default_factory=lambda: np.empty(0))
+    gradient: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class QuasiSteady:
-    """Quasi-steady operation of a rotor in a flow under a controller.
+    """Quasi-steady operation of a rotor (m) in a flow (kg/m**3) under a controller.
 
-    Parameters
-    ----------
-    inflow_speed, weights : ndarray, shape (n_times,), m/s and s
-        The flow at quadrature points of time.
-    density : float, kg/m**3
-    rotor_radius : float, m
-    spline : TorqueSpline
-    law : FeedbackLaw or None
-        Anything with `torque`, `torque_by_speed`, `torque_by_gain`, `fit`, `torque_limit` and
-        `gain_units`. None: open loop, the torque that captures most power at each instant.
-    torque_limit : float or None, N*m
-        Of the open loop; a feedback law has its own.
+    inflow_speed (m/s) and weights (s) are the flow at quadrature points of time. law is anything
+    with `torque`, `torque_by_speed`, `torque_by_gain`, `fit`, `torque_limit` and `gain_units`, or
+    None: open loop, the torque that captures most power at each instant, up to torque_limit (N*m)
+    if there is one; a feedback law has its own.
     """
 
     inflow_speed: np.ndarray
@@ -97,16 +63,17 @@ class QuasiSteady:
     torque_limit: float | None = None
 
     def condensed(self):
-        """Return the same problem at `MOST_SPEEDS` flow speeds or fewer.
+        """Return the same problem at one flow speed for forty, but 100 to 400 of them.
 
         The order of the flow speeds does not matter: instants of nearly equal speed become one with
         their total weight and mean cubed speed. The slowest and the fastest speed are kept.
         """
         v = self.inflow_speed
-        if v.size <= MOST_SPEEDS:
+        most = min(max(v.size // 40, FEWEST_SPEEDS), MOST_SPEEDS)
+        if v.size <= most:
             return self
-        edges = np.linspace(np.min(v), np.max(v), MOST_SPEEDS - 1)
-        place = np.clip(np.digitize(v, edges) - 1, 0, MOST_SPEEDS - 3)
+        edges = np.linspace(np.min(v), np.max(v), most - 1)
+        place = np.clip(np.digitize(v, edges) - 1, 0, most - 3)
         weights = np.bincount(place, self.weights)
         cubes = np.bincount(place, self.weights * v**3)
         used = weights > 0.0
@@ -137,16 +104,13 @@ class QuasiSteady:
         stiffness = np.where(held, slope - by_speed, np.inf)
         moved = (torque + w * by_speed) / stiffness  # dP/dw dw/dQ
         by_torque = self.weights * (w + moved)
-        return Operation(
-            float(self.weights @ (torque * w)),
-            w,
-            torque,
-            by_torque @ by_table,
-            -by_gains @ (self.weights * moved),
-            float(by_torque @ by_radius),
-            running,
-            None if law is None else self._recovery(table, gains, w, stiffness),
-        )
+        by_all = by_torque @ by_table, -by_gains @ (self.weights * moved), [by_torque @ by_radius]
+        gradient, margin = np.concatenate(by_all)[None], np.empty(0)
+        if law is not None:
+            margin, by_margin = self._recovery(table, gains, w, stiffness)
+            gradient = np.vstack((gradient, by_margin))
+        energy = float(self.weights @ (torque * w))
+        return Operation(energy, w, torque, running, margin, gradient)
 
     def _driving(self, table, v, w):
         """Return the hydrodynamic torque; its derivatives by rotor speed, radius and table."""
@@ -158,7 +122,7 @@ class QuasiSteady:
         return torque, by_speed, (3.0 * torque + by_speed * w) / radius, by_table
 
     def _recovery(self, table, gains, speed, stiffness):
-        """Return the `Recovery` of an operation."""
+        """Return the margins of an operation and their gradient."""
         law, order = self.law, np.argsort(self.inflow_speed)
         few = order[np.unique(np.linspace(0, order.size - 1, PROBES).round().astype(int))]
         v, w = self.inflow_speed[few], speed[few]
@@ -171,14 +135,13 @@ class QuasiSteady:
         by_gain = -(law.torque_by_gain(slowed, gains) + moved * law.torque_by_gain(w, gains)).T
         by_table = by_table + moved[:, None] * by_table_here
         by_radius = by_radius + moved * by_radius_here - 3.0 * margin / self.rotor_radius
-        unit = TYPICAL * torque_scale(self.density, self.rotor_radius, v)[:, None]
-        return Recovery(
-            margin / unit[:, 0], by_table / unit, by_gain / unit, by_radius[:, None] / unit
-        )
+        unit = TYPICAL * torque_scale(self.density, self.rotor_radius, v)
+        return margin / unit, np.hstack((by_table, by_gain, by_radius[:, None])) / unit[:, None]
 
     def _open_loop(self, table):
         """Operate at the largest power coefficient, or faster where the torque limit is active."""
-        curve, ratios = self.spline.curve(table), self._search()
+        curve = self.spline.curve(table)
+        ratios = np.linspace(curve.x[0], curve.x[-1], N_SEARCH)
         peak = int(np.argmax(ratios * curve(ratios)))
         ends = ratios[[max(peak - 1, 0), min(peak + 1, ratios.size - 1)]]
         best = _root(
@@ -197,7 +160,8 @@ class QuasiSteady:
 
     def _balance(self, table, controller, controller_slope):
         """Find the largest tip speed ratio with Q = u at each instant: the unstalled root."""
-        curve, ratios = self.spline.curve(table), self._search()
+        curve = self.spline.curve(table)
+        ratios = np.linspace(curve.x[0], curve.x[-1], N_SEARCH)
         scale = torque_scale(self.density, self.rotor_radius, self.inflow_speed)
         unit = self.inflow_speed / self.rotor_radius
         driving = scale[:, None] * curve(ratios) >= controller(ratios * unit[:, None])
@@ -212,9 +176,6 @@ class QuasiSteady:
             )
 
         return _root(net, ratios[last], ratios[last + 1]), bool(np.all(has_root))
-
-    def _search(self):
-        return np.linspace(self.spline.nodes[0], self.spline.nodes[-1], N_SEARCH)
 
 
 def _root(function, low, high):

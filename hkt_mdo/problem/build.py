@@ -115,13 +115,12 @@ def assemble(
 def make_driver(case: Case, progress=None, most=None) -> om.Driver:
     """Return the driver of a case, which gives up after `most` iterations if that is fewer."""
     settings, segments = case.driver, complete(case).phase.segments
-    barrier = {"mu_max": BARRIER / segments} if segments > 100 else None
     return drivers.make_driver(
         settings.package,
         settings.optimizer,
         settings.tolerance,
         min(settings.max_iterations, most or settings.max_iterations),
-        ipopt_options=barrier if settings.optimizer == "IPOPT" else None,
+        mu_max=BARRIER / segments if segments > 100 else None,
         progress=progress,
     )
 

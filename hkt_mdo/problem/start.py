@@ -35,22 +35,9 @@ def starting_point(problem, shape, gains, polar, optimum, *, improve):
     a range of tip speed ratios; the best of them under the controller is improved by gradient steps
     within move limits.
 
-    Parameters
-    ----------
-    problem : QuasiSteady
-    shape : Shape
-        The blades to choose from, and the one given.
-    gains : array, shape (n_gains,), or None
-        None: fitted to the blade.
-    polar : Polar, sequence of Polar, or LocalReynolds
-    optimum : SteadyOptimum
-        Of the blades to choose from, at the given radius.
-    improve : bool
-        False: the blade and gains as given.
-
-    Returns
-    -------
-    StartingPoint
+    `optimum` is the `SteadyOptimum` of the blades that the shape gives to choose from, at the given
+    radius. Gains that are None are fitted to the blade. Without `improve`, blade and gains are as
+    given.
     """
     if not improve:
         return _with_gains(problem, shape.blade, polar, gains)
@@ -71,8 +58,7 @@ def starting_point(problem, shape, gains, polar, optimum, *, improve):
 def _worth(operation):
     """Return what ranks operations: one that runs, then one that recovers, then energy."""
     # The optimizer of the start meets its constraints only to within rounding.
-    safe = operation.recovery is None or bool(np.all(operation.recovery.margin >= SAFE - 1e-6))
-    return operation.running, safe, operation.energy
+    return operation.running, bool(np.all(operation.margin >= SAFE - 1e-6)), operation.energy
 
 
 def _torque(problem, blade, polar):
@@ -123,36 +109,21 @@ class _CoDesign:
         ends = np.where(self._is_twist, (x - TWIST_MOVE, x + TWIST_MOVE), ends)
         return np.clip(ends, *self._own)
 
-    def _coefficients(self, x, derivatives):
-        """Return the blade, the gains, the problem at the blade's radius, and its coefficients."""
-        chord, twist, radius, gains = np.split(x, self._ends)
-        blade = self.shape.at(chord, twist, radius[0] if self._resized else None)
-        problem = replace(self.problem, rotor_radius=blade.rotor_radius)
-        found = bem.rotor_coefficients(blade, self.polar, problem.spline.nodes, derivatives)
-        return blade, gains, problem, found
-
-    def point(self, x):
-        """Return the starting point at x."""
-        blade, gains, problem, found = self._coefficients(x, derivatives=False)
-        return StartingPoint(blade, gains, problem.operate(found.torque, gains))
-
     def evaluate(self, x):
-        """Return the operation at x, and the derivatives of its energy and recovery, row by row."""
-        shape, (_, gains, problem, found) = self.shape, self._coefficients(x, derivatives=True)
+        """Return the starting point at x, and its energy's and margins' derivatives, row by row."""
+        shape, (chord, twist, radius, gains) = self.shape, np.split(x, self._ends)
+        blade = shape.at(chord, twist, radius[0] if self._resized else None)
+        problem = replace(self.problem, rotor_radius=blade.rotor_radius)
+        found = bem.rotor_coefficients(blade, self.polar, problem.spline.nodes, derivatives=True)
         state = problem.operate(found.torque, gains)
-        by_table, by_gain, by_radius = state.by_table, state.by_gain, [[state.by_radius]]
-        if state.recovery is not None:
-            by_table = np.vstack((by_table, state.recovery.by_table))
-            by_gain = np.vstack((by_gain, state.recovery.by_gain))
-            by_radius = np.vstack((by_radius, state.recovery.by_radius))
-        by_table = np.atleast_2d(by_table)
+        by_table, by_gain, by_radius = np.split(state.gradient, [found.torque.size, -1], axis=1)
         by_chord = by_table @ found.torque_by_chord
         by_radius = by_radius + (by_table @ found.torque_by_rotor_radius)[:, None]
         if not shape.designs_chord:  # the chord is scaled with the disc
             by_radius += (by_chord @ shape.chord_offset)[:, None] / shape.blade.rotor_radius
         by_twist = by_table @ found.torque_by_twist @ shape.twist_basis
-        parts = by_chord @ shape.chord_basis, by_twist, by_radius[:, : self._resized]
-        return state, np.hstack((*parts, np.atleast_2d(by_gain)))
+        parts = by_chord @ shape.chord_basis, by_twist, by_radius[:, : self._resized], by_gain
+        return StartingPoint(blade, gains, state), np.hstack(parts)
 
 
 def _improve(design, point):
@@ -163,9 +134,9 @@ def _improve(design, point):
             return point
         low, high = design.bounds(center) / units
         found = _maximize(design, center / units, low, high, units, point.operation.energy)
-        better = design.point(found * units)
-        new, old = _worth(better.operation), _worth(point.operation)
-        if new[:2] < old[:2] or (new[:2] == old[:2] and new[2] <= old[2] * (1.0 + 1e-7)):
+        better, _ = design.evaluate(found * units)
+        *sound, energy = _worth(point.operation)
+        if _worth(better.operation) <= (*sound, energy * (1.0 + 1e-7)):
             break
         point = better
     return point
@@ -176,8 +147,8 @@ def _maximize(design, start, low, high, units, energy):
 
     @lru_cache(maxsize=1)
     def at(x):
-        state, gradients = design.evaluate(np.array(x) * units)
-        return state, gradients * units
+        point, gradients = design.evaluate(np.array(x) * units)
+        return point.operation, gradients * units
 
     def loss(x):
         state, gradients = at(tuple(x))
@@ -188,7 +159,7 @@ def _maximize(design, start, low, high, units, energy):
 
     distance = {
         "type": "ineq",
-        "fun": lambda x: at(tuple(x))[0].recovery.margin - SAFE,
+        "fun": lambda x: at(tuple(x))[0].margin - SAFE,
         "jac": lambda x: at(tuple(x))[1][1:],
     }
     return minimize(

@@ -1,10 +1,9 @@
 """Polars of a blade section: lift and drag over all angles of attack and Reynolds numbers."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PPoly
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.polar import read_polars
@@ -20,17 +19,12 @@ ASPECT_RATIO = 10.0  # of the blade, for the drag of the plate (Viterna and Jane
 class Polar:
     """Lift and drag coefficient of a section over the full circle, a C² function.
 
-    The table is interpolated by a periodic cubic spline on equally spaced knots. CCBlade can use it
-    as an airfoil (`evaluate`, `derivatives`), so that both BEM solvers see the same function; the
+    A periodic cubic spline through the table on equally spaced knots: coefficients[n_knots, 8] are
+    its polynomials, ascending in the local coordinate (rad), four of lift, then four of drag, and
+    interval i begins at angle of attack -pi + i * 2 pi / n_knots. Beyond alpha_min to alpha_max
+    (rad), the range of the table, the polar is the Viterna extension. CCBlade can use it as an
+    airfoil (`evaluate`, `derivatives`), so that both BEM solvers see the same function; the
     Reynolds number is accepted and ignored (Reynolds invariance, paper Sec. II-A).
-
-    Parameters
-    ----------
-    coefficients : ndarray, shape (n_knots, 8)
-        Polynomial coefficients of an interval, ascending in the local coordinate (rad): four of
-        lift, then four of drag. Interval i begins at angle of attack -pi + i * 2 pi / n_knots.
-    alpha_min, alpha_max : float, rad
-        Range of the measured or computed table; beyond it the polar is the Viterna extension.
     """
 
     coefficients: np.ndarray
@@ -38,75 +32,23 @@ class Polar:
     alpha_max: float
 
     @classmethod
-    def from_table(cls, alpha, lift, drag):
-        """Make a polar from a table of attached and early stalled flow, extended by Viterna.
-
-        Parameters
-        ----------
-        alpha : array, shape (n,), rad
-            Angle of attack, strictly increasing, within (-pi/2, pi/2).
-        lift, drag : array, shape (n,)
-        """
-        alpha, lift, drag = (np.asarray(column, dtype=float) for column in (alpha, lift, drag))
-        return cls(_spline(*_viterna(alpha, lift, drag)), float(alpha[0]), float(alpha[-1]))
-
-    @classmethod
     def from_polar_table(cls, table):
-        """Make a polar from a table; Viterna extends one that does not cover the full circle.
+        """Make a polar of a `PolarTable`; Viterna extends one that does not cover the full circle.
 
-        Parameters
-        ----------
-        table : hkt_mdo.files.polar.PolarTable
-            A table as `read_polars` returns it.
-
-        Raises
-        ------
-        InputError
-            If the curve between the rows has a drag that is not positive, or coefficients beyond
-            `hkt_mdo.files.polar.LARGEST`.
+        Raises InputError if the curve between the rows has a drag that is not positive, or
+        coefficients beyond `hkt_mdo.files.polar_table.LARGEST`.
         """
+        alpha, lift, drag = table.alpha, table.lift.copy(), table.drag.copy()
         if table.full_circle:
-            lift, drag = table.lift.copy(), table.drag.copy()
             lift[-1], drag[-1] = lift[0], drag[0]  # the same angle; equal except for rounding
-            polar = cls(_spline(table.alpha, lift, drag), -np.pi, np.pi)
         else:
-            polar = cls.from_table(table.alpha, table.lift, table.drag)
+            alpha, lift, drag = _viterna(alpha, lift, drag)
+        polar = cls(_spline(alpha, lift, drag), float(table.alpha[0]), float(table.alpha[-1]))
         polar._refuse_overshoot(table.source)
         return polar
 
-    @classmethod
-    def from_csv(cls, source):
-        """Read a polar from a file with one Reynolds number, or a shipped one.
-
-        Parameters
-        ----------
-        source : str or Path
-            A shipped name or the path of a file as `read_polars` takes it, such as a CSV file with
-            the columns alpha_deg, cl, cd.
-
-        Raises
-        ------
-        InputError
-            If the file is missing or broken, holds several Reynolds numbers, or the curve through
-            its rows overshoots.
-        """
-        tables = read_polars(source)
-        if len(tables) > 1:
-            raise InputError(
-                f"holds polars at {len(tables)} Reynolds numbers where one is asked for",
-                "keep one of them",
-                file=source,
-            )
-        return cls.from_polar_table(tables[0])
-
     def blend(self, other, weight):
-        """Return the polar between this one and another, linear in every coefficient.
-
-        c = (1 - weight) c_self + weight c_other at every angle, with a weight of 0 to 1. A
-        ValueError is raised if the polars differ in their knots.
-        """
-        if self.coefficients.shape != other.coefficients.shape:
-            raise ValueError("polars with different knots cannot be blended")
+        """Return the polar (1 - weight) self + weight other, with a weight of 0 to 1."""
         return Polar(
             (1.0 - weight) * self.coefficients + weight * other.coefficients,
             max(self.alpha_min, other.alpha_min),
@@ -141,26 +83,18 @@ class Polar:
 
     def _refuse_overshoot(self, source):
         """Raise an error where the curve between rows has impossible coefficients."""
-        step = 2.0 * np.pi / self.coefficients.shape[0]
+        knots = np.linspace(-np.pi, np.pi, self.coefficients.shape[0] + 1)
         for name, block in (("lift", self.coefficients[:, :4]), ("drag", self.coefficients[:, 4:])):
-            c0, c1, c2, c3 = block.T
-            with np.errstate(divide="ignore", invalid="ignore"):
-                # Both roots of the slope c1 + 2 c2 x + 3 c3 x², without cancellation
-                half = -(c2 + np.copysign(np.sqrt(c2**2 - 3.0 * c1 * c3), c2))
-                x = np.stack((0.0 * c0, half / (3.0 * c3), c1 / half))
-            x = np.where((x >= 0.0) & (x <= step), x, 0.0)
-            value = c0 + x * (c1 + x * (c2 + x * c3))
+            curve = PPoly(block.T[::-1], knots)
+            at = np.concatenate((knots, curve.derivative().roots(extrapolate=False)))
+            at = at[np.isfinite(at)]  # the slope of an even piece has no single root
+            value = curve(at)
             lowest = 0.0 if name == "drag" else -LARGEST[name]
-            for wrong, at in (
-                (value.min() <= lowest, value.argmin()),
-                (value.max() > LARGEST[name], value.argmax()),
-            ):
-                if wrong:
-                    knot = at % c0.size
-                    alpha = np.rad2deg(-np.pi + knot * step + x.flat[at])
+            for place in (value.argmin(), value.argmax()):
+                if not lowest < value[place] <= LARGEST[name]:
                     raise InputError(
                         f"the smooth curve through the rows has a {name} coefficient of "
-                        f"{value.flat[at]:.3g} at {alpha:.2f} degrees",
+                        f"{value[place]:.3g} at {np.rad2deg(at[place]):.2f} degrees",
                         "add rows near this angle, or take out rows that lie too close together",
                         file=source,
                     )
@@ -170,66 +104,30 @@ class Polar:
 class PolarFamily:
     """Polars of one section over the Reynolds number.
 
-    Between two Reynolds numbers lift and drag are linear in the logarithm of the Reynolds number;
-    beyond the first and the last they are constant.
-
-    Parameters
-    ----------
-    reynolds : ndarray, shape (n,)
-        By the chord, strictly increasing; infinite for the one polar of a file that states none
-        (Reynolds invariance).
-    polars : tuple of Polar, length n
-
-    Raises
-    ------
-    ValueError
-        If the Reynolds numbers are not positive and increasing, or not as many as the polars.
+    Between two of reynolds[n], which increase, lift and drag are linear in its logarithm; beyond
+    the first and the last they are constant. Reynolds numbers are by the chord, and infinite for
+    the one polar of a file that states none (Reynolds invariance).
     """
 
     reynolds: np.ndarray
     polars: tuple[Polar, ...]
 
-    def __post_init__(self):
-        reynolds = np.asarray(self.reynolds, dtype=float)
-        if reynolds.shape != (len(self.polars),) or not self.polars:
-            raise ValueError("give one Reynolds number for each polar")
-        if not reynolds[0] > 0.0 or not np.all(np.diff(reynolds) > 0.0):
-            raise ValueError("Reynolds numbers must be positive and increase")
-        object.__setattr__(self, "reynolds", reynolds)
-        object.__setattr__(self, "polars", tuple(self.polars))
-
     @classmethod
     def from_tables(cls, tables):
-        """Make a family of the tables of a section, as `read_polars` returns them.
-
-        Raises
-        ------
-        InputError
-            If the curve through the rows of a table overshoots.
-        """
+        """Make a family of a section's tables; see `Polar.from_polar_table`."""
         reynolds = [np.inf if table.reynolds is None else table.reynolds for table in tables]
         return cls(np.array(reynolds), tuple(map(Polar.from_polar_table, tables)))
 
     @classmethod
     def from_file(cls, source):
-        """Read the polars of a section: a file or a shipped name, as `read_polars` takes it.
-
-        Raises
-        ------
-        InputError
-            If the file is missing or broken, or the curve through its rows overshoots.
-        """
+        """Read a section's polars as `read_polars` does; see `Polar.from_polar_table` too."""
         return cls.from_tables(read_polars(source))
-
-    @cached_property
-    def log_reynolds(self):
-        """Natural logarithm of the Reynolds numbers, shape (n,)."""
-        return np.log(self.reynolds)
 
     def at(self, reynolds):
         """Return the polar at a Reynolds number by the chord."""
-        place = np.interp(np.log(reynolds), self.log_reynolds, np.arange(len(self.polars)))
-        below = min(int(place), len(self.polars) - 1)
+        numbers = np.log(self.reynolds)
+        place = np.interp(np.log(reynolds), numbers, np.arange(numbers.size))
+        below = int(place)
         if place == below:
             return self.polars[below]
         return self.polars[below].blend(self.polars[below + 1], place - below)

@@ -7,19 +7,11 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Blade:
-    """One blade of a rotor with hub radius, number of blades and cone.
+    """One blade of a rotor; lengths in m, angles in rad, arrays of shape (n_stations,).
 
-    Parameters
-    ----------
-    r : ndarray, shape (n_stations,), m
-        Station radii, increasing, strictly between hub and tip.
-    chord : ndarray, shape (n_stations,), m
-    twist : ndarray, shape (n_stations,), rad
-        Angle between the section's chord and the rotor plane, set angle included.
-    hub_radius, tip_radius : float, m
-    blade_count : int
-    cone : float, rad
-        Angle of the blades to the rotor plane; radii are measured along the blade.
+    Stations r increase strictly between hub and tip, twist is the angle between the section's chord
+    and the rotor plane, set angle included, and cone the angle of the blades to that plane; radii
+    are measured along the blade.
     """
 
     r: np.ndarray

@@ -10,12 +10,9 @@ from hkt_mdo.rotor.bem import Coefficients, polar_at
 
 
 def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
-    """Torque, power and thrust coefficient by CCBlade; see `hkt_mdo.rotor.bem.rotor_coefficients`.
+    """Return the `Coefficients` by CCBlade, as `hkt_mdo.rotor.bem.rotor_coefficients` does.
 
-    Raises
-    ------
-    hkt_mdo.errors.InputError
-        If WISDEM is not installed.
+    Raises InputError if WISDEM is not installed.
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
     rotor = ccblade(blade, polar, derivatives)

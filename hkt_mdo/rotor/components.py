@@ -8,58 +8,44 @@ import openmdao.api as om
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.shape import Shape
 
-RADIUS = {"units": "m", "desc": "radius of the swept disc"}
-CHORD = {"units": "m", "desc": "chord at the stations"}
-TWIST = {"units": "rad", "desc": "twist at the stations, set angle included"}
+QUANTITIES = {
+    "chord": {"units": "m", "desc": "chord at the stations"},
+    "twist": {"units": "rad", "desc": "twist at the stations, set angle included"},
+    "rotor_radius": {"units": "m", "desc": "radius of the swept disc"},
+}
 
 
 class ShapeComp(om.ExplicitComponent):
     """Chord and twist at the stations from what is designed; see `Shape`.
 
-    Inputs chord_control[n_chord] (m), twist_control[n_twist] (rad), rotor_radius (m); outputs
-    chord, twist[n_stations] (m, rad).
+    Inputs chord_control[n_chord] (m), twist_control[n_twist] (rad), rotor_radius (m), as far as
+    they are designed or scale the blade; outputs chord, twist[n_stations] (m, rad).
     """
 
     def initialize(self):
-        """Declare the options."""
         self.options.declare("shape", types=Shape, recordable=False)
 
     def setup(self):
-        """Declare inputs and outputs."""
-        shape = self.options["shape"]
-        for name, meta in (("chord", CHORD), ("twist", TWIST)):
-            if shape.points[name]:
-                self.add_input(
-                    f"{name}_control",
-                    shape=shape.points[name],
-                    units=meta["units"],
-                    desc=f"control points of the {name}",
-                )
-            self.add_output(name, shape=shape.blade.r.size, **meta)
-        if not shape.designs_chord:
-            self.add_input("rotor_radius", **RADIUS)
-
-    def setup_partials(self):
-        """Declare the constant partials: the map is linear."""
         shape = self.options["shape"]
         for name, basis in (("chord", shape.chord_basis), ("twist", shape.twist_basis)):
-            rows, cols = np.nonzero(basis)
-            if shape.points[name]:
-                self.declare_partials(
-                    name, f"{name}_control", rows=rows, cols=cols, val=basis[rows, cols]
-                )
+            self.add_output(name, shape=basis.shape[0], **QUANTITIES[name])
+            if basis.size:
+                control, (rows, cols) = f"{name}_control", np.nonzero(basis)
+                meta = QUANTITIES[name] | {"desc": f"control points of the {name}"}
+                self.add_input(control, shape=basis.shape[1], **meta)
+                self.declare_partials(name, control, rows=rows, cols=cols, val=basis[rows, cols])
         if not shape.designs_chord:
+            self.add_input("rotor_radius", **QUANTITIES["rotor_radius"])
             by_radius = shape.chord_offset / shape.blade.rotor_radius
             self.declare_partials("chord", "rotor_radius", val=by_radius[:, None])
 
     def compute(self, inputs, outputs):
-        """Evaluate the map."""
         shape = self.options["shape"]
-        chord, twist = (
-            inputs[f"{name}_control"] if shape.points[name] else np.empty(0)
-            for name in ("chord", "twist")
-        )
-        outputs["chord"], outputs["twist"] = shape.chord_and_twist(chord, twist)
+        control = [
+            inputs[f"{name}_control"] if points else np.empty(0)
+            for name, points in shape.points.items()
+        ]
+        outputs["chord"], outputs["twist"] = shape.chord_and_twist(*control)
         if not shape.designs_chord:
             outputs["chord"] *= shape.stretch(inputs["rotor_radius"])
 
@@ -72,7 +58,6 @@ class TorqueTable(om.ExplicitComponent):
     """
 
     def initialize(self):
-        """Declare the options."""
         declare = self.options.declare
         declare("blade", desc="the start `Blade`: stations, hub, tip, count", recordable=False)
         declare("polar", desc="section `Polar`", recordable=False)
@@ -80,31 +65,23 @@ class TorqueTable(om.ExplicitComponent):
         declare("coefficients", desc="rotor_coefficients of bem or ccblade", recordable=False)
 
     def setup(self):
-        """Declare inputs and outputs."""
         blade = self.options["blade"]
-        self.add_input("chord", val=blade.chord, **CHORD)
-        self.add_input("twist", val=blade.twist, **TWIST)
-        self.add_input("rotor_radius", val=blade.rotor_radius, **RADIUS)
+        for name, meta in QUANTITIES.items():
+            self.add_input(name, val=getattr(blade, name), **meta)
         self.add_output(
             "torque_coefficient_table",
             shape=self.options["nodes"].shape,
             desc="Q / (0.5 rho V^2 pi R^3) at the nodes",
         )
-
-    def setup_partials(self):
-        """Declare the dense partials."""
-        self.declare_partials("torque_coefficient_table", ["chord", "twist", "rotor_radius"])
+        self.declare_partials("*", "*")
 
     def compute(self, inputs, outputs):
-        """Evaluate BEM at the nodes."""
         outputs["torque_coefficient_table"] = self._solve(inputs, derivatives=False).torque
 
     def compute_partials(self, inputs, partials):
-        """Evaluate BEM's implicit derivatives at the nodes."""
         found = self._solve(inputs, derivatives=True)
-        partials["torque_coefficient_table", "chord"] = found.torque_by_chord
-        partials["torque_coefficient_table", "twist"] = found.torque_by_twist
-        partials["torque_coefficient_table", "rotor_radius"] = found.torque_by_rotor_radius
+        for name in QUANTITIES:
+            partials["torque_coefficient_table", name] = getattr(found, f"torque_by_{name}")
 
     def _solve(self, inputs, derivatives):
         options = self.options
@@ -121,7 +98,6 @@ class InertiaComp(om.ExplicitComponent):
     """
 
     def initialize(self):
-        """Declare the options."""
         declare = self.options.declare
         declare("blade", desc="the start `Blade`: stations, hub, tip, count", recordable=False)
         declare("section_area", desc="outline area over chord squared, one or one per station")
@@ -129,16 +105,12 @@ class InertiaComp(om.ExplicitComponent):
         declare("hub_inertia", types=float, desc="kg*m**2")
 
     def setup(self):
-        """Declare inputs and outputs."""
         blade = self.options["blade"]
-        self.add_input("chord", val=blade.chord, **CHORD)
-        self.add_input("rotor_radius", val=blade.rotor_radius, **RADIUS)
+        for name in ("chord", "rotor_radius"):
+            self.add_input(name, val=getattr(blade, name), **QUANTITIES[name])
         self.add_output("mass", units="kg", desc="mass of the blades")
         self.add_output("inertia", units="kg*m**2", desc="inertia of the rotor about its axis")
-
-    def setup_partials(self):
-        """Declare the dense rows."""
-        self.declare_partials(["mass", "inertia"], ["chord", "rotor_radius"])
+        self.declare_partials("*", "*")
 
     def _evaluate(self, inputs):
         """Return the results at the start's radius, and the ratio of the radius to the start's."""
@@ -148,13 +120,11 @@ class InertiaComp(om.ExplicitComponent):
         return *found, inputs["rotor_radius"][0] / blade.rotor_radius
 
     def compute(self, inputs, outputs):
-        """Integrate over the blade."""
         mass, inertia, _, _, stretch = self._evaluate(inputs)
         outputs["mass"] = mass * stretch
         outputs["inertia"] = inertia * stretch**3 + self.options["hub_inertia"]
 
     def compute_partials(self, inputs, partials):
-        """Differentiate the integrals."""
         mass, inertia, mass_by, inertia_by, stretch = self._evaluate(inputs)
         radius = self.options["blade"].rotor_radius
         partials["mass", "chord"] = mass_by * stretch

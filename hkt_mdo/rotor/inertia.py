@@ -12,21 +12,8 @@ def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
     The area of a section is A = section_area chord². Chord and section_area are linear between
     stations, and constant from the first station to the hub and from the last to the tip:
     m = B rho integral of A dr, I = B rho integral of A (r cos(cone))² dr + hub inertia, both exact.
-
-    Parameters
-    ----------
-    blade : Blade
-    section_area : float or array, shape (n_stations,)
-        Area of the outline over chord squared.
-    density : float, kg/m**3
-    hub_inertia : float, kg*m**2
-
-    Returns
-    -------
-    mass : float, kg
-    inertia : float, kg*m**2
-    mass_gradient, inertia_gradient : ndarray, shape (n_stations,)
-        Per metre of chord.
+    section_area, the area of the outline over chord squared, is one number or one a station;
+    density is in kg/m**3, inertia in kg*m**2, gradients[n_stations] are per metre of chord.
     """
     edges = np.concatenate(([blade.hub_radius], blade.r, [blade.tip_radius]))
 

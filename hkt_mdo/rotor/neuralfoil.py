@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,16 +17,11 @@ MODELS = "xxsmall", "xsmall", "small", "medium", "large", "xlarge", "xxlarge", "
 N_CRIT_RANGE = 1.0, 18.0
 
 
-@dataclass(frozen=True, eq=False)
-class ComputedPolar:
-    """A polar and its confidence.
+class ComputedPolar(NamedTuple):
+    """A polar, and its confidence by row.
 
-    Parameters
-    ----------
-    table : PolarTable
-    confidence : ndarray, shape (n_rows,)
-        NeuralFoil's ``analysis_confidence``, 0 to 1: low where the flow is hard to predict (stall)
-        or the section is unlike those of the training.
+    That is NeuralFoil's ``analysis_confidence``, 0 to 1: low where the flow is hard to predict
+    (stall) or the section is unlike those of the training.
     """
 
     table: PolarTable
@@ -41,28 +36,12 @@ def compute_polars(
     model: str = "xlarge",
     name: str = "",
 ) -> tuple[ComputedPolar, ...]:
-    """Compute lift, drag and moment of an outline, one polar for each Reynolds number.
+    """Compute lift, drag and moment of an outline, one polar for each Reynolds number by the chord.
 
-    Parameters
-    ----------
-    outline : Outline
-    reynolds : sequence of float
-        By the chord, increasing.
-    alpha : array, shape (n_rows,), rad
-        Angles of attack from the chord line, increasing.
-    n_crit : float
-        Critical exponent of the e^n transition method: 9 in an average wind tunnel, less in more
-        turbulent water.
-    model : str
-        Size of the network, one of `MODELS`.
-    name : str
-        Name of the outline in messages.
-
-    Raises
-    ------
-    InputError
-        If NeuralFoil is not installed, an argument is out of range, or the result is not a valid
-        polar.
+    alpha[n_rows] (rad) increases; n_crit is the critical exponent of the e^n transition method, 9
+    in an average wind tunnel, less in more turbulent water; model is the size of the network, one
+    of `MODELS`; name is the outline's in messages. Raises InputError if NeuralFoil is not
+    installed, an argument is out of range, or the result is not a valid polar.
     """
     if model not in MODELS:
         raise InputError("is no model of NeuralFoil", ", ".join(MODELS), key="model", value=model)

@@ -23,15 +23,10 @@ class SecondMoments(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """Closed outline of a section in units of its chord.
+    """Closed outline of a solid section in units of its chord, x[n] and y[n].
 
-    The chord line is the x axis: leading edge at (0, 0), trailing edge at (1, 0); angles of attack
-    and twist are measured from it. The section is solid.
-
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-        From the trailing edge round to the trailing edge.
+    The chord line is the x axis: leading edge at (0, 0), trailing edge at (1, 0), where the points
+    begin and end; angles of attack and twist are measured from it.
     """
 
     x: np.ndarray
@@ -41,15 +36,7 @@ class Outline:
     def from_file(cls, source):
         """Read an outline: CSV file x_over_c,y_over_c, Selig's or Lednicer's order, or shipped.
 
-        Parameters
-        ----------
-        source : str or Path
-            A shipped name or the path of a file.
-
-        Raises
-        ------
-        InputError
-            If the file is missing or broken, or holds no closed section of unit chord.
+        Raises InputError if the file is broken, or holds no closed section of unit chord.
         """
         return cls(*read_outline(source))
 

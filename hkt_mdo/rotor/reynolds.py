@@ -18,16 +18,8 @@ class LocalReynolds:
 
     with the undisturbed relative speed. The induction would change the logarithm of Re by a few
     hundredths, but would couple it to the inflow angle. Beyond the tables the nearest one holds.
-
-    Parameters
-    ----------
-    log_reynolds : ndarray, shape (n_reynolds,)
-        Increasing; at least two.
-    polars : tuple, length n_stations, of tuple of Polar, length n_reynolds
-    flow_speed : float or ndarray, shape (n_points,), m/s
-        For all operating points or for each.
-    viscosity : float, m**2/s
-        Kinematic viscosity nu.
+    log_reynolds[n_reynolds] increases, polars are by station and number, the flow speed (m/s) is
+    that of all operating points or of each, and nu is the kinematic viscosity (m²/s).
     """
 
     log_reynolds: np.ndarray
@@ -37,13 +29,7 @@ class LocalReynolds:
 
     @classmethod
     def of(cls, families, flow_speed, viscosity):
-        """Take the polar families of the stations in a flow (m/s) of a viscosity (m²/s).
-
-        Raises
-        ------
-        InputError
-            If there are polars at one Reynolds number only.
-        """
+        """Take the polar families of the stations; InputError if there is one number only."""
         numbers = np.unique(np.concatenate([family.reynolds for family in families]))
         numbers = numbers[np.isfinite(numbers)]
         if numbers.size < 2:
@@ -58,7 +44,7 @@ class LocalReynolds:
         return cls(np.log(numbers), polars, flow_speed, viscosity)
 
     def at_speed(self, flow_speed):
-        """Return the same polars in another flow (m/s), one speed or one for each point."""
+        """Return the same polars in another flow."""
         return replace(self, flow_speed=flow_speed)
 
     @cached_property
@@ -80,5 +66,5 @@ class LocalReynolds:
         return np.stack((self._cardinal(inside), slopes))
 
     def __getitem__(self, station):
-        """Return the polars of one station (index), for a strip of sections there."""
+        """Return the polars of one station, for a strip of sections there."""
         return replace(self, polars=(self.polars[station],))

@@ -4,21 +4,10 @@ import numpy as np
 
 
 def torque_scale(density, rotor_radius, inflow_speed):
-    """Return 0.5 rho pi R³ v² (N*m), so that the torque is Q = Cq torque_scale.
-
-    Parameters
-    ----------
-    density : float, kg/m**3
-    rotor_radius : float, m
-        Of the swept disc.
-    inflow_speed : float or array of any shape, m/s
-    """
+    """Return 0.5 rho pi R³ v² (N*m), so that the torque is Q = Cq torque_scale; SI units."""
     return 0.5 * density * np.pi * rotor_radius**3 * inflow_speed**2
 
 
 def power_scale(density, rotor_radius, inflow_speed):
-    """Return 0.5 rho pi R² v³ (W), so that the power is P = Cp power_scale.
-
-    Parameters are those of `torque_scale`.
-    """
+    """Return 0.5 rho pi R² v³ (W), so that the power is P = Cp power_scale; SI units."""
     return 0.5 * density * np.pi * rotor_radius**2 * inflow_speed**3

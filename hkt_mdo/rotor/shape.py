@@ -15,23 +15,11 @@ FREE_STATIONS, POINTS = 20, 8
 
 
 def spline_basis(points, position, low, high):
-    """Return the matrix from the control points of a clamped B-spline to its values.
+    """Return the matrix (n, points) from control points of a clamped B-spline to its values.
 
-    Knots are equally spaced from `low` to `high`; the degree is three, or one less than the number
-    of control points if that is fewer than four. Rows are not negative and sum to one, so the curve
-    stays within the range of its control points.
-
-    Parameters
-    ----------
-    points : int
-        Number of control points.
-    position : array, shape (n,)
-        Between `low` and `high`.
-    low, high : float
-
-    Returns
-    -------
-    ndarray, shape (n, points)
+    Knots are equally spaced from `low` to `high`, and position[n] lies between; the degree is
+    three, or one less than the number of control points if that is fewer than four. Rows are not
+    negative and sum to one, so the curve stays within the range of its control points.
     """
     degree = min(DEGREE, points - 1)
     inner = np.linspace(low, high, points - degree + 1)
@@ -49,17 +37,10 @@ class Shape:
     where stretch is the rotor's radius over that of the given blade if the chord is not designed
     (the whole blade is then scaled), and one if it is.
 
-    Parameters
-    ----------
-    blade : Blade
-        As given; where chord and twist are splines, the nearest one to it.
-    chord_offset, twist_offset : ndarray, shape (n_stations,), m and rad
-    chord_basis, twist_basis : ndarray, shape (n_stations, n_chord) and (n_stations, n_twist)
-        With no columns where nothing is designed.
-    chord_bounds, twist_bounds : (float, float), m and rad
-        On the control points, and so on the blade.
-    radius_bounds : (float, float) or None, m
-        Of the disc's radius; None: it is not designed.
+    The blade is as given, or the nearest one to it where chord and twist are splines. Bases have
+    the shape (n_stations, n_control), without columns where nothing is designed. Bounds (m, rad)
+    are those of the control points, and so of the blade; radius_bounds (m) those of the disc's
+    radius, None if it is not designed.
     """
 
     blade: Blade
@@ -91,23 +72,16 @@ class Shape:
         family = cls(blade, np.zeros(n), chord, np.zeros(n), twist, *bounds)
         if min(points) >= n:
             return family  # with exactly the blade as given
-        return replace(family, blade=family.nearest(blade, clip=False))
+        return replace(family, blade=family.at(*family.control(blade)))
 
     @classmethod
     def fixed(cls, blade, set_angle=0.0, set_angle_bounds=None, radius_bounds=None):
         """Keep chord and twist, but for the set angle (rad) if that has bounds."""
         n = blade.r.size
         turned = np.ones((n, 1)) if set_angle_bounds else np.empty((n, 0))
-        return cls(
-            blade,
-            blade.chord,
-            np.empty((n, 0)),
-            blade.twist - set_angle if set_angle_bounds else blade.twist,
-            turned,
-            (0.0, np.inf),
-            set_angle_bounds or (-np.inf, np.inf),
-            radius_bounds,
-        )
+        twist = blade.twist - set_angle if set_angle_bounds else blade.twist
+        bounds = (0.0, np.inf), set_angle_bounds or (-np.inf, np.inf), radius_bounds
+        return cls(blade, blade.chord, np.empty((n, 0)), twist, turned, *bounds)
 
     @property
     def designs_chord(self):
@@ -122,7 +96,7 @@ class Shape:
     @property
     def designs_set_angle(self):
         """Whether the set angle of a fixed blade is designed."""
-        return not self.designs_chord and self.twist_basis.shape[1] > 0
+        return not self.designs_chord and self.points["twist"] > 0
 
     def stretch(self, rotor_radius):
         """Return the factor on chords that are not designed."""
@@ -150,9 +124,8 @@ class Shape:
         chord, twist = self.chord_and_twist(chord_control, twist_control)
         return self.blade.with_rotor_radius(radius).with_shape(chord * self.stretch(radius), twist)
 
-    def nearest(self, blade, clip=True):
-        """Return the blade of this family nearest to one, of that one's radius."""
+    def nearest(self, blade):
+        """Return the blade of this family, within its bounds, nearest to one, of its radius."""
         chord, twist = self.control(blade)
-        if clip:
-            chord, twist = np.clip(chord, *self.chord_bounds), np.clip(twist, *self.twist_bounds)
+        chord, twist = np.clip(chord, *self.chord_bounds), np.clip(twist, *self.twist_bounds)
         return self.at(chord, twist, blade.rotor_radius)

@@ -37,24 +37,11 @@ class SteadyOptimum(NamedTuple):
 def best_blade(
     blade, polar, tip_speed_ratio, chord_bounds, twist_bounds, start=None, tolerance=1e-14
 ):
-    """Find the chord and twist that capture most power at one tip speed ratio.
+    """Return the `SteadyOptimum` over chord and twist at one tip speed ratio.
 
-    Parameters
-    ----------
-    blade : Blade
-        Gives stations, hub, tip, blade count and cone.
-    polar : Polar, sequence of Polar, or LocalReynolds
-    tip_speed_ratio : float
-    chord_bounds, twist_bounds : (float, float), m and rad
-    start : Blade or None
-        A blade from which the nearest local optimum is taken; None: the search over the whole range
-        of chord and twist.
-    tolerance : float
-        Change in power coefficient at which the local search ends.
-
-    Returns
-    -------
-    SteadyOptimum
+    The blade gives stations, hub, tip, blade count and cone; bounds are in m and rad. From `start`,
+    a blade, the nearest local optimum is taken; None: the search covers the whole range of chord
+    and twist. A local search ends where the power coefficient changes by less than the tolerance.
     """
     bounds = chord_bounds, twist_bounds
     if start is None:
@@ -62,21 +49,12 @@ def best_blade(
     return _climb(start, polar, tip_speed_ratio, (tip_speed_ratio,) * 2, *bounds, tolerance)
 
 
-def best_rotor(blade, polar, chord_bounds, twist_bounds, search=(2.0, 16.0)):
-    """Find the chord, twist and tip speed ratio of the largest power coefficient.
+def best_rotor(blade, polar, chord_bounds, twist_bounds):
+    """Return the `SteadyOptimum` over chord, twist and tip speed ratios of 2 to 16.
 
-    Parameters
-    ----------
-    blade, polar, chord_bounds, twist_bounds
-        As in `best_blade`.
-    search : (float, float)
-        Range of tip speed ratios.
-
-    Returns
-    -------
-    SteadyOptimum
+    Blade, polar and bounds are those of `best_blade`.
     """
-    bounds, ratios = (chord_bounds, twist_bounds), np.geomspace(*search, 8)
+    bounds, ratios = (chord_bounds, twist_bounds), np.geomspace(2.0, 16.0, 8)
     starts = _coarse(blade, polar, ratios, *bounds, SCAN)
     power = [_power(start, polar, ratio) for start, ratio in zip(starts, ratios, strict=True)]
 
@@ -96,9 +74,9 @@ def best_rotor(blade, polar, chord_bounds, twist_bounds, search=(2.0, 16.0)):
     return best
 
 
-def best_operation(blade, polar, search=(1.0, 20.0)):
-    """Find the tip speed ratio of a given blade's largest power coefficient; see `best_rotor`."""
-    ratios = np.linspace(*search, 200)
+def best_operation(blade, polar):
+    """Return the `SteadyOptimum` of a given blade over tip speed ratios of 1 to 20."""
+    ratios = np.linspace(1.0, 20.0, 200)
     power = bem.rotor_coefficients(blade, polar, ratios).power
 
     def at(ratio):
@@ -108,21 +86,7 @@ def best_operation(blade, polar, search=(1.0, 20.0)):
 
 
 def best_set_angle(shape, blade, polar):
-    """Find the set angle and tip speed ratio of a fixed blade's largest power coefficient.
-
-    Parameters
-    ----------
-    shape : Shape
-        Of a fixed blade whose set angle has bounds.
-    blade : Blade
-        Of the radius asked for.
-    polar
-        As in `best_blade`.
-
-    Returns
-    -------
-    SteadyOptimum
-    """
+    """Return the `SteadyOptimum` over a `Shape`'s set angle at the radius of a blade."""
     chord, _ = shape.control(blade)
 
     def at(angle):

@@ -7,15 +7,10 @@ from scipy.interpolate import CubicSpline, PPoly
 
 
 class TorqueSpline:
-    """Natural cubic spline over fixed tip speed ratios, linear beyond them: a C² function.
+    """Natural cubic spline over increasing tip speed ratios, linear beyond them: a C² function.
 
     Its value is linear in the table, q(tsr) = basis(tsr) @ table, so both partials are exact and
     cost a small matrix product; the basis does not change during an optimization.
-
-    Parameters
-    ----------
-    nodes : array, shape (n_nodes,)
-        Tip speed ratios, increasing.
     """
 
     def __init__(self, nodes):
@@ -29,14 +24,10 @@ class TorqueSpline:
         """Return the matrix (n_points, n_nodes) from a table to spline values or derivatives."""
         points = np.asarray(tip_speed_ratio)
         inside = np.clip(points.real, self.nodes[0], self.nodes[-1])
-        if derivative == 0:
-            value, beyond = self._cardinal(inside), points - inside
-            if np.any(beyond):
-                value = value + self._cardinal(inside, 1) * beyond[:, None]
-            return value
-        if derivative == 1:
-            return self._cardinal(inside, 1)
-        return self._cardinal(inside, derivative) * (points.real == inside)[:, None]
+        found, beyond = self._cardinal(inside, derivative), points - inside
+        if derivative == 0 and np.any(beyond):
+            found = found + self._cardinal(inside, 1) * beyond[:, None]
+        return found * (beyond.real == 0.0)[:, None] if derivative > 1 else found
 
     def curve(self, table):
         """Return the spline of a table as a function of the tip speed ratio within the nodes."""

@@ -173,10 +173,6 @@ def read_iterate(out: Path, physics: Physics) -> tuple[StartingPoint | None, flo
         float(values["energy_J"][0]),
         values["rotor_speed_rad_s"],
         values["hydrodynamic_torque_Nm"],
-        np.empty(0),
-        np.empty(0),
-        0.0,
-        True,
     )
     history = list(zip(*table.values(), strict=True))
     reference = float(values["reference_energy_J"][0])

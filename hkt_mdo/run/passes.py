@@ -24,7 +24,6 @@ from hkt_mdo.run.judge import (
     recovers,
 )
 from hkt_mdo.run.log import Log
-from hkt_mdo.solve.drivers import outcome
 
 MAX_PASSES = 8
 # recovery of the start, over a typical torque, below which it is a constraint from the beginning
@@ -43,9 +42,7 @@ def optimize(
     recovers from a small loss of speed (for that a constraint is added, of twice the loss where the
     integration denies the collocation).
     """
-    operation = start.operation
-    margin = operation.recovery.margin if operation.recovery else np.inf
-    slowed = SLOWED if np.min(margin) < NEAR_STALL else 0.0
+    slowed = SLOWED if np.any(start.operation.margin < NEAR_STALL) else 0.0
     setup = Setup(start, curve_nodes(physics, start), slowed=slowed)
     objective, at_limit = np.inf, False
     for _ in range(MAX_PASSES):
@@ -133,7 +130,7 @@ def _solve(physics: Physics, setup: Setup, log: Log) -> Optimized:
         problem.cleanup()
     return Optimized(
         problem,
-        outcome(problem.driver),
+        problem.driver.outcome(),
         setup,
         _point(physics, problem),
         tuple(
@@ -166,7 +163,5 @@ def _point(physics: Physics, problem) -> StartingPoint:
     return StartingPoint(
         blade.with_shape(problem.get_val("chord"), problem.get_val("twist")),
         np.array(gains, dtype=float),
-        Operation(
-            float(problem.get_val("energy")[0]), speed, torque, np.empty(0), np.empty(0), 0.0, True
-        ),
+        Operation(float(problem.get_val("energy")[0]), speed, torque),
     )

@@ -27,14 +27,8 @@ class CasadiIpoptDriver(ReportingDriver):
     """IPOPT in CasADi, with first derivatives from OpenMDAO.
 
     The sparsity of the derivatives comes from sparse totals or a coloring; without both they are
-    dense. An `AnalysisError` or a value that is not finite makes IPOPT shorten its step.
-
-    Attributes
-    ----------
-    opt_settings : dict
-        IPOPT's options by IPOPT's names.
-    iterations : int
-        Iterations of the last run.
+    dense. An `AnalysisError` or a value that is not finite makes IPOPT shorten its step; any other
+    error of the model or of `progress` is raised by `run`. `opt_settings` has IPOPT's names.
     """
 
     package = "casadi"
@@ -46,12 +40,12 @@ class CasadiIpoptDriver(ReportingDriver):
             "two_sided_constraints", "simultaneous_derivatives",
         ):  # fmt: skip
             self.supports[feature] = True
-        for feature in ("linear_constraints", "integer_design_vars", "distributed_design_vars"):
+        for feature in ("integer_design_vars", "distributed_design_vars"):
             self.supports[feature] = False
-        self.supports._read_only = True
         self.opt_settings: Settings = {}
         self._total_jac_format = "array"
         self._error: BaseException | None = None
+        self._gradients: tuple[np.ndarray, np.ndarray] | None = None
 
     def _declare_options(self) -> None:
         super()._declare_options()
@@ -61,13 +55,6 @@ class CasadiIpoptDriver(ReportingDriver):
         return "CasadiIpopt"
 
     def run(self) -> bool:
-        """Optimize and return whether that failed.
-
-        Raises
-        ------
-        Exception
-            Whatever the model or `progress` raised, except `AnalysisError`.
-        """
         self.result.reset()
         self.iter_count = self.iterations = 0
         self._message, self._error = "stopped by an error", None
@@ -138,14 +125,14 @@ class CasadiIpoptDriver(ReportingDriver):
 
     def _evaluate_anew(self, point: np.ndarray) -> None:
         """Run the model at a scaled design outside CasADi."""
-        self._design = self._gradient_design = np.zeros(0)
+        self._design = np.zeros(0)
         self._evaluate(point)
         self._raise_stored()
 
     def _evaluate(self, point: np.ndarray) -> tuple[float, np.ndarray]:
         """Return objective and constraints at a scaled design, running the model if it is new."""
         if not np.array_equal(point, self._design):
-            self._design = point.copy()
+            self._design, self._gradients = point.copy(), None
             nothing = np.full_like(self._vectors["constraint"].asarray(), np.nan)
             self._values = self._guarded(lambda: self._run_model(point), (np.nan, nothing))
         return self._values
@@ -167,12 +154,10 @@ class CasadiIpoptDriver(ReportingDriver):
         The latter are in the order of the pattern, column by column.
         """
         objective, _ = self._evaluate(point)
-        if not np.array_equal(point, self._gradient_design):
-            self._gradient_design = point.copy()
-            nothing = np.full(point.size, np.nan), np.full(self._pattern.nnz, np.nan)
-            self._gradients = nothing
+        if self._gradients is None:
+            self._gradients = np.full(point.size, np.nan), np.full(self._pattern.nnz, np.nan)
             if np.isfinite(objective):
-                self._gradients = self._guarded(self._differentiate_model, nothing)
+                self._gradients = self._guarded(self._differentiate_model, self._gradients)
         return self._gradients
 
     def _differentiate_model(self) -> tuple[np.ndarray, np.ndarray]:

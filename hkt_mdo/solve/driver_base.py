@@ -17,18 +17,18 @@ Progress = Callable[[int, float, float], None]
 
 @dataclass(frozen=True)
 class Outcome:
-    """How an optimization ended, in the same words for every package."""
+    """How an optimization ended, in the same words for every package.
+
+    success: whether the optimizer converged to the tolerance asked for, and to nothing looser;
+    message: its own words for how it ended; iterations: those, or gradient evaluations for
+    pyoptsparse, which does not report them; package: what carried it.
+    """
 
     success: bool
-    """Whether the optimizer converged to the tolerance asked for, and to nothing looser."""
     message: str
-    """The optimizer's own words for how it ended."""
     iterations: int
-    """Iterations, or gradient evaluations for pyoptsparse, which does not report iterations."""
     package: str
-    """The package that carried the optimizer: pyoptsparse, casadi or scipy."""
     optimizer: str
-    """The optimizer's name."""
 
 
 class ReportingDriver(Driver):
@@ -45,7 +45,6 @@ class ReportingDriver(Driver):
         return Outcome(success, self._message, self.iterations, self.package, optimizer)
 
     def get_exit_status(self) -> str:
-        """Return the optimizer's own words for how it ended."""
         return self._message
 
     def _declare_options(self) -> None:
@@ -77,8 +76,7 @@ class ReportingDriver(Driver):
 
     def _report(self, count: int) -> None:
         """Call `progress` with the current state of the model."""
-        progress = self.options["progress"]
-        if progress is not None:
+        if progress := self.options["progress"]:
             objective = next(iter(self.get_objective_values(driver_scaling=False).values()))
             progress(count, float(objective[0]), self._violation())
 

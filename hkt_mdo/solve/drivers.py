@@ -2,7 +2,7 @@
 
 IPOPT comes with pyoptsparse or inside CasADi's wheels, SLSQP with pyoptsparse or SciPy. Whichever
 package carries it, an optimizer is configured in the same way, stops at the same tolerance, writes
-only what was asked for and reports through `outcome`.
+nothing and reports through the driver's `outcome`.
 """
 
 from __future__ import annotations
@@ -10,17 +10,15 @@ from __future__ import annotations
 import importlib
 import signal
 from importlib.util import find_spec
-from pathlib import Path
 from types import FrameType
 
 import openmdao.api as om
-from openmdao.core.driver import Driver
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.solve.casadi_driver import CasadiIpoptDriver, Settings
 from hkt_mdo.solve.driver_base import Outcome, Progress, ReportingDriver
 
-__all__ = ["CasadiIpoptDriver", "Outcome", "Progress", "make_driver", "outcome"]
+__all__ = ["CasadiIpoptDriver", "Outcome", "Progress", "make_driver"]
 
 CARRIERS = {
     "IPOPT": ("pyoptsparse", "casadi"),
@@ -36,66 +34,30 @@ REMEDIES = {
 }
 
 
-def outcome(driver: Driver) -> Outcome:
-    """Return how the last run of a driver from `make_driver` ended.
-
-    Raises
-    ------
-    TypeError
-        If the driver is of another kind.
-    """
-    if not isinstance(driver, ReportingDriver):
-        raise TypeError(f"{type(driver).__name__} is not a driver from make_driver")
-    return driver.outcome()
-
-
 def make_driver(
     package: str = "auto",
     optimizer: str = "IPOPT",
     tolerance: float = 1e-7,
     max_iterations: int = 1000,
     *,
-    ipopt_options: Settings | None = None,
-    print_file: str | Path | None = None,
+    mu_max: float | None = None,
     progress: Progress | None = None,
-) -> Driver:
+) -> ReportingDriver:
     """Return a driver for the optimizer, from the package asked for or the first one installed.
 
-    Parameters
-    ----------
-    package : {'auto', 'pyoptsparse', 'casadi', 'scipy'}
-        What carries the optimizer; 'auto' prefers pyoptsparse.
-    optimizer : {'IPOPT', 'SLSQP', 'SNOPT'}
-        The optimizer's name.
-    tolerance : float
-        Convergence tolerance on the scaled problem.
-    max_iterations : int
-        Iterations after which the optimizer gives up.
-    ipopt_options : dict, optional
-        Options by IPOPT's own names that replace the ones chosen here; pyoptsparse needs a float
-        for a number option and an int for an integer one.
-    print_file : path, optional
-        Where the optimizer writes its own log, if it has one; nowhere by default.
-    progress : callable, optional
-        Called at each iteration of IPOPT in CasADi, after each evaluation elsewhere, as
-        ``progress(count, objective, infeasibility)``.
-
-    Raises
-    ------
-    InputError
-        If the optimizer or package is unknown, or is not installed.
+    The tolerance is that of the scaled problem; `mu_max` bounds IPOPT's barrier parameter, which
+    others do not have. `progress` is called at each iteration of IPOPT in CasADi, after each
+    evaluation elsewhere. Raises InputError if optimizer or package is unknown or not installed.
     """
-    if ipopt_options and optimizer != "IPOPT":
-        raise InputError("ipopt_options are for IPOPT", value=optimizer)
     carrier = _carrier(package, optimizer)
-    log = "" if print_file is None else str(print_file)
     if carrier == "scipy":
         driver = _ScipyDriver(progress=progress, optimizer=optimizer, disp=False)
         driver.options["tol"] = driver.tolerance = tolerance
         driver.options["maxiter"] = max_iterations
         return driver
-    settings = _settings(optimizer, float(tolerance), max_iterations, log)
-    settings.update(ipopt_options or {})
+    settings = _settings(optimizer, float(tolerance), max_iterations)
+    if optimizer == "IPOPT" and mu_max is not None:
+        settings["mu_max"] = mu_max
     if carrier == "casadi":
         driver = CasadiIpoptDriver(progress=progress)
         driver.opt_settings = settings
@@ -107,19 +69,18 @@ def make_driver(
     return driver
 
 
-def _settings(optimizer: str, tolerance: float, max_iterations: int, log: str) -> Settings:
-    """Return an optimizer's options by its own names, which are the same in every package."""
+def _settings(optimizer: str, tolerance: float, max_iterations: int) -> Settings:
+    """Return an optimizer's options by its own names: nothing is printed or written."""
     if optimizer == "SLSQP":
-        show = 1 if log else -1
-        return {"ACC": tolerance, "MAXIT": max_iterations, "IPRINT": show, "IFILE": log}
+        return {"ACC": tolerance, "MAXIT": max_iterations, "IPRINT": -1, "IFILE": ""}
     if optimizer == "SNOPT":
         return {
             "Major optimality tolerance": tolerance,
             "Major feasibility tolerance": tolerance,
             "Major iterations limit": max_iterations,
-            "iPrint": 18 if log else 0,
+            "iPrint": 0,
             "iSumm": 0,
-            "Print file": log,
+            "Print file": "",
         }
     return {
         "hessian_approximation": "limited-memory",
@@ -129,17 +90,14 @@ def _settings(optimizer: str, tolerance: float, max_iterations: int, log: str) -
         "theta_max_fact": 1.0,
         "tol": tolerance,
         "constr_viol_tol": tolerance,
-        # The 'acceptable' level is looser than the tolerance asked for.
-        "acceptable_iter": 0,
+        "acceptable_iter": 0,  # the 'acceptable' level is looser than the tolerance asked for
         "max_iter": max_iterations,
-        # The problem is scaled where its quantities are declared.
-        "nlp_scaling_method": "none",
-        # Bounds hold exactly.
-        "bound_relax_factor": 0.0,
+        "nlp_scaling_method": "none",  # the problem is scaled where its quantities are declared
+        "bound_relax_factor": 0.0,  # bounds hold exactly
         "honor_original_bounds": "yes",
         "print_level": 0,
         "sb": "yes",
-        "output_file": log,
+        "output_file": "",
     }
 
 
@@ -207,7 +165,6 @@ class _ScipyDriver(_ReportEachEvaluation, om.ScipyOptimizeDriver):
     package = "scipy"
 
     def run(self) -> bool:
-        """Optimize and return whether that failed."""
         self._message = "stopped by an error"
         nonlinear = [name for name, meta in self._cons.items() if not meta["linear"]]
         self._rows = [*self._objs, *nonlinear]
@@ -232,7 +189,6 @@ class _PyOptSparseDriver(_ReportEachEvaluation, om.pyOptSparseDriver):
     package = "pyoptsparse"
 
     def run(self) -> bool:
-        """Optimize and return whether that failed."""
         self._message = "stopped by an error"
         self._user_termination_flag = False
         handler = signal.getsignal(signal.SIGINT)

@@ -15,17 +15,6 @@ from openmdao.jacobians import jacobian as om_jacobian
 from scipy.sparse import csr_matrix
 
 
-class Substitution(om.LinearRunOnce):
-    """OpenMDAO's linear solver for groups of explicit components, which also offers `totals`.
-
-    The drivers of this package ask for `totals` in place of linear solves and a coloring.
-    """
-
-    def totals(self, driver: Driver, responses: Sequence[str]) -> "SparseTotals":
-        """Return the totals of a driver's responses by its design variables; see `SparseTotals`."""
-        return SparseTotals(driver, responses)
-
-
 class SparseTotals:
     """Total derivatives of a model of explicit components, by substitution in its sparse Jacobian.
 
@@ -33,24 +22,10 @@ class SparseTotals:
 
         dy_i/dx = sum over j of (df_i/dy_j) (dy_j/dx),
 
-    over the nonzeros alone, whose places are known before anything has run.
-
-    Parameters
-    ----------
-    driver : Driver
-        After final setup.
-    responses : sequence of str
-        Names of the driver's responses, in the order of the rows.
-
-    Attributes
-    ----------
-    pattern : csr_matrix, shape (n_responses, n_design)
-        Ones where a total may differ from zero.
-
-    Raises
-    ------
-    NotImplementedError
-        If the model has parts that are not explicit, or that depend on each other in a circle.
+    over the nonzeros alone, whose places are known before anything has run: `pattern`, a csr_matrix
+    of ones (n_responses, n_design). It is made of a driver after final setup and the names of its
+    responses; NotImplementedError is raised if the model has parts that are not explicit, or that
+    depend on each other in a circle.
     """
 
     def __init__(self, driver: Driver, responses: Sequence[str]) -> None:
@@ -63,7 +38,7 @@ class SparseTotals:
         ):  # fmt: skip
             raise NotImplementedError("not all parts of the model are explicit")
         self._jacobian = om_jacobian.CSRJacobian(model)
-        partials = self._partials()
+        partials = self._jacobian.get_dr_do_matrix()
 
         design = list(driver._designvars.items())
         wanted = [(name, driver._responses[name]) for name in responses]
@@ -94,13 +69,11 @@ class SparseTotals:
         self._model.run_linearize(sub_do_ln=False)
         self._jacobian._update(self._model)
         order, indptr, indices, first, last, columns = self._structure
-        found = _substitute(order, indptr, indices, self._partials().data, first, last, columns)
+        partials = self._jacobian.get_dr_do_matrix().data
+        found = _substitute(order, indptr, indices, partials, first, last, columns)
         totals = self.pattern.copy()
         totals.data = found[self._chosen] * self._scalers_of_entries
         return totals
-
-    def _partials(self) -> csr_matrix:
-        return self._jacobian.get_dr_do_matrix()
 
     def _places(self, variables: list) -> np.ndarray:
         """Return the places of variables' elements in the model's vector of outputs."""
@@ -123,6 +96,15 @@ class SparseTotals:
             ones = np.ones(meta["size"])
             found.append(ones * (1.0 if scaler is None else scaler) * (units or 1.0))
         return np.concatenate(found)
+
+
+class Substitution(om.LinearRunOnce):
+    """OpenMDAO's linear solver for groups of explicit components, which also offers `totals`.
+
+    The drivers of this package ask for them in place of linear solves and a coloring.
+    """
+
+    totals = SparseTotals
 
 
 @njit(cache=True)

@@ -11,7 +11,6 @@ from hkt_mdo.rotor.steady_optimum import best_operation, best_rotor
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.run.judge import fly
 from hkt_mdo.run.run import _collect
-from hkt_mdo.solve.drivers import outcome
 
 QUADRATIC = "{law: quadratic, torque_limit: 700}"
 OPEN_LOOP = "{law: open_loop, torque_limit: 700}"
@@ -57,7 +56,7 @@ def optimize(case, prepared):
         built = time.perf_counter()
         problem.run_driver()
         ended = time.perf_counter()
-    return problem, outcome(problem.driver), {"setup": built - began, "driver": ended - built}
+    return problem, problem.driver.outcome(), {"setup": built - began, "driver": ended - built}
 
 
 def integrate(case, prepared, problem):

@@ -12,7 +12,7 @@ import pytest
 from hkt_mdo.case import Fluid, Rotor
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem, ccblade
-from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.airfoil import PolarFamily
 
 NINE = np.concatenate((np.arange(0.2, 0.95, 0.1), [0.999]))
 FIFTY = np.linspace(0.2, 0.99, 50)
@@ -20,7 +20,7 @@ FIFTY = np.linspace(0.2, 0.99, 50)
 
 def rotor(stations, points):
     blade = build_turbine(Rotor(stations=tuple(stations)), Fluid(), 1.0).blade
-    return blade, Polar.from_csv("naca63815_Re2e5"), np.linspace(1.0, 14.0, points)
+    return blade, PolarFamily.from_file("naca63815_Re2e5").polars[0], np.linspace(1.0, 14.0, points)
 
 
 def have_one_root(blade, polar, ratio):

@@ -48,7 +48,6 @@ class Plant:
 def by_this_package(plant):
     """Return energy, iterations and seconds; the start is the peers'."""
     from hkt_mdo.problem.build import build_problem
-    from hkt_mdo.solve.drivers import outcome
 
     began = time.perf_counter()
     problem = build_problem(plant.case, *plant.prepared)
@@ -56,7 +55,7 @@ def by_this_package(plant):
     flow = plant.world.inflow.speed(at)
     set_speed(problem.model.traj.phases.phase, at, plant.ratio * flow / plant.radius, 0.0 * at)
     problem.run_driver()
-    ended = outcome(problem.driver)
+    ended = problem.driver.outcome()
     assert ended.success, ended.message
     return float(problem.get_val("energy")[0]), ended.iterations, time.perf_counter() - began
 

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hkt_mdo.dynamics.controllers import LinearLaw, QuadraticLaw
-from hkt_mdo.dynamics.inflow import SineInflow
 
+from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.dynamics.quasi_steady import MOST_SPEEDS, QuasiSteady
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.steady_optimum import best_operation
@@ -16,7 +15,7 @@ RADIUS, DENSITY = 1.4, 1000.0
 TIME = np.linspace(0.0, 60.0, 121)
 WEIGHTS = np.full(121, 0.5)
 WEIGHTS[[0, -1]] = 0.25
-FLOW = SineInflow(1.5, 0.2, 0.25).speed(TIME)
+FLOW = 1.5 + 0.2 * np.sin(0.25 * TIME)
 SPLINE = TorqueSpline(np.linspace(2.0, 15.0, 131))
 
 
@@ -47,7 +46,7 @@ def test_quadratic_feedback_with_the_matching_gain_equals_open_loop(table):
     ratio = quasi_steady().operate(table).rotor_speed[0] * RADIUS / FLOW[0]
     coefficient = float((SPLINE.basis(np.array([ratio])) @ table)[0])
     gain = 0.5 * DENSITY * np.pi * RADIUS**5 * coefficient / ratio**2
-    operation = quasi_steady(QuadraticLaw()).operate(table, [gain])
+    operation = quasi_steady(QuadraticFeedback()).operate(table, [gain])
     assert operation.running
     assert operation.energy == pytest.approx(quasi_steady().operate(table).energy, rel=1e-9)
 
@@ -60,7 +59,7 @@ def test_torque_limit_is_met_on_the_fast_side(table):
 
 
 def test_an_excessive_gain_is_not_running(table):
-    assert not quasi_steady(QuadraticLaw()).operate(table, [500.0]).running
+    assert not quasi_steady(QuadraticFeedback()).operate(table, [500.0]).running
 
 
 @pytest.mark.parametrize(
@@ -68,9 +67,9 @@ def test_an_excessive_gain_is_not_running(table):
     [
         (None, None, []),
         (None, 700.0, []),
-        (LinearLaw(), None, [110.0]),
-        (LinearLaw(700.0), None, [80.0]),
-        (QuadraticLaw(700.0), None, [15.0]),
+        (LinearFeedback(), None, [110.0]),
+        (LinearFeedback(torque_limit=700.0), None, [80.0]),
+        (QuadraticFeedback(torque_limit=700.0), None, [15.0]),
     ],
 )
 def test_gradient_of_the_energy(table, law, limit, gains):
@@ -82,27 +81,34 @@ def test_gradient_of_the_energy(table, law, limit, gains):
         problem.operate(table + step * direction, gains).energy
         - problem.operate(table - step * direction, gains).energy
     ) / (2.0 * step)
-    assert operation.by_table @ direction == pytest.approx(difference, rel=1e-4)
+    by_table, by_gain, (by_radius,) = np.split(operation.gradient[0], [table.size, -1])
+    assert by_table @ direction == pytest.approx(difference, rel=1e-4)
     larger, smaller = (
         replace(problem, rotor_radius=RADIUS * factor).operate(table, gains).energy
         for factor in (1.0 + 1e-6, 1.0 - 1e-6)
     )
-    assert operation.by_radius == pytest.approx((larger - smaller) / (2e-6 * RADIUS), rel=1e-4)
+    assert by_radius == pytest.approx((larger - smaller) / (2e-6 * RADIUS), rel=1e-4)
     for i in range(gains.size):
         change = 1e-5 * gains[i] * np.eye(gains.size)[i]
         difference = (
             problem.operate(table, gains + change).energy
             - problem.operate(table, gains - change).energy
         ) / (2.0 * change[i])
-        assert operation.by_gain[i] == pytest.approx(difference, rel=1e-4)
+        assert by_gain[i] == pytest.approx(difference, rel=1e-4)
 
 
 @pytest.mark.parametrize(
-    ("law", "gains"), [(LinearLaw(), [110.0]), (LinearLaw(700.0), [80.0]), (QuadraticLaw(), [9.0])]
+    ("law", "gains"),
+    [
+        (LinearFeedback(), [110.0]),
+        (LinearFeedback(torque_limit=700.0), [80.0]),
+        (QuadraticFeedback(), [9.0]),
+    ],
 )
 def test_gradients_of_the_distance_from_stall(table, law, gains):
     problem, gains = quasi_steady(law), np.array(gains)
-    recovery = problem.operate(table, gains).recovery
+    gradient = problem.operate(table, gains).gradient[1:]
+    by_table, by_gain, by_radius = np.split(gradient, [table.size, -1], axis=1)
 
     def slope(at):
         return at(1.0) - at(-1.0)
@@ -114,24 +120,22 @@ def test_gradients_of_the_distance_from_stall(table, law, gains):
         w = np.interp(speeds, np.sort(FLOW), found.rotor_speed[np.argsort(FLOW)]) * 0.98
         scale = 0.5 * np.pi * radius**3 * DENSITY * speeds**2
         driving = scale * (SPLINE.basis(w * radius / speeds) @ table)
-        assert found.recovery.margin * 0.05 * scale == pytest.approx(
+        assert found.margin * 0.05 * scale == pytest.approx(
             driving - law.torque(w, gains), rel=1e-6, abs=1e-6
         )
-        return found.recovery.margin
+        return found.margin
 
     step = 1e-6
     difference = slope(lambda sign: margin(table, gains * (1.0 + sign * step)))
-    np.testing.assert_allclose(
-        recovery.by_gain @ gains, difference / (2.0 * step), rtol=1e-4, atol=1e-6
-    )
+    np.testing.assert_allclose(by_gain @ gains, difference / (2.0 * step), rtol=1e-4, atol=1e-6)
     difference = slope(lambda sign: margin(table, gains, RADIUS * (1.0 + sign * step)))
     np.testing.assert_allclose(
-        recovery.by_radius[:, 0] * RADIUS, difference / (2.0 * step), rtol=1e-4, atol=1e-6
+        by_radius[:, 0] * RADIUS, difference / (2.0 * step), rtol=1e-4, atol=1e-6
     )
     direction = np.cos(np.arange(table.size)) * 1e-2
     difference = slope(lambda sign: margin(table + sign * step * direction, gains))
     np.testing.assert_allclose(
-        recovery.by_table @ direction, difference / (2.0 * step), rtol=1e-4, atol=1e-6
+        by_table @ direction, difference / (2.0 * step), rtol=1e-4, atol=1e-6
     )
 
 
@@ -139,7 +143,9 @@ def test_a_condensed_flow_has_the_same_energy(table):
     time = np.linspace(0.0, 600.0, 24001)
     flow = 1.5 + 0.2 * np.sin(0.25 * time) + 0.1 * np.sin(1.7 * time + 1.0)
     weights = np.full(time.size, time[1])
-    problem = QuasiSteady(flow, weights, DENSITY, RADIUS, SPLINE, LinearLaw(700.0))
+    problem = QuasiSteady(
+        flow, weights, DENSITY, RADIUS, SPLINE, LinearFeedback(torque_limit=700.0)
+    )
     few = problem.condensed()
     assert few.inflow_speed.size <= MOST_SPEEDS
     assert few.weights.sum() == pytest.approx(weights.sum(), rel=1e-12)

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from hkt_mdo.dynamics.controllers import QuadraticLaw
-from hkt_mdo.dynamics.inflow import SineInflow
 
+from hkt_mdo.dynamics.laws import QuadraticFeedback
 from hkt_mdo.dynamics.quasi_steady import QuasiSteady
 from hkt_mdo.problem.start import starting_point
 from hkt_mdo.rotor.scales import power_scale
@@ -15,7 +14,7 @@ from hkt_mdo.rotor.torque_curve import TorqueSpline
 RADIUS, DENSITY = 1.4, 1000.0
 CHORDS, TWISTS = (0.01, 1.0), (-np.pi / 6.0, np.pi / 6.0)
 WEIGHTS = np.full(121, 0.5)
-FLOW = SineInflow(1.5, 0.2, 0.25).speed(np.linspace(0.0, 60.0, 121))
+FLOW = 1.5 + 0.2 * np.sin(0.25 * np.linspace(0.0, 60.0, 121))
 
 
 def quasi_steady(law=None, limit=None):
@@ -28,7 +27,7 @@ def optimum(blade, polar):
     return best_rotor(blade, polar, CHORDS, TWISTS)
 
 
-@pytest.mark.parametrize("law", [None, QuadraticLaw()])
+@pytest.mark.parametrize("law", [None, QuadraticFeedback()])
 def test_co_design_reaches_the_steady_optimum(law, optimum, blade, polar):
     """Without a limit, open loop and quadratic feedback keep the best rotor at its best ratio."""
     shape = Shape.designed(blade, None, None, CHORDS, TWISTS)
@@ -51,7 +50,7 @@ def test_the_optimum_of_one_blade_is_start_enough(optimum, blade, polar):
 def test_a_fixed_blade_is_kept(blade, polar):
     best = best_operation(blade, polar)
     start = starting_point(
-        quasi_steady(QuadraticLaw()), Shape.fixed(blade), None, polar, best, improve=True
+        quasi_steady(QuadraticFeedback()), Shape.fixed(blade), None, polar, best, improve=True
     )
     np.testing.assert_array_equal(start.blade.chord, blade.chord)
     gain = 0.5 * DENSITY * np.pi * RADIUS**5 * best.power_coefficient / best.tip_speed_ratio**3

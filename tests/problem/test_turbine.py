@@ -7,7 +7,7 @@ from hkt_mdo.case import read_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import shipped_names
 from hkt_mdo.problem.turbine import build_turbine
-from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.steady_optimum import best_operation
 
@@ -99,7 +99,8 @@ def test_a_span_that_is_counted_from_the_root_begins_at_the_hub(turbine):
 def test_sections_are_blended_by_thickness(turbine):
     found = turbine(f"blade: b.csv, radius: 1, sections: [{THIN}, {THICK}]")
     np.testing.assert_allclose(found.thickness, [0.24, 0.18, 0.15], rtol=1e-12)
-    thick, thin = Polar.from_csv("naca4415_Re2e5"), Polar.from_csv("naca63815_Re2e5")
+    names = "naca4415_Re2e5", "naca63815_Re2e5"
+    thick, thin = (PolarFamily.from_file(name).polars[0] for name in names)
     for polar, share in zip(found.polar, (1.0, 1.0 / 3.0, 0.0), strict=True):
         expected = share * thick.evaluate(0.1)[0] + (1.0 - share) * thin.evaluate(0.1)[0]
         assert polar.evaluate(0.1)[0] == pytest.approx(expected, rel=1e-9)

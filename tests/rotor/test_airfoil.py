@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.polar_table import polar_table
 from hkt_mdo.files.shipped import read_table, shipped_names
-from hkt_mdo.rotor.airfoil import KNOTS_PER_DEGREE, Polar
+from hkt_mdo.rotor.airfoil import KNOTS_PER_DEGREE, Polar, PolarFamily
 from hkt_mdo.rotor.outline import Outline
 
 POLARS = shipped_names("polar")
@@ -13,7 +14,7 @@ POLARS = shipped_names("polar")
 
 @pytest.fixture(scope="module", params=POLARS, name="polar")
 def any_shipped_polar(request):
-    return Polar.from_csv(request.param)
+    return PolarFamily.from_file(request.param).polars[0]
 
 
 def write(folder, rows, header="alpha_deg,cl,cd"):
@@ -95,7 +96,8 @@ def test_viterna_extension_meets_the_table(polar):
 
 @pytest.mark.parametrize("name", POLARS)
 def test_table_points_are_interpolated_exactly(name):
-    table, polar = read_table(name, ("alpha_deg", "cl", "cd"), "polar"), Polar.from_csv(name)
+    table = read_table(name, ("alpha_deg", "cl", "cd"), "polar")
+    (polar,) = PolarFamily.from_file(name).polars
     assert np.all(
         table["alpha_deg"] * KNOTS_PER_DEGREE % 1.0 == 0.0
     )  # else only to the spline's error
@@ -105,8 +107,9 @@ def test_table_points_are_interpolated_exactly(name):
 
 
 def test_spline_reproduces_a_straight_line_inside_the_table():
-    alpha = np.deg2rad(np.arange(-16.0, 20.5, 0.5))
-    polar = Polar.from_table(alpha, 0.2 + 5.0 * alpha, np.full(alpha.size, 0.02))
+    alpha = np.arange(-16.0, 20.5, 0.5)
+    table = polar_table(alpha, 0.2 + 5.0 * np.deg2rad(alpha), np.full(alpha.size, 0.02))
+    polar = Polar.from_polar_table(table)
     inside = np.deg2rad(np.linspace(-8.0, 10.0, 333))
     lift, drag = polar.evaluate(inside)
     assert np.allclose(lift, 0.2 + 5.0 * inside, atol=1e-8)
@@ -131,16 +134,16 @@ def test_spline_reproduces_a_straight_line_inside_the_table():
 def test_broken_polar_is_refused_with_file_and_place(tmp_path, change, told):
     path = write(tmp_path, change(good_rows()))
     with pytest.raises(InputError) as caught:
-        Polar.from_csv(path)
+        PolarFamily.from_file(path)
     assert str(path) in str(caught.value)
     assert told in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 def test_good_polar_is_taken_and_a_missing_column_is_not(tmp_path):
-    Polar.from_csv(write(tmp_path, good_rows()))
+    PolarFamily.from_file(write(tmp_path, good_rows()))
     with pytest.raises(InputError, match="cd"):
-        Polar.from_csv(write(tmp_path, good_rows(), header="alpha_deg,cl,drag"))
+        PolarFamily.from_file(write(tmp_path, good_rows(), header="alpha_deg,cl,drag"))
 
 
 # Outline

@@ -9,7 +9,7 @@ import yaml
 from hkt_mdo.files.blade import read_blade, write_blade_csv
 from hkt_mdo.files.polar_table import polar_table
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.blade import Blade
 
 TIP, HUB, BLADES = 1.4, 0.175, 3
@@ -32,7 +32,7 @@ def full_circle(name):
     alpha = np.concatenate(
         [np.arange(-180, -30, 5), np.arange(-30, 30, 0.5), np.arange(30, 181, 5)]
     ).astype(float)
-    lift, drag = Polar.from_csv(name).evaluate(np.deg2rad(alpha))
+    lift, drag = PolarFamily.from_file(name).polars[0].evaluate(np.deg2rad(alpha))
     lift[-1], drag[-1] = lift[0], drag[0]
     return alpha, lift, drag
 

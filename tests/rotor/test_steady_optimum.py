@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.steady_optimum import best_blade, best_operation, best_rotor
 
@@ -59,7 +59,7 @@ def test_no_tip_speed_ratio_is_better(twists, blade, polar):
 
 def test_a_cylindrical_root_does_not_stop_the_search(blade, polar):
     """The best load of its stations is negative; the others reach their own optimum."""
-    polars = [Polar.from_csv("cylinder")] * 2 + [polar] * (blade.r.size - 2)
+    polars = [PolarFamily.from_file("cylinder").polars[0]] * 2 + [polar] * (blade.r.size - 2)
     free, mixed = (best_blade(blade, each, 7.0, CHORDS, TWISTS).blade for each in (polar, polars))
     load = [bem.sections(each, polar, 7.0).tangential_load[0, 2:] for each in (free, mixed)]
     np.testing.assert_allclose(load[1], load[0], rtol=1e-6)
