@@ -71,9 +71,10 @@ def check(
         if lines:
             print_rows(console, [("-", line) for line in lines], title)
     if not no_figures:
-        from hkt_mdo.results.check_plots import save_check_figures
+        from hkt_mdo.results import check_plots, style
 
-        written = save_check_figures(report.figures, out or Path("check") / report.name)
+        figures = check_plots.check_figures(report.figures)
+        written = style.save(figures, out or Path("check") / report.name)
         names = ", ".join(path.name for path in written)
         console.print(f"Figures: {written[0].parent}: {names}", markup=False, soft_wrap=True)
     number = len(report.warnings)

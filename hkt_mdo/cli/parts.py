@@ -129,7 +129,5 @@ def print_rows(console: Console, rows: Iterable[tuple[str, str]], title: str = "
 
 def print_result(console: Console, solution: Solution) -> None:
     """Print a result's figures of merit and the checks that it did not pass."""
-    from hkt_mdo.results.solution import summary_table
-
     failed = [("check not passed", check) for check in solution.failed_checks]
-    print_rows(console, [*summary_table(solution), *failed])
+    print_rows(console, [*solution.summary.rows(solution.case), *failed])

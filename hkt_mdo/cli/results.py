@@ -68,10 +68,8 @@ def compare(
     from rich.console import Console
     from rich.table import Table
 
-    from hkt_mdo.results.solution import summary_table
-
     solutions = [read_result(result) for result in results]
-    columns = [dict(summary_table(solution)) for solution in solutions]
+    columns = [dict(solution.summary.rows(solution.case)) for solution in solutions]
     energies = [solution.summary.get("simulated_energy_J") for solution in solutions]
     best = max(energy or 0.0 for energy in energies)
     if best > 0.0:

@@ -1,15 +1,13 @@
-"""Figures of a check (`hkt check`).
+"""Figures of a check (`hkt check`) and of polars (`hkt polar`).
 
-Each `draw_...` takes a part of `hkt_mdo.run.check.CheckReport.figures` and, optionally, axes to
-draw on (of a new figure by default), and returns the axes. It computes nothing and sets no
-rcParams.
+Each `draw_...` takes a part of `hkt_mdo.run.check.CheckReport.figures` and axes to draw on, and
+returns the axes. It computes nothing and sets no rcParams.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +16,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hkt_mdo.results import style
+
+MOST_NAMED = 8
+"""Of more polars, only the first and the last have labels."""
 
 _POINTS: dict[str, Any] = {
     "color": style.COLORS[1],
@@ -31,14 +32,18 @@ _BLADE = {
     "twist_deg": "twist (deg)",
     "thickness_percent": "thickness (% of the chord)",
 }
+_POLAR = {
+    "alpha_deg": "angle of attack (deg)",
+    "lift": "lift coefficient (-)",
+    "drag": "drag coefficient (-)",
+}
 
 
-def draw_blade(data: Mapping[str, Any], column: str = "chord_m", ax: Axes | None = None) -> Axes:
+def draw_blade(data: Mapping[str, Any], column: str, ax: Axes) -> Axes:
     """Draw `chord_m`, `twist_deg` or `thickness_percent` of the starting blade over the radius.
 
     The blade's file, its stations, its control points and its ends are shown.
     """
-    ax = ax or style.new_axes()
     look = style.line(0) | style.marker(0, 4.0)
     if f"{column}_file" in data:
         ax.plot(
@@ -54,33 +59,39 @@ def draw_blade(data: Mapping[str, Any], column: str = "chord_m", ax: Axes | None
     return style.finish(ax, "radius (m), from hub to tip", _BLADE[column])
 
 
-def draw_polar(data: Mapping[str, Any], column: str = "lift", ax: Axes | None = None) -> Axes:
-    """Draw the `lift` or `drag` coefficient of all polars over the angle of attack.
+def draw_polars(curves: Sequence[Mapping[str, Any]], x: str, y: str, ax: Axes) -> Axes:
+    """Draw columns of polars over one another: `alpha_deg`, `lift` or `drag`.
 
-    A polar is dotted where it is extended; the angles of attack that the stations meet are shaded.
+    A curve has these columns and a label, and is dotted where it is not `sure`.
     """
-    ax = ax or style.new_axes()
-    curves = data["curves"]
     few = len(curves) <= len(style.COLORS)
     for index, curve in enumerate(curves):
         shade = 0.9 * index / max(len(curves) - 1, 1)
         color = style.COLORS[index] if few else colormaps["viridis"](shade)
-        alpha = curve["alpha_deg"]
-        inside = (alpha >= curve["table_deg"][0]) & (alpha <= curve["table_deg"][1])
-        ax.plot(alpha, curve[column], color=color, linestyle=":", linewidth=1.0)
-        # of many polars, only the first and the last have labels
-        named = len(curves) <= 2 * style.MOST_INSIDE or index in (0, len(curves) - 1)
+        named = len(curves) <= MOST_NAMED or index in (0, len(curves) - 1)
         look = {"color": color, "linestyle": style.LINES[index] if few else "-", "linewidth": 1.4}
-        label = curve["label"] if named else None
-        ax.plot(alpha[inside], curve[column][inside], label=label, **look)
+        ax.plot(curve[x], curve[y], color=color, linestyle=":", linewidth=1.0)
+        sure = np.where(curve["sure"], curve[y], np.nan)
+        ax.plot(curve[x], sure, label=curve["label"] if named else None, **look)
+    return style.finish(ax, _POLAR[x], _POLAR[y])
+
+
+def draw_polar(data: Mapping[str, Any], column: str, ax: Axes) -> Axes:
+    """Draw the `lift` or `drag` coefficient of all polars over the angle of attack.
+
+    A polar is dotted where it is extended; the angles of attack that the stations meet are shaded.
+    """
     ax.axvspan(*data["met_deg"], linewidth=0, label="met in this flow", **_BAND)
-    ax.set_xlim(curves[0]["alpha_deg"][[0, -1]])
-    return style.finish(ax, "angle of attack (deg)", f"{column} coefficient (-)", above=True)
+    curves = []
+    for curve in data["curves"]:
+        alpha, (first, last) = curve["alpha_deg"], curve["table_deg"]
+        curves.append({**curve, "sure": (alpha >= first) & (alpha <= last)})
+    ax.set_xlim(alpha[[0, -1]])
+    return draw_polars(curves, "alpha_deg", column, ax)
 
 
-def draw_inflow(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
+def draw_inflow(data: Mapping[str, Any], ax: Axes) -> Axes:
     """Draw the flow speed over time, its mean, and the speed at which the torque limit is met."""
-    ax = ax or style.new_axes()
     time, speed = data["time_s"], data["speed_m_s"]
     ax.plot(time, speed, color=style.COLORS[0], linewidth=1.2 if time.size < 5000 else 0.6)
     ax.axhline(data["mean_m_s"], linestyle="--", **style.REFERENCE, label="mean")
@@ -90,12 +101,11 @@ def draw_inflow(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
         ax.axhline(rated, label="torque limit is met", **look)
     ax.set_xlim(time[0], time[-1])
     style.widen(ax)
-    return style.finish(ax, "time (s)", "inflow speed (m/s)", above=True)
+    return style.finish(ax, "time (s)", "inflow speed (m/s)")
 
 
-def draw_spectrum(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
+def draw_spectrum(data: Mapping[str, Any], ax: Axes) -> Axes:
     """Draw the power spectral density of the flow and its cutoff; a note if the flow is steady."""
-    ax = ax or style.new_axes()
     if "spectrum" in data:
         frequency, density = data["spectrum"]
         ax.loglog(frequency, density, color=style.COLORS[0], linewidth=1.2)
@@ -111,9 +121,8 @@ def draw_spectrum(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
     return style.finish(ax, "frequency (Hz)", "spectral density (m²/s)")
 
 
-def draw_power(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
+def draw_power(data: Mapping[str, Any], ax: Axes) -> Axes:
     """Draw the starting blade's power coefficient, its peak and the range it works in."""
-    ax = ax or style.new_axes()
     look = style.line(0)
     ax.plot(data["tip_speed_ratio"], data["power_coefficient"], label="blade at the start", **look)
     ratio, power = data["best"]
@@ -135,11 +144,3 @@ def check_figures(data: Mapping[str, Mapping[str, Any]]) -> dict[str, Figure]:
         "inflow": style.figure_of(6.8, 5.8, flows, share=False),
         "power_curve": style.figure_of(5.6, 3.9, [partial(draw_power, data["power_curve"])]),
     }
-
-
-def save_check_figures(data: Mapping[str, Mapping[str, Any]], folder: str | Path) -> list[Path]:
-    """Write the figures of a check as PNG files and return their paths.
-
-    The folder is made if it does not exist; files of the same names are replaced.
-    """
-    return style.save(check_figures(data), folder)

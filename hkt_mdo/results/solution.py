@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import html
 import importlib
-import re
+import os.path
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,15 +19,13 @@ from hkt_mdo.case import Case, load_case
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.dynamics.trajectory import COLUMNS, QUANTITIES
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import read_bytes
+from hkt_mdo.files.table import any_number, parse_table, read_text
 from hkt_mdo.results.summary import BLADE, Summary, printable
 
-__all__ = ["TABLES", "Solution", "summary_table"]
+__all__ = ["TABLES", "Solution"]
 
 MAX_CSV_BYTES = 64 * 1024**2
 """Largest CSV file that is read, in bytes."""
-
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*([eE][-+]?\d+)?|nan|inf)", re.ASCII)
 
 _OVER_TIME = {COLUMNS[name]: about for name, about in QUANTITIES.items()}
 
@@ -80,24 +78,13 @@ class Solution:
     def load(cls, folder: str | Path, *, extensions: Iterable[Extension] = ()) -> Solution:
         """Read a result folder, as read-only arrays; after an interruption, tables may be missing.
 
-        Parameters
-        ----------
-        folder : str or Path
-        extensions : iterable of path, module or class
-            Those that the case needs, as of `load_case`; a folder never chooses what is run.
-
-        Raises
-        ------
-        InputError
-            If it is not a result folder, or a file in it is too large or corrupt.
+        `extensions` are those of `load_case`; a folder never chooses what is run. Raises InputError
+        if it is not a result folder, or a file in it is too large or corrupt.
         """
         folder = Path(folder)
         for name in ("", "case.yaml", "summary.json"):
-            try:
-                found = (folder / name).exists()
-            except (OSError, ValueError):  # not permitted, too long a name, a null character
-                found = False
-            if not found:
+            # unlike Path.exists, it bears too long a name and a null character
+            if not os.path.exists(folder / name):  # noqa: PTH110
                 problem = f"is no result folder: it lacks {name}" if name else "does not exist"
                 remedy = "give a folder that a run wrote, or run the case again"
                 raise InputError(problem, remedy, file=folder)
@@ -186,14 +173,9 @@ class Solution:
 
     def _repr_html_(self) -> str:
         """Return the summary as a table for notebooks."""
-        cells = [map(html.escape, row) for row in summary_table(self)]
+        cells = [map(html.escape, row) for row in self.summary.rows(self.case)]
         rows = "".join(f"<tr><th>{label}</th><td>{text}</td></tr>" for label, text in cells)
         return f"<table>{rows}</table>"
-
-
-def summary_table(solution: Solution) -> list[tuple[str, str]]:
-    """Return label and text, with the unit, of each figure of merit; ``-`` if it is not known."""
-    return solution.summary.rows(solution.case)
 
 
 def _package(name: str) -> Any:
@@ -208,18 +190,9 @@ def _read_csv(path: Path, columns: tuple[str, ...]) -> dict[str, np.ndarray]:
     """Return the columns of a table, which may hold nan and inf; empty without file or rows."""
     if not path.exists():
         return {}
-    content = read_bytes(path, MAX_CSV_BYTES, "table of a result").decode("utf-8", "replace")
-    header, *lines = content.splitlines() or [""]
-    names, remedy = header.split(","), "delete the file, or run the case again"
-    for name in columns:
-        if names.count(name) != 1:
-            raise InputError(f"must have one column {name}", remedy, file=path, value=header)
-    table = np.empty((len(lines), len(names)))
-    for row, line in enumerate(lines):
-        cells = line.split(",")
-        if len(cells) != len(names) or not all(map(_NUMBER.fullmatch, cells)):
-            problem = f"must hold {len(names)} numbers separated by commas"
-            raise InputError(problem, remedy, file=path, key=f"line {row + 2}", value=line)
-        table[row] = cells
-    table.flags.writeable = False
-    return {name: table[:, names.index(name)] for name in columns} if lines else {}
+    what = "table of a result"
+    text = read_text(path, what, MAX_CSV_BYTES)
+    table = parse_table(text, path, columns, what, parse=any_number, fewest=0)
+    for values in table.values():
+        values.flags.writeable = False
+    return dict(table) if table.lines else {}

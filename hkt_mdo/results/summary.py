@@ -11,14 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, ClassVar, cast
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationError,
-    ValidationInfo,
-    field_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 from pydantic_core import PydanticCustomError
 
 from hkt_mdo.case import Case
@@ -80,10 +73,10 @@ class Span(_Entry):
 
 
 class CheckEntry(_Entry):
-    """What one check of the result found: a value and the limit that it must not exceed."""
+    """One judge's word: a value, the limit that it must not exceed, and where it occurred."""
 
     name: str
-    value: float | None = None
+    value: float | None = Field(default=None, allow_inf_nan=True)
     limit: float | None = None
     passed: bool
     detail: str | None = ""
@@ -201,22 +194,19 @@ class Summary(_Entry, Mapping[str, Any]):
 
     @field_validator(*BLADE[1:])
     @classmethod
-    def _one_value_a_station(cls, column: _Column, info: ValidationInfo) -> _Column:
+    def _one_value_a_station(cls, column: _Column, info: Any) -> _Column:
         if column is not None and len(column) != len(info.data.get("r_m") or ()):
             raise PydanticCustomError("length", "must have one value for each of r_m")
         return column
 
     def __getitem__(self, key: str) -> Any:
-        return self._plain()[key]
+        return self.model_dump(exclude_unset=True)[key]
 
     def __iter__(self) -> Iterator[str]:  # type: ignore[override]
-        return iter(self._plain())
+        return iter(self.model_dump(exclude_unset=True))
 
     def __len__(self) -> int:
-        return len(self._plain())
-
-    def _plain(self) -> dict[str, Any]:
-        return self.model_dump(exclude_unset=True)
+        return len(self.model_dump(exclude_unset=True))
 
     @classmethod
     def read(cls, path: Path) -> Summary:

@@ -12,8 +12,9 @@ from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.objectives import GeneratorEnergy
 from hkt_mdo.problem.physics import Physics, physics
 from hkt_mdo.problem.setup import bounding_optimum, find_start, steady_optimum
+from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
-from hkt_mdo.run.judge import Check, Flight, Optimized, judge
+from hkt_mdo.run.judge import Flight, Optimized, judge
 from hkt_mdo.run.log import Log
 from hkt_mdo.run.passes import optimize
 
@@ -28,7 +29,7 @@ class Solved:
     result: Optimized
     flights: tuple[Flight, ...]
 
-    def checks(self) -> dict[str, Check]:
+    def checks(self) -> dict[str, CheckEntry]:
         """Return what every judge says, by its name."""
         parts = self.physics, self.optimum, self.reference, self.result, self.flights
         return {check.name: check for check in judge(*parts)}
