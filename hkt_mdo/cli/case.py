@@ -19,11 +19,11 @@ from hkt_mdo.cli.parts import (
 )
 from hkt_mdo.errors import InputError
 
+_NAME = "Name or path of the case; .yaml is added to it."
+
 
 def new(
-    name: Annotated[
-        Path, Argument(metavar="NAME", help="Name or path of the case; .yaml is added to it.")
-    ],
+    name: Annotated[Path, Argument(metavar="NAME", help=_NAME)],
     kind: Annotated[str, Option(metavar="KIND", help="paper, turbine or river.")] = "paper",
     force: Force = False,
 ) -> None:
@@ -53,8 +53,6 @@ def check(
     the files, warnings what may not be meant. Nothing is optimized. Draws blade, polar, inflow and
     power_curve as PNG, in check/<name of the case> unless --out is given.
     """
-    from rich.console import Console
-
     loaded = read_case(case, overrides)
 
     from hkt_mdo.run.check import check_case
@@ -64,29 +62,27 @@ def check(
     except InputError as error:  # found only when the parts of the case meet
         error.file = error.file or str(case)
         raise
-    console = Console(highlight=False)
     for title, rows in report.tables.items():
-        print_rows(console, rows.items(), title)
+        print_rows(rows.items(), title)
     for title, lines in (("Notes", report.notes), ("Warnings", report.warnings)):
         if lines:
-            print_rows(console, [("-", line) for line in lines], title)
+            print_rows([("-", line) for line in lines], title)
     if not no_figures:
         from hkt_mdo.results import check_plots, style
 
         figures = check_plots.check_figures(report.figures)
         written = style.save(figures, out or Path("check") / report.name)
         names = ", ".join(path.name for path in written)
-        console.print(f"Figures: {written[0].parent}: {names}", markup=False, soft_wrap=True)
+        echo(f"Figures: {written[0].parent}: {names}")
     number = len(report.warnings)
     doubts = f", with {number} warning{'s' if number > 1 else ''}" if number else ""
-    console.print(f"{report.name} can be run{doubts}.", markup=False, soft_wrap=True)
+    echo(f"{report.name} can be run{doubts}.")
 
 
-def schema(
-    markdown: Annotated[
-        bool, Option("--markdown", help="Print a page to read in place of the JSON schema.")
-    ] = False,
-) -> None:
+_MARKDOWN = "Print a page to read in place of the JSON schema."
+
+
+def schema(markdown: Annotated[bool, Option("--markdown", help=_MARKDOWN)] = False) -> None:
     """Print every key of a case file.
 
     It is a JSON schema: every key with its meaning, default, unit and range. An editor that is
@@ -121,6 +117,7 @@ def n2(
     echo(str(path))
 
 
+_POLARS = Path("results/polars")
 _OUTLINE = "Shipped name (naca63815) or file: CSV x_over_c,y_over_c, Selig or Lednicer."
 _ALPHA = "Angles of attack, degrees."
 _BESIDE = "Another polar to draw, shipped or a file; may be given several times."
@@ -130,9 +127,7 @@ _TURBULENCE = "Amplification at transition; less where turbulent."
 def polar(
     outline: Annotated[str, Argument(metavar="OUTLINE", help=_OUTLINE)],
     reynolds: Annotated[str, Option(metavar="RE,RE,...", help="Reynolds numbers by the chord.")],
-    out: Annotated[Path, Option(metavar="DIR", help="Folder of the files.")] = Path(
-        "results/polars"
-    ),
+    out: Annotated[Path, Option(metavar="DIR", help="Folder of the files.")] = _POLARS,
     alpha: Annotated[str, Option(metavar="FIRST:LAST:STEP", help=_ALPHA)] = "-16:24:0.5",
     n_crit: Annotated[float, Option(help=_TURBULENCE)] = 9.0,
     model: Annotated[str, Option(metavar="SIZE", help="Network, xxsmall to xxxlarge.")] = "xlarge",
@@ -147,7 +142,6 @@ def polar(
     """
     from hkt_mdo.cli.polar_report import parse_alpha, parse_reynolds, report_polars
 
-    numbers, angles = parse_reynolds(reynolds), parse_alpha(alpha)
-    others = beside or ()
-    for line in report_polars(outline, numbers, angles, out, n_crit, model, others, force):
+    given = outline, parse_reynolds(reynolds), parse_alpha(alpha), out, n_crit, model
+    for line in report_polars(*given, beside or (), force):
         echo(line)

@@ -1,20 +1,21 @@
-"""What the commands share: options, reading, writing, messages and tables."""
+"""What the commands share: options, reading, messages and tables."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
 from typer import Argument, Option, echo
 
 from hkt_mdo.errors import InputError
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from hkt_mdo.case import Case
     from hkt_mdo.results.solution import Solution
 
@@ -25,7 +26,6 @@ EXIT_CODES = (
     "written; 3 the run is no success (everything is written all the same); 130 interrupted by "
     "Ctrl-C."
 )
-
 
 CASE = Argument(
     metavar="CASE",
@@ -67,7 +67,6 @@ Jobs = Annotated[
     int | None, Option(min=1, max=256, help="Parallel processes.", show_default="one a core")
 ]
 
-
 EXTENSIONS: ContextVar[tuple[Path, ...]] = ContextVar("extensions", default=())
 """The files of `hkt --extend`, of the command at work."""
 
@@ -95,39 +94,23 @@ def refuse_existing(files: Iterable[Path], force: bool) -> None:
             )
 
 
-def write_files(contents: Mapping[Path, bytes]) -> None:
-    """Write files, whole or not at all; their folders are made if need be."""
-    parts = {file: file.with_name(f"{file.name}.part") for file in contents}
-    try:
-        for file, content in contents.items():
-            file.parent.mkdir(parents=True, exist_ok=True)
-            parts[file].write_bytes(content)
-        for file, part in parts.items():
-            part.replace(file)
-    finally:
-        for part in parts.values():
-            part.unlink(missing_ok=True)
-
-
 def complain(what: str, message: str) -> None:
     """Print one line to standard error, such as ``error: ...``."""
     line = "".join(letter if letter.isprintable() else " " for letter in message)
     echo(f"{what}: {line}", err=True)
 
 
-def print_rows(console: Console, rows: Iterable[tuple[str, str]], title: str = "") -> None:
+def print_rows(rows: Iterable[tuple[str, str]], title: str = "") -> None:
     """Print rows of a name and a text below a title; brackets in them are no markup."""
-    from rich.table import Table
-    from rich.text import Text
-
     table = Table(box=None, show_header=False, pad_edge=True, padding=(0, 1))
     for what, text in rows:
         table.add_row(Text(what, no_wrap=True), Text(text))
+    console = Console(highlight=False)
     console.print(Text(f"\n{title}" if title else "", style="bold"))
     console.print(table)
 
 
-def print_result(console: Console, solution: Solution) -> None:
+def print_result(solution: Solution) -> None:
     """Print a result's figures of merit and the checks that it did not pass."""
     failed = [("check not passed", check) for check in solution.failed_checks]
-    print_rows(console, [*solution.summary.rows(solution.case), *failed])
+    print_rows([*solution.summary.rows(solution.case), *failed])
