@@ -7,16 +7,7 @@ from typing import Annotated
 
 from typer import Argument, Option, echo
 
-from hkt_mdo.cli.parts import (
-    EXTENSIONS,
-    CaseFile,
-    Force,
-    NoFigures,
-    OutFolder,
-    Overrides,
-    print_rows,
-    read_case,
-)
+from hkt_mdo.cli import parts
 from hkt_mdo.errors import InputError
 
 _NAME = "Name or path of the case; .yaml is added to it."
@@ -25,7 +16,7 @@ _NAME = "Name or path of the case; .yaml is added to it."
 def new(
     name: Annotated[Path, Argument(metavar="NAME", help=_NAME)],
     kind: Annotated[str, Option(metavar="KIND", help="paper, turbine or river.")] = "paper",
-    force: Force = False,
+    force: parts.Force = False,
 ) -> None:
     """Write a commented case to begin from.
 
@@ -41,10 +32,10 @@ def new(
 
 
 def check(
-    case: CaseFile,
-    overrides: Overrides = None,
-    out: OutFolder = None,
-    no_figures: NoFigures = False,
+    case: parts.CaseFile,
+    overrides: parts.Overrides = None,
+    out: parts.OutFolder = None,
+    no_figures: parts.NoFigures = False,
 ) -> None:
     """Check a case before a long run.
 
@@ -53,7 +44,7 @@ def check(
     the files, warnings what may not be meant. Nothing is optimized. Draws blade, polar, inflow and
     power_curve as PNG, in check/<name of the case> unless --out is given.
     """
-    loaded = read_case(case, overrides)
+    loaded = parts.read_case(case, overrides)
 
     from hkt_mdo.run.check import check_case
 
@@ -63,10 +54,10 @@ def check(
         error.file = error.file or str(case)
         raise
     for title, rows in report.tables.items():
-        print_rows(rows.items(), title)
+        parts.print_rows(rows.items(), title)
     for title, lines in (("Notes", report.notes), ("Warnings", report.warnings)):
         if lines:
-            print_rows([("-", line) for line in lines], title)
+            parts.print_rows([("-", line) for line in lines], title)
     if not no_figures:
         from hkt_mdo.results import check_plots, style
 
@@ -93,22 +84,22 @@ def schema(markdown: Annotated[bool, Option("--markdown", help=_MARKDOWN)] = Fal
     from hkt_mdo.case import case_json_schema, case_markdown
 
     if markdown:
-        echo(case_markdown(extensions=EXTENSIONS.get()), nl=False)
+        echo(case_markdown(extensions=parts.EXTENSIONS.get()), nl=False)
     else:
-        echo(json.dumps(case_json_schema(extensions=EXTENSIONS.get()), indent=2))
+        echo(json.dumps(case_json_schema(extensions=parts.EXTENSIONS.get()), indent=2))
 
 
 def n2(
-    case: CaseFile,
+    case: parts.CaseFile,
     out: Annotated[Path | None, Option(metavar="FILE", help="HTML file to write.")] = None,
-    overrides: Overrides = None,
+    overrides: parts.Overrides = None,
 ) -> None:
     """Write the N2 diagram of a case.
 
     The diagram is an HTML page, <name of the case>_n2.html unless --out is given, that shows which
     component of the case's OpenMDAO problem feeds which. Nothing is optimized.
     """
-    loaded = read_case(case, overrides)
+    loaded = parts.read_case(case, overrides)
     path = out or Path(f"{loaded.name}_n2.html")
 
     from hkt_mdo.run.run import write_n2
@@ -132,7 +123,7 @@ def polar(
     n_crit: Annotated[float, Option(help=_TURBULENCE)] = 9.0,
     model: Annotated[str, Option(metavar="SIZE", help="Network, xxsmall to xxxlarge.")] = "xlarge",
     beside: Annotated[list[str] | None, Option(metavar="POLAR", help=_BESIDE)] = None,
-    force: Force = False,
+    force: parts.Force = False,
 ) -> None:
     r"""Compute the polars of an outline.
 

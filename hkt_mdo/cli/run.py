@@ -11,18 +11,7 @@ from rich.console import Console
 from rich.status import Status
 from typer import BadParameter, Exit, Option, echo
 
-from hkt_mdo.cli.parts import (
-    CASE,
-    EXTENSIONS,
-    INTERRUPTED,
-    NO_SUCCESS,
-    NoFigures,
-    OutFolder,
-    Overrides,
-    complain,
-    print_result,
-    read_case,
-)
+from hkt_mdo.cli import parts
 
 _SECONDS_BETWEEN_LINES = 5.0
 
@@ -34,16 +23,16 @@ _SEGMENTS = "Number of collocation segments: sets phase.segments."
 
 
 def run(
-    case: Annotated[Path | None, CASE] = None,
-    out: OutFolder = None,
+    case: Annotated[Path | None, parts.CASE] = None,
+    out: parts.OutFolder = None,
     force: Annotated[bool, Option("--force", help=_FORCE)] = False,
     resume: Annotated[Path | None, Option(metavar="DIR", help=_RESUME)] = None,
     optimizer: Annotated[str | None, Option(metavar="NAME", help=_OPTIMIZER)] = None,
     package: Annotated[str | None, Option(metavar="NAME", help=_PACKAGE)] = None,
     segments: Annotated[int | None, Option(metavar="N", help=_SEGMENTS)] = None,
-    overrides: Overrides = None,
+    overrides: parts.Overrides = None,
     quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False,
-    no_figures: NoFigures = False,
+    no_figures: parts.NoFigures = False,
     pdf: Annotated[bool, Option("--pdf", help="Draw the figures as PDF too.")] = False,
 ) -> None:
     """Run a case and write a result folder.
@@ -64,7 +53,7 @@ def run(
     source = case if resume is None else resume / "case.yaml"
     if source is None:
         raise BadParameter("give a CASE, or --resume DIR")
-    loaded = read_case(source, changes)
+    loaded = parts.read_case(source, changes)
     folder = resume or out or Path("results") / loaded.name
     before = _written(folder)
     try:
@@ -76,22 +65,22 @@ def run(
             if resume is None:
                 solution = runner.run_case(loaded, folder, force=force, **how)
             else:
-                solution = runner.resume_case(folder, **how, extensions=EXTENSIONS.get())
+                solution = runner.resume_case(folder, **how, extensions=parts.EXTENSIONS.get())
     except KeyboardInterrupt:
         saved = "nothing was saved"
         if _written(folder) not in ([], before):
             names = sorted(path.name for path in folder.iterdir())
             saved = f"what there was is saved in {folder}: {', '.join(names)}"
-        complain("interrupted", saved)
-        raise Exit(INTERRUPTED) from None
+        parts.complain("interrupted", saved)
+        raise Exit(parts.INTERRUPTED) from None
     if not quiet:
-        print_result(solution)
+        parts.print_result(solution)
         for line in (*(f"note: {note}" for note in solution.notes), f"Results: {folder}"):
             echo(line)
     if not solution.success:
         reason = solution.message or "the run gives no reason"
-        complain("error", f"no success: {reason} (what was found is in {folder})")
-        raise Exit(NO_SUCCESS)
+        parts.complain("error", f"no success: {reason} (what was found is in {folder})")
+        raise Exit(parts.NO_SUCCESS)
 
 
 def _reporter(name: str, status: Status) -> Callable[[int, float, float], None]:

@@ -20,19 +20,12 @@ from hkt_mdo.results import style
 MOST_NAMED = 8
 """Of more polars, only the first and the last have labels."""
 
-_POINTS: dict[str, Any] = {
-    "color": style.COLORS[1],
-    "linewidth": 0.8,
-    "marker": "s",
-    "markersize": 5,
-}
 _BAND: dict[str, Any] = {"color": "0.5", "alpha": 0.2}
-_BLADE = {
+_BLADE = ("chord_m", "twist_deg", "thickness_percent")
+_LABELS = {
     "chord_m": "chord (m)",
     "twist_deg": "twist (deg)",
     "thickness_percent": "thickness (% of the chord)",
-}
-_POLAR = {
     "alpha_deg": "angle of attack (deg)",
     "lift": "lift coefficient (-)",
     "drag": "drag coefficient (-)",
@@ -44,19 +37,18 @@ def draw_blade(data: Mapping[str, Any], column: str, ax: Axes) -> Axes:
 
     The blade's file, its stations, its control points and its ends are shown.
     """
+    radius, file, points = data["r_m"], data.get(f"{column}_file"), data.get(f"{column}_points")
+    if file is not None:
+        ax.plot(radius, file, ":", **style.REFERENCE, label="blade of the file")
     look = style.line(0) | style.marker(0, 4.0)
-    if f"{column}_file" in data:
-        ax.plot(
-            data["r_m"], data[f"{column}_file"], ":", **style.REFERENCE, label="blade of the file"
-        )
-    ax.plot(data["r_m"], data[column], label="blade at the start, its stations", **look)
-    if f"{column}_points" in data:
-        ax.plot(*data[f"{column}_points"], linestyle="--", label="control points", **_POINTS)
+    ax.plot(radius, data[column], label="blade at the start, its stations", **look)
+    if points is not None:
+        ax.plot(*points, **style.line(1) | style.marker(1, 4.0), label="control points")
     for end in data["ends_m"]:
         ax.axvline(end, **style.REFERENCE | {"linewidth": 0.8})
     if np.min(data[column]) > 0.0:
         ax.set_ylim(bottom=0.0)
-    return style.finish(ax, "radius (m), from hub to tip", _BLADE[column])
+    return style.finish(ax, "radius (m), from hub to tip", _LABELS[column])
 
 
 def draw_polars(curves: Sequence[Mapping[str, Any]], x: str, y: str, ax: Axes) -> Axes:
@@ -73,7 +65,7 @@ def draw_polars(curves: Sequence[Mapping[str, Any]], x: str, y: str, ax: Axes) -
         ax.plot(curve[x], curve[y], color=color, linestyle=":", linewidth=1.0)
         sure = np.where(curve["sure"], curve[y], np.nan)
         ax.plot(curve[x], sure, label=curve["label"] if named else None, **look)
-    return style.finish(ax, _POLAR[x], _POLAR[y])
+    return style.finish(ax, _LABELS[x], _LABELS[y])
 
 
 def draw_polar(data: Mapping[str, Any], column: str, ax: Axes) -> Axes:
@@ -105,19 +97,16 @@ def draw_inflow(data: Mapping[str, Any], ax: Axes) -> Axes:
 
 
 def draw_spectrum(data: Mapping[str, Any], ax: Axes) -> Axes:
-    """Draw the power spectral density of the flow and its cutoff; a note if the flow is steady."""
-    if "spectrum" in data:
-        frequency, density = data["spectrum"]
-        ax.loglog(frequency, density, color=style.COLORS[0], linewidth=1.2)
-        top = float(np.max(density))
-        loud = frequency[density > 1e-8 * top]  # the rest is rounding error
-        ax.set_ylim(1e-8 * top, 4.0 * top)
-        ax.set_xlim(0.8 * loud[0], 1.25 * max(loud[-1], data["cutoff_hz"] or 0.0))
-        ax.yaxis.set_major_formatter("{x:.0e}")
-        if data["cutoff_hz"]:
-            ax.axvline(data["cutoff_hz"], linestyle="--", **style.REFERENCE, label="cutoff")
-    else:
-        ax.text(0.5, 0.5, "steady flow", ha="center", va="center", transform=ax.transAxes)
+    """Draw the power spectral density of the flow and its cutoff."""
+    frequency, density = data["spectrum"]
+    ax.loglog(frequency, density, color=style.COLORS[0], linewidth=1.2)
+    top = float(np.max(density))
+    loud = frequency[density > 1e-8 * top]  # the rest is rounding error
+    ax.set_ylim(1e-8 * top, 4.0 * top)
+    ax.set_xlim(0.8 * loud[0], 1.25 * max(loud[-1], data["cutoff_hz"] or 0.0))
+    ax.yaxis.set_major_formatter("{x:.0e}")
+    if data["cutoff_hz"]:
+        ax.axvline(data["cutoff_hz"], linestyle="--", **style.REFERENCE, label="cutoff")
     return style.finish(ax, "frequency (Hz)", "spectral density (m²/s)")
 
 
@@ -135,12 +124,13 @@ def draw_power(data: Mapping[str, Any], ax: Axes) -> Axes:
 
 def check_figures(data: Mapping[str, Mapping[str, Any]]) -> dict[str, Figure]:
     """Return the figures of a check by name: blade, polar, inflow and power_curve."""
-    blade, polar, inflow = data["blade"], data["polar"], data["inflow"]
-    polars = [partial(draw_polar, polar, column) for column in ("lift", "drag")]
-    flows = [partial(draw_inflow, inflow), partial(draw_spectrum, inflow)]
+    blade = [partial(draw_blade, data["blade"], name) for name in _BLADE]
+    polar = [partial(draw_polar, data["polar"], column) for column in ("lift", "drag")]
+    flow = [draw_inflow, draw_spectrum] if "spectrum" in data["inflow"] else [draw_inflow]
+    inflow = [partial(draw, data["inflow"]) for draw in flow]
     return {
-        "blade": style.figure_of(5.6, 6.8, [partial(draw_blade, blade, name) for name in _BLADE]),
-        "polar": style.figure_of(6.4, 6.4, polars),
-        "inflow": style.figure_of(6.8, 5.8, flows, share=False),
+        "blade": style.figure_of(5.6, 6.8, blade),
+        "polar": style.figure_of(6.4, 6.4, polar),
+        "inflow": style.figure_of(6.8, 2.9 * len(flow), inflow, share=False),
         "power_curve": style.figure_of(5.6, 3.9, [partial(draw_power, data["power_curve"])]),
     }

@@ -1,10 +1,9 @@
 """Figures of results.
 
 Each `plot_...` takes one solution or several and, optionally, the axes to draw on (of a new figure
-by default), and returns the axes. Each `..._figure` returns a figure, or None without data for it.
-A plot computes nothing and sets no rcParams. Solutions differ by colour, line style and marker, so
-that they can be told apart in grey. Over time, the simulation is shown; of a single solution, the
-collocation nodes, too.
+by default), and returns the axes. A plot computes nothing and sets no rcParams. Solutions differ by
+colour, line style and marker, so that they can be told apart in grey. Over time, the simulation is
+shown; of a single solution, the collocation nodes, too.
 """
 
 from __future__ import annotations
@@ -35,11 +34,9 @@ def _over_radius(column: str, label: str, solutions: Solutions, ax: Axes | None 
     return style.finish(ax, "radius (m)", label)
 
 
+# over the radius, and that of the blade at the start
 plot_chord = partial(_over_radius, "chord_m", "chord (m)")
-"""Plot the chord (m) over the radius, and that of the blade at the start."""
-
 plot_twist = partial(_over_radius, "twist_deg", "twist (deg)")
-"""Plot the twist (deg) over the radius, and that of the blade at the start."""
 
 
 def plot_power_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
@@ -91,14 +88,10 @@ def _over_time(quantity: str, solutions: Solutions, ax: Axes | None = None) -> A
     return style.finish(ax, "time (s)", f"{words} ({unit})")
 
 
+# rad/s, dimensionless and N m, over time
 plot_rotor_speed = partial(_over_time, "rotor_speed")
-"""Plot the rotor speed (rad/s) over time."""
-
 plot_tip_speed_ratio = partial(_over_time, "tip_speed_ratio")
-"""Plot the tip speed ratio over time."""
-
 plot_hydrodynamic_torque = partial(_over_time, "hydrodynamic_torque")
-"""Plot the hydrodynamic torque (N m) over time."""
 
 
 def plot_control_torque(solutions: Solutions, ax: Axes | None = None) -> Axes:
@@ -138,59 +131,33 @@ def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:
     return ax
 
 
-# Figures ------------------------------------------------------------------------------------------
+FIGURES: dict[str, tuple[tuple[str, ...], tuple[Callable[..., Axes], ...], float, float]] = {
+    "blade": (("blade",), (plot_twist, plot_chord), 5.6, 5.4),
+    "power_curve": (("power_curve",), (plot_power_curve,), 5.6, 3.9),
+    "operation": (
+        ("simulation", "trajectory"),
+        (plot_rotor_speed, plot_tip_speed_ratio, plot_control_torque, plot_hydrodynamic_torque),
+        *(7.0, 8.2),
+    ),
+    "convergence": (("convergence",), (plot_convergence,), 6.2, 3.9),
+}
+"""Tables needed, of which one suffices, plots from the top, width and height (inches)."""
 
 
-def _figure_of(
-    tables: Sequence[str],
-    plots: Sequence[Callable[[Solutions, Axes], Axes]],
-    width: float,
-    height: float,
-) -> Callable[[Solutions], Figure | None]:
-    """Return what draws plots one below the other; None if no solution has one of the tables."""
-
-    def draw(solutions: Solutions) -> Figure | None:
-        if not any(getattr(each, table) for each, _ in _named(solutions) for table in tables):
-            return None
-        return style.figure_of(width, height, [partial(plot, solutions) for plot in plots])
-
-    return draw
-
-
-blade_figure = _figure_of(["blade"], [plot_twist, plot_chord], 5.6, 5.4)
-"""Return a figure of twist (top) and chord, as Figs. 4 and 7 of the paper."""
-
-power_curve_figure = _figure_of(["power_curve"], [plot_power_curve], 5.6, 3.9)
-"""Return a figure of the power coefficient, as Figs. 5 and 8 of the paper."""
-
-operation_figure = _figure_of(
-    ["simulation", "trajectory"],
-    [plot_rotor_speed, plot_tip_speed_ratio, plot_control_torque, plot_hydrodynamic_torque],
-    *(7.0, 8.2),
-)
-"""Return a figure of speed, tip speed ratio, both torques and limits, as Figs. 6 and 9."""
-
-convergence_figure = _figure_of(["convergence"], [plot_convergence], 6.2, 3.9)
-"""Return a figure of energy and infeasibility over the optimizer's evaluations."""
+def figure_of(solutions: Solutions, name: str) -> Figure | None:
+    """Return one of the `FIGURES`; None if no solution has a table that it needs."""
+    tables, plots, width, height = FIGURES[name]
+    if not any(getattr(each, table) for each, _ in _named(solutions) for table in tables):
+        return None
+    return style.figure_of(width, height, [partial(plot, solutions) for plot in plots])
 
 
 def save_figures(
     solutions: Solutions, folder: str | Path, formats: Sequence[str] = ("png",)
 ) -> list[Path]:
-    """Write the figures blade, power_curve, operation and convergence for which there are data.
-
-    Files, paths and errors are those of `style.save`.
-    """
-    figures = {
-        "blade": blade_figure(solutions),
-        "power_curve": power_curve_figure(solutions),
-        "operation": operation_figure(solutions),
-        "convergence": convergence_figure(solutions),
-    }
+    """Write the `FIGURES` for which there are data; paths and errors are those of `style.save`."""
+    figures = {name: figure_of(solutions, name) for name in FIGURES}
     return style.save({name: each for name, each in figures.items() if each}, folder, formats)
-
-
-# Parts --------------------------------------------------------------------------------------------
 
 
 def _named(solutions: Solutions) -> list[tuple[Solution, str]]:

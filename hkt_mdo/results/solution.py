@@ -57,7 +57,7 @@ TABLES: dict[str, dict[str, tuple[str | None, str]]] = {
 class Solution:
     """What a run left in its folder; a table that the run did not reach is an empty dict.
 
-    `TABLES` has the units of all columns.
+    A table is column[n_rows] by name; `TABLES` has the units and meanings of all columns.
     """
 
     folder: Path
@@ -66,13 +66,11 @@ class Solution:
     summary: Summary
     """Figures of merit: attributes, or values by the keys of ``summary.json``."""
     trajectory: dict[str, np.ndarray]
-    """The optimized trajectory, column[n_nodes] at the collocation nodes."""
+    """The optimized trajectory at the collocation nodes."""
     simulation: dict[str, np.ndarray]
-    """The independent integration of the same design, column[n_times]."""
+    """The independent integration of the same design."""
     power_curve: dict[str, np.ndarray]
-    """Power coefficients of the blade and of that at the start, column[n_tip_speed_ratios]."""
     convergence: dict[str, np.ndarray]
-    """Energy and infeasibility, column[n_evaluations]."""
 
     @classmethod
     def load(cls, folder: str | Path, *, extensions: Iterable[Extension] = ()) -> Solution:
@@ -110,16 +108,6 @@ class Solution:
         return printable(self.summary.get("message") or "")
 
     @property
-    def energy(self) -> float | None:
-        """Energy that the rotor takes from the flow (J); None if it is not known."""
-        return self.summary.get("energy_J")
-
-    @property
-    def gain(self) -> float | list[float] | None:
-        """Gain of the feedback law, in the unit of `control.gain`; None for open loop."""
-        return self.summary.get("gain")
-
-    @property
     def notes(self) -> tuple[str, ...]:
         """What was converted, repaired or left out of the case's files, a printable line each."""
         return tuple(printable(note) for note in self.summary.get("notes") or ())
@@ -144,32 +132,28 @@ class Solution:
         return table
 
     def to_pandas(self, name: str = "trajectory") -> Any:
-        """Return a table as a pandas DataFrame; ``attrs["units"]`` has the units of the columns.
-
-        Raises InputError if pandas is not installed or there is no such table.
-        """
+        """Return a table (or raise InputError) as a pandas DataFrame; its attrs hold the units."""
         frame = _package("pandas").DataFrame(self.table(name))
         frame.attrs["units"] = {column: TABLES[name][column][0] or "1" for column in frame}
         return frame
 
     def to_xarray(self, name: str = "simulation") -> Any:
-        """Return a table as an xarray Dataset over its first column, such as time.
+        """Return a table (or raise InputError) as an xarray Dataset over its first column.
 
-        Every variable has the attributes ``units`` and ``long_name``. Raises InputError if xarray
-        is not installed or there is no such table.
+        Every variable has the attributes ``units`` and ``long_name``.
         """
         xarray, table = _package("xarray"), self.table(name)
         dimension, variables = next(iter(table)), {}
         for column, values in table.items():
-            unit, description = TABLES[name][column]
-            attributes = {"units": unit or "1", "long_name": description}
-            variables[column] = (dimension, values, attributes)
+            unit, about = TABLES[name][column]
+            variables[column] = dimension, values, {"units": unit or "1", "long_name": about}
         return xarray.Dataset(variables, attrs={"case": self.name, "table": name})
 
     def __repr__(self) -> str:
         outcome = "success" if self.success else "no success"
-        energy = "" if self.energy is None else f", {self.energy / 1e3:.2f} kJ"
-        return f"<Solution {self.name}: {outcome}{energy}, {str(self.folder)!r}>"
+        energy = self.summary.energy_J
+        known = "" if energy is None else f", {energy / 1e3:.2f} kJ"
+        return f"<Solution {self.name}: {outcome}{known}, {str(self.folder)!r}>"
 
     def _repr_html_(self) -> str:
         """Return the summary as a table for notebooks."""

@@ -109,25 +109,22 @@ def widen(ax: Axes) -> None:
 def save(
     figures: Mapping[str, Figure], folder: str | Path, formats: Sequence[str] = ("png",)
 ) -> list[Path]:
-    """Write figures as NAME.FORMAT and return the paths.
+    """Write figures as NAME.FORMAT, into a folder that is made if need be; return the paths.
 
-    The folder is made if it does not exist; files of the same names are replaced. Raises InputError
-    if Matplotlib does not know a format; nothing has been written then.
+    Raises InputError if Matplotlib does not know a format; nothing has been written then.
     """
     known = sorted(FigureCanvasAgg.get_supported_filetypes())
     for form in formats:
         if form not in known:
             words = f"known: {', '.join(known)}"
             raise InputError("unknown format of figures", words, key="format", value=form)
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    Path(folder).mkdir(parents=True, exist_ok=True)
     written = []
     for name, figure in figures.items():
         for form in formats:
-            path = folder / f"{name}.{form}"
+            written.append(Path(folder, f"{name}.{form}"))
             # without a date, equal results give equal files; journals ask for fonts of type 42
             extra: dict[str, Any] = {"metadata": {"CreationDate": None}} if form == "pdf" else {}
             with rc_context({"pdf.fonttype": 42}):
-                figure.savefig(path, dpi=150, **extra)
-            written.append(path)
+                figure.savefig(written[-1], dpi=150, **extra)
     return written

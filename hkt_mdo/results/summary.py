@@ -9,7 +9,7 @@ from __future__ import annotations
 import string
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 from pydantic_core import PydanticCustomError
@@ -17,8 +17,6 @@ from pydantic_core import PydanticCustomError
 from hkt_mdo.case import Case
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import read_bytes
-
-__all__ = ["BLADE", "CheckEntry", "LimitEntry", "ObjectiveEntry", "Summary", "printable"]
 
 MAX_BYTES = 16 * 1024**2
 """Largest summary.json that is read, in bytes."""
@@ -164,9 +162,7 @@ class Summary(_Entry, Mapping[str, Any]):
     )
     """Distance of the blade's tip from the axis, along the blade."""
     set_angle_deg: _Number = _shown(
-        "set angle",
-        "{set_angle_deg:.4g} deg",
-        lambda case: case.design.set_angle_bounds is not None,
+        "set angle", "{set_angle_deg:.4g} deg", lambda case: bool(case.design.set_angle_bounds)
     )
     inertia_kg_m2: _Number = _shown("inertia", "{inertia_kg_m2:.4g} kg m^2")
     mass_kg: _Number = _shown("mass", "{mass_kg:.4g} kg")
@@ -237,7 +233,7 @@ class Summary(_Entry, Mapping[str, Any]):
         values |= self._computed(case)
         rows = []
         for name, field in type(self).model_fields.items():
-            row = cast(dict[str, Any], field.json_schema_extra)
+            row: Any = field.json_schema_extra
             if row and row["when"](case):
                 known = values[name] not in (None, "")
                 text = _format(row["text"], (), values) if known else "-"

@@ -109,12 +109,11 @@ def test_limits_are_drawn_beside_their_quantity_or_told(
     solution = Solution.load(result_folder)
     told = ["largest tip speed 11.5 m/s, limit 11.5 m/s", "control torque limit 700 N m"]
     assert plots.plot_rotor_speed(solution).lines[-1].get_label() == "rotor speed limit 9 rad/s"
-    shown = legend_texts(plots.operation_figure(solution).axes[0])
+    shown = legend_texts(plots.figure_of(solution, "operation").axes[0])
     assert {*told, "rotor speed limit 9 rad/s"} <= set(shown)
-    both = legend_texts(
-        plots.operation_figure([solution, Solution.load(linear_result_folder)]).axes[0]
-    )
-    assert f"sine_quadratic: {told[0]}" in both
+    both = [solution, Solution.load(linear_result_folder)]
+    shown = legend_texts(plots.figure_of(both, "operation").axes[0])
+    assert f"sine_quadratic: {told[0]}" in shown
 
 
 def test_a_constant_looks_like_one(solution: Solution) -> None:
@@ -179,7 +178,7 @@ def test_nothing_is_cut_off(solution: Solution, count: int) -> None:
     cases = [solution.case.model_copy(update={"name": f"{name}_{i}"}) for i in range(count)]
     several = [replace(solution, case=case) for case in cases]
     for name in FIGURES:
-        figure = getattr(plots, f"{name}_figure")(several)
+        figure = plots.figure_of(several, name)
         figure.draw_without_rendering()
         box = figure.get_tightbbox()
         assert box.x0 >= 0.0

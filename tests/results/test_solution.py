@@ -19,8 +19,8 @@ def test_load_reads_everything(result_folder: Path) -> None:
     assert solution.case.control.torque_limit == 700.0
     assert solution.success
     assert solution.message == "converged and verified"
-    assert solution.energy == 322239.0
-    assert solution.gain == 10.98
+    assert solution.summary.energy_J == 322239.0
+    assert solution.summary.gain == 10.98
     assert solution.failed_checks == ()
     assert solution.trajectory["time_s"].size == 181
     assert solution.simulation["rotor_speed_rad_s"].size == 1201
@@ -42,7 +42,7 @@ def test_load_takes_an_interrupted_run(result_folder: Path) -> None:
     solution = Solution.load(result_folder)
     assert not solution.success
     assert solution.trajectory == solution.convergence == solution.blade == {}
-    assert solution.energy is None
+    assert solution.summary.energy_J is None
     rows = dict(solution.summary.rows(solution.case))
     assert rows["energy"] == rows["tip speed ratio"] == rows["optimizer"] == "-"
     assert rows["message"] == "interrupted"
