@@ -74,29 +74,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
             warnings.filterwarnings("default", category=UserWarning, module=r"hkt_mdo\b")
             warnings.showwarning = _show_warning  # type: ignore[assignment]
             typer.main.get_command(app)(args=arguments, prog_name="hkt")
+        return 0
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
     except KeyboardInterrupt:
-        complain("interrupted", "nothing was saved")
-        return INTERRUPTED
+        code, told = INTERRUPTED, "nothing was saved"
     except InputError as error:
-        complain("error", str(error))
-        return BAD_INPUT
+        code, told = BAD_INPUT, str(error)
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         reason = error.strerror or str(error) or type(error).__name__
-        complain("error", f"{place}cannot be read or written ({reason})")
-        return BAD_INPUT
+        code, told = BAD_INPUT, f"{place}cannot be read or written ({reason})"
     except MemoryError:
-        complain("error", "out of memory; give fewer phase.segments")
-        return BAD_INPUT
+        code, told = BAD_INPUT, "out of memory; give fewer phase.segments"
     except Exception as error:
         if os.environ.get("HKT_TRACEBACK"):
             raise
         what = f"{type(error).__name__}: {error}"
-        complain("error", f"{what} (an error of this program; HKT_TRACEBACK=1 shows where)")
-        return BUG
-    return 0
+        code, told = BUG, f"{what} (an error of this program; HKT_TRACEBACK=1 shows where)"
+    complain("interrupted" if code == INTERRUPTED else "error", told)
+    return code
 
 
 def _show_warning(message: object, category: type[Warning], filename: str, *_: object) -> None:

@@ -20,10 +20,9 @@ def new(
 ) -> None:
     """Write a commented case to begin from.
 
-    The case file has the usual keys of every section, each below what it means, and beside it lies
-    the sample file that it needs. It runs as it is. Kinds: paper, the turbine and the sinusoidal
-    flow of Amini et al.; turbine, with a sample blade as CSV; river, with a sample record of the
-    flow as CSV.
+    It has the usual keys of every section, each below what it means, and runs as it is. Kinds:
+    paper, the turbine and the sinusoidal flow of Amini et al.; turbine, with a sample blade as CSV
+    beside it; river, with a sample record of the flow as CSV.
     """
     from hkt_mdo.cli.new_case import write_new_case
 
@@ -108,7 +107,6 @@ def n2(
     echo(str(path))
 
 
-_POLARS = Path("results/polars")
 _OUTLINE = "Shipped name (naca63815) or file: CSV x_over_c,y_over_c, Selig or Lednicer."
 _ALPHA = "Angles of attack, degrees."
 _BESIDE = "Another polar to draw, shipped or a file; may be given several times."
@@ -118,7 +116,7 @@ _TURBULENCE = "Amplification at transition; less where turbulent."
 def polar(
     outline: Annotated[str, Argument(metavar="OUTLINE", help=_OUTLINE)],
     reynolds: Annotated[str, Option(metavar="RE,RE,...", help="Reynolds numbers by the chord.")],
-    out: Annotated[Path, Option(metavar="DIR", help="Folder of the files.")] = _POLARS,
+    out: parts.Folder = Path("results/polars"),
     alpha: Annotated[str, Option(metavar="FIRST:LAST:STEP", help=_ALPHA)] = "-16:24:0.5",
     n_crit: Annotated[float, Option(help=_TURBULENCE)] = 9.0,
     model: Annotated[str, Option(metavar="SIZE", help="Network, xxsmall to xxxlarge.")] = "xlarge",

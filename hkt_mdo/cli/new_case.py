@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -38,14 +39,16 @@ KINDS = {
 _SAMPLE_BLADE = "river"
 
 
+_BLADE_REMARK = """\
+# A sample, the river turbine that comes with hkt: write your own rows, hub to tip.
+# Radius, chord, twist from the rotor plane, thickness over chord; headers hold units.
+"""
+
+
 def _blade_text() -> str:
     """Return a blade as CSV: that of the shipped river turbine."""
-    lines = read_text(data_path(_SAMPLE_BLADE, "blade"), "blade").splitlines()
-    remarks = (
-        "# A sample, the river turbine that comes with hkt: write your own rows, hub to tip.",
-        "# Radius, chord, twist from the rotor plane, thickness over chord; headers hold units.",
-    )
-    return "\n".join((*remarks, *(line for line in lines if not line.startswith("#")), ""))
+    text = read_text(data_path(_SAMPLE_BLADE, "blade"), "blade")
+    return _BLADE_REMARK + re.sub("^#.*\n", "", text, flags=re.MULTILINE)
 
 
 def _record_text() -> str:
@@ -60,19 +63,17 @@ def _record_text() -> str:
 def write_new_case(path: str | Path, kind: str = "paper", *, force: bool = False) -> list[Path]:
     """Write a commented case that loads as it is, and beside it the sample file that it names.
 
-    `path` is the case file, to which ``.yaml`` is added where it is not there; `kind` is one of
-    `KINDS`. Returns the files, the case first. Raises `InputError` if there is no such kind, if a
-    case cannot have the name of the file, or if a file is there already and `force` is not given.
+    `path` is the case file, to which ``.yaml`` is added where it is not there. Returns the files,
+    the case first. Raises InputError if `KINDS` lacks the kind, if a case cannot have the name of
+    the file, or if a file is there already and `force` is not given.
     """
     if kind not in KINDS:
         raise InputError("unknown", f"give one of {', '.join(KINDS)}", key="--kind", value=kind)
     path = Path(path)
     if path.suffix not in (".yaml", ".yml"):
         path = path.parent / f"{path.name}.yaml"
-    values: dict[str, dict[str, Any]] = {
-        "inflow": {"profile": "sine"},
-        "control": {"law": "quadratic"},
-    }
+    values: dict[str, dict[str, Any]] = {"inflow": {"profile": "sine"}}
+    values["control"] = {"law": "quadratic"}
     samples = {}
     if kind == "turbine":
         blade = path.with_name(f"{path.stem}_blade.csv")

@@ -27,37 +27,26 @@ EXIT_CODES = (
     "Ctrl-C."
 )
 
-CASE = Argument(
-    metavar="CASE",
-    help="Case file in YAML, such as cases/sine_quadratic.yaml; see hkt schema.",
-    show_default=False,
-)
+_CASE = "Case file in YAML, such as cases/sine_quadratic.yaml; see hkt schema."
+CASE = Argument(metavar="CASE", help=_CASE, show_default=False)
 CaseFile = Annotated[Path, CASE]
-ResultFolder = Annotated[
-    Path, Argument(metavar="RESULT", help="Result folder that hkt run has written.")
-]
-Overrides = Annotated[
-    list[str] | None,
-    Option(
-        "--set",
-        metavar="SECTION.KEY=VALUE",
-        help="Override a key of the case; may be given several times. The value is YAML, units "
-        "included: --set rotor.radius=2 --set 'inflow.mean=150 cm/s' --set control.gain=null.",
-    ),
-]
-Extend = Annotated[
-    list[Path] | None,
-    Option(
-        metavar="FILE",
-        help="Python file that adds control laws, flow profiles or limits, executed before the "
-        "case is read; may be given several times.",
-    ),
-]
+_RESULT = "Result folder that hkt run has written."
+ResultFolder = Annotated[Path, Argument(metavar="RESULT", help=_RESULT)]
+_SET = (
+    "Override a key of the case; may be given several times. The value is YAML, units included: "
+    "--set rotor.radius=2 --set 'inflow.mean=150 cm/s' --set control.gain=null."
+)
+Overrides = Annotated[list[str] | None, Option("--set", metavar="SECTION.KEY=VALUE", help=_SET)]
+_EXTEND = (
+    "Python file that adds control laws, flow profiles, limits or objectives, executed before the "
+    "case is read; may be given several times."
+)
+Extend = Annotated[list[Path] | None, Option(metavar="FILE", help=_EXTEND)]
 Force = Annotated[bool, Option("--force", help="Replace files that are there already.")]
 NoFigures = Annotated[bool, Option("--no-figures", help="Draw no figures.")]
-OutFolder = Annotated[
-    Path | None, Option("--out", metavar="DIR", help="Folder to write to, made if need be.")
-]
+_OUT = Option("--out", metavar="DIR", help="Folder to write to, made if need be.")
+Folder = Annotated[Path, _OUT]
+OutFolder = Annotated[Path | None, _OUT]
 CaseFolder = Annotated[
     Path | None,
     Option("--cases", metavar="DIR", help="Folder of cases.", show_default="the shipped ones"),
@@ -87,11 +76,10 @@ def read_result(folder: Path) -> Solution:
 
 def refuse_existing(files: Iterable[Path], force: bool) -> None:
     """Refuse to write files that are there, unless they are to be replaced."""
+    remedy = "give --force to replace it, or another name"
     for file in files:
         if os.path.lexists(file) and not (force and file.is_file()):
-            raise InputError(
-                "is there already", "give --force to replace it, or another name", file=file
-            )
+            raise InputError("is there already", remedy, file=file)
 
 
 def complain(what: str, message: str) -> None:

@@ -22,9 +22,7 @@ from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.neuralfoil import ComputedPolar, compute_polars
 from hkt_mdo.rotor.outline import Outline
 
-LOW_CONFIDENCE = 0.8
-"""Below it the report names the angles of attack."""
-
+LOW_CONFIDENCE = 0.8  # below it the report names the angles of attack
 MOST_ROWS, MOST_REYNOLDS = 2000, 100
 
 
@@ -70,7 +68,7 @@ def parse_reynolds(text: str) -> list[float]:
     """Return the Reynolds numbers of a list such as ``2e5,5e5``, by size, else raise InputError."""
     numbers = [parse_number(cell.strip()) for cell in text.split(",")]
     found = sorted({number for number in numbers if number is not None})
-    if len(found) < len(numbers) or len(found) > MOST_REYNOLDS:
+    if not len(numbers) == len(found) <= MOST_REYNOLDS:
         problem = f"is no list of up to {MOST_REYNOLDS} different numbers"
         remedy = "give Reynolds numbers by the chord, such as 2e5,5e5"
         raise InputError(problem, remedy, key="--reynolds", value=text)
@@ -121,25 +119,24 @@ def _picture(
     title: str, polars: Sequence[ComputedPolar], others: Sequence[tuple[str, PolarTable]]
 ) -> bytes:
     """Return a PNG of lift and drag over the angle of attack, and of lift over drag."""
-    ends = polars[0].table.alpha[[0, -1]]
-    curves = [_curve("", polar.table, ends, polar.confidence) for polar in polars]
-    curves += [_curve(f"{name} ", table, ends, np.ones(table.alpha.size)) for name, table in others]
+    tables = [("", polar.table, polar.confidence >= LOW_CONFIDENCE) for polar in polars]
+    tables += [(f"{name} ", table, np.full(table.alpha.size, True)) for name, table in others]
+    first, last = polars[0].table.alpha[[0, -1]]
+    curves = []
+    for prefix, table, sure in tables:
+        columns = {"alpha_deg": np.rad2deg(table.alpha), "lift": table.lift, "drag": table.drag}
+        near = (table.alpha >= first) & (table.alpha <= last)
+        curve = {name: values[near] for name, values in {**columns, "sure": sure}.items()}
+        curves.append(
+            {"label": f"{prefix}{_reynolds(table)}".rstrip().replace("$", r"\$"), **curve}
+        )
     panels = ("alpha_deg", "lift"), ("alpha_deg", "drag"), ("drag", "lift")
     plots = [partial(draw_polars, curves, x, y) for x, y in panels]
     figure = style.figure_of(6.4, 9.0, plots, share=False)
     figure.axes[1].set_yscale("log")
     figure.axes[2].set_xscale("log")
-    sure = f"dotted where the confidence is below {LOW_CONFIDENCE:g}"
-    figure.suptitle(f"{title}\n{sure}".replace("$", r"\$"), fontsize=10)
+    title += f"\ndotted where the confidence is below {LOW_CONFIDENCE:g}"
+    figure.suptitle(title.replace("$", r"\$"), fontsize=10)
     file = io.BytesIO()
     figure.savefig(file, format="png", dpi=150)
     return file.getvalue()
-
-
-def _curve(prefix: str, table: PolarTable, ends: np.ndarray, confidence: np.ndarray) -> dict:
-    """Return what `draw_polars` draws of a polar between two angles of attack (rad)."""
-    label = f"{prefix}{_reynolds(table)}".rstrip().replace("$", r"\$")
-    columns = {"alpha_deg": np.rad2deg(table.alpha), "lift": table.lift, "drag": table.drag}
-    columns["sure"] = confidence >= LOW_CONFIDENCE
-    near = (table.alpha >= ends[0]) & (table.alpha <= ends[1])
-    return {"label": label, **{name: values[near] for name, values in columns.items()}}

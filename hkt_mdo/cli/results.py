@@ -38,8 +38,7 @@ def plot(
     """Draw the figures of a result.
 
     They are blade, power_curve, operation and convergence, as far as the run got to their data, in
-    RESULT/figures unless --out is given. Prints the files that it wrote; files of the same names
-    are replaced.
+    RESULT/figures unless --out is given; files of the same names are replaced.
     """
     solution = read_result(result)
 
@@ -56,22 +55,18 @@ def compare(
     results: Annotated[list[Path], Argument(metavar="RESULT...", help="Result folders.")],
     out: OutFolder = None,
 ) -> None:
-    """Compare results in a table and in overlaid figures.
+    """Compare results in a table and, with --out, in overlaid figures.
 
-    The table has the figures of merit side by side, and each energy relative to the largest. The
-    figures are drawn where --out is given.
+    The table has the figures of merit side by side, and each energy relative to the largest.
     """
     solutions = [read_result(result) for result in results]
     columns = [dict(solution.summary.rows(solution.case)) for solution in solutions]
     energies = [solution.summary.simulated_energy_J or 0.0 for solution in solutions]
     for column, energy in zip(columns, energies, strict=True):
         if energy > 0.0:
-            share = f"{100.0 * (energy / max(energies) - 1.0):+.4f} %"
-            column["energy, to the best"] = share
-    names = [result.resolve().name for result in results]
-    if len(set(names)) < len(names):
-        names = [str(result) for result in results]
-    table = Table("", *names, box=None)
+            change = 100.0 * (energy / max(energies) - 1.0)
+            column["energy, to the best"] = f"{change:+.4f} %"
+    table = Table("", *map(str, results), box=None)
     for name in dict.fromkeys(key for column in columns for key in column):
         table.add_row(name, *(column.get(name, "") for column in columns))
     Console(highlight=False).print(table)
@@ -128,14 +123,13 @@ def simulate(
     sensor = Sensor(snr, reference, rate)
     with Console().status(f"{repeats} noisy runs"):
         noisy = fly_noisy(design, inflow, sensor, repeats, seed)
-    energy, told = noisy.energy[noisy.energy == noisy.energy], "no run reached the end"
-    if energy.size:  # NaN: the rotor stopped
+    energy = noisy.energy[noisy.energy == noisy.energy]  # NaN: the rotor stopped
+    told = "no run reached the end"
+    if energy.size:
         mean, spread = energy.mean(), energy.std(ddof=1) if energy.size > 1 else 0.0
-        told = (
-            f"energy of the others: mean {mean:.1f} J, standard deviation {spread:.1f} J, worst "
-            f"{energy.min():.1f} J ({100.0 * (mean / quiet.energy - 1.0):+.3f} % of the run "
-            "without noise)"
-        )
+        told = f"energy of the others: mean {mean:.1f} J, standard deviation {spread:.1f} J, worst "
+        change = 100.0 * (mean / quiet.energy - 1.0)
+        told += f"{energy.min():.1f} J ({change:+.3f} % of the run without noise)"
     echo(
         f"  sensor: {snr:g} dB of the {reference} speed, sigma = {noisy.noise_deviation:.4f} "
         f"rad/s, {rate:g} Hz, seed {seed}; BEM table within {noisy.torque_error:.1e}\n"

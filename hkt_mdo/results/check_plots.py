@@ -1,7 +1,6 @@
 """Figures of a check (`hkt check`) and of polars (`hkt polar`).
 
-Each `draw_...` takes a part of `hkt_mdo.run.check.CheckReport.figures` and axes to draw on, and
-returns the axes. It computes nothing and sets no rcParams.
+Each `draw_...` takes a part of `hkt_mdo.run.check.CheckReport.figures` and returns the axes.
 """
 
 from __future__ import annotations
@@ -33,10 +32,7 @@ _LABELS = {
 
 
 def draw_blade(data: Mapping[str, Any], column: str, ax: Axes) -> Axes:
-    """Draw `chord_m`, `twist_deg` or `thickness_percent` of the starting blade over the radius.
-
-    The blade's file, its stations, its control points and its ends are shown.
-    """
+    """Draw a column of the starting blade, its file, control points and ends over the radius."""
     radius, file, points = data["r_m"], data.get(f"{column}_file"), data.get(f"{column}_points")
     if file is not None:
         ax.plot(radius, file, ":", **style.REFERENCE, label="blade of the file")
@@ -56,23 +52,17 @@ def draw_polars(curves: Sequence[Mapping[str, Any]], x: str, y: str, ax: Axes) -
 
     A curve has these columns and a label, and is dotted where it is not `sure`.
     """
-    few = len(curves) <= len(style.COLORS)
-    for index, curve in enumerate(curves):
-        shade = 0.9 * index / max(len(curves) - 1, 1)
-        color = style.COLORS[index] if few else colormaps["viridis"](shade)
+    shades = colormaps["viridis"](np.linspace(0.0, 0.9, len(curves)))
+    for index, (curve, color) in enumerate(zip(curves, shades, strict=True)):
         named = len(curves) <= MOST_NAMED or index in (0, len(curves) - 1)
-        look = {"color": color, "linestyle": style.LINES[index] if few else "-", "linewidth": 1.4}
+        look = style.line(index) | {"color": color, "label": curve["label"] if named else None}
         ax.plot(curve[x], curve[y], color=color, linestyle=":", linewidth=1.0)
-        sure = np.where(curve["sure"], curve[y], np.nan)
-        ax.plot(curve[x], sure, label=curve["label"] if named else None, **look)
+        ax.plot(curve[x], np.where(curve["sure"], curve[y], np.nan), **look)
     return style.finish(ax, _LABELS[x], _LABELS[y])
 
 
 def draw_polar(data: Mapping[str, Any], column: str, ax: Axes) -> Axes:
-    """Draw the `lift` or `drag` coefficient of all polars over the angle of attack.
-
-    A polar is dotted where it is extended; the angles of attack that the stations meet are shaded.
-    """
+    """Draw polars, dotted where extended; the angles of attack that stations meet are shaded."""
     ax.axvspan(*data["met_deg"], linewidth=0, label="met in this flow", **_BAND)
     curves = []
     for curve in data["curves"]:
@@ -89,8 +79,7 @@ def draw_inflow(data: Mapping[str, Any], ax: Axes) -> Axes:
     ax.axhline(data["mean_m_s"], linestyle="--", **style.REFERENCE, label="mean")
     rated, low, high = data["rated_m_s"], float(np.min(speed)), float(np.max(speed))
     if rated is not None and low - (high - low) < rated < high + (high - low):
-        look = {"linestyle": "-.", "color": style.COLORS[1], "linewidth": 1.1}
-        ax.axhline(rated, label="torque limit is met", **look)
+        ax.axhline(rated, label="torque limit is met", **style.line(2))
     ax.set_xlim(time[0], time[-1])
     style.widen(ax)
     return style.finish(ax, "time (s)", "inflow speed (m/s)")

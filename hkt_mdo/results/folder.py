@@ -33,10 +33,8 @@ def check_folder(out: Path, force: bool) -> None:
     if not names - {"lock", "case.yaml.part"}:
         return
     if not force:
-        raise InputError(
-            f"--out {out}: folder exists; choose another one, give --force to replace it, or "
-            "--resume to go on with it"
-        )
+        remedy = "choose another one, give --force to replace it, or --resume to go on with it"
+        raise InputError(f"--out {out}: folder exists; {remedy}")
     if "case.yaml" not in names:
         raise InputError(f"--out {out}: holds no earlier result; --force replaces only results")
 
@@ -57,10 +55,8 @@ def locked(out: Path):
         connection.execute("BEGIN EXCLUSIVE")
     except sqlite3.Error as error:
         connection.close()
-        raise InputError(
-            f"--out {out}: another run is at work there ({error}); wait for its end or choose "
-            "another folder"
-        ) from error
+        problem = f"--out {out}: another run is at work there ({error})"
+        raise InputError(problem, "wait for its end or choose another folder") from error
     try:
         yield
     finally:

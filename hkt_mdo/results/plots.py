@@ -51,14 +51,11 @@ def plot_power_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
             continue
         get, color = solution.summary.get, style.line(index)["color"]
         ratio, power = get("tip_speed_ratio_at_power_coefficient_max"), get("power_coefficient_max")
-        if ratio is not None and power is not None:
-            ax.plot([ratio], [power], color=color, linestyle="none", **style.marker(index))
-        reach = get("tip_speed_ratio") or {}
-        ends = [reach.get("min"), reach.get("max")]
-        if None not in ends:
+        ax.plot([ratio], [power], color=color, linestyle="none", **style.marker(index))
+        if reach := get("tip_speed_ratio"):
             look = _BAR | {"color": color, "label": None if bars else "range operated in"}
             height, across = 0.035 + 0.04 * index, ax.get_xaxis_transform()
-            bars += ax.plot(ends, [height] * 2, transform=across, **look)
+            bars += ax.plot([reach["min"], reach["max"]], [height] * 2, transform=across, **look)
     ax.set_ylim(bottom=0.0)
     return style.finish(ax, "tip speed ratio (-)", "power coefficient (-)")
 

@@ -19,13 +19,13 @@ from hkt_mdo.case import Case, load_case
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.dynamics.trajectory import COLUMNS, QUANTITIES
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import any_number, parse_table, read_text
+from hkt_mdo.files.table import any_number, parse_table, read_bytes, read_text
 from hkt_mdo.results.summary import BLADE, Summary, printable
 
 __all__ = ["TABLES", "Solution"]
 
-MAX_CSV_BYTES = 64 * 1024**2
-"""Largest CSV file that is read, in bytes."""
+MAX_BYTES, MAX_CSV_BYTES = 16 * 1024**2, 64 * 1024**2
+"""Largest summary and largest table that are read."""
 
 _OVER_TIME = {COLUMNS[name]: about for name, about in QUANTITIES.items()}
 
@@ -87,7 +87,8 @@ class Solution:
                 remedy = "give a folder that a run wrote, or run the case again"
                 raise InputError(problem, remedy, file=folder)
         case = load_case(folder / "case.yaml", check_files=False, extensions=extensions)
-        summary = Summary.read(folder / "summary.json")
+        path = folder / "summary.json"
+        summary = Summary.parse(read_bytes(path, MAX_BYTES, "summary of a result"), path)
         names = ("trajectory", "simulation", "power_curve", "convergence")
         tables = {name: _read_csv(folder / f"{name}.csv", tuple(TABLES[name])) for name in names}
         return cls(folder, case, summary, **tables)

@@ -13,7 +13,6 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import ScalarFormatter
 
 from hkt_mdo.errors import InputError
 
@@ -67,9 +66,8 @@ def finish(ax: Axes, x_label: str, y_label: str) -> Axes:
     ax.set_xlabel(x_label, fontsize=FONT_SIZE)
     ax.set_ylabel(y_label, fontsize=FONT_SIZE)
     ax.tick_params(labelsize=FONT_SIZE)
-    formatter = ax.yaxis.get_major_formatter()
-    if isinstance(formatter, ScalarFormatter):
-        formatter.set_useOffset(False)
+    if ax.get_yscale() == "linear":
+        ax.ticklabel_format(axis="y", useOffset=False)
     ax.grid(True, color="0.88", linewidth=0.6)
     ax.set_axisbelow(True)
     legend([ax])
@@ -86,16 +84,10 @@ def legend(axes: Sequence[Axes]) -> None:
         return
     room = axes[0].figure.get_figwidth() - 0.7
     fitting = int(room / (0.6 + 0.06 * max(map(len, entries))))
-    axes[0].legend(
-        list(entries.values()),
-        list(entries),
-        fontsize=FONT_SIZE,
-        loc="lower center",
-        bbox_to_anchor=(0.5, 1.0),
-        borderaxespad=0.2,
-        ncols=max(1, min(fitting, 3 if len(entries) == 3 else 2)),
-        frameon=False,
-    )
+    columns = max(1, min(fitting, 3 if len(entries) == 3 else 2))
+    place: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": columns}
+    look = {"fontsize": FONT_SIZE, "frameon": False, "borderaxespad": 0.2}
+    axes[0].legend(list(entries.values()), list(entries), **place, **look)
 
 
 def widen(ax: Axes) -> None:

@@ -16,10 +16,7 @@ from pydantic_core import PydanticCustomError
 
 from hkt_mdo.case import Case
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import read_bytes
-
-MAX_BYTES = 16 * 1024**2
-"""Largest summary.json that is read, in bytes."""
+from hkt_mdo.files.yaml_text import dotted
 
 BLADE = ("r_m", "chord_m", "twist_deg", "start_chord_m", "start_twist_deg")
 """Fields that hold one value for each blade station."""
@@ -33,10 +30,7 @@ def printable(text: str) -> str:
 def _shown(
     label: str, text: str, when: Callable[[Case], bool] = lambda case: True, default: Any = None
 ) -> Any:
-    """Return a field with its row in the printed table: when it appears, its label and text.
-
-    Label and text have names of fields, and of what `Summary._computed` adds, in braces.
-    """
+    """Return a field with its row of the table; in braces, fields and `Summary._computed`."""
     row: Any = {"label": label, "text": text, "when": when}
     return Field(default=default, json_schema_extra=row)
 
@@ -49,6 +43,10 @@ class _Formatter(string.Formatter):
 
 
 _format = _Formatter().vformat
+
+
+_Number = float | None
+_Column = list[float] | None
 
 
 class _Entry(BaseModel):
@@ -65,17 +63,17 @@ class _Entry(BaseModel):
 class Span(_Entry):
     """The range of a quantity over time."""
 
-    min: float | None = None
-    max: float | None = None
-    mean: float | None = None
+    min: _Number = None
+    max: _Number = None
+    mean: _Number = None
 
 
 class CheckEntry(_Entry):
     """One judge's word: a value, the limit that it must not exceed, and where it occurred."""
 
     name: str
-    value: float | None = Field(default=None, allow_inf_nan=True)
-    limit: float | None = None
+    value: _Number = Field(default=None, allow_inf_nan=True)
+    limit: _Number = None
     passed: bool
     detail: str | None = ""
 
@@ -85,8 +83,8 @@ class CheckEntry(_Entry):
 class LimitEntry(_Entry):
     """A limit: the largest value that occurs, the limit, and whether it is reached."""
 
-    value: float | None = None
-    limit: float | None = None
+    value: _Number = None
+    limit: _Number = None
     unit: str = ""
     binding: bool | None = None
 
@@ -97,15 +95,11 @@ class ObjectiveEntry(_Entry):
     """What was maximized: by collocation, by the integration, and its upper bound."""
 
     kind: str
-    value_J: float | None = None
-    simulated_J: float | None = None
-    bound_J: float | None = None
+    value_J: _Number = None
+    simulated_J: _Number = None
+    bound_J: _Number = None
 
     _text = "{simulated_J:.7g} J"
-
-
-_Number = float | None
-_Column = list[float] | None
 
 
 class Summary(_Entry, Mapping[str, Any]):
@@ -202,12 +196,7 @@ class Summary(_Entry, Mapping[str, Any]):
         return iter(self.model_dump(exclude_unset=True))
 
     def __len__(self) -> int:
-        return len(self.model_dump(exclude_unset=True))
-
-    @classmethod
-    def read(cls, path: Path) -> Summary:
-        """Read `summary.json`; InputError if it is too large, no JSON, or has a wrong value."""
-        return cls.parse(read_bytes(path, MAX_BYTES, "summary of a result"), path)
+        return sum(1 for _ in self)
 
     @classmethod
     def parse(cls, text: str | bytes, file: Path | str = "summary.json") -> Summary:
@@ -216,7 +205,7 @@ class Summary(_Entry, Mapping[str, Any]):
             return cls.model_validate_json(text)
         except ValidationError as failure:
             error = failure.errors()[0]
-        key = "".join(f"[{i}]" if isinstance(i, int) else f".{i}" for i in error["loc"])[1:]
+        key = dotted(f"[{i}]" if isinstance(i, int) else i for i in error["loc"])
         problem = error["msg"].replace("Input should be", "must be")
         place = {"key": key, "value": error["input"]}
         if error["type"] == "missing":
@@ -248,7 +237,6 @@ class Summary(_Entry, Mapping[str, Any]):
     def _computed(self, case: Case) -> dict[str, Any]:
         """Return what rows show besides the fields."""
         energy, simulated, bound = self.energy_J, self.simulated_energy_J, self.energy_bound_J
-        # the energy of the collocation alone may exceed the bound
         best = energy if simulated is None else simulated
         gains = self.gain if isinstance(self.gain, list) else [self.gain]
         # OpenMDAO's N*m*s**2 is printed as N m s^2; an older summary may lack the units

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.results import summary as module
+from hkt_mdo.results import solution as module
 from hkt_mdo.results.folder import to_json, write_json
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import Summary
@@ -26,10 +26,10 @@ def edit(folder: Path, **changes: object) -> Solution:
 
 def test_what_is_written_is_read(result_folder: Path, tmp_path: Path) -> None:
     data = json.loads((result_folder / "summary.json").read_text())
-    summary = Summary.read(result_folder / "summary.json")
+    summary = Solution.load(result_folder).summary
     assert dict(summary) == data
     write_json(tmp_path / "again.json", dict(summary))
-    assert Summary.read(tmp_path / "again.json") == summary
+    assert Summary.parse((tmp_path / "again.json").read_text()) == summary
 
 
 def test_attributes_and_keys(result_folder: Path) -> None:
