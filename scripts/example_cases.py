@@ -135,7 +135,7 @@ def table(solutions):
             "yes" if solution.success else "no",
             f"{get('simulated_energy_J') / 1e3:.2f}",
             f"{100.0 * get('simulated_energy_J') / get('energy_bound_J'):.2f} %",
-            "" if solution.gain is None else f"{solution.gain:.5g}",
+            "" if (gain := solution.summary.gain) is None else f"{gain:.5g}",
             f"{ratio['min']:.2f} to {ratio['max']:.2f}, {ratio['mean']:.2f}",
             f"{get('power_coefficient_max'):.4f}, "
             f"{get('tip_speed_ratio_at_power_coefficient_max'):.2f}",

@@ -87,6 +87,9 @@ def make_result(folder: Path, law: str = "quadratic", limit: float | None = 700.
         "power_coefficient_max": 0.47,
         "tip_speed_ratio_at_power_coefficient_max": 7.2,
         "control_torque_max_Nm": trajectory["control_torque_Nm"].max(),
+        "limits": {
+            "control_torque": {"value": limit, "limit": limit, "unit": "N*m", "binding": True}
+        },
         "inertia_kg_m2": 35.2,
         "mass_kg": 90.1,
         "r_m": radius,

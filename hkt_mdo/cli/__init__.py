@@ -12,8 +12,9 @@ import re
 import sys
 import warnings
 from collections.abc import Sequence
+from importlib import metadata
 from pathlib import Path
-from typing import Annotated, TextIO
+from typing import Annotated
 
 import typer
 
@@ -32,12 +33,11 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-_FAMILIES = (
-    (run.run, case.check, case.n2),
-    (results.plot, results.show, results.simulate, results.compare),
-    (studies.paper, studies.verify, case.schema, case.new, case.polar),
-)
-for _command in (command for family in _FAMILIES for command in family):
+for _command in (
+    *(run.run, case.check, case.n2),
+    *(results.plot, results.show, results.simulate, results.compare),
+    *(studies.paper, studies.verify, case.schema, case.new, case.polar),
+):
     # the docstring is the help, and a line end within a paragraph is a blank
     _help = re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.getdoc(_command) or "")
     app.command(short_help=_help.partition("\n")[0], help=f"{_help}\n\n{EXIT_CODES}")(_command)
@@ -45,8 +45,6 @@ for _command in (command for family in _FAMILIES for command in family):
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        from importlib import metadata
-
         installed = [found.version for found in metadata.distributions(name="hkt_mdo")]
         typer.echo(f"hkt_mdo {next(iter(installed), '(not installed)')}")
         raise typer.Exit
@@ -58,18 +56,14 @@ _VERSION = typer.Option(
 
 
 @app.callback()
-def _hkt(
-    version: Annotated[bool, _VERSION] = False,
-    extend: Extend = None,
-) -> None:
+def _hkt(version: Annotated[bool, _VERSION] = False, extend: Extend = None) -> None:
     EXTENSIONS.set(tuple(extend or ()))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code; no error ends in a traceback.
+    """Run the command line and return its exit code (`EXIT_CODES`); no error ends in a traceback.
 
-    `arguments` is what follows ``hkt``, by default that of the process; the exit codes are 0 done,
-    1 an error of this program, 2 bad input, 3 no success, 130 interrupted.
+    `arguments` is what follows ``hkt``, by default that of the process.
     """
     # a path may hold what the terminal's encoding does not
     if isinstance(sys.stdout, io.TextIOWrapper):
@@ -78,41 +72,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings("default", category=UserWarning, module=r"hkt_mdo\b")
-            warnings.showwarning = _show_warning
+            warnings.showwarning = _show_warning  # type: ignore[assignment]
             typer.main.get_command(app)(args=arguments, prog_name="hkt")
+        return 0
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
     except KeyboardInterrupt:
-        complain("interrupted", "nothing was saved")
-        return INTERRUPTED
+        code, told = INTERRUPTED, "nothing was saved"
     except InputError as error:
-        complain("error", str(error))
-        return BAD_INPUT
+        code, told = BAD_INPUT, str(error)
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         reason = error.strerror or str(error) or type(error).__name__
-        complain("error", f"{place}cannot be read or written ({reason})")
-        return BAD_INPUT
+        code, told = BAD_INPUT, f"{place}cannot be read or written ({reason})"
     except MemoryError:
-        complain("error", "out of memory; give fewer phase.segments")
-        return BAD_INPUT
+        code, told = BAD_INPUT, "out of memory; give fewer phase.segments"
     except Exception as error:
         if os.environ.get("HKT_TRACEBACK"):
             raise
         what = f"{type(error).__name__}: {error}"
-        complain("error", f"{what} (an error of this program; HKT_TRACEBACK=1 shows where)")
-        return BUG
-    return 0
+        code, told = BUG, f"{what} (an error of this program; HKT_TRACEBACK=1 shows where)"
+    complain("interrupted" if code == INTERRUPTED else "error", told)
+    return code
 
 
-def _show_warning(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    file: TextIO | None = None,
-    line: str | None = None,
-) -> None:
+def _show_warning(message: object, category: type[Warning], filename: str, *_: object) -> None:
     """Print the warnings of this package, and those of the libraries not.
 
     A filter would not do: OpenMDAO sets its own filters when it is imported.

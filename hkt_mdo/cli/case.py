@@ -7,32 +7,22 @@ from typing import Annotated
 
 from typer import Argument, Option, echo
 
-from hkt_mdo.cli.parts import (
-    EXTENSIONS,
-    CaseFile,
-    Force,
-    NoFigures,
-    OutFolder,
-    Overrides,
-    print_rows,
-    read_case,
-)
+from hkt_mdo.cli import parts
 from hkt_mdo.errors import InputError
+
+_NAME = "Name or path of the case; .yaml is added to it."
 
 
 def new(
-    name: Annotated[
-        Path, Argument(metavar="NAME", help="Name or path of the case; .yaml is added to it.")
-    ],
+    name: Annotated[Path, Argument(metavar="NAME", help=_NAME)],
     kind: Annotated[str, Option(metavar="KIND", help="paper, turbine or river.")] = "paper",
-    force: Force = False,
+    force: parts.Force = False,
 ) -> None:
     """Write a commented case to begin from.
 
-    The case file has the usual keys of every section, each below what it means, and beside it lies
-    the sample file that it needs. It runs as it is. Kinds: paper, the turbine and the sinusoidal
-    flow of Amini et al.; turbine, with a sample blade as CSV; river, with a sample record of the
-    flow as CSV.
+    It has the usual keys of every section, each below what it means, and runs as it is. Kinds:
+    paper, the turbine and the sinusoidal flow of Amini et al.; turbine, with a sample blade as CSV
+    beside it; river, with a sample record of the flow as CSV.
     """
     from hkt_mdo.cli.new_case import write_new_case
 
@@ -41,10 +31,10 @@ def new(
 
 
 def check(
-    case: CaseFile,
-    overrides: Overrides = None,
-    out: OutFolder = None,
-    no_figures: NoFigures = False,
+    case: parts.CaseFile,
+    overrides: parts.Overrides = None,
+    out: parts.OutFolder = None,
+    no_figures: parts.NoFigures = False,
 ) -> None:
     """Check a case before a long run.
 
@@ -53,9 +43,7 @@ def check(
     the files, warnings what may not be meant. Nothing is optimized. Draws blade, polar, inflow and
     power_curve as PNG, in check/<name of the case> unless --out is given.
     """
-    from rich.console import Console
-
-    loaded = read_case(case, overrides)
+    loaded = parts.read_case(case, overrides)
 
     from hkt_mdo.run.check import check_case
 
@@ -64,28 +52,27 @@ def check(
     except InputError as error:  # found only when the parts of the case meet
         error.file = error.file or str(case)
         raise
-    console = Console(highlight=False)
     for title, rows in report.tables.items():
-        print_rows(console, rows.items(), title)
+        parts.print_rows(rows.items(), title)
     for title, lines in (("Notes", report.notes), ("Warnings", report.warnings)):
         if lines:
-            print_rows(console, [("-", line) for line in lines], title)
+            parts.print_rows([("-", line) for line in lines], title)
     if not no_figures:
-        from hkt_mdo.results.check_plots import save_check_figures
+        from hkt_mdo.results import check_plots, style
 
-        written = save_check_figures(report.figures, out or Path("check") / report.name)
+        figures = check_plots.check_figures(report.figures)
+        written = style.save(figures, out or Path("check") / report.name)
         names = ", ".join(path.name for path in written)
-        console.print(f"Figures: {written[0].parent}: {names}", markup=False, soft_wrap=True)
+        echo(f"Figures: {written[0].parent}: {names}")
     number = len(report.warnings)
     doubts = f", with {number} warning{'s' if number > 1 else ''}" if number else ""
-    console.print(f"{report.name} can be run{doubts}.", markup=False, soft_wrap=True)
+    echo(f"{report.name} can be run{doubts}.")
 
 
-def schema(
-    markdown: Annotated[
-        bool, Option("--markdown", help="Print a page to read in place of the JSON schema.")
-    ] = False,
-) -> None:
+_MARKDOWN = "Print a page to read in place of the JSON schema."
+
+
+def schema(markdown: Annotated[bool, Option("--markdown", help=_MARKDOWN)] = False) -> None:
     """Print every key of a case file.
 
     It is a JSON schema: every key with its meaning, default, unit and range. An editor that is
@@ -96,22 +83,22 @@ def schema(
     from hkt_mdo.case import case_json_schema, case_markdown
 
     if markdown:
-        echo(case_markdown(extensions=EXTENSIONS.get()), nl=False)
+        echo(case_markdown(extensions=parts.EXTENSIONS.get()), nl=False)
     else:
-        echo(json.dumps(case_json_schema(extensions=EXTENSIONS.get()), indent=2))
+        echo(json.dumps(case_json_schema(extensions=parts.EXTENSIONS.get()), indent=2))
 
 
 def n2(
-    case: CaseFile,
+    case: parts.CaseFile,
     out: Annotated[Path | None, Option(metavar="FILE", help="HTML file to write.")] = None,
-    overrides: Overrides = None,
+    overrides: parts.Overrides = None,
 ) -> None:
     """Write the N2 diagram of a case.
 
     The diagram is an HTML page, <name of the case>_n2.html unless --out is given, that shows which
     component of the case's OpenMDAO problem feeds which. Nothing is optimized.
     """
-    loaded = read_case(case, overrides)
+    loaded = parts.read_case(case, overrides)
     path = out or Path(f"{loaded.name}_n2.html")
 
     from hkt_mdo.run.run import write_n2
@@ -129,14 +116,12 @@ _TURBULENCE = "Amplification at transition; less where turbulent."
 def polar(
     outline: Annotated[str, Argument(metavar="OUTLINE", help=_OUTLINE)],
     reynolds: Annotated[str, Option(metavar="RE,RE,...", help="Reynolds numbers by the chord.")],
-    out: Annotated[Path, Option(metavar="DIR", help="Folder of the files.")] = Path(
-        "results/polars"
-    ),
+    out: parts.Folder = Path("results/polars"),
     alpha: Annotated[str, Option(metavar="FIRST:LAST:STEP", help=_ALPHA)] = "-16:24:0.5",
     n_crit: Annotated[float, Option(help=_TURBULENCE)] = 9.0,
     model: Annotated[str, Option(metavar="SIZE", help="Network, xxsmall to xxxlarge.")] = "xlarge",
     beside: Annotated[list[str] | None, Option(metavar="POLAR", help=_BESIDE)] = None,
-    force: Force = False,
+    force: parts.Force = False,
 ) -> None:
     r"""Compute the polars of an outline.
 
@@ -146,7 +131,6 @@ def polar(
     """
     from hkt_mdo.cli.polar_report import parse_alpha, parse_reynolds, report_polars
 
-    numbers, angles = parse_reynolds(reynolds), parse_alpha(alpha)
-    others = beside or ()
-    for line in report_polars(outline, numbers, angles, out, n_crit, model, others, force):
+    given = outline, parse_reynolds(reynolds), parse_alpha(alpha), out, n_crit, model
+    for line in report_polars(*given, beside or (), force):
         echo(line)

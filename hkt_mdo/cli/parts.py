@@ -1,20 +1,21 @@
-"""What the commands share: options, reading, writing, messages and tables."""
+"""What the commands share: options, reading, messages and tables."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
 from typer import Argument, Option, echo
 
 from hkt_mdo.errors import InputError
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from hkt_mdo.case import Case
     from hkt_mdo.results.solution import Solution
 
@@ -26,38 +27,26 @@ EXIT_CODES = (
     "Ctrl-C."
 )
 
-
-CASE = Argument(
-    metavar="CASE",
-    help="Case file in YAML, such as cases/sine_quadratic.yaml; see hkt schema.",
-    show_default=False,
-)
+_CASE = "Case file in YAML, such as cases/sine_quadratic.yaml; see hkt schema."
+CASE = Argument(metavar="CASE", help=_CASE, show_default=False)
 CaseFile = Annotated[Path, CASE]
-ResultFolder = Annotated[
-    Path, Argument(metavar="RESULT", help="Result folder that hkt run has written.")
-]
-Overrides = Annotated[
-    list[str] | None,
-    Option(
-        "--set",
-        metavar="SECTION.KEY=VALUE",
-        help="Override a key of the case; may be given several times. The value is YAML, units "
-        "included: --set rotor.radius=2 --set 'inflow.mean=150 cm/s' --set control.gain=null.",
-    ),
-]
-Extend = Annotated[
-    list[Path] | None,
-    Option(
-        metavar="FILE",
-        help="Python file that adds control laws, flow profiles or limits, executed before the "
-        "case is read; may be given several times.",
-    ),
-]
+_RESULT = "Result folder that hkt run has written."
+ResultFolder = Annotated[Path, Argument(metavar="RESULT", help=_RESULT)]
+_SET = (
+    "Override a key of the case; may be given several times. The value is YAML, units included: "
+    "--set rotor.radius=2 --set 'inflow.mean=150 cm/s' --set control.gain=null."
+)
+Overrides = Annotated[list[str] | None, Option("--set", metavar="SECTION.KEY=VALUE", help=_SET)]
+_EXTEND = (
+    "Python file that adds control laws, flow profiles, limits or objectives, executed before the "
+    "case is read; may be given several times."
+)
+Extend = Annotated[list[Path] | None, Option(metavar="FILE", help=_EXTEND)]
 Force = Annotated[bool, Option("--force", help="Replace files that are there already.")]
 NoFigures = Annotated[bool, Option("--no-figures", help="Draw no figures.")]
-OutFolder = Annotated[
-    Path | None, Option("--out", metavar="DIR", help="Folder to write to, made if need be.")
-]
+_OUT = Option("--out", metavar="DIR", help="Folder to write to, made if need be.")
+Folder = Annotated[Path, _OUT]
+OutFolder = Annotated[Path | None, _OUT]
 CaseFolder = Annotated[
     Path | None,
     Option("--cases", metavar="DIR", help="Folder of cases.", show_default="the shipped ones"),
@@ -66,7 +55,6 @@ Seed = Annotated[int, Option(min=0, help="Seed of the random numbers.")]
 Jobs = Annotated[
     int | None, Option(min=1, max=256, help="Parallel processes.", show_default="one a core")
 ]
-
 
 EXTENSIONS: ContextVar[tuple[Path, ...]] = ContextVar("extensions", default=())
 """The files of `hkt --extend`, of the command at work."""
@@ -88,25 +76,10 @@ def read_result(folder: Path) -> Solution:
 
 def refuse_existing(files: Iterable[Path], force: bool) -> None:
     """Refuse to write files that are there, unless they are to be replaced."""
+    remedy = "give --force to replace it, or another name"
     for file in files:
         if os.path.lexists(file) and not (force and file.is_file()):
-            raise InputError(
-                "is there already", "give --force to replace it, or another name", file=file
-            )
-
-
-def write_files(contents: Mapping[Path, bytes]) -> None:
-    """Write files, whole or not at all; their folders are made if need be."""
-    parts = {file: file.with_name(f"{file.name}.part") for file in contents}
-    try:
-        for file, content in contents.items():
-            file.parent.mkdir(parents=True, exist_ok=True)
-            parts[file].write_bytes(content)
-        for file, part in parts.items():
-            part.replace(file)
-    finally:
-        for part in parts.values():
-            part.unlink(missing_ok=True)
+            raise InputError("is there already", remedy, file=file)
 
 
 def complain(what: str, message: str) -> None:
@@ -115,21 +88,17 @@ def complain(what: str, message: str) -> None:
     echo(f"{what}: {line}", err=True)
 
 
-def print_rows(console: Console, rows: Iterable[tuple[str, str]], title: str = "") -> None:
+def print_rows(rows: Iterable[tuple[str, str]], title: str = "") -> None:
     """Print rows of a name and a text below a title; brackets in them are no markup."""
-    from rich.table import Table
-    from rich.text import Text
-
     table = Table(box=None, show_header=False, pad_edge=True, padding=(0, 1))
     for what, text in rows:
         table.add_row(Text(what, no_wrap=True), Text(text))
+    console = Console(highlight=False)
     console.print(Text(f"\n{title}" if title else "", style="bold"))
     console.print(table)
 
 
-def print_result(console: Console, solution: Solution) -> None:
+def print_result(solution: Solution) -> None:
     """Print a result's figures of merit and the checks that it did not pass."""
-    from hkt_mdo.results.solution import summary_table
-
     failed = [("check not passed", check) for check in solution.failed_checks]
-    print_rows(console, [*summary_table(solution), *failed])
+    print_rows([*solution.summary.rows(solution.case), *failed])

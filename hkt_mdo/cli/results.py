@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
+from rich.console import Console
+from rich.table import Table
 from typer import Argument, Option, echo
 
 from hkt_mdo.cli.parts import OutFolder, ResultFolder, Seed, print_result, read_result
 from hkt_mdo.errors import InputError
 
-_FORMAT = "File format, such as png, pdf or svg; may be given several times."
+_FORMAT = "File format, such as pdf or svg; may be given several times. Default: png."
 _FLOW = (
     "design: the result's own; A, B or C: the paper's uncertain flows (amplitude x 1.1, frequency "
     "0.225 rad/s, phase 0.2 pi); or an inflow section in YAML, such as {profile: sine, mean: 1.4}."
@@ -25,29 +27,24 @@ def show(result: ResultFolder) -> None:
 
     Exits with 0 for a run without success too: showing it succeeded.
     """
-    from rich.console import Console
-
-    print_result(Console(highlight=False), read_result(result))
+    print_result(read_result(result))
 
 
 def plot(
     result: ResultFolder,
     out: OutFolder = None,
-    formats: Annotated[
-        list[str] | None, Option("--format", metavar="NAME", help=_FORMAT, show_default="png")
-    ] = None,
+    formats: Annotated[list[str] | None, Option("--format", metavar="NAME", help=_FORMAT)] = None,
 ) -> None:
     """Draw the figures of a result.
 
     They are blade, power_curve, operation and convergence, as far as the run got to their data, in
-    RESULT/figures unless --out is given. Prints the files that it wrote; files of the same names
-    are replaced.
+    RESULT/figures unless --out is given; files of the same names are replaced.
     """
     solution = read_result(result)
 
     from hkt_mdo.results.plots import save_figures
 
-    written = save_figures(solution, out or result / "figures", formats or ("png",))
+    written = save_figures(solution, out or result / "figures", formats or ["png"])
     if not written:
         raise InputError("holds no data to draw", "let the run come to its end", file=result)
     for path in written:
@@ -55,33 +52,21 @@ def plot(
 
 
 def compare(
-    results: Annotated[
-        list[Path], Argument(metavar="RESULT...", help="Result folders, two or more.")
-    ],
+    results: Annotated[list[Path], Argument(metavar="RESULT...", help="Result folders.")],
     out: OutFolder = None,
 ) -> None:
-    """Compare results in a table and in overlaid figures.
+    """Compare results in a table and, with --out, in overlaid figures.
 
-    The table has the figures of merit side by side, and each energy relative to the largest. The
-    figures are drawn where --out is given.
+    The table has the figures of merit side by side, and each energy relative to the largest.
     """
-    from rich.console import Console
-    from rich.table import Table
-
-    from hkt_mdo.results.solution import summary_table
-
     solutions = [read_result(result) for result in results]
-    columns = [dict(summary_table(solution)) for solution in solutions]
-    energies = [solution.summary.get("simulated_energy_J") for solution in solutions]
-    best = max(energy or 0.0 for energy in energies)
-    if best > 0.0:
-        for column, energy in zip(columns, energies, strict=True):
-            share = "" if energy is None else f"{100.0 * (energy / best - 1.0):+.4f} %"
-            column["energy, to the best"] = share
-    names = [result.resolve().name for result in results]
-    if len(set(names)) < len(names):
-        names = [str(result) for result in results]
-    table = Table("", *names, box=None)
+    columns = [dict(solution.summary.rows(solution.case)) for solution in solutions]
+    energies = [solution.summary.simulated_energy_J or 0.0 for solution in solutions]
+    for column, energy in zip(columns, energies, strict=True):
+        if energy > 0.0:
+            change = 100.0 * (energy / max(energies) - 1.0)
+            column["energy, to the best"] = f"{change:+.4f} %"
+    table = Table("", *map(str, results), box=None)
     for name in dict.fromkeys(key for column in columns for key in column):
         table.add_row(name, *(column.get(name, "") for column in columns))
     Console(highlight=False).print(table)
@@ -109,20 +94,17 @@ def simulate(
     replays its recorded torque; feedback reads a noisy, filtered speed sensor when --noise-snr is
     given, many times over. A rotor that stops is said to stop, and its energy is not counted.
     """
-    from rich.console import Console
-
-    solution = read_result(result)
-    for name, value in (("--noise-snr", snr or 0.0), ("--sample-rate", rate)):
-        if not -200.0 <= value <= 1e6:
-            raise InputError(
-                "is out of range", "give a number between -200 and 1e6", key=name, value=value
-            )
     from hkt_mdo.studies.uncertainty import REFERENCES, Design, Sensor, flow_named, fly_noisy
 
+    # the filter behind the sensor needs two samples a period of its cutoff
+    for name, value, least in (("--noise-snr", snr or 0.0, -200.0), ("--sample-rate", rate, 2.0)):
+        if not least <= value <= 1e6:
+            remedy = f"give a number between {least:g} and 1e6"
+            raise InputError("is out of range", remedy, key=name, value=value)
     if reference not in REFERENCES:
-        raise InputError(
-            "is unknown", "choose fluctuation or total", key="--noise-reference", value=reference
-        )
+        remedy = f"choose {' or '.join(REFERENCES)}"
+        raise InputError("is unknown", remedy, key="--noise-reference", value=reference)
+    solution = read_result(result)
     if flow.lstrip().startswith("{"):
         inflow = solution.case.with_overrides(f"inflow={flow}").inflow
     else:
@@ -132,29 +114,25 @@ def simulate(
     told = f"{quiet.energy:.1f} J captured, {quiet.generator_energy:.1f} J generated"
     if quiet.stopped_at is not None:
         told = f"rotor stops at t = {quiet.stopped_at:.2f} s, not generating; energy n/a"
-    echo(f"{solution.name} in flow {inflow.model_dump()}")
-    echo(f"  without noise: {told}")
+    echo(f"{solution.name} in flow {inflow.model_dump()}\n  without noise: {told}")
     if snr is None:
         return
     if design.law is None:
         echo("  open loop reads no sensor: the noise changes nothing")
         return
+    sensor = Sensor(snr, reference, rate)
     with Console().status(f"{repeats} noisy runs"):
-        noisy = fly_noisy(design, inflow, Sensor(snr, reference, rate), repeats, seed)
+        noisy = fly_noisy(design, inflow, sensor, repeats, seed)
+    energy = noisy.energy[noisy.energy == noisy.energy]  # NaN: the rotor stopped
+    told = "no run reached the end"
+    if energy.size:
+        mean, spread = energy.mean(), energy.std(ddof=1) if energy.size > 1 else 0.0
+        told = f"energy of the others: mean {mean:.1f} J, standard deviation {spread:.1f} J, worst "
+        change = 100.0 * (mean / quiet.energy - 1.0)
+        told += f"{energy.min():.1f} J ({change:+.3f} % of the run without noise)"
     echo(
         f"  sensor: {snr:g} dB of the {reference} speed, sigma = {noisy.noise_deviation:.4f} "
         f"rad/s, {rate:g} Hz, seed {seed}; BEM table within {noisy.torque_error:.1e}\n"
-        f"  rotor stopped in {noisy.stalled} of {repeats} runs"
-    )
-    echo(_spread(noisy.energy[noisy.energy == noisy.energy], quiet.energy))  # NaN: it stopped
-
-
-def _spread(energy: Any, quiet: float) -> str:
-    """Return in words the energies (J) of noisy runs beside that without noise."""
-    if not energy.size:
-        return "  no run reached the end"
-    mean, spread = energy.mean(), energy.std(ddof=1) if energy.size > 1 else 0.0
-    return (
-        f"  energy of the others: mean {mean:.1f} J, standard deviation {spread:.1f} J, worst "
-        f"{energy.min():.1f} J ({100.0 * (mean / quiet - 1.0):+.3f} % of the run without noise)"
+        f"  filter behind it: second-order Butterworth low-pass of {sensor.cutoff:g} Hz\n"
+        f"  rotor stopped in {noisy.stalled} of {repeats} runs\n  {told}"
     )

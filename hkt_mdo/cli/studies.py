@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from itertools import count as count_from
 from pathlib import Path
 from typing import Annotated
 
 from typer import Argument, Exit, Option, echo
 
-from hkt_mdo.cli.parts import NO_SUCCESS, CaseFolder, Jobs, Seed
+from hkt_mdo.cli.parts import NO_SUCCESS, CaseFolder, Folder, Jobs, Seed
+
+
+def _clock() -> Callable[[str], None]:
+    """Return what prints a line after the seconds since now."""
+    began = time.perf_counter()
+    return lambda line: echo(f"[{time.perf_counter() - began:7.1f} s] {line}")
 
 
 def paper(
-    out: Annotated[Path, Option(metavar="DIR", help="Folder of the results.")] = Path(
-        "results/paper"
-    ),
+    out: Folder = Path("results/paper"),
     cases: CaseFolder = None,
     jobs: Jobs = None,
     repeats: Annotated[int, Option(min=2, max=10_000, help="Noisy runs of each design.")] = 20,
@@ -28,12 +34,7 @@ def paper(
     """
     from hkt_mdo.studies.paper import reproduce
 
-    began = time.perf_counter()
-
-    def report(line: str) -> None:
-        echo(f"[{time.perf_counter() - began:6.1f} s] {line}")
-
-    data = reproduce(out, cases, jobs, repeats, seed, report)
+    data = reproduce(out, cases, jobs, repeats, seed, _clock())
     failed = [check for check in data["checks"] if not check["passed"]]
     echo(f"{len(data['checks']) - len(failed)} of {len(data['checks'])} checks hold")
     for check in failed:
@@ -44,21 +45,16 @@ def paper(
         raise Exit(NO_SUCCESS)
 
 
-_COUNT = "Starts a case, random mixtures of the sweep, or examples a kind of file."
+_PARTS = "All of them by default."
+_COUNT = "Starts a case (30), random mixtures of the sweep (30), or examples a kind of file (1500)."
 _REPORT = "Markdown file to write: the figures of all parts that the folder holds."
 
 
 def verify(
-    parts: Annotated[
-        list[str] | None, Argument(metavar="PART...", help="All of them by default.")
-    ] = None,
-    out: Annotated[Path, Option(metavar="DIR", help="Folder of the study.")] = Path(
-        "results/verification"
-    ),
+    parts: Annotated[list[str] | None, Argument(metavar="PART...", help=_PARTS)] = None,
+    out: Folder = Path("results/verification"),
     cases: CaseFolder = None,
-    count: Annotated[
-        int | None, Option(min=1, max=100_000, help=_COUNT, show_default="30, 30 or 1500")
-    ] = None,
+    count: Annotated[int | None, Option(min=1, max=100_000, help=_COUNT)] = None,
     seed: Seed = 0,
     jobs: Jobs = None,
     report: Annotated[Path | None, Option(metavar="FILE", help=_REPORT)] = None,
@@ -72,16 +68,14 @@ def verify(
     """
     from hkt_mdo.studies import verify as study
 
-    number, began = 0, time.perf_counter()
+    tell, finished = _clock(), count_from(1)
 
     def done(folder: Path, word: str) -> None:
-        nonlocal number
-        number += 1
+        number = next(finished)
         if word != "reused":
-            echo(f"[{time.perf_counter() - began:7.1f} s] {number}: {folder}: {word}")
+            tell(f"{number}: {folder}: {word}")
 
     for part in parts or study.PARTS:
-        number = 0
         echo(study.run_part(part, out, cases, count, seed, jobs, done))
     if report is not None:
         report.write_text(study.report(out), encoding="utf-8")

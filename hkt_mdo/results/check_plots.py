@@ -1,15 +1,12 @@
-"""Figures of a check (`hkt check`).
+"""Figures of a check (`hkt check`) and of polars (`hkt polar`).
 
-Each `draw_...` takes a part of `hkt_mdo.run.check.CheckReport.figures` and, optionally, axes to
-draw on (of a new figure by default), and returns the axes. It computes nothing and sets no
-rcParams.
+Each `draw_...` takes a part of `hkt_mdo.run.check.CheckReport.figures` and returns the axes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,101 +16,91 @@ from matplotlib.figure import Figure
 
 from hkt_mdo.results import style
 
-_POINTS: dict[str, Any] = {
-    "color": style.COLORS[1],
-    "linewidth": 0.8,
-    "marker": "s",
-    "markersize": 5,
-}
+MOST_NAMED = 8
+"""Of more polars, only the first and the last have labels."""
+
 _BAND: dict[str, Any] = {"color": "0.5", "alpha": 0.2}
-_BLADE = {
+_BLADE = ("chord_m", "twist_deg", "thickness_percent")
+_LABELS = {
     "chord_m": "chord (m)",
     "twist_deg": "twist (deg)",
     "thickness_percent": "thickness (% of the chord)",
+    "alpha_deg": "angle of attack (deg)",
+    "lift": "lift coefficient (-)",
+    "drag": "drag coefficient (-)",
 }
 
 
-def draw_blade(data: Mapping[str, Any], column: str = "chord_m", ax: Axes | None = None) -> Axes:
-    """Draw `chord_m`, `twist_deg` or `thickness_percent` of the starting blade over the radius.
-
-    The blade's file, its stations, its control points and its ends are shown.
-    """
-    ax = ax or style.new_axes()
+def draw_blade(data: Mapping[str, Any], column: str, ax: Axes) -> Axes:
+    """Draw a column of the starting blade, its file, control points and ends over the radius."""
+    radius, file, points = data["r_m"], data.get(f"{column}_file"), data.get(f"{column}_points")
+    if file is not None:
+        ax.plot(radius, file, ":", **style.REFERENCE, label="blade of the file")
     look = style.line(0) | style.marker(0, 4.0)
-    if f"{column}_file" in data:
-        ax.plot(
-            data["r_m"], data[f"{column}_file"], ":", **style.REFERENCE, label="blade of the file"
-        )
-    ax.plot(data["r_m"], data[column], label="blade at the start, its stations", **look)
-    if f"{column}_points" in data:
-        ax.plot(*data[f"{column}_points"], linestyle="--", label="control points", **_POINTS)
+    ax.plot(radius, data[column], label="blade at the start, its stations", **look)
+    if points is not None:
+        ax.plot(*points, **style.line(1) | style.marker(1, 4.0), label="control points")
     for end in data["ends_m"]:
         ax.axvline(end, **style.REFERENCE | {"linewidth": 0.8})
     if np.min(data[column]) > 0.0:
         ax.set_ylim(bottom=0.0)
-    return style.finish(ax, "radius (m), from hub to tip", _BLADE[column])
+    return style.finish(ax, "radius (m), from hub to tip", _LABELS[column])
 
 
-def draw_polar(data: Mapping[str, Any], column: str = "lift", ax: Axes | None = None) -> Axes:
-    """Draw the `lift` or `drag` coefficient of all polars over the angle of attack.
+def draw_polars(curves: Sequence[Mapping[str, Any]], x: str, y: str, ax: Axes) -> Axes:
+    """Draw columns of polars over one another: `alpha_deg`, `lift` or `drag`.
 
-    A polar is dotted where it is extended; the angles of attack that the stations meet are shaded.
+    A curve has these columns and a label, and is dotted where it is not `sure`.
     """
-    ax = ax or style.new_axes()
-    curves = data["curves"]
-    few = len(curves) <= len(style.COLORS)
-    for index, curve in enumerate(curves):
-        shade = 0.9 * index / max(len(curves) - 1, 1)
-        color = style.COLORS[index] if few else colormaps["viridis"](shade)
-        alpha = curve["alpha_deg"]
-        inside = (alpha >= curve["table_deg"][0]) & (alpha <= curve["table_deg"][1])
-        ax.plot(alpha, curve[column], color=color, linestyle=":", linewidth=1.0)
-        # of many polars, only the first and the last have labels
-        named = len(curves) <= 2 * style.MOST_INSIDE or index in (0, len(curves) - 1)
-        look = {"color": color, "linestyle": style.LINES[index] if few else "-", "linewidth": 1.4}
-        label = curve["label"] if named else None
-        ax.plot(alpha[inside], curve[column][inside], label=label, **look)
+    shades = colormaps["viridis"](np.linspace(0.0, 0.9, len(curves)))
+    for index, (curve, color) in enumerate(zip(curves, shades, strict=True)):
+        named = len(curves) <= MOST_NAMED or index in (0, len(curves) - 1)
+        look = style.line(index) | {"color": color, "label": curve["label"] if named else None}
+        ax.plot(curve[x], curve[y], color=color, linestyle=":", linewidth=1.0)
+        ax.plot(curve[x], np.where(curve["sure"], curve[y], np.nan), **look)
+    return style.finish(ax, _LABELS[x], _LABELS[y])
+
+
+def draw_polar(data: Mapping[str, Any], column: str, ax: Axes) -> Axes:
+    """Draw polars, dotted where extended; the angles of attack that stations meet are shaded."""
     ax.axvspan(*data["met_deg"], linewidth=0, label="met in this flow", **_BAND)
-    ax.set_xlim(curves[0]["alpha_deg"][[0, -1]])
-    return style.finish(ax, "angle of attack (deg)", f"{column} coefficient (-)", above=True)
+    curves = []
+    for curve in data["curves"]:
+        alpha, (first, last) = curve["alpha_deg"], curve["table_deg"]
+        curves.append({**curve, "sure": (alpha >= first) & (alpha <= last)})
+    ax.set_xlim(alpha[[0, -1]])
+    return draw_polars(curves, "alpha_deg", column, ax)
 
 
-def draw_inflow(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
+def draw_inflow(data: Mapping[str, Any], ax: Axes) -> Axes:
     """Draw the flow speed over time, its mean, and the speed at which the torque limit is met."""
-    ax = ax or style.new_axes()
     time, speed = data["time_s"], data["speed_m_s"]
     ax.plot(time, speed, color=style.COLORS[0], linewidth=1.2 if time.size < 5000 else 0.6)
     ax.axhline(data["mean_m_s"], linestyle="--", **style.REFERENCE, label="mean")
     rated, low, high = data["rated_m_s"], float(np.min(speed)), float(np.max(speed))
     if rated is not None and low - (high - low) < rated < high + (high - low):
-        look = {"linestyle": "-.", "color": style.COLORS[1], "linewidth": 1.1}
-        ax.axhline(rated, label="torque limit is met", **look)
+        ax.axhline(rated, label="torque limit is met", **style.line(2))
     ax.set_xlim(time[0], time[-1])
     style.widen(ax)
-    return style.finish(ax, "time (s)", "inflow speed (m/s)", above=True)
+    return style.finish(ax, "time (s)", "inflow speed (m/s)")
 
 
-def draw_spectrum(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
-    """Draw the power spectral density of the flow and its cutoff; a note if the flow is steady."""
-    ax = ax or style.new_axes()
-    if "spectrum" in data:
-        frequency, density = data["spectrum"]
-        ax.loglog(frequency, density, color=style.COLORS[0], linewidth=1.2)
-        top = float(np.max(density))
-        loud = frequency[density > 1e-8 * top]  # the rest is rounding error
-        ax.set_ylim(1e-8 * top, 4.0 * top)
-        ax.set_xlim(0.8 * loud[0], 1.25 * max(loud[-1], data["cutoff_hz"] or 0.0))
-        ax.yaxis.set_major_formatter("{x:.0e}")
-        if data["cutoff_hz"]:
-            ax.axvline(data["cutoff_hz"], linestyle="--", **style.REFERENCE, label="cutoff")
-    else:
-        ax.text(0.5, 0.5, "steady flow", ha="center", va="center", transform=ax.transAxes)
+def draw_spectrum(data: Mapping[str, Any], ax: Axes) -> Axes:
+    """Draw the power spectral density of the flow and its cutoff."""
+    frequency, density = data["spectrum"]
+    ax.loglog(frequency, density, color=style.COLORS[0], linewidth=1.2)
+    top = float(np.max(density))
+    loud = frequency[density > 1e-8 * top]  # the rest is rounding error
+    ax.set_ylim(1e-8 * top, 4.0 * top)
+    ax.set_xlim(0.8 * loud[0], 1.25 * max(loud[-1], data["cutoff_hz"] or 0.0))
+    ax.yaxis.set_major_formatter("{x:.0e}")
+    if data["cutoff_hz"]:
+        ax.axvline(data["cutoff_hz"], linestyle="--", **style.REFERENCE, label="cutoff")
     return style.finish(ax, "frequency (Hz)", "spectral density (m²/s)")
 
 
-def draw_power(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
+def draw_power(data: Mapping[str, Any], ax: Axes) -> Axes:
     """Draw the starting blade's power coefficient, its peak and the range it works in."""
-    ax = ax or style.new_axes()
     look = style.line(0)
     ax.plot(data["tip_speed_ratio"], data["power_coefficient"], label="blade at the start", **look)
     ratio, power = data["best"]
@@ -126,20 +113,13 @@ def draw_power(data: Mapping[str, Any], ax: Axes | None = None) -> Axes:
 
 def check_figures(data: Mapping[str, Mapping[str, Any]]) -> dict[str, Figure]:
     """Return the figures of a check by name: blade, polar, inflow and power_curve."""
-    blade, polar, inflow = data["blade"], data["polar"], data["inflow"]
-    polars = [partial(draw_polar, polar, column) for column in ("lift", "drag")]
-    flows = [partial(draw_inflow, inflow), partial(draw_spectrum, inflow)]
+    blade = [partial(draw_blade, data["blade"], name) for name in _BLADE]
+    polar = [partial(draw_polar, data["polar"], column) for column in ("lift", "drag")]
+    flow = [draw_inflow, draw_spectrum] if "spectrum" in data["inflow"] else [draw_inflow]
+    inflow = [partial(draw, data["inflow"]) for draw in flow]
     return {
-        "blade": style.figure_of(5.6, 6.8, [partial(draw_blade, blade, name) for name in _BLADE]),
-        "polar": style.figure_of(6.4, 6.4, polars),
-        "inflow": style.figure_of(6.8, 5.8, flows, share=False),
+        "blade": style.figure_of(5.6, 6.8, blade),
+        "polar": style.figure_of(6.4, 6.4, polar),
+        "inflow": style.figure_of(6.8, 2.9 * len(flow), inflow, share=False),
         "power_curve": style.figure_of(5.6, 3.9, [partial(draw_power, data["power_curve"])]),
     }
-
-
-def save_check_figures(data: Mapping[str, Mapping[str, Any]], folder: str | Path) -> list[Path]:
-    """Write the figures of a check as PNG files and return their paths.
-
-    The folder is made if it does not exist; files of the same names are replaced.
-    """
-    return style.save(check_figures(data), folder)

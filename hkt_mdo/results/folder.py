@@ -1,33 +1,40 @@
 """Writing a result folder: one run at a time, and every file appears complete or not at all."""
 
-import json
 import shutil
 import sqlite3
 import tempfile
+from collections.abc import Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-import numpy as np
+import pydantic_core
 
 from hkt_mdo.errors import InputError
+
+
+@contextmanager
+def _usable(out: Path):
+    """Tell as an InputError why a folder cannot be read or written."""
+    try:
+        yield
+    except (OSError, sqlite3.Error) as error:
+        reason = getattr(error, "strerror", None) or error
+        problem = f"--out {out}: cannot be written: {reason}; choose another folder"
+        raise InputError(problem) from error
 
 
 def check_folder(out: Path, force: bool) -> None:
     """Raise an InputError if a result folder must not be used; nothing is written."""
     if out.exists() and not out.is_dir():
         raise InputError(f"--out {out}: is a file; choose another folder")
-    try:
+    with _usable(out):
         names = {path.name for path in out.iterdir()} if out.is_dir() else set()
-    except OSError as error:
-        raise _unwritable(out, error) from error
     # a run killed before it wrote its case leaves only these, which hold nothing of value
     if not names - {"lock", "case.yaml.part"}:
         return
     if not force:
-        raise InputError(
-            f"--out {out}: folder exists; choose another one, give --force to replace it, or "
-            "--resume to go on with it"
-        )
+        remedy = "choose another one, give --force to replace it, or --resume to go on with it"
+        raise InputError(f"--out {out}: folder exists; {remedy}")
     if "case.yaml" not in names:
         raise InputError(f"--out {out}: holds no earlier result; --force replaces only results")
 
@@ -39,21 +46,17 @@ def locked(out: Path):
     The lock is SQLite's: it is released when the process ends for any reason, on every system.
     """
     lock = out / "lock"
-    try:
+    with _usable(out):
         out.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=out):
             pass
         connection = sqlite3.connect(lock, timeout=0.0, isolation_level=None)
-    except (OSError, sqlite3.Error) as error:
-        raise _unwritable(out, error) from error
     try:
         connection.execute("BEGIN EXCLUSIVE")
     except sqlite3.Error as error:
         connection.close()
-        raise InputError(
-            f"--out {out}: another run is at work there ({error}); wait for its end or choose "
-            "another folder"
-        ) from error
+        problem = f"--out {out}: another run is at work there ({error})"
+        raise InputError(problem, "wait for its end or choose another folder") from error
     try:
         yield
     finally:
@@ -68,26 +71,31 @@ def clear(out: Path) -> None:
     Interrupted at any point, it leaves no success, and still a folder that `--force` replaces.
     """
     last = {"summary.json": 0, "case.yaml": 2}
-    try:
+    with _usable(out):
         for path in sorted(out.iterdir(), key=lambda path: last.get(path.name, 1)):
             if path.is_dir() and not path.is_symlink():
                 shutil.rmtree(path)
             elif path.name != "lock":
                 path.unlink()
-    except OSError as error:
-        raise _unwritable(out, error) from error
 
 
-def _unwritable(out, error):
-    reason = getattr(error, "strerror", None) or error
-    return InputError(f"--out {out}: cannot be written: {reason}; choose another folder")
+def write_files(contents: Mapping[Path, bytes]) -> None:
+    """Replace files, whole or not at all: a reader never sees an incomplete one."""
+    parts = {file: file.with_name(f"{file.name}.part") for file in contents}
+    try:
+        for file, content in contents.items():
+            file.parent.mkdir(parents=True, exist_ok=True)
+            parts[file].write_bytes(content)
+        for file, part in parts.items():
+            part.replace(file)
+    finally:
+        for part in parts.values():
+            part.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:
-    """Replace a file in one step, so that a reader never sees an incomplete one."""
-    part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)
+    """Replace a file, as `write_files` does."""
+    write_files({path: text.encode()})
 
 
 def write_json(path: Path, data) -> None:
@@ -97,17 +105,8 @@ def write_json(path: Path, data) -> None:
 
 def to_json(data) -> str:
     """Return data as JSON: arrays as lists, null in place of NaN and infinity."""
-    return json.dumps(_plain(data), indent=2)
-
-
-def _plain(value):
-    if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
+    plain = {"inf_nan_mode": "null", "fallback": lambda value: value.tolist()}
+    return pydantic_core.to_json(data, indent=2, **plain).decode()
 
 
 def write_csv(path: Path, header, rows) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import html
 import importlib
+import os.path
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -19,15 +20,15 @@ from hkt_mdo.case import Case, load_case
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.dynamics.trajectory import COLUMNS, QUANTITIES
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import read_bytes
+from hkt_mdo.files.table import Csv, line_error, read_bytes, read_text
 from hkt_mdo.results.summary import BLADE, Summary, printable
 
-__all__ = ["TABLES", "Solution", "summary_table"]
-
-MAX_CSV_BYTES = 64 * 1024**2
-"""Largest CSV file that is read, in bytes."""
+__all__ = ["TABLES", "Solution"]
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*([eE][-+]?\d+)?|nan|inf)", re.ASCII)
+
+MAX_BYTES, MAX_CSV_BYTES = 16 * 1024**2, 64 * 1024**2
+"""Largest summary and largest table that are read."""
 
 _OVER_TIME = {COLUMNS[name]: about for name, about in QUANTITIES.items()}
 
@@ -59,7 +60,7 @@ TABLES: dict[str, dict[str, tuple[str | None, str]]] = {
 class Solution:
     """What a run left in its folder; a table that the run did not reach is an empty dict.
 
-    `TABLES` has the units of all columns.
+    A table is column[n_rows] by name; `TABLES` has the units and meanings of all columns.
     """
 
     folder: Path
@@ -68,41 +69,29 @@ class Solution:
     summary: Summary
     """Figures of merit: attributes, or values by the keys of ``summary.json``."""
     trajectory: dict[str, np.ndarray]
-    """The optimized trajectory, column[n_nodes] at the collocation nodes."""
+    """The optimized trajectory at the collocation nodes."""
     simulation: dict[str, np.ndarray]
-    """The independent integration of the same design, column[n_times]."""
+    """The independent integration of the same design."""
     power_curve: dict[str, np.ndarray]
-    """Power coefficients of the blade and of that at the start, column[n_tip_speed_ratios]."""
     convergence: dict[str, np.ndarray]
-    """Energy and infeasibility, column[n_evaluations]."""
 
     @classmethod
     def load(cls, folder: str | Path, *, extensions: Iterable[Extension] = ()) -> Solution:
         """Read a result folder, as read-only arrays; after an interruption, tables may be missing.
 
-        Parameters
-        ----------
-        folder : str or Path
-        extensions : iterable of path, module or class
-            Those that the case needs, as of `load_case`; a folder never chooses what is run.
-
-        Raises
-        ------
-        InputError
-            If it is not a result folder, or a file in it is too large or corrupt.
+        `extensions` are those of `load_case`; a folder never chooses what is run. Raises InputError
+        if it is not a result folder, or a file in it is too large or corrupt.
         """
         folder = Path(folder)
         for name in ("", "case.yaml", "summary.json"):
-            try:
-                found = (folder / name).exists()
-            except (OSError, ValueError):  # not permitted, too long a name, a null character
-                found = False
-            if not found:
+            # unlike Path.exists, it bears too long a name and a null character
+            if not os.path.exists(folder / name):  # noqa: PTH110
                 problem = f"is no result folder: it lacks {name}" if name else "does not exist"
                 remedy = "give a folder that a run wrote, or run the case again"
                 raise InputError(problem, remedy, file=folder)
         case = load_case(folder / "case.yaml", check_files=False, extensions=extensions)
-        summary = Summary.read(folder / "summary.json")
+        path = folder / "summary.json"
+        summary = Summary.parse(read_bytes(path, MAX_BYTES, "summary of a result"), path)
         names = ("trajectory", "simulation", "power_curve", "convergence")
         tables = {name: _read_csv(folder / f"{name}.csv", tuple(TABLES[name])) for name in names}
         return cls(folder, case, summary, **tables)
@@ -121,16 +110,6 @@ class Solution:
     def message(self) -> str:
         """Why the run ended, one printable line."""
         return printable(self.summary.get("message") or "")
-
-    @property
-    def energy(self) -> float | None:
-        """Energy that the rotor takes from the flow (J); None if it is not known."""
-        return self.summary.get("energy_J")
-
-    @property
-    def gain(self) -> float | list[float] | None:
-        """Gain of the feedback law, in the unit of `control.gain`; None for open loop."""
-        return self.summary.get("gain")
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -157,43 +136,34 @@ class Solution:
         return table
 
     def to_pandas(self, name: str = "trajectory") -> Any:
-        """Return a table as a pandas DataFrame; ``attrs["units"]`` has the units of the columns.
-
-        Raises InputError if pandas is not installed or there is no such table.
-        """
+        """Return a table (or raise InputError) as a pandas DataFrame; its attrs hold the units."""
         frame = _package("pandas").DataFrame(self.table(name))
         frame.attrs["units"] = {column: TABLES[name][column][0] or "1" for column in frame}
         return frame
 
     def to_xarray(self, name: str = "simulation") -> Any:
-        """Return a table as an xarray Dataset over its first column, such as time.
+        """Return a table (or raise InputError) as an xarray Dataset over its first column.
 
-        Every variable has the attributes ``units`` and ``long_name``. Raises InputError if xarray
-        is not installed or there is no such table.
+        Every variable has the attributes ``units`` and ``long_name``.
         """
         xarray, table = _package("xarray"), self.table(name)
         dimension, variables = next(iter(table)), {}
         for column, values in table.items():
-            unit, description = TABLES[name][column]
-            attributes = {"units": unit or "1", "long_name": description}
-            variables[column] = (dimension, values, attributes)
+            unit, about = TABLES[name][column]
+            variables[column] = dimension, values, {"units": unit or "1", "long_name": about}
         return xarray.Dataset(variables, attrs={"case": self.name, "table": name})
 
     def __repr__(self) -> str:
         outcome = "success" if self.success else "no success"
-        energy = "" if self.energy is None else f", {self.energy / 1e3:.2f} kJ"
-        return f"<Solution {self.name}: {outcome}{energy}, {str(self.folder)!r}>"
+        energy = self.summary.energy_J
+        known = "" if energy is None else f", {energy / 1e3:.2f} kJ"
+        return f"<Solution {self.name}: {outcome}{known}, {str(self.folder)!r}>"
 
     def _repr_html_(self) -> str:
         """Return the summary as a table for notebooks."""
-        cells = [map(html.escape, row) for row in summary_table(self)]
+        cells = [map(html.escape, row) for row in self.summary.rows(self.case)]
         rows = "".join(f"<tr><th>{label}</th><td>{text}</td></tr>" for label, text in cells)
         return f"<table>{rows}</table>"
-
-
-def summary_table(solution: Solution) -> list[tuple[str, str]]:
-    """Return label and text, with the unit, of each figure of merit; ``-`` if it is not known."""
-    return solution.summary.rows(solution.case)
 
 
 def _package(name: str) -> Any:
@@ -208,18 +178,18 @@ def _read_csv(path: Path, columns: tuple[str, ...]) -> dict[str, np.ndarray]:
     """Return the columns of a table, which may hold nan and inf; empty without file or rows."""
     if not path.exists():
         return {}
-    content = read_bytes(path, MAX_CSV_BYTES, "table of a result").decode("utf-8", "replace")
-    header, *lines = content.splitlines() or [""]
-    names, remedy = header.split(","), "delete the file, or run the case again"
+    text = read_text(path, "table of a result", MAX_CSV_BYTES)
+    if not text.strip():
+        return {}
+    table, rows = Csv(text, path, f"{','.join(columns)}"), []
     for name in columns:
-        if names.count(name) != 1:
-            raise InputError(f"must have one column {name}", remedy, file=path, value=header)
-    table = np.empty((len(lines), len(names)))
-    for row, line in enumerate(lines):
-        cells = line.split(",")
-        if len(cells) != len(names) or not all(map(_NUMBER.fullmatch, cells)):
-            problem = f"must hold {len(names)} numbers separated by commas"
-            raise InputError(problem, remedy, file=path, key=f"line {row + 2}", value=line)
-        table[row] = cells
-    table.flags.writeable = False
-    return {name: table[:, names.index(name)] for name in columns} if lines else {}
+        if name not in table.header:
+            raise table.refuse(f"lacks the column {name}", "run the case again")
+    for line, cells in table:
+        if not all(map(_NUMBER.fullmatch, cells)):
+            remedy = "delete the file, or run the case again"
+            raise line_error(path, line, "must hold numbers alone", remedy, value=",".join(cells))
+        rows.append(list(map(float, cells)))
+    values = np.array(rows).T
+    values.flags.writeable = False
+    return {name: values[table.place(name)] for name in columns} if rows else {}

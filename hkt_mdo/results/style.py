@@ -1,22 +1,18 @@
 """The common style of all figures, and what every plot needs: axes, legends, files.
 
-Margins are set in inches rather than found by Matplotlib's layout engines, which draw a figure
-several times. No rcParams are set.
+Nothing is drawn by pyplot, and no rcParams are set.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from math import ceil
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import ScalarFormatter
 
 from hkt_mdo.errors import InputError
 
@@ -25,18 +21,11 @@ LINES = ("-", "--", "-.", (0, (5, 1, 1, 1, 1, 1)), ":", (0, (8, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "X")
 REFERENCE: dict[str, Any] = {"color": "0.45", "linewidth": 1.1}
 FONT_SIZE = 9
-MOST_INSIDE = 4  # entries of a legend; more would hide the lines
-
-# in inches
-_LEFT, _RIGHT, _BOTTOM, _TOP, _GAP, _LABEL, _LEGEND_ROW = 0.9, 0.2, 0.5, 0.15, 0.15, 0.62, 0.21
 
 
 def new_axes() -> Axes:
-    """Return the axes of a new figure, with room for a legend above and an axis at the right."""
-    figure = _empty(6.2, 3.9)
-    ax = figure.subplots()
-    _fit(figure, rows=3, right=_LEFT)
-    return ax
+    """Return the axes of a new figure."""
+    return figure_of(6.2, 3.9, [lambda ax: ax]).axes[0]
 
 
 def figure_of(
@@ -46,37 +35,19 @@ def figure_of(
 
     `share`: the plots have the same horizontal axis.
     """
-    figure = _empty(width, height)
-    for plot, ax in zip(plots, np.ravel(figure.subplots(len(plots), sharex=share)), strict=True):
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(len(plots), sharex=share, squeeze=False)[:, 0]
+    for plot, ax in zip(plots, panels, strict=True):
         plot(ax)
     for ax in figure.axes:
         if (own := ax.get_legend()) is not None:
             own.remove()
         if share:
             ax.label_outer()
-    right = _LEFT if len(figure.axes) > len(plots) else _RIGHT
-    _fit(figure, legend(figure.axes, above=True), right, _GAP if share else _BOTTOM)
+    figure.align_ylabels(panels)
+    legend(figure.axes)
     return figure
-
-
-def _empty(width: float, height: float) -> Figure:
-    figure = Figure(figsize=(width, height))
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _fit(figure: Figure, rows: int, right: float, gap: float = _GAP) -> None:
-    """Set margins and gaps (inches) that hold tick labels, axis labels and rows of a legend."""
-    width, height = figure.get_size_inches()
-    bottom, top = _BOTTOM, height - _TOP - _LEGEND_ROW * rows
-    count = len({ax.get_subplotspec().rowspan.start for ax in figure.axes})
-    panel = (top - bottom - gap * (count - 1)) / count
-    figure.subplots_adjust(
-        _LEFT / width, bottom / height, 1.0 - right / width, top / height, hspace=gap / panel
-    )
-    for ax in figure.axes:
-        if ax.yaxis.get_label_position() == "left":
-            ax.yaxis.set_label_coords(-_LABEL / (width - _LEFT - right), 0.5)
 
 
 def line(index: int) -> dict[str, Any]:
@@ -90,39 +61,33 @@ def marker(index: int, size: float = 6.0) -> dict[str, Any]:
     return {"marker": MARKERS[index % len(MARKERS)], "markersize": size}
 
 
-def finish(ax: Axes, x_label: str, y_label: str, above: bool = False, grid: bool = True) -> Axes:
-    """Label the axes, draw a grid and a legend; `above` the axes or, if it is short, inside."""
+def finish(ax: Axes, x_label: str, y_label: str) -> Axes:
+    """Label the axes, draw a grid, and a legend above."""
     ax.set_xlabel(x_label, fontsize=FONT_SIZE)
     ax.set_ylabel(y_label, fontsize=FONT_SIZE)
     ax.tick_params(labelsize=FONT_SIZE)
-    formatter = ax.yaxis.get_major_formatter()
-    if isinstance(formatter, ScalarFormatter):
-        formatter.set_useOffset(False)
-    if grid:
-        ax.grid(True, color="0.88", linewidth=0.6)
-        ax.set_axisbelow(True)
-        legend([ax], above)
+    if ax.get_yscale() == "linear":
+        ax.ticklabel_format(axis="y", useOffset=False)
+    ax.grid(True, color="0.88", linewidth=0.6)
+    ax.set_axisbelow(True)
+    legend([ax])
     return ax
 
 
-def legend(axes: Sequence[Axes], above: bool) -> int:
-    """Draw the legend of some axes on the first; return its number of rows above the axes."""
+def legend(axes: Sequence[Axes]) -> None:
+    """Draw the legend of some axes above the first, in as many columns as there is room for."""
     entries: dict[str, Any] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
     if not entries:
-        return 0
-    rows, place = 0, {"loc": "best", "framealpha": 0.9, "edgecolor": "0.8"}
-    if above or len(entries) > MOST_INSIDE:
-        columns, width = 3 if len(entries) == 3 else 2, 0.6 + 0.06 * max(map(len, entries))
-        while columns > 1 and columns * width > axes[0].figure.get_figwidth() - 0.7:
-            columns -= 1
-        rows = ceil(len(entries) / columns)
-        place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "borderaxespad": 0.2}
-        place |= {"ncols": columns, "frameon": False}
-    axes[0].legend(list(entries.values()), list(entries), fontsize=FONT_SIZE, **place)
-    return rows
+        return
+    room = axes[0].figure.get_figwidth() - 0.7
+    fitting = int(room / (0.6 + 0.06 * max(map(len, entries))))
+    columns = max(1, min(fitting, 3 if len(entries) == 3 else 2))
+    place: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": columns}
+    look = {"fontsize": FONT_SIZE, "frameon": False, "borderaxespad": 0.2}
+    axes[0].legend(list(entries.values()), list(entries), **place, **look)
 
 
 def widen(ax: Axes) -> None:
@@ -136,25 +101,22 @@ def widen(ax: Axes) -> None:
 def save(
     figures: Mapping[str, Figure], folder: str | Path, formats: Sequence[str] = ("png",)
 ) -> list[Path]:
-    """Write figures as NAME.FORMAT and return the paths.
+    """Write figures as NAME.FORMAT, into a folder that is made if need be; return the paths.
 
-    The folder is made if it does not exist; files of the same names are replaced. Raises InputError
-    if Matplotlib does not know a format; nothing has been written then.
+    Raises InputError if Matplotlib does not know a format; nothing has been written then.
     """
     known = sorted(FigureCanvasAgg.get_supported_filetypes())
     for form in formats:
         if form not in known:
             words = f"known: {', '.join(known)}"
             raise InputError("unknown format of figures", words, key="format", value=form)
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    Path(folder).mkdir(parents=True, exist_ok=True)
     written = []
     for name, figure in figures.items():
         for form in formats:
-            path = folder / f"{name}.{form}"
+            written.append(Path(folder, f"{name}.{form}"))
             # without a date, equal results give equal files; journals ask for fonts of type 42
             extra: dict[str, Any] = {"metadata": {"CreationDate": None}} if form == "pdf" else {}
             with rc_context({"pdf.fonttype": 42}):
-                figure.savefig(path, dpi=150, **extra)
-            written.append(path)
+                figure.savefig(written[-1], dpi=150, **extra)
     return written

@@ -9,26 +9,14 @@ from __future__ import annotations
 import string
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationError,
-    ValidationInfo,
-    field_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 from pydantic_core import PydanticCustomError
 
 from hkt_mdo.case import Case
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import read_bytes
-
-__all__ = ["BLADE", "CheckEntry", "LimitEntry", "ObjectiveEntry", "Summary", "printable"]
-
-MAX_BYTES = 16 * 1024**2
-"""Largest summary.json that is read, in bytes."""
+from hkt_mdo.files.yaml_text import dotted
 
 BLADE = ("r_m", "chord_m", "twist_deg", "start_chord_m", "start_twist_deg")
 """Fields that hold one value for each blade station."""
@@ -42,10 +30,7 @@ def printable(text: str) -> str:
 def _shown(
     label: str, text: str, when: Callable[[Case], bool] = lambda case: True, default: Any = None
 ) -> Any:
-    """Return a field with its row in the printed table: when it appears, its label and text.
-
-    Label and text have names of fields, and of what `Summary._computed` adds, in braces.
-    """
+    """Return a field with its row of the table; in braces, fields and `Summary._computed`."""
     row: Any = {"label": label, "text": text, "when": when}
     return Field(default=default, json_schema_extra=row)
 
@@ -58,6 +43,10 @@ class _Formatter(string.Formatter):
 
 
 _format = _Formatter().vformat
+
+
+_Number = float | None
+_Column = list[float] | None
 
 
 class _Entry(BaseModel):
@@ -74,17 +63,17 @@ class _Entry(BaseModel):
 class Span(_Entry):
     """The range of a quantity over time."""
 
-    min: float | None = None
-    max: float | None = None
-    mean: float | None = None
+    min: _Number = None
+    max: _Number = None
+    mean: _Number = None
 
 
 class CheckEntry(_Entry):
-    """What one check of the result found: a value and the limit that it must not exceed."""
+    """One judge's word: a value, the limit that it must not exceed, and where it occurred."""
 
     name: str
-    value: float | None = None
-    limit: float | None = None
+    value: _Number = Field(default=None, allow_inf_nan=True)
+    limit: _Number = None
     passed: bool
     detail: str | None = ""
 
@@ -94,8 +83,8 @@ class CheckEntry(_Entry):
 class LimitEntry(_Entry):
     """A limit: the largest value that occurs, the limit, and whether it is reached."""
 
-    value: float | None = None
-    limit: float | None = None
+    value: _Number = None
+    limit: _Number = None
     unit: str = ""
     binding: bool | None = None
 
@@ -106,15 +95,11 @@ class ObjectiveEntry(_Entry):
     """What was maximized: by collocation, by the integration, and its upper bound."""
 
     kind: str
-    value_J: float | None = None
-    simulated_J: float | None = None
-    bound_J: float | None = None
+    value_J: _Number = None
+    simulated_J: _Number = None
+    bound_J: _Number = None
 
     _text = "{simulated_J:.7g} J"
-
-
-_Number = float | None
-_Column = list[float] | None
 
 
 class Summary(_Entry, Mapping[str, Any]):
@@ -171,9 +156,7 @@ class Summary(_Entry, Mapping[str, Any]):
     )
     """Distance of the blade's tip from the axis, along the blade."""
     set_angle_deg: _Number = _shown(
-        "set angle",
-        "{set_angle_deg:.4g} deg",
-        lambda case: case.design.set_angle_bounds is not None,
+        "set angle", "{set_angle_deg:.4g} deg", lambda case: bool(case.design.set_angle_bounds)
     )
     inertia_kg_m2: _Number = _shown("inertia", "{inertia_kg_m2:.4g} kg m^2")
     mass_kg: _Number = _shown("mass", "{mass_kg:.4g} kg")
@@ -201,27 +184,19 @@ class Summary(_Entry, Mapping[str, Any]):
 
     @field_validator(*BLADE[1:])
     @classmethod
-    def _one_value_a_station(cls, column: _Column, info: ValidationInfo) -> _Column:
+    def _one_value_a_station(cls, column: _Column, info: Any) -> _Column:
         if column is not None and len(column) != len(info.data.get("r_m") or ()):
             raise PydanticCustomError("length", "must have one value for each of r_m")
         return column
 
     def __getitem__(self, key: str) -> Any:
-        return self._plain()[key]
+        return self.model_dump(exclude_unset=True)[key]
 
     def __iter__(self) -> Iterator[str]:  # type: ignore[override]
-        return iter(self._plain())
+        return iter(self.model_dump(exclude_unset=True))
 
     def __len__(self) -> int:
-        return len(self._plain())
-
-    def _plain(self) -> dict[str, Any]:
-        return self.model_dump(exclude_unset=True)
-
-    @classmethod
-    def read(cls, path: Path) -> Summary:
-        """Read `summary.json`; InputError if it is too large, no JSON, or has a wrong value."""
-        return cls.parse(read_bytes(path, MAX_BYTES, "summary of a result"), path)
+        return sum(1 for _ in self)
 
     @classmethod
     def parse(cls, text: str | bytes, file: Path | str = "summary.json") -> Summary:
@@ -230,7 +205,7 @@ class Summary(_Entry, Mapping[str, Any]):
             return cls.model_validate_json(text)
         except ValidationError as failure:
             error = failure.errors()[0]
-        key = "".join(f"[{i}]" if isinstance(i, int) else f".{i}" for i in error["loc"])[1:]
+        key = dotted(f"[{i}]" if isinstance(i, int) else i for i in error["loc"])
         problem = error["msg"].replace("Input should be", "must be")
         place = {"key": key, "value": error["input"]}
         if error["type"] == "missing":
@@ -247,7 +222,7 @@ class Summary(_Entry, Mapping[str, Any]):
         values |= self._computed(case)
         rows = []
         for name, field in type(self).model_fields.items():
-            row = cast(dict[str, Any], field.json_schema_extra)
+            row: Any = field.json_schema_extra
             if row and row["when"](case):
                 known = values[name] not in (None, "")
                 text = _format(row["text"], (), values) if known else "-"
@@ -262,7 +237,6 @@ class Summary(_Entry, Mapping[str, Any]):
     def _computed(self, case: Case) -> dict[str, Any]:
         """Return what rows show besides the fields."""
         energy, simulated, bound = self.energy_J, self.simulated_energy_J, self.energy_bound_J
-        # the energy of the collocation alone may exceed the bound
         best = energy if simulated is None else simulated
         gains = self.gain if isinstance(self.gain, list) else [self.gain]
         # OpenMDAO's N*m*s**2 is printed as N m s^2; an older summary may lack the units

@@ -27,6 +27,7 @@ from hkt_mdo.problem.physics import BEM, Physics
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.problem.start import StartingPoint
+from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
@@ -38,17 +39,6 @@ ENERGY_ERROR, SURROGATE_ERROR, SPEED_ERROR = 2e-4, 1e-3, 1e-2
 BELOW_START = 2e-3  # what the rotor's inertia and its distance from stall may cost
 BOUND_MARGIN, NODE_VIOLATION, BETWEEN_VIOLATION = 1e-5, 1e-6, 1e-3
 SAMPLES = 20  # a segment, of the integration and between the nodes
-
-
-@dataclass(frozen=True)
-class Check:
-    """One judge's word: a value, the limit that it must not exceed, and where it occurred."""
-
-    name: str
-    value: float
-    limit: float
-    passed: bool
-    detail: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,14 +154,14 @@ def judge(
     reference: float,
     result: Optimized,
     flights: tuple[Flight, ...],
-) -> list[Check]:
+) -> list[CheckEntry]:
     """Return what every judge says, the optimizer first.
 
     `optimum` has the power coefficient that bounds the energy; `reference` (J) is the objective of
     the quasi-steady start, 0 where that is no measure of the optimum.
     """
     status = result.outcome
-    checks = [Check("optimizer", float(not status.success), 0.0, status.success, status.message)]
+    checks = [_check("optimizer", not status.success, 0.0, status.message)]
     for flight in flights:
         suffix = "" if len(flights) == 1 else f" ({flight.scenario.name})"
         for name, value, limit, detail in _of_flight(flight):
@@ -181,8 +171,9 @@ def judge(
     return checks
 
 
-def _check(name, value, limit, detail) -> Check:
-    return Check(name, float(value), limit, bool(value <= limit), detail)
+def _check(name, value, limit, detail) -> CheckEntry:
+    passed = bool(value <= limit)
+    return CheckEntry(name=name, value=float(value), limit=limit, passed=passed, detail=detail)
 
 
 def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
@@ -343,7 +334,7 @@ TRY = {
 }
 
 
-def explain(check: Check) -> str:
+def explain(check: CheckEntry) -> str:
     """Return which judge refused, why and where, and what to try."""
     name = check.name.partition(" (")[0]
     between = "try more phase.segments" if name.endswith("_between_nodes") else ""

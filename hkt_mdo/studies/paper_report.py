@@ -211,9 +211,12 @@ def _figures(paper, folder):
     torques = "control and hydrodynamic torque"
     for scenario, words in (("sine", "no torque limit"), ("sine_limited", "torque limit 700 N m")):
         curves, flow = three(scenario), f"Sine flow, {words}"
-        save(f"{flow}: twist and chord", plots.blade_figure([*curves, baseline]))
-        save(f"{flow}: power coefficient over tip speed ratio", plots.power_curve_figure(curves))
-        save(f"{flow}: rotor speed, tip speed ratio, {torques}", plots.operation_figure(curves))
+        for name, shown, words in (
+            ("blade", [*curves, baseline], "twist and chord"),
+            ("power_curve", curves, "power coefficient over tip speed ratio"),
+            ("operation", curves, f"rotor speed, tip speed ratio, {torques}"),
+        ):
+            save(f"{flow}: {words}", plots.figure_of(shown, name))
     for flow in FLOWS:
         replay = paper.ensembles[f"oloc_{flow}"]
         caption = f"Flow {flow}: rotor speed, control torque, hydrodynamic torque"

@@ -20,6 +20,7 @@ def test_simulate_tells_mean_spread_and_worst(folders, capsys):
     assert main(["simulate", folders["quadratic"], *arguments, "--seed", "1"]) == 0
     printed = " ".join(capsys.readouterr().out.split())
     assert "rotor stopped in 0 of 3 runs" in printed
+    assert "low-pass of 0.5 Hz" in printed
     mean, spread, worst = (
         float(x)
         for x in re.search(
@@ -50,6 +51,7 @@ def test_simulate_takes_any_flow(folders, capsys):
         (["--flow", "{profile: [}"], "cannot be read as YAML"),
         (["--noise-snr", "20", "--noise-reference", "mean"], "--noise-reference"),
         (["--noise-snr", "nan"], "--noise-snr"),
+        (["--noise-snr", "20", "--sample-rate", "0"], "--sample-rate"),
     ],
 )
 def test_simulate_refuses_bad_input(folders, capsys, arguments, word):

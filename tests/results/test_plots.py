@@ -88,12 +88,32 @@ def test_plots_show_the_numbers(solution: Solution) -> None:
     np.testing.assert_array_equal(nodes.get_ydata(), solution.trajectory["rotor_speed_rad_s"])
     limit = plots.plot_control_torque(solution).lines[-1]
     assert list(limit.get_ydata()) == [700.0, 700.0]
-    assert limit.get_label() == "torque limit 700 N m"
+    assert limit.get_label() == "control torque limit 700 N m"
     bar = next(
         line for line in plots.plot_power_curve(solution).lines if len(line.get_xdata()) == 2
     )
     reach = solution.summary["tip_speed_ratio"]
     assert list(bar.get_xdata()) == [reach["min"], reach["max"]]
+
+
+def test_limits_are_drawn_beside_their_quantity_or_told(
+    result_folder: Path, linear_result_folder: Path
+) -> None:
+    path = result_folder / "summary.json"
+    summary = json.loads(path.read_text())
+    summary["limits"] |= {
+        "rotor_speed": {"value": 8.7, "limit": 9.0, "unit": "rad/s"},
+        "tip_speed": {"value": 11.5, "limit": 11.5, "unit": "m/s"},
+    }
+    path.write_text(json.dumps(summary))
+    solution = Solution.load(result_folder)
+    told = ["largest tip speed 11.5 m/s, limit 11.5 m/s", "control torque limit 700 N m"]
+    assert plots.plot_rotor_speed(solution).lines[-1].get_label() == "rotor speed limit 9 rad/s"
+    shown = legend_texts(plots.figure_of(solution, "operation").axes[0])
+    assert {*told, "rotor speed limit 9 rad/s"} <= set(shown)
+    both = [solution, Solution.load(linear_result_folder)]
+    shown = legend_texts(plots.figure_of(both, "operation").axes[0])
+    assert f"sine_quadratic: {told[0]}" in shown
 
 
 def test_a_constant_looks_like_one(solution: Solution) -> None:
@@ -158,7 +178,8 @@ def test_nothing_is_cut_off(solution: Solution, count: int) -> None:
     cases = [solution.case.model_copy(update={"name": f"{name}_{i}"}) for i in range(count)]
     several = [replace(solution, case=case) for case in cases]
     for name in FIGURES:
-        figure = getattr(plots, f"{name}_figure")(several)
+        figure = plots.figure_of(several, name)
+        figure.draw_without_rendering()
         box = figure.get_tightbbox()
         assert box.x0 >= 0.0
         assert box.y0 >= 0.0

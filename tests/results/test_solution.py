@@ -10,7 +10,7 @@ import pytest
 from hkt_mdo.errors import InputError
 from hkt_mdo.results import solution as results
 from hkt_mdo.results.folder import write_json
-from hkt_mdo.results.solution import TABLES, Solution, summary_table
+from hkt_mdo.results.solution import TABLES, Solution
 
 
 def test_load_reads_everything(result_folder: Path) -> None:
@@ -19,8 +19,8 @@ def test_load_reads_everything(result_folder: Path) -> None:
     assert solution.case.control.torque_limit == 700.0
     assert solution.success
     assert solution.message == "converged and verified"
-    assert solution.energy == 322239.0
-    assert solution.gain == 10.98
+    assert solution.summary.energy_J == 322239.0
+    assert solution.summary.gain == 10.98
     assert solution.failed_checks == ()
     assert solution.trajectory["time_s"].size == 181
     assert solution.simulation["rotor_speed_rad_s"].size == 1201
@@ -42,8 +42,8 @@ def test_load_takes_an_interrupted_run(result_folder: Path) -> None:
     solution = Solution.load(result_folder)
     assert not solution.success
     assert solution.trajectory == solution.convergence == solution.blade == {}
-    assert solution.energy is None
-    rows = dict(summary_table(solution))
+    assert solution.summary.energy_J is None
+    rows = dict(solution.summary.rows(solution.case))
     assert rows["energy"] == rows["tip speed ratio"] == rows["optimizer"] == "-"
     assert rows["message"] == "interrupted"
     assert repr(solution) == f"<Solution sine_quadratic: no success, {str(result_folder)!r}>"
@@ -105,16 +105,15 @@ HEADER = "evaluation,energy_J,infeasibility\n"
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("", "must have one column evaluation"),
-        ("evaluation,energy_J\n1,2\n", "must have one column infeasibility"),
-        (f"energy_J,{HEADER}1,2,3,4\n", "must have one column energy_J"),
-        (f"{HEADER}1,2\n", "line 2 = '1,2': must hold 3 numbers separated by commas"),
-        (f"{HEADER}1,2,3\n1,x,3\n", "line 3 = '1,x,3': must hold 3 numbers"),
-        (f"{HEADER}1,,3\n", "must hold 3 numbers"),
-        (f"{HEADER}1,1_000,3\n", "must hold 3 numbers"),
-        (f"{HEADER}1,2,3\n\n", "line 3"),
-        (f"{HEADER}1,é,3\n", "line 2"),
-        (f"{HEADER}1,\x00,3\n", "line 2"),
+        ("", "line 1: is empty; its first line is evaluation,energy_J,infeasibility"),
+        ("evaluation,energy_J\n1,2\n", "line 1 = .*: lacks the column infeasibility"),
+        (f"energy_J,{HEADER}1,2,3,4\n", "line 1, column energy_J: appears twice in the header"),
+        (f"{HEADER}1,2\n", "line 2 = '1,2': has 2 cells where the header has 3"),
+        (f"{HEADER}1,2,3\n1,x,3\n", "line 3, column energy_J = 'x': must be a finite number"),
+        (f"{HEADER}1,,3\n", "line 2, column energy_J = '': must be"),
+        (f"{HEADER}1,1_000,3\n", "line 2, column energy_J = '1_000': must be"),
+        (f"{HEADER}1,é,3\n", "line 2, column energy_J = 'é'"),
+        (f"{HEADER}1,\x00,3\n", "line 2: is not UTF-8 text"),
     ],
 )
 def test_load_refuses_a_corrupt_table(result_folder: Path, text: str, told: str) -> None:

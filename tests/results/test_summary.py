@@ -7,10 +7,14 @@ import numpy as np
 import pytest
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.results import summary as module
+from hkt_mdo.results import solution as module
 from hkt_mdo.results.folder import to_json, write_json
-from hkt_mdo.results.solution import Solution, summary_table
+from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import Summary
+
+
+def table(solution: Solution) -> list[tuple[str, str]]:
+    return solution.summary.rows(solution.case)
 
 
 def edit(folder: Path, **changes: object) -> Solution:
@@ -22,10 +26,10 @@ def edit(folder: Path, **changes: object) -> Solution:
 
 def test_what_is_written_is_read(result_folder: Path, tmp_path: Path) -> None:
     data = json.loads((result_folder / "summary.json").read_text())
-    summary = Summary.read(result_folder / "summary.json")
+    summary = Solution.load(result_folder).summary
     assert dict(summary) == data
     write_json(tmp_path / "again.json", dict(summary))
-    assert Summary.read(tmp_path / "again.json") == summary
+    assert Summary.parse((tmp_path / "again.json").read_text()) == summary
 
 
 def test_attributes_and_keys(result_folder: Path) -> None:
@@ -107,7 +111,7 @@ def test_a_large_summary_is_refused(result_folder: Path, monkeypatch: pytest.Mon
 
 
 def test_the_table_has_units(result_folder: Path) -> None:
-    assert summary_table(Solution.load(result_folder)) == [
+    assert table(Solution.load(result_folder)) == [
         ("case", "sine_quadratic"),
         ("success", "yes"),
         ("message", "converged and verified"),
@@ -127,7 +131,7 @@ def test_the_table_has_units(result_folder: Path) -> None:
 
 
 def test_the_table_of_linear_feedback_without_limit(linear_result_folder: Path) -> None:
-    rows = dict(summary_table(Solution.load(linear_result_folder)))
+    rows = dict(table(Solution.load(linear_result_folder)))
     assert rows["gain, linear feedback"] == "90.9 N m s/rad"
     assert rows["largest control torque"].endswith("(no limit)")
 
@@ -143,20 +147,20 @@ def test_the_table_of_linear_feedback_without_limit(linear_result_folder: Path) 
         ({"tip_speed_ratio": {"min": 7.0}}, "tip speed ratio", "7.000 to -, mean -"),
         ({"message": ""}, "message", "-"),
         (
-            {"objectives": [{"kind": "captured", "value": 5e3, "unit": "J"}]},
-            "objective, captured",
+            {"objective": {"kind": "generated", "simulated_J": 5e3}},
+            "objective, generated",
             "5000 J",
         ),
         (
-            {"limits": [{"name": "thrust", "unit": "N", "value": 9.5, "bound": 10.0}]},
-            "limit, thrust",
-            "9.5 N, bound 10 N",
+            {"limits": {"thrust": {"unit": "N", "value": 9.5, "limit": 10.0}}},
+            "largest thrust",
+            "9.5 N, limit 10 N",
         ),
-        ({"limits": [{"name": "a", "unit": "N", "bound": None}]}, "limit, a", "- N, bound - N"),
+        ({"limits": {"a": {"unit": "N", "limit": None}}}, "largest a", "- N, limit - N"),
     ],
 )
 def test_a_row_of_the_table(result_folder: Path, changes: dict, label: str, text: str) -> None:
-    assert dict(summary_table(edit(result_folder, **changes)))[label] == text
+    assert dict(table(edit(result_folder, **changes)))[label] == text
 
 
 def test_text_of_others_does_not_command_the_terminal(result_folder: Path) -> None:
@@ -164,6 +168,6 @@ def test_text_of_others_does_not_command_the_terminal(result_folder: Path) -> No
     solution = edit(
         result_folder, message="\x1b[2Jgone\nsecond line", checks=[check], optimizer="\x1b[1m"
     )
-    texts = [*(value for _, value in summary_table(solution)), *solution.failed_checks]
+    texts = [*(value for _, value in table(solution)), *solution.failed_checks]
     assert all(text.isprintable() for text in texts)
     assert solution.failed_checks[0].endswith("2, limit -. c")

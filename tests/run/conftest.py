@@ -13,8 +13,9 @@ from hkt_mdo.dynamics.objectives import GeneratorEnergy
 from hkt_mdo.problem.physics import Physics, physics
 from hkt_mdo.problem.setup import bounding_optimum, find_start, steady_optimum
 from hkt_mdo.problem.start import StartingPoint
+from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
-from hkt_mdo.run.judge import Check, Flight, Optimized, judge
+from hkt_mdo.run.judge import Flight, Optimized, judge
 from hkt_mdo.run.log import Log
 from hkt_mdo.run.passes import optimize
 
@@ -30,7 +31,7 @@ class Solved:
     result: Optimized
     flights: tuple[Flight, ...]
 
-    def checks(self) -> dict[str, Check]:
+    def checks(self) -> dict[str, CheckEntry]:
         """Return what every judge says, by its name."""
         parts = self.physics, self.optimum, self.reference, self.result, self.flights
         return {check.name: check for check in judge(*parts)}

@@ -391,6 +391,6 @@ def test_figures_show_what_the_report_says() -> None:
     np.testing.assert_allclose(file.get_ydata(), np.rad2deg(found.turbine.blade.twist))
     assert points.get_xdata().size == 5
     assert points.get_xdata()[[0, -1]] == pytest.approx([0.175, 1.4])
-    ax = plots.draw_power(report.figures["power_curve"])
+    ax = figures["power_curve"].axes[0]
     assert ax.lines[0].get_ydata().max() == pytest.approx(found.best.power_coefficient, rel=1e-3)
     assert dict(rcParams) == before
