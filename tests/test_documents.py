@@ -66,21 +66,22 @@ def test_page_has_every_key_with_its_whole_docstring(section):
 LINES = (
     "- **`radius`**: number in m, greater than 0; or null. Default: `null`.",
     "- **`torque_limit`**: number in N*m, greater than 0; or null. Default: `null`.",
-    "- **`cone`**: number in deg, -45 to 45; or null. Default: `null`.",
+    "- **`cone`**: number in deg, at least -45 and at most 45; or null. Default: `null`.",
     "- **`density`**: number in kg/m**3, greater than 0. Default: `1000`.",
     "- **`speed`**: number in m/s, greater than 0. Required.",
     "- **`reynolds`**: one of `invariant`, `local`. Default: `invariant`.",
     "- **`optimizer`**: one of `IPOPT`, `SLSQP`, `SNOPT`. Default: `IPOPT`.",
     "- **`order`**: one of `3`, `5`, `7`, `9`. Default: `3`.",
-    "- **`chord_bounds`**: list of 2, each a number in m, greater than 0. Default: `[0.01, 1]`.",
-    "- **`stations`**: list of 3 to 200, each a number, greater than 0 and less than 1; or "
+    "- **`chord_bounds`**: list of 2: number in m, greater than 0. Default: `[0.01, 1]`.",
+    "- **`stations`**: list of 3 to 200: number, greater than 0 and less than 1; or "
     "null. Default: `null`.",
-    "- **`gain_bounds`**: list of 2: a number, at least 0; a number, greater than 0; or null. "
+    "- **`gain_bounds`**: list of 2: number, at least 0; number, greater than 0; or null. "
     "Default: `null`.",
-    "- **`sections`**: list of up to 50 entries. Default: `[]`.",
-    "- **`parts`**: list of 2 to 20 sections, each with its `profile`. Required.",
-    "- **`segments`**: whole number, 2 to 20000; or null. Default: `null`.",
-    "- **`tolerance`**: number, 1e-12 to 0.01. Default: `1e-07`.",
+    "- **`sections`**: list of 0 to 50: section of `name`, `polar`, `outline`, `thickness`. "
+    "Default: `[]`.",
+    "- **`parts`**: list of 2 to 20: section with its `profile`. Required.",
+    "- **`segments`**: whole number, at least 2 and at most 20000; or null. Default: `null`.",
+    "- **`tolerance`**: number, at least 1e-12 and at most 0.01. Default: `1e-07`.",
 )
 
 

@@ -3,10 +3,8 @@
 All three are made of the attribute docstrings of the sections, so that nothing is said twice.
 """
 
-from __future__ import annotations
-
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 import yaml
@@ -17,8 +15,6 @@ from hkt_mdo.files.cases import shipped_cases
 from hkt_mdo.files.shipped import POLAR_FAMILIES, shipped_names, shipped_rotor
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import Dumper, parse
-
-# For editors --------------------------------------------------------------------------------------
 
 
 def case_json_schema(extensions: Iterable[Extension] = ()) -> dict[str, Any]:
@@ -52,9 +48,7 @@ def unit_of(value: Any) -> str:
 
 
 def _chapters(schema: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], dict[str, Any]]]:
-    """Yield each key of a case, its schema, and the sections that it takes, by the value of the tag
-    that chooses one; without tags and references.
-    """
+    """Yield each key of a case, its schema without references, and the sections by their tag."""
     for key, value in _inlined(schema["properties"], schema["$defs"]).items():
         sections = {"": value} if "properties" in value else {}
         for section in value.get("oneOf", ()):
@@ -77,8 +71,6 @@ def _inlined(value: Any, sections: Mapping[str, Any]) -> Any:
         if key != "$ref" and not (isinstance(item, dict) and "const" in item)
     }
 
-
-# As a page ----------------------------------------------------------------------------------------
 
 _PREFACE = """\
 # The case file
@@ -177,39 +169,22 @@ def _kind(value: Mapping[str, Any]) -> str:
     """Return in words what values a key takes: type, unit, range, choices."""
     if "anyOf" in value:
         return "; or ".join(_kind(option) for option in value["anyOf"])
+    if "discriminator" in value:
+        return f"section with its `{value['discriminator']['propertyName']}`"
     if "enum" in value:
         names = [str(choice) for choice in value["enum"]]
         # the same in small letters is allowed, and goes without saying
         names = [name for name in names if not (name.islower() and name.upper() in names)]
         return f"one of {_code(names)}"
     if value["type"] == "array":
-        return _list_kind(value)
+        kinds = dict.fromkeys(map(_kind, value.get("prefixItems") or [value["items"]]))
+        ends = dict.fromkeys((value.get("minItems", 0), value.get("maxItems", "any number")))
+        return f"list of {' to '.join(map(str, ends))}: {'; '.join(kinds)}"
     if value["type"] == "object":
         return f"section of {_code(value['properties'])}"
     unit = f" in {value['unit']}" if "unit" in value else ""
     words = {"null": "null", "string": "text", "integer": "whole number"}
     kind = f"number{unit}" if "number" in value["type"] else words[value["type"]]
-    return ", ".join(filter(None, (kind, _range(value))))
-
-
-def _list_kind(value: Mapping[str, Any]) -> str:
-    if "prefixItems" in value:
-        kinds = [_kind(item) for item in value["prefixItems"]]
-        if len(set(kinds)) == 1:
-            return f"list of {len(kinds)}, each a {kinds[0]}"
-        return f"list of {len(kinds)}: {'; '.join(f'a {kind}' for kind in kinds)}"
-    least, most, items = value.get("minItems", 0), value.get("maxItems"), value["items"]
-    count = f"{least} to {most}" if least and most else f"up to {most}" if most else "any length"
-    if "discriminator" in items:
-        return f"list of {count} sections, each with its `{items['discriminator']['propertyName']}`"
-    if "properties" in items:
-        return f"list of {count} entries"
-    return f"list of {count}, each a {_kind(items)}"
-
-
-def _range(value: Mapping[str, Any]) -> str:
-    if "minimum" in value and "maximum" in value:
-        return f"{_yaml(value['minimum'])} to {_yaml(value['maximum'])}"
     bounds = {
         "at least": "minimum",
         "greater than": "exclusiveMinimum",
@@ -217,7 +192,7 @@ def _range(value: Mapping[str, Any]) -> str:
         "less than": "exclusiveMaximum",
     }
     given = [f"{words} {_yaml(value[key])}" for words, key in bounds.items() if key in value]
-    return " and ".join(given)
+    return ", ".join(filter(None, (kind, " and ".join(given))))
 
 
 def _yaml(value: object) -> str:
@@ -285,18 +260,12 @@ def _cases() -> Iterator[str]:
         yield from _table(["case", "`inflow.profile`", "`control.law`", "what"], *rows)
 
 
-# As a case to begin from --------------------------------------------------------------------------
-
-
-def commented_case(
-    values: Mapping[str, Mapping[str, Any]], usual: Mapping[str, Sequence[str]]
-) -> str:
+def commented_case(values: Mapping[str, Mapping[str, Any]], usual: Collection[str]) -> str:
     """Return a case in YAML that explains itself: each key below its docstring, type and range.
 
     `values` is what differs from the defaults, by section and key, with the tags of `inflow` and
-    `control`; `usual` names the keys of each section that are shown, in this order, one with a
-    default among them; of a section that it does not name, all are. A key that has neither a value
-    nor a default stands as a comment.
+    `control`; besides them the keys that `usual` names are shown, in this order. A key that has
+    neither a value nor a default stands as a comment.
     """
     blocks = []
     for name, part, sections in _chapters(case_json_schema()):
@@ -307,10 +276,9 @@ def commented_case(
             chosen = (part.get("default", {}) | given)[tag]
             section, about = sections[chosen], f"{about} Choices: {', '.join(sections)}."
             lines = [f"{_comment(section['description'], '  ')}\n  {tag}: {chosen}"]
-        keys = section["properties"]
-        for key in dict.fromkeys((*usual.get(name, keys), *given)):
-            if key in keys:
-                lines.append(_commented(key, keys[key], given))
+        for key in dict.fromkeys((*usual, *given)):
+            if key in section["properties"]:
+                lines.append(_commented(key, section["properties"][key], given))
         if lines:
             blocks.append("\n".join((_comment(about), f"{name}:", "\n\n".join(lines), "")))
     return "\n\n".join(blocks)

@@ -1,7 +1,5 @@
 """What `hkt new` writes: a commented case to begin from, and the sample file that it needs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from hkt_mdo.case import commented_case, read_case
@@ -10,21 +8,14 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import data_path, shipped_rotor
 from hkt_mdo.files.table import read_text
 
-__all__ = ["KINDS", "write_new_case"]
-
-_USUAL = {
-    "rotor": "blade radius hub_radius_fraction blade_count set_angle station_count polar outline "
-    "reynolds material_density hub_inertia",
-    "fluid": "density",
-    "inflow": "mean amplitude angular_frequency file speed_column speed_unit start duration gaps "
-    "spikes cutoff",
-    "control": "torque_limit gain",
-    "design": "blade chord_bounds twist_bounds chord_points twist_points radius_bounds",
-    "phase": "duration segments initial_speed",
-    "hydrodynamics": "torque tolerance",
-    "driver": "optimizer tolerance max_iterations",
-}
-"""The keys of each section that most cases say something about."""
+_USUAL = (
+    "blade radius hub_radius_fraction blade_count set_angle station_count polar outline reynolds "
+    "material_density hub_inertia density mean amplitude angular_frequency file speed_column "
+    "speed_unit start duration gaps spikes cutoff torque_limit gain chord_bounds twist_bounds "
+    "chord_points twist_points radius_bounds segments initial_speed method torque tolerance "
+    "optimizer max_iterations"
+).split()
+"""The keys that most cases say something about."""
 
 KINDS = {
     "paper": "the turbine and the sinusoidal flow of Amini et al. (ACC 2023)",
@@ -32,16 +23,6 @@ KINDS = {
     "river": "a small turbine in a measured flow of your own from a CSV file",
 }
 """Kinds of new cases, and what they are about."""
-
-
-def _blade_text() -> str:
-    """Return a blade as CSV: that of the shipped river turbine."""
-    lines = read_text(data_path("river", "blade"), "blade").splitlines()
-    remarks = (
-        "# A sample, the river turbine that comes with hkt: write your own rows, hub to tip.",
-        "# Radius, chord, twist from the rotor plane, thickness over chord; headers hold units.",
-    )
-    return "\n".join((*remarks, *(line for line in lines if not line.startswith("#")), ""))
 
 
 def _record_text() -> str:
@@ -72,13 +53,13 @@ def write_new_case(path: str | Path, kind: str = "paper", *, force: bool = False
     if kind == "turbine":
         blade = path.with_name(f"{path.stem}_blade.csv")
         values["rotor"] = shipped_rotor("river") | {"blade": blade.name}
-        texts[blade] = _blade_text()
+        remark = "# A sample: write your own rows, hub to tip; twist counts from the rotor plane."
+        texts[blade] = f"{remark}\n{read_text(data_path('river', 'blade'), 'blade')}"
     if kind == "river":
         record = path.with_name(f"{path.stem}_record.csv")
         values["rotor"] = {"blade": "river"}
         values["inflow"] = {"profile": "record", "file": record.name}
         texts[record] = _record_text()
-    usual = {section: keys.split() for section, keys in _USUAL.items()}
     text = f"""\
 # {path.stem}: {KINDS[kind]}.
 #
@@ -87,7 +68,7 @@ def write_new_case(path: str | Path, kind: str = "paper", *, force: bool = False
 # Check it:   hkt check {path.name}
 # Run it:     hkt run {path.name}
 
-{commented_case(values, usual)}"""
+{commented_case(values, _USUAL)}"""
     read_case(text, file=str(path), folder=path.parent, name=path.stem, check_files=False)
     texts = {path: text} | texts
     refuse_existing(texts, force)

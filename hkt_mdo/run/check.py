@@ -1,10 +1,5 @@
-"""What `hkt check` tells before a run: all that a run needs is read and built, nothing optimized.
+"""What `hkt check` tells before a run: the figures of `hkt_mdo.run.findings`, put into words."""
 
-Here the figures of `hkt_mdo.run.findings` are put into words, table by table, with what was done to
-the files (notes) and what their author may not have meant (warnings).
-"""
-
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,9 +25,6 @@ OUTERMOST = 0.9  # r/R of the last station below which a part of the blade is mi
 EDDY = 1.25  # cutoff times diameter over flow speed above which eddies are smaller than the rotor
 KEPT = 1e-6  # share of its bound by which a limit may be left
 
-Rows = dict[str, str]
-Tell = Callable[[str], None]
-
 
 @dataclass(frozen=True, eq=False)
 class CheckReport:
@@ -44,7 +36,7 @@ class CheckReport:
     """
 
     name: str
-    tables: dict[str, Rows]
+    tables: dict[str, dict[str, str]]
     notes: list[str]
     warnings: list[str]
     findings: Findings
@@ -71,7 +63,7 @@ def check_case(case: Case) -> CheckReport:
     return CheckReport(case.name, tables, notes, warnings, found, figure_data(found))
 
 
-def _turbine(found: Findings, warn: Tell) -> Rows:
+def _turbine(found: Findings, warn) -> dict[str, str]:
     """Tell rotor and blade; warn of a blade that ends early or that splines leave."""
     rotor, blade, given = found.case.rotor, found.plant.blade, found.given
     if blade.r[-1] < OUTERMOST * blade.tip_radius:
@@ -106,7 +98,7 @@ def _turbine(found: Findings, warn: Tell) -> Rows:
     }
 
 
-def _stations(found: Findings, note: Tell, warn: Tell) -> Rows:
+def _stations(found: Findings, note, warn) -> dict[str, str]:
     """Tell what the stations meet; warn, or note where the load is light, of what no table has."""
     rotor = found.case.rotor
     if np.any(found.unsolved):
@@ -160,7 +152,7 @@ def _polars(rotor) -> dict[str, tuple]:
     return {Path(source).name: read_polars(source) for source in sources}
 
 
-def _flow(found: Findings, by_default: bool, warn: Tell) -> Rows:
+def _flow(found: Findings, by_default: bool, warn) -> dict[str, str]:
     """Tell the flow; warn of a cutoff that segments, disc or rotor cannot follow."""
     phase, cutoff, flow = found.case.phase, found.cutoff, found.case.inflow
     radius, changes = found.plant.blade.rotor_radius, "none: it is steady"
@@ -205,7 +197,7 @@ def _flow(found: Findings, by_default: bool, warn: Tell) -> Rows:
     }
 
 
-def _control(found: Findings, warn: Tell) -> Rows:
+def _control(found: Findings, warn) -> dict[str, str]:
     """Tell the law; warn of a torque limit and of a gain that were hardly meant."""
     control, law, limit = found.case.control, found.physics.law, found.physics.torque_limit
     rows = {"law": _first_line(control) or control.law, "torque limit": "none"}
@@ -239,7 +231,7 @@ def _control(found: Findings, warn: Tell) -> Rows:
     return rows | {"at t = 0": "the rotor's speed is free" if free else balance}
 
 
-def _start(found: Findings, warn: Tell) -> Rows:
+def _start(found: Findings, warn) -> dict[str, str]:
     """Tell what the starting blade does; warn if that is little, or if it does not turn."""
     best, mean, case = found.best, found.mean, found.case
     if best.power_coefficient < POOR:
@@ -288,7 +280,7 @@ def _turning(speed: float) -> str:
     return f"{speed:.4g} rad/s ({speed * 30.0 / np.pi:.3g} rpm)"
 
 
-def _optimization(found: Findings, package: str, warn: Tell) -> Rows:
+def _optimization(found: Findings, package: str, warn) -> dict[str, str]:
     """Tell the size of the problem, its bounds and limits; warn of those that the start breaks."""
     phase, hydro, driver = found.case.phase, found.case.hydrodynamics, found.case.driver
     size, length = problem_size(found.physics, found.best), phase.duration / phase.segments
@@ -309,34 +301,27 @@ def _optimization(found: Findings, package: str, warn: Tell) -> Rows:
         "an evaluation": f"about {quantity(size.evaluation_seconds, 's', 2)} on this machine, "
         "derivatives included",
     }
-    for key, told, kept in _limits(found):
-        rows[key] = told
-        if not kept:
-            warn(f"{key} is broken at the start, {told}: the run moves it inside")
-    return rows
-
-
-def _limits(found: Findings) -> Iterator[tuple[str, str, bool]]:
-    """Yield the limits that the case gives: key, bounds and values in words, and if it is kept."""
-    point, shape = found.start, found.physics.shape
-    control = dict(zip(("chord", "twist"), shape.control(point.blade), strict=True))
+    point = found.start
+    control = dict(zip(("chord", "twist"), found.physics.shape.control(point.blade), strict=True))
     values = found.at_start | designed(found.physics, point) | control
+    metres, degrees = ("m", 1.0), ("deg", np.rad2deg(1.0))
+    in_case = {"chord": metres, "twist": degrees, "set_angle": degrees, "gain": ("", 1.0)}
+    in_case["radius"] = "m", 1.0 / np.cos(point.blade.cone)
     for limit in found.physics.limits:
         if isinstance(limit, TorqueLimit | ForwardRotation):
             continue  # every case has them
         key, unit, scale = f"limits.{limit.name}", plain_unit(limit.unit or ""), 1.0
         if isinstance(limit, DesignBounds):
-            key = f"design.{limit.name}_bounds"
-            unit = {"chord": "m", "radius": "m", "gain": ""}.get(limit.name, "deg")
-            scale = np.rad2deg(1.0) if unit == "deg" else 1.0
+            key, (unit, scale) = f"design.{limit.name}_bounds", in_case[limit.name]
         ends = {"at least": limit.lower, "at most": limit.upper}
         words = [f"{word} {number(scale * x)}" for word, x in ends.items() if np.isfinite(x)]
-        told, kept = f"{' and '.join(words)} {unit}".rstrip(), True
+        rows[key] = f"{' and '.join(words)} {unit}".rstrip()
         if found.running or limit.place != "time":
             value = scale * limit.value(**{name: values[name] for name in limit.inputs})
-            told += f"; {span(value)} with the starting blade"
-            kept = bool(np.max(limit.excess(values)) <= KEPT)
-        yield key, told, kept
+            rows[key] += f"; {span(value)} with the starting blade"
+            if np.max(limit.excess(values)) > KEPT:
+                warn(f"{key} is broken at the start, {rows[key]}: the run moves it inside")
+    return rows
 
 
 def _first_line(kind) -> str:

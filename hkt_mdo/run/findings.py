@@ -45,6 +45,7 @@ class Findings:
     - `rated_speed` and `above_rated`: flow speed at which the torque limit is met at the best tip
       speed ratio, and share of the time in which the flow is faster.
     - `steady_speed`, `time_constant`: in the mean flow; None if the rotor does not turn there.
+    - `polars` of each station, one a Reynolds number.
     - (2, n_stations), lowest and highest: angles of attack (rad) `met` in `working` and those of
       the polars' tables, `table`; `reynolds` in the slowest and the fastest flow.
     - (n_stations,): `unsolved` where BEM has no solution; `share` of the torque, without signs, the
@@ -60,8 +61,7 @@ class Findings:
         self.speed = np.asarray(inflow.speed_at(self.time))
         self.mean = self.average(self.speed)
         self.deviation = float(np.sqrt(self.average((self.speed - self.mean) ** 2)))
-        scale = power_scale(physics.density, blade.rotor_radius, self.speed)
-        self.passing = self.average(scale)
+        self.passing = self.average(power_scale(physics.density, blade.rotor_radius, self.speed))
 
         self.given = build_turbine(case.rotor, case.fluid, self.mean).blade
         _, inertia = physics.mass_and_inertia(blade)
@@ -69,7 +69,7 @@ class Findings:
         self.plant = Plant(blade, physics.polar, inertia, physics.density, solver)
         self.best = best_operation(blade, physics.polar)
         self.rated_speed = self.rated(self.best.tip_speed_ratio)
-        self.above_rated = self.average(self.speed > self.rated_speed)
+        self.above_rated = self.average(np.where(self.speed > self.rated_speed, 1.0, 0.0))
 
         coarse = _one_flow(physics, segments=min(case.phase.segments, MOST_START_SEGMENTS))
         self.start = find_start(coarse, self.best, improve=False)
@@ -95,14 +95,17 @@ class Findings:
 
     def _meet(self):
         """Set what the stations meet over the tip speed ratios of the start, by BEM."""
-        blade, cosine = self.plant.blade, np.cos(self.plant.blade.cone)
+        blade, polar = self.plant.blade, self.plant.polar
+        cosine = np.cos(blade.cone)
         ratios = np.linspace(*self.working, 31) / cosine
-        working = bem.sections(blade, self.plant.polar, ratios)
+        working = bem.sections(blade, polar, ratios)
         angles = working.angle_of_attack
         self.met = np.stack((angles.min(axis=0), angles.max(axis=0)))
-        tables = [self.polars_at(station) for station in range(blade.r.size)]
-        lowest = [max(polar.alpha_min for polar in table) for table in tables]
-        highest = [min(polar.alpha_max for polar in table) for table in tables]
+        self.polars = [(bem.polar_at(polar, station),) for station in range(blade.r.size)]
+        if isinstance(polar, LocalReynolds):
+            self.polars = polar.polars
+        lowest = [max(polar.alpha_min for polar in polars) for polars in self.polars]
+        highest = [min(polar.alpha_max for polar in polars) for polars in self.polars]
         self.table = np.array((lowest, highest))
         ratio = ratios[[0, -1], None] * blade.r / blade.tip_radius
         flow = np.array([[self.speed.min()], [self.speed.max()]]) * cosine
@@ -111,12 +114,6 @@ class Findings:
         self.unsolved = np.any(working.branch < 0, axis=0)
         torque = np.abs(bem.torque_weights(blade) * working.tangential_load)
         self.share = np.max(torque / torque.sum(axis=1, keepdims=True), axis=0)
-
-    def polars_at(self, station: int) -> tuple[Polar, ...]:
-        """Return the polars of a station, one a Reynolds number."""
-        polar = self.plant.polar
-        local = isinstance(polar, LocalReynolds)
-        return polar.polars[station] if local else (bem.polar_at(polar, station),)
 
     def average(self, values: np.ndarray) -> float:
         """Return the mean over time of values at the instants."""
@@ -165,9 +162,6 @@ def _one_flow(physics: Physics, inflow=None, **mesh) -> Physics:
     return replace(physics, scenarios=(replace(first, inflow=inflow or first.inflow, mesh=mesh),))
 
 
-# Size ---------------------------------------------------------------------------------------------
-
-
 class ProblemSize(NamedTuple):
     """Size of an optimization: unknowns and constraints by their names in the OpenMDAO problem.
 
@@ -190,15 +184,14 @@ def problem_size(physics: Physics, best: SteadyOptimum) -> ProblemSize:
     """
     segments = physics.case.phase.segments
     few, many = (min(count, segments) for count in TRIAL_SEGMENTS)
-    small, large = (_trial(physics, best, count) for count in (few, many))
+    (*small, quick), (*large, slow) = (_trial(physics, best, count) for count in (few, many))
     share = (segments - many) / max(many - few, 1)
-
-    def carried(before, after):
-        return {name: round(n + share * (n - before[name])) for name, n in after.items()}
-
-    seconds = large[2] + share * max(large[2] - small[2], 0.0)
+    unknowns, constraints = (
+        {name: round(n + share * (n - before[name])) for name, n in after.items()}
+        for before, after in zip(small, large, strict=True)
+    )
     nodes = physics.scenarios[0].nodes_per_segment * segments
-    return ProblemSize(carried(small[0], large[0]), carried(small[1], large[1]), nodes, seconds)
+    return ProblemSize(unknowns, constraints, nodes, slow + share * max(slow - quick, 0.0))
 
 
 def _trial(physics, best, segments) -> tuple[dict[str, int], dict[str, int], float]:
@@ -221,13 +214,11 @@ def _trial(physics, best, segments) -> tuple[dict[str, int], dict[str, int], flo
     return *sizes, seconds
 
 
-# Data of the figures ------------------------------------------------------------------------------
-
-
 def figure_data(found: Findings) -> dict[str, dict]:
     """Return what `hkt_mdo.results.check_plots.check_figures` draws, by the name of the figure."""
     best, thin = found.best, -(-found.time.size // 20_000)
     ratios = np.linspace(0.2, 1.9, 171) * best.tip_speed_ratio
+    power = bem.rotor_coefficients(found.plant.blade, found.plant.polar, ratios).power
     inflow = {
         "time_s": found.time[::thin],
         "speed_m_s": found.speed[::thin],
@@ -246,9 +237,7 @@ def figure_data(found: Findings) -> dict[str, dict]:
         "inflow": inflow,
         "power_curve": {
             "tip_speed_ratio": ratios,
-            "power_coefficient": bem.rotor_coefficients(
-                found.plant.blade, found.plant.polar, ratios
-            ).power,
+            "power_coefficient": power,
             "best": (best.tip_speed_ratio, best.power_coefficient),
             "working": found.working if found.running else None,
         },
@@ -283,8 +272,8 @@ def _blade_data(found: Findings) -> dict:
 def _polar_curves(found: Findings):
     """Yield the different polars, root to tip."""
     groups: dict[tuple[Polar, ...], list[int]] = {}
-    for station in range(found.plant.blade.r.size):
-        groups.setdefault(found.polars_at(station), []).append(station)
+    for station, polars in enumerate(found.polars):
+        groups.setdefault(polars, []).append(station)
     alpha = np.linspace(-40.0, 50.0, 361)
     for tables, where in groups.items():
         label = "all stations" if len(groups) == 1 else found.places(where)
