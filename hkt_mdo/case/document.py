@@ -1,7 +1,4 @@
-"""The case schema for its readers: a JSON schema for editors, a page, and a commented new case.
-
-All three are made of the attribute docstrings of the sections, so that nothing is said twice.
-"""
+"""The docstrings of a case's keys as a JSON schema for editors, a page, and a commented case."""
 
 import textwrap
 from collections.abc import Collection, Iterable, Iterator, Mapping

@@ -331,6 +331,6 @@ def _first_line(kind) -> str:
 
 def _sizes(sizes: dict[str, int]) -> str:
     """Return a total and what it is made of, by the last parts of the names in the problem."""
-    lasts = {name.removesuffix(".value").rpartition(".")[2]: size for name, size in sizes.items()}
-    listed = ", ".join(f"{size} {last}" for last, size in lasts.items())
-    return f"{sum(sizes.values())}: {listed or 'none'}"
+    lasts = (name.removesuffix(".value").rpartition(".")[2] for name in sizes)
+    parts = [f"{size} {last}" for size, last in zip(sizes.values(), lasts, strict=True)]
+    return f"{sum(sizes.values())}: {', '.join(parts) or 'none'}"

@@ -1,8 +1,4 @@
-"""A case's starting blade in its flow, and the size of its optimization.
-
-What is found needs no optimizer: blade element momentum theory, quasi-steady operation, and
-problems of few segments that are built to be counted and timed.
-"""
+"""What is found without an optimizer: the starting blade in its flow, and the problem's size."""
 
 from dataclasses import replace
 from timeit import repeat
