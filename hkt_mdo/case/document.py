@@ -1,12 +1,7 @@
-"""The case schema for its readers: a JSON schema for editors, a page, and a commented new case.
-
-All three are made of the attribute docstrings of the sections, so that nothing is said twice.
-"""
-
-from __future__ import annotations
+"""The docstrings of a case's keys as a JSON schema for editors, a page, and a commented case."""
 
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 import yaml
@@ -18,12 +13,6 @@ from hkt_mdo.files.shipped import POLAR_FAMILIES, shipped_names, shipped_rotor
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import Dumper, parse
 
-_COMMENT_WIDTH = 88
-_EXACT_INTEGERS = 1e7
-
-
-# For editors --------------------------------------------------------------------------------------
-
 
 def case_json_schema(extensions: Iterable[Extension] = ()) -> dict[str, Any]:
     """Return the JSON schema (draft 2020-12) of a case file, as editors show and check it.
@@ -33,7 +22,8 @@ def case_json_schema(extensions: Iterable[Extension] = ()) -> dict[str, Any]:
     title. `extensions` are those of `hkt_mdo.case.load_case`.
     """
     schema = case_class(known_kinds(extensions)).model_json_schema()
-    for section in _sections(schema):
+    for whole in (schema, *schema["$defs"].values()):
+        section = whole.get("anyOf", [whole])[-1]  # a limit may be its bound alone
         for key, value in section["properties"].items():
             if unit := unit_of(value):
                 value["title"] = f"{key} [{unit}]"
@@ -41,25 +31,10 @@ def case_json_schema(extensions: Iterable[Extension] = ()) -> dict[str, Any]:
                 section["required"] = [key, *section.get("required", ())]
                 section["title"] = f"{key}: {value['const']}"
         for described in (section, *section["properties"].values()):
-            if "description" in described:
-                described["description"] = _unwrap(described["description"])
+            if "description" in described:  # a paragraph on one line: editors keep line ends
+                paragraphs = described["description"].split("\n\n")
+                described["description"] = "\n\n".join(" ".join(p.split()) for p in paragraphs)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
-
-
-def _sections(value: Any) -> Iterator[dict[str, Any]]:
-    """Yield every schema within a schema that has properties."""
-    if isinstance(value, dict):
-        if "properties" in value and value.get("type") == "object":
-            yield value
-        value = list(value.values())
-    if isinstance(value, list):
-        for item in value:
-            yield from _sections(item)
-
-
-def _unwrap(docstring: str) -> str:
-    """Return a docstring with each paragraph on one line: editors keep the line ends they get."""
-    return "\n\n".join(" ".join(paragraph.split()) for paragraph in docstring.split("\n\n"))
 
 
 def unit_of(value: Any) -> str:
@@ -69,7 +44,30 @@ def unit_of(value: Any) -> str:
     return next(filter(None, map(unit_of, value)), "") if isinstance(value, list) else ""
 
 
-# As a page ----------------------------------------------------------------------------------------
+def _chapters(schema: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], dict[str, Any]]]:
+    """Yield each key of a case, its schema without references, and the sections by their tag."""
+    for key, value in _inlined(schema["properties"], schema["$defs"]).items():
+        sections = {"": value} if "properties" in value else {}
+        for section in value.get("oneOf", ()):
+            if "properties" in section:  # not a bare name
+                sections[section["title"].partition(": ")[2]] = section
+        yield key, value, sections
+
+
+def _inlined(value: Any, sections: Mapping[str, Any]) -> Any:
+    """Return a schema with sections in place of references, and without the constants of tags."""
+    if isinstance(value, list):
+        return [_inlined(item, sections) for item in value]
+    if not isinstance(value, dict):
+        return value
+    if "$ref" in value:
+        value = value | sections[value["$ref"].rpartition("/")[2]]
+    return {
+        key: _inlined(item, sections)
+        for key, item in value.items()
+        if key != "$ref" and not (isinstance(item, dict) and "const" in item)
+    }
+
 
 _PREFACE = """\
 # The case file
@@ -128,132 +126,87 @@ def case_markdown(extensions: Iterable[Extension] = ()) -> str:
     `hkt_mdo.case.load_case`.
     """
     schema = case_json_schema(extensions)
-    definitions = schema["$defs"]
     contents, blocks = ["## Sections", ""], []
-    for key, value in schema["properties"].items():
-        members = _members(value, definitions)
-        if members:
-            needed = ", required" if key in schema["required"] else ""
-            contents.append(f"- [`{key}`](#{key}){needed}: {_first(value['description'])}")
-            blocks += [f"## {key}", value["description"]]
-            for section in members:
-                blocks += [f"### `{section['title']}`", section["description"]]
-                blocks += _keys(key, section, definitions)
-        elif "$ref" in value:
-            section = _resolve(value, definitions)
-            contents.append(f"- [`{key}`](#{key}): {_first(section['description'])}")
-            blocks += [f"## {key}", section["description"], *_keys(key, section, definitions)]
-        else:
+    for key, value, sections in _chapters(schema):
+        if not sections:
             contents.append(_bullet(key, value))
+            continue
+        needed = ", required" if key in schema["required"] else ""
+        first = value["description"].partition("\n\n")[0]
+        contents.append(f"- [`{key}`](#{key}){needed}: {first}")
+        blocks += [f"## {key}", value["description"]]
+        for tag, section in sections.items():
+            if tag:
+                blocks += [f"### `{section['title']}`", section["description"]]
+            blocks += _keys(key, section)
     parts = (_PREFACE.rstrip(), "\n".join(contents), *blocks, *_shipped(), *_cases())
     return "\n\n".join(parts) + "\n"
 
 
-def _resolve(value: Mapping[str, Any], definitions: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the section that a reference names."""
-    section: dict[str, Any] = definitions[value["$ref"].rpartition("/")[2]]
-    return section
-
-
-def _members(value: Mapping[str, Any], definitions: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the sections that a tag chooses from; a schema may take their bare names as well."""
-    return [_resolve(member, definitions) for member in value.get("oneOf", ()) if "$ref" in member]
-
-
-def _keys(path: str, section: dict[str, Any], definitions: Mapping[str, Any]) -> Iterator[str]:
+def _keys(path: str, section: Mapping[str, Any]) -> Iterator[str]:
     """Yield the list of a section's keys, then the entries of those keys that list sections."""
-    free = {key: value for key, value in section["properties"].items() if "const" not in value}
-    required = section.get("required", ())
-    for value in free.values():
-        if "anyOf" in value:  # a limit: its bound, or a section
-            value["anyOf"] = [
-                _resolve(option, definitions) if "$ref" in option else option
-                for option in value["anyOf"]
-            ]
-    if free:
-        yield "\n".join(_bullet(key, value, key in required) for key, value in free.items())
-    for key, value in free.items():
-        if "$ref" in value.get("items", {}):
-            entry = _resolve(value["items"], definitions)
+    keys, required = section["properties"], section.get("required", ())
+    if keys:
+        yield "\n".join(_bullet(key, value, key in required) for key, value in keys.items())
+    for key, value in keys.items():
+        entry = value.get("items", {})
+        if "properties" in entry:
             yield f"### An entry of `{path}.{key}`"
             yield entry["description"]
-            yield from _keys(f"{path}.{key}", entry, definitions)
+            yield from _keys(f"{path}.{key}", entry)
 
 
-def _bullet(key: str, value: dict[str, Any], required: bool = False) -> str:
+def _bullet(key: str, value: Mapping[str, Any], required: bool = False) -> str:
     default = "Required" if required else f"Default: `{_yaml(value.get('default'))}`"
     text = value.get("description", "").replace("\n\n", "\n\n  ")
-    kind = _kind(value)
-    return f"- **`{key}`**: {kind}. {default}.\n  {text}"
+    return f"- **`{key}`**: {_kind(value)}. {default}.\n  {text}"
 
 
-def _kind(value: dict[str, Any]) -> str:
+def _kind(value: Mapping[str, Any]) -> str:
     """Return in words what values a key takes: type, unit, range, choices."""
     if "anyOf" in value:
         return "; or ".join(_kind(option) for option in value["anyOf"])
+    if "discriminator" in value:
+        return f"section with its `{value['discriminator']['propertyName']}`"
     if "enum" in value:
         names = [str(choice) for choice in value["enum"]]
         # the same in small letters is allowed, and goes without saying
         names = [name for name in names if not (name.islower() and name.upper() in names)]
         return f"one of {_code(names)}"
     if value["type"] == "array":
-        return _list_kind(value)
+        kinds = dict.fromkeys(map(_kind, value.get("prefixItems") or [value["items"]]))
+        ends = dict.fromkeys((value.get("minItems", 0), value.get("maxItems", "any number")))
+        return f"list of {' to '.join(map(str, ends))}: {'; '.join(kinds)}"
     if value["type"] == "object":
         return f"section of {_code(value['properties'])}"
     unit = f" in {value['unit']}" if "unit" in value else ""
     words = {"null": "null", "string": "text", "integer": "whole number"}
     kind = f"number{unit}" if "number" in value["type"] else words[value["type"]]
-    return ", ".join(filter(None, (kind, _range(value))))
-
-
-def _list_kind(value: dict[str, Any]) -> str:
-    if "prefixItems" in value:
-        kinds = [_kind(item) for item in value["prefixItems"]]
-        if len(set(kinds)) == 1:
-            return f"list of {len(kinds)}, each a {kinds[0]}"
-        return f"list of {len(kinds)}: {'; '.join(f'a {kind}' for kind in kinds)}"
-    least, most = value.get("minItems", 0), value.get("maxItems")
-    count = f"{least} to {most}" if least and most else f"up to {most}" if most else "any length"
-    items = value["items"]
-    if "discriminator" in items:
-        return f"list of {count} sections, each with its `{items['discriminator']['propertyName']}`"
-    if "$ref" in items:
-        return f"list of {count} entries"
-    return f"list of {count}, each a {_kind(items)}"
-
-
-def _range(value: dict[str, Any]) -> str:
-    low, above = value.get("minimum"), value.get("exclusiveMinimum")
-    high, below = value.get("maximum"), value.get("exclusiveMaximum")
-    if low is not None and high is not None:
-        return f"{_number(low)} to {_number(high)}"
-    bounds = {"at least": low, "greater than": above, "at most": high, "less than": below}
-    given = [f"{words} {_number(bound)}" for words, bound in bounds.items() if bound is not None]
-    return " and ".join(given)
-
-
-def _number(value: float) -> str:
-    exact = value == int(value) and abs(value) < _EXACT_INTEGERS
-    return str(int(value)) if exact else f"{value:g}"
+    bounds = {
+        "at least": "minimum",
+        "greater than": "exclusiveMinimum",
+        "at most": "maximum",
+        "less than": "exclusiveMaximum",
+    }
+    given = [f"{words} {_yaml(value[key])}" for words, key in bounds.items() if key in value]
+    return ", ".join(filter(None, (kind, " and ".join(given))))
 
 
 def _yaml(value: object) -> str:
     """Return a value as a case has it, on one line."""
     if isinstance(value, float):
-        return _number(value)
-    if isinstance(value, list):
+        return f"{value:.7g}"
+    if isinstance(value, list | tuple):
         return f"[{', '.join(map(_yaml, value))}]"
     text: str = yaml.dump([value], Dumper=Dumper, default_flow_style=True, width=10_000)
     return text.strip()[1:-1]
 
 
-def _first(text: str) -> str:
-    return text.partition("\n\n")[0]
-
-
-def _table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join(f"| {' | '.join(map(str, cells))} |" for cells in lines)
+def _table(*rows: Iterable[str]) -> Iterator[str]:
+    """Yield the table of some rows, the first of which is its header."""
+    lines = [f"| {' | '.join(cells)} |" for cells in rows]
+    rule = f"| {' | '.join(['---'] * (lines[0].count('|') - 1))} |"
+    yield "\n".join((lines[0], rule, *lines[1:]))
 
 
 def _code(names: Iterable[str]) -> str:
@@ -267,91 +220,68 @@ def _shipped() -> Iterator[str]:
         "`rotor.blade`: a shipped blade fills in these keys of `rotor` where they are not given. "
         "Sources are in [hkt_mdo/files/data/README.md](../hkt_mdo/files/data/README.md)."
     )
-    names = shipped_names("blade")
-    brought = {name: shipped_rotor(name) for name in names}
+    brought = {name: shipped_rotor(name) for name in shipped_names("blade")}
     keys = list(dict.fromkeys(key for own in brought.values() for key in own))
-    rows = (
-        [f"`{name}`", *(_yaml(_plain(own[key])) if key in own else "" for key in keys)]
-        for name, own in brought.items()
+    yield from _table(
+        map("`{}`".format, ["blade", *keys]),
+        *(
+            [f"`{name}`", *(_yaml(own[key]) if key in own else "" for key in keys)]
+            for name, own in brought.items()
+        ),
     )
-    yield _table(["`blade`", *(f"`{key}`" for key in keys)], rows)
     yield (
         "`rotor.polar`: the name of a section stands for its polars at several Reynolds numbers, "
         "as `rotor.reynolds: local` needs them."
     )
-    alone = [n for n in shipped_names("polar") if not any(n in p for p in POLAR_FAMILIES.values())]
-    families = [(f"`{name}`", _code(polars)) for name, polars in POLAR_FAMILIES.items()]
-    yield _table(["section", "its polars"], [*families, *((f"`{n}`", "all angles") for n in alone)])
+    families = {f"`{name}`": _code(polars) for name, polars in POLAR_FAMILIES.items()}
+    grouped = {name for polars in POLAR_FAMILIES.values() for name in polars}
+    alone = [f"`{name}`" for name in shipped_names("polar") if name not in grouped]
+    families |= dict.fromkeys(alone, "all angles")
+    yield from _table(["section", "its polars"], *families.items())
     yield f"`rotor.outline`: {_code(shipped_names('outline'))}."
-
-
-def _plain(value: object) -> object:
-    """Return tuples as lists."""
-    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def _cases() -> Iterator[str]:
     """Yield the table of the shipped case files, where they are there."""
-    folder = shipped_cases()
-    files = [*sorted(folder.glob("*.yaml")), *sorted(folder.glob("*/*.yaml"))]
-    if not files:
-        return
-    yield "## Shipped cases"
-    rows = []
-    for file in files:
+    folder, rows = shipped_cases(), []
+    for file in (*sorted(folder.glob("*.yaml")), *sorted(folder.glob("*/*.yaml"))):
         text = read_text(file, "case file in YAML")
         data = parse(text, str(file))
         remarks = (line.lstrip("# ") for line in text.splitlines() if line.startswith("#"))
         first = next((line for line in remarks if not line.startswith("yaml-language-server")), "")
-        rows.append(
-            (
-                f"[{file.stem}](../cases/{file.relative_to(folder).as_posix()})",
-                data["inflow"]["profile"],
-                data["control"]["law"],
-                first.replace("|", "\\|"),
-            )
-        )
-    yield _table(["case", "`inflow.profile`", "`control.law`", "what"], rows)
+        link = f"[{file.stem}](../cases/{file.relative_to(folder).as_posix()})"
+        kinds = data["inflow"]["profile"], data["control"]["law"]
+        rows.append((link, *kinds, first.replace("|", "\\|")))
+    if rows:
+        yield "## Shipped cases"
+        yield from _table(["case", "`inflow.profile`", "`control.law`", "what"], *rows)
 
 
-# As a case to begin from --------------------------------------------------------------------------
-
-
-def commented_case(
-    values: Mapping[str, Mapping[str, Any]], usual: Mapping[str, Sequence[str]]
-) -> str:
+def commented_case(values: Mapping[str, Mapping[str, Any]], usual: Collection[str]) -> str:
     """Return a case in YAML that explains itself: each key below its docstring, type and range.
 
     `values` is what differs from the defaults, by section and key, with the tags of `inflow` and
-    `control`; `usual` names the keys of each section that are shown, in this order, one with a
-    default among them; of a section that it does not name, all are. A key that has neither a value
-    nor a default stands as a comment.
+    `control`; besides them the keys that `usual` names are shown, in this order. A key that has
+    neither a value nor a default stands as a comment.
     """
-    schema = case_json_schema()
     blocks = []
-    for name, part in schema["properties"].items():
-        given, first, about = values.get(name, {}), [], part.get("description", "")
+    for name, part, sections in _chapters(case_json_schema()):
+        given, lines, about = values.get(name, {}), [], part.get("description", "")
+        section = sections.get("", {"properties": {}})
         if "oneOf" in part:
             tag = part["discriminator"]["propertyName"]
-            members = _members(part, schema["$defs"])
-            sections = {member["properties"][tag]["const"]: member for member in members}
             chosen = (part.get("default", {}) | given)[tag]
             section, about = sections[chosen], f"{about} Choices: {', '.join(sections)}."
-            first = [f"{_comment(section['description'], '  ')}\n  {tag}: {chosen}"]
-        elif "$ref" in part:
-            section = _resolve(part, schema["$defs"])
-            about = section["description"]
-        else:
-            continue  # the name is the file's
-        keys = {key: value for key, value in section["properties"].items() if "const" not in value}
-        wanted = dict.fromkeys((*usual.get(name, keys), *given))
-        lines = [*first, *(_commented(key, keys[key], given) for key in wanted if key in keys)]
+            lines = [f"{_comment(section['description'], '  ')}\n  {tag}: {chosen}"]
+        for key in dict.fromkeys((*usual, *given)):
+            if key in section["properties"]:
+                lines.append(_commented(key, section["properties"][key], given))
         if lines:
             blocks.append("\n".join((_comment(about), f"{name}:", "\n\n".join(lines), "")))
     return "\n\n".join(blocks)
 
 
-def _commented(key: str, value: dict[str, Any], given: Mapping[str, Any]) -> str:
+def _commented(key: str, value: Mapping[str, Any], given: Mapping[str, Any]) -> str:
     """Return a key with its value or default, below its docstring; a comment if it has neither."""
     default = value.get("default")
     mark = "" if key in given or default not in (None, []) else "# "
@@ -364,14 +294,5 @@ def _commented(key: str, value: dict[str, Any], given: Mapping[str, Any]) -> str
 def _comment(text: str, indent: str = "") -> str:
     """Return a text of paragraphs as a comment."""
     mark = f"{indent}# "
-    return "\n".join(
-        textwrap.fill(
-            paragraph,
-            _COMMENT_WIDTH,
-            initial_indent=mark,
-            subsequent_indent=mark,
-            break_long_words=False,
-            break_on_hyphens=False,
-        )
-        for paragraph in text.split("\n\n")
-    )
+    lines = textwrap.TextWrapper(88, mark, mark, break_long_words=False, break_on_hyphens=False)
+    return "\n".join(map(lines.fill, text.split("\n\n")))

@@ -130,10 +130,12 @@ def number_columns(
         if name in names:
             shown = [cells[names.index(name)].strip() for _, cells in rows]
             keys = [f"line {line}, column {name}" for line, _ in rows]
-            numbers = np.array([parse(cell) for cell in shown], dtype=float)  # None is NaN
-            column = columns[name] = Column(name, numbers, keys, shown, file)
+            numbers = [parse(cell) for cell in shown]
+            wrong = np.array([number is None for number in numbers], dtype=bool)
+            values = np.array(numbers, dtype=float)
+            column = columns[name] = Column(name, values, keys, shown, file)
             plain = "write it with a decimal point, without a unit"
-            column.refuse(np.isnan(numbers), "must be a finite number", plain)
+            column.refuse(wrong, "must be a finite number", plain)
     return columns
 
 

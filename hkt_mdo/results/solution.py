@@ -8,7 +8,6 @@ from __future__ import annotations
 import html
 import importlib
 import os.path
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,12 +19,10 @@ from hkt_mdo.case import Case, load_case
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.dynamics.trajectory import COLUMNS, QUANTITIES
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import Csv, line_error, read_bytes, read_text
+from hkt_mdo.files.table import Csv, number_columns, parse_number, read_bytes, read_text
 from hkt_mdo.results.summary import BLADE, Summary, printable
 
 __all__ = ["TABLES", "Solution"]
-
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*([eE][-+]?\d+)?|nan|inf)", re.ASCII)
 
 MAX_BYTES, MAX_CSV_BYTES = 16 * 1024**2, 64 * 1024**2
 """Largest summary and largest table that are read."""
@@ -179,17 +176,20 @@ def _read_csv(path: Path, columns: tuple[str, ...]) -> dict[str, np.ndarray]:
     if not path.exists():
         return {}
     text = read_text(path, "table of a result", MAX_CSV_BYTES)
-    if not text.strip():
-        return {}
-    table, rows = Csv(text, path, f"{','.join(columns)}"), []
+    table = Csv(text, path, ",".join(columns))
+    rows = list(table)
     for name in columns:
         if name not in table.header:
             raise table.refuse(f"lacks the column {name}", "run the case again")
-    for line, cells in table:
-        if not all(map(_NUMBER.fullmatch, cells)):
-            remedy = "delete the file, or run the case again"
-            raise line_error(path, line, "must hold numbers alone", remedy, value=",".join(cells))
-        rows.append(list(map(float, cells)))
-    values = np.array(rows).T
-    values.flags.writeable = False
-    return {name: values[table.place(name)] for name in columns} if rows else {}
+        table.place(name)
+    if not rows:
+        return {}
+    found = number_columns(rows, table.header, path, columns, parse=_any_number)
+    for column in found.values():
+        column.values.flags.writeable = False
+    return {name: column.values for name, column in found.items()}
+
+
+def _any_number(text: str) -> float | None:
+    """Return a number, which may be what an optimizer met: nan, inf or -inf."""
+    return float(text) if text in ("nan", "inf", "-inf") else parse_number(text)
