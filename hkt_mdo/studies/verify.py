@@ -17,21 +17,26 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
 from hkt_mdo.case import Case
-from hkt_mdo.dynamics.simulation import simulate
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.shipped import POLAR_FAMILIES
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.folder import write_text
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.run.batch import run_batch
-from hkt_mdo.studies.common import CODESIGN, case_file, markdown_table, percent, with_blade
+from hkt_mdo.studies.common import (
+    CODESIGN,
+    LAWS,
+    case_file,
+    markdown_table,
+    percent,
+    with_blade,
+)
 from hkt_mdo.studies.fuzz import fuzz
 from hkt_mdo.studies.uncertainty import Design
 
 OPTIMIZERS = ("IPOPT", "SLSQP")
-LAWS = {"open_loop": "oloc", "linear": "linear", "quadratic": "quadratic"}
-POLARS = tuple(f"naca63815_Re{re}" for re in ("1e5", "2e5", "3e5", "5e5", "1e6", "2e6"))
+POLARS = tuple(POLAR_FAMILIES["naca63815"])
 FREQUENCIES = ((0.05, 60), (0.1, 60), (0.5, 60), (1.0, 80), (2.0, 160))  # rad/s, segments
 PEAK_TORQUE_COEFFICIENT = 0.065  # of a good rotor: Cp 0.47 at a tip speed ratio of 7.2
 FALSE_SUCCESS = 5e-4  # a success whose energy is this fraction below the best of its case is false
@@ -53,10 +58,6 @@ class Study:
     seed: int
     jobs: int | None
     done: Done
-
-    def case(self, name: str, overrides: list[str]) -> Case:
-        """Return a case file with overrides."""
-        return case_file(self.cases, name, overrides)
 
     def run(self, cases: Mapping[str, Case]) -> dict[str, Solution | None]:
         """Run cases by the name of the run; None where a case could not be run at all."""
@@ -121,7 +122,7 @@ def single_changes() -> dict[str, list[str]]:
 
 
 def random_change(rng: np.random.Generator, law: str) -> list[str]:
-    """Return overrides that change everything at once, within the range of the sweep.
+    """Return overrides that change everything but the law at once, within the sweep's range.
 
     The torque limit is 0.4 to 1.5 times the largest torque of a good rotor without a limit.
     """
@@ -135,7 +136,7 @@ def random_change(rng: np.random.Generator, law: str) -> list[str]:
     torque = PEAK_TORQUE_COEFFICIENT * torque_scale(density, radius, mean + amplitude)
     torque *= rng.uniform(0.4, 1.5)
     return [
-        f"control={{law: {law}, torque_limit: {torque:.6g}}}",
+        f"control={{law: {law.replace('oloc', 'open_loop')}, torque_limit: {torque:.6g}}}",
         f"inflow.mean={mean:.6g}",
         f"inflow.amplitude={amplitude:.6g}",
         f"inflow.angular_frequency={frequency:.6g}",
@@ -158,58 +159,58 @@ def _starts(study, method):
     for place, name in enumerate(CODESIGN):
         for optimizer in OPTIMIZERS:
             settings = [f"driver.optimizer={optimizer}", f"start.method={method}"]
-            case = study.case(name, settings)
+            case = case_file(study.cases, name, settings)
             for i in range(study.count):
-                rng = np.random.default_rng([study.seed, place, i])
-                plan[f"{method}/{optimizer}/{name}/{i:03d}"] = random_start(case, rng)
-    problems = {run: run.split("/")[2] for run in plan}
-    return _run_and_tell(study, plan, problems, problems)
+                start = random_start(case, np.random.default_rng([study.seed, place, i]))
+                plan[f"{method}/{optimizer}/{name}/{i:03d}"] = start, name, name
+    return _run_and_tell(study, plan)
 
 
 def _sweep(study):
     """Run cases with one factor changed at a time, then `study.count` random mixtures."""
     changed = {
-        f"{change}_{LAWS[law]}": (f"sine_limited_{LAWS[law]}", overrides)
+        f"{change}_{law}": (f"sine_limited_{law}", overrides)
         for change, overrides in single_changes().items()
         for law in LAWS
     }
     for i in range(study.count):
-        law = tuple(LAWS)[i % len(LAWS)]
-        overrides = random_change(np.random.default_rng([study.seed, i]), law)
-        changed[f"random{i:03d}_{LAWS[law]}"] = "sine_oloc", overrides
-    plan, problems, groups = {}, {}, {}
+        law, rng = LAWS[i % len(LAWS)], np.random.default_rng([study.seed, i])
+        changed[f"random{i:03d}_{law}"] = "sine_oloc", random_change(rng, law)
+    plan = {}
     for name, (base, overrides) in changed.items():
         for optimizer in OPTIMIZERS:
-            run = f"sweep/{optimizer}/{name}"
             settings = [*overrides, f"driver.optimizer={optimizer}", f"name={name}"]
-            plan[run] = study.case(base, settings)
-            problems[run] = f"sweep {name}"
-            groups[run] = name.partition("_")[0].rstrip("0123456789")
-    return _run_and_tell(study, plan, problems, groups)
+            group = name.partition("_")[0].rstrip("0123456789")
+            case = case_file(study.cases, base, settings)
+            plan[f"sweep/{optimizer}/{name}"] = case, f"sweep {name}", group
+    return _run_and_tell(study, plan)
 
 
-def _run_and_tell(study, plan, problems, groups):
+def _run_and_tell(study, plan):
     """Run cases and return a table of their successes by group and optimizer, and the failures.
 
-    `problems` and `groups` give each run's problem, whose best energy counts, and its line.
+    The plan holds, by the name of the run (PART/OPTIMIZER/...), its case, its problem, whose best
+    energy counts, and its group.
     """
-    found = study.run(plan)
-    below = study.shortfalls(found, problems)
-
-    def line(title, optimizer, runs):
-        good = [run for run in runs if run in below]
-        false = sum(below[run] > FALSE_SUCCESS for run in good)
-        success = f"{len(good)}/{len(runs)}, {100.0 * len(good) / len(runs):.1f} %"
-        furthest = f"{100.0 * max(below[run] for run in good):.5f}" if good else "-"
-        iterations = [found[run].summary["iterations"] for run in good]
-        most = f"{np.median(iterations):.0f} ({max(iterations)})" if good else "-"
-        return [title, optimizer, success, furthest, most, str(false)]
-
+    found = study.run({run: case for run, (case, *_) in plan.items()})
+    below = study.shortfalls(found, {run: problem for run, (_, problem, _) in plan.items()})
     rows = []
-    for group in [*dict.fromkeys(groups.values()), None]:
+    for group in [*dict.fromkeys(group for *_, group in plan.values()), None]:
         for optimizer in OPTIMIZERS:
-            runs = [run for run in plan if f"/{optimizer}/" in run and group in (groups[run], None)]
-            rows.append(line(group or "**all**", optimizer, runs))
+            runs = [run for run, (*_, own) in plan.items() if group in (own, None)]
+            runs = [run for run in runs if f"/{optimizer}/" in run]
+            good = [run for run in runs if run in below]
+            iterations = [found[run].summary["iterations"] for run in good]
+            rows.append(
+                [
+                    group or "**all**",
+                    optimizer,
+                    f"{len(good)}/{len(runs)}, {100.0 * len(good) / len(runs):.1f} %",
+                    f"{100.0 * max(below[run] for run in good):.5f}" if good else "-",
+                    f"{np.median(iterations):.0f} ({max(iterations)})" if good else "-",
+                    str(sum(below[run] > FALSE_SUCCESS for run in good)),
+                ]
+            )
     header = ("", "optimizer", "success", "furthest below best (%)", "iterations, median (largest)")
     return [*markdown_table((*header, "false successes"), rows), "", *_failures(found)]
 
@@ -218,26 +219,31 @@ def _against_physics(study):
     """Hold optima to stationarity, energy balance, refinement and another transcription."""
     found = study.run(
         {
-            f"physics/{variant}/{name}": study.case(name, overrides)
+            f"physics/{variant}/{name}": case_file(study.cases, name, overrides)
             for name in CODESIGN
             for variant, overrides in _variants(name).items()
         }
     )
-    open_loop = {}
-    for name in CODESIGN:  # the open loop answers a changed blade by a control of its own
-        if name.endswith("oloc"):
-            solution = found[f"physics/shipped/{name}"]
-            for key, chord, twist, _ in _perturbations(Design.of(solution)):
-                changed = with_blade(solution.case, chord, np.rad2deg(twist), "fixed")
-                open_loop[f"physics/perturbed/{name}/{key}"] = changed
-    found |= study.run(open_loop)
     rows = []
     for name in CODESIGN:
         solution = found[f"physics/shipped/{name}"]
         design = Design.of(solution)
-        coarse = _fly(design, *_design_point(design)).energy
-        fine = _fly(design, *_design_point(design), tolerance=1e-11, refined=4).energy
-        risen = _rises(name, design, coarse, found)
+        coarse, fine = _fly(design).energy, _fly(design, tolerance=1e-11, refined=4).energy
+        if design.law is None:  # the open loop answers a changed blade by a control of its own
+            plan = {}
+            for key, each in _perturbed(design):
+                chord, twist = each.plant.blade.chord, np.rad2deg(each.plant.blade.twist)
+                changed = with_blade(solution.case, chord, twist, "fixed")
+                plan[f"physics/perturbed/{name}/{key}"] = changed
+            solved = study.run(plan)
+            found |= solved
+            risen = {
+                run.rpartition("/")[2]: _energy(each) / _energy(solution) - 1.0
+                for run, each in solved.items()
+                if each and each.success
+            }
+        else:
+            risen = {key: _fly(each).energy / coarse - 1.0 for key, each in _perturbed(design)}
         worst = max(risen, key=risen.get)
         changes = {}
         for variant in _variants(name):
@@ -274,70 +280,38 @@ def _variants(name):
     }
 
 
-def _rises(name, design, reference, found):
-    """Return by which fraction each perturbed design captures more than the optimum."""
-    if design.law is None:
-        best = _energy(design.solution)
-        return {
-            run.rpartition("/")[2]: _energy(other) / best - 1.0
-            for run, other in found.items()
-            if run.startswith(f"physics/perturbed/{name}/") and other and other.success
-        }
-    return {
-        key: _fly(design, chord, twist, gains).energy / reference - 1.0
-        for key, chord, twist, gains in _perturbations(design)
+def _perturbed(design):
+    """Yield name and design for each design variable a little up and down, within its bounds."""
+    blade, limits = design.plant.blade, design.physics.shape
+    variables = {
+        "chord": (blade.chord, 0.01 * blade.chord, limits.chord_bounds),
+        "twist": (blade.twist, np.full(blade.r.size, np.deg2rad(0.1)), limits.twist_bounds),
+        "gain": (design.gains, 0.01 * design.gains, (-np.inf, np.inf)),
     }
-
-
-def _design_point(design):
-    """Return chord (m), twist (rad) and gains of a design."""
-    return design.plant.blade.chord, design.plant.blade.twist, design.gains
-
-
-def _perturbations(design):
-    """Yield (name, chord, twist, gains) for each design variable a little up and down."""
-    chord, twist, gains = _design_point(design)
-    limits = design.solution.case.design
     for sign in (1.0, -1.0):
-        for i in range(chord.size):
-            step = np.arange(chord.size) == i
-            changed = chord * (1.0 + 0.01 * sign * step)
-            if limits.chord_bounds[0] <= changed[i] <= limits.chord_bounds[1]:
-                yield f"chord{sign:+.0f}_{i}", changed, twist, gains
-            changed = twist + np.deg2rad(0.1) * sign * step
-            if limits.twist_bounds[0] <= np.rad2deg(changed[i]) <= limits.twist_bounds[1]:
-                yield f"twist{sign:+.0f}_{i}", chord, changed, gains
-        for i in range(gains.size):
-            step = np.arange(gains.size) == i
-            yield f"gain{sign:+.0f}_{i}", chord, twist, gains * (1.0 + 0.01 * sign * step)
+        for name, (value, step, (low, high)) in variables.items():
+            for i in range(value.size):
+                changed = value + sign * step * (np.arange(value.size) == i)
+                if low <= changed[i] <= high:
+                    x = {key: each for key, (each, *_) in variables.items()} | {name: changed}
+                    shape = blade.with_shape(x["chord"], x["twist"])
+                    inertia = design.physics.mass_and_inertia(shape)[1]
+                    plant = replace(design.plant, blade=shape, inertia=inertia)
+                    yield f"{name}{sign:+.0f}_{i}", replace(design, plant=plant, gains=x["gain"])
 
 
-def _fly(design, chord, twist, gains, tolerance=1e-9, refined=1):
-    """Integrate a design with another blade and gains; feedback starts from its equilibrium.
-
-    `refined` tells how many times the longest step fits into a segment.
-    """
-    case, plant = design.solution.case, design.plant
-    blade = plant.blade.with_shape(chord, twist)
-    changed, given = (mass_and_inertia(each, 1.0, 1.0)[1] for each in (blade, plant.blade))
-    hub = case.rotor.hub_inertia
-    plant = replace(plant, blade=blade, inertia=hub + (plant.inertia - hub) * changed / given)
-    speed, controller = design.initial_speed(design.inflow), None
-    if design.law is None:
-        controller = design.recorded_torque
-    else:
-        flow = np.array([design.inflow.speed_at(0.0)])
-
-        def controller(_, speed):
-            return design.law.torque(speed, gains)
+def _fly(design, **accuracy):
+    """Integrate a design in its own flow; feedback starts from its equilibrium."""
+    inflow, speed = design.inflow, design.initial_speed(design.inflow)
+    if design.law is not None:
+        flow = np.array([inflow.speed_at(0.0)])
 
         def excess(w):
-            return float(plant.torque(np.array([w]), flow)[0] - controller(0.0, w))
+            driving = design.plant.torque(np.array([w]), flow)[0]
+            return float(driving - design.law.torque(w, design.gains))
 
         speed = brentq(excess, 0.95 * speed, 1.05 * speed, xtol=1e-12)
-    duration = case.phase.duration
-    longest = duration / case.phase.segments / refined
-    return simulate(plant, design.inflow, controller, speed, duration, 2, longest, tolerance)
+    return design.fly(inflow, speed, **accuracy)
 
 
 def _failures(found):
