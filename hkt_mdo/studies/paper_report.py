@@ -5,6 +5,7 @@ import json
 import platform
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
@@ -18,7 +19,6 @@ from markdown_it import MarkdownIt
 from hkt_mdo.files.shipped import data_path
 from hkt_mdo.results import plots, style
 from hkt_mdo.results.folder import write_text
-from hkt_mdo.results.solution import Solution
 from hkt_mdo.studies.common import LAWS, SCENARIOS, markdown_table, percent
 from hkt_mdo.studies.uncertainty import REFERENCES, Sensor
 
@@ -34,7 +34,14 @@ LABELS = {
     "linear": "linear feedback",
     "quadratic": "quadratic feedback",
     "baseline_oloc": "baseline with OLOC",
+    "oloc_redesigned": "OLOC redesigned",
 }
+TITLES = {
+    "step": "Table II: step flow, no torque limit",
+    "sine": "Table III: sine flow, no torque limit",
+    "sine_limited": "Table IV: sine flow, torque limit 700 N m",
+}
+FIGURES = (3,), (4, 5, 6), (7, 8, 9)  # of each of these tables
 TITLE = "Amini et al. (ACC 2023), reproduced"
 
 
@@ -43,12 +50,7 @@ def ensemble_key(law: str, flow: str, sensor: Sensor | None = DEFAULT) -> str:
     return f"{law}_{flow}_" + (f"{sensor.reference}_{sensor.rate:g}Hz" if sensor else "quiet")
 
 
-def write_report(
-    solutions: dict[str, Solution],
-    ensembles: dict[str, dict],
-    out: Path,
-    report: Callable[[str], None],
-) -> dict:
+def write_report(solutions: dict, ensembles: dict, out: Path, report: Callable) -> dict:
     """Write paper.json, report.md, report.html and the figures; return what paper.json holds.
 
     The solutions are those of the ten shipped cases, of sequential design
@@ -67,17 +69,12 @@ def write_report(
         "sensor": _sensor(ensembles),
         "sequential": _sequential(solutions),
     }
-    lost = sum(not solution.success for solution in solutions.values())
-    data["checks"] = [
-        {
-            "statement": statement,
-            "value": value,
-            "low": low,
-            "high": high,
-            "passed": value is not None and low <= value <= high,
-        }
-        for statement, value, low, high in (*_checks(data), ("runs without success", lost, 0, 0))
-    ]
+    lost, names = sum(not each.success for each in solutions.values()), "statement value low high"
+    checks = (*_checks(data), ("runs without success", lost, 0, 0))
+    data["checks"] = [dict(zip(names.split(), check, strict=True)) for check in checks]
+    for check in data["checks"]:
+        value = check["value"]
+        check["passed"] = value is not None and check["low"] <= value <= check["high"]
     figures, shown = {}, {}
     for number, (caption, figure) in enumerate(_figures(solutions, ensembles).items(), 3):
         name, caption = f"figure_{number:02d}", f"Fig. {number}. {caption}"
@@ -90,9 +87,6 @@ def write_report(
     write_text(out / "report.md", text)
     write_text(out / "report.html", _page(text, out))
     return data
-
-
-# Numbers ------------------------------------------------------------------------------------------
 
 
 def _energy(solutions, name):
@@ -120,16 +114,15 @@ def _scenario(solutions, scenario, reported):
 
 def _uncertain(solutions, ensembles, flow, printed):
     """Return a flow's rows of Table V under the default sensor."""
-    redesigned, rows = solutions[f"redesigned_{flow}"], {}
-    for law in LAWS:
-        quiet = ensembles[ensemble_key(law, flow, None)]
-        keys, found = ("energy_J", "stopped_at_s"), quiet
-        if law in FEEDBACK:
-            keys = ("energy_J", "spread_J", "worst_J", "stalled", "repeats")
-            found = ensembles[ensemble_key(law, flow)]
-        rows[law] = {key: found[key] for key in keys}
-        if law in FEEDBACK:
-            rows[law]["quiet_energy_J"] = quiet["energy_J"]
+    keys = ("energy_J", "spread_J", "worst_J", "stalled", "repeats")
+    replay, redesigned = (
+        ensembles[ensemble_key("oloc", flow, None)],
+        solutions[f"redesigned_{flow}"],
+    )
+    rows = {"oloc": {key: replay[key] for key in ("energy_J", "stopped_at_s")}}
+    for law in FEEDBACK:
+        noisy, quiet = ensembles[ensemble_key(law, flow)], ensembles[ensemble_key(law, flow, None)]
+        rows[law] = {key: noisy[key] for key in keys} | {"quiet_energy_J": quiet["energy_J"]}
     ceiling = redesigned.summary.simulated_energy_J
     rows["oloc_redesigned"] = {"energy_J": ceiling, "success": redesigned.success}
     for name, row in rows.items():
@@ -202,81 +195,54 @@ def _checks(data):
         yield f"{scenario}: co-design over sequential design (OLOC), %", gained, low, high
 
 
-# Figures ------------------------------------------------------------------------------------------
-
-
 def _figures(solutions, ensembles):
     """Return Figs. 3 to 12 by their captions."""
 
     def three(scenario):
         return [_named(solutions[f"{scenario}_{law}"], LABELS[law]) for law in LAWS]
 
-    panels = plots.plot_rotor_speed, plots.plot_control_torque, plots.plot_hydrodynamic_torque
-    figures = {"Step flow: control torque and rotor speed": _stack(three("step"), panels[1::-1])}
+    def stack(lines, *names):
+        panels = [partial(getattr(plots, f"plot_{name}"), lines) for name in names]
+        return style.figure_of(6.4, 2.1 * len(panels) + 0.4, panels)
+
+    step = stack(three("step"), "control_torque", "rotor_speed")
+    figures = {"Step flow: control torque and rotor speed": step}
     baseline = _named(solutions["sine_baseline_oloc"], "baseline (Bahaj)")
-    for scenario, words in (("sine", "no torque limit"), ("sine_limited", "torque limit 700 N m")):
-        curves, over_time = three(scenario), "control and hydrodynamic torque"
-        for what, figure in (
-            ("twist and chord", plots.blade_figure([*curves, baseline])),
-            ("power coefficient over tip speed ratio", plots.power_curve_figure(curves)),
-            (f"rotor speed, tip speed ratio, {over_time}", plots.operation_figure(curves)),
-        ):
-            figures[f"Sine flow, {words}: {what}"] = figure
+    for scenario in ("sine", "sine_limited"):
+        curves, flow = three(scenario), TITLES[scenario].partition(": ")[2]
+        over_time = "Rotor speed, tip speed ratio, control and hydrodynamic torque"
+        figures |= {
+            f"Twist and chord: {flow}": plots.blade_figure([*curves, baseline]),
+            f"Power coefficient over tip speed ratio: {flow}": plots.power_curve_figure(curves),
+            f"{over_time}: {flow}": plots.operation_figure(curves),
+        }
     for flow in FLOWS:
         replay = ensembles[ensemble_key("oloc", flow, None)]
+        series, stopped = replay["series"], replay["stopped_at_s"]
         caption = f"Flow {flow}: rotor speed, control torque, hydrodynamic torque"
-        series = replay["series"]
-        if replay["stopped_at_s"] is not None:
-            # an empty line keeps the line styles of the other controllers as they are
-            series, stopped = {}, replay["stopped_at_s"]
+        if stopped is not None:
             caption += f" (the replayed OLOC stops at {stopped:.1f} s and is not shown)"
+            series = {}  # an empty line keeps the line styles of the other controllers as they are
         lines = [_named(solutions["sine_limited_oloc"], "OLOC replayed", series)]
         for law in FEEDBACK:
             series = ensembles[ensemble_key(law, flow)]["series"]
             lines.append(_named(solutions[f"sine_limited_{law}"], LABELS[law], series))
         lines.append(_named(solutions[f"redesigned_{flow}"], "OLOC redesigned"))
-        figures[caption] = _stack(lines, panels)
+        figures[caption] = stack(lines, "rotor_speed", "control_torque", "hydrodynamic_torque")
     return figures
 
 
 def _named(solution, name, series=None):
     """Return a solution under a legend's name, with another run's time series if given."""
-    flown = {}
-    if series is not None:
-        columns = {key: np.array(values) for key, values in series.items()}
-        flown = {"simulation": columns, "trajectory": {}}
-    case = solution.case.model_copy(update={"name": name})
     no_start = dict.fromkeys(("start_chord_m", "start_twist_deg"))
-    return replace(
-        solution, case=case, summary=solution.summary.model_copy(update=no_start), **flown
+    summary = solution.summary.model_copy(update=no_start)
+    renamed = replace(
+        solution, case=solution.case.model_copy(update={"name": name}), summary=summary
     )
-
-
-def _stack(solutions, panels):
-    """Return a figure of panels above each other with one legend and one time axis."""
-    drawn = [partial(plot, solutions) for plot in panels]
-    return style.figure_of(6.4, 2.1 * len(panels) + 0.4, drawn)
-
-
-# Text ---------------------------------------------------------------------------------------------
-
-
-def _section(title, header, cells, rows, text="", figures=()):
-    """Yield a section in Markdown: its text, a table from a template of its rows, and figures."""
-    yield f"## {title}"
-    if text:
-        yield text
-    filled = [[_filled(cell, row) for cell in cells.split(" | ")] for row in rows]
-    yield "\n".join(markdown_table(header.split(" | "), filled))
-    yield from figures
-
-
-def _filled(template, row):
-    """Return a template with a row's values; a dash where a value is missing (None)."""
-    try:
-        return template.format(**row)
-    except TypeError:  # None takes no number format
-        return "–"
+    if series is None:
+        return renamed
+    columns = {key: np.array(values) for key, values in series.items()}
+    return replace(renamed, simulation=columns, trajectory={})
 
 
 def _blocks(data, figures):
@@ -284,46 +250,45 @@ def _blocks(data, figures):
     passed = sum(check["passed"] for check in data["checks"])
     yield f"# {TITLE}"
     yield (
-        "Energies are those of the independent integration with direct BEM "
-        "(`simulated_energy_J`), not the optimizer's. 'Gap' is relative to OLOC in the same "
-        "table; 'difference' is relative to the paper. What the paper leaves out, and how it "
-        "was inferred, is in docs/reproduction.md."
+        f"By `hkt paper` of hkt_mdo {data['version']}, Python {data['python']}: {passed} of "
+        f"{len(data['checks'])} checks pass (last section). Energies are those of the independent "
+        "integration with direct BEM (`simulated_energy_J`), not the optimizer's. 'Gap' is "
+        "relative to OLOC in the same table; 'difference' is relative to the paper. All numbers "
+        "are in paper.json. What the paper leaves out, and how it was inferred, is in "
+        "docs/reproduction.md."
     )
-    yield f"{passed} of {len(data['checks'])} checks pass (last section)."
-    for title, rows, numbers in zip(
-        (
-            "Table II: step flow, no torque limit",
-            "Table III: sine flow, no torque limit",
-            "Table IV: sine flow, torque limit 700 N m",
-        ),
-        data["tables"].values(),
-        ((3,), (4, 5, 6), (7, 8, 9)),
-        strict=True,
-    ):
+    for (scenario, rows), numbers in zip(data["tables"].items(), FIGURES, strict=True):
         yield from _section(
-            title,
+            TITLES[scenario],
             " | energy / J | paper / J | difference | gap | paper | gain | paper"
             " | TSR at max C_P | paper",
             "{label} | {energy_J:.0f} | {reported_energy_J:.0f} | {difference_percent:+.2f} %"
             " | {gap_percent:+.4f} % | {reported_gap_percent:+.3f} %"
             " | {gain:.2f} | {reported_gain:.2f}"
             " | {tip_speed_ratio_at_power_coefficient_max:.2f} | {reported_tip_speed_ratio:.2f}",
-            [row | {"label": LABELS[name]} for name, row in rows.items()],
-            figures=[figures[number] for number in numbers],
+            [{"label": LABELS[name]} | row for name, row in rows.items()],
+            [figures[number] for number in numbers],
         )
+    replayed = LABELS | {"oloc": "OLOC replayed"}
     yield from _section(
         "Table V: uncertain flows",
         "flow | controller | energy / J | paper / J | gap | paper | stalled",
-        "{flow} | {label} | {energy} | {reported_energy_J:.0f} | {gap_percent:+.2f} %"
-        " | {reported_gap_percent:+.1f} % | {of}",
-        _uncertain_rows(data["uncertain_flow"]),
+        "{flow} | {label} | {energy_J:.0f} ± {spread_J:.0f} (worst {worst_J:.0f})"
+        " || {energy_J:.0f} || rotor stops at t = {stopped_at_s:.1f} s, not generating"
+        " | {reported_energy_J:.0f} | {gap_percent:+.2f} % | {reported_gap_percent:+.1f} %"
+        " | {stalled} of {repeats}",
+        [
+            {"flow": flow, "label": replayed[name]} | row
+            for flow, rows in data["uncertain_flow"].items()
+            for name, row in rows.items()
+        ],
+        [figures[number] for number in (10, 11, 12)],
         "Designs of Table IV in flows that they were not made for. Feedback reads a speed sensor "
         "with 20 dB of the speed's fluctuation, sampled at 100 Hz, behind a second-order "
         "Butterworth low-pass at 0.5 Hz; mean and standard deviation over the repeats. OLOC "
         "replays its recorded torque. 'Redesigned' is the optimal control of the fixed blade of "
         "sine_limited_oloc in the actual flow: the ceiling. Every run starts at the tip speed "
         "ratio that its design starts at.",
-        [figures[number] for number in (10, 11, 12)],
     )
     yield from _section(
         "What the sensor's open choices do",
@@ -331,25 +296,24 @@ def _blocks(data, figures):
         "{law} | {flow} | {reference} | {rate_Hz:g} | {noise_deviation_rad_s:.3f}"
         " | {stalled} of {repeats} | {loss_percent:+.3f} %",
         data["sensor"],
-        "The paper does not say what the 20 dB refer to (the speed's fluctuation about its mean, "
-        "or the whole speed, whose rms is some ten times larger), nor how often the sensor is "
-        "sampled. Stalled repeats are counted here and left out of the energies. The default, "
+        text="The paper does not say what the 20 dB refer to (the speed's fluctuation about its "
+        "mean, or the whole speed, whose rms is some ten times larger), nor how often the sensor "
+        "is sampled. Stalled repeats are counted here and left out of the energies. The default, "
         "fluctuation at 100 Hz, is the coarsest choice under which nothing stalls, as in the "
         "paper.",
     )
-    limits = {"sine": "none", "sine_limited": "700 N m"}
     yield from _section(
         "Sequential against simultaneous design",
-        "torque limit | controller | sequential / J | co-design / J | co-design gains",
-        "{limit} | {label} | {kept} | {co_design_J:.0f} | {gain_percent:+.4f} %",
+        "flow | controller | sequential / J | co-design / J | co-design gains",
+        "{flow} | {label} | {kept:.0f} || no success | {co_design_J:.0f} | {gain_percent:+.4f} %",
         [
-            row
-            | {"limit": limits[scenario], "label": LABELS[law], "kept": "no success"}
-            | ({"kept": f"{row['sequential_J']:.0f}"} if row["sequential_success"] else {})
+            {"flow": TITLES[scenario].partition(": ")[2], "label": LABELS[law]}
+            | {"kept": row["sequential_J"] if row["sequential_success"] else None}
+            | row
             for scenario, rows in data["sequential"].items()
             for law, row in rows.items()
         ],
-        "Sequential: the best steady blade first, then the controller on it. Without a torque "
+        text="Sequential: the best steady blade first, then the controller on it. Without a torque "
         "limit both lead to the same rotor under OLOC and quadratic feedback; with it, or with "
         "linear feedback, the controller changes the best blade (paper Sec. IV, from its ref. 11).",
     )
@@ -359,37 +323,29 @@ def _blocks(data, figures):
         "{statement} | {value:.4g} | {low:g} … {high:g} | {holds}",
         [check | {"holds": "yes" if check["passed"] else "NO"} for check in data["checks"]],
     )
-    yield "## How this was made"
-    yield (
-        f"`hkt paper` of hkt_mdo {data['version']}, Python {data['python']}. All numbers are in "
-        "paper.json."
-    )
 
 
-def _uncertain_rows(flows):
-    labels = LABELS | {"oloc": "OLOC replayed", "oloc_redesigned": "OLOC redesigned"}
-    for flow, rows in flows.items():
-        for name, row in rows.items():
-            energy = "{energy_J:.0f}"
-            if row["energy_J"] is None:
-                energy = "rotor stops at t = {stopped_at_s:.1f} s, not generating"
-            elif row.get("spread_J") is not None:
-                energy += " ± {spread_J:.0f} (worst {worst_J:.0f})"
-            of = "{stalled} of {repeats}" if "stalled" in row else ""
-            words = {"energy": energy.format(**row), "of": of.format(**row)}
-            yield row | words | {"flow": flow, "label": labels[name]}
+def _section(title, header, cells, rows, figures=(), text=""):
+    """Yield a section in Markdown: its text, a table from a template of its rows, and figures."""
+    lines = [[_filled(cell, row) for cell in cells.split(" | ")] for row in rows]
+    table = "\n".join(markdown_table(header.split(" | "), lines))
+    yield from filter(None, (f"## {title}", text, table, *figures))
+
+
+def _filled(templates, row):
+    """Return the first of several templates of which a row has all values; a dash without any."""
+    for template in templates.split(" || "):
+        with suppress(KeyError, TypeError):  # no such value, or None, which takes no format
+            return template.format(**row)
+    return "–"
 
 
 _STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 64rem; margin: 2rem auto;
-       padding: 0 1rem; }
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 64rem; margin: 2rem auto; }
 table { border-collapse: collapse; font-size: 0.9rem; display: block; overflow-x: auto; }
-th, td { border-bottom: 1px solid #ccc; padding: 0.25rem 0.6rem; text-align: right;
-         white-space: nowrap; }
-th { border-bottom: 2px solid #555; }
-th:first-child, td:first-child { text-align: left; }
+th, td { border-bottom: 1px solid #ccc; padding: 0.25rem 0.6rem; white-space: nowrap; }
+td + td, th + th { text-align: right; }
 img { max-width: 100%; }
-em { color: #555; font-size: 0.9rem; font-style: normal; }
 """
 
 
@@ -401,9 +357,6 @@ def _page(text, out):
         return f'src="data:image/png;base64,{content}"'
 
     body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
-    return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>'
-        f"<style>{_STYLE}</style></head>\n<body>\n"
-        + re.sub('src="(.*?)"', inside, body)
-        + "</body></html>\n"
-    )
+    body = re.sub('src="(.*?)"', inside, body)
+    head = f'<meta charset="utf-8"><title>{TITLE}</title><style>{_STYLE}</style>'
+    return f'<!doctype html>\n<html lang="en"><head>{head}</head>\n<body>\n{body}</body></html>\n'

@@ -24,14 +24,7 @@ from hkt_mdo.results.folder import write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.run.batch import run_batch
-from hkt_mdo.studies.common import (
-    CODESIGN,
-    LAWS,
-    case_file,
-    markdown_table,
-    percent,
-    with_blade,
-)
+from hkt_mdo.studies.common import CODESIGN, LAWS, case_file, markdown_table, percent, with_blade
 from hkt_mdo.studies.fuzz import fuzz
 from hkt_mdo.studies.uncertainty import Design
 
@@ -40,8 +33,6 @@ POLARS = tuple(POLAR_FAMILIES["naca63815"])
 FREQUENCIES = ((0.05, 60), (0.1, 60), (0.5, 60), (1.0, 80), (2.0, 160))  # rad/s, segments
 PEAK_TORQUE_COEFFICIENT = 0.065  # of a good rotor: Cp 0.47 at a tip speed ratio of 7.2
 FALSE_SUCCESS = 5e-4  # a success whose energy is this fraction below the best of its case is false
-
-Done = Callable[[Path, str], None]
 
 
 @dataclass(frozen=True)
@@ -57,7 +48,7 @@ class Study:
     count: int
     seed: int
     jobs: int | None
-    done: Done
+    done: Callable[[Path, str], None]
 
     def run(self, cases: Mapping[str, Case]) -> dict[str, Solution | None]:
         """Run cases by the name of the run; None where a case could not be run at all."""
@@ -82,9 +73,6 @@ class Study:
 
 def _energy(solution):
     return solution.summary["simulated_energy_J"]
-
-
-# Cases --------------------------------------------------------------------------------------------
 
 
 def random_start(case: Case, rng: np.random.Generator) -> Case:
@@ -148,9 +136,6 @@ def random_change(rng: np.random.Generator, law: str) -> list[str]:
         f"phase.duration={duration:.6g}",
         f"phase.segments={segments}",
     ]
-
-
-# Parts --------------------------------------------------------------------------------------------
 
 
 def _starts(study, method):
@@ -244,18 +229,17 @@ def _against_physics(study):
             }
         else:
             risen = {key: _fly(each).energy / coarse - 1.0 for key, each in _perturbed(design)}
-        worst = max(risen, key=risen.get)
-        changes = {}
+        worst, changes = max(risen, key=risen.get), {}
         for variant in _variants(name):
             other = found[f"physics/{variant}/{name}"]
-            refused = other is None or not other.success
-            change = None if refused else percent(_energy(other), _energy(solution))
-            changes[variant] = "refused" if refused else f"{change:+.5f}"
+            changes[variant] = "refused"
+            if other and other.success:
+                changes[variant] = f"{percent(_energy(other), _energy(solution)):+.5f}"
         rows.append(
             [
                 name,
                 f"{risen[worst]:+.1e} ({worst}, of {len(risen)})",
-                f"{solution.summary['energy_balance_error']:.1e}",
+                f"{solution.summary.energy_balance_error:.1e}",
                 changes["segments_x2"],
                 changes["segments_x4"],
                 f"{abs(fine / coarse - 1.0):.1e}",
@@ -323,9 +307,6 @@ def _failures(found):
     ]
 
 
-# The study ----------------------------------------------------------------------------------------
-
-
 PARTS = {
     "starts": (
         "From random blades",
@@ -371,23 +352,12 @@ PARTS = {
 
 
 def run_part(
-    part: str,
-    out: Path,
-    cases: Path | None,
-    count: int | None,
-    seed: int,
-    jobs: int | None,
-    done: Done,
+    part: str, out: Path, cases: Path | None, count: int | None, seed: int, jobs: int | None, done
 ) -> str:
     """Run a part of the study and return its figures, which `out` keeps for the report.
 
-    The count is that of the runs or examples (None: the part's usual one); the other parameters are
-    those of `Study`.
-
-    Raises
-    ------
-    InputError
-        If there is no such part, or a file cannot be read or written.
+    `count` is that of the runs or examples, None: the part's usual one; the rest is of a `Study`.
+    Raises InputError if there is no such part, or a file cannot be read or written.
     """
     if part not in PARTS:
         raise InputError("unknown part", f"choose from {', '.join(PARTS)}", value=part)
