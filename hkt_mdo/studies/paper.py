@@ -98,7 +98,7 @@ def _ensembles(out, repeats, seed, jobs, report):
 def _one_ensemble(source, flow, sensor, repeats, seed):
     """Simulate a design in a flow, without noise where no sensor is given."""
     design = Design.of(Solution.load(source))
-    inflow = flow_named(flow, design.inflow)
+    inflow = flow_named(flow, design.physics.inflow)
     if sensor is None:
         run = design.fly(inflow)
         energy = run.energy if run.stopped_at is None else None

@@ -35,14 +35,12 @@ PAPER_FLOWS = {
 class Sensor:
     """A rotor speed sensor with noise, and the filter behind it.
 
-    The paper gives 20 dB 'compared with the turbine rotational speed signal', and neither the
-    sampling rate nor whether the signal's mean counts as signal. Both matter: filtered noise falls
-    with the square root of the rate.
-
-    snr (dB; infinity: no noise) is of the signal named by reference: the speed's `fluctuation`
-    about its mean, which the controller has to follow, or the `total` speed, whose rms is some ten
-    times larger. rate (Hz) is of the samples of sensor and controller; cutoff (Hz) is that of the
-    second-order Butterworth low-pass.
+    The paper gives 20 dB 'compared with the turbine rotational speed signal', and neither the rate
+    nor whether the signal's mean counts. Both matter: filtered noise falls with the square root of
+    the rate. snr (dB; infinity: no noise) is of the signal named by reference: the speed's
+    `fluctuation` about its mean, which the controller has to follow, or the `total` speed, whose
+    rms is some ten times larger. rate (Hz) is of the samples of sensor and controller; cutoff (Hz)
+    that of the second-order Butterworth low-pass.
     """
 
     snr: float = 20.0
@@ -60,10 +58,9 @@ class Sensor:
 class Ensemble:
     """Repeated noisy runs of one design in one flow.
 
-    energy (J) and stopped_at (s) have one entry a repeat; energies of repeats whose rotor stopped
-    are NaN and stopped_at of those that did not. time, rotor_speed, control_torque,
-    hydrodynamic_torque are the first repeat's samples; torque_error is the largest relative
-    difference between the tabulated and the direct BEM torque along them.
+    energy (J) and stopped_at (s) have one entry a repeat: NaN where the rotor stopped, and where it
+    did not. time ... hydrodynamic_torque are the first repeat's samples; torque_error is the
+    largest relative difference between the tabulated and the direct BEM torque along them.
     """
 
     energy: np.ndarray
@@ -113,15 +110,10 @@ class Design:
         """The feedback law; None: open loop."""
         return self.physics.law
 
-    @property
-    def inflow(self) -> Inflow:
-        """The flow that the design was made for."""
-        return self.physics.inflow
-
     def initial_speed(self, inflow):
         """Return a run's first speed in another flow: at the design's first tip speed ratio."""
         start = float(self.solution.trajectory["rotor_speed_rad_s"][0])
-        return start * float(inflow.speed_at(0.0) / self.inflow.speed_at(0.0))
+        return start * float(inflow.speed_at(0.0) / self.physics.inflow.speed_at(0.0))
 
     def fly(self, inflow: Inflow, initial_speed=None, tolerance=1e-9, refined=1) -> Simulation:
         """Integrate the design in a flow with direct BEM and a perfect, unfiltered sensor.

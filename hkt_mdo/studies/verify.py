@@ -8,8 +8,8 @@ goes on. Goals are stated beside the figures; nothing here makes a run succeed.
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from importlib.metadata import version
+from inspect import getdoc
 from pathlib import Path
 
 import numpy as np
@@ -39,8 +39,8 @@ FALSE_SUCCESS = 5e-4  # a success whose energy is this fraction below the best o
 class Study:
     """Where a study's files are, how many runs a part makes, and how it runs cases.
 
-    `cases` is None for the shipped case files, `jobs` for one process per core; `done` is called as
-    in `run_batch`. Runs and solutions are named by the path of their folder within `out`.
+    `cases` is None for the shipped case files; `jobs` and `done` are those of `run_batch`. Runs are
+    named by the path of their folder within `out`.
     """
 
     out: Path
@@ -51,28 +51,14 @@ class Study:
     done: Callable[[Path, str], None]
 
     def run(self, cases: Mapping[str, Case]) -> dict[str, Solution | None]:
-        """Run cases by the name of the run; None where a case could not be run at all."""
+        """Return the solutions of cases; None where a case could not be run at all."""
         folders = {self.out / name: case for name, case in cases.items()}
         found = run_batch(folders, self.jobs, self.done, records=False)
         return dict(zip(cases, found.values(), strict=True))
 
-    def shortfalls(self, found: Mapping[str, Solution | None], problems: Mapping[str, str]):
-        """Return how far each success lies below the best energy of its problem, as a fraction.
-
-        `problems` names the problem that a run solves. The best energies are kept in the study's
-        folder and count in later studies there.
-        """
-        path = self.out / "best.json"
-        best = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-        energies = {name: _energy(each) for name, each in found.items() if each and each.success}
-        for name, energy in energies.items():
-            best[problems[name]] = max(best.get(problems[name], 0.0), energy)
-        write_text(path, json.dumps(best, indent=1) + "\n")
-        return {name: 1.0 - energy / best[problems[name]] for name, energy in energies.items()}
-
 
 def _energy(solution):
-    return solution.summary["simulated_energy_J"]
+    return solution.summary.simulated_energy_J
 
 
 def random_start(case: Case, rng: np.random.Generator) -> Case:
@@ -138,8 +124,25 @@ def random_change(rng: np.random.Generator, law: str) -> list[str]:
     ]
 
 
-def _starts(study, method):
-    """Run the co-design cases from random blades, with a given `start.method`."""
+def _starts(study):
+    """Start each co-design case from random smooth blades (chord × 0.6 to × 1.6, twist ± 6°).
+
+    Goal: 99 % success with IPOPT, 95 % with SLSQP, at most 0.02 % below the best energy of the
+    case, no false success (more than 0.05 % below). The start tries steady-optimal blades beside
+    the random one and mostly prefers those; the next part does not.
+    """
+    return _from_random_blades(study, "quasi_steady")
+
+
+def _blades(study):
+    """Optimize the same cases from the random blades themselves (`start.method: blade`).
+
+    No goal; it shows what the quasi-steady start is worth.
+    """
+    return _from_random_blades(study, "blade")
+
+
+def _from_random_blades(study, method):
     plan = {}
     for place, name in enumerate(CODESIGN):
         for optimizer in OPTIMIZERS:
@@ -152,7 +155,10 @@ def _starts(study, method):
 
 
 def _sweep(study):
-    """Run cases with one factor changed at a time, then `study.count` random mixtures."""
+    """Change one factor at a time of the torque-limited cases, each under the three laws.
+
+    Then random mixtures. Goal: 95 % success.
+    """
     changed = {
         f"{change}_{law}": (f"sine_limited_{law}", overrides)
         for change, overrides in single_changes().items()
@@ -174,34 +180,52 @@ def _sweep(study):
 def _run_and_tell(study, plan):
     """Run cases and return a table of their successes by group and optimizer, and the failures.
 
-    The plan holds, by the name of the run (PART/OPTIMIZER/...), its case, its problem, whose best
-    energy counts, and its group.
+    The plan holds, by the name of the run (PART/OPTIMIZER/...), its case, its problem and its
+    group. The best energy of each problem is kept in the study's folder and counts in later studies
+    there.
     """
-    found = study.run({run: case for run, (case, *_) in plan.items()})
-    below = study.shortfalls(found, {run: problem for run, (_, problem, _) in plan.items()})
+    found, path = (
+        study.run({run: case for run, (case, *_) in plan.items()}),
+        study.out / "best.json",
+    )
+    best = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    energies = {run: _energy(each) for run, each in found.items() if each and each.success}
+    for run, energy in energies.items():
+        _, problem, _ = plan[run]
+        best[problem] = max(best.get(problem, 0.0), energy)
+    write_text(path, json.dumps(best, indent=1) + "\n")
+    below = {run: 1.0 - energy / best[plan[run][1]] for run, energy in energies.items()}
     rows = []
     for group in [*dict.fromkeys(group for *_, group in plan.values()), None]:
         for optimizer in OPTIMIZERS:
             runs = [run for run, (*_, own) in plan.items() if group in (own, None)]
             runs = [run for run in runs if f"/{optimizer}/" in run]
             good = [run for run in runs if run in below]
-            iterations = [found[run].summary["iterations"] for run in good]
+            iterations = [found[run].summary.iterations for run in good]
+            furthest = most = "-"
+            if good:
+                furthest = f"{100.0 * max(below[run] for run in good):.5f}"
+                most = f"{np.median(iterations):.0f} ({max(iterations)})"
             rows.append(
-                [
-                    group or "**all**",
-                    optimizer,
-                    f"{len(good)}/{len(runs)}, {100.0 * len(good) / len(runs):.1f} %",
-                    f"{100.0 * max(below[run] for run in good):.5f}" if good else "-",
-                    f"{np.median(iterations):.0f} ({max(iterations)})" if good else "-",
-                    str(sum(below[run] > FALSE_SUCCESS for run in good)),
-                ]
+                {
+                    "": group or "**all**",
+                    "optimizer": optimizer,
+                    "success": f"{len(good)}/{len(runs)}, {100.0 * len(good) / len(runs):.1f} %",
+                    "furthest below best (%)": furthest,
+                    "iterations, median (largest)": most,
+                    "false successes": str(sum(below[run] > FALSE_SUCCESS for run in good)),
+                }
             )
-    header = ("", "optimizer", "success", "furthest below best (%)", "iterations, median (largest)")
-    return [*markdown_table((*header, "false successes"), rows), "", *_failures(found)]
+    return _told(rows, found)
 
 
 def _against_physics(study):
-    """Hold optima to stationarity, energy balance, refinement and another transcription."""
+    """Set each design variable a little off (chord ± 1 %, twist ± 0.1°, gain ± 1 %).
+
+    It is flown again with direct BEM; the open loop re-solves its control. Goals: no rise above
+    1e-5; energy balance 1e-6; segments × 2 and × 4 within 0.02 %; finer integration 1e-6; Radau
+    within 0.02 %, under feedback with 1200 segments (docs/theory.md tells why).
+    """
     found = study.run(
         {
             f"physics/{variant}/{name}": case_file(study.cases, name, overrides)
@@ -229,26 +253,26 @@ def _against_physics(study):
             }
         else:
             risen = {key: _fly(each).energy / coarse - 1.0 for key, each in _perturbed(design)}
-        worst, changes = max(risen, key=risen.get), {}
-        for variant in _variants(name):
-            other = found[f"physics/{variant}/{name}"]
-            changes[variant] = "refused"
-            if other and other.success:
-                changes[variant] = f"{percent(_energy(other), _energy(solution)):+.5f}"
-        rows.append(
-            [
-                name,
-                f"{risen[worst]:+.1e} ({worst}, of {len(risen)})",
-                f"{solution.summary.energy_balance_error:.1e}",
-                changes["segments_x2"],
-                changes["segments_x4"],
-                f"{abs(fine / coarse - 1.0):.1e}",
-                changes["radau"],
-            ]
+        others = [found[f"physics/{variant}/{name}"] for variant in _variants(name)]
+        _, twice, four_times, radau = (
+            f"{percent(_energy(other), _energy(solution)):+.5f}"
+            if other and other.success
+            else "refused"
+            for other in others
         )
-    header = ("case", "largest rise when perturbed", "energy balance", "segments ×2 (%)")
-    header = (*header, "segments ×4 (%)", "finer integration", "Radau (%)")
-    return [*markdown_table(header, rows), "", *_failures(found)]
+        worst = max(risen, key=risen.get)
+        rows.append(
+            {
+                "case": name,
+                "largest rise when perturbed": f"{risen[worst]:+.1e} ({worst}, of {len(risen)})",
+                "energy balance": f"{solution.summary.energy_balance_error:.1e}",
+                "segments ×2 (%)": twice,
+                "segments ×4 (%)": four_times,
+                "finer integration": f"{abs(fine / coarse - 1.0):.1e}",
+                "Radau (%)": radau,
+            }
+        )
+    return _told(rows, found)
 
 
 def _variants(name):
@@ -286,7 +310,7 @@ def _perturbed(design):
 
 def _fly(design, **accuracy):
     """Integrate a design in its own flow; feedback starts from its equilibrium."""
-    inflow, speed = design.inflow, design.initial_speed(design.inflow)
+    inflow, speed = design.physics.inflow, design.initial_speed(design.physics.inflow)
     if design.law is not None:
         flow = np.array([inflow.speed_at(0.0)])
 
@@ -298,57 +322,24 @@ def _fly(design, **accuracy):
     return design.fly(inflow, speed, **accuracy)
 
 
-def _failures(found):
-    """Return a line for each run that did not succeed, with its reason."""
-    return [
+def _told(rows, found):
+    """Return a table, and a line for each run that did not succeed, with its reason."""
+    failures = [
         f"- `{run}`: {solution.message if solution else 'could not be run'}"
         for run, solution in found.items()
         if solution is None or not solution.success
     ]
+    return [*markdown_table(rows[0], map(dict.values, rows)), "", *failures]
 
 
 PARTS = {
-    "starts": (
-        "From random blades",
-        partial(_starts, method="quasi_steady"),
-        30,
-        "Each co-design case from random smooth starting blades (chord × 0.6 to × 1.6, twist "
-        "± 6°). Goal: 99 % success with IPOPT, 95 % with SLSQP, at most 0.02 % below the best "
-        "energy of the case, no false success (more than 0.05 % below). The start tries steady-"
-        "optimal blades beside the random one and mostly prefers those; the next part does not.",
-    ),
-    "blades": (
-        "From random blades, without the quasi-steady start",
-        partial(_starts, method="blade"),
-        30,
-        "The same blades with `start.method: blade`: the dynamic optimization begins at the random "
-        "blade itself. No goal; it shows what the quasi-steady start is worth.",
-    ),
-    "sweep": (
-        "Under change",
-        _sweep,
-        30,
-        "One factor at a time from the torque-limited cases, each under the three laws, then "
-        "random mixtures. Goal: 95 % success.",
-    ),
-    "physics": (
-        "Against physics",
-        _against_physics,
-        1,
-        "Each design variable a little off (chord ± 1 %, twist ± 0.1°, gain ± 1 %) and integrated "
-        "again with direct BEM; the open loop re-solves its control. Goals: no rise above 1e-5; "
-        "energy balance 1e-6; segments × 2 and × 4 within 0.02 %; finer integration 1e-6; Radau "
-        "within 0.02 %, under feedback with 1200 segments (docs/theory.md tells why).",
-    ),
-    "fuzz": (
-        "Hostile input",
-        fuzz,
-        1500,
-        "Mutilated case and data files, made by Hypothesis. Goal: accepted, or refused in one line "
-        "(exit code 2) within a second.",
-    ),
+    "starts": ("From random blades", _starts, 30),
+    "blades": ("From random blades, without the quasi-steady start", _blades, 30),
+    "sweep": ("Under change", _sweep, 30),
+    "physics": ("Against physics", _against_physics, 1),
+    "fuzz": ("Hostile input", fuzz, 1500),
 }
-"""Title, function, usual count and explanation of each part, in the order of the report."""
+"""Title, function, which explains itself, and usual count of each part, as the report has them."""
 
 
 def run_part(
@@ -361,13 +352,13 @@ def run_part(
     """
     if part not in PARTS:
         raise InputError("unknown part", f"choose from {', '.join(PARTS)}", value=part)
-    title, run, usual, explanation = PARTS[part]
+    title, run, usual = PARTS[part]
     study = Study(out, cases, count or usual, seed, jobs, done)
     try:
         out.mkdir(parents=True, exist_ok=True)
         figures = "\n".join(run(study)).rstrip()
         command = f"`hkt verify {part} --count {study.count} --seed {seed}`"
-        text = f"## {title}\n\n{explanation}\n\n{command}\n\n{figures}\n"
+        text = f"## {title}\n\n{getdoc(run)}\n\n{command}\n\n{figures}\n"
         write_text(out / f"{part}.md", text)
     except OSError as error:
         raise InputError(f"cannot be written ({error.strerror})", file=out) from error
