@@ -21,7 +21,7 @@ def test_direct_and_curve_agree(benchmark, full, tmp_path):
         for path in cases
         for torque in ("curve", "direct")
     }
-    found = benchmark.pedantic(lambda: run_batch(runs), rounds=1, iterations=1)
+    found = benchmark.pedantic(lambda: run_batch(runs, None if full else 1), rounds=1, iterations=1)
     rows = []
     for path in cases:
         curve, direct = (
