@@ -27,12 +27,7 @@ from hkt_mdo.studies.uncertainty import Design, flow_named, fly_noisy
 
 
 def reproduce(
-    out: Path,
-    cases: Path | None = None,
-    jobs: int | None = None,
-    repeats: int = 20,
-    seed: int = 1,
-    report: Callable[[str], None] = lambda line: None,
+    out: Path, cases: Path | None, jobs: int | None, repeats: int, seed: int, report: Callable
 ) -> dict:
     """Reproduce the paper in a folder and return what its paper.json holds.
 

@@ -53,8 +53,8 @@ def write_report(solutions: dict, ensembles: dict, out: Path, report: Callable) 
     """Write paper.json, report.md, report.html and the figures; return what paper.json holds.
 
     The solutions are those of the ten shipped cases, of sequential design
-    (`sine_sequential_oloc`, ...) and of the redesigned optimal control (`redesigned_A`, ...); the
-    ensembles are named by `ensemble_key`. report(line) is called whenever something is done.
+    (`sine_sequential_oloc`, ...) and of optimal control in another flow (`redesigned_A`, ...); the
+    ensembles are named by `ensemble_key`.
     """
     printed = yaml.safe_load(data_path("amini2023", "reported").read_text(encoding="utf-8"))
     data = {
@@ -110,10 +110,8 @@ def _scenario(solutions, scenario, reported):
 def _uncertain(solutions, ensembles, flow, printed):
     """Return a flow's rows of Table V under the default sensor."""
     keys = ("energy_J", "spread_J", "worst_J", "stalled", "repeats")
-    replay, redesigned = (
-        ensembles[ensemble_key("oloc", flow, None)],
-        solutions[f"redesigned_{flow}"],
-    )
+    replay = ensembles[ensemble_key("oloc", flow, None)]
+    redesigned = solutions[f"redesigned_{flow}"]
     rows = {"oloc": {key: replay[key] for key in ("energy_J", "stopped_at_s")}}
     for law in FEEDBACK:
         noisy, quiet = ensembles[ensemble_key(law, flow)], ensembles[ensemble_key(law, flow, None)]
@@ -277,12 +275,11 @@ def _blocks(data, figures):
             for name, row in rows.items()
         ],
         [figures[number] for number in (10, 11, 12)],
-        "Designs of Table IV in flows that they were not made for. Feedback reads a speed sensor "
-        "with 20 dB of the speed's fluctuation, sampled at 100 Hz, behind a second-order "
-        "Butterworth low-pass at 0.5 Hz; mean and standard deviation over the repeats. OLOC "
-        "replays its recorded torque. 'Redesigned' is the optimal control of the fixed blade of "
-        "sine_limited_oloc in the actual flow: the ceiling. Every run starts at the tip speed "
-        "ratio that its design starts at.",
+        "Designs of Table IV in flows that they were not made for, from the tip speed ratio that "
+        "each starts at. Feedback reads a speed sensor with 20 dB of the speed's fluctuation, "
+        "sampled at 100 Hz, behind a second-order Butterworth low-pass at 0.5 Hz; mean and "
+        "standard deviation over the repeats. OLOC replays its recorded torque. 'Redesigned' is "
+        "the optimal control of the blade of sine_limited_oloc in the actual flow: the ceiling.",
     )
     yield from _section(
         "What the sensor's open choices do",

@@ -139,9 +139,8 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
     """Run a feedback design in a flow under a noisy sensor, many times at once.
 
     Between samples the speed is integrated by the classical Runge-Kutta method. The plant's torque
-    coefficient is direct BEM, tabulated so finely that the table's error (`Ensemble.torque_error`)
-    is far below what the noise changes. seed is that of `numpy.random.default_rng` for all repeats.
-    Raises InputError if the design is open loop.
+    coefficient is direct BEM, tabulated so finely that its error (`Ensemble.torque_error`) is far
+    below what the noise changes. `seed` is of all repeats. Raises InputError for an open loop.
     """
     if design.law is None:
         folder = design.solution.folder

@@ -1,8 +1,7 @@
 """The verification study: can results be trusted, from any start, under change, against physics.
 
-Each part runs cases and returns its figures as Markdown; `hkt verify` keeps them in the study's
-folder and makes the report. Runs that the folder already holds are reused, so an interrupted study
-goes on. Goals are stated beside the figures; nothing here makes a run succeed.
+Each part runs cases and returns its figures as Markdown, kept in the study's folder for the report.
+Runs that the folder already holds are reused. Goals are stated; nothing here makes a run succeed.
 """
 
 import json
@@ -30,7 +29,6 @@ from hkt_mdo.studies.uncertainty import Design
 
 OPTIMIZERS = ("IPOPT", "SLSQP")
 POLARS = tuple(POLAR_FAMILIES["naca63815"])
-FREQUENCIES = ((0.05, 60), (0.1, 60), (0.5, 60), (1.0, 80), (2.0, 160))  # rad/s, segments
 PEAK_TORQUE_COEFFICIENT = 0.065  # of a good rotor: Cp 0.47 at a tip speed ratio of 7.2
 FALSE_SUCCESS = 5e-4  # a success whose energy is this fraction below the best of its case is false
 
@@ -39,8 +37,7 @@ FALSE_SUCCESS = 5e-4  # a success whose energy is this fraction below the best o
 class Study:
     """Where a study's files are, how many runs a part makes, and how it runs cases.
 
-    `cases` is None for the shipped case files; `jobs` and `done` are those of `run_batch`. Runs are
-    named by the path of their folder within `out`.
+    `cases` is None for the shipped case files; `jobs` and `done` are those of `run_batch`.
     """
 
     out: Path
@@ -51,7 +48,7 @@ class Study:
     done: Callable[[Path, str], None]
 
     def run(self, cases: Mapping[str, Case]) -> dict[str, Solution | None]:
-        """Return the solutions of cases; None where a case could not be run at all."""
+        """Return the solutions of cases by their folders in `out`; None: could not be run."""
         folders = {self.out / name: case for name, case in cases.items()}
         found = run_batch(folders, self.jobs, self.done, records=False)
         return dict(zip(cases, found.values(), strict=True))
@@ -75,11 +72,12 @@ def random_start(case: Case, rng: np.random.Generator) -> Case:
 def single_changes() -> dict[str, list[str]]:
     """Return the overrides of each change of one factor of a paper's case, by name."""
     radii = [(radius, 700 * (radius / 1.4) ** 3) for radius in (0.4, 0.8, 3.0, 5.0, 10.0)]
+    frequencies = ((0.05, 60), (0.1, 60), (0.5, 60), (1.0, 80), (2.0, 160))  # rad/s, segments
     times = ((10, 20, 0.25), (300, 100, 0.25), (1200, 300, 0.125))
     families = {
         "limit": ("control.torque_limit={}", (300, 500, 1000, 1500)),
         "mean": ("inflow.mean={}", (0.8, 1.2, 2.0, 3.0)),
-        "frequency": ("inflow.angular_frequency={} phase.segments={}", FREQUENCIES),
+        "frequency": ("inflow.angular_frequency={} phase.segments={}", frequencies),
         "blades": ("rotor.blade_count={}", (4, 5)),
         "radius": ("rotor.radius={} control.torque_limit={:.6g}", radii),
         "density": ("fluid.density={}", (998, 1027)),
@@ -96,10 +94,7 @@ def single_changes() -> dict[str, list[str]]:
 
 
 def random_change(rng: np.random.Generator, law: str) -> list[str]:
-    """Return overrides that change everything but the law at once, within the sweep's range.
-
-    The torque limit is 0.4 to 1.5 times the largest torque of a good rotor without a limit.
-    """
+    """Return overrides that change everything but the law at once, within the sweep's range."""
     mean, radius = rng.uniform(0.8, 3.0), np.exp(rng.uniform(np.log(0.4), np.log(10.0)))
     amplitude, density = mean * rng.uniform(0.02, 0.25), rng.uniform(998.0, 1027.0)
     frequency = np.exp(rng.uniform(np.log(0.05), np.log(2.0)))
@@ -108,7 +103,7 @@ def random_change(rng: np.random.Generator, law: str) -> list[str]:
     periods = duration * frequency / (2.0 * np.pi)
     segments = int(np.clip(np.ceil(periods * rng.uniform(8.0, 24.0)), 10, 300))
     torque = PEAK_TORQUE_COEFFICIENT * torque_scale(density, radius, mean + amplitude)
-    torque *= rng.uniform(0.4, 1.5)
+    torque *= rng.uniform(0.4, 1.5)  # times the largest of a good rotor without a limit
     return [
         f"control={{law: {law.replace('oloc', 'open_loop')}, torque_limit: {torque:.6g}}}",
         f"inflow.mean={mean:.6g}",
@@ -180,9 +175,8 @@ def _sweep(study):
 def _run_and_tell(study, plan):
     """Run cases and return a table of their successes by group and optimizer, and the failures.
 
-    The plan holds, by the name of the run (PART/OPTIMIZER/...), its case, its problem and its
-    group. The best energy of each problem is kept in the study's folder and counts in later studies
-    there.
+    The plan holds, by the name of the run (PART/OPTIMIZER/...), its case, problem and group. The
+    best energy of each problem is kept in the study's folder and counts in later studies there.
     """
     found, path = (
         study.run({run: case for run, (case, *_) in plan.items()}),
@@ -226,13 +220,19 @@ def _against_physics(study):
     1e-5; energy balance 1e-6; segments × 2 and × 4 within 0.02 %; finer integration 1e-6; Radau
     within 0.02 %, under feedback with 1200 segments (docs/theory.md tells why).
     """
-    found = study.run(
-        {
-            f"physics/{variant}/{name}": case_file(study.cases, name, overrides)
-            for name in CODESIGN
-            for variant, overrides in _variants(name).items()
-        }
-    )
+    plan = {}
+    for name in CODESIGN:
+        # Dymos' Radau does not collocate a segment's right end: under feedback it needs segments of
+        # no more than about two time constants (docs/theory.md)
+        short = [] if name.endswith("oloc") else ["phase.segments=1200"]
+        for variant, *overrides in (
+            ("shipped",),
+            ("segments_x2", "phase.segments=120"),
+            ("segments_x4", "phase.segments=240"),
+            ("radau", "phase.transcription=radau", *short),
+        ):
+            plan[f"physics/{variant}/{name}"] = case_file(study.cases, name, overrides)
+    found = study.run(plan)
     rows = []
     for name in CODESIGN:
         solution = found[f"physics/shipped/{name}"]
@@ -253,39 +253,25 @@ def _against_physics(study):
             }
         else:
             risen = {key: _fly(each).energy / coarse - 1.0 for key, each in _perturbed(design)}
-        others = [found[f"physics/{variant}/{name}"] for variant in _variants(name)]
-        _, twice, four_times, radau = (
-            f"{percent(_energy(other), _energy(solution)):+.5f}"
-            if other and other.success
-            else "refused"
-            for other in others
-        )
+        changes = []
+        for variant in ("segments_x2", "segments_x4", "radau"):
+            other = found[f"physics/{variant}/{name}"]
+            good = other and other.success
+            change = percent(_energy(other), _energy(solution)) if good else None
+            changes.append(f"{change:+.5f}" if good else "refused")
         worst = max(risen, key=risen.get)
         rows.append(
             {
                 "case": name,
                 "largest rise when perturbed": f"{risen[worst]:+.1e} ({worst}, of {len(risen)})",
                 "energy balance": f"{solution.summary.energy_balance_error:.1e}",
-                "segments ×2 (%)": twice,
-                "segments ×4 (%)": four_times,
+                "segments ×2 (%)": changes[0],
+                "segments ×4 (%)": changes[1],
                 "finer integration": f"{abs(fine / coarse - 1.0):.1e}",
-                "Radau (%)": radau,
+                "Radau (%)": changes[2],
             }
         )
     return _told(rows, found)
-
-
-def _variants(name):
-    """Return the overrides of each variant of a case that must give the same energy."""
-    # Dymos' Radau does not collocate a segment's right end: under feedback it needs segments of no
-    # more than about two time constants (docs/theory.md)
-    short = [] if name.endswith("oloc") else ["phase.segments=1200"]
-    return {
-        "shipped": [],
-        "segments_x2": ["phase.segments=120"],
-        "segments_x4": ["phase.segments=240"],
-        "radau": ["phase.transcription=radau", *short],
-    }
 
 
 def _perturbed(design):
