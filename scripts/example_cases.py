@@ -17,14 +17,14 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 import numpy as np
-from hkt_mdo.problem.flow import build_inflow
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 from rich.console import Console
 from rich.table import Table
 
-from hkt_mdo.case import TurbulentInflow, load_case
+from hkt_mdo.case import load_case
+from hkt_mdo.dynamics.sampled import TurbulentInflow
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.outline import read_outline
 from hkt_mdo.files.polar import read_polars
@@ -314,7 +314,7 @@ def files():
         mean=1.4, intensity=0.12, length_scale=4.0, seed=11, duration=600.0, cutoff=0.2
     )
     time = np.arange(601)
-    speed = build_inflow(section).speed(time.astype(float))
+    speed = section.speed_at(time.astype(float))
     record = [
         "# Synthetic: turbulence of 12 %, seed 11; not measured; eight samples are missing",
         "# made by scripts/example_cases.py",

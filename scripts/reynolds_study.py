@@ -14,9 +14,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 import numpy as np
 
 from hkt_mdo.case import load_case
-from hkt_mdo.dynamics.simulation import simulate
-from hkt_mdo.problem.build import physics
-from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.problem.physics import physics
 from hkt_mdo.run.batch import run_batch
 from hkt_mdo.studies.uncertainty import Design
 
@@ -85,23 +83,9 @@ def flown(invariant, local):
     """Return the energy (J) of an invariant feedback design in the flow with local polars."""
     world = physics(local.case)
     design = Design.of(invariant)
-    _, inertia, _, _ = mass_and_inertia(
-        design.plant.blade,
-        world.section_area,
-        local.case.rotor.material_density,
-        local.case.rotor.hub_inertia,
-    )
+    inertia = world.mass_and_inertia(design.plant.blade)[1]
     plant = replace(design.plant, polar=world.polar, inertia=inertia)
-    phase = local.case.phase
-    start = float(invariant.trajectory["rotor_speed_rad_s"][0])
-    found = simulate(
-        plant,
-        world.inflow,
-        lambda _, speed: design.law.torque(speed, design.gains),
-        start,
-        phase.duration,
-        max_step=phase.duration / phase.segments,
-    )
+    found = replace(design, plant=plant).fly(world.inflow)
     return None if found.stopped_at is not None else found.energy
 
 

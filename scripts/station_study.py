@@ -270,7 +270,7 @@ def _roughness(solution):
 
 def _flow(solution):
     """Return smallest and largest angle of attack, deg, and how many stations have a > 0.5."""
-    from hkt_mdo.problem.build import physics
+    from hkt_mdo.problem.physics import physics
     from hkt_mdo.rotor import bem
 
     summary, world = solution.summary, physics(solution.case)

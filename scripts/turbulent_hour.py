@@ -18,7 +18,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from hkt_mdo.problem.build import physics
+from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.solution import Solution
 
 ROOT = Path(__file__).parent.parent
@@ -137,7 +137,7 @@ def main() -> None:
             f"{costs[law]['bytes'] / 1e9:.2f} GB |"
         )
     flow = physics(solutions["oloc"].case).inflow
-    speed = flow.speed(np.linspace(0.0, 3600.0, 36_001))
+    speed = flow.speed_at(np.linspace(0.0, 3600.0, 36_001))
     words = (
         f"von Kármán turbulence of {np.mean(speed):.2f} m/s with a standard deviation of "
         f"{np.std(speed):.3f} m/s, {speed.min():.2f} to {speed.max():.2f} m/s, up to "

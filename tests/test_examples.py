@@ -11,8 +11,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.cases import find_case
 from hkt_mdo.files.polar import read_polars
-from hkt_mdo.problem.build import complete, physics
-from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.problem.physics import complete, physics
 from hkt_mdo.run.run import run_case
 
 ROOT = Path(__file__).parent.parent
@@ -30,7 +29,7 @@ def test_example_is_whole_and_says_what_it_is(path):
     assert path.read_text(encoding="utf-8").startswith("# ")
     assert case.phase.duration > 0.0
     assert case.phase.segments >= 60
-    speed = world.inflow.speed(np.linspace(0.0, case.phase.duration, 2001))
+    speed = world.inflow.speed_at(np.linspace(0.0, case.phase.duration, 2001))
     assert np.all(speed > 0.0)
     assert f"{path.stem}.yaml" in (ROOT / "docs" / "examples.md").read_text(encoding="utf-8")
 
@@ -51,10 +50,8 @@ def test_shipped_cases_go_by_their_names_unless_a_file_has_that_name(tmp_path, m
 @pytest.mark.parametrize("name", ["rm1_turbulent", "rm1_set_angle"])
 def test_rm1_has_its_published_inertia_and_torque(name):
     case = load_case(EXAMPLES / f"{name}.yaml", ["design={blade: fixed}"])
-    world, rotor = physics(case), case.rotor
-    _, inertia, _, _ = mass_and_inertia(
-        world.blade, world.section_area, rotor.material_density, rotor.hub_inertia
-    )
+    world = physics(case)
+    _, inertia = world.mass_and_inertia(world.blade)
     assert inertia == pytest.approx(RM1_INERTIA, rel=1e-4)
     rated = 500e3 / (11.5 * 2.0 * np.pi / 60.0)  # 500 kW at 11.5 rpm
     assert case.control.torque_limit == pytest.approx(rated, rel=1e-3)

@@ -16,17 +16,12 @@ CODESIGN = tuple(f"{scenario}_{law}" for scenario in SCENARIOS for law in LAWS)
 def case_file(folder: Path | None, name: str, overrides: Sequence[str] = ()) -> Case:
     """Return a case by the name of its file in a folder (None: the shipped cases).
 
-    Raises
-    ------
-    InputError
-        If the folder has no such file, or something in the case or an override is wrong.
+    Raises InputError if there is no such file, or something in the case or an override is wrong.
     """
-    folder = shipped_cases() if folder is None else folder
-    path = folder / f"{name}.yaml"
+    path = (folder or shipped_cases()) / f"{name}.yaml"
     if not path.is_file():
-        raise InputError(
-            f"--cases {folder}: has no {path.name}; give the folder of the shipped cases"
-        )
+        remedy, key = "give the folder of the shipped cases", f"--cases {path.parent}"
+        raise InputError(f"has no {path.name}", remedy, key=key)
     return load_case(path, overrides)
 
 

@@ -1,119 +1,123 @@
 """The reproduction's report: tables, checks and figures as JSON, Markdown and one HTML page."""
 
 import base64
-import html
 import json
 import platform
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from importlib.metadata import version
 from itertools import product
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+import yaml
+from markdown_it import MarkdownIt
 
-from hkt_mdo.results import plots
+from hkt_mdo.files.shipped import data_path
+from hkt_mdo.results import plots, style
 from hkt_mdo.results.folder import write_text
 from hkt_mdo.studies.common import LAWS, SCENARIOS, markdown_table, percent
-from hkt_mdo.studies.paper import FLOWS, REFERENCES, SENSOR_RATES, Paper, ensemble_key
+from hkt_mdo.studies.uncertainty import REFERENCES, Sensor
 
+FLOWS = ("A", "B", "C")
+FEEDBACK = LAWS[1:]
+SENSORS = tuple(
+    Sensor(reference=reference, rate=rate)
+    for reference, rate in product(REFERENCES, (10.0, 100.0, 1000.0))
+)
+DEFAULT = Sensor()
 LABELS = {
     "oloc": "OLOC",
     "linear": "linear feedback",
     "quadratic": "quadratic feedback",
     "baseline_oloc": "baseline with OLOC",
+    "oloc_redesigned": "OLOC redesigned",
 }
-TITLES = (
-    "Table II: step flow, no torque limit",
-    "Table III: sine flow, no torque limit",
-    "Table IV: sine flow, torque limit 700 N m",
-)
+TITLES = {
+    "step": "Table II: step flow, no torque limit",
+    "sine": "Table III: sine flow, no torque limit",
+    "sine_limited": "Table IV: sine flow, torque limit 700 N m",
+}
+TITLE = "Amini et al. (ACC 2023), reproduced"
 
 
-def write_report(paper: Paper, out: Path, report: Callable[[str], None]) -> dict:
+def ensemble_key(law: str, flow: str, sensor: Sensor | None = DEFAULT) -> str:
+    """Return the name of a law's runs in a flow; without a sensor there is no noise."""
+    return f"{law}_{flow}_" + (f"{sensor.reference}_{sensor.rate:g}Hz" if sensor else "quiet")
+
+
+def write_report(solutions: dict, ensembles: dict, out: Path, report: Callable) -> dict:
     """Write paper.json, report.md, report.html and the figures; return what paper.json holds.
 
-    Parameters
-    ----------
-    paper : hkt_mdo.studies.paper.Paper
-        All results.
-    out : Path
-        Folder to write into.
-    report : callable
-        Called with a line whenever something is done.
+    The solutions are those of the ten shipped cases, of sequential design
+    (`sine_sequential_oloc`, ...) and of optimal control in another flow (`redesigned_A`, ...); the
+    ensembles are named by `ensemble_key`.
     """
+    printed = yaml.safe_load(data_path("amini2023", "reported").read_text(encoding="utf-8"))
     data = {
         "version": version("hkt_mdo"),
         "python": platform.python_version(),
-        "tables": {scenario: _scenario(paper, scenario) for scenario in SCENARIOS},
-        "uncertain_flow": {flow: _uncertain(paper, flow) for flow in FLOWS},
-        "sensor": _sensor(paper),
-        "sequential": _sequential(paper),
+        "tables": {each: _scenario(solutions, each, printed[each]) for each in SCENARIOS},
+        "uncertain_flow": {
+            flow: _uncertain(solutions, ensembles, flow, printed["uncertain_flow"][flow])
+            for flow in FLOWS
+        },
+        "sensor": _sensor(ensembles),
+        "sequential": _sequential(solutions),
     }
-    checks = [*_table_checks(data["tables"]), *_flow_checks(data["uncertain_flow"])]
-    for scenario, low, high in (("sine", -1e-3, 1e-3), ("sine_limited", 1e-2, float("inf"))):
-        value = data["sequential"][scenario]["oloc"]["gain_percent"]
-        statement = f"{scenario}: co-design over sequential design (OLOC), %"
-        checks.append((statement, value, low, high))
-    lost = sum(not solution.success for solution in paper.solutions.values())
-    checks.append(("runs without success", lost, 0, 0))
-    data["checks"] = [
-        {
-            "statement": statement, "value": value, "low": low, "high": high,
-            "passed": value is not None and low <= value <= high,
-        }
-        for statement, value, low, high in checks
-    ]  # fmt: skip
-    figures = _figures(paper, out / "figures")
+    lost, names = sum(not each.success for each in solutions.values()), "statement value low high"
+    checks = (*_checks(data), ("runs without success", lost, 0, 0))
+    data["checks"] = [dict(zip(names.split(), check, strict=True)) for check in checks]
+    for check in data["checks"]:
+        value = check["value"]
+        check["passed"] = value is not None and check["low"] <= value <= check["high"]
+    figures, shown = {}, {}
+    for number, (caption, figure) in enumerate(_figures(solutions, ensembles).items(), 3):
+        name, caption = f"figure_{number:02d}", f"Fig. {number}. {caption}"
+        figures[name] = figure
+        shown[number] = f"![{caption}](figures/{name}.png)\n\n*{caption}*"
+    style.save(figures, out / "figures", ("png", "pdf"))
     report(f"{len(figures)} figures")
-    text = "\n\n".join(_blocks(data, figures))
+    text = "\n\n".join(_blocks(data, shown)) + "\n"
     write_text(out / "paper.json", json.dumps(data, indent=2) + "\n")
-    write_text(out / "report.md", text + "\n")
+    write_text(out / "report.md", text)
     write_text(out / "report.html", _page(text, out))
     return data
 
 
-# Numbers ------------------------------------------------------------------------------------------
-
-
-def _energy(paper, name):
-    return paper.solutions[name].summary["simulated_energy_J"]
-
-
-def _scenario(paper, scenario):
+def _scenario(solutions, scenario, reported):
     """Return the rows of Table II, III or IV."""
-    best, rows = _energy(paper, f"{scenario}_oloc"), {}
+    best, rows = solutions[f"{scenario}_oloc"].summary.simulated_energy_J, {}
     for name in (*LAWS, *(("baseline_oloc",) if scenario == "sine" else ())):
-        summary = paper.solutions[f"{scenario}_{name}"].summary
-        printed, energy = paper.reported[scenario][name], summary["simulated_energy_J"]
-        kept = ("success", "gain", "tip_speed_ratio", "power_coefficient_max", "iterations")
-        peak, told = "tip_speed_ratio_at_power_coefficient_max", ("gain", "tip_speed_ratio")
+        summary, printed = solutions[f"{scenario}_{name}"].summary, reported[name]
+        energy, told = summary.simulated_energy_J, ("gain", "tip_speed_ratio")
+        kept = ("success", *told, "power_coefficient_max", "iterations")
+        kept = (*kept, "tip_speed_ratio_at_power_coefficient_max")
         rows[name] = {
             "energy_J": energy,
             "difference_percent": percent(energy, printed["energy_J"]),
             "gap_percent": percent(energy, best),
-            "gain_difference_percent": percent(summary["gain"], printed.get("gain")),
-            **{key: summary[key] for key in (*kept, peak)},
+            "gain_difference_percent": percent(summary.gain, printed.get("gain")),
+            **{key: summary[key] for key in kept},
             **{f"reported_{key}": printed.get(key) for key in ("energy_J", "gap_percent", *told)},
         }
     return rows
 
 
-def _uncertain(paper, flow):
+def _uncertain(solutions, ensembles, flow, printed):
     """Return a flow's rows of Table V under the default sensor."""
-    replay = paper.ensembles[f"oloc_{flow}"]
+    keys = ("energy_J", "spread_J", "worst_J", "stalled", "repeats")
+    replay = ensembles[ensemble_key("oloc", flow, None)]
+    redesigned = solutions[f"redesigned_{flow}"]
     rows = {"oloc": {key: replay[key] for key in ("energy_J", "stopped_at_s")}}
-    for law in LAWS[1:]:
-        noisy = paper.ensembles[ensemble_key(law, flow)]
-        keys = ("energy_J", "spread_J", "worst_J", "stalled", "repeats")
-        rows[law] = {key: noisy[key] for key in keys}
-        rows[law]["quiet_energy_J"] = paper.ensembles[ensemble_key(law, flow, None)]["energy_J"]
-    ceiling, printed = _energy(paper, f"redesigned_{flow}"), paper.reported["uncertain_flow"][flow]
-    success = paper.solutions[f"redesigned_{flow}"].success
-    rows["oloc_redesigned"] = {"energy_J": ceiling, "success": success}
+    for law in FEEDBACK:
+        noisy, quiet = ensembles[ensemble_key(law, flow)], ensembles[ensemble_key(law, flow, None)]
+        rows[law] = {key: noisy[key] for key in keys} | {"quiet_energy_J": quiet["energy_J"]}
+    ceiling = redesigned.summary.simulated_energy_J
+    rows["oloc_redesigned"] = {"energy_J": ceiling, "success": redesigned.success}
     for name, row in rows.items():
         row["gap_percent"] = percent(row["energy_J"], ceiling)
         row["reported_energy_J"] = printed[name]
@@ -121,314 +125,229 @@ def _uncertain(paper, flow):
     return rows
 
 
-def _sensor(paper):
+def _sensor(ensembles):
     """Return how the number of stalled repeats and the energy depend on the sensor."""
     rows = []
-    for law, flow in product(LAWS[1:], FLOWS):
-        quiet = paper.ensembles[ensemble_key(law, flow, None)]["energy_J"]
-        for reference, rate in product(REFERENCES, SENSOR_RATES):
-            run = paper.ensembles[ensemble_key(law, flow, reference, rate)]
-            row = {"law": law, "flow": flow, "reference": reference, "rate_Hz": rate}
-            row |= {key: run[key] for key in ("noise_deviation_rad_s", "stalled", "repeats")}
-            rows.append(row | {"loss_percent": percent(run["energy_J"], quiet)})
+    for law, flow, sensor in product(FEEDBACK, FLOWS, SENSORS):
+        quiet = ensembles[ensemble_key(law, flow, None)]["energy_J"]
+        run = ensembles[ensemble_key(law, flow, sensor)]
+        row = {"law": law, "flow": flow, "reference": sensor.reference, "rate_Hz": sensor.rate}
+        row |= {key: run[key] for key in ("noise_deviation_rad_s", "stalled", "repeats")}
+        rows.append(row | {"loss_percent": percent(run["energy_J"], quiet)})
     return rows
 
 
-def _sequential(paper):
+def _sequential(solutions):
     """Return sequential design (best steady blade first) beside co-design."""
     rows = {"sine": {}, "sine_limited": {}}
-    for scenario, row in rows.items():
-        for law in LAWS:
-            together = _energy(paper, f"{scenario}_{law}")
-            kept = paper.solutions[f"{scenario}_sequential_{law}"].summary
-            row[law] = {
-                "co_design_J": together,
-                "sequential_J": kept["simulated_energy_J"],
-                "sequential_success": kept["success"],
-                "gain_percent": percent(together, kept["simulated_energy_J"]),
-            }
+    for scenario, law in product(rows, LAWS):
+        together = solutions[f"{scenario}_{law}"].summary.simulated_energy_J
+        kept = solutions[f"{scenario}_sequential_{law}"].summary
+        rows[scenario][law] = {
+            "co_design_J": together,
+            "sequential_J": kept.simulated_energy_J,
+            "sequential_success": kept.success,
+            "gain_percent": percent(together, kept.simulated_energy_J),
+        }
     return rows
 
 
-def _table_checks(tables):
-    """Yield (statement, value, low, high) of what Tables II to IV have to bear out."""
-    for scenario, rows in tables.items():
-        best, linear, quadratic = (rows[law]["energy_J"] for law in LAWS)
-        yield f"{scenario}: quadratic over OLOC, %", percent(quadratic, best), -0.02, 2e-3
-        below = percent(linear, quadratic)
+def _checks(data):
+    """Yield (statement, value, low, high) of what the tables have to bear out."""
+    many = float("inf")
+    for scenario, rows in data["tables"].items():
+        linear, quadratic = rows["linear"], rows["quadratic"]
+        yield f"{scenario}: quadratic over OLOC, %", quadratic["gap_percent"], -0.02, 2e-3
+        below = percent(linear["energy_J"], quadratic["energy_J"])
         yield f"{scenario}: linear below quadratic, %", below, -100.0, -1e-9
-        yield f"{scenario}: linear over OLOC, %", percent(linear, best), -1.5, -0.1
+        yield f"{scenario}: linear over OLOC, %", linear["gap_percent"], -1.5, -0.1
         for name, row in rows.items() if scenario != "step" else ():
-            difference = row["difference_percent"]
-            yield f"{scenario} {name}: energy over the paper's, %", difference, -4.0, 4.0
+            over = f"{scenario} {name}: {{}} over the paper's, %"
+            yield over.format("energy"), row["difference_percent"], -4.0, 4.0
             if row["reported_gain"]:
-                difference = row["gain_difference_percent"]
-                yield f"{scenario} {name}: gain over the paper's, %", difference, -8.0, 8.0
-    sine, limited = tables["sine"], tables["sine_limited"]
+                yield over.format("gain"), row["gain_difference_percent"], -8.0, 8.0
+    sine, limited = data["tables"]["sine"], data["tables"]["sine_limited"]["oloc"]
     yield "baseline with OLOC over OLOC, %", sine["baseline_oloc"]["gap_percent"], -8.0, -3.0
     ratio = sine["oloc"]["tip_speed_ratio"]
     yield "sine OLOC: range of the tip speed ratio", ratio["max"] - ratio["min"], 0.0, 0.1
-    over = percent(ratio["mean"], 7.18)
-    yield "sine OLOC: tip speed ratio over 7.18, %", over, -3.0, 3.0
-    over = percent(limited["oloc"]["tip_speed_ratio_at_power_coefficient_max"], 8.27)
+    yield "sine OLOC: tip speed ratio over 7.18, %", percent(ratio["mean"], 7.18), -3.0, 3.0
+    over = percent(limited["tip_speed_ratio_at_power_coefficient_max"], 8.27)
     yield "limited OLOC: tip speed ratio at maximum C_P over 8.27, %", over, -3.0, 3.0
-
-
-def _flow_checks(flows):
-    """Yield (statement, value, low, high) of what Table V has to bear out."""
-    for flow, rows in flows.items():
-        quadratic, linear = rows["quadratic"], rows["linear"]
+    for flow, rows in data["uncertain_flow"].items():
+        linear, quadratic = rows["linear"], rows["quadratic"]
         yield f"flow {flow}: quadratic over the ceiling, %", quadratic["gap_percent"], -1.0, 0.0
         yield f"flow {flow}: linear over the ceiling, %", linear["gap_percent"], -2.0, 0.0
         above = percent(quadratic["energy_J"], linear["energy_J"])
-        yield f"flow {flow}: quadratic over linear, %", above, 1e-9, float("inf")
+        yield f"flow {flow}: quadratic over linear, %", above, 1e-9, many
         yield f"flow {flow}: stalled repeats", quadratic["stalled"] + linear["stalled"], 0, 0
-    replay = percent(flows["A"]["oloc"]["energy_J"], flows["A"]["linear"]["energy_J"])
+    rows = data["uncertain_flow"]["A"]
+    replay = percent(rows["oloc"]["energy_J"], rows["linear"]["energy_J"])
     yield "flow A: OLOC replay over linear, %", replay, -100.0, 0.0
+    for scenario, low, high in (("sine", -1e-3, 1e-3), ("sine_limited", 1e-2, many)):
+        gained = data["sequential"][scenario]["oloc"]["gain_percent"]
+        yield f"{scenario}: co-design over sequential design (OLOC), %", gained, low, high
 
 
-# Figures ------------------------------------------------------------------------------------------
-
-
-def _figures(paper, folder):
-    """Draw Figs. 3 to 12 as PNG and PDF; return each in Markdown by its number."""
-    folder.mkdir(parents=True, exist_ok=True)
-    drawn = {}
-
-    def save(caption, figure):
-        number = 3 + len(drawn)
-        for suffix, metadata in (("png", {"Software": None}), ("pdf", {"CreationDate": None})):
-            figure.savefig(folder / f"figure_{number:02d}.{suffix}", dpi=140, metadata=metadata)
-        caption = f"Fig. {number}. {caption}"
-        drawn[number] = f"![{caption}](figures/figure_{number:02d}.png)\n\n*{caption}*"
+def _figures(solutions, ensembles):
+    """Return Figs. 3 to 12 by their captions."""
 
     def three(scenario):
-        return [_named(paper.solutions[f"{scenario}_{law}"], LABELS[law]) for law in LAWS]
+        return [_named(solutions[f"{scenario}_{law}"], LABELS[law]) for law in LAWS]
 
-    caption = "Step flow: control torque and rotor speed"
-    save(caption, _stack(three("step"), plots.plot_control_torque, plots.plot_rotor_speed))
-    baseline = _named(paper.solutions["sine_baseline_oloc"], "baseline (Bahaj)")
-    torques = "control and hydrodynamic torque"
-    for scenario, words in (("sine", "no torque limit"), ("sine_limited", "torque limit 700 N m")):
-        curves, flow = three(scenario), f"Sine flow, {words}"
-        for name, shown, words in (
-            ("blade", [*curves, baseline], "twist and chord"),
-            ("power_curve", curves, "power coefficient over tip speed ratio"),
-            ("operation", curves, f"rotor speed, tip speed ratio, {torques}"),
-        ):
-            save(f"{flow}: {words}", plots.figure_of(shown, name))
+    def stack(lines, *names):
+        panels = [partial(getattr(plots, f"plot_{name}"), lines) for name in names]
+        return style.figure_of(6.4, 2.1 * len(panels) + 0.4, panels)
+
+    step = stack(three("step"), "control_torque", "rotor_speed")
+    figures = {"Step flow: control torque and rotor speed": step}
+    baseline = _named(solutions["sine_baseline_oloc"], "baseline (Bahaj)")
+    for scenario in ("sine", "sine_limited"):
+        curves, flow = three(scenario), TITLES[scenario].partition(": ")[2]
+        over_time = "Rotor speed, tip speed ratio, control and hydrodynamic torque"
+        figures |= {
+            f"Twist and chord: {flow}": plots.figure_of([*curves, baseline], "blade"),
+            f"Power coefficient over tip speed ratio: {flow}": plots.figure_of(curves, "power_curve"),
+            f"{over_time}: {flow}": plots.figure_of(curves, "operation"),
+        }
     for flow in FLOWS:
-        replay = paper.ensembles[f"oloc_{flow}"]
+        replay = ensembles[ensemble_key("oloc", flow, None)]
+        series, stopped = replay["series"], replay["stopped_at_s"]
         caption = f"Flow {flow}: rotor speed, control torque, hydrodynamic torque"
-        series = replay["series"]
-        if replay["stopped_at_s"] is not None:
-            # an empty line keeps the line styles of the other controllers as they are
-            series, stopped = {}, replay["stopped_at_s"]
+        if stopped is not None:
             caption += f" (the replayed OLOC stops at {stopped:.1f} s and is not shown)"
-        lines = [_named(paper.solutions["sine_limited_oloc"], "OLOC replayed", series)]
-        for law in LAWS[1:]:
-            series = paper.ensembles[ensemble_key(law, flow)]["series"]
-            lines.append(_named(paper.solutions[f"sine_limited_{law}"], LABELS[law], series))
-        lines.append(_named(paper.solutions[f"redesigned_{flow}"], "OLOC redesigned"))
-        panels = plots.plot_rotor_speed, plots.plot_control_torque, plots.plot_hydrodynamic_torque
-        save(caption, _stack(lines, *panels))
-    return drawn
+            series = {}  # an empty line keeps the line styles of the other controllers as they are
+        lines = [_named(solutions["sine_limited_oloc"], "OLOC replayed", series)]
+        for law in FEEDBACK:
+            series = ensembles[ensemble_key(law, flow)]["series"]
+            lines.append(_named(solutions[f"sine_limited_{law}"], LABELS[law], series))
+        lines.append(_named(solutions[f"redesigned_{flow}"], "OLOC redesigned"))
+        figures[caption] = stack(lines, "rotor_speed", "control_torque", "hydrodynamic_torque")
+    return figures
 
 
 def _named(solution, name, series=None):
     """Return a solution under a legend's name, with another run's time series if given."""
-    summary = {k: value for k, value in solution.summary.items() if not k.startswith("start_")}
-    case = solution.case.model_copy(update={"name": name})
-    renamed = replace(solution, case=case, summary=summary)
+    no_start = dict.fromkeys(("start_chord_m", "start_twist_deg"))
+    summary = solution.summary.model_copy(update=no_start)
+    renamed = replace(
+        solution, case=solution.case.model_copy(update={"name": name}), summary=summary
+    )
     if series is None:
         return renamed
     columns = {key: np.array(values) for key, values in series.items()}
     return replace(renamed, simulation=columns, trajectory={})
 
 
-def _stack(solutions, *panels):
-    """Return a figure of panels above each other with one legend and one time axis."""
-    figure = Figure(figsize=(6.4, 2.1 * len(panels) + 0.4), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(len(panels), 1, sharex=True)
-    for plot, ax in zip(panels, axes, strict=True):
-        plot(solutions, ax)
-        if ax is not axes[0] and ax.get_legend() is not None:
-            ax.get_legend().remove()
-        if ax is not axes[-1]:
-            ax.set_xlabel("")
-    return figure
-
-
-# Text ---------------------------------------------------------------------------------------------
-
-
-def _table(header, cells, rows):
-    """Return a table in Markdown from its headings and a template of the other rows."""
-    filled = [[_filled(cell, row) for cell in cells.split(" | ")] for row in rows]
-    return "\n".join(markdown_table(header.split(" | "), filled))
-
-
-def _filled(template, row):
-    """Return a template with a row's values; a dash where a value is missing (None)."""
-    try:
-        return template.format(**row)
-    except TypeError:  # None takes no number format
-        return "–"
-
-
 def _blocks(data, figures):
     """Yield the report in Markdown: headings, paragraphs, tables and figures."""
     passed = sum(check["passed"] for check in data["checks"])
-    yield "# Amini et al. (ACC 2023), reproduced"
+    yield f"# {TITLE}"
     yield (
-        "Energies are those of the independent integration with direct BEM "
-        "(`simulated_energy_J`), not the optimizer's. 'Gap' is relative to OLOC in the same "
-        "table; 'difference' is relative to the paper. What the paper leaves out, and how it "
-        "was inferred, is in docs/reproduction.md."
+        f"By `hkt paper` of hkt_mdo {data['version']}, Python {data['python']}: {passed} of "
+        f"{len(data['checks'])} checks pass (last section). Energies are those of the independent "
+        "integration with direct BEM (`simulated_energy_J`). 'Gap' is relative to OLOC in the same "
+        "table; 'difference' to the paper. All numbers are in paper.json. What the paper leaves "
+        "out, and how it was inferred, is in docs/reproduction.md."
     )
-    yield f"{passed} of {len(data['checks'])} checks pass (last section)."
-    yield from _tables(data["tables"], figures)
-    yield from _uncertain_table(data["uncertain_flow"])
-    yield from (figures[number] for number in (10, 11, 12))
-    yield from _sensor_table(data["sensor"])
-    yield from _sequential_table(data["sequential"])
-    yield "## Checks"
-    yield _table(
+    for scenario, *numbers in (("step", 3), ("sine", 4, 5, 6), ("sine_limited", 7, 8, 9)):
+        yield from _section(
+            TITLES[scenario],
+            " | energy / J | paper / J | difference | gap | paper | gain | paper"
+            " | TSR at max C_P | paper",
+            "{label} | {energy_J:.0f} | {reported_energy_J:.0f} | {difference_percent:+.2f} %"
+            " | {gap_percent:+.4f} % | {reported_gap_percent:+.3f} %"
+            " | {gain:.2f} | {reported_gain:.2f}"
+            " | {tip_speed_ratio_at_power_coefficient_max:.2f} | {reported_tip_speed_ratio:.2f}",
+            [{"label": LABELS[name]} | row for name, row in data["tables"][scenario].items()],
+            [figures[number] for number in numbers],
+        )
+    replayed = LABELS | {"oloc": "OLOC replayed"}
+    yield from _section(
+        "Table V: uncertain flows",
+        "flow | controller | energy / J | paper / J | gap | paper | stalled",
+        "{flow} | {label} | {energy_J:.0f} ± {spread_J:.0f} (worst {worst_J:.0f})"
+        " || {energy_J:.0f} || rotor stops at t = {stopped_at_s:.1f} s, not generating"
+        " | {reported_energy_J:.0f} | {gap_percent:+.2f} % | {reported_gap_percent:+.1f} %"
+        " | {stalled} of {repeats}",
+        [
+            {"flow": flow, "label": replayed[name]} | row
+            for flow, rows in data["uncertain_flow"].items()
+            for name, row in rows.items()
+        ],
+        [figures[number] for number in (10, 11, 12)],
+        "Designs of Table IV in flows that they were not made for, from the tip speed ratio that "
+        "each starts at. Feedback reads a speed sensor with 20 dB of the speed's fluctuation, "
+        "sampled at 100 Hz, behind a second-order Butterworth low-pass at 0.5 Hz; mean and "
+        "standard deviation over the repeats. OLOC replays its recorded torque. 'Redesigned' is "
+        "the optimal control of the blade of sine_limited_oloc in the actual flow: the ceiling.",
+    )
+    yield from _section(
+        "What the sensor's open choices do",
+        "law | flow | 20 dB of | rate / Hz | σ / (rad/s) | stalled | energy, to no noise",
+        "{law} | {flow} | {reference} | {rate_Hz:g} | {noise_deviation_rad_s:.3f}"
+        " | {stalled} of {repeats} | {loss_percent:+.3f} %",
+        data["sensor"],
+        text="The paper does not say what the 20 dB refer to (the speed's fluctuation about its "
+        "mean, or the whole speed, whose rms is some ten times larger), nor how often the sensor "
+        "is sampled. Stalled repeats are counted here and left out of the energies. The default, "
+        "fluctuation at 100 Hz, is the coarsest choice under which nothing stalls, as in the "
+        "paper.",
+    )
+    yield from _section(
+        "Sequential against simultaneous design",
+        "flow | controller | sequential / J | co-design / J | co-design gains",
+        "{flow} | {label} | {kept:.0f} || no success | {co_design_J:.0f} | {gain_percent:+.4f} %",
+        [
+            {"flow": TITLES[scenario].partition(": ")[2], "label": LABELS[law]}
+            | {"kept": row["sequential_J"] if row["sequential_success"] else None}
+            | row
+            for scenario, rows in data["sequential"].items()
+            for law, row in rows.items()
+        ],
+        text="Sequential: the best steady blade first, then the controller on it. Without a torque "
+        "limit both lead to the same rotor under OLOC and quadratic feedback; with it, or with "
+        "linear feedback, the controller changes the best blade (paper Sec. IV, from its ref. 11).",
+    )
+    yield from _section(
+        "Checks",
         "statement | found | asked | holds",
         "{statement} | {value:.4g} | {low:g} … {high:g} | {holds}",
         [check | {"holds": "yes" if check["passed"] else "NO"} for check in data["checks"]],
     )
-    yield "## How this was made"
-    yield (
-        f"`hkt paper` of hkt_mdo {data['version']}, Python {data['python']}. All numbers are in "
-        "paper.json."
-    )
 
 
-def _tables(tables, figures):
-    header = " | energy / J | paper / J | difference | gap | paper"
-    cells = (
-        "{label} | {energy_J:.0f} | {reported_energy_J:.0f} | {difference_percent:+.2f} %"
-        " | {gap_percent:+.4f} % | {reported_gap_percent:+.3f} %"
-        " | {gain:.2f} | {reported_gain:.2f}"
-        " | {tip_speed_ratio_at_power_coefficient_max:.2f} | {reported_tip_speed_ratio:.2f}"
-    )
-    header += " | gain | paper | TSR at max C_P | paper"
-    numbers = ((3,), (4, 5, 6), (7, 8, 9))
-    for title, table, shown in zip(TITLES, tables.values(), numbers, strict=True):
-        rows = [{"label": LABELS[name]} | row for name, row in table.items()]
-        yield f"## {title}"
-        yield _table(header, cells, rows)
-        yield from (figures[number] for number in shown)
+def _section(title, header, cells, rows, figures=(), text=""):
+    """Yield a section in Markdown: its text, a table from a template of its rows, and figures."""
+    lines = [[_filled(cell, row) for cell in cells.split(" | ")] for row in rows]
+    table = "\n".join(markdown_table(header.split(" | "), lines))
+    yield from filter(None, (f"## {title}", text, table, *figures))
 
 
-def _uncertain_table(flows):
-    labels = LABELS | {"oloc": "OLOC replayed", "oloc_redesigned": "OLOC redesigned"}
-    rows = []
-    for flow, lines in flows.items():
-        for name, row in lines.items():
-            form = "{energy_J:.0f}"
-            if row["energy_J"] is None:
-                form = "rotor stops at t = {stopped_at_s:.1f} s, not generating"
-            elif row.get("spread_J") is not None:
-                form += " ± {spread_J:.0f} (worst {worst_J:.0f})"
-            words = {"flow": flow, "label": labels[name], "energy": form.format(**row)}
-            words["of"] = "{stalled} of {repeats}".format(**row) if "stalled" in row else ""
-            rows.append(words | row)
-    yield "## Table V: uncertain flows"
-    yield (
-        "Designs of Table IV in flows that they were not made for. Feedback reads a speed sensor "
-        "with 20 dB of the speed's fluctuation, sampled at 100 Hz, behind a second-order "
-        "Butterworth low-pass at 0.5 Hz; mean and standard deviation over the repeats. OLOC "
-        "replays its recorded torque. 'Redesigned' is the optimal control of the fixed blade of "
-        "sine_limited_oloc in the actual flow: the ceiling. Every run starts at the tip speed "
-        "ratio that its design starts at."
-    )
-    yield _table(
-        "flow | controller | energy / J | paper / J | gap | paper | stalled",
-        "{flow} | {label} | {energy} | {reported_energy_J:.0f} | {gap_percent:+.2f} %"
-        " | {reported_gap_percent:+.1f} % | {of}",
-        rows,
-    )
-
-
-def _sensor_table(rows):
-    yield "## What the sensor's open choices do"
-    yield (
-        "The paper does not say what the 20 dB refer to (the speed's fluctuation about its mean, "
-        "or the whole speed, whose rms is some ten times larger), nor how often the sensor is "
-        "sampled. Stalled repeats are counted here and left out of the energies. The default, "
-        "fluctuation at 100 Hz, is the coarsest choice under which nothing stalls, as in the "
-        "paper."
-    )
-    yield _table(
-        "law | flow | 20 dB of | rate / Hz | σ / (rad/s) | stalled | energy, to no noise",
-        "{law} | {flow} | {reference} | {rate_Hz:g} | {noise_deviation_rad_s:.3f}"
-        " | {stalled} of {repeats} | {loss_percent:+.3f} %",
-        rows,
-    )
-
-
-def _sequential_table(found):
-    rows = []
-    for limit, lines in zip(("none", "700 N m"), found.values(), strict=True):
-        for law, row in lines.items():
-            kept = f"{row['sequential_J']:.0f}" if row["sequential_success"] else "no success"
-            rows.append(row | {"limit": limit, "label": LABELS[law], "kept": kept})
-    yield "## Sequential against simultaneous design"
-    yield (
-        "Sequential: the best steady blade first, then the controller on it. Without a torque "
-        "limit both lead to the same rotor under OLOC and quadratic feedback; with it, or with "
-        "linear feedback, the controller changes the best blade (paper Sec. IV, from its ref. 11)."
-    )
-    yield _table(
-        "torque limit | controller | sequential / J | co-design / J | co-design gains",
-        "{limit} | {label} | {kept} | {co_design_J:.0f} | {gain_percent:+.4f} %",
-        rows,
-    )
+def _filled(templates, row):
+    """Return the first of several templates of which a row has all values; a dash without any."""
+    for template in templates.split(" || "):
+        with suppress(KeyError, TypeError):  # no such value, or None, which takes no format
+            return template.format(**row)
+    return "–"
 
 
 _STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 64rem; margin: 2rem auto;
-       padding: 0 1rem; }
-table { border-collapse: collapse; font-size: 0.9rem; margin: 1rem 0; }
-th, td { border-bottom: 1px solid #ccc; padding: 0.25rem 0.6rem; text-align: right;
-         white-space: nowrap; }
-th { border-bottom: 2px solid #555; }
-th:first-child, td:first-child { text-align: left; }
-figure { margin: 1.5rem 0; }
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 64rem; margin: 2rem auto; }
+table { border-collapse: collapse; font-size: 0.9rem; display: block; overflow-x: auto; }
+th, td { border-bottom: 1px solid #ccc; padding: 0.25rem 0.6rem; white-space: nowrap; }
+td + td, th + th { text-align: right; }
 img { max-width: 100%; }
-figcaption { color: #555; font-size: 0.9rem; }
-.scroll { overflow-x: auto; }
 """
 
 
 def _page(text, out):
     """Return the report as one HTML page with its images inside: no server, no network."""
-    parts = []
-    for block in html.escape(text).split("\n\n"):
-        if block.startswith("#"):
-            level, title = block.split(" ", 1)
-            parts.append(f"<h{len(level)}>{title}</h{len(level)}>")
-        elif block.startswith("|"):
-            header, _, *rows = (line[2:-2].split(" | ") for line in block.splitlines())
-            rows = _row("th", header) + "".join(_row("td", row) for row in rows)
-            parts.append(f'<div class="scroll"><table>{rows}</table></div>')
-        elif figure := re.fullmatch(r"!\[(.*)\]\((.*)\)", block):
-            image = base64.b64encode((out / figure[2]).read_bytes()).decode("ascii")
-            parts.append(f'<figure><img alt="{figure[1]}" src="data:image/png;base64,{image}">')
-        elif block.startswith("*"):
-            parts.append(f"<figcaption>{block.strip('*')}</figcaption></figure>")
-        else:
-            words = re.sub("`([^`]*)`", r"<code>\1</code>", block)
-            parts.append(f"<p>{words}</p>")
-    title = text.partition("\n")[0].strip("# ")
-    return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
-        f"<style>{_STYLE}</style></head>\n<body>\n" + "\n".join(parts) + "\n</body></html>\n"
-    )
 
+    def inside(image):
+        content = base64.b64encode((out / image[1]).read_bytes()).decode("ascii")
+        return f'src="data:image/png;base64,{content}"'
 
-def _row(tag, cells):
-    return "<tr>" + "".join(f"<{tag}>{cell}</{tag}>" for cell in cells) + "</tr>"
+    body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
+    body = re.sub('src="(.*?)"', inside, body)
+    head = f'<meta charset="utf-8"><title>{TITLE}</title><style>{_STYLE}</style>'
+    return f'<!doctype html>\n<html lang="en"><head>{head}</head>\n<body>\n{body}</body></html>\n'

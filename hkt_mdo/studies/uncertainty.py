@@ -12,29 +12,35 @@ from scipy import signal
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.dynamics.flows import Inflow
+from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant, RecordedTorque, Simulation, simulate
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.physics import BEM, physics
+from hkt_mdo.problem.physics import BEM, Physics, physics
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
 
-LONGEST_STEP = 0.25  # of the rotor's time constant: Runge-Kutta's steps within a sample time
+LONGEST_STEP = 0.25  # of Runge-Kutta, over the rotor's smallest time constant I / |dQ/dw|
 REFERENCES = ("fluctuation", "total")
+PAPER_FLOWS = {
+    "design": {},
+    "A": {"scale": 1.1},
+    "B": {"angular_frequency": 0.225},
+    "C": {"phase": 0.2 * np.pi},
+}
+"""What the flows of the paper (Sec. V) change of the sine that a design was made for."""
 
 
 @dataclass(frozen=True)
 class Sensor:
     """A rotor speed sensor with noise, and the filter behind it.
 
-    The paper gives 20 dB 'compared with the turbine rotational speed signal', and neither the
-    sampling rate nor whether the signal's mean counts as signal. Both matter: filtered noise falls
-    with the square root of the rate.
-
-    snr (dB; infinity: no noise) is of the signal named by reference: the speed's `fluctuation`
-    about its mean, which the controller has to follow, or the `total` speed, whose rms is some ten
-    times larger. rate (Hz) is of the samples of sensor and controller; cutoff (Hz) is that of the
-    second-order Butterworth low-pass.
+    The paper gives 20 dB 'compared with the turbine rotational speed signal', and neither the rate
+    nor whether the signal's mean counts. Both matter: filtered noise falls with the square root of
+    the rate. snr (dB; infinity: no noise) is of the signal named by reference: the speed's
+    `fluctuation` about its mean, which the controller has to follow, or the `total` speed, whose
+    rms is some ten times larger. rate (Hz) is of the samples of sensor and controller; cutoff (Hz)
+    that of the second-order Butterworth low-pass.
     """
 
     snr: float = 20.0
@@ -52,14 +58,12 @@ class Sensor:
 class Ensemble:
     """Repeated noisy runs of one design in one flow.
 
-    energy, generator_energy (J) and stopped_at (s) have one entry a repeat; energies of repeats
-    whose rotor stopped are NaN and stopped_at of those that did not. time, rotor_speed,
-    control_torque, hydrodynamic_torque are the first repeat's samples; torque_error is the largest
-    relative difference between the tabulated and the direct BEM torque along them.
+    energy (J) and stopped_at (s) have one entry a repeat: NaN where the rotor stopped, and where it
+    did not. time ... hydrodynamic_torque are the first repeat's samples; torque_error is the
+    largest relative difference between the tabulated and the direct BEM torque along them.
     """
 
     energy: np.ndarray
-    generator_energy: np.ndarray
     stopped_at: np.ndarray
     noise_deviation: float
     time: np.ndarray
@@ -77,14 +81,12 @@ class Ensemble:
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """A finished design, ready to be simulated: plant, controller and the flow it was made for."""
+    """A finished design, ready to be simulated: its result, and its rotor and gains as built."""
 
     solution: Solution
+    physics: Physics
     plant: Plant
-    law: object
     gains: np.ndarray
-    inflow: Inflow
-    torque_limit: float | None
 
     @classmethod
     def of(cls, solution: Solution):
@@ -93,82 +95,71 @@ class Design:
         Raises InputError if it is of an interrupted run, or a file of its case is gone.
         """
         world, summary = physics(solution.case), solution.summary
-        if "chord_m" not in summary or not solution.trajectory:
-            raise InputError(
-                f"{solution.folder}: holds no finished design; run the case again, or resume it"
-            )
-        radius = summary.get("rotor_radius_m") or world.blade.rotor_radius
-        blade = world.blade.with_rotor_radius(radius).with_shape(
-            summary["chord_m"], np.deg2rad(summary["twist_deg"])
-        )
-        plant = Plant(
-            blade,
-            world.polar,
-            summary["inertia_kg_m2"],
-            solution.case.fluid.density,
-            BEM[solution.case.hydrodynamics.check],
-        )
-        gains = np.atleast_1d([] if summary["gain"] is None else summary["gain"]).astype(float)
-        return cls(solution, plant, world.law, gains, world.inflow, world.torque_limit)
+        if summary.chord_m is None or not solution.trajectory:
+            remedy = "run the case again, or resume it"
+            raise InputError("holds no finished design", remedy, file=solution.folder)
+        blade = world.blade.with_rotor_radius(summary.rotor_radius_m or world.blade.rotor_radius)
+        blade = blade.with_shape(summary.chord_m, np.deg2rad(summary.twist_deg))
+        check = BEM[world.case.hydrodynamics.check]
+        plant = Plant(blade, world.polar, summary.inertia_kg_m2, world.density, check)
+        gains = np.atleast_1d([] if summary.gain is None else summary.gain)
+        return cls(solution, world, plant, gains.astype(float))
 
     @property
-    def recorded_torque(self) -> RecordedTorque:
-        """The open loop's torque history."""
-        table = self.solution.trajectory
-        return RecordedTorque(
-            table["time_s"],
-            table["control_torque_Nm"],
-            self.solution.case.phase.segments,
-            self.torque_limit,
-        )
+    def law(self) -> FeedbackLaw | None:
+        """The feedback law; None: open loop."""
+        return self.physics.law
 
     def initial_speed(self, inflow):
         """Return a run's first speed in another flow: at the design's first tip speed ratio."""
         start = float(self.solution.trajectory["rotor_speed_rad_s"][0])
-        return start * float(inflow.speed_at(0.0) / self.inflow.speed_at(0.0))
+        return start * float(inflow.speed_at(0.0) / self.physics.inflow.speed_at(0.0))
 
-    def fly(self, inflow: Inflow) -> Simulation:
-        """Integrate the design in a flow with direct BEM and a perfect, unfiltered sensor."""
-        phase, law = self.solution.case.phase, self.law
-        return simulate(
-            self.plant,
-            inflow,
-            self.recorded_torque if law is None else lambda _, speed: law.torque(speed, self.gains),
-            self.initial_speed(inflow),
-            phase.duration,
-            samples=20 * phase.segments + 1,
-            max_step=phase.duration / phase.segments,
-        )
+    def fly(self, inflow: Inflow, initial_speed=None, tolerance=1e-9, refined=1) -> Simulation:
+        """Integrate the design in a flow with direct BEM and a perfect, unfiltered sensor.
+
+        `refined` tells how many times the longest step fits into a segment.
+        """
+        phase, law = self.physics.case.phase, self.law
+        if law is None:
+            recorded = self.solution.trajectory
+            torque = recorded["time_s"], recorded["control_torque_Nm"]
+            controller = RecordedTorque(*torque, phase.segments, self.physics.torque_limit)
+        else:
+
+            def controller(_, speed):
+                return law.torque(speed, self.gains)
+
+        speed, samples = initial_speed or self.initial_speed(inflow), 20 * phase.segments + 1
+        step, end = phase.duration / phase.segments / refined, phase.duration
+        return simulate(self.plant, inflow, controller, speed, end, samples, step, tolerance)
 
 
-def fly_noisy(
-    design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed: int, progress=None
-) -> Ensemble:
+def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed: int) -> Ensemble:
     """Run a feedback design in a flow under a noisy sensor, many times at once.
 
     Between samples the speed is integrated by the classical Runge-Kutta method. The plant's torque
-    coefficient is direct BEM, tabulated so finely that the table's error (`Ensemble.torque_error`)
-    is far below what the noise changes. seed is that of `numpy.random.default_rng` for all repeats;
-    progress(share) is called now and then, share from 0 to 1. Raises InputError if the design is
-    open loop.
+    coefficient is direct BEM, tabulated so finely that its error (`Ensemble.torque_error`) is far
+    below what the noise changes. `seed` is of all repeats. Raises InputError for an open loop.
     """
     if design.law is None:
-        raise InputError(
-            "open loop reads no sensor", "leave out the noise", file=design.solution.folder
-        )
-    duration = design.solution.case.phase.duration
+        folder = design.solution.folder
+        raise InputError("open loop reads no sensor", "leave out the noise", file=folder)
+    duration = design.physics.case.phase.duration
     quiet = design.fly(inflow)
     deviation = sensor.deviation(quiet.speed_at(np.linspace(0.0, quiet.time[-1], 2001)))
-    torque = _Torque(design.plant)
+    torque, plant, h = _Torque(design.plant), design.plant, 1e-4 * quiet.rotor_speed
+    faster = plant.torque(quiet.rotor_speed + h, quiet.inflow_speed)
+    slope = float(np.max(np.abs((faster - quiet.hydrodynamic_torque) / h)))
     n_samples = round(duration * sensor.rate)
     period = duration / n_samples
-    substeps = max(int(np.ceil(period / (LONGEST_STEP * _time_constant(design, quiet)))), 1)
+    substeps = max(int(np.ceil(period / (LONGEST_STEP * plant.inertia / slope))), 1)
     step = period / substeps
     speed = np.full(repeats, design.initial_speed(inflow))
     low_pass = signal.butter(2, sensor.cutoff, fs=1.0 / period)
     memory = signal.lfilter_zi(*low_pass)[:, None] * speed  # in steady state at the first speed
     random = np.random.default_rng(seed)
-    energy, generated, stopped = np.zeros(repeats), np.zeros(repeats), np.full(repeats, np.nan)
+    energy, stopped = np.zeros(repeats), np.full(repeats, np.nan)
     times = period * np.arange(n_samples)
     flows = inflow.speed_at(times[:, None] + step * np.arange(0.0, substeps + 0.25, 0.5))
     slowest = SLOWEST_RATIO * flows[:, -1] / torque.radius
@@ -177,24 +168,18 @@ def fly_noisy(
         measured = speed + deviation * random.standard_normal((1, repeats))
         filtered, memory = signal.lfilter(*low_pass, measured, axis=0, zi=memory)
         control = design.law.torque(np.maximum(filtered[0], 0.0), design.gains)
-        running = np.isnan(stopped)
         record[:, k] = speed[0], control[0], torque(speed[:1], flows[k, 0])[0]
         for j in range(substeps):
             flow = flows[k, 2 * j : 2 * j + 3]
-            speed, captured, turned = _runge_kutta(
-                torque, speed, control, flow, design.plant.inertia, step
-            )
-            energy += np.where(running, captured, 0.0)
-            generated += np.where(running, control * turned, 0.0)
-        stopped[running & (speed <= slowest[k])] = times[k] + period
+            speed, captured = _runge_kutta(torque, speed, control, flow, step)
+            energy += captured
+        stopped[np.isnan(stopped) & (speed <= slowest[k])] = times[k] + period
         speed = np.where(np.isnan(stopped), speed, slowest[k])
-        if progress is not None and k % 200 == 0:
-            progress((k + 1) / n_samples)
-    energy[np.isfinite(stopped)] = generated[np.isfinite(stopped)] = np.nan
+    energy[np.isfinite(stopped)] = np.nan
     kept = slice(0, n_samples if np.isnan(stopped[0]) else int(stopped[0] / period))
     flow, record = flows[kept, 0], record[:, kept]
     error = torque.error(record[0, ::10], flow[::10])
-    return Ensemble(energy, generated, stopped, deviation, times[kept], flow, *record, error)
+    return Ensemble(energy, stopped, deviation, times[kept], flow, *record, error)
 
 
 class _Torque:
@@ -210,9 +195,10 @@ class _Torque:
             )
         ratios = np.concatenate((np.arange(SLOWEST_RATIO, 2.0, 0.02), np.arange(2.0, 20.0, 0.004)))
         self.plant, self.radius = plant, plant.blade.rotor_radius
-        self.curve = CubicSpline(
-            ratios, plant.coefficients(plant.blade, plant.polar, ratios).torque
-        )
+        self.curve = CubicSpline(ratios, self._coefficient(ratios))
+
+    def _coefficient(self, ratio):
+        return self.plant.coefficients(self.plant.blade, self.plant.polar, ratio).torque
 
     def __call__(self, speed, flow):
         ratio = np.clip(speed * self.radius / flow, SLOWEST_RATIO, self.curve.x[-1])
@@ -221,50 +207,30 @@ class _Torque:
     def error(self, speed, flow):
         """Return the table's largest relative error at speeds and flows of one shape."""
         ratio = speed * self.radius / flow
-        exact = self.plant.coefficients(self.plant.blade, self.plant.polar, ratio).torque
+        exact = self._coefficient(ratio)
         return float(np.max(np.abs(self.curve(ratio) - exact)) / np.max(np.abs(exact)))
 
 
-def _runge_kutta(torque, speed, control, flow, inertia, step):
-    """Advance the speed with the torque held; return it, the energy captured and the angle."""
-    at, pull, captured, turned = speed, 0.0, 0.0, 0.0
+def _runge_kutta(torque, speed, control, flow, step):
+    """Return the speed after a step with the control torque held, and the energy captured."""
+    at, pull, captured = speed, 0.0, 0.0
     for place, weight, share in ((0, 1.0, 0.5), (1, 2.0, 0.5), (1, 2.0, 1.0), (2, 1.0, 0.0)):
         driving = torque(at, flow[place])
         pull += weight * (driving - control)
         captured += weight * driving * at
-        turned += weight * at
-        at = speed + share * step * (driving - control) / inertia
-    return speed + step / 6.0 * pull / inertia, step / 6.0 * captured, step / 6.0 * turned
+        at = speed + share * step * (driving - control) / torque.plant.inertia
+    return speed + step / 6.0 * pull / torque.plant.inertia, step / 6.0 * captured
 
 
-def _time_constant(design, quiet):
-    """Return the rotor's smallest time constant, s, along a run: I / |dQ/dw|."""
-    h = 1e-4 * quiet.rotor_speed
-    plant = design.plant
-    faster = plant.torque(quiet.rotor_speed + h, quiet.inflow_speed)
-    return plant.inertia / float(np.max(np.abs((faster - quiet.hydrodynamic_torque) / h)))
-
-
-PAPER_FLOWS = {
-    "design": {},
-    "A": {"scale": 1.1},
-    "B": {"angular_frequency": 0.225},
-    "C": {"phase": 0.2 * np.pi},
-}
-
-
-def flow_named(name: str, inflow):
-    """Return an inflow section as the paper's flow A, B or C changes it, or as it is (`design`).
-
-    A: amplitude times 1.1; B: angular frequency 0.225 rad/s; C: phase 0.2 pi (paper Sec. V), all of
-    a sine. Raises InputError if the name is unknown or the flow is no sine.
-    """
+def flow_named(name: str, inflow: Inflow) -> Inflow:
+    """Return an inflow as one of `PAPER_FLOWS`; InputError if there is none or it is no sine."""
     if name not in PAPER_FLOWS:
         remedy = "choose design, A, B, C or give an inflow section"
         raise InputError("unknown", remedy, key=f"--flow {name}")
     if PAPER_FLOWS[name] and inflow.profile != "sine":
         raise InputError(
-            f"--flow {name}: changes a sine, but the case's flow is {inflow.profile}; give an "
-            f"inflow section"
+            f"changes a sine, but the case's flow is {inflow.profile}",
+            "give an inflow section",
+            key=f"--flow {name}",
         )
     return inflow.model_copy(update=PAPER_FLOWS[name])

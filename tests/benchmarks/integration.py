@@ -26,5 +26,5 @@ def integration_over_optimization(case: Path, segments: int, folder: Path) -> fl
         solution = run_case(load_case(case, length), folder, figures=False, records=False)
     design = Design.of(solution)
     began = time.perf_counter()
-    design.fly(design.inflow)
+    design.fly(design.physics.inflow)
     return (time.perf_counter() - began) / sum(spent)

@@ -22,17 +22,16 @@ class BareHydrodynamics(om.ExplicitComponent):
     """The least that closes the phase: torque and power fall linearly with speed, no blade."""
 
     def initialize(self):
-        """Declare the options."""
         self.options.declare("num_nodes", types=int)
         self.options.declare("nodes", desc="of the torque curve, which is not looked at")
 
     def setup(self):
-        """Declare inputs, outputs and partials."""
         n = self.options["num_nodes"]
         static = ["dymos.static_target"]
         self.add_input("rotor_speed", shape=(n,), units="rad/s")
         self.add_input("inflow_speed", shape=(n,), units="m/s")
         self.add_input("density", val=1000.0, units="kg/m**3", tags=static)
+        self.add_input("rotor_radius", units="m", tags=static)
         self.add_input("torque_coefficient_table", shape=self.options["nodes"].shape, tags=static)
         self.add_output("tip_speed_ratio", shape=(n,))
         self.add_output("hydrodynamic_torque", shape=(n,), units="N*m")
@@ -41,19 +40,17 @@ class BareHydrodynamics(om.ExplicitComponent):
         self.declare_partials("hydrodynamic_*", "rotor_speed", rows=rows, cols=rows)
 
     def compute(self, inputs, outputs):
-        """Evaluate the line."""
         w = inputs["rotor_speed"]
         outputs["hydrodynamic_torque"] = 1500.0 - 100.0 * w
         outputs["hydrodynamic_power"] = 1500.0 * w - 100.0 * w**2
 
     def compute_partials(self, inputs, partials):
-        """Differentiate the line."""
         partials["hydrodynamic_torque", "rotor_speed"] = -100.0
         partials["hydrodynamic_power", "rotor_speed"] = 1500.0 - 200.0 * inputs["rotor_speed"]
 
 
-def built(case, prepared):
-    problem = builder.build_problem(case, *prepared)
+def built(prepared):
+    problem = builder.assemble(*prepared)
     problem.run_model()
     return problem
 
@@ -80,23 +77,23 @@ def iteration(problem, openmdao=False):
 def test_over_the_bare_phase(benchmark, full, in_turns, monkeypatch):
     """Model and totals with hydrodynamics, without, and by OpenMDAO's colored solves."""
     segments = 60 if full else 6
-    case = case_of(segments=segments)
-    prepared = start_of(case, cold=True)
+    prepared = start_of(case_of(segments=segments), cold=True)
     once = {
-        "this": iteration(built(case, prepared)),
-        "openmdao": iteration(built(case, prepared), openmdao=True),
+        "this": iteration(built(prepared)),
+        "openmdao": iteration(built(prepared), openmdao=True),
     }
+    bare = start_of(case_of(segments=segments, design="{blade: fixed}"), cold=True)
     monkeypatch.setattr(
         builder,
         "HydrodynamicsComp",
-        lambda num_nodes, **_: BareHydrodynamics(num_nodes=num_nodes, nodes=prepared[2]),
+        lambda num_nodes, spline: BareHydrodynamics(num_nodes=num_nodes, nodes=spline.nodes),
     )
     monkeypatch.setattr(
         builder,
         "TorqueTable",
         lambda nodes, **_: om.IndepVarComp("torque_coefficient_table", np.zeros(nodes.size)),
     )
-    once["bare"] = iteration(built(case_of(segments=segments, design="{blade: fixed}"), prepared))
+    once["bare"] = iteration(built(bare))
     times = in_turns(once, rounds=40 if full else 1)
     found = in_turns.results
     np.testing.assert_allclose(found["this"].toarray(), found["openmdao"], rtol=1e-9, atol=1e-9)
@@ -124,8 +121,7 @@ def measure(segments, stations):
         driver="{max_iterations: 12}",
         start="{method: blade}",
     )
-    prepared = start_of(case, cold=True)
-    problem, ended, seconds = optimize(case, prepared)
+    problem, ended, seconds = optimize(*start_of(case, cold=True))
     driver = problem.driver
     once = iteration(problem)
     once()

@@ -14,9 +14,10 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.optimize import minimize
 
-from cases import OPEN_LOOP, case_of, optimize, start_of, torque_table
-from hkt_mdo.problem.build import quadrature
-from hkt_mdo.problem.scenario import set_speed
+from cases import OPEN_LOOP, case_of, optimize, start_of
+from hkt_mdo.problem.build import assemble
+from hkt_mdo.problem.scenario import set_start
+from hkt_mdo.rotor.bem import rotor_coefficients
 from hkt_mdo.rotor.steady_optimum import best_operation
 
 LIMIT, FASTER = 700.0, 1.2
@@ -28,16 +29,13 @@ class Plant:
     """The rotor that all three optimize: torque curve, flow, inertia, start."""
 
     def __init__(self, segments, duration):
-        self.case = case_of(OPEN_LOOP, segments, duration, design="{blade: fixed}")
-        self.prepared = self.world, _, self.nodes = start_of(self.case)
-        self.radius, self.density = self.case.rotor.radius, self.case.fluid.density
-        _, self.table = torque_table(self.world, self.nodes)
-        problem, _, _ = optimize(
-            case_of(OPEN_LOOP, 2, 2, design="{blade: fixed}", driver="{max_iterations: 1}"),
-            self.prepared,
-        )
-        self.inertia = float(problem.get_val("inertia")[0])
-        best = best_operation(self.world.blade, self.world.polar).tip_speed_ratio
+        case = case_of(OPEN_LOOP, segments, duration, design="{blade: fixed}")
+        self.world, self.setup = start_of(case)
+        self.radius, self.density = case.rotor.radius, case.fluid.density
+        blade, polar, self.nodes = self.world.blade, self.world.polar, self.setup.nodes
+        self.table = rotor_coefficients(blade, polar, self.nodes).torque
+        _, self.inertia = self.world.mass_and_inertia(blade)
+        best = best_operation(blade, polar).tip_speed_ratio
         self.ratio, self.segments, self.duration = FASTER * best, segments, duration
 
     def scale(self, flow):
@@ -47,13 +45,12 @@ class Plant:
 
 def by_this_package(plant):
     """Return energy, iterations and seconds; the start is the peers'."""
-    from hkt_mdo.problem.build import build_problem
-
     began = time.perf_counter()
-    problem = build_problem(plant.case, *plant.prepared)
-    at, _ = quadrature(plant.case)
-    flow = plant.world.inflow.speed(at)
-    set_speed(problem.model.traj.phases.phase, at, plant.ratio * flow / plant.radius, 0.0 * at)
+    problem = assemble(plant.world, plant.setup)
+    at = plant.world.scenarios[0].samples
+    speed = plant.ratio * plant.world.inflow.speed_at(at) / plant.radius
+    set_start(problem.model.traj.phases.phase, at, speed, 0.0 * at)
+    problem.run_model()
     problem.run_driver()
     ended = problem.driver.outcome()
     assert ended.success, ended.message
@@ -65,7 +62,7 @@ def by_casadi(plant):
     began = time.perf_counter()
     n, step = plant.segments, plant.duration / plant.segments
     at = np.linspace(0.0, plant.duration, 2 * n + 1)  # ends and middles
-    flow, weights = plant.world.inflow.speed(at), np.full(2 * n + 1, step / 3.0)
+    flow, weights = plant.world.inflow.speed_at(at), np.full(2 * n + 1, step / 3.0)
     weights[1::2], weights[[0, -1]] = 2.0 * step / 3.0, step / 6.0
     spline = make_interp_spline(plant.nodes, plant.table, k=3, bc_type="natural")
     unit = float(np.mean(plant.ratio * flow / plant.radius))
@@ -102,13 +99,13 @@ def by_shooting(plant, iterations):
     began = time.perf_counter()
     curve = CubicSpline(plant.nodes, plant.table, bc_type="natural")
     knots = np.linspace(0.0, plant.duration, SHOOTING_KNOTS)
-    flow = plant.world.inflow.speed(knots)
+    flow = plant.world.inflow.speed_at(knots)
     first = plant.ratio * flow[0] / plant.radius
     reference = 0.25 * plant.density * np.pi * plant.radius**2 * plant.duration * np.mean(flow**3)
 
     def loss(control):
         def rates(at, state):
-            speed, v = state[0], float(plant.world.inflow.speed(at))
+            speed, v = state[0], float(plant.world.inflow.speed_at(at))
             torque = plant.scale(v) * float(curve(speed * plant.radius / v))
             brake = LIMIT * np.interp(at, knots, control)
             return [(torque - brake) / plant.inertia, torque * speed / reference]
@@ -152,8 +149,8 @@ def test_slsqp_where_it_pays(benchmark, full, segments):
         case = case_of(segments=size, driver=f"{{optimizer: {name}, max_iterations: 200}}")
         prepared = start_of(case, cold=True)
 
-        def run(case=case, prepared=prepared):
-            return optimize(case, prepared)
+        def run(prepared=prepared):
+            return optimize(*prepared)
 
         if name == "IPOPT":
             problem, ended, seconds = benchmark.pedantic(run, rounds=1, iterations=1)

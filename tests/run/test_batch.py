@@ -7,7 +7,7 @@ import pytest
 
 from hkt_mdo.case import read_case
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.run.batch import is_finished, run_batch
+from hkt_mdo.run.batch import finished_result, run_batch
 
 CASE = """
 name: batch
@@ -85,17 +85,17 @@ def finished(batch, tmp_path):
 
 
 def test_an_equal_case_is_finished(finished):
-    assert is_finished(finished, case())
-    assert is_finished(finished, Solution.load(finished).case)
-    assert not is_finished(finished, case("inflow.mean=1.4"))
-    assert not is_finished(finished / "nowhere", case())
+    assert finished_result(finished, case())
+    assert finished_result(finished, Solution.load(finished).case)
+    assert not finished_result(finished, case("inflow.mean=1.4"))
+    assert not finished_result(finished / "nowhere", case())
 
 
 def test_a_case_that_leaves_its_time_span_to_the_flow_is_compared_when_complete(finished):
     case_file = finished / "case.yaml"
     whole = case("phase.duration=60", "phase.segments=60")
     case_file.write_text(whole.to_yaml(), encoding="utf-8")
-    assert is_finished(finished, case("phase.duration=null", "phase.segments=null"))
+    assert finished_result(finished, case("phase.duration=null", "phase.segments=null"))
 
 
 @pytest.mark.parametrize(
@@ -112,11 +112,11 @@ def test_another_summary_is_not_finished(finished, change):
     summary = json.loads(path.read_text(encoding="utf-8"))
     change(summary)
     path.write_text(json.dumps(summary), encoding="utf-8")
-    assert not is_finished(finished, case())
+    assert not finished_result(finished, case())
 
 
 @pytest.mark.parametrize("name", ["case.yaml", "summary.json"])
 @pytest.mark.parametrize("content", ["", "[1, 2]", "{", "\ud800"])
 def test_a_corrupt_result_is_not_finished(finished, name, content):
     (finished / name).write_bytes(content.encode("utf-8", "surrogatepass"))
-    assert not is_finished(finished, case())
+    assert not finished_result(finished, case())

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from hkt_mdo.dynamics.inflow import ConstantInflow, SineInflow
-from hkt_mdo.problem.flow import build_inflow
 from scipy import signal
 
+from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
 from hkt_mdo.errors import InputError
 from hkt_mdo.studies.uncertainty import Design, Sensor, flow_named, fly_noisy
 
@@ -21,13 +20,12 @@ def open_loop(solve):
 
 
 def paper_flow(design, name):
-    section = flow_named(name, design.solution.case.inflow)
-    return build_inflow(section)
+    return flow_named(name, design.physics.inflow)
 
 
 def test_design_flow_gives_the_simulated_energy_again(quadratic, open_loop):
     for design in (quadratic, open_loop):
-        run = design.fly(design.inflow)
+        run = design.fly(design.physics.inflow)
         assert run.energy == pytest.approx(design.solution.summary["simulated_energy_J"], rel=1e-7)
 
 
@@ -43,7 +41,7 @@ def test_a_fast_quiet_sensor_is_no_sensor(quadratic):
 
 def test_a_steady_rotor_stays_steady(quadratic):
     """The filter starts in steady state at w(0): in a constant flow it brings no transient."""
-    flow = ConstantInflow(float(quadratic.inflow.speed(0.0)))
+    flow = ConstantInflow(speed=float(quadratic.physics.inflow.speed_at(0.0)))
     start = quadratic.fly(flow)
     noisy = fly_noisy(quadratic, flow, Sensor(snr=np.inf), repeats=1, seed=0)
     np.testing.assert_allclose(noisy.rotor_speed, start.rotor_speed[-1], rtol=2e-3)
@@ -58,7 +56,7 @@ def test_deviation_is_20_dB_below_the_signal():
 def test_filtered_noise_has_the_filters_bandwidth(quadratic):
     """The torque's scatter is the gain times the noise that the Butterworth filter lets through."""
     sensor = Sensor(snr=20.0, rate=100.0)
-    flow = ConstantInflow(1.3)
+    flow = ConstantInflow(speed=1.3)
     noise = np.random.default_rng(3).standard_normal(200_000)
     passed = np.std(signal.lfilter(*signal.butter(2, 0.5, fs=100.0), noise))
     bandwidth = 0.5 * np.pi / (2.0 * np.sqrt(2.0)) * 2.0  # of both sides, in Hz: pi/(2 sqrt 2) fc
@@ -67,7 +65,7 @@ def test_filtered_noise_has_the_filters_bandwidth(quadratic):
 
 
 def test_the_seed_decides_the_noise(quadratic):
-    inflow = SineInflow(1.5, 0.2, 0.25, scale=1.1)
+    inflow = SineInflow(scale=1.1)
     runs = [
         fly_noisy(quadratic, inflow, Sensor(rate=20.0), repeats=3, seed=s).energy for s in (1, 1, 2)
     ]
@@ -78,7 +76,9 @@ def test_the_seed_decides_the_noise(quadratic):
 
 def test_stalled_repeats_are_counted_apart(quadratic):
     """A tenth of the whole speed as noise at 10 Hz stalls this design in every repeat."""
-    run = fly_noisy(quadratic, quadratic.inflow, Sensor(20.0, "total", 10.0), repeats=4, seed=1)
+    run = fly_noisy(
+        quadratic, quadratic.physics.inflow, Sensor(20.0, "total", 10.0), repeats=4, seed=1
+    )
     assert run.stalled == 4
     assert np.all(np.isnan(run.energy))
     assert np.all((run.stopped_at > 0.0) & (run.stopped_at <= 60.0))
@@ -93,6 +93,8 @@ def test_replayed_open_loop_stops_in_flows_b_and_c_but_not_in_a(open_loop):
 
 def test_wrong_questions_are_refused(quadratic, open_loop):
     with pytest.raises(InputError, match="reads no sensor"):
-        fly_noisy(open_loop, open_loop.inflow, Sensor(), 1, 0)
+        fly_noisy(open_loop, open_loop.physics.inflow, Sensor(), 1, 0)
+    with pytest.raises(InputError, match=r"^--flow A: changes a sine, .* is constant; give"):
+        flow_named("A", ConstantInflow(speed=1.3))
     with pytest.raises(InputError, match="unknown"):
         flow_named("D", quadratic.solution.case.inflow)
