@@ -7,15 +7,15 @@ of your own is a subclass of `Inflow` (docs/architecture.md).
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, SerializeAsAny, model_validator
 
+from hkt_mdo.dynamics.laws import STEP
 from hkt_mdo.errors import InputError
 from hkt_mdo.sections import Quantity, Section, refusal
 
-STEP = 1e-40  # of complex-step differentiation
 CHECKS_PER_PERIOD = 16
 FEWEST_CHECKS = 1024
 CHECKS_AT_ONCE = 1_000_000
@@ -28,37 +28,24 @@ class Inflow(Section):
 
     - length: time (s) after which it has nothing new to say; None: it has no end.
     - highest_frequency: the highest frequency (Hz) that matters in it; None: it is steady.
-    - mean_speed: what it fluctuates about, m/s; asked for in a sum of flows.
+    - mean_speed: what it fluctuates about, m/s, which a sum of flows asks for: its key `mean`,
+      times its key `scale`; if it has no mean, the speed at t = 0.
     - messages: what was done to its data, one line each.
+    - last_time: time (s) beyond which it is unknown.
     """
 
     profile: str
     """The kind of flow."""
 
-    @property
-    def length(self) -> float | None:
-        """Time after which the flow has nothing new to say, s; None: it has no end."""
-        return None
-
-    @property
-    def highest_frequency(self) -> float | None:
-        """Highest frequency that matters, Hz; None: the flow is steady."""
-        return None
+    length: ClassVar[float | None] = None
+    highest_frequency: ClassVar[float | None] = None
+    messages: ClassVar[tuple[str, ...]] = ()
+    last_time: ClassVar[float] = np.inf
 
     @property
     def mean_speed(self) -> float:
-        """The speed that the flow fluctuates about, m/s."""
-        return float(self.speed_at(0.0))
-
-    @property
-    def messages(self) -> tuple[str, ...]:
-        """What was done to the data of the flow, one line each."""
-        return ()
-
-    @property
-    def last_time(self) -> float:
-        """Time beyond which the flow is unknown, s; infinite where it never is."""
-        return np.inf
+        mean = getattr(self, "mean", None)
+        return float(self.speed_at(0.0)) if mean is None else getattr(self, "scale", 1.0) * mean
 
     def model_copy(self, **options):
         """Return a copy, with some fields changed; what was computed of the old ones is left out.
@@ -83,10 +70,7 @@ class Inflow(Section):
 
         It is looked at sixteen times in its shortest period: turbines here do not reverse.
 
-        Raises
-        ------
-        InputError
-            If its record is shorter, or the speed is anywhere zero or less.
+        Raises InputError if its record is shorter, or the speed is anywhere zero or less.
         """
         if duration > self.last_time * (1.0 + 1e-9):
             raise InputError(
@@ -121,7 +105,6 @@ class ConstantInflow(Inflow):
     """Inflow speed v."""
 
     def speed_at(self, time):
-        """Return the inflow speed, m/s."""
         return self.speed + 0.0 * np.asarray(time)
 
 
@@ -145,26 +128,17 @@ class StepInflow(Inflow):
 
     @property
     def highest_frequency(self):
-        """Frequency, Hz, at which the rate's spectrum, x/sinh(x) with x = 2 π² f width, is 3 %."""
+        # where the rate's spectrum, x/sinh(x) with x = 2 π² f width, is 3 %
         return 0.3 / self.width
 
     @property
     def mean_speed(self):
-        """The speed before the step, m/s."""
         return self.before
 
-    def _tanh(self, time):
-        # the exponential of eq. 9 would overflow long before the step; this form does not
-        return np.tanh(0.5 * (np.asarray(time) - self.time) / self.width)
-
     def speed_at(self, time):
-        """Return the inflow speed, m/s."""
-        half = 0.5 * (self.after - self.before)
-        return 0.5 * (self.before + self.after) + half * self._tanh(time)
-
-    def rate_at(self, time):
-        """Return the speed's derivative by time, m/s²."""
-        return 0.25 * (self.after - self.before) / self.width * (1.0 - self._tanh(time) ** 2)
+        # the exponential of eq. 9 would overflow long before the step; this form does not
+        rise = np.tanh(0.5 * (np.asarray(time) - self.time) / self.width)
+        return 0.5 * (self.before + self.after) + 0.5 * (self.after - self.before) * rise
 
 
 class SineInflow(Inflow):
@@ -205,44 +179,29 @@ class SineInflow(Inflow):
 
     @property
     def highest_frequency(self):
-        """Frequency of the sine, Hz."""
         return self.angular_frequency / (2.0 * np.pi)
 
-    @property
-    def mean_speed(self):
-        """The scaled mean, m/s."""
-        return self.scale * self.mean
-
     def speed_at(self, time):
-        """Return the inflow speed, m/s."""
         angle = self.angular_frequency * np.asarray(time) + self.phase
         return self.scale * (self.mean + self.amplitude * np.sin(angle))
 
-    def rate_at(self, time):
-        """Return the speed's derivative by time, m/s²."""
-        angle = self.angular_frequency * np.asarray(time) + self.phase
-        return self.scale * self.amplitude * self.angular_frequency * np.cos(angle)
 
-
-# hours; the speeds of the equilibrium tide (deg/h) are sums of the astronomical rates
+# The speeds of the equilibrium tide (deg/h) are sums of the astronomical rates
 # tau = 14.4920521, s = 0.5490165, h = 0.0410686, p = 0.0046418 (Doodson 1921)
-TIDAL_PERIODS = {
-    name: 3600.0 * hours
-    for name, hours in {
-        "M2": 12.4206012,
-        "S2": 12.0,
-        "N2": 12.65834751,
-        "K2": 11.96723606,
-        "K1": 23.93447213,
-        "O1": 25.81934171,
-        "P1": 24.06588766,
-        "Q1": 26.868357,
-        "M4": 6.210300601,
-        "MS4": 6.103339275,
-        "M6": 4.140200401,
-    }.items()
+TIDAL_HOURS = {
+    "M2": 12.4206012,
+    "S2": 12.0,
+    "N2": 12.65834751,
+    "K2": 11.96723606,
+    "K1": 23.93447213,
+    "O1": 25.81934171,
+    "P1": 24.06588766,
+    "Q1": 26.868357,
+    "M4": 6.210300601,
+    "MS4": 6.103339275,
+    "M6": 4.140200401,
 }
-"""Periods of the usual tidal constituents, s."""
+"""Periods of the usual tidal constituents, h."""
 
 
 class TidalConstituent(Section):
@@ -272,7 +231,7 @@ class TidalConstituent(Section):
     @property
     def angular_frequency(self) -> float:
         """Angular frequency, rad/s."""
-        period = TIDAL_PERIODS[self.name] if self.name else self.period
+        period = 3600.0 * TIDAL_HOURS[self.name] if self.name else self.period
         return 2.0 * np.pi / period  # type: ignore[operator]
 
 
@@ -296,48 +255,27 @@ class TidalInflow(Inflow):
 
     @property
     def highest_frequency(self):
-        """Frequency of the fastest constituent, Hz."""
         return max(each.angular_frequency for each in self.constituents) / (2.0 * np.pi)
 
-    @property
-    def mean_speed(self):
-        """The scaled mean, m/s."""
-        return self.scale * self.mean
-
-    def _harmonics(self, time):
-        """Return amplitudes, angular frequencies and the angles at `time`, (*time.shape, n)."""
+    def speed_at(self, time):
         rows = [(each.amplitude, each.angular_frequency, each.phase) for each in self.constituents]
         amplitude, frequency, phase = np.array(rows).T
-        return amplitude, frequency, np.multiply.outer(np.asarray(time), frequency) - phase
-
-    def speed_at(self, time):
-        """Return the inflow speed, m/s."""
-        amplitude, _, angle = self._harmonics(time)
-        return self.scale * (self.mean + np.cos(angle) @ amplitude)
-
-    def rate_at(self, time):
-        """Return the speed's derivative by time, m/s²."""
-        amplitude, frequency, angle = self._harmonics(time)
-        return -self.scale * (np.sin(angle) @ (amplitude * frequency))
+        waves = np.cos(np.multiply.outer(np.asarray(time), frequency) - phase)
+        return self.scale * (self.mean + waves @ amplitude)
 
 
 def _bump(place):
-    """Return (1 - cos 2πs)²/4 and its derivative by s: a bump of height 1, C³ at s = 0 and 1."""
-    angle = 2.0 * np.pi * place
-    rise = 0.5 * (1.0 - np.cos(angle))
-    return rise**2, 2.0 * np.pi * rise * np.sin(angle)
+    """Return (1 - cos 2πs)²/4: a bump of height 1, C³ at s = 0 and 1."""
+    return (0.5 * (1.0 - np.cos(2.0 * np.pi * place))) ** 2
 
 
 def _mexican_hat(place):
-    """Return -0.37 sin 3πs (1 - cos 2πs) and its derivative by s; C² at s = 0 and 1."""
-    fast, slow = 3.0 * np.pi * place, 2.0 * np.pi * place
-    rise = 1.0 - np.cos(slow)
-    slope = 3.0 * np.pi * np.cos(fast) * rise + 2.0 * np.pi * np.sin(fast) * np.sin(slow)
-    return -0.37 * np.sin(fast) * rise, -0.37 * slope
+    """Return -0.37 sin 3πs (1 - cos 2πs), C² at s = 0 and 1."""
+    return -0.37 * np.sin(3.0 * np.pi * place) * (1.0 - np.cos(2.0 * np.pi * place))
 
 
 _GUSTS = {"one_minus_cosine": (_bump, 2.0), "mexican_hat": (_mexican_hat, 2.5)}
-"""Shape of a gust, and the highest frequency in it times its width."""
+"""Shape of a gust, and the highest frequency of its cosines times its width."""
 
 
 class GustInflow(Inflow):
@@ -365,26 +303,12 @@ class GustInflow(Inflow):
 
     @property
     def highest_frequency(self):
-        """Frequency of the fastest of the cosines that make up the gust, Hz."""
         return _GUSTS[self.shape][1] / self.width
 
-    @property
-    def mean_speed(self):
-        """The speed around the gust, m/s."""
-        return self.mean
-
-    def _gust(self, time):
+    def speed_at(self, time):
         place = (np.asarray(time) - self.time) / self.width
         inside = (np.real(place) >= 0.0) & (np.real(place) <= 1.0)
-        return [inside * part for part in _GUSTS[self.shape][0](place)]
-
-    def speed_at(self, time):
-        """Return the inflow speed, m/s."""
-        return self.mean + self.amplitude * self._gust(time)[0]
-
-    def rate_at(self, time):
-        """Return the speed's derivative by time, m/s²."""
-        return self.amplitude / self.width * self._gust(time)[1]
+        return self.mean + self.amplitude * inside * _GUSTS[self.shape][0](place)
 
 
 class SumInflow(Inflow):
@@ -403,37 +327,27 @@ class SumInflow(Inflow):
 
     @property
     def length(self):
-        """Length of the shortest part, s."""
         return min(self._each("length"), default=None)
 
     @property
     def highest_frequency(self):
-        """Highest frequency of all parts, Hz."""
         return max(self._each("highest_frequency"), default=None)
 
     @property
     def mean_speed(self):
-        """The mean of the first part, m/s."""
         return self.parts[0].mean_speed
 
     @property
     def messages(self):
-        """The parts' messages."""
-        return tuple(text for part in self.parts for text in part.messages)
+        return sum(self._each("messages"), ())
 
     @property
     def last_time(self):
-        """Time at which the first of the parts becomes unknown, s."""
-        return min(part.last_time for part in self.parts)
+        return min(self._each("last_time"))
 
     def _each(self, name):
         return [value for part in self.parts if (value := getattr(part, name)) is not None]
 
     def speed_at(self, time):
-        """Return the inflow speed, m/s."""
         offset = sum(part.mean_speed for part in self.parts[1:])
         return sum(part.speed_at(time) for part in self.parts) - offset
-
-    def rate_at(self, time):
-        """Return the speed's derivative by time, m/s²."""
-        return sum(part.rate_at(time) for part in self.parts)

@@ -20,16 +20,15 @@ def smooth_saturation(torque, limit, smoothing):
     It lies between 0 and the limit for every u. Far above the limit it is nu limit / (16 x (x - 1))
     below it, x = u/limit; at u = 0 it is limit/4 (2 + sqrt(nu) - sqrt(nu + 4)), which is 0.78 % of
     the limit for nu = 0.001.
-
-    Parameters
-    ----------
-    torque : array, N*m
-    limit : float, N*m
-    smoothing : float
     """
     ratio = 2.0 * torque / limit
     rising, falling = np.sqrt(smoothing + ratio**2), np.sqrt(smoothing + (ratio - 2.0) ** 2)
     return 0.25 * limit * (2.0 + rising - falling)
+
+
+def _by_each(of, gains):
+    """Return the derivative of a function by each gain, by complex step."""
+    return np.array([np.imag(of(gains + 1j * STEP * unit)) for unit in np.eye(len(gains))]) / STEP
 
 
 class Law(Section):
@@ -68,10 +67,7 @@ class FeedbackLaw(Law):
     def demand(self, speed, gains):
         """Return the torque before saturation, N*m.
 
-        Parameters
-        ----------
-        speed : array of any shape, rad/s; may be complex
-        gains : array, shape (n_gains,), in `gain_units`; may be complex
+        speed (rad/s, any shape) and gains[n_gains] (in `gain_units`) may be complex.
         """
         raise NotImplementedError
 
@@ -88,12 +84,8 @@ class FeedbackLaw(Law):
         Least squares over the demand's derivatives by gain, exact for a law that is linear in its
         gains; a law that is not overrides this.
         """
-        ones = np.ones(len(self.gain_units))
-        columns = [
-            np.imag(self.demand(speed, ones + 1j * STEP * unit)) / STEP
-            for unit in np.eye(ones.size)
-        ]
-        return np.linalg.lstsq(np.transpose(columns), torque, rcond=None)[0]
+        columns = _by_each(lambda gains: self.demand(speed, gains), np.ones(len(self.gain_units)))
+        return np.linalg.lstsq(columns.T, torque, rcond=None)[0]
 
     def torque_by_speed(self, speed, gains):
         """Return the torque's derivative by speed, N*m*s/rad, by complex step."""
@@ -101,8 +93,7 @@ class FeedbackLaw(Law):
 
     def torque_by_gain(self, speed, gains):
         """Return the torque's derivative by each gain, shape (n_gains, *speed.shape)."""
-        steps = 1j * STEP * np.eye(len(gains))
-        return np.array([np.imag(self.torque(speed, gains + step)) for step in steps]) / STEP
+        return _by_each(lambda moved: self.torque(speed, moved), gains)
 
     def starting_gains(self):
         """Return the gains that the case gives to begin with; None: chosen by the start."""
@@ -122,7 +113,6 @@ class LinearFeedback(FeedbackLaw):
     gain_units: ClassVar[tuple[str, ...]] = ("N*m*s/rad",)
 
     def demand(self, speed, gains):
-        """Return K1 w."""
         return gains[0] * speed
 
 
@@ -138,5 +128,4 @@ class QuadraticFeedback(FeedbackLaw):
     gain_units: ClassVar[tuple[str, ...]] = ("N*m*s**2/rad**2",)
 
     def demand(self, speed, gains):
-        """Return K2 w²."""
         return gains[0] * speed**2

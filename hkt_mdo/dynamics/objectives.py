@@ -27,12 +27,9 @@ class Objective(Section):
         raise NotImplementedError
 
     def bound(self, captured: float) -> float | None:
-        """Return an upper bound, J, from the largest energy that can be captured (J); None: none.
+        """Return an upper bound, J; None: none is known.
 
-        Parameters
-        ----------
-        captured : float, J
-            The quasi-steady bound of the captured energy (docs/theory.md).
+        `captured` is that of the captured energy, J, by quasi-steady operation (docs/theory.md).
         """
         return None
 
@@ -46,11 +43,9 @@ class CapturedEnergy(Objective):
     inputs: ClassVar[tuple[str, ...]] = ("hydrodynamic_power",)
 
     def rate(self, hydrodynamic_power):
-        """Return the captured power, W."""
         return hydrodynamic_power
 
     def bound(self, captured):
-        """Return the quasi-steady bound itself, J."""
         return captured
 
 
@@ -63,5 +58,4 @@ class GeneratorEnergy(Objective):
     inputs: ClassVar[tuple[str, ...]] = ("generator_power",)
 
     def rate(self, generator_power):
-        """Return the generator's power, W."""
         return generator_power

@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import fields
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import (
-    AfterValidator,
-    Field,
-    Strict,
-    ValidationInfo,
-    field_validator,
-    model_validator,
-)
+from pydantic import AfterValidator, Field, Strict, ValidationInfo, field_validator, model_validator
 
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.sections import Quantity, ordered, refusal
@@ -27,102 +20,37 @@ MOST_WAVES = 1_000_000
 """Largest number of frequencies that turbulence is made of."""
 
 
-@dataclass(frozen=True, eq=False)
-class Samples:
-    """A flow through equally spaced samples: the C² cubic spline, not-a-knot or periodic.
+class SampledInflow(Inflow):
+    """A flow through samples: the C² cubic spline through them, not-a-knot or periodic.
 
-    Outside the record the speed keeps its end value, or repeats if there is a period. No optimizer
-    and no integration should go there: the rate jumps to zero at the ends.
-
-    Parameters
-    ----------
-    time : array, shape (n,), s
-        Rising in equal steps, n >= 4.
-    speed_values : array, shape (n,), m/s
-    period : float or None, s
-        n steps: the sample after the last one is the first again.
-    cutoff : float or None, Hz
-        The highest frequency in the samples; None: half of Nyquist's.
-
-    Raises
-    ------
-    ValueError
-        If there are too few samples, or the times or the period do not rise in equal steps.
+    Outside a record the speed keeps its end value. No optimizer and no integration should go there:
+    the rate jumps to zero at the ends.
     """
 
-    time: np.ndarray
-    speed_values: np.ndarray
-    period: float | None = None
-    cutoff: float | None = None
-    _step: float = field(init=False, repr=False)
-    _start: float = field(init=False, repr=False)
-    _cubics: np.ndarray = field(init=False, repr=False)
+    def samples(self):
+        """Return times (s), speeds (m/s) and the kind of spline, as SciPy calls it."""
+        raise NotImplementedError
 
-    def __post_init__(self):
+    @cached_property
+    def spline(self):
+        """The spline, m/s, over the time, s."""
         from scipy.interpolate import CubicSpline
 
-        time = np.asarray(self.time, dtype=float)
-        values = np.asarray(self.speed_values, dtype=float)
-        if time.ndim != 1 or time.shape != values.shape or time.size < 4:
-            raise ValueError("a sampled flow needs at least four times and as many speeds")
-        step = (time[-1] - time[0]) / (time.size - 1)
-        even = time[0] + step * np.arange(time.size)
-        if not (step > 0.0 and np.max(np.abs(time - even)) < 1e-6 * step + 1e-12 * abs(time[-1])):
-            raise ValueError("the times of a sampled flow must rise in equal steps")
-        kind = "not-a-knot"
-        if self.period is not None:
-            if abs(self.period / step - time.size) > 1e-6 * time.size:
-                raise ValueError("the period of a sampled flow must be as many steps as samples")
-            values, kind = np.append(values, values[0]), "periodic"
-        # rows d, c, b, a of a + b s + c s² + d s³, with s in steps
-        cubics = CubicSpline(np.arange(float(values.size)), values, bc_type=kind).c
-        for name, value in (
-            ("_step", float(step)),
-            ("_start", float(time[0])),
-            ("_cubics", cubics),
-            ("cutoff", self.cutoff or 0.25 / float(step)),
-        ):
-            object.__setattr__(self, name, value)
-
-    @property
-    def duration(self):
-        """Length of the record or of its period, s."""
-        return self._cubics.shape[1] * self._step
+        time, speed, kind = self.samples()
+        return CubicSpline(time, speed, bc_type=kind)
 
     def speed_at(self, time):
-        """Return the inflow speed, m/s."""
-        (d, c, b, a), s, _ = self._look_up(time)
-        return a + s * (b + s * (c + s * d))
-
-    def rate_at(self, time):
-        """Return the speed's derivative with respect to time, m/s²."""
-        (d, c, b, _), s, inside = self._look_up(time)
-        return inside * (b + s * (2.0 * c + s * 3.0 * d)) / self._step
-
-    def _look_up(self, time):
-        """Return the coefficients of the cubic at `time`, the place on it, and if it is inside."""
-        count = self._cubics.shape[1]
-        place = (time - self._start) / self._step
-        if isinstance(place, float):  # an integrator's call: no array, for it comes very often
-            if self.period is not None:
-                place %= count
-            inside = 0.0 <= place <= count
-            place = min(max(place, 0.0), float(count))
-            row = min(int(place), count - 1)
-            return self._cubics[:, row].tolist(), place - row, inside
-        place = np.asarray(place)
-        if self.period is not None:
-            place = place - count * np.floor(place.real / count)
-        inside = (place.real >= 0.0) & (place.real <= count)
-        place = np.where(inside, place, np.clip(place.real, 0.0, count))
-        row = np.minimum(place.real.astype(np.intp), count - 1)
-        return self._cubics[:, row], place - row, inside
+        spline, time = self.spline, np.asarray(time)
+        repeats = spline.extrapolate == "periodic"
+        held = time.real if repeats else np.clip(time.real, spline.x[0], spline.x[-1])
+        # exact in the imaginary part too, as long as that is a complex step
+        return spline(held) + spline(held, 1) * (held == time.real) * (time - time.real)
 
 
 _Bins = tuple[Annotated[float, Quantity("m")], Annotated[float, Quantity("m")]]
 
 
-class RecordInflow(Inflow):
+class RecordInflow(SampledInflow):
     """A measured flow: the samples of a file, low-passed, and a smooth cubic spline through them.
 
     Nothing in the record is repaired unless a key below says so, and every repair is told.
@@ -209,71 +137,56 @@ class RecordInflow(Inflow):
 
     @cached_property
     def _record(self):
-        """The samples of the file and what was done to them; read once for equal options."""
+        """What the file holds; read once for equal options."""
         try:
             state = Path(self.file).stat()
         except OSError:  # reading tells what is wrong with the file
             return _read(self, None)
         return _read(self, (state.st_mtime_ns, state.st_size))
 
+    def samples(self):
+        return self._record.time, self._record.speed, "not-a-knot"
+
     @property
     def length(self):
-        """Length of the part of the record that is taken, s."""
-        return self._record[0].duration
+        return float(self._record.time[-1])
+
+    last_time = length
 
     @property
     def highest_frequency(self):
-        """Frequency of the low-pass, Hz."""
-        return self._record[0].cutoff
+        return self._record.cutoff
 
     @property
     def mean_speed(self):
-        """Mean of the samples, m/s."""
-        return float(np.mean(self._record[0].speed_values))
+        return float(np.mean(self._record.speed))
 
     @property
     def messages(self):
-        """What was converted and repaired."""
-        return self._record[1]
-
-    @property
-    def last_time(self):
-        """The record's end, s."""
-        return self.length
-
-    def speed_at(self, time):
-        """Return the inflow speed, m/s."""
-        return self._record[0].speed_at(time)
-
-    def rate_at(self, time):
-        """Return the speed's derivative by time, m/s²."""
-        return self._record[0].rate_at(time)
+        return self._record.messages
 
 
 @lru_cache(maxsize=2)  # a case is built more than once, and reading takes longest
-def _read(inflow: RecordInflow, state: object) -> tuple[Samples, tuple[str, ...]]:
+def _read(inflow: RecordInflow, state: object):
     from hkt_mdo.dynamics.records import RecordOptions, read_record
 
     options = {option.name: getattr(inflow, option.name) for option in fields(RecordOptions)}
-    record = read_record(inflow.file, **options)
-    return Samples(record.time, record.speed, cutoff=record.cutoff), tuple(record.messages)
+    return read_record(inflow.file, **options)
 
 
 def von_karman(frequency):
     """Return von Kármán's spectrum of longitudinal velocity, 4 / (1 + 70.8 n²)^(5/6).
 
-    Of a homogeneous and isotropic flow (von Kármán 1948, in Taylor's frozen form; ESDU 85020): with
-    n = f L / V, the one-sided spectrum is S(f) = σ² (L / V) times this, and L is the integral
-    length scale.
+    Of homogeneous, isotropic turbulence (von Kármán 1948, in Taylor's frozen form; ESDU 85020).
+    With n = f L / V and L the integral length scale, S(f) = σ² (L / V) times this is one-sided.
     """
     return 4.0 / (1.0 + 70.8 * frequency**2) ** (5.0 / 6.0)
 
 
 def kaimal(frequency):
-    """Return Kaimal's spectrum of longitudinal velocity, 4 / (1 + 6 n)^(5/3).
+    """Return Kaimal's spectrum, 4 / (1 + 6 n)^(5/3), to be used as von Kármán's.
 
-    Of a boundary layer, in the form of IEC 61400-1 (edition 3, Annex B): with n = f L / V, the
-    one-sided spectrum is S(f) = σ² (L / V) times this.
+    Of a boundary layer, in the form of IEC 61400-1 (edition 3, Annex B).
     """
     return 4.0 / (1.0 + 6.0 * frequency) ** (5.0 / 3.0)
 
@@ -281,7 +194,7 @@ def kaimal(frequency):
 SPECTRA = {"von_karman": von_karman, "kaimal": kaimal}
 
 
-class TurbulentInflow(Inflow):
+class TurbulentInflow(SampledInflow):
     """Turbulence, v = mean + sum_k sqrt(2 S(f_k) df) cos(2 pi f_k t + phase_k), df = 1/duration.
 
     The phases are random, the spectrum is exact. Frequencies above the cutoff are missing, as are
@@ -319,7 +232,6 @@ class TurbulentInflow(Inflow):
 
     @property
     def highest_frequency(self) -> float:
-        """The cutoff or its default, Hz."""
         return self.cutoff or 2.0 * self.mean / self.length_scale
 
     @model_validator(mode="after")
@@ -344,13 +256,7 @@ class TurbulentInflow(Inflow):
 
     @property
     def length(self):
-        """Duration of the realization, s."""
         return self.duration
-
-    @property
-    def mean_speed(self):
-        """The mean, m/s."""
-        return self.mean
 
     def spectral_density(self, frequency):
         """Return the one-sided spectrum S(f), m²/s² per Hz, whose integral over f is s²."""
@@ -373,7 +279,6 @@ class TurbulentInflow(Inflow):
 
     @property
     def messages(self):
-        """What the realization has of the spectrum."""
         deviation = self.intensity * self.mean * np.sqrt(self.kept_variance)
         return (
             f"turbulence from {1.0 / self.duration:.3g} to {self.highest_frequency:.3g} Hz has "
@@ -381,29 +286,18 @@ class TurbulentInflow(Inflow):
             f"is {deviation:.3g} m/s",
         )
 
-    @cached_property
-    def samples(self) -> Samples:
-        """The flow as periodic samples.
-
-        Phases are drawn from the lowest frequency up by NumPy's default generator: another cutoff
-        leaves the slower waves as they are.
-        """
+    def samples(self):
         from scipy.fft import irfft, next_fast_len
 
+        # Phases are drawn from the lowest frequency up: another cutoff leaves the slower waves as
+        # they are.
         frequencies = self.frequencies
         amplitudes = np.sqrt(2.0 * self.spectral_density(frequencies) / self.duration)
         phases = np.random.default_rng(self.seed).uniform(0.0, 2.0 * np.pi, frequencies.size)
-        count = next_fast_len(max(SAMPLES_PER_PERIOD * frequencies.size, 8), real=True)
+        count = next_fast_len(SAMPLES_PER_PERIOD * frequencies.size, real=True)
         terms = np.zeros(count // 2 + 1, dtype=complex)
         terms[0] = count * self.mean
         terms[1 : frequencies.size + 1] = 0.5 * count * amplitudes * np.exp(1j * phases)
-        time = np.arange(count) * (self.duration / count)
-        return Samples(time, irfft(terms, count), self.duration, self.highest_frequency)
-
-    def speed_at(self, time):
-        """Return the inflow speed, m/s."""
-        return self.samples.speed_at(time)
-
-    def rate_at(self, time):
-        """Return the speed's derivative by time, m/s²."""
-        return self.samples.rate_at(time)
+        speed = irfft(terms, count)
+        time = np.arange(count + 1) * (self.duration / count)
+        return time, np.append(speed, speed[0]), "periodic"

@@ -7,7 +7,8 @@ from hkt_mdo.case import read_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import shipped_names
 from hkt_mdo.problem.turbine import build_turbine
-from hkt_mdo.rotor.airfoil import Outline, Polar
+from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.steady_optimum import best_operation
 
 CSV = (
