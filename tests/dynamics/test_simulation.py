@@ -9,7 +9,13 @@ from scipy.integrate import solve_ivp
 from hkt_mdo.dynamics.flows import ConstantInflow, GustInflow, Inflow, SineInflow, StepInflow
 from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.dynamics.sampled import TurbulentInflow
-from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant, RecordedTorque, simulate
+from hkt_mdo.dynamics.simulation import (
+    SLOWEST_RATIO,
+    Plant,
+    RecordedTorque,
+    _Motion,
+    simulate,
+)
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.bem import Coefficients
@@ -129,6 +135,29 @@ def test_a_rotor_that_is_braked_too_hard_stops(plant):
     assert run.stopped_at is not None
     assert 0.0 < run.stopped_at < 1.0
     assert run.time[-1] == run.stopped_at
+
+
+@pytest.mark.parametrize("refused", [1, np.inf])
+def test_stopping_time_is_solved_for_or_not_told(plant, monkeypatch, refused):
+    """Where the steps up to the standstill are refused, shorter windows are tried."""
+
+    def brake():
+        return simulate(plant, ConstantInflow(speed=1.5), lambda t, w: 5000.0, 6.0, 20.0)
+
+    stopped, solve, refusals = brake().stopped_at, _Motion._solve, []
+
+    def stubborn(motion, edges, *state):
+        if edges[-1] == pytest.approx(stopped, rel=1e-6) and len(refusals) < refused:
+            return refusals.append(edges)
+        return solve(motion, edges, *state)
+
+    monkeypatch.setattr(_Motion, "_solve", stubborn)
+    if refused == 1:
+        assert brake().stopped_at == pytest.approx(stopped, rel=1e-9)
+    else:
+        with pytest.raises(InputError, match="integration fails at t ="):
+            brake()
+    assert refusals
 
 
 def test_work_of_a_constant_brake_is_torque_times_angle(plant):
