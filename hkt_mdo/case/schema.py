@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Union
 
@@ -122,30 +122,35 @@ class Case(Section):
     def _check_start(self) -> Case:
         """Refuse a start outside the bounds of the design, and options that exclude each other."""
         design, rotor, control = self.design, self.rotor, self.control
-        if design.gain_bounds is not None and not isinstance(control, FeedbackLaw):
-            problem = f"bounds a gain that the law {control.law} does not have"
-            remedy = "leave design.gain_bounds out, or choose a feedback law"
-            value = list(design.gain_bounds)
-            raise refusal(problem, remedy, key="design.gain_bounds", value=value)
+        feedback = isinstance(control, FeedbackLaw)
+        if design.gain_bounds is not None and not feedback:
+            raise refusal(
+                f"bounds a gain that the law {control.law} does not have",
+                "leave design.gain_bounds out, or choose a feedback law",
+                key="design.gain_bounds",
+                value=list(design.gain_bounds),
+            )
         for name in ("bem", "check"):
             if rotor.reynolds == "local" and getattr(self.hydrodynamics, name) == "ccblade":
-                problem = (
-                    "takes the Reynolds number of the induced speed, not that of rotor.reynolds"
+                raise refusal(
+                    "takes the Reynolds number of the induced speed, not that of rotor.reynolds",
+                    "give vectorized, or rotor.reynolds: invariant",
+                    key=f"hydrodynamics.{name}",
+                    value="ccblade",
                 )
-                remedy = "give vectorized, or rotor.reynolds: invariant"
-                raise refusal(problem, remedy, key=f"hydrodynamics.{name}", value="ccblade")
-        start = [("rotor.set_angle", rotor.set_angle or 0.0, "set_angle_bounds")]
-        gains = control.starting_gains() if isinstance(control, FeedbackLaw) else None
-        if gains is not None:
-            start += [("control.gain", float(gain), "gain_bounds") for gain in gains]
-        if rotor.radius is not None:
-            start.append(("rotor.radius", rotor.radius, "radius_bounds"))
+        gains = control.starting_gains() if feedback else None
+        start = [
+            ("control.gain", float(gain), "gain_bounds")
+            for gain in (() if gains is None else gains)
+        ]
+        start.append(("rotor.set_angle", rotor.set_angle or 0.0, "set_angle_bounds"))
+        start.append(("rotor.radius", rotor.radius, "radius_bounds"))
         for name in ("chord", "twist") if design.blade == "optimized" else ():
             for index, value in enumerate(getattr(rotor, name) or ()):
                 start.append((f"rotor.{name}[{index}]", value, f"{name}_bounds"))
         for key, value, name in start:
             bounds = getattr(design, name)
-            if bounds is not None and not bounds[0] <= value <= bounds[1]:
+            if None not in (bounds, value) and not bounds[0] <= value <= bounds[1]:
                 problem = f"lies outside design.{name} = [{bounds[0]:g}, {bounds[1]:g}]"
                 remedy = "the start must lie within the bounds: change one or the other"
                 raise refusal(problem, remedy, key=key, value=value)
@@ -153,7 +158,8 @@ class Case(Section):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the values and the extensions: another process makes the class again."""
-        return _unpickled, (self.model_dump(), self.extensions)
+        again = partial(load_case, check_files=False, extensions=self.extensions)
+        return again, (self.model_dump(),)
 
     def to_yaml(self) -> str:
         """Return the case as YAML with every default written out.
@@ -167,12 +173,8 @@ class Case(Section):
         """Return a case in which some keys have other values, checked as a file would be.
 
         An override is a text such as ``rotor.radius=2`` or ``control={law: linear}``; relative
-        paths count from the current folder.
-
-        Raises
-        ------
-        InputError
-            If an override is malformed or makes the case invalid.
+        paths count from the current folder. Raises InputError if it is malformed or makes the case
+        invalid.
         """
         data = self.model_dump(mode="json")
         return _make_case(data, overrides, self.kinds, file=f"case {self.name}")
@@ -185,23 +187,17 @@ _BaseCase = Case
 def case_class(kinds: Kinds) -> type[Case]:
     """Return the class of the cases that may name some kinds; a subclass of `Case`."""
     profiles = [each for each in kinds.profiles if not issubclass(each, SumInflow)]
-    part: Any = Annotated[_union(profiles), Field(discriminator="profile")]
+    part: Any = Annotated[Union[tuple(profiles)], Field(discriminator="profile")]  # noqa: UP007
     about = SumInflow.model_fields["parts"].description
-    total = create_model(
-        "SumInflow",
-        __base__=SumInflow,
-        __doc__=SumInflow.__doc__,
-        parts=(tuple[part, ...], Field(min_length=2, max_length=20, description=about)),
-    )
+    parts = Field(min_length=2, max_length=20, description=about)
+    total = _subclass(SumInflow, parts=(tuple[part, ...], parts))
     limits: dict[str, Any] = {
         kind_name(each): (each | None, Field(None, description=(each.__doc__ or "").strip()))
         for each in kinds.limits
     }
-    section = create_model("Limits", __base__=Limits, __doc__=Limits.__doc__, **limits)
-    made = create_model(
-        "Case",
-        __base__=Case,
-        __doc__=Case.__doc__,
+    section = _subclass(Limits, **limits)
+    made = _subclass(
+        Case,
         inflow=_choice("inflow", [*profiles, total]),
         control=_choice("control", kinds.laws),
         limits=(section, Field(section(), description=Limits.__doc__)),
@@ -211,9 +207,9 @@ def case_class(kinds: Kinds) -> type[Case]:
     return made
 
 
-def _union(classes: Sequence[type[Section]]) -> Any:
-    """Return the type of a value of one of some classes."""
-    return Union[tuple(classes)]  # noqa: UP007
+def _subclass(base: Any, **fields: Any) -> Any:
+    """Return a subclass of a section, under its name, with other types of some fields."""
+    return create_model(base.__name__, __base__=base, __doc__=base.__doc__, **fields)
 
 
 def _choice(key: str, classes: Sequence[type[Section]]) -> Any:
@@ -230,17 +226,11 @@ def _choice(key: str, classes: Sequence[type[Section]]) -> Any:
     options: dict[str, Any] = {"default": field.default, "description": field.description}
     if len(classes) > 1:
         options["discriminator"] = TAGS[key]
-    return _union(classes), Field(json_schema_extra=describe, **options)
+    return Union[tuple(classes)], Field(json_schema_extra=describe, **options)  # noqa: UP007
 
 
 if not TYPE_CHECKING:
     Case = case_class(BUILT_IN)
-
-
-def _unpickled(data: dict[str, Any], extensions: tuple[Extension, ...]) -> Case:
-    """Return the case with some values."""
-    made = case_class(known_kinds(extensions))
-    return made.model_validate(data, context={"check_files": False})
 
 
 # Reading ------------------------------------------------------------------------------------------
@@ -268,17 +258,9 @@ def load_case(
         Python files, modules or classes that define further kinds of flow, law, limit or objective
         (docs/architecture.md). A file is run: give only what you trust.
 
-    Returns
-    -------
-    Case
-        Named after the file unless it gives a name; relative paths of blade, polar and outline
-        count from the file's folder, in overrides too, and are absolute in the case.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or anything in it, or in an override, is wrong. The message names
-        file, key, value and remedy.
+    The case has the file's name unless it gives one; relative paths count from the file's folder,
+    in overrides too, and are absolute in the case. Raises InputError, with file, key, value and
+    remedy, if the file cannot be read or anything in it, or in an override, is wrong.
     """
     kinds = known_kinds(extensions)
     if isinstance(source, Mapping):
