@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict, model_validator
 
-from hkt_mdo.sections import Quantity, Section, ordered, refusal, upper
+from hkt_mdo.sections import Quantity, Section, ordered, refusal
 
 _Length = Annotated[float, Quantity("m", gt=0)]
 _Angle = Annotated[float, Quantity("deg", ge=-180, le=180)]
@@ -127,7 +127,7 @@ class Driver(Section):
 
     optimizer: Annotated[
         Literal["IPOPT", "SLSQP", "SNOPT"],
-        BeforeValidator(upper),
+        BeforeValidator(lambda value: value.upper() if isinstance(value, str) else value),
         Field(json_schema_extra={"enum": [*_OPTIMIZERS, *map(str.lower, _OPTIMIZERS)]}),
     ] = "IPOPT"
     """Optimizer, in capital or small letters."""

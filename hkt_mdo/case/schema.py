@@ -245,6 +245,10 @@ def load_case(
 ) -> Case:
     """Read a case file, or take a case as a dict.
 
+    The case has the file's name unless it gives one; relative paths count from the file's folder,
+    in overrides too, and are absolute in the case. Raises InputError, with file, key, value and
+    remedy, if the file cannot be read or anything in it, or in an override, is wrong.
+
     Parameters
     ----------
     source : str, pathlib.Path or mapping
@@ -257,17 +261,20 @@ def load_case(
     extensions : iterable of path, module or class
         Python files, modules or classes that define further kinds of flow, law, limit or objective
         (docs/architecture.md). A file is run: give only what you trust.
-
-    The case has the file's name unless it gives one; relative paths count from the file's folder,
-    in overrides too, and are absolute in the case. Raises InputError, with file, key, value and
-    remedy, if the file cannot be read or anything in it, or in an override, is wrong.
     """
-    kinds = known_kinds(extensions)
     if isinstance(source, Mapping):
-        return _make_case(deepcopy(dict(source)), overrides, kinds, check_files=check_files)
+        data = deepcopy(dict(source))
+        return _make_case(data, overrides, known_kinds(extensions), check_files=check_files)
     path = find_case(source)
-    data = _parse_case(read_text(path, "case file in YAML", MAX_CASE_BYTES), str(path))
-    return _make_case(data, overrides, kinds, str(path), path.parent, path.stem, check_files)
+    return read_case(
+        read_text(path, "case file in YAML", MAX_CASE_BYTES),
+        overrides,
+        file=str(path),
+        folder=path.parent,
+        name=path.stem,
+        check_files=check_files,
+        extensions=extensions,
+    )
 
 
 def read_case(
@@ -285,12 +292,6 @@ def read_case(
     Messages call the text `file`, relative paths count from `folder`, and `name` is the name of a
     case that gives none.
     """
-    data = _parse_case(text, file)
-    return _make_case(data, overrides, known_kinds(extensions), file, folder, name, check_files)
-
-
-def _parse_case(text: str, file: str) -> dict[str, Any]:
-    """Return the sections of a case in YAML."""
     data = parse(text, file)
     if data is None:
         remedy = "give at least inflow: {profile: ...} and control: {law: ...}"
@@ -298,7 +299,7 @@ def _parse_case(text: str, file: str) -> dict[str, Any]:
     if not isinstance(data, dict):
         problem = "must hold keys and values at its top"
         raise InputError(problem, "write inflow: ... and so on", file=file, value=data)
-    return data
+    return _make_case(data, overrides, known_kinds(extensions), file, folder, name, check_files)
 
 
 def _make_case(
@@ -311,11 +312,8 @@ def _make_case(
     check_files: bool = True,
 ) -> Case:
     """Return the case of some data, which is changed, and overrides."""
-    given = {}
-    for override in (overrides,) if isinstance(overrides, str) else overrides:
-        key, value = _split(override, file)
-        _assign(data, key, value, file)
-        given[key] = override
+    overrides = (overrides,) if isinstance(overrides, str) else overrides
+    given = {_assign(data, override, file): override for override in overrides}
     data.setdefault("name", name)
     made = case_class(kinds)
     try:
@@ -324,18 +322,13 @@ def _make_case(
         raise translate(error.errors(include_url=False), made, file, given) from None
 
 
-def _split(override: str, file: str) -> tuple[str, Any]:
-    """Return the dotted key and the value of an override."""
+def _assign(data: dict[str, Any], override: str, file: str) -> str:
+    """Make an override and return its dotted key; a bare name of a kind becomes a section first."""
     key, equals, text = override.partition("=")
     key = key.strip()
     if not equals or not text.strip() or not re.fullmatch(r"\w+(\.\w+)*", key, re.ASCII):
         remedy = "write section.key=value, such as rotor.radius=2 (null for none)"
         raise InputError("is no override", remedy, file=file, key="override", value=override)
-    return key, parse(text, f"{file}, override {key}", key)
-
-
-def _assign(data: dict[str, Any], key: str, value: object, file: str) -> None:
-    """Set a dotted key; a kind that is given by its bare name becomes a section first."""
     *sections, last = key.split(".")
     for depth, section in enumerate(sections):
         inner = data.setdefault(section, {})
@@ -347,4 +340,5 @@ def _assign(data: dict[str, Any], key: str, value: object, file: str) -> None:
             place = ".".join(sections[: depth + 1])
             raise InputError(problem, remedy, file=file, key=place, value=inner)
         data = inner
-    data[last] = value
+    data[last] = parse(text, f"{file}, override {key}", key)
+    return key

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import difflib
 from itertools import pairwise
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, Strict, ValidationInfo, model_validator
 
-from hkt_mdo.errors import InputError
-from hkt_mdo.files.shipped import POLAR_FAMILIES, locate, shipped_names, shipped_rotor
-from hkt_mdo.sections import Quantity, Section, refusal
+from hkt_mdo.files.shipped import POLAR_FAMILIES, shipped_names, shipped_rotor
+from hkt_mdo.sections import Quantity, Section, find_file, refusal
 
 
 def _find_file(value: str, info: ValidationInfo) -> str:
@@ -20,18 +18,12 @@ def _find_file(value: str, info: ValidationInfo) -> str:
     names = (*(POLAR_FAMILIES if kind == "polar" else ()), *shipped_names(kind))
     if value in names:
         return value
-    context = info.context or {}
     shipped = f"shipped: {', '.join(names)}; or give the path of a file"
-    try:
-        path = (Path(context.get("folder", ".")) / value).resolve()
-        if context.get("check_files", True):
-            locate(path, kind)
-    except (OSError, ValueError, RuntimeError):
-        raise refusal("cannot be a path", shipped) from None
-    except InputError:
+    path, fine = find_file(value, info, shipped)
+    if not fine:
         near = difflib.get_close_matches(value[:100], names, n=1)
         guess = f"did you mean {near[0]}? " if near else ""
-        raise refusal(f"is neither a shipped {kind} nor a file", guess + shipped) from None
+        raise refusal(f"is neither a shipped {kind} nor a file", guess + shipped)
     return str(path)
 
 

@@ -50,7 +50,6 @@ class Limit(Section):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
-        """Return the JSON schema: a section, or the value of `bound` alone."""
         whole = handler(schema)
         bound = handler.resolve_ref_schema(whole)["properties"].get("bound")
         return {"anyOf": [bound, whole]} if bound else whole

@@ -11,10 +11,8 @@ from hkt_mdo.sections import Section
 class Objective(Section):
     """The integral over time of a rate, J, which is made as large as possible.
 
-    `rate` takes the quantities that `inputs` names as keyword arguments: quantities of the
-    trajectory (`hkt_mdo.dynamics.trajectory.QUANTITIES`), arrays of shape (n_times,), and the
-    scalars rotor_radius (m), density (kg/m**3) and inertia (kg*m**2). It must accept complex
-    numbers: its derivatives are taken by complex step.
+    `rate` takes the quantities that `inputs` names as keyword arguments, as `Limit.value` does, and
+    must accept complex numbers, too.
     """
 
     kind: str

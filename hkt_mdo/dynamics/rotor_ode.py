@@ -32,10 +32,7 @@ class RotorODE(om.Group):
       The rotor is differentially flat in w, which turns a singular control into a regular one
       (docs/theory.md).
 
-    Inputs, at num_nodes unless scalar: time, rotor_speed, density, inertia, and either
-    torque_coefficient_table[n_tsr] or chord, twist[n_stations]; by variant gain_i, control_torque
-    or rotor_acceleration. Outputs: inflow_speed, tip_speed_ratio, hydrodynamic_torque,
-    hydrodynamic_power, generator_power and, by variant, control_torque or rotor_acceleration.
+    Inputs and outputs, at num_nodes unless scalar, are those of the four components.
     """
 
     def initialize(self):
@@ -114,10 +111,7 @@ class _NodeComp(om.ExplicitComponent):
 
 
 class InflowComp(_NodeComp):
-    """Inflow speed at the nodes of a phase.
-
-    Input time[num_nodes] (s); output inflow_speed[num_nodes] (m/s).
-    """
+    """Inflow speed at the nodes of a phase."""
 
     needs = {"inflow_speed": ("time",)}  # noqa: RUF012
 
@@ -134,10 +128,8 @@ class HydrodynamicsComp(_NodeComp):
 
     Q = 0.5 rho v² pi R³ Cq(tsr), tsr = w R / v, P = Q w (paper eq. 5).
 
-    Inputs rotor_speed, inflow_speed[num_nodes], density (kg/m**3), rotor_radius (m) and, with a
-    `spline`, torque_coefficient_table[n_tsr], else chord, twist[n_stations]. Outputs
-    tip_speed_ratio, torque_coefficient, hydrodynamic_torque (N*m), hydrodynamic_power (W), all at
-    num_nodes.
+    Besides the inputs of `needs`, with a `spline`, torque_coefficient_table[n_tsr], else chord and
+    twist[n_stations].
     """
 
     needs = {  # noqa: RUF012
@@ -224,11 +216,7 @@ class HydrodynamicsComp(_NodeComp):
 
 
 class FeedbackComp(_NodeComp):
-    """A feedback law at the nodes of a phase.
-
-    Inputs rotor_speed[num_nodes] (rad/s) and one scalar gain_0, gain_1, … in the law's units;
-    output control_torque[num_nodes] (N*m).
-    """
+    """A feedback law at the nodes of a phase; gain_0, gain_1, … are in the law's units."""
 
     def initialize(self):
         super().initialize()
@@ -253,9 +241,7 @@ class FeedbackComp(_NodeComp):
 class ShaftComp(_NodeComp):
     """Rigid shaft, I dw/dt = Q - u (paper eq. 6), solved for the acceleration or for the torque.
 
-    Inputs hydrodynamic_torque, rotor_speed[num_nodes], inertia (kg*m**2) and control_torque
-    (forward) or rotor_acceleration (inverse); the other of the two is an output, with
-    generator_power = u w (W).
+    The inverse shaft has rotor_acceleration as an input and control_torque as an output.
     """
 
     def initialize(self):
@@ -273,17 +259,10 @@ class ShaftComp(_NodeComp):
             "generator_power": ("rotor_speed", "control_torque"),
         }
 
-    def formula(
-        self,
-        hydrodynamic_torque,
-        rotor_speed,
-        inertia,
-        control_torque=None,
-        rotor_acceleration=None,
-    ):
+    def formula(self, hydrodynamic_torque, rotor_speed, inertia, **given):
+        (given,) = given.values()
         if self.options["inverse"]:
-            control_torque = hydrodynamic_torque - inertia * rotor_acceleration
-            found = {"control_torque": control_torque}
-        else:
-            found = {"rotor_acceleration": (hydrodynamic_torque - control_torque) / inertia}
-        return found | {"generator_power": control_torque * rotor_speed}
+            torque = hydrodynamic_torque - inertia * given
+            return {"control_torque": torque, "generator_power": torque * rotor_speed}
+        acceleration = (hydrodynamic_torque - given) / inertia
+        return {"rotor_acceleration": acceleration, "generator_power": given * rotor_speed}

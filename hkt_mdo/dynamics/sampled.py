@@ -11,13 +11,10 @@ import numpy as np
 from pydantic import AfterValidator, Field, Strict, ValidationInfo, field_validator, model_validator
 
 from hkt_mdo.dynamics.flows import Inflow
-from hkt_mdo.sections import Quantity, ordered, refusal
+from hkt_mdo.sections import Quantity, find_file, ordered, refusal
 
-SAMPLES_PER_PERIOD = 8
-"""Samples of synthesized turbulence in the shortest period that it contains, at least."""
-
-MOST_WAVES = 1_000_000
-"""Largest number of frequencies that turbulence is made of."""
+SAMPLES_PER_PERIOD = 8  # at least, of turbulence in the shortest period that it contains
+MOST_WAVES = 1_000_000  # frequencies that turbulence is made of
 
 
 class SampledInflow(Inflow):
@@ -124,14 +121,9 @@ class RecordInflow(SampledInflow):
     @field_validator("file")
     @classmethod
     def _find_file(cls, value: str, info: ValidationInfo) -> str:
-        context = info.context or {}
         remedy = "give the path of a CSV, NetCDF or Parquet file"
-        try:
-            path = (Path(context.get("folder", ".")) / value).resolve()
-            found = path.is_file()
-        except (OSError, ValueError, RuntimeError):
-            raise refusal("cannot be a path", remedy) from None
-        if context.get("check_files", True) and not found:
+        path, fine = find_file(value, info, remedy)
+        if not fine:
             raise refusal("is not a file", f"{remedy}, which counts from the case's folder")
         return str(path)
 
@@ -238,20 +230,14 @@ class TurbulentInflow(SampledInflow):
     def _check_size(self) -> TurbulentInflow:
         shortest = 10.0 * self.length_scale / self.mean
         if self.duration < shortest:
-            raise refusal(
-                "is too short for the slowest eddies",
-                f"give at least 10 length_scale/mean = {shortest:g} s",
-                key="duration",
-                value=self.duration,
-            )
+            remedy = f"give at least 10 length_scale/mean = {shortest:g} s"
+            problem = "is too short for the slowest eddies"
+            raise refusal(problem, remedy, key="duration", value=self.duration)
         waves = self.duration * self.highest_frequency
         if not 4 <= waves <= MOST_WAVES:
-            raise refusal(
-                f"makes {waves:.3g} waves, their frequencies 1/duration apart",
-                f"between 4 and {MOST_WAVES} are possible: change it or the duration",
-                key="cutoff",
-                value=self.highest_frequency,
-            )
+            problem = f"makes {waves:.3g} waves, their frequencies 1/duration apart"
+            remedy = f"between 4 and {MOST_WAVES} are possible: change it or the duration"
+            raise refusal(problem, remedy, key="cutoff", value=self.highest_frequency)
         return self
 
     @property

@@ -132,26 +132,12 @@ def simulate(
 ) -> Simulation:
     """Integrate I dw/dt = Q(w, v(t)) - u(t, w) (paper eq. 6) and the two energies.
 
-    Parameters
-    ----------
-    plant : Plant
-    inflow : Inflow
-        Looked at sixteen times a step and a period of its `highest_frequency`, so that no gust is
-        stepped over.
-    controller : callable
-        u(time, speed), N*m, for arrays of one shape; smooth between its `ends` (s), if it has such.
-    initial_speed, duration : float, rad/s and s
-    samples : int
-        Number of equally spaced points of the returned trajectory.
-    max_step : float or None, s
-        None: a hundredth of the duration.
-    tolerance : float
-        Largest error of a step, relative to the speed and to the energy so far.
-
-    Raises
-    ------
-    InputError
-        If the integration fails, which is not the same as a rotor that stops.
+    The flow is looked at sixteen times a step and a period of its `highest_frequency`, so that no
+    gust is stepped over. controller(time, speed) is the torque, N*m, for arrays of one shape; it is
+    smooth between its `ends` (s), if it has such. Speeds are in rad/s, times in s. `samples` points
+    are returned; `max_step` None is a hundredth of the duration; `tolerance` is the largest error
+    of a step, relative to the speed and to the energy so far. Raises InputError if the integration
+    fails, which is not the same as a rotor that stops.
     """
     motion = _Motion(plant, inflow, controller, duration, tolerance)
     path, energies, stopped = motion.march(float(initial_speed), max_step or duration / 100.0)

@@ -79,12 +79,12 @@ def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
     if rotor.chord is not None:
         radius = _radius(rotor, None)
         rows = np.array(rotor.stations) * radius, np.array(rotor.chord), np.deg2rad(rotor.twist)
-        hub = (HUB if fraction is None else fraction) * radius
-        return BladeTable(*rows, tip_radius=radius), radius, hub
-    table = read_blade(rotor.blade, hub_radius=0.0)
-    own = shipped_rotor(rotor.blade).get("radius")
-    if own is not None and not table.relative:  # a shipped file in metres is of this size
-        table = replace(table, tip_radius=own)
+        table = BladeTable(*rows, tip_radius=radius)
+    else:
+        table = read_blade(rotor.blade, hub_radius=0.0)
+        own = shipped_rotor(rotor.blade).get("radius")
+        if own is not None and not table.relative:  # a shipped file in metres is of this size
+            table = replace(table, tip_radius=own)
     if table.hub_radius == 0.0 and not table.relative:  # its span is counted from the root
         if fraction is None:
             raise InputError(
