@@ -124,12 +124,9 @@ class Case(Section):
         design, rotor, control = self.design, self.rotor, self.control
         feedback = isinstance(control, FeedbackLaw)
         if design.gain_bounds is not None and not feedback:
-            raise refusal(
-                f"bounds a gain that the law {control.law} does not have",
-                "leave design.gain_bounds out, or choose a feedback law",
-                key="design.gain_bounds",
-                value=list(design.gain_bounds),
-            )
+            problem = f"bounds a gain that the law {control.law} does not have"
+            remedy = "leave design.gain_bounds out, or choose a feedback law"
+            raise refusal(problem, remedy, key="design.gain_bounds", value=list(design.gain_bounds))
         for name in ("bem", "check"):
             if rotor.reynolds == "local" and getattr(self.hydrodynamics, name) == "ccblade":
                 raise refusal(
@@ -138,13 +135,12 @@ class Case(Section):
                     key=f"hydrodynamics.{name}",
                     value="ccblade",
                 )
-        gains = control.starting_gains() if feedback else None
         start = [
-            ("control.gain", float(gain), "gain_bounds")
-            for gain in (() if gains is None else gains)
+            ("rotor.set_angle", rotor.set_angle or 0.0, "set_angle_bounds"),
+            ("rotor.radius", rotor.radius, "radius_bounds"),
         ]
-        start.append(("rotor.set_angle", rotor.set_angle or 0.0, "set_angle_bounds"))
-        start.append(("rotor.radius", rotor.radius, "radius_bounds"))
+        if feedback and (gains := control.starting_gains()) is not None:
+            start += [("control.gain", float(gain), "gain_bounds") for gain in gains]
         for name in ("chord", "twist") if design.blade == "optimized" else ():
             for index, value in enumerate(getattr(rotor, name) or ()):
                 start.append((f"rotor.{name}[{index}]", value, f"{name}_bounds"))

@@ -73,12 +73,9 @@ class Inflow(Section):
         Raises InputError if its record is shorter, or the speed is anywhere zero or less.
         """
         if duration > self.last_time * (1.0 + 1e-9):
-            raise InputError(
-                f"is longer than the record of the flow, {self.last_time:.6g} s",
-                "give phase.duration: null for the whole record, or a shorter one",
-                key="phase.duration",
-                value=duration,
-            )
+            problem = f"is longer than the record of the flow, {self.last_time:.6g} s"
+            remedy = "give phase.duration: null for the whole record, or a shorter one"
+            raise InputError(problem, remedy, key="phase.duration", value=duration)
         cutoff = self.highest_frequency or 0.0
         count = max(FEWEST_CHECKS, int(CHECKS_PER_PERIOD * duration * cutoff)) + 1
         for first in range(0, count, CHECKS_AT_ONCE):
@@ -87,12 +84,10 @@ class Inflow(Section):
             speed = np.asarray(self.speed_at(time))
             low = int(np.argmin(speed))
             if not speed[low] > 0.0:
-                raise InputError(
-                    f"reaches {speed[low]:.3g} m/s at t = {time[low]:.6g} s: it stands still or "
-                    "turns back, which the turbine does not",
-                    "give a larger mean, smaller fluctuations or a shorter phase.duration",
-                    key="inflow",
-                )
+                place = f"reaches {speed[low]:.3g} m/s at t = {time[low]:.6g} s"
+                problem = f"{place}: it stands still or turns back, which the turbine does not"
+                remedy = "give a larger mean, smaller fluctuations or a shorter phase.duration"
+                raise InputError(problem, remedy, key="inflow")
 
 
 class ConstantInflow(Inflow):
@@ -169,12 +164,9 @@ class SineInflow(Inflow):
     @model_validator(mode="after")
     def _check_amplitude(self) -> SineInflow:
         if self.amplitude >= self.mean:
-            raise refusal(
-                f"lets the flow reach zero or turn back: its mean is {self.mean:g} m/s",
-                "give an amplitude smaller than inflow.mean",
-                key="amplitude",
-                value=self.amplitude,
-            )
+            problem = f"lets the flow reach zero or turn back: its mean is {self.mean:g} m/s"
+            remedy = "give an amplitude smaller than inflow.mean"
+            raise refusal(problem, remedy, key="amplitude", value=self.amplitude)
         return self
 
     @property
@@ -222,10 +214,9 @@ class TidalConstituent(Section):
     @model_validator(mode="after")
     def _check_period(self) -> TidalConstituent:
         if (self.name is None) == (self.period is None):
-            raise refusal(
-                "has both a name and a period" if self.name else "has neither name nor period",
-                "give name: M2 or the like, or a period",
-            )
+            problem = "has both a name and a period" if self.name else "has neither name nor period"
+            remedy = "give name: M2 or the like, or a period"
+            raise refusal(problem, remedy)
         return self
 
     @property

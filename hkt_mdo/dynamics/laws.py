@@ -81,8 +81,7 @@ class FeedbackLaw(Law):
     def fit(self, speed, torque):
         """Return the starting gains: their demand is closest to torques (N*m) at speeds (rad/s).
 
-        Least squares over the demand's derivatives by gain, exact for a law that is linear in its
-        gains; a law that is not overrides this.
+        By least squares, for a law that is linear in its gains; one that is not overrides this.
         """
         columns = _by_each(lambda gains: self.demand(speed, gains), np.ones(len(self.gain_units)))
         return np.linalg.lstsq(columns.T, torque, rcond=None)[0]

@@ -143,9 +143,8 @@ class DistanceFromStall(Limit):
     from stall, where stable and unstable equilibrium meet. Collocation cannot tell one from the
     other, so an optimizer would go to that edge and beyond. N(w) = I dw/dt is what the flow's
     changes ask for, and no stall. `least` is a share of a typical torque, TYPICAL 0.5 rho pi R³ v²:
-    close to stall a rotor recovers slowly and the problem is badly conditioned.
-
-    Q comes from the torque curve: Cq = spline.basis(w R/v) @ torque_coefficient_table.
+    close to stall a rotor recovers slowly and the problem is badly conditioned. Q is that of the
+    torque curve.
     """
 
     name: ClassVar[str] = "distance_from_stall"

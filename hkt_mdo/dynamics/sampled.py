@@ -167,19 +167,12 @@ def _read(inflow: RecordInflow, state: object):
 
 
 def von_karman(frequency):
-    """Return von Kármán's spectrum of longitudinal velocity, 4 / (1 + 70.8 n²)^(5/6).
-
-    Of homogeneous, isotropic turbulence (von Kármán 1948, in Taylor's frozen form; ESDU 85020).
-    With n = f L / V and L the integral length scale, S(f) = σ² (L / V) times this is one-sided.
-    """
+    """Return von Kármán's spectrum S V / (σ² L) over n = f L / V (1948; ESDU 85020), one-sided."""
     return 4.0 / (1.0 + 70.8 * frequency**2) ** (5.0 / 6.0)
 
 
 def kaimal(frequency):
-    """Return Kaimal's spectrum, 4 / (1 + 6 n)^(5/3), to be used as von Kármán's.
-
-    Of a boundary layer, in the form of IEC 61400-1 (edition 3, Annex B).
-    """
+    """Return Kaimal's spectrum in the same form (IEC 61400-1, edition 3, Annex B)."""
     return 4.0 / (1.0 + 6.0 * frequency) ** (5.0 / 3.0)
 
 

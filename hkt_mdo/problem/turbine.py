@@ -87,11 +87,9 @@ def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
             table = replace(table, tip_radius=own)
     if table.hub_radius == 0.0 and not table.relative:  # its span is counted from the root
         if fraction is None:
-            raise InputError(
-                "counts its span from the blade's root and does not say the hub's radius",
-                "give rotor.hub_radius_fraction",
-                file=rotor.blade,
-            )
+            problem = "counts its span from the blade's root and does not say the hub's radius"
+            remedy = "give rotor.hub_radius_fraction"
+            raise InputError(problem, remedy, file=rotor.blade)
         span = float(table.r[-1])
         hub = span * fraction / (1.0 - fraction)
         table = replace(table, r=table.r + hub, tip_radius=hub + span, hub_radius=hub)
@@ -106,9 +104,8 @@ def _radius(rotor: Rotor, own: float | None) -> float:
     """Return the tip radius of the case, or else that of the blade's file."""
     radius = own if rotor.radius is None else rotor.radius
     if radius is None:
-        raise InputError(
-            "does not say the tip radius", "give rotor.radius", file=rotor.blade, key="tip radius"
-        )
+        problem, remedy = "does not say the tip radius", "give rotor.radius"
+        raise InputError(problem, remedy, file=rotor.blade, key="tip radius")
     return radius
 
 
@@ -119,11 +116,9 @@ def _stations(rotor, table, tip_radius, hub_radius) -> tuple[np.ndarray, tuple[s
     if rotor.stations is None and rotor.station_count is None:
         own = table.interior(hub).r
         if own.size < 3:
-            raise InputError(
-                f"has {own.size} rows between hub and tip",
-                "give at least 3, or rotor.station_count",
-                file=rotor.blade,
-            )
+            problem = f"has {own.size} rows between hub and tip"
+            remedy = "give at least 3, or rotor.station_count"
+            raise InputError(problem, remedy, file=rotor.blade)
         text = f"{table.r.size - own.size} of {table.r.size} rows lie at hub or tip, where there is"
         left_out = own.size < table.r.size
         return own, (f"{text} no load: the stations are the others",) if left_out else ()
@@ -133,21 +128,15 @@ def _stations(rotor, table, tip_radius, hub_radius) -> tuple[np.ndarray, tuple[s
     else:
         fraction = np.array(rotor.stations)
         if fraction[0] * tip <= hub:
-            raise InputError(
-                f"lies on or within the hub, whose radius is {hub_radius:.6g} m",
-                "move the first station outwards or lessen rotor.hub_radius_fraction",
-                key="rotor.stations[0]",
-                value=rotor.stations[0],
-            )
+            problem = f"lies on or within the hub, whose radius is {hub_radius:.6g} m"
+            remedy = "move the first station outwards or lessen rotor.hub_radius_fraction"
+            raise InputError(problem, remedy, key="rotor.stations[0]", value=rotor.stations[0])
     if fraction[0] >= low - 1e-9 * high and fraction[-1] <= high * (1.0 + 1e-9):
         return fraction * tip, ()
     if rotor.stations is not None:
-        raise InputError(
-            f"blade covers r/R = {low:g} … {high:g} but rotor.stations reach "
-            f"{fraction[0]:g} … {fraction[-1]:g}",
-            "change them or extend the file",
-            file=rotor.blade,
-        )
+        reach = f"but rotor.stations reach {fraction[0]:g} … {fraction[-1]:g}"
+        problem = f"blade covers r/R = {low:g} … {high:g} {reach}"
+        raise InputError(problem, "change them or extend the file", file=rotor.blade)
     text = f"the file covers r/R = {low:.4g} to {high:.4g}: chord, twist and section are carried"
     return fraction * tip, (f"{text} on unchanged to hub and tip",)
 
@@ -157,11 +146,8 @@ def _at_stations(table: BladeTable, r: np.ndarray) -> BladeTable:
     section = None
     if table.section is not None or table.section_position is not None:
         section = table.blend(np.clip(r, table.r[0], table.r[-1]))
-    columns = {
-        name: None if column is None else np.interp(r, table.r, column)
-        for name in ("chord", "twist", "thickness")
-        for column in [getattr(table, name)]
-    }
+    given = {name: getattr(table, name) for name in ("chord", "twist", "thickness")}
+    columns = {n: np.interp(r, table.r, each) for n, each in given.items() if each is not None}
     return replace(table, r=r, section=section, section_position=None, **columns)
 
 
@@ -179,12 +165,8 @@ def _named_sections(rotor, table) -> dict[str, _Section]:
     named, from_file = {}, PolarFamily.from_file
     for number, entry in enumerate(rotor.sections):
         if entry.outline is None and entry.thickness is None:
-            raise InputError(
-                "gives neither outline nor thickness",
-                "give one of them",
-                key=f"rotor.sections[{number}]",
-                value=entry.polar,
-            )
+            problem, remedy = "gives neither outline nor thickness", "give one of them"
+            raise InputError(problem, remedy, key=f"rotor.sections[{number}]", value=entry.polar)
         outline = None if entry.outline is None else Outline.from_file(entry.outline)
         named[entry.name or str(number + 1)] = (from_file(entry.polar), outline, entry.thickness)
     if not named and rotor.polar is None:
@@ -193,11 +175,9 @@ def _named_sections(rotor, table) -> dict[str, _Section]:
             named[each.name] = (PolarFamily.from_tables(each.polars), outline, each.thickness)
         several = sorted({name for pair in table.section or () for name in pair[:2]})
         if not named and len(several) > 1:
-            raise InputError(
-                f"names {len(several)} sections: {', '.join(several[:8])}",
-                "give rotor.sections, one for each, or rotor.polar for all of them",
-                file=rotor.blade,
-            )
+            problem = f"names {len(several)} sections: {', '.join(several[:8])}"
+            remedy = "give rotor.sections, one for each, or rotor.polar for all of them"
+            raise InputError(problem, remedy, file=rotor.blade)
     named = named or {"": (from_file(rotor.polar or POLAR), None, None)}
     return {name: _section(rotor, *parts) for name, parts in named.items()}
 
@@ -231,11 +211,9 @@ def _pairs(rotor, table, named):
     if table.section is not None:
         missing = sorted({name for pair in table.section for name in pair[:2]} - set(named))
         if missing:
-            raise InputError(
-                f"names the section {missing[0]}, which rotor.sections does not have",
-                f"give it there; known: {', '.join(named)}",
-                file=rotor.blade,
-            )
+            problem = f"names the section {missing[0]}, which rotor.sections does not have"
+            remedy = f"give it there; known: {', '.join(named)}"
+            raise InputError(problem, remedy, file=rotor.blade)
         return table.section, ()
     if table.thickness is None:
         raise InputError(
@@ -246,9 +224,8 @@ def _pairs(rotor, table, named):
     by_thickness = sorted(named, key=lambda name: named[name].thickness)
     values = np.array([named[name].thickness for name in by_thickness])
     if np.any(np.diff(values) <= 0.0):
-        raise InputError(
-            "has two sections of one thickness", "keep one of them", key="rotor.sections"
-        )
+        problem, remedy = "has two sections of one thickness", "keep one of them"
+        raise InputError(problem, remedy, key="rotor.sections")
     beyond = (table.thickness < values[0] - 1e-3) | (table.thickness > values[-1] + 1e-3)
     messages = ()
     if np.any(beyond):
@@ -268,9 +245,7 @@ def _invariant(family: PolarFamily, number: float | None) -> Polar:
         return family.polars[0]
     if number is None:
         known = ", ".join(f"{value:.3g}" for value in family.reynolds)
-        raise InputError(
-            f"is needed to choose from polars at {known}",
-            "give rotor.reynolds_number, or rotor.reynolds: local",
-            key="rotor.reynolds_number",
-        )
+        problem = f"is needed to choose from polars at {known}"
+        remedy = "give rotor.reynolds_number, or rotor.reynolds: local"
+        raise InputError(problem, remedy, key="rotor.reynolds_number")
     return family.at(number)
