@@ -6,9 +6,7 @@ import reprlib
 
 __all__ = ["InputError", "show"]
 
-LONGEST_VALUE = 60
-"""Number of characters of a value that a message repeats."""
-
+LONGEST_VALUE = 60  # characters that a message repeats
 _UNSET = object()
 
 

@@ -45,10 +45,7 @@ Extension = str | Path | ModuleType | type
 
 @dataclass(frozen=True)
 class Kinds:
-    """What a case may name, as classes, and the extensions (files, classes) that they come from.
-
-    Kinds of installed packages are among the classes, but not among the extensions.
-    """
+    """What a case may name, as classes, and where they come from, but for installed packages."""
 
     laws: tuple[type[Law], ...]
     profiles: tuple[type[Inflow], ...]
@@ -57,11 +54,7 @@ class Kinds:
     extensions: tuple[str | type, ...] = ()
 
     def extended(self, extensions: Iterable[Extension]) -> Kinds:
-        """Return these kinds and those of some extensions.
-
-        Raises InputError if a file cannot be read or run, defines no kind, or one whose name is
-        taken.
-        """
+        """Return these kinds and those of some extensions; raise InputError if one has none."""
         kinds = self
         for extension in extensions:
             source, found = _read(extension)

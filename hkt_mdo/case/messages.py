@@ -27,8 +27,8 @@ _NAME = (
     "give such a name, or none: the case is then named after its file",
 )
 _PLAIN = {
-    "model_type": _SECTION,
-    "model_attributes_type": _SECTION,
+    **dict.fromkeys(("model_type", "model_attributes_type"), _SECTION),
+    **dict.fromkeys(("string_pattern_mismatch", "string_too_long", "string_too_short"), _NAME),
     "tuple_type": ("must be a list", "write [first, second, ...]"),
     "too_short": ("must have at least {min_length} values, and has {actual_length}", "add some"),
     "too_long": ("must have at most {max_length} values, and has {actual_length}", "take some out"),
@@ -36,9 +36,6 @@ _PLAIN = {
     "greater_than_equal": ("must be at least {ge}", "give a larger number"),
     "less_than_equal": ("must be at most {le}", "give a smaller number"),
     "string_type": ("must be a text", "write it in quotes if it looks like a number"),
-    "string_pattern_mismatch": _NAME,
-    "string_too_long": _NAME,
-    "string_too_short": _NAME,
 }
 """Problem and remedy by pydantic's type of error, with places for its context."""
 

@@ -26,11 +26,8 @@ from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import Dumper, parse
 from hkt_mdo.sections import Section, refusal
 
-STATION_COUNT = 40
-"""Stations of a blade of splines: within 0.1 % of the energy at any number of them."""
-
-MAX_CASE_BYTES = 1024**2
-"""Largest case file that is read, in bytes."""
+STATION_COUNT = 40  # of a blade of splines: within 0.1 % of the energy at any number of them
+MAX_CASE_BYTES = 1024**2  # of a file that is read
 
 
 class Limits(Section):
@@ -54,39 +51,22 @@ class Case(Section):
     ] = "case"
     """Name of the case and of its results: letters, digits, `_`, `-` and `.`; by default the case
     file's own name."""
-
     rotor: Rotor = Rotor()
-    """The rotor."""
-
     fluid: Fluid = Fluid()
-    """The water."""
 
     inflow: SerializeAsAny[Inflow]
     """Inflow speed over time; `profile` says which kind."""
-
     control: SerializeAsAny[Law]
     """Control law; `law` says which."""
-
     limits: SerializeAsAny[Limits] = Limits()
-    """Limits besides `control.torque_limit`."""
 
     objective: SerializeAsAny[Objective] = CapturedEnergy()
     """What is maximized; `kind` says which."""
-
     design: Design = Design()
-    """What may be changed, and how far."""
-
     phase: Phase = Phase()
-    """The time span and its discretization."""
-
     start: Start = Start()
-    """Where the optimization begins."""
-
     hydrodynamics: Hydrodynamics = Hydrodynamics()
-    """How the rotor's torque is computed."""
-
     driver: Driver = Driver()
-    """The optimizer and the package that provides it."""
 
     kinds: ClassVar[Kinds] = BUILT_IN
     """What cases of this class may name."""

@@ -36,7 +36,6 @@ class Inflow(Section):
 
     profile: str
     """The kind of flow."""
-
     length: ClassVar[float | None] = None
     highest_frequency: ClassVar[float | None] = None
     messages: ClassVar[tuple[str, ...]] = ()
@@ -48,10 +47,7 @@ class Inflow(Section):
         return float(self.speed_at(0.0)) if mean is None else getattr(self, "scale", 1.0) * mean
 
     def model_copy(self, **options):
-        """Return a copy, with some fields changed; what was computed of the old ones is left out.
-
-        The options are those of pydantic's method, which would keep a `cached_property`.
-        """
+        """Return a copy as pydantic does, but without each `cached_property` of the old fields."""
         copied = super().model_copy(**options)
         for name in copied.__dict__.keys() - type(self).model_fields.keys():
             del copied.__dict__[name]
@@ -95,7 +91,6 @@ class ConstantInflow(Inflow):
 
     profile: Literal["constant"] = "constant"
     """The kind of flow."""
-
     speed: Annotated[float, Quantity("m/s", gt=0)]
     """Inflow speed v."""
 
@@ -108,16 +103,12 @@ class StepInflow(Inflow):
 
     profile: Literal["step"] = "step"
     """The kind of flow."""
-
     before: Annotated[float, Quantity("m/s", gt=0)] = 1.2
     """Inflow speed long before the step."""
-
     after: Annotated[float, Quantity("m/s", gt=0)] = 1.4
     """Inflow speed long after the step."""
-
     time: Annotated[float, Quantity("s")] = 30.0
     """Time of the middle of the step."""
-
     width: Annotated[float, Quantity("s", gt=0)] = 1.0
     """Time scale of the step; nine tenths of the change take about six widths."""
 
@@ -145,19 +136,14 @@ class SineInflow(Inflow):
 
     profile: Literal["sine"] = "sine"
     """The kind of flow."""
-
     mean: Annotated[float, Quantity("m/s", gt=0)] = 1.5
     """Mean inflow speed, before scaling."""
-
     amplitude: Annotated[float, Quantity("m/s", ge=0)] = 0.2
     """Amplitude of the inflow speed, before scaling; smaller than the mean."""
-
     angular_frequency: Annotated[float, Quantity("rad/s", gt=0)] = 0.25
     """Angular frequency of the inflow speed."""
-
     phase: Annotated[float, Quantity("rad")] = 0.0
     """Phase of the sine at t = 0."""
-
     scale: Annotated[float, Quantity(gt=0)] = 1.0
     """Factor on the whole flow."""
 
@@ -201,13 +187,10 @@ class TidalConstituent(Section):
 
     name: Literal["M2", "S2", "N2", "K2", "K1", "O1", "P1", "Q1", "M4", "MS4", "M6"] | None = None
     """Name of the constituent, which says its period."""
-
     period: Annotated[float, Quantity("s", gt=0)] | None = None
     """Period, in place of a name."""
-
     amplitude: Annotated[float, Quantity("m/s", ge=0)]
     """Amplitude of the constituent's current."""
-
     phase: Annotated[float, Quantity("rad")] = 0.0
     """Phase at t = 0; texts such as `30 deg` are converted."""
 
@@ -234,13 +217,10 @@ class TidalInflow(Inflow):
 
     profile: Literal["tide"] = "tide"
     """The kind of flow."""
-
     mean: Annotated[float, Quantity("m/s")] = 0.0
     """Mean (residual) current, before scaling."""
-
     constituents: Annotated[tuple[TidalConstituent, ...], Field(min_length=1, max_length=100)]
     """The tide's constituents, a list such as `[{name: M2, amplitude: 2, phase: 30 deg}]`."""
-
     scale: Annotated[float, Quantity(gt=0)] = 1.0
     """Factor on the whole flow."""
 
@@ -255,51 +235,38 @@ class TidalInflow(Inflow):
         return self.scale * (self.mean + waves @ amplitude)
 
 
-def _bump(place):
-    """Return (1 - cos 2πs)²/4: a bump of height 1, C³ at s = 0 and 1."""
-    return (0.5 * (1.0 - np.cos(2.0 * np.pi * place))) ** 2
-
-
-def _mexican_hat(place):
-    """Return -0.37 sin 3πs (1 - cos 2πs), C² at s = 0 and 1."""
-    return -0.37 * np.sin(3.0 * np.pi * place) * (1.0 - np.cos(2.0 * np.pi * place))
-
-
-_GUSTS = {"one_minus_cosine": (_bump, 2.0), "mexican_hat": (_mexican_hat, 2.5)}
-"""Shape of a gust, and the highest frequency of its cosines times its width."""
-
-
 class GustInflow(Inflow):
     """One gust in a steady flow, v = mean + amplitude g((t - time)/width)."""
 
     profile: Literal["gust"] = "gust"
     """The kind of flow."""
-
     shape: Literal["one_minus_cosine", "mexican_hat"] = "one_minus_cosine"
     """g(s) for 0 <= s <= 1: `one_minus_cosine`, (1 - cos 2 pi s)^2/4, a rise by the amplitude and
     back, squared to be smooth at its ends; `mexican_hat`, -0.37 sin 3 pi s (1 - cos 2 pi s), the
     extreme operating gust of IEC 61400-1: a dip by 0.27, a rise by 0.74, a dip."""
-
     mean: Annotated[float, Quantity("m/s", gt=0)] = 1.5
     """Inflow speed before and after the gust."""
-
     amplitude: Annotated[float, Quantity("m/s")] = 0.3
     """Amplitude of the gust; negative for a lull."""
-
     time: Annotated[float, Quantity("s")] = 20.0
     """Time at which the gust begins."""
-
     width: Annotated[float, Quantity("s", gt=0)] = 10.5
     """Time that the gust takes; the default is that of the extreme operating gust."""
 
     @property
     def highest_frequency(self):
-        return _GUSTS[self.shape][1] / self.width
+        # that of the fastest of the cosines that make it up
+        return (2.0 if self.shape == "one_minus_cosine" else 2.5) / self.width
 
     def speed_at(self, time):
         place = (np.asarray(time) - self.time) / self.width
         inside = (np.real(place) >= 0.0) & (np.real(place) <= 1.0)
-        return self.mean + self.amplitude * inside * _GUSTS[self.shape][0](place)
+        rise = 1.0 - np.cos(2.0 * np.pi * place)
+        if self.shape == "one_minus_cosine":
+            gust = 0.25 * rise**2
+        else:
+            gust = -0.37 * np.sin(3.0 * np.pi * place) * rise
+        return self.mean + self.amplitude * inside * gust
 
 
 class SumInflow(Inflow):
@@ -312,7 +279,6 @@ class SumInflow(Inflow):
 
     profile: Literal["sum"] = "sum"
     """The kind of flow."""
-
     parts: Annotated[tuple[SerializeAsAny[Inflow], ...], Field(min_length=2, max_length=20)]
     """The flows, a list; the first carries the mean."""
 

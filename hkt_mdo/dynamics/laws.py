@@ -17,9 +17,8 @@ def smooth_saturation(torque, limit, smoothing):
     """Return the smoothly saturated torque (paper eq. 4), N*m.
 
     sat(u) = limit/4 (2 + sqrt(nu + (2u/limit)²) - sqrt(nu + (2u/limit - 2)²)), nu = smoothing.
-    It lies between 0 and the limit for every u. Far above the limit it is nu limit / (16 x (x - 1))
-    below it, x = u/limit; at u = 0 it is limit/4 (2 + sqrt(nu) - sqrt(nu + 4)), which is 0.78 % of
-    the limit for nu = 0.001.
+    It lies between 0 and the limit for every u: far above the limit nu limit / (16 x (x - 1)) below
+    it, x = u/limit; at u = 0, for nu = 0.001, at 0.78 % of the limit.
     """
     ratio = 2.0 * torque / limit
     rising, falling = np.sqrt(smoothing + ratio**2), np.sqrt(smoothing + (ratio - 2.0) ** 2)
@@ -36,10 +35,8 @@ class Law(Section):
 
     law: str
     """The control law."""
-
     torque_limit: Annotated[float, Quantity("N*m", gt=0)] | None = None
     """Largest control torque u_max; null: no limit."""
-
     gain_units: ClassVar[tuple[str, ...]] = ()
 
 
@@ -48,18 +45,13 @@ class OpenLoop(Law):
 
     law: Literal["open_loop"] = "open_loop"
     """The control law."""
-
     unknown: Literal["speed", "torque"] = "speed"
     """What the optimizer chooses over time: the rotor speed, from which the torque follows by
     inverse dynamics, or the torque itself, from which the speed follows by integration."""
 
 
 class FeedbackLaw(Law):
-    """What every feedback law has: a gain that is optimized, and a smoothed saturation.
-
-    With a torque limit g the torque is g/4 (2 + sqrt(nu + (2u/g)^2) - sqrt(nu + (2u/g - 2)^2))
-    (paper, eq. 4), where u is the torque the law asks for.
-    """
+    """What every feedback law has: a gain that is optimized, and a smoothed saturation."""
 
     smoothing: Annotated[float, Quantity(gt=0, le=1)] = 0.001
     """Smoothing nu of the saturation (paper, eq. 4); of no effect without a torque limit."""
@@ -105,10 +97,8 @@ class LinearFeedback(FeedbackLaw):
 
     law: Literal["linear"] = "linear"
     """The control law."""
-
     gain: Annotated[float, Quantity("N*m*s/rad", gt=0)] | None = None
     """Gain K1 at the start; null: chosen by the starting point."""
-
     gain_units: ClassVar[tuple[str, ...]] = ("N*m*s/rad",)
 
     def demand(self, speed, gains):
@@ -120,10 +110,8 @@ class QuadraticFeedback(FeedbackLaw):
 
     law: Literal["quadratic"] = "quadratic"
     """The control law."""
-
     gain: Annotated[float, Quantity("N*m*s**2/rad**2", gt=0)] | None = None
     """Gain K2 at the start; null: chosen by the starting point."""
-
     gain_units: ClassVar[tuple[str, ...]] = ("N*m*s**2/rad**2",)
 
     def demand(self, speed, gains):

@@ -1,9 +1,7 @@
 """Limits: what a design and its operation must keep, each stated once.
 
-The optimization holds a limit at the nodes, the judges look at it there, between the nodes and on
-the independent integration, `hkt check` on the start, the summary and the figures show it. All of
-them ask the limit for its value; nobody else knows the formula. A limit of your own is a subclass
-of `Limit` (docs/architecture.md).
+Optimization, judges, `hkt check`, summary and figures ask the limit for its value; nobody else
+knows the formula. A limit of your own is a subclass of `Limit` (docs/architecture.md).
 """
 
 from __future__ import annotations
@@ -40,6 +38,8 @@ class Limit(Section):
     place: ClassVar[str] = "time"
     """What its value is an array over: the "time", the "span" of the blade, or the "design"."""
     lower: ClassVar[Any] = -np.inf
+    bounded: ClassVar[bool] = False
+    """Whether the bounds of the optimizer's own variables hold it, so that it is no constraint."""
 
     @model_validator(mode="before")
     @classmethod
@@ -67,7 +67,7 @@ class Limit(Section):
 
     def constrains(self, control: Law) -> bool:
         """Tell whether the optimization needs a constraint to hold it under a control law."""
-        return True
+        return not self.bounded
 
     def partials(self, **quantities: Any) -> dict[str, np.ndarray]:
         """Return the value's derivative by each input, shape (n_times,), by complex step."""
@@ -109,9 +109,7 @@ class ForwardRotation(Limit):
     unit: ClassVar[str | None] = "rad/s"
     inputs: ClassVar[tuple[str, ...]] = ("rotor_speed",)
     lower: ClassVar[float] = 0.0
-
-    def constrains(self, control):
-        return False
+    bounded: ClassVar[bool] = True
 
 
 class DesignBounds(Limit):
@@ -119,10 +117,9 @@ class DesignBounds(Limit):
 
     quantity: str
     """Name of the design variable."""
-
     bounds: tuple[float, float]
     """Lower and upper bound, in SI units."""
-
+    bounded: ClassVar[bool] = True
     name = property(lambda self: self.quantity)  # type: ignore[assignment]
     inputs = property(lambda self: (self.quantity,))  # type: ignore[assignment]
     lower = property(lambda self: self.bounds[0])  # type: ignore[assignment]
@@ -131,9 +128,6 @@ class DesignBounds(Limit):
     @property
     def place(self):  # type: ignore[override]
         return "span" if self.quantity in ("chord", "twist") else "design"
-
-    def constrains(self, control):
-        return False  # the optimizer bounds its variables itself
 
 
 class DistanceFromStall(Limit):

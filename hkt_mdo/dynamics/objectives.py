@@ -17,7 +17,6 @@ class Objective(Section):
 
     kind: str
     """What is maximized."""
-
     inputs: ClassVar[tuple[str, ...]] = ()
 
     def rate(self, **quantities):
@@ -37,7 +36,6 @@ class CapturedEnergy(Objective):
 
     kind: Literal["captured"] = "captured"
     """What is maximized."""
-
     inputs: ClassVar[tuple[str, ...]] = ("hydrodynamic_power",)
 
     def rate(self, hydrodynamic_power):
@@ -52,7 +50,6 @@ class GeneratorEnergy(Objective):
 
     kind: Literal["generator"] = "generator"
     """What is maximized."""
-
     inputs: ClassVar[tuple[str, ...]] = ("generator_power",)
 
     def rate(self, generator_power):

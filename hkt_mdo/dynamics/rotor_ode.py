@@ -38,9 +38,7 @@ class RotorODE(om.Group):
     def initialize(self):
         self.options.declare("num_nodes", types=int)
         self.options.declare("inflow", recordable=False)
-        self.options.declare(
-            "hydrodynamics", desc="callable num_nodes -> component", recordable=False
-        )
+        self.options.declare("hydrodynamics", desc="num_nodes -> component", recordable=False)
         self.options.declare("law", default=None, allow_none=True, recordable=False)
         self.options.declare("unknown", values=("speed", "torque"), default="speed")
 

@@ -55,65 +55,47 @@ class RecordInflow(SampledInflow):
 
     profile: Literal["record"] = "record"
     """The kind of flow."""
-
     file: str
-    """Path of the record: a file `.csv` with a header line, `.nc` (NetCDF) or `.parquet`.
-
-    A relative path counts from the folder of the case file. NetCDF and Parquet, as MHKiT's data are
-    saved, need `hkt_mdo[records]`.
-    """
-
+    """Path of the record, from the folder of the case file: `.csv` with a header line, `.nc`
+    (NetCDF) or `.parquet`; the latter two, as MHKiT's data are saved, need `hkt_mdo[records]`."""
     time_column: str | None = None
     """Column or variable of the time; null: the first column of a CSV file, the index of a Parquet
     file, the only time in a NetCDF file."""
-
     speed_column: str | None = None
     """Column or variable of the speed; null: the only one besides the time."""
-
     time_unit: Literal["s", "ms", "min", "h", "days"] | None = None
     """Unit of times that are numbers; null: as the column's name says, such as `time_s` or
     `time [h]`. Dates are told from numbers: `2024-05-01T12:00:00`, with or without a zone."""
-
     speed_unit: (
         Literal["m/s", "cm/s", "mm/s", "km/h", "ft/s", "knot", "mph", "m3/s", "L/s", "ft3/s"] | None
     ) = None
     """Unit of the speed, or of a discharge; null: as the column's name says, such as `speed_m_s`
     or `Stream velocity, feet per second`."""
-
     area: Annotated[float, Quantity("m**2", gt=0)] | None = None
     """Area of the channel's cross section, for a record of the discharge alone: speed = discharge /
     area, the mean over the section."""
-
     bins: Annotated[_Bins, AfterValidator(ordered)] | None = None
     """Range of the depth bins of a profiler that are averaged, [lower, upper], such as those that
     the rotor spans; null: the record has no bins."""
-
     component: str | None = None
     """Label of the component of a velocity that is taken, such as `E` or `streamwise`; null: the
     horizontal speed, of the first two."""
-
     start: Annotated[float, Quantity("s", ge=0)] = 0.0
     """Time in the record, from its first sample, that becomes t = 0."""
-
     duration: Annotated[float, Quantity("s", gt=0)] | None = None
     """Length of the part that is taken; null: up to the record's end."""
-
     gaps: Literal["refuse", "interpolate"] = "refuse"
     """What is done about missing samples and empty or NaN cells: the record is refused, or the
     speed is interpolated up to `longest_gap`."""
-
     longest_gap: Annotated[float, Quantity("s", gt=0, le=3600)] | None = None
     """Longest gap, as missing samples times their spacing, that may be interpolated; null: three
     samples, and no more than an hour."""
-
     spikes: Literal["refuse", "replace", "keep"] = "refuse"
     """What is done about spikes, which are up to three samples that stand off from their
     neighbours: the record is refused, they are interpolated, or they are taken for the flow."""
-
     uneven: Literal["refuse", "resample"] = "refuse"
     """What is done about unevenly spaced samples: the record is refused, or the speed is
     interpolated at even times, spaced by the median."""
-
     cutoff: Annotated[float, Quantity("Hz", gt=0)] | None = None
     """Frequency of the low-pass, which shifts no phase; null: half of Nyquist's. A rotor averages
     over eddies smaller than itself: speed over rotor diameter is a good cutoff."""
@@ -189,28 +171,21 @@ class TurbulentInflow(SampledInflow):
 
     profile: Literal["turbulence"] = "turbulence"
     """The kind of flow."""
-
     spectrum: Literal["von_karman", "kaimal"] = "von_karman"
     """Spectrum S(f) of the longitudinal velocity, with n = f L/V: `von_karman`, S = 4 s^2 (L/V) /
     (1 + 70.8 n^2)^(5/6), of isotropic turbulence; `kaimal`, S = 4 s^2 (L/V) / (1 + 6 n)^(5/3), of a
     boundary layer (IEC 61400-1)."""
-
     mean: Annotated[float, Quantity("m/s", gt=0)] = 1.5
     """Mean inflow speed V, with which the turbulence drifts past the rotor."""
-
     intensity: Annotated[float, Quantity(gt=0, lt=1)] = 0.1
     """Turbulence intensity: standard deviation s of the whole spectrum over the mean."""
-
     length_scale: Annotated[float, Quantity("m", gt=0)] = 5.0
     """Integral length scale L, of the order of the river's depth; eddies pass in about L/V."""
-
     seed: Annotated[int, Strict(), Field(ge=0, lt=2**63)] = 1
     """Seed of the random phases."""
-
     duration: Annotated[float, Quantity("s", gt=0)] = 60.0
     """Duration of the realization, after which it repeats; ten times L/V at least. What is slower
     is missing, too."""
-
     cutoff: Annotated[float, Quantity("Hz", gt=0)] | None = None
     """Highest frequency; null: 2 mean/length_scale, above which is a tenth of the variance. A rotor
     averages over eddies smaller than itself: mean over rotor diameter is a good cutoff."""

@@ -101,11 +101,10 @@ class RecordedTorque:
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """An integrated trajectory, sampled at `time`.
+    """An integrated trajectory, sampled at `time`, in SI units.
 
-    Arrays of shape (n,) in SI units; energies are integrals over the whole run. stopped_at is the
-    time at which the rotor came to rest, None if it kept turning; speed_at gives the rotor speed
-    (rad/s) at any times (s) of the run.
+    Energies are integrals over the whole run. stopped_at is the time at which the rotor came to
+    rest, None if it kept turning; speed_at gives its speed at any times of the run.
     """
 
     time: np.ndarray
