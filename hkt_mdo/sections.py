@@ -37,8 +37,7 @@ _POWER = rf"[A-Za-z][A-Za-z0-9]*{_EXPONENT}"
 _PRODUCT = rf"{_POWER}(?:(?:\*| +){_POWER})*(?:[*/]{_POWER})*"
 _FACTOR = rf"(?:{_POWER}|\({_PRODUCT}\){_EXPONENT})"
 _QUANTITY_TEXT = re.compile(rf"({_NUMBER}) *({_FACTOR}(?:(?:\*| +){_FACTOR})*(?:[*/]{_FACTOR})*)?")
-_LONGEST_QUANTITY = 64
-_LONGEST_UNIT = 24
+_LONGEST_QUANTITY, _LONGEST_UNIT = 64, 24
 _BOUNDS = (
     ("gt", operator.gt, "greater than", "exclusiveMinimum"),
     ("ge", operator.ge, "at least", "minimum"),

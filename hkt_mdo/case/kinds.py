@@ -54,7 +54,7 @@ class Kinds:
     extensions: tuple[str | type, ...] = ()
 
     def extended(self, extensions: Iterable[Extension]) -> Kinds:
-        """Return these kinds and those of some extensions; raise InputError if one has none."""
+        """Return these kinds and those of some extensions; raise InputError for a bad one."""
         kinds = self
         for extension in extensions:
             source, found = _read(extension)
@@ -93,9 +93,14 @@ class Kinds:
 BUILT_IN = Kinds(
     laws=(laws.OpenLoop, laws.LinearFeedback, laws.QuadraticFeedback),
     profiles=(
-        *(flows.ConstantInflow, flows.StepInflow, flows.SineInflow),
-        *(sampled.RecordInflow, sampled.TurbulentInflow),
-        *(flows.TidalInflow, flows.GustInflow, flows.SumInflow),
+        flows.ConstantInflow,
+        flows.StepInflow,
+        flows.SineInflow,
+        sampled.RecordInflow,
+        sampled.TurbulentInflow,
+        flows.TidalInflow,
+        flows.GustInflow,
+        flows.SumInflow,
     ),
     limits=(),
     objectives=(CapturedEnergy,),

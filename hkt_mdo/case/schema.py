@@ -107,14 +107,11 @@ class Case(Section):
             problem = f"bounds a gain that the law {control.law} does not have"
             remedy = "leave design.gain_bounds out, or choose a feedback law"
             raise refusal(problem, remedy, key="design.gain_bounds", value=list(design.gain_bounds))
+        problem = "takes the Reynolds number of the induced speed, not that of rotor.reynolds"
+        remedy = "give vectorized, or rotor.reynolds: invariant"
         for name in ("bem", "check"):
             if rotor.reynolds == "local" and getattr(self.hydrodynamics, name) == "ccblade":
-                raise refusal(
-                    "takes the Reynolds number of the induced speed, not that of rotor.reynolds",
-                    "give vectorized, or rotor.reynolds: invariant",
-                    key=f"hydrodynamics.{name}",
-                    value="ccblade",
-                )
+                raise refusal(problem, remedy, key=f"hydrodynamics.{name}", value="ccblade")
         start = [
             ("rotor.set_angle", rotor.set_angle or 0.0, "set_angle_bounds"),
             ("rotor.radius", rotor.radius, "radius_bounds"),
@@ -138,10 +135,7 @@ class Case(Section):
         return again, (self.model_dump(),)
 
     def to_yaml(self) -> str:
-        """Return the case as YAML with every default written out.
-
-        The text is the same for equal cases, and `read_case` makes an equal case of it.
-        """
+        """Return the case as YAML with every default written out; `read_case` makes it again."""
         data = self.model_dump(mode="json")
         return yaml.dump(data, Dumper=Dumper, sort_keys=False, allow_unicode=True, width=100)
 
@@ -149,8 +143,7 @@ class Case(Section):
         """Return a case in which some keys have other values, checked as a file would be.
 
         An override is a text such as ``rotor.radius=2`` or ``control={law: linear}``; relative
-        paths count from the current folder. Raises InputError if it is malformed or makes the case
-        invalid.
+        paths count from the current folder. Raises InputError for one that is not valid.
         """
         data = self.model_dump(mode="json")
         return _make_case(data, overrides, self.kinds, file=f"case {self.name}")

@@ -62,11 +62,9 @@ class Inflow(Section):
         return np.imag(self.speed_at(np.asarray(time) + 1j * STEP)) / STEP
 
     def check(self, duration: float) -> None:
-        """Refuse a flow that ends, stands still or turns back within a duration (s).
+        """Refuse, by InputError, a flow that ends, stands still or turns back within a time (s).
 
         It is looked at sixteen times in its shortest period: turbines here do not reverse.
-
-        Raises InputError if its record is shorter, or the speed is anywhere zero or less.
         """
         if duration > self.last_time * (1.0 + 1e-9):
             problem = f"is longer than the record of the flow, {self.last_time:.6g} s"

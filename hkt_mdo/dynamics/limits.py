@@ -77,10 +77,7 @@ class Limit(Section):
         }
 
     def excess(self, quantities: Any) -> np.ndarray:
-        """Return how far the value leaves its bounds, over their size; at most 0 where it is kept.
-
-        `quantities` maps at least the names of `inputs` to arrays.
-        """
+        """Return how far the value leaves its bounds, over their size; at most 0 if it is kept."""
         value = np.atleast_1d(self.value(**{name: quantities[name] for name in self.inputs}))
         ends = np.abs(np.r_[np.atleast_1d(self.lower), np.atleast_1d(self.upper)])
         size = np.max(ends[np.isfinite(ends)], initial=0.0) or np.max(np.abs(value)) or 1.0
@@ -124,10 +121,7 @@ class DesignBounds(Limit):
     inputs = property(lambda self: (self.quantity,))  # type: ignore[assignment]
     lower = property(lambda self: self.bounds[0])  # type: ignore[assignment]
     upper = property(lambda self: self.bounds[1])
-
-    @property
-    def place(self):  # type: ignore[override]
-        return "span" if self.quantity in ("chord", "twist") else "design"
+    place = property(lambda self: "span" if self.quantity in ("chord", "twist") else "design")
 
 
 class DistanceFromStall(Limit):

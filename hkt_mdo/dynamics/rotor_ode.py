@@ -31,8 +31,6 @@ class RotorODE(om.Group):
     - open loop in speed: w and its rate are inputs, u = Q - I dw/dt an output (`unknown="speed"`).
       The rotor is differentially flat in w, which turns a singular control into a regular one
       (docs/theory.md).
-
-    Inputs and outputs, at num_nodes unless scalar, are those of the four components.
     """
 
     def initialize(self):

@@ -20,8 +20,7 @@ MOST_WAVES = 1_000_000  # frequencies that turbulence is made of
 class SampledInflow(Inflow):
     """A flow through samples: the C² cubic spline through them, not-a-knot or periodic.
 
-    Outside a record the speed keeps its end value. No optimizer and no integration should go there:
-    the rate jumps to zero at the ends.
+    Outside a record the speed keeps its end value; the rate jumps to zero there.
     """
 
     def samples(self):

@@ -2,9 +2,8 @@
 
 Nothing here is shared with the optimization but the physics: no torque curve, no mesh. Radau IIA
 (five stages, order 9, L-stable; Hairer and Wanner, Solving Ordinary Differential Equations II,
-section IV.8) follows speed, captured and generated energy. The steps of a window are solved
-together by Newton's method, so that BEM, flow and control law see arrays, and divided until their
-estimated errors are within the tolerance. The integration ends where the rotor stands still.
+section IV.8) solves the steps of a window together by Newton's method, so that BEM, flow and law
+see arrays, and divides them until their estimated errors are within the tolerance.
 """
 
 from collections.abc import Callable
@@ -179,11 +178,9 @@ class _Motion:
             if found is None:
                 failures, stop = failures + 1, None
                 if failures > most or edges[1] - edges[0] < 1e-14 * self.duration:
-                    raise InputError(
-                        f"the independent integration fails at t = {edges[0]:.6g} s",
-                        "see that the flow is positive there, and the control law finite and "
-                        "continuous",
-                    )
+                    problem = f"the independent integration fails at t = {edges[0]:.6g} s"
+                    remedy = "see that the flow is positive there, and the control law finite and"
+                    raise InputError(problem, f"{remedy} continuous")
                 count = (window.size - 1) // 2
                 if not count:
                     edges = np.insert(edges, 1, 0.5 * (edges[0] + edges[1]))

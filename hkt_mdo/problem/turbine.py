@@ -62,11 +62,8 @@ def build_turbine(rotor: Rotor, fluid: Fluid, flow_speed: float) -> Turbine:
         polar = LocalReynolds.of(families, flow_speed, fluid.kinematic_viscosity)
     else:
         polar = tuple(_invariant(family, rotor.reynolds_number) for family in families)
-    if len(sections) > 1:
-        area, thickness = np.array(area), np.array(thickness)
-    else:
-        (area,), (thickness,) = area, thickness
-        polar = polar if rotor.reynolds == "local" else polar[0]
+        polar = polar if len(polar) > 1 else polar[0]
+    area, thickness = (np.array(each) if len(each) > 1 else each[0] for each in (area, thickness))
     return Turbine(blade, polar, area, thickness, (*read, *messages, *blended))
 
 
@@ -216,27 +213,24 @@ def _pairs(rotor, table, named):
             raise InputError(problem, remedy, file=rotor.blade)
         return table.section, ()
     if table.thickness is None:
-        raise InputError(
-            f"says neither thickness nor section of its rows, but there are {len(named)} sections",
-            "add a column t_over_c or section",
-            file=rotor.blade,
-        )
+        problem = f"says neither thickness nor section of its rows, but there are {len(named)}"
+        remedy = "add a column t_over_c or section"
+        raise InputError(f"{problem} sections", remedy, file=rotor.blade)
     by_thickness = sorted(named, key=lambda name: named[name].thickness)
     values = np.array([named[name].thickness for name in by_thickness])
     if np.any(np.diff(values) <= 0.0):
         problem, remedy = "has two sections of one thickness", "keep one of them"
         raise InputError(problem, remedy, key="rotor.sections")
     beyond = (table.thickness < values[0] - 1e-3) | (table.thickness > values[-1] + 1e-3)
-    messages = ()
-    if np.any(beyond):
-        messages = (
-            f"{np.count_nonzero(beyond)} stations are thinner or thicker than every section "
-            f"({values[0]:.3f} to {values[-1]:.3f}): they have the nearest one's polar",
-        )
+    text = (
+        f"{np.count_nonzero(beyond)} stations are thinner or thicker than every section "
+        f"({values[0]:.3f} to {values[-1]:.3f}): they have the nearest one's polar"
+    )
     place = np.interp(table.thickness, values, np.arange(values.size))
     inner = np.minimum(place.astype(int), values.size - 2)
-    pairs = zip(inner, place, strict=True)
-    return [(by_thickness[i], by_thickness[i + 1], float(at - i)) for i, at in pairs], messages
+    places = zip(inner, place, strict=True)
+    pairs = [(by_thickness[i], by_thickness[i + 1], float(at - i)) for i, at in places]
+    return pairs, (text,) if np.any(beyond) else ()
 
 
 def _invariant(family: PolarFamily, number: float | None) -> Polar:
