@@ -102,8 +102,7 @@ class Case(Section):
     def _check_start(self) -> Case:
         """Refuse a start outside the bounds of the design, and options that exclude each other."""
         design, rotor, control = self.design, self.rotor, self.control
-        feedback = isinstance(control, FeedbackLaw)
-        if design.gain_bounds is not None and not feedback:
+        if design.gain_bounds is not None and not isinstance(control, FeedbackLaw):
             problem = f"bounds a gain that the law {control.law} does not have"
             remedy = "leave design.gain_bounds out, or choose a feedback law"
             raise refusal(problem, remedy, key="design.gain_bounds", value=list(design.gain_bounds))
@@ -116,7 +115,7 @@ class Case(Section):
             ("rotor.set_angle", rotor.set_angle or 0.0, "set_angle_bounds"),
             ("rotor.radius", rotor.radius, "radius_bounds"),
         ]
-        if feedback and (gains := control.starting_gains()) is not None:
+        if isinstance(control, FeedbackLaw) and (gains := control.starting_gains()) is not None:
             start += [("control.gain", float(gain), "gain_bounds") for gain in gains]
         for name in ("chord", "twist") if design.blade == "optimized" else ():
             for index, value in enumerate(getattr(rotor, name) or ()):
