@@ -6,25 +6,12 @@ import reprlib
 
 __all__ = ["InputError", "show"]
 
-LONGEST_VALUE = 60
-"""Number of characters of a value that a message repeats."""
-
+LONGEST_VALUE = 60  # characters that a message repeats
 _UNSET = object()
 
 
 def show(value: object) -> str:
-    """Return `value` as one short line of printable text, the way a message quotes it.
-
-    Parameters
-    ----------
-    value : object
-        Anything, in particular a part of a YAML document.
-
-    Returns
-    -------
-    str
-        At most `LONGEST_VALUE` characters; cut in the middle where the value is longer.
-    """
+    """Return `value` as one short line, the way a message quotes it, cut in the middle if long."""
     if value is None:
         return "null"
     if isinstance(value, bool):
@@ -45,23 +32,9 @@ def show(value: object) -> str:
 class InputError(Exception):
     """Bad input from the user: one line naming the file, the key, the value and the remedy.
 
-    Parameters
-    ----------
-    problem : str
-        What is wrong, such as ``must be greater than 0 m``.
-    remedy : str
-        What to do about it, such as ``give the tip radius in metres``.
-    file : str or path, optional
-        The file that holds the input.
-    key : str, optional
-        The place in the file: a dotted key of a case, a line and column of a table.
-    value : object, optional
-        What was found there; not given where nothing was found.
-
-    Notes
-    -----
-    The message reads
-    ``cases/a.yaml: rotor.radius = -1.4: must be greater than 0 m; give the tip radius in metres``.
+    Such as ``cases/a.yaml: rotor.radius = -1.4: must be greater than 0 m; give the tip radius``.
+    `key` is the place in the file: a dotted key of a case, a line and column of a table. `value` is
+    what was found there; not given where nothing was found.
     """
 
     def __init__(

@@ -7,9 +7,16 @@ import numbers
 import operator
 import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    ValidationInfo,
+)
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 
@@ -30,8 +37,7 @@ _POWER = rf"[A-Za-z][A-Za-z0-9]*{_EXPONENT}"
 _PRODUCT = rf"{_POWER}(?:(?:\*| +){_POWER})*(?:[*/]{_POWER})*"
 _FACTOR = rf"(?:{_POWER}|\({_PRODUCT}\){_EXPONENT})"
 _QUANTITY_TEXT = re.compile(rf"({_NUMBER}) *({_FACTOR}(?:(?:\*| +){_FACTOR})*(?:[*/]{_FACTOR})*)?")
-_LONGEST_QUANTITY = 64
-_LONGEST_UNIT = 24
+_LONGEST_QUANTITY, _LONGEST_UNIT = 64, 24
 _BOUNDS = (
     ("gt", operator.gt, "greater than", "exclusiveMinimum"),
     ("ge", operator.ge, "at least", "minimum"),
@@ -47,14 +53,8 @@ class Quantity:
 
     ``Annotated[float, Quantity("m", gt=0)]`` takes a finite number in metres, or a text such as
     ``1400 mm``, which OpenMDAO's table of units converts. Units are written ``N*m`` or ``N m``,
-    ``m**2`` or ``m^2``.
-
-    Parameters
-    ----------
-    unit : str or None
-        Unit of the value, as OpenMDAO writes it; None for a plain number.
-    gt, ge, lt, le : float, optional
-        Bounds in that unit: greater than, at least, less than, at most.
+    ``m**2`` or ``m^2``; None is a plain number. Bounds (greater than, at least, less than, at most)
+    are in that unit.
     """
 
     unit: str | None = None
@@ -66,21 +66,15 @@ class Quantity:
     def read(self, value: object) -> float:
         """Return a number, or a text of a number and a unit, as a float in the quantity's unit.
 
-        Raises
-        ------
-        PydanticCustomError
-            If it is not a finite number, the unit is unknown or of another kind, or a bound is
-            broken.
+        Raises PydanticCustomError if it is not finite, the unit is unknown or of another kind, or a
+        bound is broken.
         """
-        if isinstance(value, str):
-            number = self._convert(value)
-        elif isinstance(value, numbers.Real) and not isinstance(value, bool):
-            try:
-                number = float(value)
-            except OverflowError:
-                number = math.inf
-        else:
+        if isinstance(value, bool) or not isinstance(value, str | numbers.Real):
             raise self._refuse("must be a number")
+        try:
+            number = self._convert(value) if isinstance(value, str) else float(value)
+        except OverflowError:
+            number = math.inf
         if not math.isfinite(number):
             raise self._refuse("must be a finite number")
         for name, holds, words, _ in _BOUNDS:
@@ -128,13 +122,11 @@ class Quantity:
         return refusal(problem, f"give {form}", quantity=form)
 
     def __get_pydantic_core_schema__(self, _: Any, __: GetCoreSchemaHandler) -> CoreSchema:
-        """Return the schema of a value that goes through `read`."""
         return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(
         self, _: CoreSchema, __: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        """Return the JSON schema: a number within the bounds, or a text, and the unit."""
         schema: dict[str, Any] = {"type": "number"}
         if self.unit:
             # JSON schema applies a bound to numbers only, a pattern to texts only
@@ -154,9 +146,14 @@ def ordered(bounds: tuple[float, float]) -> tuple[float, float]:
     return bounds
 
 
-def upper(value: object) -> object:
-    """Return a text in capitals, anything else as it is."""
-    return value.upper() if isinstance(value, str) else value
+def find_file(value: str, info: ValidationInfo, remedy: str) -> tuple[Path, bool]:
+    """Return a path, from the case's folder, and whether it is a file or need not be one."""
+    context = info.context or {}
+    try:
+        path = (Path(context.get("folder", ".")) / value).resolve()
+        return path, path.is_file() or not context.get("check_files", True)
+    except (OSError, ValueError, RuntimeError):
+        raise refusal("cannot be a path", remedy) from None
 
 
 class Section(BaseModel):

@@ -6,23 +6,17 @@ text with a unit, such as ``1400 mm``, which is converted. Whatever is wrong wit
 one `InputError`.
 """
 
-from hkt_mdo.case.design import Design, Driver, Hydrodynamics, Phase, Start
+from hkt_mdo.case.design import Phase
 from hkt_mdo.case.document import case_json_schema, case_markdown, commented_case
-from hkt_mdo.case.kinds import Kinds, known_kinds
-from hkt_mdo.case.schema import Case, Limits, case_class, load_case, read_case
+from hkt_mdo.case.kinds import known_kinds
+from hkt_mdo.case.schema import Case, case_class, load_case, read_case
 from hkt_mdo.case.turbine import Fluid, Rotor
 
 __all__ = [
     "Case",
-    "Design",
-    "Driver",
     "Fluid",
-    "Hydrodynamics",
-    "Kinds",
-    "Limits",
     "Phase",
     "Rotor",
-    "Start",
     "case_class",
     "case_json_schema",
     "case_markdown",

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict, model_validator
 
-from hkt_mdo.sections import Quantity, Section, ordered, refusal, upper
+from hkt_mdo.sections import Quantity, Section, ordered, refusal
 
 _Length = Annotated[float, Quantity("m", gt=0)]
 _Angle = Annotated[float, Quantity("deg", ge=-180, le=180)]
@@ -24,29 +24,22 @@ class Design(Section):
 
     blade: Literal["optimized", "fixed"] = "optimized"
     """Whether chord and twist are optimized along with the control, or kept."""
-
     chord_bounds: _Lengths = (0.01, 1.0)
     """Bounds on the chord, [lower, upper]."""
-
     twist_bounds: _Angles = (-30.0, 30.0)
     """Bounds on the twist, [lower, upper]."""
-
     chord_points: _Points | None = None
     """Number of control points of a cubic B-spline that gives the chord along the span. With as
     many as there are stations, or more, the chord of each station is designed. Null: the chord of
     each station if there are 20 or fewer, else 8 control points."""
-
     twist_points: _Points | None = None
     """Number of control points of the twist along the span, as `chord_points`."""
-
     set_angle_bounds: _Angles | None = None
     """Bounds on the set angle of a fixed blade, [lower, upper]; null: it is not designed. A twist
     that is designed includes the set angle."""
-
     radius_bounds: _Lengths | None = None
     """Bounds on the tip radius R, [lower, upper]; null: it is not designed. Stations and hub move
     with it; a fixed blade is scaled as a whole."""
-
     gain_bounds: _Gains | None = None
     """Bounds on the feedback gain, [lower, upper], plain numbers in the unit of `control.gain`;
     null: scaled from the gain at the start."""
@@ -71,17 +64,13 @@ class Phase(Section):
 
     duration: Annotated[float, Quantity("s", gt=0)] | None = None
     """Duration; null: that of the flow's record, or 60 s, which the paper's tables imply."""
-
     segments: Annotated[int, Strict(), Field(ge=2, le=20000)] | None = None
     """Number of collocation segments; null: 60, or eight in each period of the flow's highest
     frequency if those are more."""
-
     transcription: Literal["gauss-lobatto", "radau"] = "gauss-lobatto"
     """Collocation method: Gauss-Lobatto or Radau nodes in each segment."""
-
     order: Literal[3, 5, 7, 9] = 3
     """Order of the polynomials in each segment."""
-
     initial_speed: Literal["auto", "free", "equilibrium"] = "auto"
     """Rotor speed at t = 0: `free`, chosen by the optimizer; `equilibrium`, where hydrodynamic and
     control torque balance; `auto`: free for open loop, equilibrium for feedback."""
@@ -101,15 +90,12 @@ class Hydrodynamics(Section):
     bem: Literal["vectorized", "ccblade"] = "vectorized"
     """Blade element momentum solver of the optimization: `vectorized`, the package's own, or
     `ccblade`, WISDEM's CCBlade, which is slower and needs `hkt_mdo[ccblade]`."""
-
     torque: Literal["curve", "direct"] = "curve"
     """`curve`: a curve of torque coefficient over tip speed ratio, computed once for each design;
     `direct`: the solver runs at every node of the trajectory."""
-
     tolerance: Annotated[float, Quantity(ge=1e-8, le=1e-2)] = 1e-4
     """Largest relative torque error of the curve along the trajectory; above it the curve is
     refined."""
-
     check: Literal["vectorized", "ccblade"] = "vectorized"
     """Blade element momentum solver of the independent simulation; choices as for `bem`."""
 
@@ -124,17 +110,14 @@ class Driver(Section):
     package: Literal["auto", "pyoptsparse", "casadi", "scipy"] = "auto"
     """Package that provides the optimizer; `auto` takes pyoptsparse if it is installed and has the
     optimizer, else casadi (IPOPT) or scipy (SLSQP). Only pyoptsparse provides SNOPT."""
-
     optimizer: Annotated[
         Literal["IPOPT", "SLSQP", "SNOPT"],
-        BeforeValidator(upper),
+        BeforeValidator(lambda value: value.upper() if isinstance(value, str) else value),
         Field(json_schema_extra={"enum": [*_OPTIMIZERS, *map(str.lower, _OPTIMIZERS)]}),
     ] = "IPOPT"
     """Optimizer, in capital or small letters."""
-
     tolerance: Annotated[float, Quantity(ge=1e-12, le=1e-2)] = 1e-7
     """Tolerance on optimality and feasibility of the scaled problem."""
-
     max_iterations: Annotated[int, Strict(), Field(ge=1, le=1_000_000)] = 1000
     """Largest number of major iterations."""
 

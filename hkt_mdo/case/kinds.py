@@ -20,30 +20,22 @@ from traceback import extract_tb
 from types import ModuleType
 from typing import Any, get_args
 
-from hkt_mdo.dynamics.flows import (
-    ConstantInflow,
-    GustInflow,
-    Inflow,
-    SineInflow,
-    StepInflow,
-    SumInflow,
-    TidalInflow,
-)
-from hkt_mdo.dynamics.laws import Law, LinearFeedback, OpenLoop, QuadraticFeedback
+from hkt_mdo.dynamics import flows, laws, sampled
+from hkt_mdo.dynamics.flows import Inflow
+from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, Objective
-from hkt_mdo.dynamics.sampled import RecordInflow, TurbulentInflow
 from hkt_mdo.errors import InputError
 from hkt_mdo.sections import Section
 
 ENTRY_POINTS = "hkt_mdo.extensions"
-_SORTS: dict[str, tuple[type[Section], str]] = {
-    "laws": (Law, "law"),
-    "profiles": (Inflow, "profile"),
-    "limits": (Limit, "name"),
-    "objectives": (Objective, "kind"),
+_SORTS: dict[type[Section], tuple[str, str]] = {
+    Law: ("laws", "law"),
+    Inflow: ("profiles", "profile"),
+    Limit: ("limits", "name"),
+    Objective: ("objectives", "kind"),
 }
-"""Base class of each sort of kind, and the attribute that has the kind's name."""
+"""Base class of each sort of kind: where `Kinds` has it, the attribute with the kind's name."""
 
 _TAKEN = {"given", *dir(Section)}
 _BASES = "FeedbackLaw, Inflow, Limit or Objective"
@@ -53,10 +45,7 @@ Extension = str | Path | ModuleType | type
 
 @dataclass(frozen=True)
 class Kinds:
-    """What a case may name, as classes, and the extensions (files, classes) that they come from.
-
-    Kinds of installed packages are among the classes, but not among the extensions.
-    """
+    """What a case may name, as classes, and where they come from, but for installed packages."""
 
     laws: tuple[type[Law], ...]
     profiles: tuple[type[Inflow], ...]
@@ -65,22 +54,13 @@ class Kinds:
     extensions: tuple[str | type, ...] = ()
 
     def extended(self, extensions: Iterable[Extension]) -> Kinds:
-        """Return these kinds and those of some extensions.
-
-        Raises
-        ------
-        InputError
-            If a file cannot be read or run, defines no kind, or one whose name is taken.
-        """
+        """Return these kinds and those of some extensions; raise InputError for a bad one."""
         kinds = self
         for extension in extensions:
             source, found = _read(extension)
             if not found:
-                raise InputError(
-                    "defines no kind",
-                    f"write a subclass of {_BASES} (docs/architecture.md)",
-                    file=source,
-                )
+                remedy = f"write a subclass of {_BASES} (docs/architecture.md)"
+                raise InputError("defines no kind", remedy, file=source)
             for each in found:
                 kinds = kinds._with(each, source)
             origin = [source] if isinstance(extension, str | Path) else found
@@ -89,11 +69,10 @@ class Kinds:
 
     def _with(self, kind: Any, source: str) -> Kinds:
         """Return these kinds and one more; refuse it if it has no name or one that is taken."""
-        sort = next((sort for sort, (base, _) in _SORTS.items() if issubclass(kind, base)), "")
-        known: tuple[Any, ...] = getattr(self, sort, ())
+        sort, attribute = _sort(kind)
+        name, known = kind_name(kind), getattr(self, sort, ())
         if kind in known:
             return self
-        attribute, name = _SORTS[sort][1] if sort else "", kind_name(kind)
         if not sort:
             problem, remedy = "is no law, profile, limit or objective", f"derive it from {_BASES}"
         elif not name:
@@ -104,45 +83,43 @@ class Kinds:
         elif sort == "limits" and (not re.fullmatch("[a-zA-Z]\\w*", name) or name in _TAKEN):
             problem, remedy = f"has the name {name}, which no key can have", "give it another"
         elif name in map(kind_name, known):
-            problem, remedy = (
-                f"has the name {name} of another kind",
-                f"give its {attribute} another",
-            )
+            problem = f"has the name {name} of another kind"
+            remedy = f"give its {attribute} another"
         else:
             return replace(self, **{sort: (*known, kind)})
         raise InputError(problem, remedy, file=source, key=kind.__name__)
 
 
 BUILT_IN = Kinds(
-    (OpenLoop, LinearFeedback, QuadraticFeedback),
-    (
-        ConstantInflow,
-        StepInflow,
-        SineInflow,
-        RecordInflow,
-        TurbulentInflow,
-        TidalInflow,
-        GustInflow,
-        SumInflow,
+    laws=(laws.OpenLoop, laws.LinearFeedback, laws.QuadraticFeedback),
+    profiles=(
+        flows.ConstantInflow,
+        flows.StepInflow,
+        flows.SineInflow,
+        sampled.RecordInflow,
+        sampled.TurbulentInflow,
+        flows.TidalInflow,
+        flows.GustInflow,
+        flows.SumInflow,
     ),
-    (),
-    (CapturedEnergy,),
+    limits=(),
+    objectives=(CapturedEnergy,),
 )
 """The kinds of the package."""
 
 
-def kind_name(kind: type) -> str:
+def _sort(kind: type) -> tuple[str, str]:
+    """Return where `Kinds` has a class, and the attribute with its name; empty for no kind."""
+    return next((found for base, found in _SORTS.items() if issubclass(kind, base)), ("", ""))
+
+
+def kind_name(kind: Any) -> str:
     """Return the name by which a case calls a kind; empty for one without a name."""
-    for base, attribute in _SORTS.values():
-        if issubclass(kind, base):
-            field = kind.model_fields.get(attribute)
-            names = (
-                (*get_args(field.annotation), field.default)
-                if field
-                else (getattr(kind, attribute),)
-            )
-            return next((name for name in names if isinstance(name, str)), "")
-    return ""
+    _, attribute = _sort(kind)
+    field = kind.model_fields.get(attribute) if attribute else None
+    own = (*get_args(field.annotation), field.default) if field else ()
+    names = (*own, getattr(kind, attribute or "_", None))
+    return next((name for name in names if isinstance(name, str)), "")
 
 
 def known_kinds(extensions: Iterable[Extension] = ()) -> Kinds:
@@ -158,12 +135,10 @@ def _installed() -> Kinds:
         try:
             extension = point.load()
         except (Exception, SystemExit) as error:
-            raise InputError(
-                f"cannot be imported: {_one_line(error)}",
-                "mend or uninstall the package that declares it",
-                file=f"extension {point.name}",
-                key=point.value,
-            ) from error
+            problem = f"cannot be imported: {_one_line(error)}"
+            remedy = "mend or uninstall the package that declares it"
+            place = f"extension {point.name}"
+            raise InputError(problem, remedy, file=place, key=point.value) from error
         kinds = kinds.extended([extension])
     return replace(kinds, extensions=())
 
@@ -182,15 +157,8 @@ def _read(extension: Extension) -> tuple[str, list[type]]:
 
 def _classes(module: ModuleType) -> list[type]:
     """Return the kinds that a module itself defines, in their order, without nameless bases."""
-    bases = tuple(base for base, _ in _SORTS.values())
-    return [
-        value
-        for value in vars(module).values()
-        if isinstance(value, type)
-        and value.__module__ == module.__name__
-        and issubclass(value, bases)
-        and kind_name(value)
-    ]
+    own = (each for each in vars(module).values() if isinstance(each, type))
+    return [each for each in own if each.__module__ == module.__name__ and kind_name(each)]
 
 
 def _load(path: Path) -> ModuleType:
@@ -198,9 +166,8 @@ def _load(path: Path) -> ModuleType:
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise InputError(
-            f"cannot be read ({error.strerror})", "give --extend a Python file", file=path
-        ) from None
+        problem = f"cannot be read ({error.strerror})"
+        raise InputError(problem, "give --extend a Python file", file=path) from None
     digest = sha256(str(path).encode() + b"\0" + content).hexdigest()[:16]
     name = f"hkt_extension_{digest}"
     if name in sys.modules:
@@ -214,17 +181,11 @@ def _load(path: Path) -> ModuleType:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
-        lines = [
-            each.lineno for each in extract_tb(error.__traceback__) if each.filename == str(path)
-        ]
-        if isinstance(error, SyntaxError):
-            lines.append(error.lineno)
-        raise InputError(
-            f"cannot be run: {_one_line(error)}",
-            "mend the extension",
-            file=path,
-            key=f"line {lines[-1]}" if lines and lines[-1] else "",
-        ) from error
+        frames = extract_tb(error.__traceback__)
+        lines = [each.lineno for each in frames if each.filename == str(path)]
+        line = error.lineno if isinstance(error, SyntaxError) else [None, *lines][-1]
+        key, problem = f"line {line}" if line else "", f"cannot be run: {_one_line(error)}"
+        raise InputError(problem, "mend the extension", file=path, key=key) from error
     return module
 
 

@@ -27,8 +27,8 @@ _NAME = (
     "give such a name, or none: the case is then named after its file",
 )
 _PLAIN = {
-    "model_type": _SECTION,
-    "model_attributes_type": _SECTION,
+    **dict.fromkeys(("model_type", "model_attributes_type"), _SECTION),
+    **dict.fromkeys(("string_pattern_mismatch", "string_too_long", "string_too_short"), _NAME),
     "tuple_type": ("must be a list", "write [first, second, ...]"),
     "too_short": ("must have at least {min_length} values, and has {actual_length}", "add some"),
     "too_long": ("must have at most {max_length} values, and has {actual_length}", "take some out"),
@@ -36,9 +36,6 @@ _PLAIN = {
     "greater_than_equal": ("must be at least {ge}", "give a larger number"),
     "less_than_equal": ("must be at most {le}", "give a smaller number"),
     "string_type": ("must be a text", "write it in quotes if it looks like a number"),
-    "string_pattern_mismatch": _NAME,
-    "string_too_long": _NAME,
-    "string_too_short": _NAME,
 }
 """Problem and remedy by pydantic's type of error, with places for its context."""
 
@@ -48,13 +45,10 @@ class _Place(NamedTuple):
 
     key: str
     section: type[BaseModel]
-    members: dict[str, type[BaseModel]]
-    """The sections of a union by the value of their tag, if the place is a union."""
-    tag: str
-    choices: tuple[Any, ...]
-    """What a Literal allows."""
-    what: str
-    """First clause of the documentation."""
+    members: dict[str, type[BaseModel]]  # of a union, by the value of their tag
+    tag: str = ""
+    choices: tuple[Any, ...] = ()  # what a Literal allows
+    what: str = ""  # first clause of the documentation
 
 
 def _find(location: Iterable[int | str], root: type[BaseModel]) -> _Place:
@@ -79,7 +73,7 @@ def _find(location: Iterable[int | str], root: type[BaseModel]) -> _Place:
         if inside is not None:
             section, field = inside, None
     if field is None:
-        return _Place(dotted(path), section, {}, "", (), "")
+        return _Place(dotted(path), section, {})
     choices = get_args(field.annotation)
     choices = get_args(choices[0]) if type(None) in choices else choices
     text = " ".join((field.description or "").split())
@@ -106,9 +100,8 @@ def translate(
 ) -> InputError:
     """Return the first of pydantic's errors in the user's terms.
 
-    Its place is found in the schema of `root`, the class that was validated. `file` is what
-    messages call the text. `overrides` are the overrides by their keys: an error in one of them is
-    told as such.
+    `root` is the class that was validated, `file` what messages call the text. An error in one of
+    the overrides, which are given by their keys, is told as such.
     """
     # a list whose items are refused is not too short as well
     errors = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Union
 
@@ -26,11 +26,8 @@ from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import Dumper, parse
 from hkt_mdo.sections import Section, refusal
 
-STATION_COUNT = 40
-"""Stations of a blade of splines: within 0.1 % of the energy at any number of them."""
-
-MAX_CASE_BYTES = 1024**2
-"""Largest case file that is read, in bytes."""
+STATION_COUNT = 40  # of a blade of splines: within 0.1 % of the energy at any number of them
+MAX_CASE_BYTES = 1024**2  # of a file that is read
 
 
 class Limits(Section):
@@ -54,39 +51,22 @@ class Case(Section):
     ] = "case"
     """Name of the case and of its results: letters, digits, `_`, `-` and `.`; by default the case
     file's own name."""
-
     rotor: Rotor = Rotor()
-    """The rotor."""
-
     fluid: Fluid = Fluid()
-    """The water."""
 
     inflow: SerializeAsAny[Inflow]
     """Inflow speed over time; `profile` says which kind."""
-
     control: SerializeAsAny[Law]
     """Control law; `law` says which."""
-
     limits: SerializeAsAny[Limits] = Limits()
-    """Limits besides `control.torque_limit`."""
 
     objective: SerializeAsAny[Objective] = CapturedEnergy()
     """What is maximized; `kind` says which."""
-
     design: Design = Design()
-    """What may be changed, and how far."""
-
     phase: Phase = Phase()
-    """The time span and its discretization."""
-
     start: Start = Start()
-    """Where the optimization begins."""
-
     hydrodynamics: Hydrodynamics = Hydrodynamics()
-    """How the rotor's torque is computed."""
-
     driver: Driver = Driver()
-    """The optimizer and the package that provides it."""
 
     kinds: ClassVar[Kinds] = BUILT_IN
     """What cases of this class may name."""
@@ -125,27 +105,24 @@ class Case(Section):
         if design.gain_bounds is not None and not isinstance(control, FeedbackLaw):
             problem = f"bounds a gain that the law {control.law} does not have"
             remedy = "leave design.gain_bounds out, or choose a feedback law"
-            value = list(design.gain_bounds)
-            raise refusal(problem, remedy, key="design.gain_bounds", value=value)
+            raise refusal(problem, remedy, key="design.gain_bounds", value=list(design.gain_bounds))
+        problem = "takes the Reynolds number of the induced speed, not that of rotor.reynolds"
+        remedy = "give vectorized, or rotor.reynolds: invariant"
         for name in ("bem", "check"):
             if rotor.reynolds == "local" and getattr(self.hydrodynamics, name) == "ccblade":
-                problem = (
-                    "takes the Reynolds number of the induced speed, not that of rotor.reynolds"
-                )
-                remedy = "give vectorized, or rotor.reynolds: invariant"
                 raise refusal(problem, remedy, key=f"hydrodynamics.{name}", value="ccblade")
-        start = [("rotor.set_angle", rotor.set_angle or 0.0, "set_angle_bounds")]
-        gains = control.starting_gains() if isinstance(control, FeedbackLaw) else None
-        if gains is not None:
+        start = [
+            ("rotor.set_angle", rotor.set_angle or 0.0, "set_angle_bounds"),
+            ("rotor.radius", rotor.radius, "radius_bounds"),
+        ]
+        if isinstance(control, FeedbackLaw) and (gains := control.starting_gains()) is not None:
             start += [("control.gain", float(gain), "gain_bounds") for gain in gains]
-        if rotor.radius is not None:
-            start.append(("rotor.radius", rotor.radius, "radius_bounds"))
         for name in ("chord", "twist") if design.blade == "optimized" else ():
             for index, value in enumerate(getattr(rotor, name) or ()):
                 start.append((f"rotor.{name}[{index}]", value, f"{name}_bounds"))
         for key, value, name in start:
             bounds = getattr(design, name)
-            if bounds is not None and not bounds[0] <= value <= bounds[1]:
+            if None not in (bounds, value) and not bounds[0] <= value <= bounds[1]:
                 problem = f"lies outside design.{name} = [{bounds[0]:g}, {bounds[1]:g}]"
                 remedy = "the start must lie within the bounds: change one or the other"
                 raise refusal(problem, remedy, key=key, value=value)
@@ -153,13 +130,11 @@ class Case(Section):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the values and the extensions: another process makes the class again."""
-        return _unpickled, (self.model_dump(), self.extensions)
+        again = partial(load_case, check_files=False, extensions=self.extensions)
+        return again, (self.model_dump(),)
 
     def to_yaml(self) -> str:
-        """Return the case as YAML with every default written out.
-
-        The text is the same for equal cases, and `read_case` makes an equal case of it.
-        """
+        """Return the case as YAML with every default written out; `read_case` makes it again."""
         data = self.model_dump(mode="json")
         return yaml.dump(data, Dumper=Dumper, sort_keys=False, allow_unicode=True, width=100)
 
@@ -167,12 +142,7 @@ class Case(Section):
         """Return a case in which some keys have other values, checked as a file would be.
 
         An override is a text such as ``rotor.radius=2`` or ``control={law: linear}``; relative
-        paths count from the current folder.
-
-        Raises
-        ------
-        InputError
-            If an override is malformed or makes the case invalid.
+        paths count from the current folder. Raises InputError for one that is not valid.
         """
         data = self.model_dump(mode="json")
         return _make_case(data, overrides, self.kinds, file=f"case {self.name}")
@@ -185,23 +155,17 @@ _BaseCase = Case
 def case_class(kinds: Kinds) -> type[Case]:
     """Return the class of the cases that may name some kinds; a subclass of `Case`."""
     profiles = [each for each in kinds.profiles if not issubclass(each, SumInflow)]
-    part: Any = Annotated[_union(profiles), Field(discriminator="profile")]
+    part: Any = Annotated[Union[tuple(profiles)], Field(discriminator="profile")]  # noqa: UP007
     about = SumInflow.model_fields["parts"].description
-    total = create_model(
-        "SumInflow",
-        __base__=SumInflow,
-        __doc__=SumInflow.__doc__,
-        parts=(tuple[part, ...], Field(min_length=2, max_length=20, description=about)),
-    )
+    parts = Field(min_length=2, max_length=20, description=about)
+    total = _subclass(SumInflow, parts=(tuple[part, ...], parts))
     limits: dict[str, Any] = {
         kind_name(each): (each | None, Field(None, description=(each.__doc__ or "").strip()))
         for each in kinds.limits
     }
-    section = create_model("Limits", __base__=Limits, __doc__=Limits.__doc__, **limits)
-    made = create_model(
-        "Case",
-        __base__=Case,
-        __doc__=Case.__doc__,
+    section = _subclass(Limits, **limits)
+    made = _subclass(
+        Case,
         inflow=_choice("inflow", [*profiles, total]),
         control=_choice("control", kinds.laws),
         limits=(section, Field(section(), description=Limits.__doc__)),
@@ -211,9 +175,9 @@ def case_class(kinds: Kinds) -> type[Case]:
     return made
 
 
-def _union(classes: Sequence[type[Section]]) -> Any:
-    """Return the type of a value of one of some classes."""
-    return Union[tuple(classes)]  # noqa: UP007
+def _subclass(base: Any, **fields: Any) -> Any:
+    """Return a subclass of a section, under its name, with other types of some fields."""
+    return create_model(base.__name__, __base__=base, __doc__=base.__doc__, **fields)
 
 
 def _choice(key: str, classes: Sequence[type[Section]]) -> Any:
@@ -230,17 +194,11 @@ def _choice(key: str, classes: Sequence[type[Section]]) -> Any:
     options: dict[str, Any] = {"default": field.default, "description": field.description}
     if len(classes) > 1:
         options["discriminator"] = TAGS[key]
-    return _union(classes), Field(json_schema_extra=describe, **options)
+    return Union[tuple(classes)], Field(json_schema_extra=describe, **options)  # noqa: UP007
 
 
 if not TYPE_CHECKING:
     Case = case_class(BUILT_IN)
-
-
-def _unpickled(data: dict[str, Any], extensions: tuple[Extension, ...]) -> Case:
-    """Return the case with some values."""
-    made = case_class(known_kinds(extensions))
-    return made.model_validate(data, context={"check_files": False})
 
 
 # Reading ------------------------------------------------------------------------------------------
@@ -255,6 +213,10 @@ def load_case(
 ) -> Case:
     """Read a case file, or take a case as a dict.
 
+    The case has the file's name unless it gives one; relative paths count from the file's folder,
+    in overrides too, and are absolute in the case. Raises InputError, with file, key, value and
+    remedy, if the file cannot be read or anything in it, or in an override, is wrong.
+
     Parameters
     ----------
     source : str, pathlib.Path or mapping
@@ -267,25 +229,20 @@ def load_case(
     extensions : iterable of path, module or class
         Python files, modules or classes that define further kinds of flow, law, limit or objective
         (docs/architecture.md). A file is run: give only what you trust.
-
-    Returns
-    -------
-    Case
-        Named after the file unless it gives a name; relative paths of blade, polar and outline
-        count from the file's folder, in overrides too, and are absolute in the case.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or anything in it, or in an override, is wrong. The message names
-        file, key, value and remedy.
     """
-    kinds = known_kinds(extensions)
     if isinstance(source, Mapping):
-        return _make_case(deepcopy(dict(source)), overrides, kinds, check_files=check_files)
+        data = deepcopy(dict(source))
+        return _make_case(data, overrides, known_kinds(extensions), check_files=check_files)
     path = find_case(source)
-    data = _parse_case(read_text(path, "case file in YAML", MAX_CASE_BYTES), str(path))
-    return _make_case(data, overrides, kinds, str(path), path.parent, path.stem, check_files)
+    return read_case(
+        read_text(path, "case file in YAML", MAX_CASE_BYTES),
+        overrides,
+        file=str(path),
+        folder=path.parent,
+        name=path.stem,
+        check_files=check_files,
+        extensions=extensions,
+    )
 
 
 def read_case(
@@ -303,12 +260,6 @@ def read_case(
     Messages call the text `file`, relative paths count from `folder`, and `name` is the name of a
     case that gives none.
     """
-    data = _parse_case(text, file)
-    return _make_case(data, overrides, known_kinds(extensions), file, folder, name, check_files)
-
-
-def _parse_case(text: str, file: str) -> dict[str, Any]:
-    """Return the sections of a case in YAML."""
     data = parse(text, file)
     if data is None:
         remedy = "give at least inflow: {profile: ...} and control: {law: ...}"
@@ -316,7 +267,7 @@ def _parse_case(text: str, file: str) -> dict[str, Any]:
     if not isinstance(data, dict):
         problem = "must hold keys and values at its top"
         raise InputError(problem, "write inflow: ... and so on", file=file, value=data)
-    return data
+    return _make_case(data, overrides, known_kinds(extensions), file, folder, name, check_files)
 
 
 def _make_case(
@@ -329,11 +280,8 @@ def _make_case(
     check_files: bool = True,
 ) -> Case:
     """Return the case of some data, which is changed, and overrides."""
-    given = {}
-    for override in (overrides,) if isinstance(overrides, str) else overrides:
-        key, value = _split(override, file)
-        _assign(data, key, value, file)
-        given[key] = override
+    overrides = (overrides,) if isinstance(overrides, str) else overrides
+    given = {_assign(data, override, file): override for override in overrides}
     data.setdefault("name", name)
     made = case_class(kinds)
     try:
@@ -342,18 +290,13 @@ def _make_case(
         raise translate(error.errors(include_url=False), made, file, given) from None
 
 
-def _split(override: str, file: str) -> tuple[str, Any]:
-    """Return the dotted key and the value of an override."""
+def _assign(data: dict[str, Any], override: str, file: str) -> str:
+    """Make an override and return its dotted key; a bare name of a kind becomes a section first."""
     key, equals, text = override.partition("=")
     key = key.strip()
     if not equals or not text.strip() or not re.fullmatch(r"\w+(\.\w+)*", key, re.ASCII):
         remedy = "write section.key=value, such as rotor.radius=2 (null for none)"
         raise InputError("is no override", remedy, file=file, key="override", value=override)
-    return key, parse(text, f"{file}, override {key}", key)
-
-
-def _assign(data: dict[str, Any], key: str, value: object, file: str) -> None:
-    """Set a dotted key; a kind that is given by its bare name becomes a section first."""
     *sections, last = key.split(".")
     for depth, section in enumerate(sections):
         inner = data.setdefault(section, {})
@@ -365,4 +308,5 @@ def _assign(data: dict[str, Any], key: str, value: object, file: str) -> None:
             place = ".".join(sections[: depth + 1])
             raise InputError(problem, remedy, file=file, key=place, value=inner)
         data = inner
-    data[last] = value
+    data[last] = parse(text, f"{file}, override {key}", key)
+    return key

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import difflib
 from itertools import pairwise
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, Strict, ValidationInfo, model_validator
 
-from hkt_mdo.errors import InputError
-from hkt_mdo.files.shipped import POLAR_FAMILIES, locate, shipped_names, shipped_rotor
-from hkt_mdo.sections import Quantity, Section, refusal
+from hkt_mdo.files.shipped import POLAR_FAMILIES, shipped_names, shipped_rotor
+from hkt_mdo.sections import Quantity, Section, find_file, refusal
 
 
 def _find_file(value: str, info: ValidationInfo) -> str:
@@ -20,18 +18,12 @@ def _find_file(value: str, info: ValidationInfo) -> str:
     names = (*(POLAR_FAMILIES if kind == "polar" else ()), *shipped_names(kind))
     if value in names:
         return value
-    context = info.context or {}
     shipped = f"shipped: {', '.join(names)}; or give the path of a file"
-    try:
-        path = (Path(context.get("folder", ".")) / value).resolve()
-        if context.get("check_files", True):
-            locate(path, kind)
-    except (OSError, ValueError, RuntimeError):
-        raise refusal("cannot be a path", shipped) from None
-    except InputError:
+    path, fine = find_file(value, info, shipped)
+    if not fine:
         near = difflib.get_close_matches(value[:100], names, n=1)
         guess = f"did you mean {near[0]}? " if near else ""
-        raise refusal(f"is neither a shipped {kind} nor a file", guess + shipped) from None
+        raise refusal(f"is neither a shipped {kind} nor a file", guess + shipped)
     return str(path)
 
 
@@ -44,13 +36,10 @@ class SectionFile(Section):
 
     name: Annotated[str, Field(min_length=1, max_length=100)] | None = None
     """Name by which a blade file's column `section` calls it; null: its number, from 1."""
-
     polar: _File
     """Lift and drag of the section, given as `rotor.polar`."""
-
     outline: _File | None = None
     """Outline, given as `rotor.outline`; null: that of the rotor, stretched to the thickness."""
-
     thickness: Annotated[float, Quantity(gt=0, le=1)] | None = None
     """Largest thickness over chord; null: that of the outline."""
 
@@ -65,73 +54,54 @@ class Rotor(Section):
     radius: Annotated[float, Quantity("m", gt=0)] | None = None
     """Tip radius R, measured along the blade; null: the blade's own. A blade of another radius is
     scaled to this one."""
-
     hub_radius_fraction: Annotated[float, Quantity(gt=0, lt=1)] | None = None
     """Hub radius over tip radius; null: the blade's own, or 0.125 where its file does not say."""
-
     blade_count: Annotated[int, Strict(), Field(ge=1, le=10)] | None = None
     """Number of blades; two to six are usual. Null: the blade's own, or 3 where its file does not
     say."""
-
     cone: Annotated[float, Quantity("deg", ge=-45, le=45)] | None = None
     """Cone angle between the blades and the rotor plane; null: the blade's own, or 0."""
-
     stations: Annotated[tuple[_Station, ...], Field(min_length=3, max_length=200)] | None = None
     """Radial stations r/R at which chord and twist are given, rising, between hub and tip; null:
     the rows of the blade's file between hub and tip.
 
     The paper says that its blade has nine segments; that these are nine stations is our assumption.
     """
-
     station_count: Annotated[int, Strict(), Field(ge=3, le=200)] | None = None
     """Number of stations, in place of `stations`: in equal steps of the angle whose cosine is the
     radius, so that they are closer together towards hub and tip, where the load changes fastest.
     Null: 40 if chord or twist are splines and no stations are given."""
-
     blade: _File = "bahaj2007"
-    """Blade at the start: a shipped name, or the path of a CSV file (columns such as `r_m, chord_m,
-    twist_deg`, with units in their names, and optionally `section` or `t_over_c`), an AeroDyn 15
-    blade file or a windIO turbine YAML.
-
-    A relative path counts from the folder of the case file.
-    """
-
+    """Blade at the start: a shipped name, or the path, from the folder of the case file, of a CSV
+    file (columns such as `r_m, chord_m, twist_deg`, with units in their names, and optionally
+    `section` or `t_over_c`), an AeroDyn 15 blade file or a windIO turbine YAML."""
     chord: tuple[Annotated[float, Quantity("m", gt=0)], ...] | None = None
     """Chord at each station; given with `twist`, in place of the blade file."""
-
     twist: tuple[Annotated[float, Quantity("deg", ge=-180, le=180)], ...] | None = None
     """Twist from the rotor plane at each station, including the set angle; given with `chord`, in
     place of the blade file."""
-
     set_angle: Annotated[float, Quantity("deg", ge=-90, le=90)] | None = None
     """Set angle, added to the twist of the blade file; null: 5 degrees for bahaj2007, as in its
     tests, else 0."""
-
     polar: _File | None = None
     """Lift and drag of the section: a shipped name, or the path of a CSV file (`alpha_deg, cl,
     cd`), an AeroDyn airfoil table or an XFOIL polar; null: the blade's own, or naca63815_Re2e5."""
-
     outline: _File | None = None
     """Outline of the section, for thickness, area and inertia: a shipped name, or the path of a CSV
     file (`x_over_c, y_over_c`) or of a Selig or Lednicer file; null: the blade's own, or
     naca63815."""
-
     sections: Annotated[tuple[SectionFile, ...], Field(max_length=50)] = ()
     """Several sections along the span, in place of `polar` and `outline`. The blade file says by
     thickness or by name which two a station lies between; their polars are blended."""
-
     reynolds: Literal["invariant", "local"] = "invariant"
     """`local`: the polar of a station depends on its Reynolds number, chord times relative speed
     over the water's viscosity; the polar must then have tables for several Reynolds numbers, and
     torque is computed at every node, as with `hydrodynamics.torque: direct`. `invariant`: it does
     not, as the paper assumes."""
-
     reynolds_number: Annotated[float, Quantity(gt=0)] | None = None
     """Reynolds number at which an `invariant` polar is read that has tables for several."""
-
     material_density: Annotated[float, Quantity("kg/m**3", gt=0)] = 2700.0
     """Density of the blade's material; the default is aluminium 6061, and the blade is solid."""
-
     hub_inertia: Annotated[float, Quantity("kg*m**2", ge=0)] = 0.0
     """Moment of inertia about the shaft of everything that turns except the blades."""
 
@@ -186,7 +156,6 @@ class Fluid(Section):
 
     density: Annotated[float, Quantity("kg/m**3", gt=0)] = 1000.0
     """Density of the water; the paper does not state it, its tables imply the default."""
-
     kinematic_viscosity: Annotated[float, Quantity("m**2/s", gt=0)] = 1.0e-6
     """Kinematic viscosity, used if `rotor.reynolds` is local; 1.0e-6 for fresh water at 20 degrees
     Celsius, 1.2e-6 for sea water at 15."""

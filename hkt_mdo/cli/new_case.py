@@ -3,10 +3,11 @@
 from pathlib import Path
 
 from hkt_mdo.case import commented_case, read_case
-from hkt_mdo.cli.parts import refuse_existing, write_files
+from hkt_mdo.cli.parts import refuse_existing
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import data_path, shipped_rotor
 from hkt_mdo.files.table import read_text
+from hkt_mdo.results.folder import write_files
 
 _USUAL = (
     "blade radius hub_radius_fraction blade_count set_angle station_count polar outline reynolds "

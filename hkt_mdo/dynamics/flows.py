@@ -7,15 +7,15 @@ of your own is a subclass of `Inflow` (docs/architecture.md).
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, SerializeAsAny, model_validator
 
+from hkt_mdo.dynamics.laws import STEP
 from hkt_mdo.errors import InputError
 from hkt_mdo.sections import Quantity, Section, refusal
 
-STEP = 1e-40  # of complex-step differentiation
 CHECKS_PER_PERIOD = 16
 FEWEST_CHECKS = 1024
 CHECKS_AT_ONCE = 1_000_000
@@ -28,43 +28,26 @@ class Inflow(Section):
 
     - length: time (s) after which it has nothing new to say; None: it has no end.
     - highest_frequency: the highest frequency (Hz) that matters in it; None: it is steady.
-    - mean_speed: what it fluctuates about, m/s; asked for in a sum of flows.
+    - mean_speed: what it fluctuates about, m/s, which a sum of flows asks for: its key `mean`,
+      times its key `scale`; if it has no mean, the speed at t = 0.
     - messages: what was done to its data, one line each.
+    - last_time: time (s) beyond which it is unknown.
     """
 
     profile: str
     """The kind of flow."""
-
-    @property
-    def length(self) -> float | None:
-        """Time after which the flow has nothing new to say, s; None: it has no end."""
-        return None
-
-    @property
-    def highest_frequency(self) -> float | None:
-        """Highest frequency that matters, Hz; None: the flow is steady."""
-        return None
+    length: ClassVar[float | None] = None
+    highest_frequency: ClassVar[float | None] = None
+    messages: ClassVar[tuple[str, ...]] = ()
+    last_time: ClassVar[float] = np.inf
 
     @property
     def mean_speed(self) -> float:
-        """The speed that the flow fluctuates about, m/s."""
-        return float(self.speed_at(0.0))
-
-    @property
-    def messages(self) -> tuple[str, ...]:
-        """What was done to the data of the flow, one line each."""
-        return ()
-
-    @property
-    def last_time(self) -> float:
-        """Time beyond which the flow is unknown, s; infinite where it never is."""
-        return np.inf
+        mean = getattr(self, "mean", None)
+        return float(self.speed_at(0.0)) if mean is None else getattr(self, "scale", 1.0) * mean
 
     def model_copy(self, **options):
-        """Return a copy, with some fields changed; what was computed of the old ones is left out.
-
-        The options are those of pydantic's method, which would keep a `cached_property`.
-        """
+        """Return a copy as pydantic does, but without each `cached_property` of the old fields."""
         copied = super().model_copy(**options)
         for name in copied.__dict__.keys() - type(self).model_fields.keys():
             del copied.__dict__[name]
@@ -79,22 +62,14 @@ class Inflow(Section):
         return np.imag(self.speed_at(np.asarray(time) + 1j * STEP)) / STEP
 
     def check(self, duration: float) -> None:
-        """Refuse a flow that ends, stands still or turns back within a duration (s).
+        """Refuse, by InputError, a flow that ends, stands still or turns back within a time (s).
 
         It is looked at sixteen times in its shortest period: turbines here do not reverse.
-
-        Raises
-        ------
-        InputError
-            If its record is shorter, or the speed is anywhere zero or less.
         """
         if duration > self.last_time * (1.0 + 1e-9):
-            raise InputError(
-                f"is longer than the record of the flow, {self.last_time:.6g} s",
-                "give phase.duration: null for the whole record, or a shorter one",
-                key="phase.duration",
-                value=duration,
-            )
+            problem = f"is longer than the record of the flow, {self.last_time:.6g} s"
+            remedy = "give phase.duration: null for the whole record, or a shorter one"
+            raise InputError(problem, remedy, key="phase.duration", value=duration)
         cutoff = self.highest_frequency or 0.0
         count = max(FEWEST_CHECKS, int(CHECKS_PER_PERIOD * duration * cutoff)) + 1
         for first in range(0, count, CHECKS_AT_ONCE):
@@ -103,12 +78,10 @@ class Inflow(Section):
             speed = np.asarray(self.speed_at(time))
             low = int(np.argmin(speed))
             if not speed[low] > 0.0:
-                raise InputError(
-                    f"reaches {speed[low]:.3g} m/s at t = {time[low]:.6g} s: it stands still or "
-                    "turns back, which the turbine does not",
-                    "give a larger mean, smaller fluctuations or a shorter phase.duration",
-                    key="inflow",
-                )
+                place = f"reaches {speed[low]:.3g} m/s at t = {time[low]:.6g} s"
+                problem = f"{place}: it stands still or turns back, which the turbine does not"
+                remedy = "give a larger mean, smaller fluctuations or a shorter phase.duration"
+                raise InputError(problem, remedy, key="inflow")
 
 
 class ConstantInflow(Inflow):
@@ -116,12 +89,10 @@ class ConstantInflow(Inflow):
 
     profile: Literal["constant"] = "constant"
     """The kind of flow."""
-
     speed: Annotated[float, Quantity("m/s", gt=0)]
     """Inflow speed v."""
 
     def speed_at(self, time):
-        """Return the inflow speed, m/s."""
         return self.speed + 0.0 * np.asarray(time)
 
 
@@ -130,41 +101,28 @@ class StepInflow(Inflow):
 
     profile: Literal["step"] = "step"
     """The kind of flow."""
-
     before: Annotated[float, Quantity("m/s", gt=0)] = 1.2
     """Inflow speed long before the step."""
-
     after: Annotated[float, Quantity("m/s", gt=0)] = 1.4
     """Inflow speed long after the step."""
-
     time: Annotated[float, Quantity("s")] = 30.0
     """Time of the middle of the step."""
-
     width: Annotated[float, Quantity("s", gt=0)] = 1.0
     """Time scale of the step; nine tenths of the change take about six widths."""
 
     @property
     def highest_frequency(self):
-        """Frequency, Hz, at which the rate's spectrum, x/sinh(x) with x = 2 π² f width, is 3 %."""
+        # where the rate's spectrum, x/sinh(x) with x = 2 π² f width, is 3 %
         return 0.3 / self.width
 
     @property
     def mean_speed(self):
-        """The speed before the step, m/s."""
         return self.before
 
-    def _tanh(self, time):
-        # the exponential of eq. 9 would overflow long before the step; this form does not
-        return np.tanh(0.5 * (np.asarray(time) - self.time) / self.width)
-
     def speed_at(self, time):
-        """Return the inflow speed, m/s."""
-        half = 0.5 * (self.after - self.before)
-        return 0.5 * (self.before + self.after) + half * self._tanh(time)
-
-    def rate_at(self, time):
-        """Return the speed's derivative by time, m/s²."""
-        return 0.25 * (self.after - self.before) / self.width * (1.0 - self._tanh(time) ** 2)
+        # the exponential of eq. 9 would overflow long before the step; this form does not
+        rise = np.tanh(0.5 * (np.asarray(time) - self.time) / self.width)
+        return 0.5 * (self.before + self.after) + 0.5 * (self.after - self.before) * rise
 
 
 class SineInflow(Inflow):
@@ -176,73 +134,50 @@ class SineInflow(Inflow):
 
     profile: Literal["sine"] = "sine"
     """The kind of flow."""
-
     mean: Annotated[float, Quantity("m/s", gt=0)] = 1.5
     """Mean inflow speed, before scaling."""
-
     amplitude: Annotated[float, Quantity("m/s", ge=0)] = 0.2
     """Amplitude of the inflow speed, before scaling; smaller than the mean."""
-
     angular_frequency: Annotated[float, Quantity("rad/s", gt=0)] = 0.25
     """Angular frequency of the inflow speed."""
-
     phase: Annotated[float, Quantity("rad")] = 0.0
     """Phase of the sine at t = 0."""
-
     scale: Annotated[float, Quantity(gt=0)] = 1.0
     """Factor on the whole flow."""
 
     @model_validator(mode="after")
     def _check_amplitude(self) -> SineInflow:
         if self.amplitude >= self.mean:
-            raise refusal(
-                f"lets the flow reach zero or turn back: its mean is {self.mean:g} m/s",
-                "give an amplitude smaller than inflow.mean",
-                key="amplitude",
-                value=self.amplitude,
-            )
+            problem = f"lets the flow reach zero or turn back: its mean is {self.mean:g} m/s"
+            remedy = "give an amplitude smaller than inflow.mean"
+            raise refusal(problem, remedy, key="amplitude", value=self.amplitude)
         return self
 
     @property
     def highest_frequency(self):
-        """Frequency of the sine, Hz."""
         return self.angular_frequency / (2.0 * np.pi)
 
-    @property
-    def mean_speed(self):
-        """The scaled mean, m/s."""
-        return self.scale * self.mean
-
     def speed_at(self, time):
-        """Return the inflow speed, m/s."""
         angle = self.angular_frequency * np.asarray(time) + self.phase
         return self.scale * (self.mean + self.amplitude * np.sin(angle))
 
-    def rate_at(self, time):
-        """Return the speed's derivative by time, m/s²."""
-        angle = self.angular_frequency * np.asarray(time) + self.phase
-        return self.scale * self.amplitude * self.angular_frequency * np.cos(angle)
 
-
-# hours; the speeds of the equilibrium tide (deg/h) are sums of the astronomical rates
+# The speeds of the equilibrium tide (deg/h) are sums of the astronomical rates
 # tau = 14.4920521, s = 0.5490165, h = 0.0410686, p = 0.0046418 (Doodson 1921)
-TIDAL_PERIODS = {
-    name: 3600.0 * hours
-    for name, hours in {
-        "M2": 12.4206012,
-        "S2": 12.0,
-        "N2": 12.65834751,
-        "K2": 11.96723606,
-        "K1": 23.93447213,
-        "O1": 25.81934171,
-        "P1": 24.06588766,
-        "Q1": 26.868357,
-        "M4": 6.210300601,
-        "MS4": 6.103339275,
-        "M6": 4.140200401,
-    }.items()
+TIDAL_HOURS = {
+    "M2": 12.4206012,
+    "S2": 12.0,
+    "N2": 12.65834751,
+    "K2": 11.96723606,
+    "K1": 23.93447213,
+    "O1": 25.81934171,
+    "P1": 24.06588766,
+    "Q1": 26.868357,
+    "M4": 6.210300601,
+    "MS4": 6.103339275,
+    "M6": 4.140200401,
 }
-"""Periods of the usual tidal constituents, s."""
+"""Periods of the usual tidal constituents, h."""
 
 
 class TidalConstituent(Section):
@@ -250,29 +185,25 @@ class TidalConstituent(Section):
 
     name: Literal["M2", "S2", "N2", "K2", "K1", "O1", "P1", "Q1", "M4", "MS4", "M6"] | None = None
     """Name of the constituent, which says its period."""
-
     period: Annotated[float, Quantity("s", gt=0)] | None = None
     """Period, in place of a name."""
-
     amplitude: Annotated[float, Quantity("m/s", ge=0)]
     """Amplitude of the constituent's current."""
-
     phase: Annotated[float, Quantity("rad")] = 0.0
     """Phase at t = 0; texts such as `30 deg` are converted."""
 
     @model_validator(mode="after")
     def _check_period(self) -> TidalConstituent:
         if (self.name is None) == (self.period is None):
-            raise refusal(
-                "has both a name and a period" if self.name else "has neither name nor period",
-                "give name: M2 or the like, or a period",
-            )
+            problem = "has both a name and a period" if self.name else "has neither name nor period"
+            remedy = "give name: M2 or the like, or a period"
+            raise refusal(problem, remedy)
         return self
 
     @property
     def angular_frequency(self) -> float:
         """Angular frequency, rad/s."""
-        period = TIDAL_PERIODS[self.name] if self.name else self.period
+        period = 3600.0 * TIDAL_HOURS[self.name] if self.name else self.period
         return 2.0 * np.pi / period  # type: ignore[operator]
 
 
@@ -284,60 +215,22 @@ class TidalInflow(Inflow):
 
     profile: Literal["tide"] = "tide"
     """The kind of flow."""
-
     mean: Annotated[float, Quantity("m/s")] = 0.0
     """Mean (residual) current, before scaling."""
-
     constituents: Annotated[tuple[TidalConstituent, ...], Field(min_length=1, max_length=100)]
     """The tide's constituents, a list such as `[{name: M2, amplitude: 2, phase: 30 deg}]`."""
-
     scale: Annotated[float, Quantity(gt=0)] = 1.0
     """Factor on the whole flow."""
 
     @property
     def highest_frequency(self):
-        """Frequency of the fastest constituent, Hz."""
         return max(each.angular_frequency for each in self.constituents) / (2.0 * np.pi)
 
-    @property
-    def mean_speed(self):
-        """The scaled mean, m/s."""
-        return self.scale * self.mean
-
-    def _harmonics(self, time):
-        """Return amplitudes, angular frequencies and the angles at `time`, (*time.shape, n)."""
+    def speed_at(self, time):
         rows = [(each.amplitude, each.angular_frequency, each.phase) for each in self.constituents]
         amplitude, frequency, phase = np.array(rows).T
-        return amplitude, frequency, np.multiply.outer(np.asarray(time), frequency) - phase
-
-    def speed_at(self, time):
-        """Return the inflow speed, m/s."""
-        amplitude, _, angle = self._harmonics(time)
-        return self.scale * (self.mean + np.cos(angle) @ amplitude)
-
-    def rate_at(self, time):
-        """Return the speed's derivative by time, m/s²."""
-        amplitude, frequency, angle = self._harmonics(time)
-        return -self.scale * (np.sin(angle) @ (amplitude * frequency))
-
-
-def _bump(place):
-    """Return (1 - cos 2πs)²/4 and its derivative by s: a bump of height 1, C³ at s = 0 and 1."""
-    angle = 2.0 * np.pi * place
-    rise = 0.5 * (1.0 - np.cos(angle))
-    return rise**2, 2.0 * np.pi * rise * np.sin(angle)
-
-
-def _mexican_hat(place):
-    """Return -0.37 sin 3πs (1 - cos 2πs) and its derivative by s; C² at s = 0 and 1."""
-    fast, slow = 3.0 * np.pi * place, 2.0 * np.pi * place
-    rise = 1.0 - np.cos(slow)
-    slope = 3.0 * np.pi * np.cos(fast) * rise + 2.0 * np.pi * np.sin(fast) * np.sin(slow)
-    return -0.37 * np.sin(fast) * rise, -0.37 * slope
-
-
-_GUSTS = {"one_minus_cosine": (_bump, 2.0), "mexican_hat": (_mexican_hat, 2.5)}
-"""Shape of a gust, and the highest frequency in it times its width."""
+        waves = np.cos(np.multiply.outer(np.asarray(time), frequency) - phase)
+        return self.scale * (self.mean + waves @ amplitude)
 
 
 class GustInflow(Inflow):
@@ -345,46 +238,33 @@ class GustInflow(Inflow):
 
     profile: Literal["gust"] = "gust"
     """The kind of flow."""
-
     shape: Literal["one_minus_cosine", "mexican_hat"] = "one_minus_cosine"
     """g(s) for 0 <= s <= 1: `one_minus_cosine`, (1 - cos 2 pi s)^2/4, a rise by the amplitude and
     back, squared to be smooth at its ends; `mexican_hat`, -0.37 sin 3 pi s (1 - cos 2 pi s), the
     extreme operating gust of IEC 61400-1: a dip by 0.27, a rise by 0.74, a dip."""
-
     mean: Annotated[float, Quantity("m/s", gt=0)] = 1.5
     """Inflow speed before and after the gust."""
-
     amplitude: Annotated[float, Quantity("m/s")] = 0.3
     """Amplitude of the gust; negative for a lull."""
-
     time: Annotated[float, Quantity("s")] = 20.0
     """Time at which the gust begins."""
-
     width: Annotated[float, Quantity("s", gt=0)] = 10.5
     """Time that the gust takes; the default is that of the extreme operating gust."""
 
     @property
     def highest_frequency(self):
-        """Frequency of the fastest of the cosines that make up the gust, Hz."""
-        return _GUSTS[self.shape][1] / self.width
-
-    @property
-    def mean_speed(self):
-        """The speed around the gust, m/s."""
-        return self.mean
-
-    def _gust(self, time):
-        place = (np.asarray(time) - self.time) / self.width
-        inside = (np.real(place) >= 0.0) & (np.real(place) <= 1.0)
-        return [inside * part for part in _GUSTS[self.shape][0](place)]
+        # that of the fastest of the cosines that make it up
+        return (2.0 if self.shape == "one_minus_cosine" else 2.5) / self.width
 
     def speed_at(self, time):
-        """Return the inflow speed, m/s."""
-        return self.mean + self.amplitude * self._gust(time)[0]
-
-    def rate_at(self, time):
-        """Return the speed's derivative by time, m/s²."""
-        return self.amplitude / self.width * self._gust(time)[1]
+        place = (np.asarray(time) - self.time) / self.width
+        inside = (np.real(place) >= 0.0) & (np.real(place) <= 1.0)
+        rise = 1.0 - np.cos(2.0 * np.pi * place)
+        if self.shape == "one_minus_cosine":
+            gust = 0.25 * rise**2
+        else:
+            gust = -0.37 * np.sin(3.0 * np.pi * place) * rise
+        return self.mean + self.amplitude * inside * gust
 
 
 class SumInflow(Inflow):
@@ -397,43 +277,32 @@ class SumInflow(Inflow):
 
     profile: Literal["sum"] = "sum"
     """The kind of flow."""
-
     parts: Annotated[tuple[SerializeAsAny[Inflow], ...], Field(min_length=2, max_length=20)]
     """The flows, a list; the first carries the mean."""
 
     @property
     def length(self):
-        """Length of the shortest part, s."""
         return min(self._each("length"), default=None)
 
     @property
     def highest_frequency(self):
-        """Highest frequency of all parts, Hz."""
         return max(self._each("highest_frequency"), default=None)
 
     @property
     def mean_speed(self):
-        """The mean of the first part, m/s."""
         return self.parts[0].mean_speed
 
     @property
     def messages(self):
-        """The parts' messages."""
-        return tuple(text for part in self.parts for text in part.messages)
+        return sum(self._each("messages"), ())
 
     @property
     def last_time(self):
-        """Time at which the first of the parts becomes unknown, s."""
-        return min(part.last_time for part in self.parts)
+        return min(self._each("last_time"))
 
     def _each(self, name):
         return [value for part in self.parts if (value := getattr(part, name)) is not None]
 
     def speed_at(self, time):
-        """Return the inflow speed, m/s."""
         offset = sum(part.mean_speed for part in self.parts[1:])
         return sum(part.speed_at(time) for part in self.parts) - offset
-
-    def rate_at(self, time):
-        """Return the speed's derivative by time, m/s²."""
-        return sum(part.rate_at(time) for part in self.parts)

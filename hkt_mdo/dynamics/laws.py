@@ -17,19 +17,17 @@ def smooth_saturation(torque, limit, smoothing):
     """Return the smoothly saturated torque (paper eq. 4), N*m.
 
     sat(u) = limit/4 (2 + sqrt(nu + (2u/limit)²) - sqrt(nu + (2u/limit - 2)²)), nu = smoothing.
-    It lies between 0 and the limit for every u. Far above the limit it is nu limit / (16 x (x - 1))
-    below it, x = u/limit; at u = 0 it is limit/4 (2 + sqrt(nu) - sqrt(nu + 4)), which is 0.78 % of
-    the limit for nu = 0.001.
-
-    Parameters
-    ----------
-    torque : array, N*m
-    limit : float, N*m
-    smoothing : float
+    It lies between 0 and the limit for every u: far above the limit nu limit / (16 x (x - 1)) below
+    it, x = u/limit; at u = 0, for nu = 0.001, at 0.78 % of the limit.
     """
     ratio = 2.0 * torque / limit
     rising, falling = np.sqrt(smoothing + ratio**2), np.sqrt(smoothing + (ratio - 2.0) ** 2)
     return 0.25 * limit * (2.0 + rising - falling)
+
+
+def _by_each(of, gains):
+    """Return the derivative of a function by each gain, by complex step."""
+    return np.array([np.imag(of(gains + 1j * STEP * unit)) for unit in np.eye(len(gains))]) / STEP
 
 
 class Law(Section):
@@ -37,10 +35,8 @@ class Law(Section):
 
     law: str
     """The control law."""
-
     torque_limit: Annotated[float, Quantity("N*m", gt=0)] | None = None
     """Largest control torque u_max; null: no limit."""
-
     gain_units: ClassVar[tuple[str, ...]] = ()
 
 
@@ -49,18 +45,13 @@ class OpenLoop(Law):
 
     law: Literal["open_loop"] = "open_loop"
     """The control law."""
-
     unknown: Literal["speed", "torque"] = "speed"
     """What the optimizer chooses over time: the rotor speed, from which the torque follows by
     inverse dynamics, or the torque itself, from which the speed follows by integration."""
 
 
 class FeedbackLaw(Law):
-    """What every feedback law has: a gain that is optimized, and a smoothed saturation.
-
-    With a torque limit g the torque is g/4 (2 + sqrt(nu + (2u/g)^2) - sqrt(nu + (2u/g - 2)^2))
-    (paper, eq. 4), where u is the torque the law asks for.
-    """
+    """What every feedback law has: a gain that is optimized, and a smoothed saturation."""
 
     smoothing: Annotated[float, Quantity(gt=0, le=1)] = 0.001
     """Smoothing nu of the saturation (paper, eq. 4); of no effect without a torque limit."""
@@ -68,10 +59,7 @@ class FeedbackLaw(Law):
     def demand(self, speed, gains):
         """Return the torque before saturation, N*m.
 
-        Parameters
-        ----------
-        speed : array of any shape, rad/s; may be complex
-        gains : array, shape (n_gains,), in `gain_units`; may be complex
+        speed (rad/s, any shape) and gains[n_gains] (in `gain_units`) may be complex.
         """
         raise NotImplementedError
 
@@ -85,15 +73,10 @@ class FeedbackLaw(Law):
     def fit(self, speed, torque):
         """Return the starting gains: their demand is closest to torques (N*m) at speeds (rad/s).
 
-        Least squares over the demand's derivatives by gain, exact for a law that is linear in its
-        gains; a law that is not overrides this.
+        By least squares, for a law that is linear in its gains; one that is not overrides this.
         """
-        ones = np.ones(len(self.gain_units))
-        columns = [
-            np.imag(self.demand(speed, ones + 1j * STEP * unit)) / STEP
-            for unit in np.eye(ones.size)
-        ]
-        return np.linalg.lstsq(np.transpose(columns), torque, rcond=None)[0]
+        columns = _by_each(lambda gains: self.demand(speed, gains), np.ones(len(self.gain_units)))
+        return np.linalg.lstsq(columns.T, torque, rcond=None)[0]
 
     def torque_by_speed(self, speed, gains):
         """Return the torque's derivative by speed, N*m*s/rad, by complex step."""
@@ -101,8 +84,7 @@ class FeedbackLaw(Law):
 
     def torque_by_gain(self, speed, gains):
         """Return the torque's derivative by each gain, shape (n_gains, *speed.shape)."""
-        steps = 1j * STEP * np.eye(len(gains))
-        return np.array([np.imag(self.torque(speed, gains + step)) for step in steps]) / STEP
+        return _by_each(lambda moved: self.torque(speed, moved), gains)
 
     def starting_gains(self):
         """Return the gains that the case gives to begin with; None: chosen by the start."""
@@ -115,14 +97,11 @@ class LinearFeedback(FeedbackLaw):
 
     law: Literal["linear"] = "linear"
     """The control law."""
-
     gain: Annotated[float, Quantity("N*m*s/rad", gt=0)] | None = None
     """Gain K1 at the start; null: chosen by the starting point."""
-
     gain_units: ClassVar[tuple[str, ...]] = ("N*m*s/rad",)
 
     def demand(self, speed, gains):
-        """Return K1 w."""
         return gains[0] * speed
 
 
@@ -131,12 +110,9 @@ class QuadraticFeedback(FeedbackLaw):
 
     law: Literal["quadratic"] = "quadratic"
     """The control law."""
-
     gain: Annotated[float, Quantity("N*m*s**2/rad**2", gt=0)] | None = None
     """Gain K2 at the start; null: chosen by the starting point."""
-
     gain_units: ClassVar[tuple[str, ...]] = ("N*m*s**2/rad**2",)
 
     def demand(self, speed, gains):
-        """Return K2 w²."""
         return gains[0] * speed**2

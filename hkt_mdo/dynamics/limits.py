@@ -1,9 +1,7 @@
 """Limits: what a design and its operation must keep, each stated once.
 
-The optimization holds a limit at the nodes, the judges look at it there, between the nodes and on
-the independent integration, `hkt check` on the start, the summary and the figures show it. All of
-them ask the limit for its value; nobody else knows the formula. A limit of your own is a subclass
-of `Limit` (docs/architecture.md).
+Optimization, judges, `hkt check`, summary and figures ask the limit for its value; nobody else
+knows the formula. A limit of your own is a subclass of `Limit` (docs/architecture.md).
 """
 
 from __future__ import annotations
@@ -13,12 +11,11 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import model_validator
 
-from hkt_mdo.dynamics.laws import Law, OpenLoop
+from hkt_mdo.dynamics.laws import STEP, Law, OpenLoop
 from hkt_mdo.dynamics.trajectory import QUANTITIES
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.sections import Section
 
-STEP = 1e-40  # of complex-step differentiation
 SLOWED = 0.02  # share of its speed that a rotor may lose and still recover from
 TYPICAL = 0.05  # torque coefficient to which a recovery torque is compared
 LEAST = 5e-3  # recovery over a typical torque that a trajectory keeps; closer to stall it is slow
@@ -39,6 +36,9 @@ class Limit(Section):
     name: ClassVar[str] = ""
     unit: ClassVar[str | None] = None
     inputs: ClassVar[tuple[str, ...]] = ()
+    lower: ClassVar[Any] = -np.inf
+    bounded: ClassVar[bool] = False
+    """Whether the bounds of the optimizer's own variables hold it, so that it is no constraint."""
 
     @model_validator(mode="before")
     @classmethod
@@ -49,7 +49,6 @@ class Limit(Section):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
-        """Return the JSON schema: a section, or the value of `bound` alone."""
         whole = handler(schema)
         bound = handler.resolve_ref_schema(whole)["properties"].get("bound")
         return {"anyOf": [bound, whole]} if bound else whole
@@ -63,42 +62,29 @@ class Limit(Section):
         return "time" if QUANTITIES.keys() & set(self.inputs) else "design"
 
     @property
-    def lower(self) -> Any:
-        """Lower bound, in `unit`."""
-        return -np.inf
-
-    @property
     def upper(self) -> Any:
         """Upper bound, in `unit`."""
-        return getattr(self, "bound", np.inf)
+        bound = getattr(self, "bound", None)
+        return np.inf if bound is None else bound
 
     def value(self, **quantities: Any) -> Any:
-        """Return the limited quantity, in `unit`."""
-        raise NotImplementedError
+        """Return the limited quantity, in `unit`; by default the one input itself."""
+        (only,) = quantities.values()
+        return only
 
     def constrains(self, control: Law) -> bool:
         """Tell whether the optimization needs a constraint to hold it under a control law."""
-        return True
+        return not self.bounded
 
     def partials(self, **quantities: Any) -> dict[str, np.ndarray]:
-        """Return the value's derivative by each input, by complex step.
-
-        Shape (n_times,) for a quantity over time and for a scalar.
-        """
-        found = {}
-        for name in self.inputs:
-            moved = {**quantities, name: quantities[name] + 1j * STEP}
-            found[name] = np.imag(self.value(**moved)) / STEP
-        return found
+        """Return the value's derivative by each input, shape (n_times,), by complex step."""
+        return {
+            name: np.imag(self.value(**quantities | {name: quantities[name] + 1j * STEP})) / STEP
+            for name in self.inputs
+        }
 
     def excess(self, quantities: Any) -> np.ndarray:
-        """Return how far the value leaves its bounds, over their size; at most 0 where it is kept.
-
-        Parameters
-        ----------
-        quantities : mapping of str to array
-            At least those of `inputs`.
-        """
+        """Return how far the value leaves its bounds, over their size; at most 0 if it is kept."""
         value = np.atleast_1d(self.value(**{name: quantities[name] for name in self.inputs}))
         ends = np.abs(np.r_[np.atleast_1d(self.lower), np.atleast_1d(self.upper)])
         size = np.max(ends[np.isfinite(ends)], initial=0.0) or np.max(np.abs(value)) or 1.0
@@ -111,25 +97,12 @@ class TorqueLimit(Limit):
     name: ClassVar[str] = "control_torque"
     unit: ClassVar[str | None] = "N*m"
     inputs: ClassVar[tuple[str, ...]] = ("control_torque",)
+    lower: ClassVar[float] = 0.0
 
     bound: float | None = None
 
-    @property
-    def lower(self):
-        """Zero: the generator does not drive the rotor."""
-        return 0.0
-
-    @property
-    def upper(self):
-        """The torque limit, N*m."""
-        return np.inf if self.bound is None else self.bound
-
-    def value(self, control_torque):
-        """Return the control torque, N*m."""
-        return control_torque
-
     def constrains(self, control):
-        """Tell that open loop in speed needs it; a law saturates, a control has bounds."""
+        # a law saturates, and a torque that is a control has bounds
         return isinstance(control, OpenLoop) and control.unknown == "speed"
 
 
@@ -139,19 +112,8 @@ class ForwardRotation(Limit):
     name: ClassVar[str] = "rotor_speed"
     unit: ClassVar[str | None] = "rad/s"
     inputs: ClassVar[tuple[str, ...]] = ("rotor_speed",)
-
-    @property
-    def lower(self):
-        """Zero."""
-        return 0.0
-
-    def value(self, rotor_speed):
-        """Return the rotor speed, rad/s."""
-        return rotor_speed
-
-    def constrains(self, control):
-        """Tell that no constraint is needed."""
-        return False
+    lower: ClassVar[float] = 0.0
+    bounded: ClassVar[bool] = True
 
 
 class DesignBounds(Limit):
@@ -159,42 +121,14 @@ class DesignBounds(Limit):
 
     quantity: str
     """Name of the design variable."""
-
     bounds: tuple[float, float]
     """Lower and upper bound, in SI units."""
-
-    @property
-    def inputs(self):  # type: ignore[override]
-        """The design variable."""
-        return (self.quantity,)
-
-    @property
-    def name(self):  # type: ignore[override]
-        """The design variable."""
-        return self.quantity
-
-    @property
-    def place(self):
-        """Chord and twist are arrays over the span."""
-        return "span" if self.quantity in ("chord", "twist") else "design"
-
-    @property
-    def lower(self):
-        """Lower bound."""
-        return self.bounds[0]
-
-    @property
-    def upper(self):
-        """Upper bound."""
-        return self.bounds[1]
-
-    def value(self, **quantities):
-        """Return the design variable."""
-        return quantities[self.quantity]
-
-    def constrains(self, control):
-        """Tell that no constraint is needed: the optimizer bounds its variables itself."""
-        return False
+    bounded: ClassVar[bool] = True
+    name = property(lambda self: self.quantity)  # type: ignore[assignment]
+    inputs = property(lambda self: (self.quantity,))  # type: ignore[assignment]
+    lower = property(lambda self: self.bounds[0])  # type: ignore[assignment]
+    upper = property(lambda self: self.bounds[1])
+    place = property(lambda self: "span" if self.quantity in ("chord", "twist") else "design")
 
 
 class DistanceFromStall(Limit):
@@ -204,9 +138,8 @@ class DistanceFromStall(Limit):
     from stall, where stable and unstable equilibrium meet. Collocation cannot tell one from the
     other, so an optimizer would go to that edge and beyond. N(w) = I dw/dt is what the flow's
     changes ask for, and no stall. `least` is a share of a typical torque, TYPICAL 0.5 rho pi R³ v²:
-    close to stall a rotor recovers slowly and the problem is badly conditioned.
-
-    Q comes from the torque curve: Cq = spline.basis(w R/v) @ torque_coefficient_table.
+    close to stall a rotor recovers slowly and the problem is badly conditioned. Q is that of the
+    torque curve.
     """
 
     name: ClassVar[str] = "distance_from_stall"
@@ -220,48 +153,36 @@ class DistanceFromStall(Limit):
         "gains",
     )
 
+    lower: ClassVar[float] = 0.0  # what is asked for is subtracted from the value
+
     law: Any
     spline: Any
     slowed: float = SLOWED
     least: float = LEAST
 
-    @property
-    def lower(self):
-        """Zero: what is asked for is subtracted from the value."""
-        return 0.0
+    def value(
+        self, rotor_speed, inflow_speed, torque_coefficient_table, density, rotor_radius, gains
+    ):
+        unit = torque_scale(density, rotor_radius, inflow_speed)
 
-    def _net(self, share, q):
-        """Return N at a share of the rotor's speed, shape (n_times,), and its derivatives."""
-        v, radius, table = q["inflow_speed"], q["rotor_radius"], q["torque_coefficient_table"]
-        gains, speed = q["gains"], share * q["rotor_speed"]
-        scale, ratio = torque_scale(q["density"], radius, v), speed * radius / v
-        basis = self.spline.basis(ratio)
-        driving = scale * (basis @ table)
-        sloped = scale * (self.spline.basis(ratio, 1) @ table) * ratio
-        by = {
-            "rotor_speed": share * (sloped / speed - self.law.torque_by_speed(speed, gains)),
-            "torque_coefficient_table": scale[:, None] * basis,
-            "rotor_radius": (3.0 * driving + sloped) / radius,
-            "inflow_speed": (2.0 * driving - sloped) / v,
-            "density": driving / q["density"],
-            "gains": -self.law.torque_by_gain(speed, gains).T,
-        }
-        return driving - self.law.torque(speed, gains), by
+        def net(speed):
+            ratio = speed * rotor_radius / inflow_speed
+            driving, _ = self.spline.values(torque_coefficient_table, ratio)
+            return unit * driving - self.law.torque(speed, gains)
 
-    def _asked(self, q):
-        """Return the recovery torque that is asked for, N*m."""
-        unit = torque_scale(q["density"], q["rotor_radius"], q["inflow_speed"])
-        return self.least * TYPICAL * unit
-
-    def value(self, **quantities):
-        """Return the recovery torque beyond what is asked for, N*m, shape (n_times,)."""
-        slowed, here = self._net(1.0 - self.slowed, quantities), self._net(1.0, quantities)
-        return slowed[0] - here[0] - self._asked(quantities)
+        recovery = net((1.0 - self.slowed) * rotor_speed) - net(rotor_speed)
+        return recovery - self.least * TYPICAL * unit
 
     def partials(self, **quantities):
-        """Return the value's derivative by each input."""
-        slowed, here = self._net(1.0 - self.slowed, quantities)[1], self._net(1.0, quantities)[1]
-        found = {name: slowed[name] - here[name] for name in slowed}
-        for name, power in (("rotor_radius", 3.0), ("inflow_speed", 2.0), ("density", 1.0)):
-            found[name] -= power * self._asked(quantities) / quantities[name]
+        found = super().partials(**quantities)
+        # table and gains are arrays of their own: a column by each of their values
+        speed, flow, radius = (
+            quantities[n] for n in ("rotor_speed", "inflow_speed", "rotor_radius")
+        )
+        slowed, gains = (1.0 - self.slowed) * speed, quantities["gains"]
+        bases = self.spline.basis(slowed * radius / flow) - self.spline.basis(speed * radius / flow)
+        unit = torque_scale(quantities["density"], radius, flow)
+        found["torque_coefficient_table"] = unit[:, None] * bases
+        by_gain = self.law.torque_by_gain(speed, gains) - self.law.torque_by_gain(slowed, gains)
+        found["gains"] = by_gain.T
         return found

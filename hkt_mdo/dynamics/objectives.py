@@ -11,15 +11,12 @@ from hkt_mdo.sections import Section
 class Objective(Section):
     """The integral over time of a rate, J, which is made as large as possible.
 
-    `rate` takes the quantities that `inputs` names as keyword arguments: quantities of the
-    trajectory (`hkt_mdo.dynamics.trajectory.QUANTITIES`), arrays of shape (n_times,), and the
-    scalars rotor_radius (m), density (kg/m**3) and inertia (kg*m**2). It must accept complex
-    numbers: its derivatives are taken by complex step.
+    `rate` takes the quantities that `inputs` names as keyword arguments, as `Limit.value` does, and
+    must accept complex numbers, too.
     """
 
     kind: str
     """What is maximized."""
-
     inputs: ClassVar[tuple[str, ...]] = ()
 
     def rate(self, **quantities):
@@ -27,12 +24,9 @@ class Objective(Section):
         raise NotImplementedError
 
     def bound(self, captured: float) -> float | None:
-        """Return an upper bound, J, from the largest energy that can be captured (J); None: none.
+        """Return an upper bound, J; None: none is known.
 
-        Parameters
-        ----------
-        captured : float, J
-            The quasi-steady bound of the captured energy (docs/theory.md).
+        `captured` is that of the captured energy, J, by quasi-steady operation (docs/theory.md).
         """
         return None
 
@@ -42,15 +36,12 @@ class CapturedEnergy(Objective):
 
     kind: Literal["captured"] = "captured"
     """What is maximized."""
-
     inputs: ClassVar[tuple[str, ...]] = ("hydrodynamic_power",)
 
     def rate(self, hydrodynamic_power):
-        """Return the captured power, W."""
         return hydrodynamic_power
 
     def bound(self, captured):
-        """Return the quasi-steady bound itself, J."""
         return captured
 
 
@@ -59,9 +50,7 @@ class GeneratorEnergy(Objective):
 
     kind: Literal["generator"] = "generator"
     """What is maximized."""
-
     inputs: ClassVar[tuple[str, ...]] = ("generator_power",)
 
     def rate(self, generator_power):
-        """Return the generator's power, W."""
         return generator_power

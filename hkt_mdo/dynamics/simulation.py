@@ -2,17 +2,16 @@
 
 Nothing here is shared with the optimization but the physics: no torque curve, no mesh. Radau IIA
 (five stages, order 9, L-stable; Hairer and Wanner, Solving Ordinary Differential Equations II,
-section IV.8) follows speed, captured and generated energy. The steps of a window are solved
-together by Newton's method, so that BEM, flow and control law see arrays, and divided until their
-estimated errors are within the tolerance. The integration ends where the rotor stands still.
+section IV.8) solves the steps of a window together by Newton's method, so that BEM, flow and law
+see arrays, and divides them until their estimated errors are within the tolerance.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import Legendre
+from scipy.interpolate import PPoly
 from scipy.optimize import brentq
 
 from hkt_mdo.dynamics.flows import Inflow
@@ -32,7 +31,7 @@ MOST_ITERATIONS = 12
 
 
 def _radau():
-    """Return the method's nodes (0 first), matrix, error weights and matrix of interpolation."""
+    """Return the method's nodes (0 first), matrix and error weights."""
     legendre = Legendre.basis(STAGES) - Legendre.basis(STAGES - 1)
     nodes = 0.5 + 0.5 * np.sort(legendre.roots().real)
     orders = np.arange(1.0, STAGES + 1.0)
@@ -42,38 +41,18 @@ def _radau():
     first = eigenvalues[np.argmin(np.abs(eigenvalues.imag))].real
     # less the embedded quadrature of order STAGES with the weight `first` at the step's start
     error = np.linalg.solve(powers.T, 1.0 / orders - first * (orders == 1.0)) - matrix[-1]
-    nodes = np.append(0.0, nodes)
-    return nodes, matrix, np.append(first, error), np.linalg.inv(_powers(nodes)).T
+    return np.append(0.0, nodes), matrix, np.append(first, error)
 
 
-def _powers(place):
-    """Return the powers of places in a step (0 to 1), of a variable from -1 to 1."""
-    return np.vander(2.0 * place - 1.0, STAGES + 1, increasing=True)
-
-
-_NODES, _MATRIX, _ERROR, _TO_POWERS = _radau()
+_NODES, _MATRIX, _ERROR = _radau()
 _STAGE_ERROR = _ERROR[1:] @ np.linalg.inv(_MATRIX)
 
 
-class Pieces(NamedTuple):
-    """A piecewise polynomial: edges[n + 1], and coefficients[n, degree + 1] by rising power.
-
-    The variable of each polynomial runs from -1 to 1 over its piece; the first and the last one
-    hold beyond the ends, too.
-    """
-
-    edges: np.ndarray
-    coefficients: np.ndarray
-
-    def __call__(self, x):
-        """Return the values at x of any shape."""
-        edges, x = self.edges, np.asarray(x, dtype=float)
-        piece = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, edges.size - 2)
-        place = 2.0 * (x - edges[piece]) / (edges[piece + 1] - edges[piece]) - 1.0
-        value = np.zeros(x.shape)
-        for column in self.coefficients.T[::-1]:
-            value = value * place + column[piece]
-        return value
+def _through(edges, places, values):
+    """Return the polynomials through values[piece, place] at places (0 to 1) of each piece."""
+    powers = np.linalg.solve(np.vander(places), values.T)
+    step = np.diff(edges)
+    return PPoly(powers / step ** np.arange(places.size)[::-1, None], edges)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,22 +82,15 @@ class RecordedTorque:
     """A torque history as its transcription means it: one polynomial through a segment's nodes.
 
     The generator cannot leave its range, so the interpolant is cut to [0, limit] between the nodes.
-
-    Parameters
-    ----------
-    time, torque : array, shape (n_segments * nodes_per_segment,), s and N*m
-        As in the time series of a phase: segment ends appear twice.
-    segments : int
-    limit : float or None, N*m
+    time (s) and torque (N*m) are those of a phase's time series: segment ends appear twice.
     """
 
     def __init__(self, time, torque, segments, limit=None):
         nodes, values = (np.reshape(each, (segments, -1)) for each in (time, torque))
-        place = 2.0 * (nodes[0] - nodes[0, 0]) / (nodes[0, -1] - nodes[0, 0]) - 1.0
-        coefficients = np.linalg.solve(np.vander(place, increasing=True), values.T).T
-        self.unlimited = Pieces(np.append(nodes[:, 0], time[-1]), coefficients)
+        place = (nodes[0] - nodes[0, 0]) / (nodes[0, -1] - nodes[0, 0])
+        self.ends = np.append(nodes[:, 0], time[-1])
+        self.unlimited = _through(self.ends, place, values)
         """The torque, N*m, before it is cut to the generator's range, as a function of time (s)."""
-        self.ends = self.unlimited.edges
         self.limit = np.inf if limit is None else limit
 
     def __call__(self, time, speed=None):
@@ -128,11 +100,10 @@ class RecordedTorque:
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """An integrated trajectory, sampled at `time`.
+    """An integrated trajectory, sampled at `time`, in SI units.
 
-    Arrays of shape (n,) in SI units; energies are integrals over the whole run. stopped_at is the
-    time at which the rotor came to rest, None if it kept turning; speed_at gives the rotor speed
-    (rad/s) at any times (s) of the run.
+    Energies are integrals over the whole run. stopped_at is the time at which the rotor came to
+    rest, None if it kept turning; speed_at gives its speed at any times of the run.
     """
 
     time: np.ndarray
@@ -159,32 +130,16 @@ def simulate(
 ) -> Simulation:
     """Integrate I dw/dt = Q(w, v(t)) - u(t, w) (paper eq. 6) and the two energies.
 
-    Parameters
-    ----------
-    plant : Plant
-    inflow : Inflow
-        Looked at sixteen times a step and a period of its `highest_frequency`, so that no gust is
-        stepped over.
-    controller : callable
-        u(time, speed), N*m, for scalars or arrays of one shape. It is smooth between its `ends`
-        (s), if it has such.
-    initial_speed : float, rad/s
-    duration : float, s
-    samples : int
-        Number of equally spaced points of the returned trajectory.
-    max_step : float or None, s
-        None: a hundredth of the duration.
-    tolerance : float
-        Largest error of a step, relative to the speed and to the energy so far.
-
-    Raises
-    ------
-    InputError
-        If the integration fails, which is not the same as a rotor that stops.
+    The flow is looked at sixteen times a step and a period of its `highest_frequency`, so that no
+    gust is stepped over. controller(time, speed) is the torque, N*m, for arrays of one shape; it is
+    smooth between its `ends` (s), if it has such. Speeds are in rad/s, times in s. `samples` points
+    are returned; `max_step` None is a hundredth of the duration; `tolerance` is the largest error
+    of a step, relative to the speed and to the energy so far. Raises InputError if the integration
+    fails, which is not the same as a rotor that stops.
     """
     motion = _Motion(plant, inflow, controller, duration, tolerance)
     path, energies, stopped = motion.march(float(initial_speed), max_step or duration / 100.0)
-    end = float(path.edges[-1])
+    end = float(path.x[-1])
     time = np.linspace(0.0, end, samples)
     speed, flow = path(time), inflow.speed_at(time)
     return Simulation(
@@ -212,35 +167,33 @@ class _Motion:
     tolerance: float
 
     def march(self, speed, longest):
-        """Return the speed over time as `Pieces`, the two energies, and whether the rotor stops."""
-        edges, count, failures, stopped = self._mesh(longest), WINDOW, 0, False
-        begins, curves, energies, most = [], [], np.zeros(2), FAILURES + edges.size
-        while edges.size > 1 and not stopped:
+        """Return the speed over time (`PPoly`), the two energies, and whether the rotor stops."""
+        edges, count, failures, stop = self._mesh(longest), WINDOW, 0, None
+        paths, energies, most = [], np.zeros(2), FAILURES + edges.size
+        while edges.size > 1 and stop is None:
             window = edges[: count + 1]
             found = self._solve(self._divided_by_flow(window), speed, energies[0])
+            if found and (stop := self._standstill(found[0])) is not None:
+                found = self._solve(stop, speed, energies[0])
             if found is None:
-                failures += 1
+                failures, stop = failures + 1, None
                 if failures > most or edges[1] - edges[0] < 1e-14 * self.duration:
-                    raise InputError(
-                        f"the independent integration fails at t = {edges[0]:.6g} s",
-                        "see that the flow is positive there, and the control law finite and "
-                        "continuous",
-                    )
+                    problem = f"the independent integration fails at t = {edges[0]:.6g} s"
+                    remedy = "see that the flow is positive there, and the control law finite and"
+                    raise InputError(problem, f"{remedy} continuous")
                 count = (window.size - 1) // 2
                 if not count:
                     edges = np.insert(edges, 1, 0.5 * (edges[0] + edges[1]))
                     count = 1
                 continue
-            stop = self._standstill(found[0])
-            if stopped := stop is not None:
-                found = self._solve(stop, speed, energies[0]) or found
             path, work = found
-            begins.append(path.edges[:-1])
-            curves.append(path.coefficients)
+            paths.append(path)
             energies += work
-            speed, end = float(path(path.edges[-1])), path.edges[-1:]
+            speed = float(path(path.x[-1]))
             edges, count = edges[window.size - 1 :], 2 * min(count, WINDOW // 2)
-        return Pieces(np.concatenate([*begins, end]), np.concatenate(curves)), energies, stopped
+        ends = np.concatenate([*(each.x[:-1] for each in paths), paths[-1].x[-1:]])
+        whole = PPoly(np.concatenate([each.c for each in paths], axis=1), ends)
+        return whole, energies, stop is not None
 
     def _mesh(self, longest):
         """Return the longest steps: none passes an end of the controller's segments."""
@@ -256,11 +209,10 @@ class _Motion:
         for _ in range(20):
             step = np.diff(edges)[:, None]
             count = int(np.ceil(PROBES * max(1.0, cutoff * np.max(step))))
-            place = (np.arange(count) + 0.5) / count
-            nodes, probes = (
-                self.inflow.speed_at(edges[:-1, None] + step * each) for each in (_NODES, place)
-            )
-            off = np.max(np.abs(nodes @ _TO_POWERS @ _powers(place).T - probes), axis=1)
+            nodes = self.inflow.speed_at(edges[:-1, None] + step * _NODES)
+            places = edges[:-1, None] + step * (np.arange(count) + 0.5) / count
+            probes = self.inflow.speed_at(places)
+            off = np.max(np.abs(_through(edges, _NODES, nodes)(places) - probes), axis=1)
             coarse = off > FLOW_ERROR * np.max(np.abs(probes), axis=1)
             if not np.any(coarse):
                 break
@@ -273,7 +225,7 @@ class _Motion:
         return driving, self.controller(time, speed) * np.ones(speed.shape)
 
     def _solve(self, edges, speed, energy):
-        """Return speed (`Pieces`) and energies over some steps, divided until they are accurate.
+        """Return speed (`PPoly`) and energies over some steps, divided until they are accurate.
 
         energy, J, is what has been captured before. None if Newton's method does not converge.
         """
@@ -295,7 +247,7 @@ class _Motion:
             stages, driving, control, slope = found
             start = np.append(speed, stages[:-1, -1])[:, None]
             first = self._torques(time[:, :1], start, flow[:, :1])
-            path = Pieces(edges, np.hstack((start, stages)) @ _TO_POWERS)
+            path = _through(edges, _NODES, np.hstack((start, stages)))
             off = step * _ERROR[0] * (first[0] - first[1]) / self.plant.inertia
             off = off[:, 0] + (stages - start) @ _STAGE_ERROR
             off /= (1.0 - step * _ERROR[0] * slope)[:, 0]
@@ -346,12 +298,12 @@ class _Motion:
             ratio = path(time) * self.plant.blade.rotor_radius / self.inflow.speed_at(time)
             return ratio - SLOWEST_RATIO
 
-        turning = excess(path.edges) > 0.0
+        turning = excess(path.x) > 0.0
         crossed = np.flatnonzero(turning[:-1] & ~turning[1:])
         if not crossed.size:
             return None
-        until = path.edges[: crossed[0] + 1]
-        return np.append(until, brentq(excess, until[-1], path.edges[crossed[0] + 1], xtol=1e-15))
+        until = path.x[: crossed[0] + 1]
+        return np.append(until, brentq(excess, until[-1], path.x[crossed[0] + 1], xtol=1e-15))
 
 
 def _size(speed):

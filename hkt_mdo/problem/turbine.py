@@ -1,9 +1,7 @@
-"""The turbine of a case: its blade, the polar of each station and the area of each section.
+"""The turbine of a case, made of its section `rotor` and the files that this section names."""
 
-It is made of the section `rotor` of a case and the files that this section names.
-"""
-
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,31 +19,20 @@ HUB, BLADES = 0.125, 3  # hub over tip radius, blade count: where neither case n
 POLAR, OUTLINE = "naca63815_Re2e5", "naca63815"
 
 
-@dataclass(frozen=True, eq=False)
-class Turbine:
-    """What a rotor section describes.
-
-    Parameters
-    ----------
-    blade : Blade
-    polar : Polar, tuple of Polar (one a station), or LocalReynolds
-    section_area : float or ndarray, shape (n_stations,)
-        Area of the section's outline over chord squared.
-    thickness : float or ndarray, shape (n_stations,)
-        Largest thickness over chord.
-    messages : tuple of str
-        What was converted, extrapolated or left out.
-    """
+class Turbine(NamedTuple):
+    """What a rotor section describes; arrays, and tuples of polars, are over the stations."""
 
     blade: Blade
     polar: Polar | tuple[Polar, ...] | LocalReynolds
     section_area: float | np.ndarray
+    """Area of the section's outline over chord squared."""
     thickness: float | np.ndarray
+    """Largest thickness over chord."""
     messages: tuple[str, ...]
+    """What was converted, extrapolated or left out."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Section:
+class _Section(NamedTuple):
     """One section: polars by Reynolds number, thickness, and area over chord squared."""
 
     polars: PolarFamily
@@ -56,44 +43,27 @@ class _Section:
 def build_turbine(rotor: Rotor, fluid: Fluid, flow_speed: float) -> Turbine:
     """Read the files of a rotor section and return its turbine.
 
-    Parameters
-    ----------
-    rotor : Rotor
-    fluid : Fluid
-    flow_speed : float, m/s
-        At which local Reynolds numbers are taken.
-
-    Raises
-    ------
-    InputError
-        If a file is broken, or what they say does not fit together.
+    Local Reynolds numbers are those at flow_speed, m/s. Raises InputError if a file is broken, or
+    what they say does not fit together.
     """
     table, tip_radius, hub_radius = _blade_table(rotor)
     stations, messages = _stations(rotor, table, tip_radius, hub_radius)
     read = () if rotor.blade in shipped_names("blade") else table.messages
     table = _at_stations(table, stations).scaled(tip_radius)
     cone = np.deg2rad(rotor.cone) if rotor.cone is not None else table.cone or 0.0
-    blade = Blade(
-        table.r,
-        table.chord,
-        table.twist + (0.0 if rotor.chord is not None else np.deg2rad(rotor.set_angle or 0.0)),
-        hub_radius,
-        tip_radius,
-        rotor.blade_count or table.blade_count or BLADES,
-        float(cone),
-    )
+    set_angle = 0.0 if rotor.chord is not None else np.deg2rad(rotor.set_angle or 0.0)
+    count = rotor.blade_count or table.blade_count or BLADES
+    shape = table.r, table.chord, table.twist + set_angle
+    blade = Blade(*shape, hub_radius, tip_radius, count, float(cone))
     sections, blended = _sections(rotor, table)
-    families = tuple(each.polars for each in sections)
+    families, thickness, area = zip(*sections, strict=True)
     if rotor.reynolds == "local":
         families = families if len(families) > 1 else families * stations.size
         polar = LocalReynolds.of(families, flow_speed, fluid.kinematic_viscosity)
     else:
         polar = tuple(_invariant(family, rotor.reynolds_number) for family in families)
         polar = polar if len(polar) > 1 else polar[0]
-    area, thickness = sections[0].area, sections[0].thickness
-    if len(sections) > 1:
-        area = np.array([each.area for each in sections])
-        thickness = np.array([each.thickness for each in sections])
+    area, thickness = (np.array(each) if len(each) > 1 else each[0] for each in (area, thickness))
     return Turbine(blade, polar, area, thickness, (*read, *messages, *blended))
 
 
@@ -107,25 +77,22 @@ def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
         radius = _radius(rotor, None)
         rows = np.array(rotor.stations) * radius, np.array(rotor.chord), np.deg2rad(rotor.twist)
         table = BladeTable(*rows, tip_radius=radius)
-        return table, radius, (HUB if fraction is None else fraction) * radius
-    table = read_blade(rotor.blade, hub_radius=0.0)
-    own = shipped_rotor(rotor.blade).get("radius")
-    if own is not None and not table.relative:  # a shipped file in metres is of this size
-        table = replace(table, tip_radius=own)
+    else:
+        table = read_blade(rotor.blade, hub_radius=0.0)
+        own = shipped_rotor(rotor.blade).get("radius")
+        if own is not None and not table.relative:  # a shipped file in metres is of this size
+            table = replace(table, tip_radius=own)
     if table.hub_radius == 0.0 and not table.relative:  # its span is counted from the root
         if fraction is None:
-            raise InputError(
-                "counts its span from the blade's root and does not say the hub's radius",
-                "give rotor.hub_radius_fraction",
-                file=rotor.blade,
-            )
+            problem = "counts its span from the blade's root and does not say the hub's radius"
+            remedy = "give rotor.hub_radius_fraction"
+            raise InputError(problem, remedy, file=rotor.blade)
         span = float(table.r[-1])
         hub = span * fraction / (1.0 - fraction)
         table = replace(table, r=table.r + hub, tip_radius=hub + span, hub_radius=hub)
     if fraction is None:
-        fraction = HUB
-        if table.hub_radius is not None and table.tip_radius is not None:
-            fraction = table.hub_radius / table.tip_radius
+        known = table.hub_radius is not None and table.tip_radius is not None
+        fraction = table.hub_radius / table.tip_radius if known else HUB
     radius = _radius(rotor, None if table.relative else table.tip_radius)
     return table if table.relative else table.scaled(radius), radius, fraction * radius
 
@@ -134,9 +101,8 @@ def _radius(rotor: Rotor, own: float | None) -> float:
     """Return the tip radius of the case, or else that of the blade's file."""
     radius = own if rotor.radius is None else rotor.radius
     if radius is None:
-        raise InputError(
-            "does not say the tip radius", "give rotor.radius", file=rotor.blade, key="tip radius"
-        )
+        problem, remedy = "does not say the tip radius", "give rotor.radius"
+        raise InputError(problem, remedy, file=rotor.blade, key="tip radius")
     return radius
 
 
@@ -144,41 +110,32 @@ def _stations(rotor, table, tip_radius, hub_radius) -> tuple[np.ndarray, tuple[s
     """Return the radii of the stations in the table's unit of length, and messages about them."""
     tip, hub = (1.0, hub_radius / tip_radius) if table.relative else (tip_radius, hub_radius)
     low, high = table.r[0] / tip, table.r[-1] / tip
-    if rotor.stations is not None:
-        fraction = np.array(rotor.stations)
-    elif rotor.station_count is not None:
+    if rotor.stations is None and rotor.station_count is None:
+        own = table.interior(hub).r
+        if own.size < 3:
+            problem = f"has {own.size} rows between hub and tip"
+            remedy = "give at least 3, or rotor.station_count"
+            raise InputError(problem, remedy, file=rotor.blade)
+        text = f"{table.r.size - own.size} of {table.r.size} rows lie at hub or tip, where there is"
+        left_out = own.size < table.r.size
+        return own, (f"{text} no load: the stations are the others",) if left_out else ()
+    if rotor.stations is None:
         angle = np.pi * (np.arange(rotor.station_count) + 0.5) / rotor.station_count
         fraction = hub / tip + (1.0 - hub / tip) * 0.5 * (1.0 - np.cos(angle))
     else:
-        own = table.interior(hub).r
-        if own.size < 3:
-            raise InputError(
-                f"has {own.size} rows between hub and tip",
-                "give at least 3, or rotor.station_count",
-                file=rotor.blade,
-            )
-        left_out = table.r.size - own.size
-        text = f"{left_out} of {table.r.size} rows lie at hub or tip, where there is no load: the "
-        return own, (f"{text}stations are the others",) if left_out else ()
-    beyond = fraction[0] < low - 1e-9 * high or fraction[-1] > high * (1.0 + 1e-9)
-    if rotor.stations is not None and fraction[0] * tip <= hub:
-        raise InputError(
-            f"lies on or within the hub, whose radius is {hub_radius:.6g} m",
-            "move the first station outwards or lessen rotor.hub_radius_fraction",
-            key="rotor.stations[0]",
-            value=rotor.stations[0],
-        )
-    if rotor.stations is not None and beyond:
-        raise InputError(
-            f"blade covers r/R = {low:g} … {high:g} but rotor.stations reach "
-            f"{fraction[0]:g} … {fraction[-1]:g}",
-            "change them or extend the file",
-            file=rotor.blade,
-        )
-    text = (
-        f"the file covers r/R = {low:.4g} to {high:.4g}: chord, twist and section are carried on "
-    )
-    return fraction * tip, (f"{text}unchanged to hub and tip",) if beyond else ()
+        fraction = np.array(rotor.stations)
+        if fraction[0] * tip <= hub:
+            problem = f"lies on or within the hub, whose radius is {hub_radius:.6g} m"
+            remedy = "move the first station outwards or lessen rotor.hub_radius_fraction"
+            raise InputError(problem, remedy, key="rotor.stations[0]", value=rotor.stations[0])
+    if fraction[0] >= low - 1e-9 * high and fraction[-1] <= high * (1.0 + 1e-9):
+        return fraction * tip, ()
+    if rotor.stations is not None:
+        reach = f"but rotor.stations reach {fraction[0]:g} … {fraction[-1]:g}"
+        problem = f"blade covers r/R = {low:g} … {high:g} {reach}"
+        raise InputError(problem, "change them or extend the file", file=rotor.blade)
+    text = f"the file covers r/R = {low:.4g} to {high:.4g}: chord, twist and section are carried"
+    return fraction * tip, (f"{text} on unchanged to hub and tip",)
 
 
 def _at_stations(table: BladeTable, r: np.ndarray) -> BladeTable:
@@ -186,11 +143,8 @@ def _at_stations(table: BladeTable, r: np.ndarray) -> BladeTable:
     section = None
     if table.section is not None or table.section_position is not None:
         section = table.blend(np.clip(r, table.r[0], table.r[-1]))
-    columns = {
-        name: None if column is None else np.interp(r, table.r, column)
-        for name in ("chord", "twist", "thickness")
-        for column in [getattr(table, name)]
-    }
+    given = {name: getattr(table, name) for name in ("chord", "twist", "thickness")}
+    columns = {n: np.interp(r, table.r, each) for n, each in given.items() if each is not None}
     return replace(table, r=r, section=section, section_position=None, **columns)
 
 
@@ -205,45 +159,33 @@ def _sections(rotor, table) -> tuple[list[_Section], tuple[str, ...]]:
 
 def _named_sections(rotor, table) -> dict[str, _Section]:
     """Return the sections that the case or the blade's file gives, by name."""
-    if rotor.sections:
-        named = {}
-        for number, entry in enumerate(rotor.sections, start=1):
-            if entry.outline is None and entry.thickness is None:
-                raise InputError(
-                    "gives neither outline nor thickness",
-                    "give one of them",
-                    key=f"rotor.sections[{number - 1}]",
-                    value=entry.polar,
-                )
-            outline = None if entry.outline is None else Outline.from_file(entry.outline)
-            polars = PolarFamily.from_file(entry.polar)
-            named[entry.name or str(number)] = _section(rotor, polars, outline, entry.thickness)
-        return named
-    if rotor.polar is None and table.sections:
-        named = {}
+    named, from_file = {}, PolarFamily.from_file
+    for number, entry in enumerate(rotor.sections):
+        if entry.outline is None and entry.thickness is None:
+            problem, remedy = "gives neither outline nor thickness", "give one of them"
+            raise InputError(problem, remedy, key=f"rotor.sections[{number}]", value=entry.polar)
+        outline = None if entry.outline is None else Outline.from_file(entry.outline)
+        named[entry.name or str(number + 1)] = (from_file(entry.polar), outline, entry.thickness)
+    if not named and rotor.polar is None:
         for each in table.sections:
             outline = None if each.outline_x is None else Outline(each.outline_x, each.outline_y)
-            polars = PolarFamily.from_tables(each.polars)
-            named[each.name] = _section(rotor, polars, outline, each.thickness)
-        return named
-    several = {name for pair in table.section or () for name in pair[:2]}
-    if len(several) > 1 and rotor.polar is None:
-        raise InputError(
-            f"names {len(several)} sections: {', '.join(sorted(several)[:8])}",
-            "give rotor.sections, one for each, or rotor.polar for all of them",
-            file=rotor.blade,
-        )
-    outline = Outline.from_file(rotor.outline or OUTLINE)
-    return {"": _section(rotor, PolarFamily.from_file(rotor.polar or POLAR), outline, None)}
+            named[each.name] = (PolarFamily.from_tables(each.polars), outline, each.thickness)
+        several = sorted({name for pair in table.section or () for name in pair[:2]})
+        if not named and len(several) > 1:
+            problem = f"names {len(several)} sections: {', '.join(several[:8])}"
+            remedy = "give rotor.sections, one for each, or rotor.polar for all of them"
+            raise InputError(problem, remedy, file=rotor.blade)
+    named = named or {"": (from_file(rotor.polar or POLAR), None, None)}
+    return {name: _section(rotor, *parts) for name, parts in named.items()}
 
 
 def _section(rotor, polars, outline, thickness) -> _Section:
     """Return a section; one without an outline has the rotor's, stretched to its thickness."""
-    stretched = outline is None
-    outline = Outline.from_file(rotor.outline or OUTLINE) if stretched else outline
+    if outline is not None:
+        return _Section(polars, outline.thickness if thickness is None else thickness, outline.area)
+    outline = Outline.from_file(rotor.outline or OUTLINE)
     thickness = outline.thickness if thickness is None else thickness
-    area = outline.area * thickness / outline.thickness if stretched else outline.area
-    return _Section(polars, thickness, area)
+    return _Section(polars, thickness, outline.area * thickness / outline.thickness)
 
 
 def _mixed(inner: _Section, outer: _Section, share: float) -> _Section:
@@ -266,37 +208,29 @@ def _pairs(rotor, table, named):
     if table.section is not None:
         missing = sorted({name for pair in table.section for name in pair[:2]} - set(named))
         if missing:
-            raise InputError(
-                f"names the section {missing[0]}, which rotor.sections does not have",
-                f"give it there; known: {', '.join(named)}",
-                file=rotor.blade,
-            )
+            problem = f"names the section {missing[0]}, which rotor.sections does not have"
+            remedy = f"give it there; known: {', '.join(named)}"
+            raise InputError(problem, remedy, file=rotor.blade)
         return table.section, ()
     if table.thickness is None:
-        raise InputError(
-            f"says neither thickness nor section of its rows, but there are {len(named)} sections",
-            "add a column t_over_c or section",
-            file=rotor.blade,
-        )
+        problem = f"says neither thickness nor section of its rows, but there are {len(named)}"
+        remedy = "add a column t_over_c or section"
+        raise InputError(f"{problem} sections", remedy, file=rotor.blade)
     by_thickness = sorted(named, key=lambda name: named[name].thickness)
     values = np.array([named[name].thickness for name in by_thickness])
     if np.any(np.diff(values) <= 0.0):
-        raise InputError(
-            "has two sections of one thickness", "keep one of them", key="rotor.sections"
-        )
+        problem, remedy = "has two sections of one thickness", "keep one of them"
+        raise InputError(problem, remedy, key="rotor.sections")
     beyond = (table.thickness < values[0] - 1e-3) | (table.thickness > values[-1] + 1e-3)
-    messages = ()
-    if np.any(beyond):
-        messages = (
-            f"{np.count_nonzero(beyond)} stations are thinner or thicker than every section "
-            f"({values[0]:.3f} to {values[-1]:.3f}): they have the nearest one's polar",
-        )
+    text = (
+        f"{np.count_nonzero(beyond)} stations are thinner or thicker than every section "
+        f"({values[0]:.3f} to {values[-1]:.3f}): they have the nearest one's polar"
+    )
     place = np.interp(table.thickness, values, np.arange(values.size))
     inner = np.minimum(place.astype(int), values.size - 2)
-    return tuple(
-        (by_thickness[i], by_thickness[i + 1], float(share - i))
-        for i, share in zip(inner, place, strict=True)
-    ), messages
+    places = zip(inner, place, strict=True)
+    pairs = [(by_thickness[i], by_thickness[i + 1], float(at - i)) for i, at in places]
+    return pairs, (text,) if np.any(beyond) else ()
 
 
 def _invariant(family: PolarFamily, number: float | None) -> Polar:
@@ -305,9 +239,7 @@ def _invariant(family: PolarFamily, number: float | None) -> Polar:
         return family.polars[0]
     if number is None:
         known = ", ".join(f"{value:.3g}" for value in family.reynolds)
-        raise InputError(
-            f"is needed to choose from polars at {known}",
-            "give rotor.reynolds_number, or rotor.reynolds: local",
-            key="rotor.reynolds_number",
-        )
+        problem = f"is needed to choose from polars at {known}"
+        remedy = "give rotor.reynolds_number, or rotor.reynolds: local"
+        raise InputError(problem, remedy, key="rotor.reynolds_number")
     return family.at(number)

@@ -202,12 +202,12 @@ def _figures(solutions, ensembles):
     figures = {"Step flow: control torque and rotor speed": step}
     baseline = _named(solutions["sine_baseline_oloc"], "baseline (Bahaj)")
     for scenario in ("sine", "sine_limited"):
-        curves, flow = three(scenario), TITLES[scenario].partition(": ")[2]
+        curves, draw, flow = three(scenario), plots.figure_of, TITLES[scenario].partition(": ")[2]
         over_time = "Rotor speed, tip speed ratio, control and hydrodynamic torque"
         figures |= {
-            f"Twist and chord: {flow}": plots.figure_of([*curves, baseline], "blade"),
-            f"Power coefficient over tip speed ratio: {flow}": plots.figure_of(curves, "power_curve"),
-            f"{over_time}: {flow}": plots.figure_of(curves, "operation"),
+            f"Twist and chord: {flow}": draw([*curves, baseline], "blade"),
+            f"Power coefficient over tip speed ratio: {flow}": draw(curves, "power_curve"),
+            f"{over_time}: {flow}": draw(curves, "operation"),
         }
     for flow in FLOWS:
         replay = ensembles[ensemble_key("oloc", flow, None)]

@@ -4,17 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hkt_mdo.dynamics.controllers import LinearLaw, QuadraticLaw
-from hkt_mdo.dynamics.inflow import (
-    ConstantInflow,
-    GustInflow,
-    SineInflow,
-    StepInflow,
-    TurbulentInflow,
-)
 from scipy.integrate import solve_ivp
 
-from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant, RecordedTorque, simulate
+from hkt_mdo.dynamics.flows import ConstantInflow, GustInflow, Inflow, SineInflow, StepInflow
+from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
+from hkt_mdo.dynamics.sampled import TurbulentInflow
+from hkt_mdo.dynamics.simulation import (
+    SLOWEST_RATIO,
+    Plant,
+    RecordedTorque,
+    _Motion,
+    simulate,
+)
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.bem import Coefficients
@@ -41,7 +42,7 @@ def test_speed_under_constant_torques_is_a_straight_line(blade, polar):
     coefficient, control, inertia, duration = 0.05, 300.0, 40.0, 5.0
     plant = Plant(blade, polar, inertia, DENSITY, constant_torque_coefficient(coefficient))
     torque = 0.5 * DENSITY * 1.5**2 * np.pi * 1.4**3 * coefficient
-    run = simulate(plant, ConstantInflow(1.5), lambda t, w: control, 6.0, duration)
+    run = simulate(plant, ConstantInflow(speed=1.5), lambda t, w: control, 6.0, duration)
     rate = (torque - control) / inertia
     np.testing.assert_allclose(run.rotor_speed, 6.0 + rate * run.time, rtol=1e-8)
     angle = 6.0 * duration + 0.5 * rate * duration**2
@@ -62,7 +63,7 @@ def relaxing(blade, polar, rate):
 
 def test_linear_equation_has_its_closed_solution(blade, polar):
     plant, control = relaxing(blade, polar, 1.0)
-    run = simulate(plant, ConstantInflow(1.5), control, 7.0, 20.0)
+    run = simulate(plant, ConstantInflow(speed=1.5), control, 7.0, 20.0)
     exact = 5.0 + np.cos(run.time) + np.exp(-run.time)
     np.testing.assert_allclose(run.rotor_speed, exact, rtol=1e-8)
 
@@ -72,7 +73,7 @@ def test_method_is_of_order_nine(blade, polar):
     plant, control = relaxing(blade, polar, 1.0)
 
     def error(step):
-        run = simulate(plant, ConstantInflow(1.5), control, 7.0, 8.0, 2, step, 1e3)
+        run = simulate(plant, ConstantInflow(speed=1.5), control, 7.0, 8.0, 2, step, 1e3)
         return abs(run.rotor_speed[-1] - 5.0 - np.cos(8.0) - np.exp(-8.0))
 
     assert np.log2(error(2.0) / error(1.0)) == pytest.approx(9.0, abs=0.5)
@@ -82,7 +83,7 @@ def test_method_is_of_order_nine(blade, polar):
 def test_stiff_limit_follows_the_slow_solution(blade, polar, rate):
     """However fast the rotor answers, w = 5 + cos t is followed by steps of a second."""
     plant, control = relaxing(blade, polar, rate)
-    run = simulate(plant, ConstantInflow(1.5), control, 6.0, 20.0, 401, 1.0)
+    run = simulate(plant, ConstantInflow(speed=1.5), control, 6.0, 20.0, 401, 1.0)
     np.testing.assert_allclose(run.rotor_speed, 5.0 + np.cos(run.time), rtol=1e-7)
 
 
@@ -91,8 +92,10 @@ def test_a_rotor_in_equilibrium_stays_there(plant):
     optimum = best_operation(plant.blade, plant.polar)
     gain = 0.5 * DENSITY * np.pi * 1.4**5 * optimum.power_coefficient / optimum.tip_speed_ratio**3
     speed = optimum.tip_speed_ratio * 1.5 / 1.4
-    law = QuadraticLaw()
-    run = simulate(plant, ConstantInflow(1.5), lambda t, w: law.torque(w, [gain]), speed, 20.0)
+    law = QuadraticFeedback()
+    run = simulate(
+        plant, ConstantInflow(speed=1.5), lambda t, w: law.torque(w, np.array([gain])), speed, 20.0
+    )
     np.testing.assert_allclose(run.rotor_speed, speed, rtol=1e-7)
     power = 0.5 * DENSITY * np.pi * 1.4**2 * 1.5**3 * optimum.power_coefficient
     assert run.energy == pytest.approx(20.0 * power, rel=1e-7)
@@ -100,13 +103,13 @@ def test_a_rotor_in_equilibrium_stays_there(plant):
 
 @pytest.fixture(scope="module")
 def closed_loop(plant):
-    law = QuadraticLaw(700.0)
+    law = QuadraticFeedback(torque_limit=700.0)
 
     def run(tolerance):
         return simulate(
             plant,
-            SineInflow(1.5, 0.2, 0.25),
-            lambda t, w: law.torque(w, [20.0]),
+            SineInflow(),
+            lambda t, w: law.torque(w, np.array([20.0])),
             6.5,
             30.0,
             tolerance=tolerance,
@@ -128,15 +131,38 @@ def test_tolerance_does_not_decide_the_energy(closed_loop):
 
 
 def test_a_rotor_that_is_braked_too_hard_stops(plant):
-    run = simulate(plant, ConstantInflow(1.5), lambda t, w: 5000.0, 6.0, 20.0)
+    run = simulate(plant, ConstantInflow(speed=1.5), lambda t, w: 5000.0, 6.0, 20.0)
     assert run.stopped_at is not None
     assert 0.0 < run.stopped_at < 1.0
     assert run.time[-1] == run.stopped_at
 
 
+@pytest.mark.parametrize("refused", [1, np.inf])
+def test_stopping_time_is_solved_for_or_not_told(plant, monkeypatch, refused):
+    """Where the steps up to the standstill are refused, shorter windows are tried."""
+
+    def brake():
+        return simulate(plant, ConstantInflow(speed=1.5), lambda t, w: 5000.0, 6.0, 20.0)
+
+    stopped, solve, refusals = brake().stopped_at, _Motion._solve, []
+
+    def stubborn(motion, edges, *state):
+        if edges[-1] == pytest.approx(stopped, rel=1e-6) and len(refusals) < refused:
+            return refusals.append(edges)
+        return solve(motion, edges, *state)
+
+    monkeypatch.setattr(_Motion, "_solve", stubborn)
+    if refused == 1:
+        assert brake().stopped_at == pytest.approx(stopped, rel=1e-9)
+    else:
+        with pytest.raises(InputError, match="integration fails at t ="):
+            brake()
+    assert refusals
+
+
 def test_work_of_a_constant_brake_is_torque_times_angle(plant):
     """Up to the moment at which the rotor stands still, neither before nor after it."""
-    run = simulate(plant, ConstantInflow(1.5), lambda t, w: 5000.0, 6.0, 20.0, 2001)
+    run = simulate(plant, ConstantInflow(speed=1.5), lambda t, w: 5000.0, 6.0, 20.0, 2001)
     ratio = run.rotor_speed[-1] * plant.blade.rotor_radius / 1.5
     assert ratio == pytest.approx(SLOWEST_RATIO, rel=1e-9)
     angle = np.trapezoid(run.rotor_speed, run.time)
@@ -149,32 +175,46 @@ def test_failed_integration_is_no_rotor_that_stops(plant):
     with pytest.raises(InputError, match="integration fails at t ="):
         simulate(
             plant,
-            SineInflow(1.5, 0.2, 0.25),
+            SineInflow(),
             lambda t, w: np.where(w < 7.6, 300.0, 600.0),
             7.5,
             9.0,
         )
 
 
-class _Ripple:
+class _Ripple(Inflow):
     """A flow of one's own that tells nothing of itself: a bump of a fiftieth of a second."""
 
-    def speed(self, time):
+    profile: str = "ripple"
+
+    def speed_at(self, time):
         return 1.5 + 0.3 * np.exp(-(((np.asarray(time) - 20.37) / 0.02) ** 2))
 
 
 @pytest.mark.parametrize(
-    "flow", [GustInflow(1.5, 0.3, 20.3, 0.05), _Ripple()], ids=["gust", "unknown"]
+    "flow", [GustInflow(time=20.3, width=0.05), _Ripple()], ids=["gust", "unknown"]
 )
 def test_gust_much_shorter_than_a_step_is_seen(plant, flow):
     def energy(step):
         run = simulate(
-            plant, flow, lambda t, w: QuadraticLaw().torque(w, [11.0]), 7.5, 30.0, 2, step
+            plant,
+            flow,
+            lambda t, w: QuadraticFeedback().torque(w, np.array([11.0])),
+            7.5,
+            30.0,
+            2,
+            step,
         )
         return run.energy
 
     steady = simulate(
-        plant, ConstantInflow(1.5), lambda t, w: QuadraticLaw().torque(w, [11.0]), 7.5, 30.0, 2, 1.0
+        plant,
+        ConstantInflow(speed=1.5),
+        lambda t, w: QuadraticFeedback().torque(w, np.array([11.0])),
+        7.5,
+        30.0,
+        2,
+        1.0,
     )
     assert energy(1.0) / energy(0.005) - 1.0 == pytest.approx(0.0, abs=1e-10)
     assert energy(1.0) > 1.0001 * steady.energy
@@ -198,8 +238,8 @@ def test_recorded_torque_stays_in_the_generators_range():
     assert np.max(recorded(dense)) == 700.0
 
 
-SINE = SineInflow(1.5, 0.2, 0.25)
-TURBULENCE = TurbulentInflow("kaimal", 1.5, 0.1, 20.0, 1, 120.0, 1.0)
+SINE = SineInflow()
+TURBULENCE = TurbulentInflow(spectrum="kaimal", length_scale=20.0, duration=180.0, cutoff=1.0)
 
 
 def recorded(limit):
@@ -211,19 +251,19 @@ def recorded(limit):
 
 
 def quadratic(time, speed):
-    return QuadraticLaw(700.0).torque(speed, [11.0])
+    return QuadraticFeedback(torque_limit=700.0).torque(speed, np.array([11.0]))
 
 
 @pytest.mark.parametrize(
     ("inertia", "flow", "control"),
     [
         (4.0, SINE, quadratic),
-        (4.0, SINE, lambda t, w: LinearLaw(700.0).torque(w, [68.0])),
+        (4.0, SINE, lambda t, w: LinearFeedback(torque_limit=700.0).torque(w, np.array([68.0]))),
         (0.1, SINE, quadratic),
         (4000.0, SINE, quadratic),
         (4.0, SINE, recorded(620.0)),
-        (4.0, StepInflow(1.3, 1.7, 10.0, 0.1), quadratic),
-        (4.0, GustInflow(1.5, 0.3, 10.0, 2.0, "mexican_hat"), quadratic),
+        (4.0, StepInflow(before=1.3, after=1.7, time=10.0, width=0.1), quadratic),
+        (4.0, GustInflow(shape="mexican_hat", time=10.0, width=2.0), quadratic),
         (4.0, TURBULENCE, quadratic),
     ],
     ids=["quadratic", "linear", "light", "heavy", "recorded", "step", "gust", "turbulence"],
@@ -233,7 +273,7 @@ def test_energies_and_speeds_are_those_of_scipy(plant, inertia, flow, control):
     run = simulate(plant, flow, control, 7.5, 20.0, 401, 1.0)
 
     def rates(time, state):
-        driving = plant.torque(state[:1], np.array([flow.speed(time)]))[0]
+        driving = plant.torque(state[:1], np.array([flow.speed_at(time)]))[0]
         brake = float(control(time, state[0]))
         return [(driving - brake) / inertia, driving * state[0] / 1e4, brake * state[0] / 1e4]
 
