@@ -23,19 +23,7 @@ _HOMES = {
     "Quantity": "sections",
 }
 
-__all__ = [
-    "Case",
-    "FeedbackLaw",
-    "Inflow",
-    "InputError",
-    "Limit",
-    "Objective",
-    "Quantity",
-    "Solution",
-    "build_problem",
-    "load_case",
-    "run_case",
-]
+__all__ = sorted(_HOMES)
 
 
 def __getattr__(name: str):
@@ -46,4 +34,4 @@ def __getattr__(name: str):
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return __all__

@@ -5,6 +5,7 @@ What takes long to import waits inside the commands, so that help comes at once.
 
 from __future__ import annotations
 
+import gc
 import inspect
 import io
 import os
@@ -65,6 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     `arguments` is what follows ``hkt``, by default that of the process.
     """
+    gc.set_threshold(100_000, 50, 50)  # what is imported lives on: looking at it often takes long
     # a path may hold what the terminal's encoding does not
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")

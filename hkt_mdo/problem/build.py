@@ -49,23 +49,11 @@ def build_problem(case: Case, *, improve: bool | None = None) -> om.Problem:
     `problem.run_model()`, `problem.check_partials()`, `om.n2(problem)` and `problem.run_driver()`
     take it as it stands. `run_case` optimizes it more than once where need be, and judges.
 
-    Parameters
-    ----------
-    case : Case
-    improve : bool or None
-        Whether the starting blade and gains are improved by quasi-steady co-design, or kept as
-        given; None: as the case's `start.method` says.
-
-    Returns
-    -------
-    om.Problem
-        Its outputs: energy, generator_energy, objective (J), mass, inertia; `traj.phase.timeseries`
-        has the trajectory.
-
-    Raises
-    ------
-    InputError
-        If a file of the case is broken, or its optimizer is not installed.
+    `improve` says whether the starting blade and gains are improved by quasi-steady co-design, or
+    kept as given; None: as the case's `start.method` says. Outputs of the problem are energy,
+    generator_energy and objective (J), mass (kg), inertia (kg*m**2); `traj.phase.timeseries` has
+    the trajectory. Raises InputError if a file of the case is broken, or its optimizer is not
+    installed.
     """
     physics = make_physics(case)
     if improve is None:

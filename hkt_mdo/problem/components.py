@@ -4,13 +4,10 @@ import numpy as np
 import openmdao.api as om
 
 from hkt_mdo.dynamics.limits import STEP, Limit
+from hkt_mdo.dynamics.rotor_ode import FIXED
 from hkt_mdo.dynamics.trajectory import QUANTITIES
 
-SCALARS = {
-    "rotor_radius": ("m", "radius of the swept disc"),
-    "density": ("kg/m**3", "density of the water"),
-    "inertia": ("kg*m**2", "moment of inertia about the shaft"),
-}
+SCALARS = {name: FIXED[name] for name in ("rotor_radius", "density", "inertia")}
 """Unit and description of what limits and objectives may take from the design."""
 
 

@@ -32,23 +32,10 @@ START_EXCESS = 1e-3  # relative excess of a limit up to which a start counts as 
 class Physics:
     """What a case describes, as the values that the optimization and the judges work with.
 
-    Parameters
-    ----------
-    case : Case
-        Complete: its time span and segments are numbers.
-    shape : Shape
-        What of the blade is designed; has the blade as given.
-    polar : Polar, tuple of Polar (one a station), or LocalReynolds
-    section_area, thickness : float or array, shape (n_stations,)
-        Area of the section's outline over chord squared; largest thickness over chord.
-    scenarios : tuple of Scenario
-        The flows; usually one.
-    law : FeedbackLaw or None
-        None: open loop.
-    limits : tuple of Limit
-    objective : Objective
-    messages : tuple of str
-        What was converted, repaired or left out of the files.
+    `case` is complete: its time span and segments are numbers. `shape` has the blade as given and
+    what of it is designed; `polar` is one for all stations, or one a station. section_area (over
+    chord squared) and thickness (over chord) are one number, or one a station. There is usually one
+    scenario. `law` None: open loop. `messages` tell what was converted, repaired or left out.
     """
 
     case: Case

@@ -21,17 +21,10 @@ from hkt_mdo.dynamics.trajectory import QUANTITIES
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """A flow over a time span, on a mesh, with its weight in the objective.
+    """A flow over a time span, on a mesh.
 
-    Parameters
-    ----------
-    inflow : Inflow
-    mesh : hkt_mdo.case.Phase
-        Complete: duration and segments are numbers.
-    weight : float
-        Of its energies in those of the problem.
-    name : str
-        Of its Dymos phase.
+    `mesh` is complete: duration and segments are numbers. `weight` is that of the scenario's
+    energies in those of the problem, `name` that of its Dymos phase.
     """
 
     inflow: Inflow

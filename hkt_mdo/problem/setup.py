@@ -90,18 +90,10 @@ NARROW = MoveLimits(slower=0.8, faster=1.25, chord=1.3, twist=np.deg2rad(3.0), g
 class Setup:
     """What one optimization begins with.
 
-    Parameters
-    ----------
-    start : StartingPoint
-    nodes : array, shape (n_nodes,)
-        Tip speed ratios of the torque curve.
-    moves : MoveLimits
-    slowed : float
-        Share of its speed that a rotor under feedback must be able to lose
-        (`hkt_mdo.dynamics.limits.DistanceFromStall`); 0: nothing is asked. Needs a torque curve.
-    shares : dict of (str, str) to array, shape (segments,)
-        By names of limit and scenario: share of the limit's upper bound that is asked at the nodes
-        of each segment, so that the limit holds between the nodes as well.
+    `nodes` are the tip speed ratios of the torque curve. `slowed` is the share of its speed that a
+    rotor under feedback must be able to lose (`DistanceFromStall`; 0: nothing is asked). `shares`
+    has, by the names of limit and scenario, the share of the limit's upper bound that is asked at
+    the nodes of each segment, so that the limit holds between the nodes as well.
     """
 
     start: StartingPoint

@@ -109,6 +109,16 @@ class Solution:
         return printable(self.summary.get("message") or "")
 
     @property
+    def energy(self) -> float | None:
+        """Energy that the rotor takes from the flow, by collocation (J)."""
+        return self.summary.energy_J
+
+    @property
+    def gain(self) -> float | list[float] | None:
+        """Gain of the feedback law, in the unit of `control.gain`; None for open loop."""
+        return self.summary.gain
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What was converted, repaired or left out of the case's files, a printable line each."""
         return tuple(printable(note) for note in self.summary.get("notes") or ())

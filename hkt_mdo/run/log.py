@@ -132,35 +132,22 @@ def read_iterate(out: Path, physics: Physics) -> tuple[StartingPoint | None, flo
     path = out / "iterate.json"
     if not path.exists():
         return None, 0.0, []
-    n_stations = physics.blade.r.size
-    n_times = sum(scenario.samples.size for scenario in physics.scenarios)
-    sizes = {
-        "chord_m": n_stations,
-        "twist_rad": n_stations,
-        "rotor_radius_m": 1,
-        "gains": len(physics.gain_units),
-        "energy_J": 1,
-        "reference_energy_J": 1,
-        "rotor_speed_rad_s": n_times,
-        "hydrodynamic_torque_Nm": n_times,
-    }
+    stations = physics.blade.r.size
+    times = sum(scenario.samples.size for scenario in physics.scenarios)
+    sizes = {"chord_m": stations, "twist_rad": stations, "gains": len(physics.gain_units)}
+    sizes |= dict.fromkeys(("rotor_radius_m", "energy_J", "reference_energy_J"), 1)
+    sizes |= dict.fromkeys(("rotor_speed_rad_s", "hydrodynamic_torque_Nm"), times)
     content = read_bytes(path, MAX_ITERATE_BYTES, "iterate of a run")
     try:
         data = json.loads(content)
-        values = {
-            key: np.array(data[key], dtype=float).reshape(size) for key, size in sizes.items()
-        }
-        sound = all(np.all(np.isfinite(value)) for value in values.values())
-        for key in ("chord_m", "rotor_radius_m", "gains", "rotor_speed_rad_s"):
-            sound = sound and bool(np.all(values[key] > 0.0))
+        values = {key: np.array(data[key], dtype=float).reshape(n) for key, n in sizes.items()}
+        if not all(np.all(np.isfinite(value)) for value in values.values()):
+            raise ValueError
+        if any(np.any(values[key] <= 0.0) for key in ("chord_m", "rotor_radius_m")):
+            raise ValueError
     except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
-        sound = False
-    if not sound:
-        raise InputError(
-            "is no iterate of this case",
-            "delete it to begin anew, or run the case again with --force",
-            file=path,
-        )
+        remedy = "delete it to begin anew, or run the case again with --force"
+        raise InputError("is no iterate of this case", remedy, file=path) from None
     table = {}
     if (out / "summary.json").exists():
         table = Solution.load(out, extensions=physics.case.extensions).convergence
@@ -169,11 +156,8 @@ def read_iterate(out: Path, physics: Physics) -> tuple[StartingPoint | None, flo
         radius = float(np.clip(values["rotor_radius_m"][0], *shape.radius_bounds))
     blade = physics.blade.with_rotor_radius(radius)
     blade = shape.nearest(blade.with_shape(values["chord_m"], values["twist_rad"]))
-    operation = Operation(
-        float(values["energy_J"][0]),
-        values["rotor_speed_rad_s"],
-        values["hydrodynamic_torque_Nm"],
-    )
+    over_time = values["rotor_speed_rad_s"], values["hydrodynamic_torque_Nm"]
+    operation = Operation(float(values["energy_J"][0]), *over_time)
     history = list(zip(*table.values(), strict=True))
     reference = float(values["reference_energy_J"][0])
     return StartingPoint(blade, values["gains"], operation), reference, history

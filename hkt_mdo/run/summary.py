@@ -17,17 +17,7 @@ from hkt_mdo.run.judge import energy_bound, explain, total
 
 BINDING = 1e-3  # relative distance from its bound within which a limit counts as binding
 
-PACKAGES = (
-    "hkt_mdo",
-    "openmdao",
-    "dymos",
-    "numpy",
-    "scipy",
-    "numba",
-    "casadi",
-    "wisdem",
-    "pyoptsparse",
-)
+PACKAGES = "hkt_mdo openmdao dymos numpy scipy numba casadi wisdem pyoptsparse".split()
 
 
 def summarize(physics, optimum, start, result, flights, checks) -> Summary:

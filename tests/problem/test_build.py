@@ -16,7 +16,6 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup, find_start, steady_optimum
 from hkt_mdo.rotor.steady_optimum import best_operation
-from hkt_mdo.solve.drivers import outcome
 
 VARIANTS = {
     "quadratic": "control: {law: quadratic, torque_limit: 700}",
@@ -216,7 +215,7 @@ def test_the_public_problem_is_optimized_as_it_stands():
     world = physics(load_case(case))
     start = find_start(world, steady_optimum(world, world.blade)).operation.energy
     problem.run_driver()
-    assert outcome(problem.driver).success
+    assert problem.driver.outcome().success
     assert problem.get_val("energy")[0] == pytest.approx(start, rel=5e-4)
     assert problem.get_val("energy")[0] > start
 
