@@ -29,10 +29,10 @@ def have_one_root(blade, polar, ratio):
     for j, r in enumerate(blade.r):
         station = blade.chord[j], blade.twist[j], r, blade.hub_radius, blade.tip_radius
         terms = [
-            bem._terms(angle, *station, blade.blade_count, polar.coefficients)[0]
+            bem._terms(angle, *station, blade.blade_count, polar.coefficients)[:2]
             for angle in angles
         ]
-        s, c, _, _ = np.transpose(terms)
+        s, c = np.transpose(terms)
         f = s - c * blade.tip_radius / (ratio[:, None] * r)
         single &= np.count_nonzero(np.diff(np.sign(f)), axis=1) == 1
     return single
