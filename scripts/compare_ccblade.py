@@ -225,10 +225,10 @@ def compare(rotor, derivatives=False):
         [(loads["Np"], loads["Tp"]) for loads, _ in recorded]
     )  # (points, 2, stations)
     kinds = np.empty(phi_cc.shape, dtype=object)
-    (*arguments, polars, section, _), _, _ = bem._arguments(blade, rotor.polar)
+    *arguments, polars, section, _ = bem._arguments(blade, rotor.polar)
     for i, j in np.ndindex(kinds.shape):
         station = (blade.chord[j], blade.twist[j], blade.r[j], *arguments[3:], polars[section[j]])
-        s, c = bem._terms(float(phi_cc[i, j]), *station)[:2]
+        s, c, _, _ = bem._terms(float(phi_cc[i, j]), *station)[0]
         residual = (s - c * blade.tip_radius / (ratios[i] * blade.r[j])) / s if s else np.inf
         kinds[i, j] = kind_of(
             found.branch[i, j],

@@ -42,7 +42,8 @@ _NEGATIVE_SAMPLES = -PHI_MIN - (0.5 * np.pi - PHI_MIN) * np.linspace(0.0, 1.0, 3
 FINEST = 0.004  # rad, about the spacing of a polar's knots: no interval is divided further
 MOST_KNOTS = 1024  # on the curve of a station; 50 to 60 are usual
 
-_NO_ROOT = (0.0,) * 15  # as `_terms` has them, with s = 0
+# The terms of no root: s = 0; see `_terms`
+_NOTHING = (0.0,) * 4, (0.0,) * 6, (0.0,) * 5
 
 # Rows of `Sections.derivatives`
 INPUTS = ("tip_speed_ratio", "chord", "twist", "log_reynolds")
@@ -51,12 +52,15 @@ INPUTS = ("tip_speed_ratio", "chord", "twist", "log_reynolds")
 class Sections(NamedTuple):
     """State of the flow at every operating point (axis 0) and station (axis 1).
 
-    Angles in rad, relative_speed over the inflow speed, loads in N/m over 0.5 rho V², that is m;
-    residual f, infinite where there is no root (all else is then zero). branch is 0 for momentum
-    theory (k <= 2/3), 1 for Buhl's empirical branch (k > 2/3), 2 for an inflow angle beyond 90
-    degrees, 3 for a negative one (propeller brake) and -1 for no root. derivatives are those of the
-    tangential, then the normal load by `INPUTS`, shape (2, 4, n_points, n_stations), empty unless
-    requested; all but the last are at a constant Reynolds number.
+    inflow_angle, angle_of_attack (rad), axial_induction, tangential_induction; relative_speed over
+    the inflow speed; normal_load and tangential_load in N/m over 0.5 rho V², that is m; residual f,
+    infinite where there is no root (all else is then zero).
+
+    branch is 0 for momentum theory (k <= 2/3), 1 for Buhl's empirical branch (k > 2/3), 2 for an
+    inflow angle beyond 90 degrees, 3 for a negative inflow angle (propeller brake) and -1 for no
+    root. derivatives are those of the tangential, then the normal load with respect to `INPUTS`,
+    shape (2, 4, n_points, n_stations), empty unless requested; all but the last are at a constant
+    Reynolds number.
     """
 
     inflow_angle: np.ndarray
@@ -75,10 +79,11 @@ class Coefficients(NamedTuple):
     """Rotor coefficients at n operating points, and the torque coefficient's derivatives.
 
     torque = Q / (0.5 rho V² pi R³), power = P / (0.5 rho V³ pi R²), thrust = T / (0.5 rho V² pi
-    R²), R the radius of the disc. Derivatives, empty unless requested, have shape (n,), and those
-    by chord (1/m) and twist (1/rad) (n, n_stations). By the radius (1/m), hub, stations and tip
-    move with the disc at constant chord and twist; by ln(Re), the Reynolds numbers of all stations
-    grow by one factor, as with the speed of the flow.
+    R²), R the radius of the disc, each of shape (n,). Derivatives are empty unless requested:
+    torque_by_tip_speed_ratio (n,); torque_by_chord (1/m) and torque_by_twist (1/rad) of shape
+    (n, n_stations); torque_by_rotor_radius (1/m, shape (n,)), where hub, stations and tip move with
+    the disc at constant chord and twist; torque_by_log_reynolds (n,), where the Reynolds numbers of
+    all stations grow by one factor, as with the speed of the flow.
     """
 
     torque: np.ndarray
@@ -120,7 +125,7 @@ def _loss_at(exponent):
 
 @njit(cache=True, error_model="numpy")
 def _terms(phi, chord, twist, r, hub_radius, tip_radius, blade_count, polar):
-    """Evaluate a station at an inflow angle: s, c, their slopes, forces, their slopes, k, k' cos.
+    """Evaluate a station at an inflow angle: s, c and their slopes, forces and their parts.
 
     Arguments may be complex: the tests check every derivative by complex step.
     """
@@ -164,16 +169,47 @@ def _terms(phi, chord, twist, r, hub_radius, tip_radius, blade_count, polar):
     s_phi = cosine * bracket + sine * (bracket_k * k_phi + bracket_loss * loss * log_loss_phi)
     c_phi = -sine - m_phi
     return (
-        *(s, c, s_phi, c_phi),
-        *(tangential, normal, tangential_phi, normal_phi, tangential_a, normal_a),
-        *(k, m, k_unit, m_unit, sine * bracket_k),
+        (s, c, s_phi, c_phi),
+        (tangential, normal, tangential_phi, normal_phi, tangential_a, normal_a),
+        (k, m, k_unit, m_unit, sine * bracket_k),
     )
+
+
+@njit(cache=True, error_model="numpy")
+def _derivatives(terms, tip_speed_ratio, chord, r, tip_radius, by_reynolds, out):
+    """Fill out[n_loads, n_inputs]: total derivatives of the loads at a root, by `INPUTS`.
+
+    dphi/dx = -f_x / f_phi by the implicit function theorem. by_reynolds holds the derivatives of
+    the tangential and the normal force coefficient by the logarithm of the Reynolds number.
+    """
+    (s, c, s_phi, c_phi), forces, (k, m, k_unit, m_unit, s_k) = terms
+    lambda_r = tip_speed_ratio * r / tip_radius
+    f_phi = s_phi - c_phi / lambda_r
+    chord_load = chord / (s * s)
+    for i in range(out.shape[1]):
+        # Changes at constant phi: of f by the speed ratio, of ln(chord), and of the forces
+        f_ratio = by_chord = tangential_x = normal_x = 0.0
+        if i == 0:
+            f_ratio = c / (lambda_r * lambda_r) * r / tip_radius
+        elif i == 1:
+            by_chord = 1.0 / chord
+        elif i == 2:
+            tangential_x, normal_x = -forces[4], -forces[5]
+        else:
+            tangential_x, normal_x = by_reynolds
+        s_x = s_k * (k_unit * normal_x + k * by_chord)
+        m_x = m_unit * tangential_x + m * by_chord
+        phi_x = -(s_x + m_x / lambda_r + f_ratio) / f_phi
+        s_x += s_phi * phi_x
+        for load in range(out.shape[0]):
+            force_x = (normal_x if load else tangential_x) + forces[2 + load] * phi_x
+            out[load, i] = chord_load * (force_x + forces[load] * (by_chord - 2.0 * s_x / s))
 
 
 @njit(cache=True, error_model="numpy")
 def _point(phi, station):
     """Return phi, s, c, their slopes, and the curve's polar angle arctan(g) with its slope."""
-    s, c, s_phi, c_phi = _terms(phi, *station)[:4]
+    s, c, s_phi, c_phi = _terms(phi, *station)[0]
     return phi, s, c, s_phi, c_phi, (c_phi * s - c * s_phi) / (s * s + c * c), np.arctan2(c, s)
 
 
@@ -221,10 +257,10 @@ def _last_positive(left, right, station):
 @njit(cache=True, error_model="numpy")
 def _add(point, knots, count):
     """Append a point to the knots; return their number."""
-    for row in range(5):
-        knots[row, count] = point[row]
     g = point[2] / point[1] if point[1] > 0.0 else np.inf
-    knots[5, count] = min(g, knots[5, count - 1]) if count else g
+    knots[0, count], knots[1, count], knots[2, count] = point[0], point[1], point[2]
+    knots[3, count], knots[4, count], knots[5, count] = point[3], point[4], g
+    knots[6, count] = min(g, knots[6, count - 1]) if count else g
     return count + 1
 
 
@@ -232,9 +268,9 @@ def _add(point, knots, count):
 def _curve(lowest, station, knots):
     """Sample a station's curve g = c / s; return the number of knots.
 
-    knots[6, n] holds phi, s, c, their slopes, and the running minimum of g where s > 0. The local
-    minima of the curve are knots too. Sampling ends where the running minimum is at or below
-    `lowest`, because all first roots have then been passed.
+    knots[7, n] holds phi, s, c, their slopes, g (infinite where s <= 0) and the running minimum of
+    g. The local minima of the curve are knots too. Sampling ends where the running minimum is at or
+    below `lowest`, because all first roots have then been passed.
     """
     left = _point(_SAMPLES[0], station)
     count = _add(left, knots, 0)
@@ -256,7 +292,7 @@ def _curve(lowest, station, knots):
                 break
             left, right = right, goal
         left = right
-        if knots[5, count - 1] <= lowest:
+        if knots[6, count - 1] <= lowest:
             break
     return count
 
@@ -276,7 +312,7 @@ def _root(left, right, lambda_r, station):
     f_before = np.inf
     for _ in range(100):
         terms = _terms(phi, *station)
-        s, c, s_phi, c_phi = terms[:4]
+        s, c, s_phi, c_phi = terms[0]
         f = s - c / lambda_r
         if abs(f) <= 2e-15 * (abs(s) + abs(c) / lambda_r):
             break
@@ -295,66 +331,136 @@ def _root(left, right, lambda_r, station):
 
 
 @njit(cache=True, error_model="numpy")
-def _residual(point, lambda_r):
-    """Return the angle of a point or knot, the residual there and its slope."""
-    return point[0], point[1] - point[2] / lambda_r, point[3] - point[4] / lambda_r
+def _brake_bracket(lambda_r, station):
+    """Return the residual's sign change nearest below phi = 0, both ends as in `_residual`."""
+    low = np.nan, np.nan, np.nan
+    for phi in _NEGATIVE_SAMPLES:
+        s, c, s_phi, c_phi = _terms(phi, *station)[0]
+        high = phi, s - c / lambda_r, s_phi - c_phi / lambda_r
+        if high[1] * low[1] < 0.0:
+            return low, high
+        low = high
+    return low, low
+
+
+@njit(cache=True, error_model="numpy")
+def _residual(knots, place, lambda_r):
+    """Return the angle of a knot, the residual there and its slope."""
+    return (
+        knots[0, place],
+        knots[1, place] - knots[2, place] / lambda_r,
+        knots[3, place] - knots[4, place] / lambda_r,
+    )
 
 
 @njit(cache=True, error_model="numpy")
 def _first_root(lambda_r, knots, n_knots, station):
     """Return the first root (phi and the terms there), or terms with s <= 0."""
-    # The first knot whose running minimum is <= lambda_r
-    above = np.searchsorted(-knots[5, :n_knots], -lambda_r)
-    phi, terms = 0.0, _NO_ROOT
+    below, above = -1, n_knots  # above: the first knot whose running minimum is <= lambda_r
+    while above - below > 1:
+        middle = (below + above) // 2
+        if knots[6, middle] > lambda_r:
+            below = middle
+        else:
+            above = middle
+    phi, terms = 0.0, _NOTHING
     if 0 < above < n_knots:
-        low, high = _residual(knots[:, above - 1], lambda_r), _residual(knots[:, above], lambda_r)
+        low, high = _residual(knots, below, lambda_r), _residual(knots, above, lambda_r)
         if low[1] < 0.0 <= high[1]:
             phi, terms = _root(low, high, lambda_r, station)
-    if terms[0] <= 0.0:  # no root in 0 to 180 degrees, or one with a negative relative speed
-        high = np.nan, np.nan, np.nan
-        for angle in _NEGATIVE_SAMPLES:
-            low, high = high, _residual(_point(angle, station), lambda_r)
-            if low[1] * high[1] < 0.0:
-                return _root(low, high, lambda_r, station)
+    if terms[0][0] <= 0.0:  # no root in 0 to 180 degrees, or one with a negative relative speed
+        low, high = _brake_bracket(lambda_r, station)
+        if low[1] * high[1] < 0.0:
+            phi, terms = _root(low, high, lambda_r, station)
     return phi, terms
 
 
 @njit(cache=True, error_model="numpy")
-def _solve(
-    tip_speed_ratio, r, chord, twist, hub_radius, tip_radius, blade_count, polars, section, weights
-):
-    """Return phi and the terms of the first roots, shape (16, n_stations, n_points).
+def _store(phi, terms, lambda_r, chord, twist, place, state):
+    """Write a root to state[:, *place] and return its branch; see `Sections`."""
+    j, i = place
+    s, c, _s_phi, _c_phi = terms[0]
+    if s <= 0.0:
+        state[7, j, i] = np.inf
+        return -1
+    state[0, j, i], state[1, j, i] = phi, phi - twist
+    state[2, j, i], state[3, j, i] = 1.0 - np.sin(phi) / s, np.cos(phi) / c - 1.0
+    state[4, j, i] = 1.0 / s
+    state[5, j, i], state[6, j, i] = chord * terms[1][1] / (s * s), chord * terms[1][0] / (s * s)
+    state[7, j, i] = s - c / lambda_r
+    if phi < 0.0:
+        return 3
+    if phi > 0.5 * np.pi:
+        return 2
+    return 1 if terms[2][0] > 2.0 / 3.0 else 0
 
-    Station j has the polar section[j] or, where there are weights, the polars from section[j] on
-    times weights[j, i].
+
+@njit(cache=True, error_model="numpy")
+def _mix(polars, weights, out):
+    """Write the weighted sum of polars (n, n_knots, 8) to out."""
+    out[:] = 0.0
+    for number in range(weights.size):
+        weight = weights[number]
+        if weight != 0.0:
+            for row in range(out.shape[0]):
+                for column in range(out.shape[1]):
+                    out[row, column] += weight * polars[number, row, column]
+
+
+@njit(cache=True, error_model="numpy")
+def _mixed_force(phi, twist, polars, weights):
+    """Return the tangential and the normal force coefficient of a weighted sum of polars."""
+    lift = drag = 0.0
+    for number in range(weights.size):
+        found = _polar_at(phi - twist, polars[number])
+        lift += weights[number] * found[0]
+        drag += weights[number] * found[1]
+    sine, cosine = np.sin(phi), np.cos(phi)
+    return lift * sine - drag * cosine, lift * cosine + drag * sine
+
+
+@njit(cache=True, error_model="numpy")
+def _solve(
+    tip_speed_ratio, r, chord, twist, hub_radius, tip_radius, blade_count,
+    polars, section, mixture, n_loads, n_inputs,
+):  # fmt: skip
+    """Solve all stations at all points. Arrays are station-major, so that writes are in order.
+
+    Station j has the polar section[j] or, where mixture is not empty, the polars from section[j] on
+    times the weights mixture[0, j, i], whose derivatives by ln(Re) are mixture[1, j, i].
     """
-    n_points, n_mixed = tip_speed_ratio.size, weights.shape[2]
+    n_points, n_stations, n_mixed = tip_speed_ratio.size, r.size, mixture.shape[3]
     if not np.min(tip_speed_ratio) > 0.0:
         raise ValueError("tip speed ratios must be positive")
     if not (hub_radius < np.min(r) and np.max(r) < tip_radius):
         raise ValueError("stations must lie strictly between hub and tip")
-    found = np.empty((16, r.size, n_points))
-    knots, n_knots = np.empty((6, MOST_KNOTS)), 0
-    mixed = np.empty_like(polars[0])
-    for j in range(r.size):
-        polar = mixed if n_mixed else polars[section[j]]
-        tables = polars[section[j] : section[j] + n_mixed].reshape(n_mixed, mixed.size)
+    state = np.zeros((8, n_stations, n_points))
+    branch = np.empty((n_stations, n_points), dtype=np.int8)
+    derivatives = np.zeros((n_loads, n_inputs, n_stations, n_points))
+    gradient = np.empty((n_loads, n_inputs))
+    knots, n_knots = np.empty((7, MOST_KNOTS)), 0
+    mixed, by_reynolds = np.empty_like(polars[0]), (0.0, 0.0)
+    for j in range(n_stations):
+        station_polars = polars[section[j] : section[j] + max(n_mixed, 1)]
+        polar = mixed if n_mixed else station_polars[0]
+        station = chord[j], twist[j], r[j], hub_radius, tip_radius, blade_count, polar
         for i in range(n_points):
-            if n_mixed:
-                mixed[:] = 0.0
-            for number in range(n_mixed):
-                for place in range(mixed.size):
-                    mixed.flat[place] += weights[j, i, number] * tables[number, place]
-            station = chord[j], twist[j], r[j], hub_radius, tip_radius, blade_count, polar
             lambda_r = tip_speed_ratio[i] * r[j] / tip_radius
             if n_mixed:
+                _mix(station_polars, mixture[0, j, i], mixed)
                 n_knots = _curve(lambda_r, station, knots)
             elif i == 0:  # one curve serves all points
                 n_knots = _curve(np.min(tip_speed_ratio) * r[j] / tip_radius, station, knots)
-            found[0, j, i], terms = _first_root(lambda_r, knots, n_knots, station)
-            for row in range(15):
-                found[1 + row, j, i] = terms[row]
-    return found
+            phi, terms = _first_root(lambda_r, knots, n_knots, station)
+            branch[j, i] = _store(phi, terms, lambda_r, chord[j], twist[j], (j, i), state)
+            if n_inputs and branch[j, i] >= 0:
+                if n_mixed:
+                    by_reynolds = _mixed_force(phi, twist[j], station_polars, mixture[1, j, i])
+                _derivatives(
+                    terms, tip_speed_ratio[i], chord[j], r[j], tip_radius, by_reynolds, gradient
+                )
+                derivatives[:, :, j, i] = gradient
+    return state, branch, derivatives
 
 
 @lru_cache(maxsize=32)
@@ -369,7 +475,7 @@ def polar_at(polar, station):
 
 
 def _arguments(blade, polar, blade_ratio=()):
-    """Return a blade as `_solve` takes it, its polars by station, and their mixture."""
+    """Return a blade and its polars as `_solve` takes them, from r to mixture."""
     n, mixture = blade.r.size, np.empty((2, 0, 0, 0))
     if isinstance(polar, Polar):
         stations = ((polar,),) * n
@@ -383,14 +489,17 @@ def _arguments(blade, polar, blade_ratio=()):
             f"{len(stations)} polars for {n} stations: give one polar, or one for each"
         )
     places = {each: i * len(each) for i, each in enumerate(dict.fromkeys(stations))}
-    arguments = (
-        *(np.ascontiguousarray(each, dtype=float) for each in (blade.r, blade.chord, blade.twist)),
-        *(float(blade.hub_radius), float(blade.tip_radius), int(blade.blade_count)),
+    return (
+        np.ascontiguousarray(blade.r, dtype=float),
+        np.ascontiguousarray(blade.chord, dtype=float),
+        np.ascontiguousarray(blade.twist, dtype=float),
+        float(blade.hub_radius),
+        float(blade.tip_radius),
+        int(blade.blade_count),
         _stack(tuple(polar for each in places for polar in each)),
         np.array([places[each] for each in stations]),
-        mixture[0],
+        mixture,
     )
-    return arguments, stations, mixture
 
 
 def sections(blade, polar, tip_speed_ratio, derivatives=False):
@@ -409,61 +518,13 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False):
     A ValueError is raised where one of these does not hold.
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-    arguments, stations, mixture = _arguments(blade, polar, points)
-    # Arrays are station-major here.
-    phi, *terms = _solve(points, *arguments)
-    s, c, _, _, tangential, normal, *_, k, _, _, _, _ = terms
-    r, chord, twist = (each[:, None] for each in arguments[:3])
-    lambda_r, alpha, solved = points * r / blade.tip_radius, phi - twist, s > 0.0
-    by_reynolds = np.zeros((2, *s.shape))
-    if derivatives and mixture.size:
-        found = [
-            [table.evaluate(angle) for table in tables]
-            for angle, tables in zip(alpha, stations, strict=True)
-        ]
-        lift, drag = np.einsum("jntp,jpn->tjp", found, mixture[1])
-        sine, cosine = np.sin(phi), np.cos(phi)
-        by_reynolds = lift * sine - drag * cosine, lift * cosine + drag * sine
-    with np.errstate(divide="ignore", invalid="ignore"):
-        fields = phi, alpha, 1.0 - np.sin(phi) / s, np.cos(phi) / c - 1.0, 1.0 / s
-        loads = chord * normal / s**2, chord * tangential / s**2
-        gradient = np.empty((2, 0, *s.shape))
-        if derivatives:
-            gradient = _derivatives(terms, lambda_r, blade, by_reynolds)
-    branch = np.select([~solved, phi < 0.0, phi > 0.5 * np.pi, k > 2.0 / 3.0], [-1, 3, 2, 1], 0)
-    residual = np.where(solved, s - c / lambda_r, np.inf)
-    return Sections(
-        *np.where(solved, (*fields, *loads), 0.0).swapaxes(1, 2),
-        residual.T,
-        branch.T,
-        np.where(solved, gradient, 0.0).swapaxes(2, 3),
-    )
-
-
-def _derivatives(terms, lambda_r, blade, by_reynolds):
-    """Return `Sections.derivatives`, station-major; by_reynolds are those of the two forces alone.
-
-    By the implicit function theorem, dphi/dx = -f_x / f_phi.
-    """
-    r, chord = blade.r[:, None], blade.chord[:, None]
-    s, c, s_phi, c_phi, *forces, k, m, k_unit, m_unit, s_k = terms
-    forces, forces_phi, forces_a = np.reshape(forces, (3, 2, 1, *s.shape))
-    # Changes at constant phi by each of `INPUTS`: of f, of ln(chord), and of both forces
-    f_x, chord_x = np.zeros((2, len(INPUTS), *s.shape))
-    forces_x = np.zeros((2, len(INPUTS), *s.shape))
-    f_x[0] = c / (lambda_r * lambda_r) * r / blade.tip_radius
-    chord_x[1] = 1.0 / chord
-    forces_x[:, 2:3], forces_x[:, 3] = -forces_a, by_reynolds
-    s_x = s_k * (k_unit * forces_x[1] + k * chord_x)
-    m_x = m_unit * forces_x[0] + m * chord_x
-    phi_x = -(s_x + m_x / lambda_r + f_x) / (s_phi - c_phi / lambda_r)
-    s_x += s_phi * phi_x
-    forces_x += forces_phi * phi_x
-    return chord / s**2 * (forces_x + forces * (chord_x - 2.0 * s_x / s))
+    n_inputs = len(INPUTS) if derivatives else 0
+    state, branch, gradient = _solve(points, *_arguments(blade, polar, points), 2, n_inputs)
+    return Sections(*state.transpose(0, 2, 1), branch.T, gradient.transpose(0, 1, 3, 2))
 
 
 def torque_weights(blade):
-    """Return the weights w[n_stations] with torque coefficient = tangential_load @ w.
+    """Return the weights w[n_stations] with torque coefficient = w @ tangential_load.
 
     The trapezoidal rule over hub, stations and tip with no load at hub and tip, as in CCBlade. The
     cone does not appear: loads times the lever arm, and the cube of the disc's radius, are both
@@ -485,28 +546,35 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     RuntimeWarning says where a station has no root; its load is taken as zero there.
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-    ratio = points / float(np.cos(blade.cone))
-    found = sections(blade, polar, ratio, derivatives)
-    unsolved = np.count_nonzero(found.branch < 0)
-    if unsolved:
+    cosine = float(np.cos(blade.cone))
+    local = isinstance(polar, LocalReynolds)
+    # Only the derivatives of the tangential load by tip speed ratio, chord and twist are needed.
+    n_inputs = (len(INPUTS) if local else 3) if derivatives else 0
+    state, branch, gradient = _solve(
+        points / cosine, *_arguments(blade, polar, points / cosine), 1, n_inputs
+    )
+    if np.min(branch) < 0:
         warnings.warn(
-            f"no root at {unsolved} of {found.branch.size} sections: their loads are taken as zero",
+            f"no root at {np.count_nonzero(branch < 0)} of {branch.size} sections: their loads are "
+            "taken as zero",
             RuntimeWarning,
             stacklevel=2,
         )
     weights = torque_weights(blade)
-    torque = weights @ found.tangential_load.T
-    thrust = (weights * blade.rotor_radius / blade.r) @ found.normal_load.T
+    torque = weights @ state[6]
+    thrust = (weights * blade.rotor_radius / blade.r) @ state[5]
     if not derivatives:
         return Coefficients(torque, torque * points, thrust)
-    by_ratio = weights @ found.derivatives[0, 0].T / float(np.cos(blade.cone))
-    by_chord, by_twist, by_number = found.derivatives[0, 1:] * weights
+    by_ratio = weights @ gradient[0, 0] / cosine
+    by_chord, by_twist = (gradient[0, 1:3] * weights[:, None]).transpose(0, 2, 1)
     by_radius = -(by_chord @ blade.chord) / blade.rotor_radius
-    # Chord and tip speed ratio change the Reynolds number too; the radius does not.
-    squared = (ratio[:, None] * blade.r / blade.tip_radius) ** 2
-    by_ratio += np.sum(by_number * squared / (1.0 + squared), axis=1) / points
-    by_chord += by_number / blade.chord
-    by_number = np.sum(by_number, axis=1)
+    by_reynolds = np.zeros(points.size)
+    if local:  # chord and tip speed ratio change the Reynolds number too; the radius does not
+        by_number = (gradient[0, 3] * weights[:, None]).T
+        squared = (points[:, None] / cosine * blade.r / blade.tip_radius) ** 2
+        by_ratio = by_ratio + np.sum(by_number * squared / (1.0 + squared), axis=1) / points
+        by_chord = by_chord + by_number / blade.chord
+        by_reynolds = np.sum(by_number, axis=1)
     return Coefficients(
-        torque, torque * points, thrust, by_ratio, by_chord, by_twist, by_radius, by_number
+        torque, torque * points, thrust, by_ratio, by_chord, by_twist, by_radius, by_reynolds
     )

@@ -84,7 +84,7 @@ def test_residual_is_nings(angle, polar):
         first = sine * (1.0 - k) if angle < 0.0 else sine / (1.0 - induction)
         expected = first - cosine / lambda_r * (1.0 - k_prime)
         station = (chord, twist, r, hub_radius, tip_radius, count, polar.coefficients)
-        s, c = bem._terms(angle, *station)[:2]
+        s, c, _, _ = bem._terms(angle, *station)[0]
         assert s - c / lambda_r == pytest.approx(expected, rel=1e-11, abs=1e-11)
 
 
@@ -182,7 +182,7 @@ def test_every_section_with_drag_has_a_root(rotor, ratio):
     for i, j in np.argwhere(np.abs(found.residual) > 1e-10):  # steep: then the bracket is tight
         ends = found.inflow_angle[i, j] + np.array([-1e-13, 1e-13])
         terms = [bem._terms(end, *station_of(blade, polar, j))[0] for end in ends]
-        f = [s - c * blade.tip_radius / (ratio[i] * blade.r[j]) for s, c in terms]
+        f = [s - c * blade.tip_radius / (ratio[i] * blade.r[j]) for s, c, _, _ in terms]
         assert f[0] < 0.0 < f[1]
     swept = 1.0 - (blade.hub_radius / blade.tip_radius) ** 2
     assert np.all(bem.rotor_coefficients(blade, polar, ratio).power < 16.0 / 27.0 * swept)
@@ -196,8 +196,8 @@ def test_first_root_is_taken(rotor, ratio):
     found = bem.sections(blade, polar, ratio)
     for i, j in np.ndindex(found.branch.shape):
         angles = np.linspace(1e-6, found.inflow_angle[i, j] - 1e-9, 100)
-        terms = [bem._terms(angle, *station_of(blade, polar, j))[:2] for angle in angles]
-        f = [s - c * blade.tip_radius / (ratio[i] * blade.r[j]) for s, c in terms]
+        terms = [bem._terms(angle, *station_of(blade, polar, j))[0] for angle in angles]
+        f = [s - c * blade.tip_radius / (ratio[i] * blade.r[j]) for s, c, _, _ in terms]
         assert max(f) < 1e-7
 
 
@@ -208,8 +208,8 @@ def root_changes(blade, polar, low, high):
     """
     found = []
     for j, r in enumerate(blade.r):
-        knots = np.empty((6, bem.MOST_KNOTS))
-        running = knots[5, : bem._curve(-np.inf, station_of(blade, polar, j), knots)]
+        knots = np.empty((7, bem.MOST_KNOTS))
+        running = knots[6, : bem._curve(-np.inf, station_of(blade, polar, j), knots)]
         held = np.flatnonzero((running[1:] == running[:-1]) & np.isfinite(running[:-1]))
         vanishing = np.unique(np.concatenate((running[[0, -1]], running[held])))
         found += [(j, ratio) for ratio in vanishing * blade.tip_radius / r if low <= ratio <= high]
@@ -219,7 +219,7 @@ def root_changes(blade, polar, low, high):
 def count_roots(blade, polar, j, ratio):
     """Return the sign changes of a station's residual over the inflow angle."""
     angles = np.linspace(1e-3, np.pi - 1e-3, 20001)
-    terms = np.array([bem._terms(angle, *station_of(blade, polar, j))[:2] for angle in angles])
+    terms = np.array([bem._terms(angle, *station_of(blade, polar, j))[0] for angle in angles])
     f = terms[:, 0] - terms[:, 1] * blade.tip_radius / (ratio * blade.r[j])
     return np.count_nonzero(np.diff(np.sign(f)))
 
@@ -272,10 +272,10 @@ def complex_loads(phi, inputs, r, blade, polar):
     radii = (complex(each) for each in (r, blade.hub_radius, blade.tip_radius))
     station = (chord, twist, *radii, blade.blade_count, polar.coefficients)
     for _ in range(3):
-        s, c, s_phi, c_phi = bem._terms(phi, *station)[:4]
+        (s, c, s_phi, c_phi), forces = bem._terms(phi, *station)[:2]
         phi -= (s - c / lambda_r) / (s_phi - c_phi / lambda_r)
-    s, _, _, _, *forces = bem._terms(phi, *station)[:6]
-    return chord * np.array(forces) / s**2
+    (s, c, _, _), forces = bem._terms(phi, *station)[:2]
+    return np.array([chord * forces[0] / s**2, chord * forces[1] / s**2])
 
 
 @pytest.mark.parametrize("branch", [0, 1, 2, 3])
@@ -301,7 +301,8 @@ def test_slopes_within_a_station_are_those_of_the_complex_step(polar):
     for phi in (-0.7, -0.05, 0.03, 0.2, 0.9, 1.7, 2.8):
         station = (0.2 + 0j, 0.1 + 0j, 0.8 + 0j, 0.2 + 0j, 1.4 + 0j, 3, polar.coefficients)
         exact, real = bem._terms(phi + 1e-30j, *station), bem._terms(complex(phi), *station)
-        expected, slopes = [*exact[:2], *exact[4:6]], [*real[2:4], *real[6:8]]
+        expected = [exact[0][0], exact[0][1], exact[1][0], exact[1][1]]
+        slopes = [*real[0][2:], real[1][2], real[1][3]]
         assert np.allclose(np.real(slopes), np.imag(expected) / 1e-30, rtol=1e-9)
 
 
