@@ -217,18 +217,11 @@ def load_case(
     in overrides too, and are absolute in the case. Raises InputError, with file, key, value and
     remedy, if the file cannot be read or anything in it, or in an override, is wrong.
 
-    Parameters
-    ----------
-    source : str, pathlib.Path or mapping
-        A YAML file, or the name of a shipped case where there is no such file; or what a file
-        holds, with relative paths from the current folder.
-    overrides : sequence of str
-        Such as ``rotor.radius=2``; what stands after the first ``=`` is YAML.
-    check_files : bool
-        Whether the files that the case names must exist; a result is looked at without them.
-    extensions : iterable of path, module or class
-        Python files, modules or classes that define further kinds of flow, law, limit or objective
-        (docs/architecture.md). A file is run: give only what you trust.
+    `source` is a YAML file, the name of a shipped case where there is no such file, or what a file
+    holds. `overrides` are texts such as ``rotor.radius=2``; what stands after the first ``=`` is
+    YAML. `check_files` says whether the files that the case names must exist. `extensions` are
+    Python files, modules or classes that define further kinds of flow, law, limit or objective
+    (docs/architecture.md); a file is run, so give only what you trust.
     """
     if isinstance(source, Mapping):
         data = deepcopy(dict(source))

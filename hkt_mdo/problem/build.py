@@ -236,11 +236,8 @@ def _add_limit(
     scalars = [name for name in limit.inputs if name not in (*QUANTITIES, "gains")]
     model.add_subsystem(name, component, promotes_inputs=[*scalars, *gains])
     for quantity in series:
-        model.connect(
-            f"{scenario.path}.{quantity}",
-            f"{name}.{quantity}",
-            src_indices=om.slicer[nodes, :],
-        )
+        source, target = f"{scenario.path}.{quantity}", f"{name}.{quantity}"
+        model.connect(source, target, src_indices=om.slicer[nodes, :])
     model.add_constraint(f"{name}.value", ref=ref, units=limit.unit, **bounds)
 
 
@@ -249,12 +246,11 @@ def _near_stall(physics, setup, limit, place, scenario):
     start, density = setup.start, physics.density
     speed, _ = physics.split(start.operation)[place]
     flow, radius = scenario.inflow.speed_at(scenario.samples), start.blade.rotor_radius
+    table = bem.rotor_coefficients(start.blade, physics.polar, limit.spline.nodes)
     recovery = limit.value(
         rotor_speed=speed,
         inflow_speed=flow,
-        torque_coefficient_table=bem.rotor_coefficients(
-            start.blade, physics.polar, limit.spline.nodes
-        ).torque,
+        torque_coefficient_table=table.torque,
         density=density,
         rotor_radius=radius,
         gains=start.gains,

@@ -154,18 +154,12 @@ def complete(case: Case) -> Case:
 
 
 def physics(case: Case) -> Physics:
-    """Read the files that a case names and return its physics.
-
-    Raises
-    ------
-    InputError
-        If a blade, polar, outline or inflow file is broken, or does not fit the others.
-    """
+    """Read the files that a case names; InputError if one is broken or does not fit the others."""
     case = complete(case)
     inflow, control = case.inflow, case.control
-    if inflow.length is not None:
-        inflow.check(inflow.length)
-    inflow.check(case.phase.duration)
+    for duration in (inflow.length, case.phase.duration):
+        if duration is not None:
+            inflow.check(duration)
     scenario = Scenario(inflow, case.phase)
     speed, weights = inflow.speed_at(scenario.samples), scenario.sample_weights
     # the speed at which most energy passes; only a local Reynolds number asks for it

@@ -174,9 +174,8 @@ def add_phase(trajectory, scenario, law, unknown, ode_options, parameters, scale
             **speed,
         )
     if law is None and unknown == "torque":
-        _add_control(
-            phase, "control_torque", lower=0.0, upper=scales.torque_limit, ref=scales.torque
-        )
+        limits = {"lower": 0.0, "upper": scales.torque_limit}
+        _add_control(phase, "control_torque", ref=scales.torque, **limits)
     balanced = mesh.initial_speed == "equilibrium"
     if balanced or (mesh.initial_speed == "auto" and law is not None):
         # where speed is the control, its acceleration is the control's rate
@@ -224,10 +223,8 @@ class Scales:
 def set_start(phase, time, rotor_speed, torque):
     """Set a phase's time span and the start of its unknowns from samples, SI units, (n_times,)."""
     phase.set_time_val(initial=time[0], duration=time[-1] - time[0], units="s")
-    for names, setter in (
-        (phase.control_options, phase.set_control_val),
-        (phase.state_options, phase.set_state_val),
-    ):
+    controls = phase.control_options, phase.set_control_val
+    for names, setter in (controls, (phase.state_options, phase.set_state_val)):
         for name, values in (("rotor_speed", rotor_speed), ("control_torque", torque)):
             if name in names:
                 setter(name, values, time_vals=time, interpolation_kind="cubic")

@@ -331,47 +331,28 @@ def _root(left, right, lambda_r, station):
 
 
 @njit(cache=True, error_model="numpy")
-def _brake_bracket(lambda_r, station):
-    """Return the residual's sign change nearest below phi = 0, both ends as in `_residual`."""
-    low = np.nan, np.nan, np.nan
-    for phi in _NEGATIVE_SAMPLES:
-        s, c, s_phi, c_phi = _terms(phi, *station)[0]
-        high = phi, s - c / lambda_r, s_phi - c_phi / lambda_r
-        if high[1] * low[1] < 0.0:
-            return low, high
-        low = high
-    return low, low
-
-
-@njit(cache=True, error_model="numpy")
-def _residual(knots, place, lambda_r):
-    """Return the angle of a knot, the residual there and its slope."""
-    return (
-        knots[0, place],
-        knots[1, place] - knots[2, place] / lambda_r,
-        knots[3, place] - knots[4, place] / lambda_r,
-    )
+def _residual(point, lambda_r):
+    """Return the angle of a knot or of other terms, the residual there and its slope."""
+    return point[0], point[1] - point[2] / lambda_r, point[3] - point[4] / lambda_r
 
 
 @njit(cache=True, error_model="numpy")
 def _first_root(lambda_r, knots, n_knots, station):
     """Return the first root (phi and the terms there), or terms with s <= 0."""
-    below, above = -1, n_knots  # above: the first knot whose running minimum is <= lambda_r
-    while above - below > 1:
-        middle = (below + above) // 2
-        if knots[6, middle] > lambda_r:
-            below = middle
-        else:
-            above = middle
+    # the first knot whose running minimum is <= lambda_r
+    above = np.searchsorted(-knots[6, :n_knots], -lambda_r)
     phi, terms = 0.0, _NOTHING
     if 0 < above < n_knots:
-        low, high = _residual(knots, below, lambda_r), _residual(knots, above, lambda_r)
+        low, high = _residual(knots[:, above - 1], lambda_r), _residual(knots[:, above], lambda_r)
         if low[1] < 0.0 <= high[1]:
             phi, terms = _root(low, high, lambda_r, station)
     if terms[0][0] <= 0.0:  # no root in 0 to 180 degrees, or one with a negative relative speed
-        low, high = _brake_bracket(lambda_r, station)
-        if low[1] * high[1] < 0.0:
-            phi, terms = _root(low, high, lambda_r, station)
+        high = np.nan, np.nan, np.nan
+        for angle in _NEGATIVE_SAMPLES:
+            s, c, s_phi, c_phi = _terms(angle, *station)[0]
+            low, high = high, _residual((angle, s, c, s_phi, c_phi), lambda_r)
+            if low[1] * high[1] < 0.0:
+                return _root(low, high, lambda_r, station)
     return phi, terms
 
 
@@ -505,17 +486,10 @@ def _arguments(blade, polar, blade_ratio=()):
 def sections(blade, polar, tip_speed_ratio, derivatives=False):
     """Solve every station of a blade at every tip speed ratio; return the `Sections`.
 
-    Parameters
-    ----------
-    blade : Blade
-        Stations strictly between hub and tip, in any order.
-    polar : Polar, sequence of Polar, or LocalReynolds
-        One for all stations, one for each, or polars that follow the Reynolds number.
-    tip_speed_ratio : array, shape (n_points,)
-        Positive. Here, and in the derivatives, it is Omega R / V with R along the blade, which for
-        coned blades is larger than the tip speed ratio of the disc.
-
-    A ValueError is raised where one of these does not hold.
+    Stations lie strictly between hub and tip, in any order; the polar is one for all stations, a
+    sequence of one for each, or a `LocalReynolds`. tip_speed_ratio[n_points] is positive. Here, and
+    in the derivatives, it is Omega R / V with R along the blade, which for coned blades is larger
+    than the tip speed ratio of the disc. Raises ValueError where one of these does not hold.
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
     n_inputs = len(INPUTS) if derivatives else 0

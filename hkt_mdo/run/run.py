@@ -55,31 +55,15 @@ def run_case(
 ) -> Solution:
     """Optimize a case, judge the result and leave it in a folder.
 
-    Parameters
-    ----------
-    case : Case
-    out : str or Path
-        Result folder; must not exist unless force is given.
-    force : bool
-        Replace an earlier result in `out`.
-    progress : callable or None
-        Called as progress(count, objective in J, infeasibility) while the optimizer works.
-    figures : bool or iterable of str
-        Whether figures are drawn, as PNG; or the formats, such as ("png", "pdf").
-    records : bool
-        Whether to write OpenMDAO's databases and the N2 diagram.
+    `out` must not exist unless `force` is given, which replaces an earlier result there. `progress`
+    is called as progress(count, objective in J, infeasibility) while the optimizer works. `figures`
+    says whether figures are drawn, as PNG, or in which formats, such as ("png", "pdf"); `records`
+    whether OpenMDAO's databases and the N2 diagram are written. The solution is loaded from the
+    folder; its `success` tells what the judges found.
 
-    Returns
-    -------
-    Solution
-        Loaded from the folder; `success` tells what the judges found.
-
-    Raises
-    ------
-    InputError
-        If a file of the case is broken or the folder cannot be used; nothing has been written then.
-    KeyboardInterrupt
-        After what exists was saved, with success false; SIGTERM does the same as Ctrl-C.
+    Raises InputError if a file of the case is broken or the folder cannot be used, when nothing has
+    been written; and KeyboardInterrupt, after Ctrl-C or SIGTERM, when what there was is saved, with
+    success false.
     """
     out = Path(out)
     world = physics(case)
