@@ -72,6 +72,10 @@ class Limit(Section):
         (only,) = quantities.values()
         return only
 
+    def value_of(self, quantities: Any) -> Any:
+        """Return the value from a mapping that holds its inputs, maybe among other quantities."""
+        return self.value(**{name: quantities[name] for name in self.inputs})
+
     def constrains(self, control: Law) -> bool:
         """Tell whether the optimization needs a constraint to hold it under a control law."""
         return not self.bounded
@@ -85,7 +89,7 @@ class Limit(Section):
 
     def excess(self, quantities: Any) -> np.ndarray:
         """Return how far the value leaves its bounds, over their size; at most 0 if it is kept."""
-        value = np.atleast_1d(self.value(**{name: quantities[name] for name in self.inputs}))
+        value = np.atleast_1d(self.value_of(quantities))
         ends = np.abs(np.r_[np.atleast_1d(self.lower), np.atleast_1d(self.upper)])
         size = np.max(ends[np.isfinite(ends)], initial=0.0) or np.max(np.abs(value)) or 1.0
         return np.asarray(np.maximum(self.lower - value, value - self.upper) / size)

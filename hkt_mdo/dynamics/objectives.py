@@ -5,6 +5,8 @@ An objective of your own is a subclass of `Objective` (docs/architecture.md).
 
 from typing import ClassVar, Literal
 
+import numpy as np
+
 from hkt_mdo.sections import Section
 
 
@@ -22,6 +24,11 @@ class Objective(Section):
     def rate(self, **quantities):
         """Return the rate, W, shape (n_times,)."""
         raise NotImplementedError
+
+    def rate_of(self, quantities):
+        """Return the rate, W, shape (n_times,), from a trajectory and the design's scalars."""
+        rate = self.rate(**{name: quantities[name] for name in self.inputs})
+        return rate * np.ones(quantities["time"].size)
 
     def bound(self, captured: float) -> float | None:
         """Return an upper bound, J; None: none is known.

@@ -243,19 +243,12 @@ def _add_limit(
 
 def _near_stall(physics, setup, limit, place, scenario):
     """Return the nodes at which the start is near stall, or at least the nearest ones."""
-    start, density = setup.start, physics.density
-    speed, _ = physics.split(start.operation)[place]
-    flow, radius = scenario.inflow.speed_at(scenario.samples), start.blade.rotor_radius
+    start = setup.start
     table = bem.rotor_coefficients(start.blade, physics.polar, limit.spline.nodes)
-    recovery = limit.value(
-        rotor_speed=speed,
-        inflow_speed=flow,
-        torque_coefficient_table=table.torque,
-        density=density,
-        rotor_radius=radius,
-        gains=start.gains,
-    )
-    margin = recovery / (TYPICAL * torque_scale(density, radius, flow)) + limit.least
+    known = physics.on_start(start)[place]
+    known |= {"torque_coefficient_table": table.torque, "gains": start.gains}
+    unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])
+    margin = limit.value_of(known) / (TYPICAL * unit) + limit.least
     margin = np.interp(scenario.node_times, scenario.samples, margin)
     return np.flatnonzero(margin <= max(NEAR, np.sort(margin)[min(FEWEST_NEAR, margin.size - 1)]))
 

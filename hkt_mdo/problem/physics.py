@@ -124,8 +124,8 @@ class Physics:
         """Return the objective of a quasi-steady starting point, J."""
         total = 0.0
         for scenario, start in zip(self.scenarios, self.on_start(point), strict=True):
-            rate = self.objective.rate(**{name: start[name] for name in self.objective.inputs})
-            total += scenario.weight * float(scenario.sample_weights @ rate)
+            energy = scenario.sample_weights @ self.objective.rate_of(start)
+            total += scenario.weight * float(energy)
         return total
 
     def mass_and_inertia(self, blade: Blade) -> tuple[float, float]:

@@ -317,7 +317,7 @@ def _optimization(found: Findings, package: str, warn) -> dict[str, str]:
         words = [f"{word} {number(scale * x)}" for word, x in ends.items() if np.isfinite(x)]
         rows[key] = f"{' and '.join(words)} {unit}".rstrip()
         if found.running or limit.place != "time":
-            value = scale * limit.value(**{name: values[name] for name in limit.inputs})
+            value = scale * limit.value_of(values)
             rows[key] += f"; {span(value)} with the starting blade"
             if np.max(limit.excess(values)) > KEPT:
                 warn(f"{key} is broken at the start, {rows[key]}: the run moves it inside")

@@ -92,9 +92,8 @@ class Flight:
 
     def objective(self, objective) -> float:
         """Return the integral of an objective over the integration, J."""
-        flown = self.integrated | self.scalars
-        rate = objective.rate(**{name: flown[name] for name in objective.inputs})
-        return float(simpson(rate * np.ones(self.simulation.time.size), x=self.simulation.time))
+        rate = objective.rate_of(self.integrated | self.scalars)
+        return float(simpson(rate, x=self.simulation.time))
 
     def between_nodes(self, limit: Limit) -> tuple[np.ndarray, np.ndarray]:
         """Return how far a limit is exceeded in each segment between its nodes, and when (s).
@@ -160,13 +159,18 @@ def judge(
     """
     status = result.outcome
     checks = [_check("optimizer", not status.success, 0.0, status.message)]
-    for flight in flights:
-        suffix = "" if len(flights) == 1 else f" ({flight.scenario.name})"
+    for flight, suffix in _suffixed(flights):
         for name, value, limit, detail in _of_flight(flight):
             checks.append(_check(name + suffix, value, limit, detail))
     for name, value, limit, detail in _of_design(physics, optimum, reference, result, flights):
         checks.append(_check(name, value, limit, detail))
     return checks
+
+
+def _suffixed(flights):
+    """Yield each flight and what tells its checks from those of the others, if there are any."""
+    for flight in flights:
+        yield flight, "" if len(flights) == 1 else f" ({flight.scenario.name})"
 
 
 def _check(name, value, limit, detail) -> CheckEntry:
@@ -235,8 +239,7 @@ def _of_limit(physics, limit, result, flights):
             where = f"r = {result.point.blade.r[worst]:.3f} m"
         yield f"{limit.name}_bounds", max(over[worst], 0.0), NODE_VIOLATION, f"at {where}"
         return
-    for flight in flights:
-        suffix = "" if len(flights) == 1 else f" ({flight.scenario.name})"
+    for flight, suffix in _suffixed(flights):
         over = limit.excess(flight.trajectory | flight.scalars)
         worst = int(np.argmax(over))
         when = f"at t = {flight.trajectory['time'][worst]:.2f} s"
@@ -299,20 +302,9 @@ def recovers(physics: Physics, result: Optimized) -> bool:
     if physics.law is None or not result.curve.size:
         return True
     limit = DistanceFromStall(law=physics.law, spline=TorqueSpline(result.setup.nodes), least=0.0)
-    return all(
-        np.all(
-            limit.value(
-                rotor_speed=nodes["rotor_speed"],
-                inflow_speed=nodes["inflow_speed"],
-                torque_coefficient_table=result.curve,
-                density=physics.density,
-                rotor_radius=result.point.blade.rotor_radius,
-                gains=result.point.gains,
-            )
-            >= 0.0
-        )
-        for nodes in result.trajectories
-    )
+    design = physics.scalars(result.point.blade, result.inertia)
+    design |= {"torque_coefficient_table": result.curve, "gains": result.point.gains}
+    return all(np.all(limit.value_of(nodes | design) >= 0.0) for nodes in result.trajectories)
 
 
 FALSE_SOLUTION = (

@@ -91,7 +91,7 @@ def summarize(physics, optimum, start, result, flights, checks) -> Summary:
 def _limit(limit, flights):
     """Return the largest value of a limit, at the nodes and in the integration, and its bound."""
     values = [
-        np.max(limit.value(**{name: quantities[name] for name in limit.inputs}))
+        np.max(limit.value_of(quantities))
         for flight in flights
         for quantities in (flight.trajectory | flight.scalars, flight.integrated | flight.scalars)
     ]

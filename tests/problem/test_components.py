@@ -154,6 +154,21 @@ def test_excess_is_counted_in_bounds():
     np.testing.assert_allclose(over, [0.1, 0.0, -0.5, 0.0, 0.2], atol=1e-15)
 
 
+class InertiaCost(Objective):
+    """A rate that does not change over time."""
+
+    kind: str = "inertia_cost"
+    inputs: ClassVar[tuple[str, ...]] = ("inertia",)
+
+    def rate(self, inertia):
+        return -2.0 * inertia
+
+
+def test_a_constant_rate_holds_at_every_instant():
+    trajectory = {"time": np.linspace(0.0, 20.0, N), "inertia": 3.5}
+    np.testing.assert_array_equal(InertiaCost().rate_of(trajectory), np.full(N, -7.0))
+
+
 def test_integrals_are_weighted_sums_over_all_scenarios():
     weights = {"sine": np.array([0.5, 2.0, 1.5]), "step": np.array([1.0, 0.25])}
     rng = np.random.default_rng(3)
