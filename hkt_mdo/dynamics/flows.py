@@ -16,9 +16,8 @@ from hkt_mdo.dynamics.laws import STEP
 from hkt_mdo.errors import InputError
 from hkt_mdo.sections import Quantity, Section, refusal
 
-CHECKS_PER_PERIOD = 16
-FEWEST_CHECKS = 1024
-CHECKS_AT_ONCE = 1_000_000
+CHECKS_PER_PIECE, FEWEST_CHECKS = 16, 1024
+PIECES_AT_ONCE = 50_000
 
 
 class Inflow(Section):
@@ -28,6 +27,8 @@ class Inflow(Section):
 
     - length: time (s) after which it has nothing new to say; None: it has no end.
     - highest_frequency: the highest frequency (Hz) that matters in it; None: it is steady.
+    - features: where it changes as fast, (from, to, period) in s; by default everywhere, at its
+      highest frequency. What looks at the flow does so many times in each period (`pieces`).
     - mean_speed: what it fluctuates about, m/s, which a sum of flows asks for: its key `mean`,
       times its key `scale`; if it has no mean, the speed at t = 0.
     - messages: what was done to its data, one line each.
@@ -61,6 +62,37 @@ class Inflow(Section):
         """Return the speed's derivative by time, m/s², by complex step."""
         return np.imag(self.speed_at(np.asarray(time) + 1j * STEP)) / STEP
 
+    @property
+    def features(self) -> tuple[tuple[float, float, float], ...]:
+        """Time spans with the shortest period in each, (from, to, period) in s."""
+        cutoff = self.highest_frequency
+        return ((-np.inf, np.inf, 1.0 / cutoff),) if cutoff else ()
+
+    def pieces(self, duration: float) -> np.ndarray:
+        """Return times, s, rising from 0 to a duration, between which the flow is smooth.
+
+        They are no farther apart than the shortest period there, and features begin and end there.
+        """
+        found = [np.array([0.0, duration])]
+        for begin, end, period in self.features:
+            begin, end = np.clip((begin, end), 0.0, duration)
+            if end > begin:
+                found.append(np.linspace(begin, end, int(np.ceil((end - begin) / period)) + 1))
+        return np.unique(np.concatenate(found))
+
+    def cubes(self, edges: np.ndarray) -> np.ndarray:
+        """Return the integral of v³ between consecutive edges, m³/s², edges rising from 0 (s).
+
+        By adaptive quadrature in each of the flow's `pieces`.
+        """
+        from scipy.integrate import quad_vec
+
+        ends = np.union1d(edges, self.pieces(edges[-1]))
+        step, whole = np.diff(ends), np.zeros(ends.size)
+        found = quad_vec(lambda share: self.speed_at(ends[:-1] + share * step) ** 3, 0.0, 1.0)
+        whole[1:] = np.cumsum(step * found[0])
+        return np.diff(whole[np.searchsorted(ends, edges)])
+
     def check(self, duration: float) -> None:
         """Refuse, by InputError, a flow that ends, stands still or turns back within a time (s).
 
@@ -70,11 +102,12 @@ class Inflow(Section):
             problem = f"is longer than the record of the flow, {self.last_time:.6g} s"
             remedy = "give phase.duration: null for the whole record, or a shorter one"
             raise InputError(problem, remedy, key="phase.duration", value=duration)
-        cutoff = self.highest_frequency or 0.0
-        count = max(FEWEST_CHECKS, int(CHECKS_PER_PERIOD * duration * cutoff)) + 1
-        for first in range(0, count, CHECKS_AT_ONCE):
-            instants = np.arange(first, min(first + CHECKS_AT_ONCE, count))
-            time = duration / (count - 1) * instants
+        ends = self.pieces(duration)
+        count = max(CHECKS_PER_PIECE, FEWEST_CHECKS // (ends.size - 1))
+        share = np.linspace(0.0, 1.0, count + 1)
+        for first in range(0, ends.size - 1, PIECES_AT_ONCE):
+            some = ends[first : first + PIECES_AT_ONCE + 1, None]
+            time = (some[:-1] + share * np.diff(some, axis=0)).ravel()
             speed = np.asarray(self.speed_at(time))
             low = int(np.argmin(speed))
             if not speed[low] > 0.0:
@@ -114,6 +147,12 @@ class StepInflow(Inflow):
     def highest_frequency(self):
         # where the rate's spectrum, x/sinh(x) with x = 2 π² f width, is 3 %
         return 0.3 / self.width
+
+    @property
+    def features(self):
+        # 20 widths from its middle, the step is complete to 2e-9
+        reach = 20.0 * self.width
+        return ((self.time - reach, self.time + reach, 1.0 / self.highest_frequency),)
 
     @property
     def mean_speed(self):
@@ -256,6 +295,10 @@ class GustInflow(Inflow):
         # that of the fastest of the cosines that make it up
         return (2.0 if self.shape == "one_minus_cosine" else 2.5) / self.width
 
+    @property
+    def features(self):
+        return ((self.time, self.time + self.width, 1.0 / self.highest_frequency),)
+
     def speed_at(self, time):
         place = (np.asarray(time) - self.time) / self.width
         inside = (np.real(place) >= 0.0) & (np.real(place) <= 1.0)
@@ -287,6 +330,10 @@ class SumInflow(Inflow):
     @property
     def highest_frequency(self):
         return max(self._each("highest_frequency"), default=None)
+
+    @property
+    def features(self):
+        return sum(self._each("features"), ())
 
     @property
     def mean_speed(self):

@@ -25,7 +25,7 @@ SLOWEST_RATIO = 0.05  # tip speed ratio at which a rotor counts as standing stil
 STAGES = 5
 WINDOW, MOST_STEPS = 64, 5_000  # steps solved together, before and after they are divided
 FAILURES = 100  # of Newton's method, and one more a step, at most: a window that fails is halved
-PROBES = 16  # points a step, and a shortest period of the flow, at which the flow is looked at
+PROBES = 16  # points at which the flow is looked at in a step, no longer than its shortest period
 FLOW_ERROR = 1e-6  # of the flow between the nodes of a step, above which the step is divided
 MOST_ITERATIONS = 12
 
@@ -85,8 +85,10 @@ class RecordedTorque:
     time (s) and torque (N*m) are those of a phase's time series: segment ends appear twice.
     """
 
-    def __init__(self, time, torque, segments, limit=None):
-        nodes, values = (np.reshape(each, (segments, -1)) for each in (time, torque))
+    def __init__(self, time, torque, limit=None):
+        repeats = np.flatnonzero(np.diff(time) <= 1e-12 * time[-1])
+        count = repeats[0] + 1 if repeats.size else time.size  # of a segment's nodes
+        nodes, values = (np.reshape(each, (-1, count)) for each in (time, torque))
         place = (nodes[0] - nodes[0, 0]) / (nodes[0, -1] - nodes[0, 0])
         self.ends = np.append(nodes[:, 0], time[-1])
         self.unlimited = _through(self.ends, place, values)
@@ -124,30 +126,31 @@ def simulate(
     controller: Callable,
     initial_speed: float,
     duration: float,
-    samples: int = 601,
+    samples: int | np.ndarray = 601,
     max_step: float | None = None,
     tolerance: float = 1e-9,
 ) -> Simulation:
     """Integrate I dw/dt = Q(w, v(t)) - u(t, w) (paper eq. 6) and the two energies.
 
-    The flow is looked at sixteen times a step and a period of its `highest_frequency`, so that no
-    gust is stepped over. controller(time, speed) is the torque, N*m, for arrays of one shape; it is
-    smooth between its `ends` (s), if it has such. Speeds are in rad/s, times in s. `samples` points
-    are returned; `max_step` None is a hundredth of the duration; `tolerance` is the largest error
-    of a step, relative to the speed and to the energy so far. Raises InputError if the integration
-    fails, which is not the same as a rotor that stops.
+    No step passes an end of the flow's `pieces`, and the flow is looked at sixteen times in each,
+    so that no gust is stepped over. controller(time, speed) is the torque, N*m, for arrays of one
+    shape; it is smooth between its `ends` (s), if it has such. Speeds are in rad/s, times in s.
+    `samples` is a number of points that are returned, or their times from 0 to the duration, which
+    shrink if the rotor stops; `max_step` None is a hundredth of the duration; `tolerance` is the
+    largest error of a step, relative to the speed and to the energy so far. Raises InputError if
+    the integration fails, which is not the same as a rotor that stops.
     """
     motion = _Motion(plant, inflow, controller, duration, tolerance)
     path, energies, stopped = motion.march(float(initial_speed), max_step or duration / 100.0)
     end = float(path.x[-1])
-    time = np.linspace(0.0, end, samples)
+    time = np.linspace(0.0, end, samples) if isinstance(samples, int) else samples * end / duration
     speed, flow = path(time), inflow.speed_at(time)
     return Simulation(
         time,
         flow,
         speed,
         plant.torque(speed, flow),
-        np.asarray(controller(time, speed), dtype=float) * np.ones(samples),
+        np.asarray(controller(time, speed), dtype=float) * np.ones(time.size),
         float(energies[0]),
         float(energies[1]),
         0.5 * plant.inertia * float(path(end) ** 2 - initial_speed**2),
@@ -196,27 +199,26 @@ class _Motion:
         return whole, energies, stop is not None
 
     def _mesh(self, longest):
-        """Return the longest steps: none passes an end of the controller's segments."""
-        ends = np.asarray(getattr(self.controller, "ends", ()), dtype=float)
+        """Return the longest steps: none passes an end of the controller's or flow's pieces."""
+        ends = np.union1d(getattr(self.controller, "ends", ()), self.inflow.pieces(self.duration))
         near = 1e-9 * self.duration
         inside = ends[(ends > near) & (ends < self.duration - near)]
+        inside = inside[np.diff(inside, prepend=0.0) > near]
         ends = np.concatenate(([0.0], inside, [self.duration]))
-        return _divided(ends, np.maximum(np.ceil(np.diff(ends) / longest - 1e-6), 1).astype(int))
+        return divided(ends, np.maximum(np.ceil(np.diff(ends) / longest - 1e-6), 1).astype(int))
 
     def _divided_by_flow(self, edges):
         """Halve the steps in which the flow is no polynomial through the nodes."""
-        cutoff = self.inflow.highest_frequency or 0.0
         for _ in range(20):
             step = np.diff(edges)[:, None]
-            count = int(np.ceil(PROBES * max(1.0, cutoff * np.max(step))))
             nodes = self.inflow.speed_at(edges[:-1, None] + step * _NODES)
-            places = edges[:-1, None] + step * (np.arange(count) + 0.5) / count
+            places = edges[:-1, None] + step * (np.arange(PROBES) + 0.5) / PROBES
             probes = self.inflow.speed_at(places)
             off = np.max(np.abs(_through(edges, _NODES, nodes)(places) - probes), axis=1)
             coarse = off > FLOW_ERROR * np.max(np.abs(probes), axis=1)
             if not np.any(coarse):
                 break
-            edges = _divided(edges, 1 + coarse)
+            edges = divided(edges, 1 + coarse)
         return edges
 
     def _torques(self, time, speed, flow):
@@ -258,7 +260,7 @@ class _Motion:
                 work = step * _MATRIX[-1] * stages
                 return path, np.array([np.sum(work * driving), np.sum(work * control)])
             parts = np.nan_to_num(np.ceil((2.0 * share) ** (1.0 / (STAGES + 1))), nan=8.0)
-            edges = _divided(edges, np.where(share <= 1.0, 1, np.clip(parts, 2, 8)).astype(int))
+            edges = divided(edges, np.where(share <= 1.0, 1, np.clip(parts, 2, 8)).astype(int))
         return None
 
     def _newton(self, speed, step, time, flow, stages):
@@ -311,7 +313,7 @@ def _size(speed):
     return np.maximum(np.abs(speed), 1e-3)
 
 
-def _divided(edges, parts):
+def divided(edges, parts):
     """Return the edges of pieces that are each divided into a number of equal parts."""
     number = np.arange(np.sum(parts)) - np.repeat(np.cumsum(parts) - parts, parts)
     left = np.repeat(edges[:-1], parts) + number * np.repeat(np.diff(edges) / parts, parts)

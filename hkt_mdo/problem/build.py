@@ -216,7 +216,7 @@ def _add_limit(
         ref = scales.torque
     bounds = {"lower": limit.lower if np.isfinite(limit.lower) else None, "upper": None}
     if np.isfinite(limit.upper):
-        shares = setup.shares.get((limit.name, scenario.name), np.ones(scenario.mesh.segments))
+        shares = setup.shares.get((limit.name, scenario.name), np.ones(scenario.segments))
         bounds["upper"] = np.repeat(limit.upper * shares, scenario.nodes_per_segment)[nodes]
         ref = ref or abs(limit.upper)
     series = [name for name in limit.inputs if name in QUANTITIES]

@@ -12,7 +12,7 @@ from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.limits import DesignBounds, ForwardRotation, Limit, TorqueLimit
 from hkt_mdo.dynamics.objectives import Objective
 from hkt_mdo.dynamics.trajectory import quantities
-from hkt_mdo.problem.scenario import Scenario
+from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem, ccblade
 from hkt_mdo.rotor.airfoil import Polar
@@ -23,8 +23,8 @@ from hkt_mdo.rotor.shape import Shape
 
 BEM = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficients}
 DURATION = 60.0  # s, of a flow that has no end of its own
-SEGMENTS_PER_PERIOD = 8.0  # of the highest frequency in the flow
-FEWEST_SEGMENTS, MOST_SEGMENTS = 60, 20_000
+SEGMENTS_PER_PERIOD = 8.0  # of the highest frequency that lasts
+FEWEST_SEGMENTS = 60
 START_EXCESS = 1e-3  # relative excess of a limit up to which a start counts as keeping it
 
 
@@ -146,8 +146,8 @@ def complete(case: Case) -> Case:
         inflow.check(inflow.length)
     duration, segments = phase.duration or inflow.length or DURATION, phase.segments
     if segments is None:
-        periods = (inflow.highest_frequency or 0.0) * duration
-        wanted = np.ceil(SEGMENTS_PER_PERIOD * periods - 1e-9)
+        lasting = (period for begin, end, period in inflow.features if begin <= 0.0 and end == np.inf)
+        wanted = np.ceil(SEGMENTS_PER_PERIOD * duration / min(lasting, default=np.inf) - 1e-9)
         segments = int(np.clip(wanted, FEWEST_SEGMENTS, MOST_SEGMENTS))
     whole = phase.model_copy(update={"duration": duration, "segments": segments})
     return case.model_copy(update={"phase": whole})
@@ -160,7 +160,7 @@ def physics(case: Case) -> Physics:
     for duration in (inflow.length, case.phase.duration):
         if duration is not None:
             inflow.check(duration)
-    scenario = Scenario(inflow, case.phase)
+    scenario = Scenario(inflow, case.phase).resolved()
     speed, weights = inflow.speed_at(scenario.samples), scenario.sample_weights
     # the speed at which most energy passes; only a local Reynolds number asks for it
     speed = float(weights @ speed**4 / (weights @ speed**3))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import dymos as dm
@@ -16,34 +16,81 @@ from scipy.sparse import block_diag
 from hkt_mdo.case import Phase
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.rotor_ode import RotorODE
+from hkt_mdo.dynamics.simulation import divided
 from hkt_mdo.dynamics.trajectory import QUANTITIES
+
+MOST_SEGMENTS = 20_000
+RESOLVED = 5e-6  # sum of the errors of the segments' quadratures of v³, over the whole
 
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
     """A flow over a time span, on a mesh.
 
-    `mesh` is complete: duration and segments are numbers. `weight` is that of the scenario's
-    energies in those of the problem, `name` that of its Dymos phase.
+    `mesh` is complete: duration and segments are numbers. `edges` (s) are the ends of the segments;
+    None: they are equal. `weight` is that of the scenario's energies in those of the problem,
+    `name` that of its Dymos phase.
     """
 
     inflow: Inflow
     mesh: Phase
     weight: float = 1.0
     name: str = "phase"
+    edges: np.ndarray = None  # type: ignore[assignment]
+
+    def __post_init__(self):
+        if self.edges is None:
+            edges = np.linspace(0.0, self.mesh.duration, self.mesh.segments + 1)
+            object.__setattr__(self, "edges", edges)
+
+    @property
+    def segments(self) -> int:
+        """Number of segments."""
+        return self.edges.size - 1
+
+    def within(self, share: np.ndarray) -> np.ndarray:
+        """Return times, s, at shares (0 to 1) of the length of every segment, one after another."""
+        return (self.edges[:-1, None] + np.diff(self.edges)[:, None] * share).ravel()
+
+    def divided(self, parts: np.ndarray) -> Scenario:
+        """Return this scenario with each segment divided into a number of equal parts."""
+        return replace(self, edges=divided(self.edges, parts))
+
+    def resolved(self) -> Scenario:
+        """Return this scenario with segments that are divided until they resolve the flow.
+
+        That is: until `flow_errors` are small in all, or there are too many segments.
+        """
+        made = self
+        while made.segments < MOST_SEGMENTS:
+            errors = made.flow_errors
+            # those whose sum alone is too large; the others are fine
+            order = np.argsort(errors)
+            coarse = np.zeros(errors.size, dtype=int)
+            coarse[order] = np.cumsum(errors[order]) > RESOLVED
+            if not np.any(coarse):
+                break
+            made = made.divided(1 + coarse)
+        return made
+
+    @property
+    def flow_errors(self) -> np.ndarray:
+        """Errors of the mesh's quadrature of v³ in every segment, over the whole integral."""
+        exact = self.inflow.cubes(self.edges)
+        cubes = self.node_weights * self.inflow.speed_at(self.node_times) ** 3
+        found = cubes.reshape(self.segments, -1).sum(axis=1)
+        return np.abs(found - exact) / np.sum(exact)
 
     @property
     def samples(self) -> np.ndarray:
         """Times at which the quasi-steady start samples the flow, s: four a segment."""
-        return np.linspace(0.0, self.mesh.duration, 4 * self.mesh.segments + 1)
+        return np.append(self.within(0.25 * np.arange(4)), self.edges[-1])
 
     @property
     def sample_weights(self) -> np.ndarray:
         """Trapezoidal weights of `samples`, s, without the scenario's own weight."""
-        time = self.samples
-        weights = np.full(time.size, time[1])
-        weights[[0, -1]] *= 0.5
-        return weights
+        step = np.diff(self.samples, prepend=0.0, append=self.edges[-1])
+        return 0.5 * (step[:-1] + step[1:])
 
     @cached_property
     def _places(self) -> tuple[np.ndarray, np.ndarray]:
@@ -63,15 +110,12 @@ class Scenario:
     @property
     def node_times(self) -> np.ndarray:
         """Times of the phase's nodes, s, in the order of its time series."""
-        starts = np.arange(self.mesh.segments)[:, None]
-        step = self.mesh.duration / self.mesh.segments
-        return ((starts + 0.5 * (self._places[0] + 1.0)) * step).ravel()
+        return self.within(0.5 * (self._places[0] + 1.0))
 
     @property
     def node_weights(self) -> np.ndarray:
         """Quadrature weights of the phase's nodes, s, without the scenario's own weight."""
-        half = 0.5 * self.mesh.duration / self.mesh.segments
-        return np.tile(half * self._places[1], self.mesh.segments)
+        return np.outer(0.5 * np.diff(self.edges), self._places[1]).ravel()
 
     @property
     def path(self) -> str:
@@ -152,7 +196,10 @@ def add_phase(trajectory, scenario, law, unknown, ode_options, parameters, scale
             "law": law, "unknown": unknown, "inflow": scenario.inflow, **ode_options
         },
         transcription=_TRANSCRIPTIONS[mesh.transcription](
-            num_segments=mesh.segments, order=mesh.order, compressed=True
+            num_segments=scenario.segments,
+            order=mesh.order,
+            segment_ends=scenario.edges,
+            compressed=True,
         ),
     )  # fmt: skip
     trajectory.add_phase(scenario.name, phase)

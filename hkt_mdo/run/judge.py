@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import openmdao.api as om
-from scipy.integrate import quad_vec, simpson
+from scipy.integrate import simpson
 
 from hkt_mdo.dynamics.limits import DistanceFromStall, Limit
 from hkt_mdo.dynamics.objectives import CapturedEnergy
@@ -56,6 +56,8 @@ class Optimized:
     inertia: float
     mass: float
     curve: np.ndarray
+    mesh_error: float = 0.0
+    """Relative change of the objective on a finer mesh, as far as it is known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,17 +103,16 @@ class Flight:
         The open loop's torque is that of the collocation's polynomials, before the generator's
         range cuts it; all else is that of the integration.
         """
-        segments, duration = self.scenario.mesh.segments, self.scenario.mesh.duration
+        scenario = self.scenario
         if self.recorded is not None and limit.inputs == ("control_torque",):
-            share = (np.arange(SAMPLES) + 0.5) / SAMPLES
-            dense = (np.arange(segments)[:, None] + share) * duration / segments
-            over = limit.excess({"control_torque": self.recorded.unlimited(dense.ravel())})
+            dense = scenario.within((np.arange(SAMPLES) + 0.5) / SAMPLES)
+            over = limit.excess({"control_torque": self.recorded.unlimited(dense)})
         else:
             flown = self.integrated | self.scalars
             dense, over = flown["time"][1:], limit.excess(flown)[1:]
-        over = over.reshape(segments, SAMPLES)
-        worst, rows = np.argmax(over, axis=1), np.arange(segments)
-        return over[rows, worst], dense.reshape(segments, SAMPLES)[rows, worst]
+        over = over.reshape(-1, SAMPLES)
+        worst, rows = np.argmax(over, axis=1), np.arange(scenario.segments)
+        return over[rows, worst], dense.reshape(-1, SAMPLES)[rows, worst]
 
 
 def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
@@ -123,16 +124,15 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
         mesh, recorded, law = scenario.mesh, None, physics.law
         if law is None:
-            recorded = RecordedTorque(
-                nodes["time"], nodes["control_torque"], mesh.segments, physics.torque_limit
-            )
+            torque = nodes["time"], nodes["control_torque"]
+            recorded = RecordedTorque(*torque, physics.torque_limit)
         flown = simulate(
             plant,
             scenario.inflow,
             recorded or (lambda _, speed, law=law: law.torque(speed, gains)),
             float(nodes["rotor_speed"][0]),
             mesh.duration,
-            samples=SAMPLES * mesh.segments + 1,
+            samples=np.append(scenario.within(np.arange(SAMPLES) / SAMPLES), mesh.duration),
             max_step=mesh.duration / mesh.segments,
         )
         flights.append(Flight(scenario, nodes, flown, recorded, scalars))
@@ -272,17 +272,9 @@ def energy_bound(physics: Physics, optimum: SteadyOptimum) -> float:
     """Return the quasi-steady bound, J; see `hkt_mdo.rotor.steady_optimum`."""
     bound = 0.0
     for scenario in physics.scenarios:
-        mesh, speed_at = scenario.mesh, scenario.inflow.speed_at
-        edges = np.linspace(0.0, mesh.duration, mesh.segments + 1)
-        step = np.diff(edges)
-
-        def power(share, edges=edges, step=step, speed_at=speed_at):
-            speed = speed_at(edges[:-1] + share * step)
-            return step @ power_scale(physics.density, optimum.blade.rotor_radius, speed)
-
-        passing, _ = quad_vec(power, 0.0, 1.0)
-        bound += scenario.weight * float(passing)
-    return bound * optimum.power_coefficient
+        bound += scenario.weight * float(np.sum(scenario.inflow.cubes(scenario.edges)))
+    scale = power_scale(physics.density, optimum.blade.rotor_radius, 1.0)
+    return bound * scale * optimum.power_coefficient
 
 
 def curve_errors(physics: Physics, result: Optimized) -> tuple[np.ndarray, np.ndarray]:

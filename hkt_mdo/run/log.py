@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +43,7 @@ class Log:
         self.point: Callable[[], StartingPoint] | None = None  # reads the problem at work
         self.last: StartingPoint | None = None
         self.terminated = False
+        self._ends: list[np.ndarray] = []  # of the segments of each scenario of `last`
 
     def __call__(self, count: int, objective: float, infeasibility: float) -> None:
         """Note an evaluation, and save the iterate if it is worth going on from."""
@@ -58,9 +60,9 @@ class Log:
         if self._progress is not None:
             self._progress(len(self.history), objective, infeasibility)
 
-    def save(self, point: StartingPoint) -> None:
-        """Keep the point that a resumed run goes on from, and write it."""
-        self.last = point
+    def save(self, point: StartingPoint, physics: Physics) -> None:
+        """Keep the point of some physics that a resumed run goes on from, and write it."""
+        self.last, self._ends = point, [each.edges for each in physics.scenarios]
         self._write(point)
 
     def _write(self, point: StartingPoint) -> None:
@@ -73,6 +75,7 @@ class Log:
                 "gains": point.gains,
                 "energy_J": point.operation.energy,
                 "reference_energy_J": self.reference,
+                "segment_ends_s": self._ends,
                 "rotor_speed_rad_s": point.operation.rotor_speed,
                 "hydrodynamic_torque_Nm": point.operation.hydrodynamic_torque,
             },
@@ -127,19 +130,25 @@ class _Recorder(om.SqliteRecorder):
             self.connection.execute("PRAGMA synchronous=OFF")
 
 
-def read_iterate(out: Path, physics: Physics) -> tuple[StartingPoint | None, float, list]:
-    """Return an earlier run's point, reference (J) and history; None if it recorded none."""
+def read_iterate(
+    out: Path, physics: Physics
+) -> tuple[Physics, StartingPoint | None, float, list]:
+    """Return the physics on an earlier run's mesh, its point, reference (J) and history.
+
+    The point is None if it recorded none.
+    """
     path = out / "iterate.json"
     if not path.exists():
-        return None, 0.0, []
+        return physics, None, 0.0, []
     stations = physics.blade.r.size
-    times = sum(scenario.samples.size for scenario in physics.scenarios)
     sizes = {"chord_m": stations, "twist_rad": stations, "gains": len(physics.gain_units)}
     sizes |= dict.fromkeys(("rotor_radius_m", "energy_J", "reference_energy_J"), 1)
-    sizes |= dict.fromkeys(("rotor_speed_rad_s", "hydrodynamic_torque_Nm"), times)
     content = read_bytes(path, MAX_ITERATE_BYTES, "iterate of a run")
     try:
         data = json.loads(content)
+        physics = _on_mesh(physics, data["segment_ends_s"])
+        times = sum(scenario.samples.size for scenario in physics.scenarios)
+        sizes |= dict.fromkeys(("rotor_speed_rad_s", "hydrodynamic_torque_Nm"), times)
         values = {key: np.array(data[key], dtype=float).reshape(n) for key, n in sizes.items()}
         if not all(np.all(np.isfinite(value)) for value in values.values()):
             raise ValueError
@@ -160,4 +169,17 @@ def read_iterate(out: Path, physics: Physics) -> tuple[StartingPoint | None, flo
     operation = Operation(float(values["energy_J"][0]), *over_time)
     history = list(zip(*table.values(), strict=True))
     reference = float(values["reference_energy_J"][0])
-    return StartingPoint(blade, values["gains"], operation), reference, history
+    return physics, StartingPoint(blade, values["gains"], operation), reference, history
+
+
+def _on_mesh(physics: Physics, ends: list) -> Physics:
+    """Return physics with the segments' ends (s) of each scenario; ValueError if none of theirs."""
+    scenarios = []
+    for scenario, own in zip(physics.scenarios, ends, strict=True):
+        edges = np.array(own, dtype=float)
+        if not (edges.ndim == 1 and np.all(np.isin(scenario.edges, edges))):
+            raise ValueError
+        if not (np.all(np.diff(edges) > 0.0) and np.all(edges[[0, -1]] == scenario.edges[[0, -1]])):
+            raise ValueError
+        scenarios.append(replace(scenario, edges=edges))
+    return replace(physics, scenarios=tuple(scenarios))

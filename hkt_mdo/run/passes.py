@@ -12,7 +12,8 @@ from hkt_mdo.dynamics.quasi_steady import Operation
 from hkt_mdo.dynamics.trajectory import QUANTITIES
 from hkt_mdo.problem.build import assemble, make_driver
 from hkt_mdo.problem.physics import Physics
-from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes
+from hkt_mdo.problem.scenario import MOST_SEGMENTS
+from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes, find_start
 from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.run.judge import (
     BETWEEN_VIOLATION,
@@ -23,33 +24,37 @@ from hkt_mdo.run.judge import (
     is_false,
     recovers,
 )
+from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.log import Log
 
-MAX_PASSES = 8
+MAX_PASSES = 12
 # recovery of the start, over a typical torque, below which it is a constraint from the beginning
 NEAR_STALL = 0.022
 WORTHWHILE = 1e-6  # relative gain of the objective for which a move limit is re-centred again
+NEAR_LIMIT = 1e-4  # relative distance from its bound within which a limit binds at a node
+PARTS = 4  # of a segment in which a limit begins or ceases to bind
 FIRST_ITERATIONS = 300  # after as many, an optimization has lost its way
 
 
 def optimize(
     physics: Physics, start: StartingPoint, log: Log
-) -> tuple[Optimized, tuple[Flight, ...]]:
+) -> tuple[Physics, Optimized, tuple[Flight, ...]]:
     """Optimize from a start until nothing that a pass has set stands in the way; integrate.
 
     That is: the torque curve is fine enough, no move limit is active, every limit holds between the
-    nodes too (for that it is lowered at the nodes of a segment), and a rotor under feedback
-    recovers from a small loss of speed (for that a constraint is added, of twice the loss where the
-    integration denies the collocation).
+    nodes too (for that it is lowered at the nodes of a segment), a rotor under feedback recovers
+    from a small loss of speed (for that a constraint is added, of twice the loss where the
+    integration denies the collocation), and the mesh is fine enough where the open loop begins or
+    ceases to meet a limit. The physics that are returned have the last mesh.
     """
     slowed = SLOWED if np.any(start.operation.margin < NEAR_STALL) else 0.0
     setup = Setup(start, curve_nodes(physics, start), slowed=slowed)
-    objective, at_limit = np.inf, False
+    objective, at_limit, coarser = np.inf, False, np.inf
     for _ in range(MAX_PASSES):
         result = _solve(physics, setup, log)
         if not result.outcome.success:
             if setup.moves == NARROW:
-                return result, fly(physics, result)
+                return physics, result, fly(physics, result)
             setup = _in_smaller_moves(physics, setup, log.last)
             continue
         if not setup.slowed and not recovers(physics, result):
@@ -61,13 +66,20 @@ def optimize(
         flights = fly(physics, result)
         again = _refined(physics, setup, result, flights, at_limit)
         if again is None:
-            return result, flights
+            error = _mesh_error(physics, result, coarser)
+            result, coarser = replace(result, mesh_error=error), result.objective
+            parts = _divisions(physics, result) if error > WORTHWHILE else None
+            if parts is None:
+                return physics, result, flights
+            physics, setup = _on_finer_mesh(physics, setup, result, parts)
+            log.save(setup.start, physics)
+            continue
         setup = again
     if at_limit:  # an optimum between limits of our own making is none
         message = f"still at a move limit after {MAX_PASSES} optimizations"
         ended = replace(result.outcome, success=False, message=message)
         result = replace(result, outcome=ended)
-    return result, fly(physics, result)
+    return physics, result, fly(physics, result)
 
 
 def _in_smaller_moves(physics, setup, last):
@@ -94,6 +106,63 @@ def _refined(physics, setup, result, flights, at_limit) -> Setup | None:
         nodes=curve_nodes(physics, result.point, finer=not curve_ok),
         shares=shares or setup.shares,
     )
+
+
+def _mesh_error(physics, result, coarser) -> float:
+    """Return by how much a finer mesh may change the objective of an open loop, relatively.
+
+    That is how much the last division of the mesh has changed it; before there is one, how far it
+    is from quasi-steady operation of the found blade, which needs no mesh. A feedback law leaves
+    the optimizer no torque over time to choose, and the integration judges its collocation.
+    """
+    if physics.law is not None:
+        return 0.0
+    if not np.isfinite(coarser):
+        ideal = find_start(
+            replace(physics, shape=replace(physics.shape, blade=result.point.blade)),
+            best_operation(result.point.blade, physics.polar),
+            improve=False,
+        )
+        coarser = physics.objective_at(ideal)
+    return abs(result.objective / coarser - 1.0) if coarser else np.inf
+
+
+def _divisions(physics, result) -> list[np.ndarray] | None:
+    """Return the number of parts of every segment on a finer mesh; None: no limit asks for one.
+
+    Divided are the segments in which a limit begins or ceases to bind, and their neighbours.
+    """
+    found = []
+    scalars = physics.scalars(result.point.blade, result.inertia)
+    for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
+        switches = np.zeros(scenario.segments, dtype=bool)
+        for limit in physics.limits:
+            if limit.place == "time" and limit.constrains(physics.case.control):
+                binds = limit.excess(nodes | scalars) > -NEAR_LIMIT
+                binds = binds.reshape(scenario.segments, -1)
+                some, all_ = binds.any(axis=1), binds.all(axis=1)
+                switches |= some & ~all_
+                switches[1:] |= all_[1:] != all_[:-1]
+                switches[:-1] |= all_[1:] != all_[:-1]
+        found.append(np.where(switches, PARTS, 1))
+    segments = sum(int(parts.sum()) for parts in found)
+    none = all(np.all(parts == 1) for parts in found)
+    return None if none or segments > MOST_SEGMENTS else found
+
+
+def _on_finer_mesh(physics, setup, result, parts) -> tuple[Physics, Setup]:
+    """Return the physics with segments divided into parts, and the setup of the next pass."""
+    scenarios = [
+        each.divided(own) for each, own in zip(physics.scenarios, parts, strict=True)
+    ]
+    by_name = {each.name: own for each, own in zip(scenarios, parts, strict=True)}
+    physics = replace(physics, scenarios=tuple(scenarios))
+    point = _point(physics, result.problem)
+    shares = {  # a finer mesh may need no lower limit
+        (limit, scenario): np.repeat(np.where(by_name[scenario] > 1, 1.0, share), by_name[scenario])
+        for (limit, scenario), share in setup.shares.items()
+    }
+    return physics, replace(setup, start=point, shares=shares)
 
 
 def _lowered(physics, setup, flights) -> dict | None:

@@ -96,7 +96,8 @@ def resume_case(
             solution = Solution.load(out, extensions=extensions)
             if solution.success:
                 return solution
-        return _run(world, out, progress, figures, records, *read_iterate(out, world))
+        world, *before = read_iterate(out, world)
+        return _run(world, out, progress, figures, records, *before)
 
 
 def _run(
@@ -143,8 +144,8 @@ def _optimize_and_judge(
         # a start that breaks a limit may well be better than the best design that keeps it
         if start.operation.running and not world.broken_limits(start):
             log.reference = world.objective_at(start)
-    log.save(start)
-    result, flights = optimize(world, start, log)
+    log.save(start, world)
+    world, result, flights = optimize(world, start, log)
     optimum = bounding_optimum(world, optimum, result.point.blade)
     checks = judge(world, optimum, log.reference, result, flights)
     finished = summarize(world, optimum, start, result, flights, checks)
@@ -154,7 +155,7 @@ def _optimize_and_judge(
     if records:
         om.n2(result.problem, outfile=str(out / "n2.html"), show_browser=False)
     if result.outcome.success:
-        log.save(result.point)
+        log.save(result.point, world)
     return finished
 
 

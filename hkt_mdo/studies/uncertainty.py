@@ -124,7 +124,7 @@ class Design:
         if law is None:
             recorded = self.solution.trajectory
             torque = recorded["time_s"], recorded["control_torque_Nm"]
-            controller = RecordedTorque(*torque, phase.segments, self.physics.torque_limit)
+            controller = RecordedTorque(*torque, self.physics.torque_limit)
         else:
 
             def controller(_, speed):

@@ -224,7 +224,7 @@ def test_recorded_torque_is_the_segments_own_polynomial():
     """Three nodes a segment reproduce parabolas, a different one in each segment."""
     time = np.array([0.0, 1.0, 2.0, 2.0, 3.0, 4.0])
     torque = np.array([0.0, 1.0, 4.0, 4.0, 9.0, 16.0])
-    recorded = RecordedTorque(time, torque, 2)
+    recorded = RecordedTorque(time, torque)
     dense = np.linspace(0.0, 4.0, 41)
     np.testing.assert_allclose(recorded(dense), dense**2, atol=1e-13)
     assert recorded(2.5) == pytest.approx(6.25)
@@ -232,7 +232,7 @@ def test_recorded_torque_is_the_segments_own_polynomial():
 
 def test_recorded_torque_stays_in_the_generators_range():
     time = np.array([0.0, 1.0, 2.0])
-    recorded = RecordedTorque(time, np.array([500.0, 700.0, 700.0]), 1, limit=700.0)
+    recorded = RecordedTorque(time, np.array([500.0, 700.0, 700.0]), limit=700.0)
     dense = np.linspace(0.0, 2.0, 101)
     assert np.max(recorded.unlimited(dense)) > 700.0
     assert np.max(recorded(dense)) == 700.0
@@ -245,9 +245,8 @@ TURBULENCE = TurbulentInflow(spectrum="kaimal", length_scale=20.0, duration=180.
 def recorded(limit):
     """Return a torque history near the optimum's, cut at a limit within many segments."""
     time = np.concatenate([np.array([0.0, 0.5, 1.0]) + second for second in range(20)])
-    return RecordedTorque(
-        time, 640.0 + 180.0 * np.sin(0.25 * time) - 20.0 * (time % 1.0), 20, limit
-    )
+    torque = 640.0 + 180.0 * np.sin(0.25 * time) - 20.0 * (time % 1.0)
+    return RecordedTorque(time, torque, limit)
 
 
 def quadratic(time, speed):

@@ -44,9 +44,10 @@ def _solve(
     with threadpool_limits(1), tempfile.TemporaryDirectory() as folder:
         optimum = steady_optimum(world, world.blade)
         start = find_start(world, optimum)
-        result, flights = optimize(world, start, Log(Path(folder), folder, None, False))
+        reference = world.objective_at(start)
+        world, result, flights = optimize(world, start, Log(Path(folder), folder, None, False))
         optimum = bounding_optimum(world, optimum, result.point.blade)
-    return Solved(world, start, optimum, world.objective_at(start), result, flights)
+    return Solved(world, start, optimum, reference, result, flights)
 
 
 @pytest.fixture(scope="session")

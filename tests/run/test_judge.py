@@ -107,7 +107,7 @@ def torque_above_its_limit_between_nodes(solved):
     (flight,) = solved.flights
     torque = flight.trajectory["control_torque"].copy()
     torque[NODE] += 60.0
-    recorded = RecordedTorque(flight.trajectory["time"], torque, 15, 700.0)
+    recorded = RecordedTorque(flight.trajectory["time"], torque, 700.0)
     return with_flight(solved, recorded=recorded)
 
 
