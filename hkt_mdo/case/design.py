@@ -74,6 +74,13 @@ class Phase(Section):
     initial_speed: Literal["auto", "free", "equilibrium"] = "auto"
     """Rotor speed at t = 0: `free`, chosen by the optimizer; `equilibrium`, where hydrodynamic and
     control torque balance; `auto`: free for open loop, equilibrium for feedback."""
+    final_speed: Literal["auto", "free", "initial"] = "auto"
+    """Rotor speed at the end: `free`; `initial`, that of t = 0, which closes the cycle, so that no
+    stored energy counts, and only open loop can do; `auto`: initial for open loop with an objective
+    that counts what the generator takes, else free."""
+    stored_energy: Literal["limited", "allowed"] = "limited"
+    """`limited`: a result whose rotor gains or loses more kinetic energy than 1 % of the captured
+    energy is refused, as that is not delivered; `allowed`: it is not refused."""
 
 
 class Start(Section):

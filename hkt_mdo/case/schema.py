@@ -106,6 +106,10 @@ class Case(Section):
             problem = f"bounds a gain that the law {control.law} does not have"
             remedy = "leave design.gain_bounds out, or choose a feedback law"
             raise refusal(problem, remedy, key="design.gain_bounds", value=list(design.gain_bounds))
+        if self.phase.final_speed == "initial" and isinstance(control, FeedbackLaw):
+            problem = f"is for open loop: the law {control.law} decides the speed"
+            remedy = "give free, or control.law: open_loop"
+            raise refusal(problem, remedy, key="phase.final_speed", value="initial")
         problem = "takes the Reynolds number of the induced speed, not that of rotor.reynolds"
         remedy = "give vectorized, or rotor.reynolds: invariant"
         for name in ("bem", "check"):

@@ -20,6 +20,9 @@ class Objective(Section):
     kind: str
     """What is maximized."""
     inputs: ClassVar[tuple[str, ...]] = ()
+    closes: ClassVar[bool] = False
+    """Whether it could sell the rotor's kinetic energy, so that the cycle of an open loop is closed
+    by default: the rotor ends at its initial speed."""
 
     def rate(self, **quantities):
         """Return the rate, W, shape (n_times,)."""
@@ -31,7 +34,7 @@ class Objective(Section):
         return rate * np.ones(quantities["time"].size)
 
     def bound(self, captured: float) -> float | None:
-        """Return an upper bound, J; None: none is known.
+        """Return an upper bound, J, over a closed cycle if it `closes`; None: none is known.
 
         `captured` is that of the captured energy, J, by quasi-steady operation (docs/theory.md).
         """
@@ -55,9 +58,14 @@ class CapturedEnergy(Objective):
 class GeneratorEnergy(Objective):
     """The energy that the generator takes from the shaft, the integral of u w."""
 
+    closes: ClassVar[bool] = True
+
     kind: Literal["generator"] = "generator"
     """What is maximized."""
     inputs: ClassVar[tuple[str, ...]] = ("generator_power",)
 
     def rate(self, generator_power):
         return generator_power
+
+    def bound(self, captured):
+        return captured

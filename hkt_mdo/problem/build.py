@@ -90,6 +90,9 @@ def assemble(
             met = physics.scenarios if limit.place == "time" else physics.scenarios[:1]
             for place, scenario in enumerate(met):
                 _add_limit(model, physics, setup, limit, place, scenario, scales)
+    for scenario in physics.scenarios:
+        if scenario.mesh.final_speed == "initial":
+            _close_cycle(model, scenario, scales)
     _add_objective(model, physics, setup)
     problem.driver.declare_coloring(show_summary=False, show_sparsity=False)
     problem.setup()
@@ -195,6 +198,17 @@ def _add_phases(model, physics, hydrodynamics, parameters, scales, speed_bounds)
     ]
     model.promotes("traj", inputs=inputs)
     return phases
+
+
+def _close_cycle(model, scenario, scales):
+    """Constrain a scenario's final rotor speed to its initial one."""
+    name = f"{scenario.name}_gain_of_speed"
+    change = om.ExecComp("change = final - initial", units="rad/s", has_diag_partials=True)
+    model.add_subsystem(name, change)
+    for place, index in (("initial", 0), ("final", -1)):
+        source = f"{scenario.path}.rotor_speed"
+        model.connect(source, f"{name}.{place}", src_indices=om.slicer[[index], 0])
+    model.add_constraint(f"{name}.change", equals=0.0, ref=scales.rotor_speed, units="rad/s")
 
 
 def _distance_from_stall(physics, setup):

@@ -140,7 +140,7 @@ class Physics:
 def complete(case: Case) -> Case:
     """Return a case whose time span and segments are numbers, taken from its flow if need be."""
     phase, inflow = case.phase, case.inflow
-    if phase.duration is not None and phase.segments is not None:
+    if None not in (phase.duration, phase.segments) and phase.final_speed != "auto":
         return case
     if inflow.length is not None:
         inflow.check(inflow.length)
@@ -149,7 +149,12 @@ def complete(case: Case) -> Case:
         lasting = (period for begin, end, period in inflow.features if begin <= 0.0 and end == np.inf)
         wanted = np.ceil(SEGMENTS_PER_PERIOD * duration / min(lasting, default=np.inf) - 1e-9)
         segments = int(np.clip(wanted, FEWEST_SEGMENTS, MOST_SEGMENTS))
-    whole = phase.model_copy(update={"duration": duration, "segments": segments})
+    final = phase.final_speed
+    if final == "auto":
+        sells = case.objective.closes and not isinstance(case.control, FeedbackLaw)
+        final = "initial" if sells else "free"
+    found = {"duration": duration, "segments": segments, "final_speed": final}
+    whole = phase.model_copy(update=found)
     return case.model_copy(update={"phase": whole})
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import openmdao.api as om
 from scipy.integrate import simpson
 
-from hkt_mdo.dynamics.limits import DistanceFromStall, Limit
+from hkt_mdo.dynamics.limits import LEAST, SLOWED, TYPICAL, DistanceFromStall, Limit
 from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.dynamics.simulation import (
     SLOWEST_RATIO,
@@ -29,13 +29,16 @@ from hkt_mdo.problem.setup import Setup
 from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.scales import power_scale
+from hkt_mdo.rotor.scales import power_scale, torque_scale
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.solve.drivers import Outcome
 
 # Limits of the judges, as README.md explains them
-ENERGY_ERROR, SURROGATE_ERROR, SPEED_ERROR = 2e-4, 1e-3, 1e-2
+ENERGY_ERROR, SPEED_ERROR = 2e-4, 1e-2
+FLOW_ERROR, MESH_ERROR = 1e-4, 1e-5
+STORED = 0.01  # share of the captured energy that the rotor may have stored
+RECOVERY_ERROR = 0.2  # of the least recovery torque, which is a small difference of torques
 BELOW_START = 2e-3  # what the rotor's inertia and its distance from stall may cost
 BOUND_MARGIN, NODE_VIOLATION, BETWEEN_VIOLATION = 1e-5, 1e-6, 1e-3
 SAMPLES = 20  # a segment, of the integration and between the nodes
@@ -71,6 +74,7 @@ class Flight:
     """The open loop's torque history; None under feedback."""
     scalars: dict[str, float]
     """rotor_radius (m), density (kg/m**3), inertia (kg*m**2)."""
+    plant: Plant
 
     @property
     def integrated(self) -> dict[str, np.ndarray]:
@@ -135,7 +139,7 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
             samples=np.append(scenario.within(np.arange(SAMPLES) / SAMPLES), mesh.duration),
             max_step=mesh.duration / mesh.segments,
         )
-        flights.append(Flight(scenario, nodes, flown, recorded, scalars))
+        flights.append(Flight(scenario, nodes, flown, recorded, scalars, plant))
     return tuple(flights)
 
 
@@ -182,6 +186,15 @@ def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
     """Yield name, value, limit and place of what the integration of a scenario is asked."""
     flown, nodes, integrated = flight.simulation, flight.trajectory, flight.integrated
     time, stopped = nodes["time"], flown.stopped_at
+    errors, edges = flight.scenario.flow_errors, flight.scenario.edges
+    worst = int(np.argmax(errors))
+    yield (
+        "flow_error",
+        np.sum(errors),
+        FLOW_ERROR,
+        "the mesh's integral of v³ against an adaptive one; they differ most between "
+        f"t = {edges[worst]:.6g} and {edges[worst + 1]:.6g} s",
+    )
     word = "" if stopped is None else f"rotor stops at t = {stopped:.2f} s, not generating"
     yield "rotor_keeps_turning", float(stopped is not None), 0.0, word
     power = np.interp(time, integrated["time"], integrated["hydrodynamic_power"])
@@ -203,13 +216,23 @@ def _of_design(physics, optimum, reference, result, flights):
     ratios, errors = curve_errors(physics, result)
     worst = int(np.argmax(errors))
     place = f"at tip speed ratio {ratios[worst]:.3f}"
-    yield "surrogate_error", errors[worst], SURROGATE_ERROR, place
+    yield "surrogate_error", errors[worst], physics.case.hydrodynamics.tolerance, place
+    if physics.law is None:
+        change = "change of the objective on a finer mesh, as far as it is known"
+        yield "mesh_error", result.mesh_error, MESH_ERROR, change
+    else:
+        yield from _recovery(physics, result, flights)
     energy = total(flights, lambda flight: flight.simulation.energy)
     over, word = (
         energy / energy_bound(physics, optimum) - 1.0,
         "over the quasi-steady bound, less one",
     )
     yield "energy_over_bound", over, BOUND_MARGIN, f"simulated energy {word}"
+    phase = physics.case.phase
+    if phase.final_speed != "initial" and phase.stored_energy == "limited":
+        stored = total(flights, lambda flight: flight.simulation.kinetic_energy_change)
+        share = abs(stored) / max(abs(energy), 1e-9)
+        yield "stored_energy", share, STORED, "change of kinetic energy over captured energy"
     objective = energy
     if not isinstance(physics.objective, CapturedEnergy):
         objective = total(flights, lambda flight: flight.objective(physics.objective))
@@ -228,6 +251,28 @@ def _of_design(physics, optimum, reference, result, flights):
         )
     for limit in physics.limits:
         yield from _of_limit(physics, limit, result, flights)
+
+
+def _recovery(physics, result, flights):
+    """Yield how far a rotor under feedback is closer to stall than `DistanceFromStall` allows."""
+    least = np.inf
+    for flight in flights:
+        flown, gains = flight.simulation, result.point.gains
+
+        def net(speed, flown=flown, flight=flight, gains=gains):
+            driving = flight.plant.torque(speed, flown.inflow_speed)
+            return driving - physics.law.torque(speed, gains)
+
+        speed = flown.rotor_speed
+        unit = TYPICAL * torque_scale(
+            physics.density, flight.scalars["rotor_radius"], flown.inflow_speed
+        )
+        recovery = (net((1.0 - SLOWED) * speed) - net(speed)) / unit
+        worst = int(np.argmin(recovery))
+        if recovery[worst] < least:
+            least, when = float(recovery[worst]), flown.time[worst]
+    word = f"the torque that recovers a slowed rotor falls short of its least at t = {when:.2f} s"
+    yield "distance_from_stall", 1.0 - least / LEAST, RECOVERY_ERROR, word
 
 
 def _of_limit(physics, limit, result, flights):
@@ -293,7 +338,7 @@ def recovers(physics: Physics, result: Optimized) -> bool:
     """Tell whether a rotor under feedback recovers from a small loss of speed, by the curve."""
     if physics.law is None or not result.curve.size:
         return True
-    limit = DistanceFromStall(law=physics.law, spline=TorqueSpline(result.setup.nodes), least=0.0)
+    limit = DistanceFromStall(law=physics.law, spline=TorqueSpline(result.setup.nodes))
     design = physics.scalars(result.point.blade, result.inertia)
     design |= {"torque_coefficient_table": result.curve, "gains": result.point.gains}
     return all(np.all(limit.value_of(nodes | design) >= 0.0) for nodes in result.trajectories)
@@ -305,6 +350,13 @@ FALSE_SOLUTION = (
 )
 TRY = {
     "optimizer": "try hkt run --resume, the other driver.optimizer, or more driver.max_iterations",
+    "flow_error": "try more phase.segments",
+    "mesh_error": "try more phase.segments",
+    "distance_from_stall": "try hydrodynamics.torque=curve, or start.method=quasi_steady",
+    "stored_energy": (
+        "the captured energy counts what the rotor stores: try objective=generator, "
+        "phase.final_speed=initial, or phase.stored_energy=allowed"
+    ),
     "rotor_keeps_turning": "try a larger control.torque_limit, or start.method=quasi_steady",
     "energy_error": FALSE_SOLUTION,
     "max_speed_error": FALSE_SOLUTION,

@@ -17,6 +17,8 @@ from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes, find_start
 from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.run.judge import (
     BETWEEN_VIOLATION,
+    MESH_ERROR,
+    SPEED_ERROR,
     Flight,
     Optimized,
     curve_errors,
@@ -32,6 +34,7 @@ MAX_PASSES = 12
 NEAR_STALL = 0.022
 WORTHWHILE = 1e-6  # relative gain of the objective for which a move limit is re-centred again
 NEAR_LIMIT = 1e-4  # relative distance from its bound within which a limit binds at a node
+SHORT_OF = 3e-6  # of the energy: what segments together may fall short of quasi-steady operation
 PARTS = 4  # of a segment in which a limit begins or ceases to bind
 FIRST_ITERATIONS = 300  # after as many, an optimization has lost its way
 
@@ -49,12 +52,12 @@ def optimize(
     """
     slowed = SLOWED if np.any(start.operation.margin < NEAR_STALL) else 0.0
     setup = Setup(start, curve_nodes(physics, start), slowed=slowed)
-    objective, at_limit, coarser = np.inf, False, np.inf
+    objective, at_limit, coarser, ended = np.inf, False, 0.0, None
     for _ in range(MAX_PASSES):
         result = _solve(physics, setup, log)
         if not result.outcome.success:
             if setup.moves == NARROW:
-                return physics, result, fly(physics, result)
+                return ended or (physics, result, fly(physics, result))
             setup = _in_smaller_moves(physics, setup, log.last)
             continue
         if not setup.slowed and not recovers(physics, result):
@@ -66,11 +69,11 @@ def optimize(
         flights = fly(physics, result)
         again = _refined(physics, setup, result, flights, at_limit)
         if again is None:
-            error = _mesh_error(physics, result, coarser)
+            error, parts = _mesh_error(physics, result, flights, coarser)
             result, coarser = replace(result, mesh_error=error), result.objective
-            parts = _divisions(physics, result) if error > WORTHWHILE else None
-            if parts is None:
-                return physics, result, flights
+            ended = physics, result, flights
+            if not parts or sum(map(np.sum, parts)) > MOST_SEGMENTS:
+                return ended
             physics, setup = _on_finer_mesh(physics, setup, result, parts)
             log.save(setup.start, physics)
             continue
@@ -108,46 +111,50 @@ def _refined(physics, setup, result, flights, at_limit) -> Setup | None:
     )
 
 
-def _mesh_error(physics, result, coarser) -> float:
-    """Return by how much a finer mesh may change the objective of an open loop, relatively.
+def _mesh_error(physics, result, flights, coarser) -> tuple[float, list[np.ndarray]]:
+    """Return by how much a finer mesh may change the objective, relatively, and what to divide.
 
-    That is how much the last division of the mesh has changed it; before there is one, how far it
-    is from quasi-steady operation of the found blade, which needs no mesh. A feedback law leaves
-    the optimizer no torque over time to choose, and the integration judges its collocation.
+    Under open loop that is how much the last division has changed it; before there is one, how far
+    it is from quasi-steady operation of the found blade, which needs no mesh. Divided are segments
+    in which a limit begins or ceases to bind, and where the trajectory falls short of that
+    operation. A feedback law leaves the optimizer no torque over time to choose: its segments are
+    divided where the integration denies the collocation. What to divide is the number of parts of
+    each segment; empty where the mesh is fine enough.
     """
     if physics.law is not None:
-        return 0.0
-    if not np.isfinite(coarser):
-        ideal = find_start(
-            replace(physics, shape=replace(physics.shape, blade=result.point.blade)),
-            best_operation(result.point.blade, physics.polar),
-            improve=False,
-        )
-        coarser = physics.objective_at(ideal)
-    return abs(result.objective / coarser - 1.0) if coarser else np.inf
-
-
-def _divisions(physics, result) -> list[np.ndarray] | None:
-    """Return the number of parts of every segment on a finer mesh; None: no limit asks for one.
-
-    Divided are the segments in which a limit begins or ceases to bind, and their neighbours.
-    """
-    found = []
-    scalars = physics.scalars(result.point.blade, result.inertia)
-    for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
-        switches = np.zeros(scenario.segments, dtype=bool)
-        for limit in physics.limits:
+        off = [
+            np.max(each.speed_errors.reshape(each.scenario.segments, -1), axis=1) > 0.3 * SPEED_ERROR
+            for each in flights
+        ]
+        few = is_false(flights) and 0.0 < np.mean(np.concatenate(off)) < 0.5
+        return 0.0, [np.where(each, PARTS, 1) for each in off] if few else []
+    blade, limits = result.point.blade, physics.limits
+    known = replace(physics, shape=replace(physics.shape, blade=blade))
+    ideal = find_start(known, best_operation(blade, physics.polar), improve=False)
+    scalars, parts = physics.scalars(blade, result.inertia), []
+    for scenario, nodes, best, found in zip(
+        physics.scenarios,
+        result.trajectories,
+        known.on_start(ideal),
+        known.on_start(result.point),
+        strict=True,
+    ):
+        coarse = np.zeros(scenario.segments, dtype=bool)
+        for limit in limits:
             if limit.place == "time" and limit.constrains(physics.case.control):
                 binds = limit.excess(nodes | scalars) > -NEAR_LIMIT
-                binds = binds.reshape(scenario.segments, -1)
-                some, all_ = binds.any(axis=1), binds.all(axis=1)
-                switches |= some & ~all_
-                switches[1:] |= all_[1:] != all_[:-1]
-                switches[:-1] |= all_[1:] != all_[:-1]
-        found.append(np.where(switches, PARTS, 1))
-    segments = sum(int(parts.sum()) for parts in found)
-    none = all(np.all(parts == 1) for parts in found)
-    return None if none or segments > MOST_SEGMENTS else found
+                first, *others = binds.reshape(scenario.segments, -1).T
+                last = others[-1]
+                coarse |= ~np.all(np.equal(first, others), axis=0)
+                coarse[1:] |= last[:-1] != last[1:]
+                coarse[:-1] |= first[:-1] != first[1:]
+        lost = scenario.sample_weights * (best["hydrodynamic_power"] - found["hydrodynamic_power"])
+        lost = np.abs(lost[:-1].reshape(scenario.segments, -1).sum(axis=1)) / result.energy
+        order = np.argsort(lost)
+        coarse[order] |= np.cumsum(lost[order]) > SHORT_OF
+        parts.append(np.where(coarse, PARTS, 1))
+    error = abs(result.objective / (coarser or physics.objective_at(ideal)) - 1.0)
+    return error, parts if error > MESH_ERROR else []
 
 
 def _on_finer_mesh(physics, setup, result, parts) -> tuple[Physics, Setup]:

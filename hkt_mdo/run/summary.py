@@ -51,7 +51,9 @@ def summarize(physics, optimum, start, result, flights, checks) -> Summary:
             "kind": physics.objective.kind,
             "value_J": result.objective,
             "simulated_J": total(flights, lambda flight: flight.objective(physics.objective)),
-            "bound_J": physics.objective.bound(bound),
+            "bound_J": None
+            if physics.objective.closes and physics.case.phase.final_speed != "initial"
+            else physics.objective.bound(bound),
         },
         "limits": {
             limit.name: _limit(limit, flights)
