@@ -10,11 +10,11 @@ from hkt_mdo.dynamics.limits import DesignBounds, ForwardRotation, TorqueLimit
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.problem.build import make_driver
-from hkt_mdo.problem.physics import MOST_SEGMENTS, SEGMENTS_PER_PERIOD, physics
+from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.turbine import POLAR
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.run.findings import Findings, figure_data, problem_size
-from hkt_mdo.run.judge import designed
+from hkt_mdo.run.judge import FLOW_ERROR, designed
 from hkt_mdo.run.words import duration, flow_words, number, plain_unit, powers, quantity, span
 
 FIT = {"chord": 2.0, "twist": 0.5}  # % of the largest, deg: splines may leave the file's blade
@@ -160,13 +160,11 @@ def _flow(found: Findings, by_default: bool, warn) -> dict[str, str]:
         period = quantity(1.0 / cutoff, "s", 3)
         changes = f"up to {cutoff:.3g} Hz, a period of {period}"
         sampled = any(hasattr(part, "cutoff") for part in getattr(flow, "parts", (flow,)))
-        wanted = int(np.ceil(SEGMENTS_PER_PERIOD * cutoff * phase.duration * (1.0 - 1e-9)))
-        if phase.segments < wanted:
-            each = phase.segments / (cutoff * phase.duration)
+        error = float(np.sum(found.physics.scenarios[0].flow_errors))
+        if error > FLOW_ERROR:
             warn(
-                f"phase.segments = {phase.segments} gives {each:.2g} to the flow's shortest "
-                f"period, {period}, and {SEGMENTS_PER_PERIOD:g} are wanted: give "
-                + (f"{wanted}" if wanted <= MOST_SEGMENTS else "a shorter phase.duration")
+                f"{found.physics.scenarios[0].segments} segments leave the integral of v³ uncertain "
+                f"by {error:.1g}, more than {FLOW_ERROR:g}: give a shorter phase.duration"
                 + (", or a lower cutoff" if sampled else "")
             )
         eddies = found.mean / (2.0 * radius)
@@ -284,8 +282,10 @@ def _optimization(found: Findings, package: str, warn) -> dict[str, str]:
     """Tell the size of the problem, its bounds and limits; warn of those that the start breaks."""
     phase, hydro, driver = found.case.phase, found.case.hydrodynamics, found.case.driver
     size, length = problem_size(found.physics, found.best), phase.duration / phase.segments
-    periods = ""
-    if found.cutoff:
+    segments, periods = found.physics.scenarios[0].segments, ""
+    if segments > phase.segments:
+        periods = f", divided into {segments} where the flow changes fast"
+    elif found.cutoff:
         periods = f" ({1.0 / (found.cutoff * length):.3g} in the flow's shortest period)"
     torque = "at every node of the trajectory"
     if found.physics.has_curve:

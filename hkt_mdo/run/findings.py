@@ -178,7 +178,7 @@ def problem_size(physics: Physics, best: SteadyOptimum) -> ProblemSize:
     unknowns, constraints and the time of an evaluation grow linearly in the segments; Dymos' set-up
     does not, and would take longest.
     """
-    segments = physics.case.phase.segments
+    segments = physics.scenarios[0].segments
     few, many = (min(count, segments) for count in TRIAL_SEGMENTS)
     (*small, quick), (*large, slow) = (_trial(physics, best, count) for count in (few, many))
     share = (segments - many) / max(many - few, 1)
@@ -193,7 +193,7 @@ def problem_size(physics: Physics, best: SteadyOptimum) -> ProblemSize:
 def _trial(physics, best, segments) -> tuple[dict[str, int], dict[str, int], float]:
     """Return unknowns and constraints by name of a problem of fewer segments, and its time, s."""
     phase = physics.case.phase
-    duration = phase.duration * segments / phase.segments
+    duration = phase.duration * segments / physics.scenarios[0].segments
     part = _one_flow(physics, segments=segments, duration=duration)
     nodes = best.tip_speed_ratio * np.linspace(0.5, 1.6, 80)
     problem = assemble(part, Setup(find_start(part, best, improve=False), nodes))

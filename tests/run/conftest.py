@@ -30,6 +30,7 @@ class Solved:
     reference: float
     result: Optimized
     flights: tuple[Flight, ...]
+    on_first_mesh: Physics
 
     def checks(self) -> dict[str, CheckEntry]:
         """Return what every judge says, by its name."""
@@ -44,10 +45,10 @@ def _solve(
     with threadpool_limits(1), tempfile.TemporaryDirectory() as folder:
         optimum = steady_optimum(world, world.blade)
         start = find_start(world, optimum)
-        reference = world.objective_at(start)
+        first, reference = world, world.objective_at(start)
         world, result, flights = optimize(world, start, Log(Path(folder), folder, None, False))
         optimum = bounding_optimum(world, optimum, result.point.blade)
-    return Solved(world, start, optimum, reference, result, flights)
+    return Solved(world, start, optimum, reference, result, flights, first)
 
 
 @pytest.fixture(scope="session")

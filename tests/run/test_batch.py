@@ -94,7 +94,7 @@ def test_an_equal_case_is_finished(finished):
 def test_a_case_that_leaves_its_time_span_to_the_flow_is_compared_when_complete(finished):
     case_file = finished / "case.yaml"
     whole = case("phase.duration=60", "phase.segments=60")
-    case_file.write_text(whole.to_yaml(), encoding="utf-8")
+    case_file.write_text(complete(whole).to_yaml(), encoding="utf-8")
     assert finished_result(finished, case("phase.duration=null", "phase.segments=null"))
 
 
