@@ -52,7 +52,7 @@ def optimize(
     """
     slowed = SLOWED if np.any(start.operation.margin < NEAR_STALL) else 0.0
     setup = Setup(start, curve_nodes(physics, start), slowed=slowed)
-    objective, at_limit, coarser, ended = np.inf, False, 0.0, None
+    objective, at_limit, coarser, ended = np.inf, False, [], None
     for _ in range(MAX_PASSES):
         result = _solve(physics, setup, log)
         if not result.outcome.success:
@@ -70,7 +70,8 @@ def optimize(
         again = _refined(physics, setup, result, flights, at_limit)
         if again is None:
             error, parts = _mesh_error(physics, result, flights, coarser)
-            result, coarser = replace(result, mesh_error=error), result.objective
+            result = replace(result, mesh_error=error)
+            coarser.append(result.objective)
             ended = physics, result, flights
             if not parts or sum(map(np.sum, parts)) > MOST_SEGMENTS:
                 return ended
@@ -114,8 +115,11 @@ def _refined(physics, setup, result, flights, at_limit) -> Setup | None:
 def _mesh_error(physics, result, flights, coarser) -> tuple[float, list[np.ndarray]]:
     """Return by how much a finer mesh may change the objective, relatively, and what to divide.
 
-    Under open loop that is how much the last division has changed it; before there is one, how far
-    it is from quasi-steady operation of the found blade, which needs no mesh. Divided are segments
+    `coarser` has the objectives on the meshes before, the last one's at the end. Under open loop
+    the error is how much the last division has changed it, or less if the one before changed it
+    more: then the changes are taken for a geometric series, and the rest of it counts. Before a
+    division it is how far the objective is from that of quasi-steady operation of the found blade,
+    which needs no mesh. Divided are segments
     in which a limit begins or ceases to bind, and where the trajectory falls short of that
     operation. A feedback law leaves the optimizer no torque over time to choose: its segments are
     divided where the integration denies the collocation. What to divide is the number of parts of
@@ -153,8 +157,11 @@ def _mesh_error(physics, result, flights, coarser) -> tuple[float, list[np.ndarr
         order = np.argsort(lost)
         coarse[order] |= np.cumsum(lost[order]) > SHORT_OF
         parts.append(np.where(coarse, PARTS, 1))
-    error = abs(result.objective / (coarser or physics.objective_at(ideal)) - 1.0)
-    return error, parts if error > MESH_ERROR else []
+    values = np.array([*(coarser[-2:] or [physics.objective_at(ideal)]), result.objective])
+    *before, error = np.abs(np.diff(values)) / max(abs(result.objective), 1e-9)
+    if before and error < 0.5 * before[0]:
+        error *= error / (before[0] - error)
+    return float(error), parts if error > MESH_ERROR else []
 
 
 def _on_finer_mesh(physics, setup, result, parts) -> tuple[Physics, Setup]:
