@@ -2,8 +2,8 @@
 
 Blade element momentum theory treats the stations as independent. At a given tip speed ratio the
 best section of every station is therefore found by itself, globally
-(`hkt_mdo.rotor.best_section`), and no local optimum of the whole blade hides a better one. The power coefficient depends on the operating
-point alone, so that
+(`hkt_mdo.rotor.best_section`), and no local optimum of the whole blade hides a better one. The
+power coefficient depends on the operating point alone, so that
 
     energy <= 0.5 rho A Cp* integral of v³ dt
 
