@@ -11,7 +11,8 @@ from hkt_mdo.dynamics.laws import QuadraticFeedback
 from hkt_mdo.dynamics.simulation import Plant, simulate
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import steady_optimum
-from hkt_mdo.run.certified import _best_power, certified_energy
+from hkt_mdo.rotor import bem
+from hkt_mdo.run.certified import _best_power, _inertia_of_heavy, certified_energy
 from hkt_mdo.run.judge import energy_bound
 
 
@@ -28,7 +29,9 @@ def _certified(world):
 
 def _flown(world, blade, torque, speed):
     """Return the energy that a blade captures from a starting speed under torque(time, speed)."""
-    plant = Plant(blade, world.polar, world.mass_and_inertia(blade)[1], world.density)
+    plant = Plant(
+        blade, world.polar, world.mass_and_inertia(blade)[1], world.density, bem.rotor_coefficients
+    )
     return simulate(plant, world.inflow, torque, speed, 60.0, samples=601, max_step=1.0).energy
 
 
@@ -95,8 +98,6 @@ def test_a_heavy_rotor_stores_more_than_a_light_one_can_capture_but_not_more_tha
 
 def test_a_heavier_blade_than_the_certificate_regards_has_less_power():
     """A blade of large chord lies below the share of the best that its inertia allows."""
-    from hkt_mdo.rotor import bem
-    from hkt_mdo.run.certified import _inertia_of_heavy
 
     world = _world("open_loop", 700.0)
     optimum = steady_optimum(world, world.blade)
