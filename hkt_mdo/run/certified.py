@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
-from hkt_mdo.dynamics.certificate import RAMP, BestPower, Passing, certificate, peak
+from hkt_mdo.dynamics.certificate import RAMP, BestPower, Passing, between, certificate, peak
 from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.rotor import bem
@@ -87,11 +86,8 @@ def _best_power(physics, optimum):
         power = np.max(curves, axis=0) + np.abs(np.diff(curves, 2, axis=0)).max(axis=0) / 8.0
     else:
         power = _power(physics, blade, ratios)
-    # Without every other point the interpolation is worse than with it.
-    error = np.abs(PchipInterpolator(ratios[::2], power[::2])(ratios) - power)
-    error[1:-1] = np.maximum(error[1:-1], np.maximum(error[:-2], error[2:]))
     fine = np.interp(np.arange(3 * ratios.size - 2) / 3.0, np.arange(ratios.size), ratios)
-    power = PchipInterpolator(ratios, power)(fine) + np.interp(fine, ratios, error) / 4.0
+    power = between(ratios, power, fine)
     return BestPower(fine, power, 2 * (physics.mass_and_inertia(blade)[1],))
 
 
