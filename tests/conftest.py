@@ -77,6 +77,7 @@ def make_result(folder: Path, law: str = "quadratic", limit: float | None = 700.
         "simulated_energy_J": 322240.5,
         "generator_energy_J": 321000.0,
         "energy_bound_J": 322300.0,
+        "certified_gap": 0.0012,
         "gain": gain,
         "gain_units": unit,
         "tip_speed_ratio": {

@@ -125,6 +125,9 @@ class Summary(_Entry, Mapping[str, Any]):
     starting_energy_J: _Number = None
     energy_bound_J: _Number = _shown("share of quasi-steady bound", "{share:.3f} %")
     """Energy of a rotor that works at the steady optimum at every instant."""
+    certified_gap: _Number = _shown("certificate", "within {gap:.2g} % of the best possible")
+    """What the simulated energy lacks of an upper bound that knows the torque limit and the control
+    law, over that bound (docs/theory.md)."""
     bound_power_coefficient: _Number = None
     bound_tip_speed_ratio: _Number = None
     energy_balance_error: _Number = None
@@ -251,6 +254,7 @@ class Summary(_Entry, Mapping[str, Any]):
             "success": "yes" if self.success else "no",
             "energy_kJ": energy and energy / 1e3,
             "simulated_energy_kJ": simulated and simulated / 1e3,
+            "gap": None if self.certified_gap is None else max(100.0 * self.certified_gap, 0.0),
             "difference": 100.0 * (simulated / energy - 1.0) if simulated and energy else None,
             "share": 100.0 * best / bound if best is not None and bound else None,
         }

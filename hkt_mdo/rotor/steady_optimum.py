@@ -1,9 +1,9 @@
 """The best blade in steady flow: an upper bound on every trajectory, and a family of good starts.
 
-Blade element momentum theory treats the stations as independent. At a given tip speed ratio, a
-search in two variables, chord and twist, therefore finds the best section of every station, and no
-local optimum of the whole blade hides a better one. The power coefficient depends on the operating
-point alone, so that
+Blade element momentum theory treats the stations as independent. At a given tip speed ratio the
+best section of every station is therefore found by itself, globally
+(`hkt_mdo.rotor.best_section`), and no local optimum of the whole blade hides a better one. The
+power coefficient depends on the operating point alone, so that
 
     energy <= 0.5 rho A Cp* integral of v³ dt
 
@@ -14,16 +14,21 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import Bounds, minimize, minimize_scalar
+from scipy.optimize import minimize_scalar
 
 from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.best_section import best_sections
 from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.reynolds import LocalReynolds
 
-GRID = (24, 49)  # chords and twists of the coarse search at one tip speed ratio
+GRID = (24, 49)  # chords and twists of the search where polars follow the Reynolds number
 SCAN = (12, 25)  # the same at many tip speed ratios, to find the best of them
-CLIMBS = 3  # local searches over the tip speed ratio, from the best of the coarse search
-TWIST_UNIT = 0.1  # rad, typical change of a twist
-WORTHWHILE = 1e-10  # gain in power coefficient for which the local search begins again
+FINER = 13  # tip speed ratios around a peak
+RATIOS = np.geomspace(2.0, 16.0, 12)  # tip speed ratios among which the best is sought
+PEAKS = 2  # of the power over them that are refined
+CHORD_MOVE, TWIST_MOVE = 0.3, 0.1  # first trust region of the local search: share of chord, rad
+MOST_STEPS = 60  # of the local search
+WORTHWHILE = 1e-10  # gain in power coefficient for which the search begins again
 
 
 class SteadyOptimum(NamedTuple):
@@ -45,8 +50,8 @@ def best_blade(
     """
     bounds = chord_bounds, twist_bounds
     if start is None:
-        (start,) = _coarse(blade, polar, [tip_speed_ratio], *bounds, GRID)
-    return _climb(start, polar, tip_speed_ratio, (tip_speed_ratio,) * 2, *bounds, tolerance)
+        (start,) = _candidates(blade, polar, [tip_speed_ratio], *bounds)
+    return _climb(start, polar, tip_speed_ratio, *bounds, tolerance)
 
 
 def best_rotor(blade, polar, chord_bounds, twist_bounds):
@@ -54,23 +59,35 @@ def best_rotor(blade, polar, chord_bounds, twist_bounds):
 
     Blade, polar and bounds are those of `best_blade`.
     """
-    bounds, ratios = (chord_bounds, twist_bounds), np.geomspace(2.0, 16.0, 8)
-    starts = _coarse(blade, polar, ratios, *bounds, SCAN)
-    power = [_power(start, polar, ratio) for start, ratio in zip(starts, ratios, strict=True)]
+    bounds = chord_bounds, twist_bounds
 
-    def climb(place, start=None, ratio=None):
-        near = ratios[max(place - 1, 0)], ratios[min(place + 1, ratios.size - 1)]
-        return _climb(start or starts[place], polar, ratio or ratios[place], near, *bounds)
+    def peaks(ratios, count):
+        """Return the best blade at each of the highest peaks, and the ratios around it."""
+        starts = _candidates(blade, polar, ratios, *bounds, SCAN)
+        power = [_power(start, polar, ratio) for start, ratio in zip(starts, ratios, strict=True)]
+        padded = np.array([-np.inf, *power, -np.inf])
+        places = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
+        places = places[np.argsort(padded[places + 1])[-count:]]
+        return [(starts[each], ratios[max(each - 1, 0) : each + 2]) for each in places]
+
+    def refined(start, near):
+        """Return the best optimum between the ratios, by continuation from a blade."""
+        return _bracketed(lambda ratio: _climb(start, polar, ratio, *bounds, tolerance=1e-12), near)
 
     # Stations that jump between stalled and attached flow leave several peaks over the ratio.
-    peaks = [(climb(place), place) for place in np.argsort(power)[-CLIMBS:]]
-    best, place = max(peaks, key=lambda each: each[0].power_coefficient)
+    found = peaks(RATIOS, PEAKS)
+    if not isinstance(polar, LocalReynolds):
+        found = [
+            each for _, near in found for each in peaks(np.linspace(near[0], near[-1], FINER), 1)
+        ]
+    optima = [(refined(*each), each[1]) for each in found]
+    best, near = max(optima, key=lambda each: each[0].power_coefficient)
     for _ in range(4):
         # Another local optimum of a station may be the better one at this tip speed ratio.
         other = best_blade(blade, polar, best.tip_speed_ratio, *bounds)
         if other.power_coefficient <= best.power_coefficient + WORTHWHILE:
             break
-        best = climb(place, other.blade, other.tip_speed_ratio)
+        best = refined(other.blade, near)
     return best
 
 
@@ -82,7 +99,8 @@ def best_operation(blade, polar):
     def at(ratio):
         return SteadyOptimum(blade, float(ratio), _power(blade, polar, ratio))
 
-    return _bracketed(at, ratios, power)
+    peak = int(np.argmax(power))
+    return _bracketed(at, ratios[max(peak - 1, 0) : peak + 2])
 
 
 def best_set_angle(shape, blade, polar):
@@ -93,7 +111,8 @@ def best_set_angle(shape, blade, polar):
         return best_operation(shape.at(chord, np.array([angle]), blade.rotor_radius), polar)
 
     angles = np.linspace(*shape.twist_bounds, 25)
-    return _bracketed(at, angles, [at(angle).power_coefficient for angle in angles])
+    peak = int(np.argmax([at(angle).power_coefficient for angle in angles]))
+    return _bracketed(at, angles[max(peak - 1, 0) : peak + 2])
 
 
 def _power(blade, polar, ratio):
@@ -101,53 +120,101 @@ def _power(blade, polar, ratio):
     return float(bem.rotor_coefficients(blade, polar, ratio).power[0])
 
 
-def _coarse(blade, polar, ratios, chord_bounds, twist_bounds, grid):
-    """Return the best blade on the grid of chord (geometric) and twist for each tip speed ratio."""
+def _candidates(blade, polar, ratios, chord_bounds, twist_bounds, grid=GRID):
+    """Return a blade near the best one for each tip speed ratio, found globally.
+
+    By `best_sections`. Where polars follow the Reynolds number, or where BEM takes another root of
+    a section than the best, the best of a grid of chord (geometric) and twist.
+    """
+    points = np.array(ratios) / np.cos(blade.cone)
+    bounds = chord_bounds, twist_bounds
+    if isinstance(polar, LocalReynolds):
+        chord, twist = np.empty((2, points.size, blade.r.size))
+        unreached = np.ones(chord.shape, dtype=bool)
+    else:
+        load, chord, twist = best_sections(blade, polar, points, *bounds)
+        found = [
+            bem.sections(blade.with_shape(*each), polar, point).tangential_load[0]
+            for *each, point in zip(chord, twist, points, strict=True)
+        ]
+        unreached = np.array(found) < load - 1e-9 * np.abs(load)
     chords, twists = np.meshgrid(
         np.geomspace(*chord_bounds, grid[0]), np.linspace(*twist_bounds, grid[1]), indexing="ij"
     )
     chords, twists = chords.ravel(), twists.ravel()
-    points = np.array(ratios) / np.cos(blade.cone)
-    best = np.empty((points.size, blade.r.size), dtype=int)
-    for j, station in enumerate(blade.r):
-        strip = replace(blade, r=np.full(chords.size, station), chord=chords, twist=twists)
-        load = bem.sections(strip, bem.polar_at(polar, j), points).tangential_load
-        best[:, j] = np.argmax(load, axis=1)
-    return [blade.with_shape(chords[places], twists[places]) for places in best]
+    for j in np.flatnonzero(unreached.any(axis=0)):
+        few = unreached[:, j]
+        strip = replace(blade, r=np.full(chords.size, blade.r[j]), chord=chords, twist=twists)
+        load = bem.sections(strip, bem.polar_at(polar, j), points[few]).tangential_load
+        best = np.argmax(load, axis=1)
+        chord[few, j], twist[few, j] = chords[best], twists[best]
+    return [blade.with_shape(*each) for each in zip(chord, twist, strict=True)]
 
 
-def _climb(start, polar, ratio, ratio_bounds, chord_bounds, twist_bounds, tolerance=1e-14):
-    """Return the local optimum over chord, twist and tip speed ratio next to a blade (L-BFGS-B)."""
-    n = start.r.size
-    units = np.concatenate((start.chord, np.full(n, TWIST_UNIT), [ratio]))
-    bounds = np.repeat([chord_bounds, twist_bounds, ratio_bounds], [n, n, 1], axis=0).T / units
-
-    def loss(x):
-        chord, twist, (ratio,) = np.split(x * units, [n, 2 * n])
-        found = bem.rotor_coefficients(start.with_shape(chord, twist), polar, ratio, True)
-        by_ratio = found.torque + ratio * found.torque_by_tip_speed_ratio
-        by_shape = ratio * np.concatenate((found.torque_by_chord[0], found.torque_by_twist[0]))
-        return -found.power[0], -np.concatenate((by_shape, by_ratio)) * units
-
-    found = minimize(
-        loss,
-        np.concatenate((start.chord, start.twist, [ratio])) / units,
-        jac=True,
-        method="L-BFGS-B",
-        bounds=Bounds(*bounds),
-        options={"ftol": tolerance, "gtol": 1e-8},
-    )
-    chord, twist, (ratio,) = np.split(found.x * units, [n, 2 * n])
-    return SteadyOptimum(start.with_shape(chord, twist), float(ratio), -float(found.fun))
+def _loads(blade, polar, point):
+    """Return the tangential loads of the stations, and their derivatives by chord and twist."""
+    found = bem.sections(blade, polar, point, derivatives=True)
+    _, by_chord, by_twist, by_reynolds = found.derivatives[0, :, 0]
+    if isinstance(polar, LocalReynolds):
+        by_chord = by_chord + by_reynolds / blade.chord
+    return found.tangential_load[0], np.stack((by_chord, by_twist))
 
 
-def _bracketed(optimum, points, power):
-    """Refine the largest of the powers at increasing points between its neighbours."""
-    peak = int(np.argmax(power))
-    low, high = points[max(peak - 1, 0)], points[min(peak + 1, len(points) - 1)]
+def _climb(start, polar, ratio, chord_bounds, twist_bounds, tolerance=1e-14):
+    """Return the local optimum over chord and twist next to a blade.
+
+    Newton's method, for all stations at once and each within bounds and a trust region of its own:
+    stations do not depend on each other, so a difference of gradients has every second derivative.
+    """
+    weights, point = bem.torque_weights(start), ratio / np.cos(start.cone)
+    bounds = np.array([chord_bounds, twist_bounds]).T[:, :, None]
+    x = np.clip(np.stack((start.chord, start.twist)), *bounds)
+    unit = np.stack((CHORD_MOVE * x[0], np.full(x[0].size, TWIST_MOVE)))
+
+    def at(x):
+        return _loads(start.with_shape(*x), polar, point)
+
+    load, slope = at(x)
+    radius = np.ones(load.size)
+    for _ in range(MOST_STEPS):
+        # second derivatives by one-sided differences, in trust region units from here on
+        moved = [at(x + each[:, None] * 1e-5 * unit)[1] for each in np.eye(2)]
+        bend = np.stack([(each - slope) * unit for each in moved]) / 1e-5
+        step = _newton_step(slope * unit, bend, (bounds - x) / unit, radius) * unit
+        if ratio * weights @ np.abs(np.sum(slope * step, axis=0)) <= tolerance:
+            break
+        better, better_slope = at(x + step)
+        taken = better > load
+        x, load = np.where(taken, x + step, x), np.where(taken, better, load)
+        slope = np.where(taken, better_slope, slope)
+        radius = np.where(taken, np.minimum(2.0 * radius, 4.0), 0.25 * radius)
+    blade = start.with_shape(*x)
+    return SteadyOptimum(blade, float(ratio), _power(blade, polar, ratio))
+
+
+def _newton_step(slope, bend, room, radius):
+    """Return steps[2, n] that raise n functions of two variables with slope[2, n].
+
+    The step is Newton's with the absolute values of the eigenvalues of the second derivatives
+    bend[2, 2, n]; it stays in room[lower and upper, 2, n] and within the radius. A variable at a
+    bound that its slope points beyond stays there.
+    """
+    free = ~(((slope > 0.0) & (room[1] <= 0.0)) | ((slope < 0.0) & (room[0] >= 0.0)))
+    slope = np.where(free, slope, 0.0)
+    bend = np.where(free & free[:, None] | np.eye(2, dtype=bool)[:, :, None], bend, 0.0)
+    sizes, axes = np.linalg.eigh(0.5 * np.moveaxis(bend + bend.swapaxes(0, 1), -1, 0))
+    along = np.einsum("nij,in->nj", axes, slope) / np.maximum(np.abs(sizes), 1e-30)
+    step = np.einsum("nij,nj->in", axes, along)
+    length = np.linalg.norm(step, axis=0)
+    step *= np.minimum(1.0, radius / np.maximum(length, 1e-300))
+    return np.clip(step, *room)
+
+
+def _bracketed(optimum, near):
+    """Return the best optimum between the first and the last of some points."""
     found = minimize_scalar(
         lambda point: -optimum(point).power_coefficient,
-        bounds=(low, high),
+        bounds=(near[0], near[-1]),
         method="bounded",
         options={"xatol": 1e-4},
     )

@@ -47,6 +47,7 @@ def summarize(physics, optimum, start, result, flights, checks) -> Summary:
         "simulated_energy_J": energy if turning else None,
         "generator_energy_J": generated if turning else None,
         "energy_bound_J": bound,
+        "certified_gap": _gap(by_name.get("energy_over_certificate"), turning),
         "objective": {
             "kind": physics.objective.kind,
             "value_J": result.objective,
@@ -88,6 +89,11 @@ def summarize(physics, optimum, start, result, flights, checks) -> Summary:
         "versions": _versions(),
     }
     return Summary.parse(to_json(values))
+
+
+def _gap(over, turning):
+    """Return what the simulated energy lacks of the certificate, over the certificate, or None."""
+    return None if over is None or not turning else -over
 
 
 def _limit(limit, flights):

@@ -118,6 +118,7 @@ def test_the_table_has_units(result_folder: Path) -> None:
         ("energy", "322.24 kJ (322239 J)"),
         ("energy, simulated", "322.24 kJ (322240 J, +0.00047 %)"),
         ("share of quasi-steady bound", "99.982 %"),
+        ("certificate", "within 0.12 % of the best possible"),
         ("gain, quadratic feedback", "10.98 N m s^2/rad^2"),
         ("tip speed ratio", "7.150 to 7.250, mean 7.202"),
         ("largest power coefficient", "0.4700 at tip speed ratio 7.200"),

@@ -1,0 +1,188 @@
+"""An upper bound on the captured energy that knows torque limits and control laws.
+
+Every instant may have a blade and a rotor speed of its own. What inertia carries from one instant
+to another is priced by a multiplier theta(t), any smooth function: with I dw/dt = Q - u,
+
+    integral of Q w dt = integral of [(1 - theta) u w + theta Q w + theta' I w² / 2] dt
+                         + [(1 - theta) I w² / 2] from 0 to T,
+
+and the supremum of the integrand over speed and blade, at each instant, is a bound. theta is one at
+both ends, so that nothing is left there. See docs/theory.md.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from hkt_mdo.rotor.scales import power_scale
+
+SPEEDS = 25  # flow speeds of the table
+BISECTIONS = 16  # for the multiplier
+MOST = 4.0  # largest multiplier
+RAMP = 0.2  # s, over which the multiplier becomes one at both ends
+GAINS, WIDEST, REFINEMENTS = 17, 5.0, 5  # gains tried, their range about a good one, refinements
+
+
+@dataclass(frozen=True, eq=False)
+class BestPower:
+    """The best power coefficient of a family of blades, by tip speed ratio.
+
+    power[n] bounds it at tip_speed_ratio[n], which rises; the inertia (kg m²) lies in inertia[2].
+    """
+
+    tip_speed_ratio: np.ndarray
+    power: np.ndarray
+    inertia: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Passing:
+    """A flow at quadrature points of time: time and weights (s), speed (m/s), rate (m/s²)."""
+
+    time: np.ndarray
+    weights: np.ndarray
+    speed: np.ndarray
+    rate: np.ndarray
+
+    @classmethod
+    def of(cls, inflow, duration, segments):
+        """Sample an inflow by Gauss's rule with four points a segment, the ramps apart."""
+        inner = np.linspace(RAMP, duration - RAMP, segments + 1)
+        edges = np.concatenate(([0.0, 0.5 * RAMP], inner, [duration - 0.5 * RAMP, duration]))
+        places, weights = np.polynomial.legendre.leggauss(4)
+        half = 0.5 * np.diff(edges)[:, None]
+        time = ((edges[:-1, None] + half) + half * places).ravel()
+        return cls(time, (half * weights).ravel(), inflow.speed_at(time), inflow.rate_at(time))
+
+
+def certificate(best, passing, density, rotor_radius, law=None, torque_limit=None):
+    """Return an upper bound (J) on the captured energy of every blade and gain.
+
+    best is the family's `BestPower`; law is a `FeedbackLaw` with one gain, or None: open loop, with
+    a torque between zero and torque_limit (N*m; None: no limit). The bound holds at tip speed
+    ratios within those of `best` and, under feedback, for gains within a factor `WIDEST` of the one
+    that is best in steady flow.
+    """
+    scale = power_scale(density, rotor_radius, passing.speed)
+    if law is None and torque_limit is None:
+        return float(passing.weights @ scale * best.power.max())
+    table = _Table(best, passing, density, rotor_radius)
+    if law is None:
+        return table.energy(lambda speed: torque_limit * speed, most=1.0)
+    place = np.argmax(best.power)
+    middle = np.cbrt(passing.weights @ passing.speed**3 / passing.weights.sum())
+    speed = best.tip_speed_ratio[place] * middle / rotor_radius
+    torque = power_scale(density, rotor_radius, middle) * best.power[place] / speed
+    fitted = law.fit(np.array([speed]), np.array([torque]))
+
+    def at(gain):
+        return table.energy(lambda speed: law.torque(speed, np.atleast_1d(gain)) * speed)
+
+    gains = fitted * np.geomspace(1.0 / WIDEST, WIDEST, GAINS)
+    found = np.array([at(gain) for gain in gains])
+    for _ in range(REFINEMENTS):
+        peak = int(np.argmax(found))
+        around = gains[max(peak - 1, 0) : peak + 2]
+        new = np.sqrt(around[1:] * around[:-1])
+        gains, order = np.unique(np.append(gains, new), return_index=True)
+        found = np.append(found, [at(gain) for gain in new])[order]
+    return float(found.max())
+
+
+class _Table:
+    """Powers over the grid of flow speeds (axis 0) and tip speed ratios (axis 1)."""
+
+    def __init__(self, best, passing, density, rotor_radius):
+        self.best, self.passing, self.density, self.radius = best, passing, density, rotor_radius
+        low, high = passing.speed.min(), passing.speed.max()
+        margin = 1e-3 * high
+        self.flow = np.linspace(low - margin, high + margin, SPEEDS)
+        self.rotor_speed = best.tip_speed_ratio * self.flow[:, None] / rotor_radius
+        self.scale = power_scale(density, rotor_radius, self.flow)[:, None]
+
+    def energy(self, generated, most=MOST):
+        """Return the bound, J, from the generator power u w (W), a function of the rotor speed.
+
+        `most` is the largest multiplier: 1 where the torque may be less, which then does not pay.
+        """
+        braking = generated(self.rotor_speed) / self.scale
+        multiplier, speed = self._multiplier(braking, most)
+        theta, balanced = (PchipInterpolator(self.flow, each) for each in (multiplier, speed))
+        passing, time = self.passing, self.passing.time
+        duration = time[0] + time[-1]
+        ramp, ramp_rate = _ramp(time, duration)
+        excess = theta(passing.speed) - 1.0
+        rate = ramp * theta(passing.speed, 1) * passing.rate + ramp_rate * excess
+        mean = 0.5 * passing.weights @ (rate * balanced(passing.speed) ** 2) / duration
+        inner = (time > RAMP) & (time < duration - RAMP)
+        # convex in the rate of the flow: chords between none and the extremes lie above
+        flow = np.interp(np.arange(2 * SPEEDS - 1) / 2.0, np.arange(SPEEDS), self.flow)
+        steepest = np.abs(passing.rate).max() + 1e-12
+        down, level, up = (
+            between(
+                flow,
+                self._supremum(generated, flow, theta(flow), rate * theta(flow, 1), balanced, mean),
+                passing.speed[inner],
+            )
+            for rate in (-steepest, 0.0, steepest)
+        )
+        share = passing.rate[inner] / steepest
+        bound = (
+            level + np.maximum(share, 0.0) * (up - level) + np.maximum(-share, 0.0) * (down - level)
+        )
+        power = np.empty(time.size)
+        power[inner] = bound * power_scale(self.density, self.radius, passing.speed[inner])
+        outer, flow = ~inner, passing.speed[~inner]
+        power[outer] = power_scale(self.density, self.radius, flow) * self._supremum(
+            generated, flow, 1.0 + ramp[outer] * excess[outer], rate[outer], balanced, mean
+        )
+        return float(passing.weights @ power)
+
+    def _supremum(self, generated, flow, theta, rate, balanced, mean):
+        """Return the supremum of the integrand over power_scale at flow speeds."""
+        speed = self.best.tip_speed_ratio * flow[:, None] / self.radius
+        scale = power_scale(self.density, self.radius, flow)[:, None]
+        theta = theta[:, None]
+        storing = 0.5 * rate[:, None] * (speed**2 - balanced(flow)[:, None] ** 2) + mean
+        low, high = self.best.inertia
+        stored = np.maximum(low * storing, high * storing)
+        return peak(((1.0 - theta) * generated(speed) + stored) / scale + theta * self.best.power)
+
+    def _multiplier(self, braking, most):
+        """Return the multiplier with the least bound in steady flow, and the speed there."""
+        power = self.best.power
+        low, high = np.full(SPEEDS, 1e-3), np.full(SPEEDS, 2.0 * most)
+        rows = np.arange(SPEEDS)
+        for _ in range(BISECTIONS):
+            theta = np.minimum(0.5 * (low + high), most)
+            place = np.argmax(braking + theta[:, None] * (power - braking), axis=1)
+            rising = power[place] > braking[rows, place]
+            low, high = np.where(rising, low, theta), np.where(rising, theta, high)
+        theta = np.minimum(0.5 * (low + high), most)
+        place = np.argmax(braking + theta[:, None] * (power - braking), axis=1)
+        return theta, self.rotor_speed[rows, place]
+
+
+def between(x, values, at):
+    """Interpolate and add a bound on the error, a quarter of that of every other point."""
+    error = np.abs(PchipInterpolator(x[::2], values[::2])(x) - values)
+    error[1:-1] = np.maximum(error[1:-1], np.maximum(error[:-2], error[2:]))
+    return PchipInterpolator(x, values)(at) + 0.25 * np.interp(at, x, error)
+
+
+def _ramp(time, duration):
+    """Return what rises from zero at both ends to one within `RAMP`, and its slope."""
+    x = np.minimum(np.minimum(time, duration - time) / RAMP, 1.0)
+    sign = np.where(time < 0.5 * duration, 1.0, -1.0)
+    return x * x * (3.0 - 2.0 * x), sign * 6.0 * x * (1.0 - x) / RAMP
+
+
+def peak(values):
+    """Return the largest value of each row, with what a parabola adds between the points."""
+    place = np.clip(np.argmax(values, axis=1), 1, values.shape[1] - 2)
+    rows = np.arange(values.shape[0])
+    left, middle, right = (values[rows, place + shift] for shift in (-1, 0, 1))
+    bend = np.maximum(2.0 * middle - left - right, 1e-300)
+    gain = np.minimum((right - left) ** 2 / (8.0 * bend), np.abs(right - left))
+    return np.maximum(values.max(axis=1), middle + gain)

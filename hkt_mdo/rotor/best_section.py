@@ -1,0 +1,256 @@
+"""The best section of every station at every tip speed ratio, global by construction.
+
+At an inflow angle phi and a local speed ratio lambda_r let tan(delta) = cd / cl and tau = sin(phi)
+tan(phi - delta). With k and m = tau k of `hkt_mdo.rotor.bem`, the residual says
+
+    m = cos(phi) - lambda_r sin(phi) bracket(k),        load = m lambda_r² / (q (cos(phi) - m)²),
+
+where q = m / (chord ct) does not depend on the section. bracket increases with k, so k falls and m
+and the load rise with tau: the section with the least delta is the best at this phi, and the chord
+follows from k, which is the root of a linear equation (k <= 2/3) or of a quadratic one (Buhl). An
+optimum is hence one of
+
+    chord and twist inside their bounds, where delta has a local minimum,
+    twist at a bound, chord inside,
+    chord at a bound,
+
+each a search in one variable. A positive load needs 0 < phi < arctan(1 / lambda_r), lift, and
+delta < phi. A station without a positive load, such as a cylinder, has its optimum at a bound of
+the chord. Roots that BEM would not choose, as a smaller one exists, only raise the best load.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from hkt_mdo.rotor import bem
+
+ANGLES = 32  # of the search in the inflow angle, before it is refined
+NARROWINGS = 24  # of a bracket, each by 0.618
+TWISTS = 91  # of the search where the chord is at a bound
+MOST_MINIMA = 64  # of delta that are looked at, the lowest first
+_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+
+
+class BestSections(NamedTuple):
+    """Best tangential load (m, as `hkt_mdo.rotor.bem.Sections` has it) and where it is attained.
+
+    Arrays are of shape (n_points, n_stations), chord in m, twist in rad.
+    """
+
+    load: np.ndarray
+    chord: np.ndarray
+    twist: np.ndarray
+
+
+@njit(cache=True, error_model="numpy")
+def _delta(alpha, polar):
+    """Return delta, the angle between force and lift, and the force coefficient."""
+    lift, drag, _, _ = bem._polar_at(alpha, polar)
+    return np.arctan2(drag, lift), np.hypot(lift, drag)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _narrow(low, high, function, arguments):
+    """Return where a function is largest in a bracket (golden section)."""
+    left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+    at_left, at_right = function(left, *arguments)[0], function(right, *arguments)[0]
+    for _ in range(NARROWINGS):
+        if at_left > at_right:
+            high, right, at_right = right, left, at_left
+            left = high - _GOLDEN * (high - low)
+            at_left = function(left, *arguments)[0]
+        else:
+            low, left, at_left = left, right, at_right
+            right = low + _GOLDEN * (high - low)
+            at_right = function(right, *arguments)[0]
+    return 0.5 * (low + high)
+
+
+@njit(cache=True, error_model="numpy")
+def _less(alpha, polar):
+    """Return -delta, as a tuple for `_narrow`."""
+    return (-_delta(alpha, polar)[0],)
+
+
+@njit(cache=True, error_model="numpy")
+def _minima(polar):
+    """Return the angles of attack of the local minima of delta below 90 degrees, lowest first."""
+    n_knots = polar.shape[0]
+    step = 2.0 * np.pi / n_knots
+    delta = np.arctan2(polar[:, 4], polar[:, 0])
+    found, depth = np.empty(n_knots), np.empty(n_knots)
+    count = 0
+    for i in range(n_knots):
+        here = delta[i]
+        if here < 0.5 * np.pi and here < delta[i - 1] and here <= delta[(i + 1) % n_knots]:
+            knot = i * step - np.pi
+            found[count] = _narrow(knot - step, knot + step, _less, (polar,))
+            depth[count] = _delta(found[count], polar)[0]
+            count += 1
+    return found[:count][np.argsort(depth[:count])][:MOST_MINIMA]
+
+
+@njit(cache=True, error_model="numpy")
+def _load(phi, delta, lambda_r, station):
+    """Return the load at an inflow angle, and chord times normal force coefficient that it asks."""
+    r, hub_radius, tip_radius, blade_count = station
+    sine, cosine = np.sin(phi), np.cos(phi)
+    tau = sine * np.tan(phi - delta)
+    if delta >= phi:
+        return 0.0, 0.0
+    tip, _ = bem._loss_at(0.5 * blade_count * (tip_radius - r) / (r * sine))
+    hub, _ = bem._loss_at(0.5 * blade_count * (r - hub_radius) / (hub_radius * sine))
+    loss = tip * hub
+    q = blade_count / (8.0 * np.pi * r * loss * sine)
+    speed = lambda_r * sine
+    k = (cosine - speed) / (speed + tau)
+    if k > 2.0 / 3.0:
+        square, free = 0.5 * tau / loss, speed * (5.0 / 3.0 - loss) - cosine
+        free += 0.5 * tau * (4.0 / 3.0 - loss)
+        root = -2.0 * free / (speed + np.sqrt(speed * speed - 4.0 * square * free))
+        k = 0.5 * root * root / loss + 0.5 * (4.0 / 3.0 - loss)
+    m = tau * k
+    return m * (lambda_r / (cosine - m)) ** 2 / q, k * sine / q
+
+
+@njit(cache=True, error_model="numpy")
+def _best_at(phi, lambda_r, station, polar, minima, chord_bounds, twist_bounds, bounded):
+    """Return the best load at an inflow angle over the local minima of delta and twist's bounds.
+
+    Also chord and angle of attack there. Not bounded: of any chord.
+    """
+    low, high = phi - twist_bounds[1], phi - twist_bounds[0]
+    least, load, chord, best = np.inf, -1.0, 0.0, 0.0
+    for i in range(3 * minima.size + 2):
+        if i < 2:
+            alpha = low if i == 0 else high
+        else:
+            alpha = minima[(i - 2) // 3] + ((i - 2) % 3 - 1) * 2.0 * np.pi
+            if not low < alpha < high:
+                continue
+        delta, force = _delta(alpha, polar)
+        if bounded:
+            value, normal = _load(phi, delta, lambda_r, station)
+            width = normal / (force * np.cos(phi - delta))
+            if value > load and chord_bounds[0] <= width <= chord_bounds[1]:
+                load, chord, best = value, width, alpha
+        else:
+            if delta < least:
+                least, best = delta, alpha
+            if i >= 2:
+                break  # the others have a larger delta
+    if not bounded:
+        load, normal = _load(phi, least, lambda_r, station)
+        chord = normal / (_delta(best, polar)[1] * np.cos(phi - least))
+    return load, chord, best
+
+
+@njit(cache=True, error_model="numpy")
+def _search(lambda_r, station, polar, minima, chord_bounds, twist_bounds, bounded):
+    """Return load, chord and twist of the best inflow angle; the load is -1 if there is none."""
+    arguments = (lambda_r, station, polar, minima, chord_bounds, twist_bounds, bounded)
+    load, chord, twist = -1.0, 0.0, 0.0
+    high = np.arctan(1.0 / lambda_r)
+    room = high - _delta(minima[0], polar)[0] if minima.size else 0.0
+    if room <= 0.0:
+        return load, chord, twist
+    # crowded towards the undisturbed angle, where little lift or a narrow chord has its optimum
+    angles = high - room * np.linspace(1.0, 0.0, ANGLES + 1) ** 1.5
+    values = np.full(ANGLES + 1, -1.0)
+    for i in range(1, ANGLES):
+        values[i] = _best_at(angles[i], *arguments)[0]
+    for i in range(1, ANGLES):
+        if values[i] > 0.0 and values[i] >= values[i - 1] and values[i] >= values[i + 1]:
+            middle = _narrow(angles[i - 1], angles[i + 1], _best_at, arguments)
+            for phi in (angles[i], middle):
+                value, width, alpha = _best_at(phi, *arguments)
+                if value > load:
+                    load, chord, twist = value, width, phi - alpha
+    return load, chord, twist
+
+
+@njit(cache=True, error_model="numpy")
+def _inside(lambda_r, stations, polars, section, chord_bounds, twist_bounds, out):
+    """Fill out[3, n_points, n_stations] with load, chord and twist; return where chords bind."""
+    binding = np.zeros(lambda_r.shape, dtype=np.bool_)
+    minima, of = np.empty(0), -1
+    for j in range(lambda_r.shape[1]):
+        r, hub_radius, tip_radius, blade_count = stations[:, j]
+        station, polar = (r, hub_radius, tip_radius, blade_count), polars[section[j]]
+        if section[j] != of:
+            minima, of = _minima(polar), section[j]
+        for i in range(lambda_r.shape[0]):
+            point = lambda_r[i, j], station, polar, minima, chord_bounds, twist_bounds
+            found = _search(*point, False)
+            if not chord_bounds[0] <= found[1] <= chord_bounds[1]:
+                binding[i, j] = True
+                found = _search(*point, True)
+                if found[0] <= 0.0:
+                    found = -np.inf, 0.0, 0.0
+            out[:, i, j] = found
+    return binding
+
+
+@njit(cache=True, error_model="numpy")
+def _turned(twist, chord, lambda_r, station, polar, knots):
+    """Return the load of a section by BEM, as a tuple for `_narrow`."""
+    whole = chord, twist, *station, polar
+    count = bem._curve(lambda_r, whole, knots)
+    _, terms = bem._first_root(lambda_r, knots, count, whole)
+    s = terms[0][0]
+    return (chord * terms[1][0] / (s * s) if s > 0.0 else -np.inf,)
+
+
+@njit(cache=True, error_model="numpy")
+def _at_bounds(lambda_r, points, station, polar, chords, twists, loads, out):
+    """Enter into out[3, n_points] what is better with the chord at a bound."""
+    knots, last = np.empty((7, bem.MOST_KNOTS)), twists.size - 1
+    r, hub_radius, tip_radius, blade_count = station
+    station = r, hub_radius, tip_radius, blade_count
+    for row, i in enumerate(points):
+        best = loads[row].max()
+        for side in range(2):
+            values = loads[row, side]
+            for t in range(last + 1):
+                before, after = values[max(t - 1, 0)], values[min(t + 1, last)]
+                room = 2.0 * (values[t] - min(before, after))
+                hopeful = t == np.argmax(values) or values[t] + room > best + 1e-9 * abs(best)
+                if values[t] < max(before, after) or not hopeful:
+                    continue
+                arguments = chords[side], lambda_r[i], station, polar, knots
+                ends = twists[max(t - 1, 0)], twists[min(t + 1, last)]
+                for twist in (twists[t], _narrow(ends[0], ends[1], _turned, arguments)):
+                    load = _turned(twist, *arguments)[0]
+                    if load > out[0, i] or not out[1, i] > 0.0:
+                        out[0, i], out[1, i], out[2, i] = load, chords[side], twist
+
+
+def best_sections(blade, polar, tip_speed_ratio, chord_bounds, twist_bounds):
+    """Return the `BestSections` over chord (m) and twist (rad) within their bounds.
+
+    Blade, polar (one, or one a station) and tip_speed_ratio[n_points] are those of
+    `hkt_mdo.rotor.bem.sections`.
+    """
+    r, _, _, *ends, stacked, section, _ = bem._arguments(blade, polar)
+    points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
+    lambda_r = points[:, None] * r / blade.tip_radius
+    stations = np.vstack((r, *(np.full(r.size, float(end)) for end in ends)))
+    out = np.empty((3, *lambda_r.shape))
+    chord_bounds, twist_bounds = (tuple(map(float, b)) for b in (chord_bounds, twist_bounds))
+    binding = _inside(lambda_r, stations, stacked, section, chord_bounds, twist_bounds, out)
+    twists, chords = np.linspace(*twist_bounds, TWISTS), np.array(chord_bounds)
+    strip = np.repeat(chords, TWISTS), np.tile(twists, 2)
+    for j in np.flatnonzero(binding.any(axis=0)):
+        few, polar_j = np.flatnonzero(binding[:, j]), stacked[section[j]]
+        loads = bem.sections(
+            replace(blade, r=np.full(2 * TWISTS, r[j]), chord=strip[0], twist=strip[1]),
+            bem.polar_at(polar, j),
+            points[few],
+        ).tangential_load.reshape(few.size, 2, TWISTS)
+        _at_bounds(
+            lambda_r[:, j], few, stations[:, j], polar_j, chords, twists, loads, out[:, :, j]
+        )
+    return BestSections(*out)

@@ -1,0 +1,143 @@
+"""The certificate of a case: what no design within its bounds can exceed, by its own curves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hkt_mdo.dynamics.certificate import RAMP, BestPower, Passing, between, certificate, peak
+from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
+from hkt_mdo.problem.physics import Physics
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.best_section import best_sections
+from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.steady_optimum import SteadyOptimum
+
+LOWEST, HIGHEST = 0.3, 20.0  # tip speed ratios for which the bound holds
+ANGLES = 61  # set angles
+CHORDS, TWISTS, RATIOS = 14, 25, 12  # at which heavy blades are looked at
+PRICES = np.array([2e-4, 1e-3, 5e-3])  # relative power coefficient for the best blade's inertia
+NEAR = 1e-3  # distance from the quasi-steady bound that is not asked for at first
+
+
+def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> float | None:
+    """Return an upper bound on the captured energy under the case's law and torque limit, J.
+
+    `bound` is the quasi-steady one, which it never exceeds. Of a law that is not the package's own,
+    only the torque limit is regarded. None where polars follow the Reynolds number or the radius is
+    designed.
+    """
+    shape, law, limit = physics.shape, physics.law, physics.torque_limit
+    if isinstance(physics.polar, LocalReynolds) or shape.radius_bounds is not None:
+        return None
+    known = law if type(law) in (LinearFeedback, QuadraticFeedback) else None
+    free = limit is None and (known is None or isinstance(known, QuadraticFeedback))
+    if free or any(each.mesh.duration < 10.0 * RAMP for each in physics.scenarios):
+        return bound  # which quadratic feedback reaches
+    best = _best_power(physics, optimum)
+
+    def at(inertia):
+        total, family = 0.0, replace(best, inertia=inertia)
+        for scenario in physics.scenarios:
+            mesh = scenario.mesh
+            passing = Passing.of(scenario.inflow, mesh.duration, mesh.segments)
+            given = family, passing, physics.density, shape.blade.rotor_radius
+            # the torque of a law under a limit lies between zero and the limit
+            found = [certificate(*given, None, limit)] if limit is not None else []
+            if known is not None:
+                found.append(certificate(*given, known))
+            total += scenario.weight * min(found)
+        return total
+
+    if not shape.designs_chord:
+        return min(at(best.inertia), bound)
+    lightest, heaviest = _inertia_of_heavy(physics, optimum)
+    level = 1.0 - NEAR
+    found = at((lightest, heaviest(level)))
+    if found < level * bound:
+        level = found / bound
+        found = at((lightest, heaviest(level)))
+    return min(max(found, level * bound), bound)
+
+
+def _best_power(physics, optimum):
+    """Return the `BestPower` of a case's blades, with the inertia of the blade as given."""
+    shape, blade, peak = physics.shape, physics.blade, optimum.tip_speed_ratio
+    ratios = np.concatenate(
+        (
+            np.linspace(LOWEST, 0.55 * peak, 8, endpoint=False),
+            np.linspace(0.55 * peak, 1.6 * peak, 33),
+            np.linspace(min(1.6 * peak, HIGHEST - 1.0), HIGHEST, 9)[1:],
+        )
+    )
+    if shape.designs_chord:
+        points = ratios / np.cos(blade.cone)
+        load = best_sections(
+            blade, physics.polar, points, shape.chord_bounds, shape.twist_bounds
+        ).load
+        power = ratios * (load @ bem.torque_weights(blade))
+    elif shape.designs_set_angle:
+        chord, _ = shape.control(blade)
+        angles = np.linspace(*shape.twist_bounds, ANGLES)
+        curves = [_power(physics, shape.at(chord, [angle]), ratios) for angle in angles]
+        # what a parabola adds between two angles
+        power = np.max(curves, axis=0) + np.abs(np.diff(curves, 2, axis=0)).max(axis=0) / 8.0
+    else:
+        power = _power(physics, blade, ratios)
+    fine = np.interp(np.arange(3 * ratios.size - 2) / 3.0, np.arange(ratios.size), ratios)
+    power = between(ratios, power, fine)
+    return BestPower(fine, power, 2 * (physics.mass_and_inertia(blade)[1],))
+
+
+def _power(physics, blade, ratios):
+    """Return the power coefficients of a blade."""
+    return bem.rotor_coefficients(blade, physics.polar, ratios).power
+
+
+def _inertia_of_heavy(physics, optimum):
+    """Return the least inertia, kg m², and the inertia above which power is below a share.
+
+    For a price p of inertia let S(p) be the largest power coefficient + p times inertia over all
+    blades and tip speed ratios. A blade heavier than (S - share Cp*) / p has less than the share of
+    the best power coefficient Cp*, under any controller. The inertia is a quadratic form of the
+    chords without negative coefficients, hence at most the sum of i chord², where i is half its
+    slope at unit chords; so S is at most a sum over stations of the largest, over chords c_k, of
+    (best share of chord c_k or more) + p i c_{k+1}².
+    """
+    blade, rotor, best = physics.blade, physics.case.rotor, optimum.blade
+    bounds, twist_bounds = physics.shape.chord_bounds, physics.shape.twist_bounds
+    unit = np.ones(blade.r.size)
+    *_, slope = mass_and_inertia(
+        blade.with_shape(unit, unit), physics.section_area, rotor.material_density
+    )
+    lightest = physics.mass_and_inertia(blade.with_shape(bounds[0] * unit, unit))[1]
+    prices = PRICES * optimum.power_coefficient / physics.mass_and_inertia(best)[1]
+    ratios = optimum.tip_speed_ratio * np.linspace(0.25, 1.3, RATIOS)
+    points, weights = ratios / np.cos(blade.cone), bem.torque_weights(blade)
+    whole = best_sections(blade, physics.polar, points, bounds, twist_bounds)
+    chords, twists = np.geomspace(*bounds, CHORDS + 1), np.linspace(*twist_bounds, TWISTS)
+    sums = np.zeros((prices.size, RATIOS))
+    for j, r in enumerate(blade.r):
+        first = np.searchsorted(chords[:-1], whole.chord[:, j].min(), side="right")
+        chord, twist = (
+            each.ravel() for each in np.meshgrid(chords[first:-1], twists, indexing="ij")
+        )
+        strip = replace(blade, r=np.full(chord.size, r), chord=chord, twist=twist)
+        found = bem.sections(strip, bem.polar_at(physics.polar, j), points).tangential_load
+        # what a parabola adds between twists, then the best of this and larger chords
+        load = np.full((RATIOS, CHORDS), -np.inf)
+        load[:, first:] = peak(found.reshape(-1, TWISTS)).reshape(RATIOS, -1)
+        load = np.maximum.accumulate(load[:, ::-1], axis=1)[:, ::-1]
+        load = np.where(chords[:-1] <= whole.chord[:, j, None], whole.load[:, j, None], load)
+        load = np.minimum(load, whole.load[:, j, None])
+        shares = ratios[:, None] * weights[j] * load
+        grown = 0.5 * slope[j] * chords[1:] ** 2
+        sums += np.max(shares + prices[:, None, None] * grown, axis=2)
+    most = peak(sums) + prices * rotor.hub_inertia
+
+    def heaviest(share):
+        return float(np.min((most - share * optimum.power_coefficient) / prices))
+
+    return lightest, heaviest

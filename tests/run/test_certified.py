@@ -1,0 +1,117 @@
+"""The certificate: no design and no operation within the case's bounds captures more."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hkt_mdo.case import load_case
+from hkt_mdo.dynamics.certificate import Passing, certificate
+from hkt_mdo.dynamics.laws import QuadraticFeedback
+from hkt_mdo.dynamics.simulation import Plant, simulate
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.problem.setup import steady_optimum
+from hkt_mdo.rotor import bem
+from hkt_mdo.run.certified import _best_power, _inertia_of_heavy, certified_energy
+from hkt_mdo.run.judge import energy_bound
+
+
+def _world(law, limit, **sections):
+    control = {"law": law, "torque_limit": limit}
+    return physics(load_case({"inflow": {"profile": "sine"}, "control": control} | sections))
+
+
+def _certified(world):
+    optimum = steady_optimum(world, world.blade)
+    bound = energy_bound(world, optimum)
+    return optimum, bound, certified_energy(world, optimum, bound)
+
+
+def _flown(world, blade, torque, speed):
+    """Return the energy that a blade captures from a starting speed under torque(time, speed)."""
+    plant = Plant(
+        blade, world.polar, world.mass_and_inertia(blade)[1], world.density, bem.rotor_coefficients
+    )
+    return simulate(plant, world.inflow, torque, speed, 60.0, samples=601, max_step=1.0).energy
+
+
+# Theory
+
+
+@pytest.mark.parametrize("law", ["open_loop", "quadratic"])
+def test_without_a_limit_it_is_the_quasi_steady_bound(law):
+    _, bound, certified = _certified(_world(law, None))
+    assert certified == bound
+
+
+def test_quadratic_feedback_without_a_limit_leaves_no_duality_gap():
+    world = _world("quadratic", None)
+    optimum, bound, _ = _certified(world)
+    passing = Passing.of(world.inflow, 60.0, 60)
+    best, radius = _best_power(world, optimum), world.blade.rotor_radius
+    found = certificate(best, passing, world.density, radius, QuadraticFeedback())
+    assert found == pytest.approx(bound, rel=2e-5)
+
+
+@pytest.mark.parametrize("law", ["linear", "quadratic"])
+def test_no_design_and_gain_captures_more(law):
+    world = _world(law, 700.0)
+    optimum, bound, certified = _certified(world)
+    assert certified < bound
+    rng, best = np.random.default_rng(3), optimum.blade
+    gain = {"linear": 70.0, "quadratic": 7.2}[law]
+    for _ in range(12):
+        chord = best.chord * rng.uniform(0.8, 2.0)
+        blade = best.with_shape(chord, best.twist + rng.uniform(-0.04, 0.04))
+        gains = np.array([gain * rng.uniform(0.7, 1.4)])
+        flown = _flown(world, blade, lambda _, w, k=gains: world.law.torque(w, k), 8.0)
+        assert flown <= certified
+
+
+def test_no_torque_history_captures_more():
+    world = _world("open_loop", 700.0)
+    optimum, _, certified = _certified(world)
+    rng = np.random.default_rng(4)
+    for _ in range(12):
+        level, swing, rate = (
+            rng.uniform(500.0, 700.0),
+            rng.uniform(0.0, 80.0),
+            rng.uniform(0.2, 2.0),
+        )
+
+        def torque(time, speed, level=level, swing=swing, rate=rate):
+            wanted = level + swing * np.sin(rate * time) + 150.0 * (speed - 8.0)
+            return np.clip(wanted, 0.0, 700.0)
+
+        assert _flown(world, optimum.blade, torque, 8.0) <= certified
+
+
+def test_a_heavy_rotor_stores_more_than_a_light_one_can_capture_but_not_more_than_its_own_bound():
+    world = _world("open_loop", 300.0, rotor={"hub_inertia": 2e4}, design={"blade": "fixed"})
+    optimum, bound, certified = _certified(world)
+    passing = Passing.of(world.inflow, 60.0, 60)
+    light = replace(_best_power(world, optimum), inertia=(0.0, 0.0))
+    decoupled = certificate(light, passing, world.density, world.blade.rotor_radius, None, 300.0)
+    flown = _flown(world, world.blade, lambda _, w: 300.0 + 0.0 * w, 5.0)
+    assert decoupled < flown <= certified <= bound
+
+
+def test_a_heavier_blade_than_the_certificate_regards_has_less_power():
+    """A blade of large chord lies below the share of the best that its inertia allows."""
+
+    world = _world("open_loop", 700.0)
+    optimum = steady_optimum(world, world.blade)
+    lightest, heaviest = _inertia_of_heavy(world, optimum)
+    own = world.mass_and_inertia(optimum.blade)[1]
+    assert lightest < own < heaviest(1.0 - 1e-4) < 10.0 * own
+    rng, ratios = np.random.default_rng(5), np.linspace(3.0, 9.0, 61)
+    for _ in range(40):
+        chord = optimum.blade.chord * rng.uniform(1.0, 2.5)
+        blade = optimum.blade.with_shape(chord, optimum.blade.twist + rng.uniform(-0.05, 0.1))
+        power = bem.rotor_coefficients(blade, world.polar, ratios).power.max()
+        share = power / optimum.power_coefficient
+        assert world.mass_and_inertia(blade)[1] <= heaviest(share) * (1.0 + 1e-9)
+
+
+def test_local_reynolds_numbers_and_a_designed_radius_have_none():
+    assert _certified(_world("linear", None, design={"radius_bounds": [1.2, 1.6]}))[2] is None
