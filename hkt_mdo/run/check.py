@@ -220,9 +220,12 @@ def _control(found: Findings, warn) -> dict[str, str]:
         own = law.starting_gains() is None
         how = "suits the starting blade; the run finds its own" if own else "as the case says"
         rows["gain at the start"] = f"{gains}: {how}"
-        if not own and found.running and found.captured < WASTED:
+        if found.running and found.captured < WASTED:
+            key = "a gain" if own else f"control.gain = {span(law.starting_gains())}"
+            if own and found.case.design.gain_bounds:
+                key += f" within design.gain_bounds = {span(found.case.design.gain_bounds)}"
             warn(
-                f"control.gain = {span(law.starting_gains())} lets the starting blade capture "
+                f"{key} lets the starting blade capture "
                 f"{100.0 * found.captured:.2g} % of what its largest power coefficient gives"
             )
     initial = found.case.phase.initial_speed
@@ -262,6 +265,8 @@ def _start(found: Findings, warn) -> dict[str, str]:
     else:
         rows["under the control law"] = "it does not turn unstalled throughout this flow"
         given = " and this gain" if getattr(case.control, "gain", None) is not None else ""
+        if not given and case.design.gain_bounds:
+            given = f" with a gain within design.gain_bounds = {span(case.design.gain_bounds)}"
         looks = "with this blade a run may find no solution"
         if found.physics.shape.designs_chord and case.start.method == "quasi_steady":
             looks = "the run looks for one that does"

@@ -230,8 +230,12 @@ TURBULENCE = "inflow={profile: turbulence, cutoff: 0.5}"
             ["design.twist_bounds=[-5,15]"],
         ),
         (
-            "design.gain_bounds is broken at the start, at least 1 and at most 2; 22.64 with",
-            ["design.gain_bounds=[1,2]"],
+            "throughout this flow under this law with a gain within design.gain_bounds = 200 to",
+            ["design.gain_bounds=[200,300]"],
+        ),
+        (
+            "a gain within design.gain_bounds = 0.1 to 0.2 lets the starting blade capture",
+            ["design.gain_bounds=[0.1,0.2]"],
         ),
         (
             "the spline through design.chord_points = 2 leaves the chord",

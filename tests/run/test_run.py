@@ -116,6 +116,12 @@ def test_other_formulations_find_the_same_optimum(solve, override):
     )
 
 
+def test_bounds_away_from_the_gain_of_the_start_are_kept(solve):
+    found = solve("sine_limited_quadratic", *SHORT, "design.gain_bounds=[0,1]")
+    assert found.success, found.summary["message"]
+    assert found.summary["gain"] == pytest.approx(1.0, rel=1e-6)
+
+
 # What a run leaves --------------------------------------------------------------------------------
 
 
