@@ -119,7 +119,10 @@ class Rotor(Section):
         if data.get("sections"):
             for key in ("polar", "outline"):
                 own.pop(key, None)
-        return own | {key: value for key, value in data.items() if value is not None}
+        given = {key: value for key, value in data.items() if value is not None}
+        if not data.get("sections"):
+            given.pop("sections", None)
+        return own | given
 
     @model_validator(mode="after")
     def _check_stations(self) -> Rotor:
@@ -149,6 +152,13 @@ class Rotor(Section):
                 remedy = "give one value for each of rotor.stations"
                 raise refusal(problem, remedy, key=name, value=list(column))
         return self
+
+
+def own_keys(rotor: dict[str, Any]) -> dict[str, Any]:
+    """Return what of a section `rotor`, as JSON has it, is as its shipped blade brings it."""
+    blade = rotor.get("blade", Rotor.model_fields["blade"].default)
+    own = Rotor(blade=blade).model_dump(mode="json") if (keys := shipped_rotor(blade)) else {}
+    return {key: own[key] for key in keys if rotor.get(key) == own[key]}
 
 
 class Fluid(Section):

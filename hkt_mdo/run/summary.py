@@ -4,11 +4,13 @@ import platform
 from importlib import metadata
 
 import numpy as np
+import yaml
 
 from hkt_mdo.dynamics.limits import DesignBounds
 from hkt_mdo.dynamics.trajectory import COLUMNS
 from hkt_mdo.files.blade import write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable
+from hkt_mdo.files.yaml_text import Dumper
 from hkt_mdo.results.folder import to_json, write_csv
 from hkt_mdo.results.summary import Summary
 from hkt_mdo.rotor import bem
@@ -145,12 +147,17 @@ def _write_blade(path, physics, blade):
         "blade_count": blade.blade_count,
         "cone": float(np.rad2deg(blade.cone)),
         "set_angle": 0.0,
-        "stations": "null",
+        "stations": None,
     }
-    section = ", ".join(f"{key}: {value}" for key, value in rotor.items())
+    given = physics.case.rotor.model_dump(mode="json")
+    for key in ("polar", "outline", "sections", "reynolds_number"):
+        rotor |= {key: given[key]} if given[key] else {}
+    section = yaml.dump(
+        rotor, Dumper=Dumper, sort_keys=False, default_flow_style=True, width=float("inf")
+    ).strip()
     remarks = (
         f"blade found by the case {physics.case.name}; the twist includes the set angle",
-        f"to start from it, with the path of this file: rotor: {{{section}}}",
+        f"to start from it, with the path of this file: rotor: {section}",
     )
     thickness = np.broadcast_to(np.asarray(physics.thickness, dtype=float), blade.r.shape)
     table = BladeTable(blade.r, blade.chord, blade.twist, thickness=thickness)
