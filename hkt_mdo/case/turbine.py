@@ -51,7 +51,7 @@ class Rotor(Section):
     a windIO file says nearly everything.
     """
 
-    radius: Annotated[float, Quantity("m", gt=0)] | None = None
+    radius: Annotated[float, Quantity("m", gt=0, le=1000)] | None = None
     """Tip radius R, measured along the blade; null: the blade's own. A blade of another radius is
     scaled to this one."""
     hub_radius_fraction: Annotated[float, Quantity(gt=0, lt=1)] | None = None
@@ -164,7 +164,7 @@ def own_keys(rotor: dict[str, Any]) -> dict[str, Any]:
 class Fluid(Section):
     """The water."""
 
-    density: Annotated[float, Quantity("kg/m**3", gt=0)] = 1000.0
+    density: Annotated[float, Quantity("kg/m**3", gt=0, le=20000)] = 1000.0
     """Density of the water; the paper does not state it, its tables imply the default."""
     kinematic_viscosity: Annotated[float, Quantity("m**2/s", gt=0)] = 1.0e-6
     """Kinematic viscosity, used if `rotor.reynolds` is local; 1.0e-6 for fresh water at 20 degrees

@@ -51,7 +51,7 @@ def check_case(case: Case) -> CheckReport:
     """
     world = physics(case)
     package = make_driver(world.case).package
-    found, notes, warnings = Findings(world), list(world.messages), []
+    found, notes, warnings = Findings(world), list(world.messages), list(world.warnings)
     warn = warnings.append
     tables = {
         "Turbine": _turbine(found, warn) | _stations(found, notes.append, warn),
@@ -292,6 +292,13 @@ def _optimization(found: Findings, package: str, warn) -> dict[str, str]:
     periods = ""
     if found.cutoff:
         periods = f" ({1.0 / (found.cutoff * length):.3g} in the flow's shortest period)"
+    free, constant = found.physics.law is None, found.time_constant or np.inf
+    if phase.transcription == "radau" and not free and length > 2.0 * constant:
+        warn(
+            f"phase.transcription = radau with segments of {quantity(length, 's', 3)}, longer than "
+            f"twice the time constant, {quantity(constant, 's', 3)}, converges to false speeds: "
+            "give gauss-lobatto, or as many phase.segments"
+        )
     torque = "at every node of the trajectory"
     if found.physics.has_curve:
         torque = "as a curve over the tip speed ratio, one for each blade"

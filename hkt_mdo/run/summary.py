@@ -84,7 +84,7 @@ def summarize(physics, optimum, start, result, flights, checks) -> Summary:
         "max_speed_error": max(np.max(flight.speed_errors) for flight in flights),
         "energy_balance_error": abs(energy - generated - stored) / max(energy, 1e-9),
         "checks": [vars(check) for check in checks],
-        "notes": list(physics.messages),
+        "notes": [*physics.messages, *physics.warnings],
         "versions": _versions(),
     }
     return Summary.parse(to_json(values))
