@@ -101,24 +101,8 @@ def _turbine(found: Findings, warn) -> dict[str, str]:
 def _stations(found: Findings, note, warn) -> dict[str, str]:
     """Tell what the stations meet; warn, or note where the load is light, of what no table has."""
     rotor = found.case.rotor
-    if np.any(found.unsolved):
-        warn(
-            "blade element momentum theory has no solution at "
-            f"{found.places(found.unsolved)} of the starting blade: no load counts there"
-        )
-    below, above = found.table[0] - found.met[0], found.met[1] - found.table[1]
-    over = np.maximum(above, below)
-    outside = over > 1e-9
-    if np.any(outside):
-        worst, share = int(np.argmax(over)), float(found.share[outside].sum())
-        angle = np.rad2deg(found.met[int(above[worst] >= below[worst]), worst])
-        (warn if share > LIGHT else note)(
-            f"{outside.sum()} of the stations, at {found.places(outside)}, with "
-            f"{number(100.0 * share, 2)} % of the torque: beyond the polar's table, "
-            f"{span(np.rad2deg(found.table[:, worst]))} deg, in Viterna's extension, with angles "
-            f"of attack up to {angle:.3g} deg, at tip speed ratios of "
-            f"{span(found.working, digits=3)}"
-        )
+    for share, message in found.stations.messages("starting blade"):
+        (warn if share > LIGHT else note)(message)
     polars = _polars(rotor)
     numbers = {table.reynolds for tables in polars.values() for table in tables} - {None}
     known = powers(list(numbers)) if numbers else "a number that the file does not say"

@@ -59,6 +59,7 @@ def optimize(
         objective = result.objective
         at_limit = gained and setup.moves.reached(physics, setup.start, result.point)
         flights = fly(physics, result)
+        at_limit = at_limit and not is_false(flights)  # a false solution leads nowhere
         again = _refined(physics, setup, result, flights, at_limit)
         if again is None:
             return result, flights
@@ -85,6 +86,7 @@ def _refined(physics, setup, result, flights, at_limit) -> Setup | None:
     shares = _lowered(physics, setup, flights)
     if curve_ok and shares is None and not at_limit:
         near_stall = physics.law is not None and physics.has_curve and setup.slowed <= SLOWED
+        near_stall &= physics.case.phase.transcription != "radau"  # whose false speeds are its own
         if near_stall and is_false(flights):  # there a collocation may follow a false branch
             return replace(setup, slowed=2.0 * SLOWED)
         return None
