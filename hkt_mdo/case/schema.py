@@ -144,7 +144,7 @@ class Case(Section):
         text = str(write(data, width=100))
         if not own:
             return text
-        brings = write(own, width=float("inf"), default_flow_style=True).strip()
+        brings = str(write(own, width=float("inf"), default_flow_style=True)).strip()
         about = f"  # where null, the blade {data['rotor']['blade']} brings its own: {brings}"
         return text.replace("\nrotor:\n", f"\nrotor:\n{about}\n", 1)
 
