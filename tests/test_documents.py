@@ -64,15 +64,16 @@ def test_page_has_every_key_with_its_whole_docstring(section):
 
 
 LINES = (
-    "- **`radius`**: number in m, greater than 0; or null. Default: `null`.",
+    "- **`radius`**: number in m, greater than 0 and at most 1000; or null. Default: `null`.",
     "- **`torque_limit`**: number in N*m, greater than 0; or null. Default: `null`.",
     "- **`cone`**: number in deg, at least -45 and at most 45; or null. Default: `null`.",
-    "- **`density`**: number in kg/m**3, greater than 0. Default: `1000`.",
+    "- **`density`**: number in kg/m**3, greater than 0 and at most 20000. Default: `1000`.",
     "- **`speed`**: number in m/s, greater than 0. Required.",
     "- **`reynolds`**: one of `invariant`, `local`. Default: `invariant`.",
     "- **`optimizer`**: one of `IPOPT`, `SLSQP`, `SNOPT`. Default: `IPOPT`.",
     "- **`order`**: one of `3`, `5`, `7`, `9`. Default: `3`.",
-    "- **`chord_bounds`**: list of 2: number in m, greater than 0. Default: `[0.01, 1]`.",
+    "- **`chord_bounds`**: list of 2: number in m, greater than 0 and at most 1000. "
+    "Default: `[0.01, 1]`.",
     "- **`stations`**: list of 3 to 200: number, greater than 0 and less than 1; or "
     "null. Default: `null`.",
     "- **`gain_bounds`**: list of 2: number, at least 0; number, greater than 0; or null. "

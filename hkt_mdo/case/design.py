@@ -8,7 +8,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, Strict, model_valid
 
 from hkt_mdo.sections import Quantity, Section, ordered, refusal
 
-_Length = Annotated[float, Quantity("m", gt=0)]
+_Length = Annotated[float, Quantity("m", gt=0, le=1000)]
 _Angle = Annotated[float, Quantity("deg", ge=-180, le=180)]
 _Lengths = Annotated[tuple[_Length, _Length], AfterValidator(ordered)]
 _Angles = Annotated[tuple[_Angle, _Angle], AfterValidator(ordered)]
@@ -62,7 +62,7 @@ class Design(Section):
 class Phase(Section):
     """The time span and its discretization."""
 
-    duration: Annotated[float, Quantity("s", gt=0)] | None = None
+    duration: Annotated[float, Quantity("s", gt=0, le=3.2e7)] | None = None
     """Duration; null: that of the flow's record, or 60 s, which the paper's tables imply."""
     segments: Annotated[int, Strict(), Field(ge=2, le=20000)] | None = None
     """Number of collocation segments; null: 60, or eight in each period of the flow's highest

@@ -15,13 +15,14 @@ from pydantic import Field, SerializeAsAny, ValidationError, create_model, model
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, Phase, Start
 from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kinds
 from hkt_mdo.case.messages import TAGS, translate
-from hkt_mdo.case.turbine import Fluid, Rotor
+from hkt_mdo.case.turbine import Fluid, Rotor, own_keys
 from hkt_mdo.dynamics.flows import Inflow, SumInflow
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, Objective
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.cases import find_case
+from hkt_mdo.files.shipped import shipped_rotor
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import Dumper, parse
 from hkt_mdo.sections import Section, refusal
@@ -138,9 +139,25 @@ class Case(Section):
         return again, (self.model_dump(),)
 
     def to_yaml(self) -> str:
-        """Return the case as YAML with every default written out; `read_case` makes it again."""
+        """Return the case as YAML with every default written out; `read_case` makes it again.
+
+        What a shipped blade brings with it is left to the blade, and told in a comment.
+        """
+        data, own = self._without_own()
+        write = partial(yaml.dump, Dumper=Dumper, sort_keys=False, allow_unicode=True)
+        text = str(write(data, width=100))
+        if not own:
+            return text
+        brings = str(write(own, width=float("inf"), default_flow_style=True)).strip()
+        about = f"  # where null, the blade {data['rotor']['blade']} brings its own: {brings}"
+        return text.replace("\nrotor:\n", f"\nrotor:\n{about}\n", 1)
+
+    def _without_own(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the case as JSON has it, without what the blade brings with it, and that."""
         data = self.model_dump(mode="json")
-        return yaml.dump(data, Dumper=Dumper, sort_keys=False, allow_unicode=True, width=100)
+        own = own_keys(data["rotor"])
+        data["rotor"] |= {key: [] if key == "sections" else None for key in own}
+        return data, own
 
     def with_overrides(self, *overrides: str) -> Case:
         """Return a case in which some keys have other values, checked as a file would be.
@@ -148,7 +165,7 @@ class Case(Section):
         An override is a text such as ``rotor.radius=2`` or ``control={law: linear}``; relative
         paths count from the current folder. Raises InputError for one that is not valid.
         """
-        data = self.model_dump(mode="json")
+        data, _ = self._without_own()
         return _make_case(data, overrides, self.kinds, file=f"case {self.name}")
 
 
@@ -278,6 +295,7 @@ def _make_case(
 ) -> Case:
     """Return the case of some data, which is changed, and overrides."""
     overrides = (overrides,) if isinstance(overrides, str) else overrides
+    _leave_to_blade(data, overrides)
     given = {_assign(data, override, file): override for override in overrides}
     data.setdefault("name", name)
     made = case_class(kinds)
@@ -285,6 +303,18 @@ def _make_case(
         return made.model_validate(data, context={"folder": folder, "check_files": check_files})
     except ValidationError as error:
         raise translate(error.errors(include_url=False), made, file, given) from None
+
+
+def _leave_to_blade(data: dict[str, Any], overrides: Sequence[str]) -> None:
+    """Take what the old blade brought out of a case written by an earlier version.
+
+    Such a case has all of it written out, so that another blade would be of the old one's size.
+    """
+    rotor = data.get("rotor")
+    if isinstance(rotor, dict) and any(re.match(r"\s*rotor\.blade\s*=", o) for o in overrides):
+        if all(rotor.get(key) is not None for key in shipped_rotor(rotor.get("blade"))):
+            for key in own_keys(rotor):
+                del rotor[key]
 
 
 def _assign(data: dict[str, Any], override: str, file: str) -> str:

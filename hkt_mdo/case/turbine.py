@@ -51,7 +51,7 @@ class Rotor(Section):
     a windIO file says nearly everything.
     """
 
-    radius: Annotated[float, Quantity("m", gt=0)] | None = None
+    radius: Annotated[float, Quantity("m", gt=0, le=1000)] | None = None
     """Tip radius R, measured along the blade; null: the blade's own. A blade of another radius is
     scaled to this one."""
     hub_radius_fraction: Annotated[float, Quantity(gt=0, lt=1)] | None = None
@@ -119,7 +119,10 @@ class Rotor(Section):
         if data.get("sections"):
             for key in ("polar", "outline"):
                 own.pop(key, None)
-        return own | {key: value for key, value in data.items() if value is not None}
+        given = {key: value for key, value in data.items() if value is not None}
+        if not data.get("sections"):
+            given.pop("sections", None)
+        return own | given
 
     @model_validator(mode="after")
     def _check_stations(self) -> Rotor:
@@ -151,10 +154,17 @@ class Rotor(Section):
         return self
 
 
+def own_keys(rotor: dict[str, Any]) -> dict[str, Any]:
+    """Return what of a section `rotor`, as JSON has it, is as its shipped blade brings it."""
+    blade = rotor.get("blade", Rotor.model_fields["blade"].default)
+    own = Rotor(blade=blade).model_dump(mode="json") if (keys := shipped_rotor(blade)) else {}
+    return {key: own[key] for key in keys if rotor.get(key) == own[key]}
+
+
 class Fluid(Section):
     """The water."""
 
-    density: Annotated[float, Quantity("kg/m**3", gt=0)] = 1000.0
+    density: Annotated[float, Quantity("kg/m**3", gt=0, le=20000)] = 1000.0
     """Density of the water; the paper does not state it, its tables imply the default."""
     kinematic_viscosity: Annotated[float, Quantity("m**2/s", gt=0)] = 1.0e-6
     """Kinematic viscosity, used if `rotor.reynolds` is local; 1.0e-6 for fresh water at 20 degrees

@@ -177,7 +177,7 @@ class SineInflow(Inflow):
     """Mean inflow speed, before scaling."""
     amplitude: Annotated[float, Quantity("m/s", ge=0)] = 0.2
     """Amplitude of the inflow speed, before scaling; smaller than the mean."""
-    angular_frequency: Annotated[float, Quantity("rad/s", gt=0)] = 0.25
+    angular_frequency: Annotated[float, Quantity("rad/s", gt=0, le=100)] = 0.25
     """Angular frequency of the inflow speed."""
     phase: Annotated[float, Quantity("rad")] = 0.0
     """Phase of the sine at t = 0."""

@@ -26,9 +26,9 @@ class Operation:
 
     energy (J), rotor_speed[n_times] (rad/s) and hydrodynamic_torque[n_times] (N*m); running tells
     whether an unstalled equilibrium exists at every instant. Under feedback, margin is the torque
-    that accelerates the rotor again after it was slowed by `SLOWED`,
+    that accelerates the rotor again after it lost a share of its speed, `QuasiSteady.slowed`,
 
-        margin = (Q((1 - SLOWED) w) - u((1 - SLOWED) w)) / (TYPICAL 0.5 rho pi R³ v²),
+        margin = (Q((1 - slowed) w) - u((1 - slowed) w)) / (TYPICAL 0.5 rho pi R³ v²),
 
     at `PROBES` speeds of the flow from the slowest to the fastest. It is positive where the stable
     and the unstable equilibrium, which meet at stall, are apart. The rows of gradient are those of
@@ -51,7 +51,8 @@ class QuasiSteady:
     inflow_speed (m/s) and weights (s) are the flow at quadrature points of time. law is anything
     with `torque`, `torque_by_speed`, `torque_by_gain`, `fit`, `torque_limit` and `gain_units`, or
     None: open loop, the torque that captures most power at each instant, up to torque_limit (N*m)
-    if there is one; a feedback law has its own.
+    if there is one; a feedback law has its own. slowed is the share of its speed that a rotor under
+    feedback must be able to lose.
     """
 
     inflow_speed: np.ndarray
@@ -61,6 +62,7 @@ class QuasiSteady:
     spline: TorqueSpline
     law: object = None
     torque_limit: float | None = None
+    slowed: float = SLOWED
 
     def condensed(self):
         """Return the same problem at one flow speed for forty, but 100 to 400 of them.
@@ -126,12 +128,14 @@ class QuasiSteady:
         law, order = self.law, np.argsort(self.inflow_speed)
         few = order[np.unique(np.linspace(0, order.size - 1, PROBES).round().astype(int))]
         v, w = self.inflow_speed[few], speed[few]
-        slowed = (1.0 - SLOWED) * w
+        slowed = (1.0 - self.slowed) * w
         _, _, by_radius_here, by_table_here = self._driving(table, v, w)
         driving, by_speed, by_radius, by_table = self._driving(table, v, slowed)
         margin = driving - law.torque(slowed, gains)
         # The equilibrium moves too: dw = d(Q - u) / stiffness.
-        moved = (1.0 - SLOWED) * (by_speed - law.torque_by_speed(slowed, gains)) / stiffness[few]
+        moved = (
+            (1.0 - self.slowed) * (by_speed - law.torque_by_speed(slowed, gains)) / stiffness[few]
+        )
         by_gain = -(law.torque_by_gain(slowed, gains) + moved * law.torque_by_gain(w, gains)).T
         by_table = by_table + moved[:, None] * by_table_here
         by_radius = by_radius + moved * by_radius_here - 3.0 * margin / self.rotor_radius

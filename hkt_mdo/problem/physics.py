@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.limits import DesignBounds, ForwardRotation, Limit, TorqueLimit
 from hkt_mdo.dynamics.objectives import Objective
 from hkt_mdo.dynamics.trajectory import quantities
+from hkt_mdo.errors import InputError
 from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem, ccblade
@@ -19,12 +21,17 @@ from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.shape import Shape
 
 BEM = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficients}
 DURATION = 60.0  # s, of a flow that has no end of its own
 SEGMENTS_PER_PERIOD = 8.0  # of the highest frequency that lasts
 FEWEST_SEGMENTS = 60
+MOST_PERIODS = 1_000_000  # of the flow's highest frequencies that can be looked at
+FASTEST = 1e3  # m/s
+MOST_TORQUE = 1.0  # torque coefficient that no rotor has; good ones have 0.06
+CURRENT, WATER = 10.0, (900.0, 1300.0)  # m/s and kg/m**3: beyond, a unit was hardly meant
 START_EXCESS = 1e-3  # relative excess of a limit up to which a start counts as keeping it
 
 
@@ -35,7 +42,9 @@ class Physics:
     `case` is complete: its time span and segments are numbers. `shape` has the blade as given and
     what of it is designed; `polar` is one for all stations, or one a station. section_area (over
     chord squared) and thickness (over chord) are one number, or one a station. There is usually one
-    scenario. `law` None: open loop. `messages` tell what was converted, repaired or left out.
+    scenario. `law` None: open loop. `messages` tell what was converted, repaired or left out,
+    `warnings` what was hardly meant. `torque_limit` (N*m) is None, and `law` has none, also where
+    the case gives one that no blade can reach in its flow.
     """
 
     case: Case
@@ -48,6 +57,8 @@ class Physics:
     limits: tuple[Limit, ...]
     objective: Objective
     messages: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    torque_limit: float | None = None
 
     @property
     def blade(self) -> Blade:
@@ -63,11 +74,6 @@ class Physics:
     def density(self) -> float:
         """Density of the water, kg/m**3."""
         return self.case.fluid.density
-
-    @property
-    def torque_limit(self) -> float | None:
-        """Limit of the control torque, N*m."""
-        return self.case.control.torque_limit
 
     @property
     def gain_units(self) -> tuple[str, ...]:
@@ -146,9 +152,20 @@ def complete(case: Case) -> Case:
         inflow.check(inflow.length)
     duration, segments = phase.duration or inflow.length or DURATION, phase.segments
     if segments is None:
-        lasting = (period for begin, end, period in inflow.features if begin <= 0.0 and end == np.inf)
+        lasting = (
+            period for begin, end, period in inflow.features if begin <= 0.0 and end == np.inf
+        )
         wanted = np.ceil(SEGMENTS_PER_PERIOD * duration / min(lasting, default=np.inf) - 1e-9)
         segments = int(np.clip(wanted, FEWEST_SEGMENTS, MOST_SEGMENTS))
+    periods = sum(
+        (min(end, duration) - max(begin, 0.0)) / period
+        for begin, end, period in inflow.features
+        if end > 0.0 and begin < duration
+    )
+    if periods > MOST_PERIODS:
+        problem = f"has {periods:.3g} periods of the flow's highest frequency"
+        remedy = f"give a shorter one or a slower flow: at most {MOST_PERIODS:.0e} periods"
+        raise InputError(problem, remedy, key="phase.duration", value=duration)
     final = phase.final_speed
     if final == "auto":
         sells = case.objective.closes and not isinstance(case.control, FeedbackLaw)
@@ -165,12 +182,24 @@ def physics(case: Case) -> Physics:
     for duration in (inflow.length, case.phase.duration):
         if duration is not None:
             inflow.check(duration)
-    scenario = Scenario(inflow, case.phase).resolved()
+    scenario = Scenario(inflow, case.phase)
+    fastest = float(np.max(inflow.speed_at(scenario.samples)))
+    if fastest > FASTEST:
+        problem = f"reaches {fastest:.3g} m/s"
+        raise InputError(problem, f"give speeds of at most {FASTEST:g} m/s", key="inflow")
+    scenario = scenario.resolved()
     speed, weights = inflow.speed_at(scenario.samples), scenario.sample_weights
     # the speed at which most energy passes; only a local Reynolds number asks for it
     speed = float(weights @ speed**4 / (weights @ speed**3))
     turbine = build_turbine(case.rotor, case.fluid, speed)
     shape = build_shape(case, turbine.blade)
+    messages, limit = (*turbine.messages, *inflow.messages), control.torque_limit
+    radius = max(shape.blade.rotor_radius, *(shape.radius_bounds or (0.0,)))
+    most = MOST_TORQUE * float(torque_scale(case.fluid.density, radius, fastest))
+    if limit is not None and limit > most:
+        text = f"control.torque_limit = {limit:g} N m is out of reach of any blade in this flow"
+        messages += (f"{text}, at most {most:.3g} N m: it counts as none",)
+        control = control.model_copy(update={"torque_limit": None})
     return Physics(
         case,
         shape,
@@ -179,10 +208,27 @@ def physics(case: Case) -> Physics:
         turbine.thickness,
         (scenario,),
         control if isinstance(control, FeedbackLaw) else None,
-        _limits(case, shape),
+        _limits(case, shape, control.torque_limit),
         case.objective,
-        (*turbine.messages, *inflow.messages),
+        messages,
+        tuple(_doubts(case, float(np.mean(inflow.speed_at(scenario.samples))))),
+        control.torque_limit,
     )
+
+
+def _doubts(case: Case, mean: float) -> Iterator[str]:
+    """Yield what of water and flow (m/s) suggests that another unit was meant."""
+    density, (light, heavy) = case.fluid.density, WATER
+    if not light <= density <= heavy:
+        yield (
+            f"fluid.density = {density:g} kg/m^3 is not that of water, about 1000: look at its "
+            f"unit, such as {density:g} g/cm**3"
+        )
+    if mean > CURRENT:
+        yield (
+            f"the flow's mean speed is {mean:.4g} m/s, faster than currents are: look at the unit "
+            f"of its speeds, such as {mean:.4g} cm/s"
+        )
 
 
 def build_shape(case: Case, blade: Blade) -> Shape:
@@ -209,7 +255,7 @@ def build_shape(case: Case, blade: Blade) -> Shape:
     )
 
 
-def _limits(case: Case, shape: Shape) -> tuple[Limit, ...]:
+def _limits(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit, ...]:
     """Return the limits of a case: torque and rotation, the design's bounds, and those it gives."""
     bounds = {}
     if case.design.blade == "optimized":
@@ -218,7 +264,7 @@ def _limits(case: Case, shape: Shape) -> tuple[Limit, ...]:
         bounds["set_angle"] = shape.twist_bounds
     bounds |= {"radius": shape.radius_bounds, "gain": case.design.gain_bounds}
     return (
-        TorqueLimit(bound=case.control.torque_limit),
+        TorqueLimit(bound=torque_limit),
         ForwardRotation(),
         *(DesignBounds(quantity=name, bounds=ends) for name, ends in bounds.items() if ends),
         *case.limits.given,

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.dynamics.quasi_steady import QuasiSteady
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.problem.physics import Physics
@@ -130,11 +131,13 @@ def bounding_optimum(physics: Physics, optimum: SteadyOptimum, blade: Blade) -> 
     return max(found, key=lambda each: each.power_coefficient)
 
 
-def find_start(physics: Physics, optimum: SteadyOptimum, *, improve=None) -> StartingPoint:
+def find_start(
+    physics: Physics, optimum: SteadyOptimum, *, improve=None, slowed: float = SLOWED
+) -> StartingPoint:
     """Return the start of an optimization by quasi-steady co-design over all scenarios' flows.
 
     The search begins at `optimum`; `improve` False keeps blade and gains as given, None does as
-    `start.method` says.
+    `start.method` says. `slowed` is the share of its speed that the rotor must be able to lose.
     """
     if improve is None:
         improve = physics.case.start.method == "quasi_steady"
@@ -147,6 +150,7 @@ def find_start(physics: Physics, optimum: SteadyOptimum, *, improve=None) -> Sta
         TorqueSpline(np.linspace(0.3, 2.6, 161) * optimum.tip_speed_ratio),
         physics.law,
         physics.torque_limit,
+        slowed,
     )
     return starting_point(
         problem,
@@ -155,6 +159,7 @@ def find_start(physics: Physics, optimum: SteadyOptimum, *, improve=None) -> Sta
         physics.polar,
         optimum,
         improve=improve,
+        gain_bounds=physics.case.design.gain_bounds or (-np.inf, np.inf),
     )
 
 
@@ -173,7 +178,8 @@ def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> 
     low, high = float(np.min(ratios)), float(np.max(ratios))
     middle = 0.5 * (low + high)
     spacing = 0.01 * middle
-    nodes = _graded(low - 0.06 * middle, high + 0.06 * middle, spacing, 0.5 * low, 1.6 * high)
+    lowest = max(low - 0.06 * middle, 0.5 * low)
+    nodes = _graded(lowest, high + 0.06 * middle, spacing, 0.5 * low, 1.6 * high)
     for _ in range(6):
         centers = 0.5 * (nodes[1:] + nodes[:-1])
         table = bem.rotor_coefficients(start.blade, physics.polar, nodes).torque

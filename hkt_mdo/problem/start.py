@@ -28,7 +28,9 @@ class StartingPoint:
     operation: Operation
 
 
-def starting_point(problem, shape, gains, polar, optimum, *, improve):
+def starting_point(
+    problem, shape, gains, polar, optimum, *, improve, gain_bounds=(-np.inf, np.inf)
+):
     """Return a start near the optimum, found by quasi-steady co-design from a blade.
 
     Candidates are the blade as given and, where its shape is designed, the steady-optimal blades of
@@ -36,21 +38,22 @@ def starting_point(problem, shape, gains, polar, optimum, *, improve):
     within move limits.
 
     `optimum` is the `SteadyOptimum` of the blades that the shape gives to choose from, at the given
-    radius. Gains that are None are fitted to the blade. Without `improve`, blade and gains are as
-    given.
+    radius. Gains that are None are fitted to the blade, within `gain_bounds`. Without `improve`,
+    blade and gains are as given.
     """
     if not improve:
-        return _with_gains(problem, shape.blade, polar, gains)
+        return _with_gains(problem, shape.blade, polar, gains, gain_bounds)
     few = problem.condensed()
-    candidates = [_with_gains(few, shape.blade, polar, gains)]
+    candidates = [_with_gains(few, shape.blade, polar, gains, gain_bounds)]
     bounds = shape.chord_bounds, shape.twist_bounds
     for ratios in RATIOS if shape.designs_chord else ():
         blade = optimum.blade
         for ratio in ratios * optimum.tip_speed_ratio:
             blade = best_blade(shape.blade, polar, ratio, *bounds, blade, tolerance=1e-8).blade
-            candidates.append(_with_gains(few, shape.nearest(blade), polar, None))
+            nearest = shape.nearest(blade)
+            candidates.append(_with_gains(few, nearest, polar, None, gain_bounds))
     best = max(candidates, key=lambda each: _worth(each.operation))
-    best = _improve(_CoDesign(few, shape, polar), best)
+    best = _improve(_CoDesign(few, shape, polar, gain_bounds), best)
     whole = replace(problem, rotor_radius=best.blade.rotor_radius)
     return replace(best, operation=whole.operate(_torque(whole, best.blade, polar), best.gains))
 
@@ -66,8 +69,8 @@ def _torque(problem, blade, polar):
     return bem.rotor_coefficients(blade, polar, problem.spline.nodes).torque
 
 
-def _with_gains(problem, blade, polar, gains):
-    """Return a starting point of a blade; gains not given are fitted to its open loop."""
+def _with_gains(problem, blade, polar, gains, bounds):
+    """Return a starting point of a blade; gains not given are fitted to its open loop in bounds."""
     table, law = _torque(problem, blade, polar), problem.law
     if law is None:
         return StartingPoint(blade, np.empty(0), problem.operate(table))
@@ -77,22 +80,22 @@ def _with_gains(problem, blade, polar, gains):
     few = replace(problem, inflow_speed=problem.inflow_speed[::4], weights=problem.weights[::4])
     ideal = replace(few, law=None, torque_limit=law.torque_limit).operate(table)
     fitted = law.fit(ideal.rotor_speed, ideal.hydrodynamic_torque)
-    factors = np.linspace(0.6, 1.1, 11)
-    gains = fitted * max(factors, key=lambda by: _worth(few.operate(table, fitted * by)))
+    tried = np.clip(np.linspace(0.6, 1.1, 11)[:, None] * fitted, *bounds)
+    gains = max(tried, key=lambda each: _worth(few.operate(table, each)))
     return StartingPoint(blade, gains, problem.operate(table, gains))
 
 
 class _CoDesign:
     """Operation over one vector of unknowns: control of chord and twist, disc radius, gains."""
 
-    def __init__(self, problem, shape, polar):
+    def __init__(self, problem, shape, polar, gain_bounds):
         self.problem, self.shape, self.polar = problem, shape, polar
         self._resized = shape.radius_bounds is not None
         n_gains = 0 if problem.law is None else len(problem.law.gain_units)
         sizes = [shape.chord_basis.shape[1], shape.twist_basis.shape[1], self._resized, n_gains]
         self._ends = np.cumsum(sizes[:3])
         own = shape.chord_bounds, shape.twist_bounds, shape.radius_bounds or (0.0, 0.0)
-        self._own = np.repeat([*own, (-np.inf, np.inf)], sizes, axis=0).T
+        self._own = np.repeat([*own, gain_bounds], sizes, axis=0).T
         self._is_twist = np.repeat([False, True, False, False], sizes)
         self._factor = np.repeat([CHORD_MOVE, 1.0, RADIUS_MOVE, GAIN_MOVE], sizes)
 

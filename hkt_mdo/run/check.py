@@ -51,7 +51,7 @@ def check_case(case: Case) -> CheckReport:
     """
     world = physics(case)
     package = make_driver(world.case).package
-    found, notes, warnings = Findings(world), list(world.messages), []
+    found, notes, warnings = Findings(world), list(world.messages), list(world.warnings)
     warn = warnings.append
     tables = {
         "Turbine": _turbine(found, warn) | _stations(found, notes.append, warn),
@@ -101,24 +101,8 @@ def _turbine(found: Findings, warn) -> dict[str, str]:
 def _stations(found: Findings, note, warn) -> dict[str, str]:
     """Tell what the stations meet; warn, or note where the load is light, of what no table has."""
     rotor = found.case.rotor
-    if np.any(found.unsolved):
-        warn(
-            "blade element momentum theory has no solution at "
-            f"{found.places(found.unsolved)} of the starting blade: no load counts there"
-        )
-    below, above = found.table[0] - found.met[0], found.met[1] - found.table[1]
-    over = np.maximum(above, below)
-    outside = over > 1e-9
-    if np.any(outside):
-        worst, share = int(np.argmax(over)), float(found.share[outside].sum())
-        angle = np.rad2deg(found.met[int(above[worst] >= below[worst]), worst])
-        (warn if share > LIGHT else note)(
-            f"{outside.sum()} of the stations, at {found.places(outside)}, with "
-            f"{number(100.0 * share, 2)} % of the torque: beyond the polar's table, "
-            f"{span(np.rad2deg(found.table[:, worst]))} deg, in Viterna's extension, with angles "
-            f"of attack up to {angle:.3g} deg, at tip speed ratios of "
-            f"{span(found.working, digits=3)}"
-        )
+    for share, message in found.stations.messages("starting blade"):
+        (warn if share > LIGHT else note)(message)
     polars = _polars(rotor)
     numbers = {table.reynolds for tables in polars.values() for table in tables} - {None}
     known = powers(list(numbers)) if numbers else "a number that the file does not say"
@@ -218,9 +202,12 @@ def _control(found: Findings, warn) -> dict[str, str]:
         own = law.starting_gains() is None
         how = "suits the starting blade; the run finds its own" if own else "as the case says"
         rows["gain at the start"] = f"{gains}: {how}"
-        if not own and found.running and found.captured < WASTED:
+        if found.running and found.captured < WASTED:
+            key = "a gain" if own else f"control.gain = {span(law.starting_gains())}"
+            if own and found.case.design.gain_bounds:
+                key += f" within design.gain_bounds = {span(found.case.design.gain_bounds)}"
             warn(
-                f"control.gain = {span(law.starting_gains())} lets the starting blade capture "
+                f"{key} lets the starting blade capture "
                 f"{100.0 * found.captured:.2g} % of what its largest power coefficient gives"
             )
     initial = found.case.phase.initial_speed
@@ -260,6 +247,8 @@ def _start(found: Findings, warn) -> dict[str, str]:
     else:
         rows["under the control law"] = "it does not turn unstalled throughout this flow"
         given = " and this gain" if getattr(case.control, "gain", None) is not None else ""
+        if not given and case.design.gain_bounds:
+            given = f" with a gain within design.gain_bounds = {span(case.design.gain_bounds)}"
         looks = "with this blade a run may find no solution"
         if found.physics.shape.designs_chord and case.start.method == "quasi_steady":
             looks = "the run looks for one that does"
@@ -287,6 +276,13 @@ def _optimization(found: Findings, package: str, warn) -> dict[str, str]:
         periods = f", divided into {segments} where the flow changes fast"
     elif found.cutoff:
         periods = f" ({1.0 / (found.cutoff * length):.3g} in the flow's shortest period)"
+    free, constant = found.physics.law is None, found.time_constant or np.inf
+    if phase.transcription == "radau" and not free and length > 2.0 * constant:
+        warn(
+            f"phase.transcription = radau with segments of {quantity(length, 's', 3)}, longer than "
+            f"twice the time constant, {quantity(constant, 's', 3)}, converges to false speeds: "
+            "give gauss-lobatto, or as many phase.segments"
+        )
     torque = "at every node of the trajectory"
     if found.physics.has_curve:
         torque = "as a curve over the tip speed ratio, one for each blade"

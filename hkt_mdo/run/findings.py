@@ -1,5 +1,6 @@
 """What is found without an optimizer: the starting blade in its flow, and the problem's size."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from timeit import repeat
 from typing import NamedTuple
@@ -15,16 +16,77 @@ from hkt_mdo.problem.setup import Setup, find_start
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.shape import spline_basis
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum, best_operation
-from hkt_mdo.run.words import powers, span
+from hkt_mdo.run.words import number, powers, span
 
 MARGIN = 0.7, 1.3  # times the best tip speed ratio: where a rotor may come while it is designed
 MOST_INSTANTS = 2**17  # at which the flow is looked at
 MOST_START_SEGMENTS = 2000  # in which the starting blade's operation is looked at
 TRIAL_SEGMENTS = 20, 200  # of the two problems that are built to count and to time
+
+
+class Stations(NamedTuple):
+    """What the stations of a blade meet between two tip speed ratios, `working`, by BEM.
+
+    `met`, `table`, `unsolved` and `share` are those of `Findings`.
+    """
+
+    blade: Blade
+    working: tuple[float, float]
+    met: np.ndarray
+    table: np.ndarray
+    unsolved: np.ndarray
+    share: np.ndarray
+
+    @classmethod
+    def of(cls, blade: Blade, polar, working: tuple[float, float]) -> "Stations":
+        """Return what stations meet; `polar` is as in `Physics`."""
+        local = isinstance(polar, LocalReynolds)
+        polars = polar.polars if local else [(bem.polar_at(polar, i),) for i in range(blade.r.size)]
+        found = bem.sections(blade, polar, np.linspace(*working, 31) / np.cos(blade.cone))
+        angles = found.angle_of_attack
+        lowest = [max(each.alpha_min for each in tables) for tables in polars]
+        highest = [min(each.alpha_max for each in tables) for tables in polars]
+        torque = np.abs(bem.torque_weights(blade) * found.tangential_load)
+        return cls(
+            blade,
+            working,
+            np.stack((angles.min(axis=0), angles.max(axis=0))),
+            np.array((lowest, highest)),
+            np.any(found.branch < 0, axis=0),
+            np.max(torque / torque.sum(axis=1, keepdims=True), axis=0),
+        )
+
+    def messages(self, of: str) -> Iterator[tuple[float, str]]:
+        """Yield what no table has of a blade, `of`, and the share of the torque it concerns."""
+
+        def places(chosen):
+            return f"r/R = {span(self.blade.r[chosen] / self.blade.tip_radius)}"
+
+        if np.any(self.unsolved):
+            yield (
+                1.0,
+                "blade element momentum theory has no solution at "
+                f"{places(self.unsolved)} of the {of}: no load counts there",
+            )
+        below, above = self.table[0] - self.met[0], self.met[1] - self.table[1]
+        over = np.maximum(above, below)
+        outside = over > 1e-9
+        if np.any(outside):
+            worst, share = int(np.argmax(over)), float(self.share[outside].sum())
+            angle = np.rad2deg(self.met[int(above[worst] >= below[worst]), worst])
+            yield (
+                share,
+                f"{outside.sum()} of the stations of the {of}, at {places(outside)}, with "
+                f"{number(100.0 * share, 2)} % of the torque: beyond the polar's table, "
+                f"{span(np.rad2deg(self.table[:, worst]))} deg, in Viterna's extension, with "
+                f"angles of attack up to {angle:.3g} deg, at tip speed ratios of "
+                f"{span(self.working, digits=3)}",
+            )
 
 
 class Findings:
@@ -92,24 +154,16 @@ class Findings:
     def _meet(self):
         """Set what the stations meet over the tip speed ratios of the start, by BEM."""
         blade, polar = self.plant.blade, self.plant.polar
-        cosine = np.cos(blade.cone)
-        ratios = np.linspace(*self.working, 31) / cosine
-        working = bem.sections(blade, polar, ratios)
-        angles = working.angle_of_attack
-        self.met = np.stack((angles.min(axis=0), angles.max(axis=0)))
         self.polars = [(bem.polar_at(polar, station),) for station in range(blade.r.size)]
         if isinstance(polar, LocalReynolds):
             self.polars = polar.polars
-        lowest = [max(polar.alpha_min for polar in polars) for polars in self.polars]
-        highest = [min(polar.alpha_max for polar in polars) for polars in self.polars]
-        self.table = np.array((lowest, highest))
-        ratio = ratios[[0, -1], None] * blade.r / blade.tip_radius
+        self.stations = Stations.of(blade, polar, self.working)
+        self.met, self.table, self.unsolved, self.share = self.stations[-4:]
+        cosine = np.cos(blade.cone)
+        ratio = np.array(self.working)[:, None] / cosine * blade.r / blade.tip_radius
         flow = np.array([[self.speed.min()], [self.speed.max()]]) * cosine
         relative = blade.chord * flow * np.hypot(1.0, ratio)
         self.reynolds = relative / self.case.fluid.kinematic_viscosity
-        self.unsolved = np.any(working.branch < 0, axis=0)
-        torque = np.abs(bem.torque_weights(blade) * working.tangential_load)
-        self.share = np.max(torque / torque.sum(axis=1, keepdims=True), axis=0)
 
     def average(self, values: np.ndarray) -> float:
         """Return the mean over time of values at the instants."""

@@ -130,9 +130,7 @@ class _Recorder(om.SqliteRecorder):
             self.connection.execute("PRAGMA synchronous=OFF")
 
 
-def read_iterate(
-    out: Path, physics: Physics
-) -> tuple[Physics, StartingPoint | None, float, list]:
+def read_iterate(out: Path, physics: Physics) -> tuple[Physics, StartingPoint | None, float, list]:
     """Return the physics on an earlier run's mesh, its point, reference (J) and history.
 
     The point is None if it recorded none.

@@ -15,6 +15,7 @@ from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.scenario import MOST_SEGMENTS
 from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes, find_start
 from hkt_mdo.problem.start import StartingPoint
+from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.judge import (
     BETWEEN_VIOLATION,
     MESH_ERROR,
@@ -26,7 +27,6 @@ from hkt_mdo.run.judge import (
     is_false,
     recovers,
 )
-from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.log import Log
 
 MAX_PASSES = 12
@@ -67,6 +67,7 @@ def optimize(
         objective = result.objective
         at_limit = gained and setup.moves.reached(physics, setup.start, result.point)
         flights = fly(physics, result)
+        at_limit = at_limit and not is_false(flights)  # a false solution leads nowhere
         again = _refined(physics, setup, result, flights, at_limit)
         if again is None:
             error, parts = _mesh_error(physics, result, flights, coarser)
@@ -101,6 +102,7 @@ def _refined(physics, setup, result, flights, at_limit) -> Setup | None:
     shares = _lowered(physics, setup, flights)
     if curve_ok and shares is None and not at_limit:
         near_stall = physics.law is not None and physics.has_curve and setup.slowed <= SLOWED
+        near_stall &= physics.case.phase.transcription != "radau"  # whose false speeds are its own
         if near_stall and is_false(flights):  # there a collocation may follow a false branch
             return replace(setup, slowed=2.0 * SLOWED)
         return None
@@ -126,10 +128,10 @@ def _mesh_error(physics, result, flights, coarser) -> tuple[float, list[np.ndarr
     each segment; empty where the mesh is fine enough.
     """
     if physics.law is not None:
-        off = [
-            np.max(each.speed_errors.reshape(each.scenario.segments, -1), axis=1) > 0.3 * SPEED_ERROR
-            for each in flights
-        ]
+        off = []
+        for flight in flights:
+            errors = flight.speed_errors.reshape(flight.scenario.segments, -1)
+            off.append(np.max(errors, axis=1) > 0.3 * SPEED_ERROR)
         few = is_false(flights) and 0.0 < np.mean(np.concatenate(off)) < 0.5
         return 0.0, [np.where(each, PARTS, 1) for each in off] if few else []
     blade, limits = result.point.blade, physics.limits
@@ -166,9 +168,7 @@ def _mesh_error(physics, result, flights, coarser) -> tuple[float, list[np.ndarr
 
 def _on_finer_mesh(physics, setup, result, parts) -> tuple[Physics, Setup]:
     """Return the physics with segments divided into parts, and the setup of the next pass."""
-    scenarios = [
-        each.divided(own) for each, own in zip(physics.scenarios, parts, strict=True)
-    ]
+    scenarios = [each.divided(own) for each, own in zip(physics.scenarios, parts, strict=True)]
     by_name = {each.name: own for each, own in zip(scenarios, parts, strict=True)}
     physics = replace(physics, scenarios=tuple(scenarios))
     point = _point(physics, result.problem)

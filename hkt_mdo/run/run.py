@@ -19,10 +19,12 @@ from collections.abc import Iterable
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import openmdao.api as om
 from threadpoolctl import threadpool_limits
 
 from hkt_mdo.case import Case, load_case
+from hkt_mdo.dynamics.limits import LEAST, SLOWED
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.build import build_problem, make_driver
 from hkt_mdo.problem.physics import Physics, physics
@@ -37,8 +39,8 @@ from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.summary import summarize, write_tables
 
 NOT_RUNNING = (
-    "no blade and gain were found on which the rotor runs unstalled throughout this flow: the "
-    "problem may have no solution (try a larger control.torque_limit, another control.law, or "
+    "no blade and gain{within} were found on which the rotor runs unstalled throughout this flow: "
+    "the problem may have no solution (try a larger control.torque_limit, another control.law, or "
     "wider design bounds)"
 )
 UNFINISHED = "interrupted before the end; hkt run --resume goes on from the last iterate"
@@ -141,22 +143,36 @@ def _optimize_and_judge(
     optimum = steady_optimum(world, world.blade)
     if start is None:
         start = find_start(world, optimum)
-        # a start that breaks a limit may well be better than the best design that keeps it
-        if start.operation.running and not world.broken_limits(start):
-            log.reference = world.objective_at(start)
+        log.reference = _reference(world, start)
     log.save(start, world)
     world, result, flights = optimize(world, start, log)
+    if log.reference and result.setup.slowed > SLOWED:  # farther from stall than the start
+        kept = find_start(world, optimum, slowed=result.setup.slowed)
+        log.reference = min(log.reference, _reference(world, kept))
     optimum = bounding_optimum(world, optimum, result.point.blade)
     checks = judge(world, optimum, log.reference, result, flights)
     finished = summarize(world, optimum, start, result, flights, checks)
     if not (finished.success or start.operation.running):
-        finished = finished.model_copy(update={"message": f"{NOT_RUNNING}; {finished.message}"})
+        bounds = world.case.design.gain_bounds
+        within = f" within design.gain_bounds = [{bounds[0]:g}, {bounds[1]:g}]" if bounds else ""
+        message = f"{NOT_RUNNING.format(within=within)}; {finished.message}"
+        finished = finished.model_copy(update={"message": message})
     write_tables(out, world, result, flights)
     if records:
         om.n2(result.problem, outfile=str(out / "n2.html"), show_browser=False)
     if result.outcome.success:
         log.save(result.point, world)
     return finished
+
+
+def _reference(world: Physics, start: StartingPoint) -> float:
+    """Return the objective of a start, J; 0 where it is no measure of the optimum.
+
+    A start that breaks a limit may well be better than the best design that keeps it.
+    """
+    state = start.operation
+    kept = state.running and bool(np.all(state.margin >= LEAST)) and not world.broken_limits(start)
+    return world.objective_at(start) if kept else 0.0
 
 
 def write_n2(case: Case, path: Path) -> None:

@@ -4,15 +4,19 @@ import platform
 from importlib import metadata
 
 import numpy as np
+import yaml
 
 from hkt_mdo.dynamics.limits import DesignBounds
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.dynamics.trajectory import COLUMNS
 from hkt_mdo.files.blade import write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable
+from hkt_mdo.files.yaml_text import Dumper
 from hkt_mdo.results.folder import to_json, write_csv
 from hkt_mdo.results.summary import Summary
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.steady_optimum import best_operation
+from hkt_mdo.run.findings import Stations
 from hkt_mdo.run.judge import energy_bound, explain, total
 
 BINDING = 1e-3  # relative distance from its bound within which a limit counts as binding
@@ -28,6 +32,8 @@ def summarize(physics, optimum, start, result, flights, checks) -> Summary:
         np.concatenate([each[name] for each in result.trajectories])
         for name in ("tip_speed_ratio", "control_torque")
     )
+    working = max(float(np.min(ratios)), SLOWEST_RATIO), float(np.max(ratios))
+    met = Stations.of(blade, physics.polar, working).messages("found blade")
     peak, bound = best_operation(blade, physics.polar), energy_bound(physics, optimum)
     by_name = {check.name: check.value for check in checks}
     gains = [float(gain) for gain in result.point.gains]
@@ -85,7 +91,7 @@ def summarize(physics, optimum, start, result, flights, checks) -> Summary:
         "max_speed_error": max(np.max(flight.speed_errors) for flight in flights),
         "energy_balance_error": abs(energy - generated - stored) / max(energy, 1e-9),
         "checks": [vars(check) for check in checks],
-        "notes": list(physics.messages),
+        "notes": [*physics.messages, *physics.warnings, *(text for _, text in met)],
         "versions": _versions(),
     }
     return Summary.parse(to_json(values))
@@ -153,12 +159,17 @@ def _write_blade(path, physics, blade):
         "blade_count": blade.blade_count,
         "cone": float(np.rad2deg(blade.cone)),
         "set_angle": 0.0,
-        "stations": "null",
+        "stations": None,
     }
-    section = ", ".join(f"{key}: {value}" for key, value in rotor.items())
+    given = physics.case.rotor.model_dump(mode="json")
+    for key in ("polar", "outline", "sections", "reynolds_number"):
+        rotor |= {key: given[key]} if given[key] else {}
+    section = yaml.dump(
+        rotor, Dumper=Dumper, sort_keys=False, default_flow_style=True, width=float("inf")
+    ).strip()
     remarks = (
         f"blade found by the case {physics.case.name}; the twist includes the set angle",
-        f"to start from it, with the path of this file: rotor: {{{section}}}",
+        f"to start from it, with the path of this file: rotor: {section}",
     )
     thickness = np.broadcast_to(np.asarray(physics.thickness, dtype=float), blade.r.shape)
     table = BladeTable(blade.r, blade.chord, blade.twist, thickness=thickness)

@@ -65,8 +65,8 @@ class ReportingDriver(Driver):
         if hasattr(solver, "totals"):
             try:
                 self._sparse = solver.totals(self, responses)
-            except (NotImplementedError, AttributeError):
-                return  # a part is not explicit, or OpenMDAO's internals differ: its own totals
+            except NotImplementedError:
+                return  # a part is not explicit: OpenMDAO's own totals
             self._coloring_info.deactivate()
 
     @DriverResult.track_stats(kind="deriv")

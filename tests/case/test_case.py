@@ -196,6 +196,30 @@ def test_with_overrides_leaves_the_case_alone():
         case.with_overrides("rotor.radius=-2")
 
 
+RM1 = "rotor: {blade: rm1, material_density: 861}"
+
+
+@pytest.mark.parametrize("old", ["", RM1, "rotor: {radius: 2}", "rotor: {polar: naca4415_Re2e5}"])
+@pytest.mark.parametrize("new", [*shipped_names("blade")])
+@pytest.mark.parametrize("earlier", [False, True], ids=["as written", "by an earlier version"])
+def test_another_blade_brings_its_own(old, new, earlier):
+    """Of the old blade nothing is left that the case has not given itself."""
+    case, override = read_case(MINIMAL + old), f"rotor.blade={new}"
+    text = case.to_yaml()
+    if earlier:
+        text = yaml.safe_dump(case.model_dump(mode="json"))
+    wanted = read_case(MINIMAL + old, [override])
+    assert read_case(text, [override]).rotor == wanted.rotor
+    assert case.with_overrides(override).rotor == wanted.rotor
+
+
+def test_a_written_case_tells_what_the_blade_brings():
+    text = read_case(MINIMAL + RM1).to_yaml()
+    assert "the blade rm1 brings its own: {radius: 10.0, hub_radius_fraction: 0.1," in text
+    assert yaml.safe_load(text)["rotor"]["radius"] is None
+    assert read_case(text.replace("blade: rm1", "blade: river")).rotor.radius == 0.8
+
+
 # Cases from Python, bare names --------------------------------------------------------------------
 
 

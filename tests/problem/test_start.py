@@ -1,10 +1,13 @@
 """The start by quasi-steady co-design reaches what theory knows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from hkt_mdo.dynamics.laws import QuadraticFeedback
-from hkt_mdo.dynamics.quasi_steady import QuasiSteady
+from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
+from hkt_mdo.dynamics.limits import SLOWED
+from hkt_mdo.dynamics.quasi_steady import SAFE, QuasiSteady
 from hkt_mdo.problem.start import starting_point
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.shape import Shape
@@ -55,3 +58,34 @@ def test_a_fixed_blade_is_kept(blade, polar):
     np.testing.assert_array_equal(start.blade.chord, blade.chord)
     gain = 0.5 * DENSITY * np.pi * RADIUS**5 * best.power_coefficient / best.tip_speed_ratio**3
     assert start.gains[0] == pytest.approx(gain, rel=0.02)
+
+
+@pytest.mark.parametrize("bounds", [(0.0, 1.0), (30.0, 40.0)])
+def test_gains_are_searched_within_their_bounds(bounds, optimum, blade, polar):
+    """Whatever the bounds, the start keeps them and is worth what its own gain gives."""
+    shape, problem = (
+        Shape.designed(blade, None, None, CHORDS, TWISTS),
+        quasi_steady(QuadraticFeedback(torque_limit=700.0)),
+    )
+    free, bound = (
+        starting_point(problem, shape, None, polar, optimum, improve=True, **given)
+        for given in ({}, {"gain_bounds": bounds})
+    )
+    assert not bounds[0] <= free.gains[0] <= bounds[1]
+    assert bounds[0] <= bound.gains[0] <= bounds[1]
+    assert bound.operation.running
+    assert bound.operation.energy < free.operation.energy
+
+
+def test_more_distance_from_stall_costs_energy(optimum, blade, polar):
+    """A start that must be able to lose more of its speed keeps that, and captures less."""
+    shape = Shape.designed(blade, None, None, CHORDS, TWISTS)
+    law = LinearFeedback(torque_limit=700.0)
+    near, far = (
+        starting_point(
+            replace(quasi_steady(law), slowed=slowed), shape, None, polar, optimum, improve=True
+        ).operation
+        for slowed in (SLOWED, 5.0 * SLOWED)
+    )
+    assert min(near.margin.min(), far.margin.min()) > SAFE - 1e-5
+    assert far.energy < near.energy

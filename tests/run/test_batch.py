@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from hkt_mdo.case import read_case
+from hkt_mdo.problem.physics import complete
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.batch import finished_result, run_batch
 

@@ -13,6 +13,7 @@ from hkt_mdo.case import load_case, read_case
 from hkt_mdo.cli import main
 from hkt_mdo.dynamics.flows import ConstantInflow
 from hkt_mdo.dynamics.simulation import simulate
+from hkt_mdo.errors import InputError
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, find_start
@@ -230,8 +231,12 @@ TURBULENCE = "inflow={profile: turbulence, cutoff: 0.5}"
             ["design.twist_bounds=[-5,15]"],
         ),
         (
-            "design.gain_bounds is broken at the start, at least 1 and at most 2; 22.64 with",
-            ["design.gain_bounds=[1,2]"],
+            "throughout this flow under this law with a gain within design.gain_bounds = 200 to",
+            ["design.gain_bounds=[200,300]"],
+        ),
+        (
+            "a gain within design.gain_bounds = 0.1 to 0.2 lets the starting blade capture",
+            ["design.gain_bounds=[0.1,0.2]"],
         ),
         (
             "the spline through design.chord_points = 2 leaves the chord",
@@ -247,6 +252,12 @@ TURBULENCE = "inflow={profile: turbulence, cutoff: 0.5}"
             ["control.gain=200"],
         ),
         ("control.gain = 0.5 lets the starting blade capture", ["control.gain=0.5"]),
+        ("fluid.density = 1.025 kg/m^3 is not that of water", ["fluid.density=1.025"]),
+        ("the flow's mean speed is 150 m/s", ["inflow.mean=150", "phase.duration=150.8"]),
+        (
+            "phase.transcription = radau with segments of 1 s, longer than twice the time constant",
+            ["phase.transcription=radau"],
+        ),
         ("power coefficient is", ["rotor.set_angle=60"]),
         (
             "20000 segments leave the integral of v³ uncertain by ",
@@ -271,6 +282,33 @@ TURBULENCE = "inflow={profile: turbulence, cutoff: 0.5}"
 def test_warnings(told: str, overrides: list[str]) -> None:
     report = check_case(read_case(BASE, overrides))
     assert any(told in line for line in report.warnings), report.warnings
+
+
+@pytest.mark.parametrize("law", ["quadratic", "open_loop"])
+def test_a_torque_limit_out_of_reach_is_none(law: str) -> None:
+    report = check(f"control={{law: {law}, torque_limit: 1e6}}")
+    assert any("torque_limit = 1e+06 N m is out of reach of any blade" in x for x in report.notes)
+    world = report.findings.physics
+    assert world.torque_limit is None
+    assert world.law is None or world.law.torque_limit is None
+    assert np.isinf(world.limits[0].upper)
+    assert world.case.control.torque_limit == 1e6
+
+
+@pytest.mark.parametrize(
+    ("override", "told"),
+    [
+        ("rotor.radius=1e308", "must be at most 1000 m"),
+        ("fluid.density=1e300", "must be at most 20000 kg/m"),
+        ("inflow.angular_frequency=1e6", "must be at most 100 rad/s"),
+        ("phase.duration=1e9", "must be at most 3.2e\\+07 s"),
+        ("inflow.mean=1e200", "at most 1000 m/s"),
+        ("inflow={profile: step, width: 1e-6}", "periods of the flow's highest frequency"),
+    ],
+)
+def test_sizes_that_no_computer_holds_are_refused(override: str, told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        check_case(read_case(BASE, [override]))
 
 
 def test_limits_and_objective_of_an_extension() -> None:

@@ -153,9 +153,7 @@ def other_mesh(solved):
 def wound_up(solved):
     """The rotor has stored two per cent of the energy."""
     flown = solved.flights[0].simulation
-    return with_flight(
-        solved, simulation=replace(flown, kinetic_energy_change=0.02 * flown.energy)
-    )
+    return with_flight(solved, simulation=replace(flown, kinetic_energy_change=0.02 * flown.energy))
 
 
 def near_stall(solved):

@@ -116,6 +116,12 @@ def test_other_formulations_find_the_same_optimum(solve, override):
     )
 
 
+def test_bounds_away_from_the_gain_of_the_start_are_kept(solve):
+    found = solve("sine_limited_quadratic", *SHORT, "design.gain_bounds=[0,1]")
+    assert found.success, found.summary["message"]
+    assert found.summary["gain"] == pytest.approx(1.0, rel=1e-6)
+
+
 # What a run leaves --------------------------------------------------------------------------------
 
 
@@ -211,6 +217,30 @@ def test_an_unfinished_optimization_is_no_success(tmp_path):
     assert not solution.success
     assert "optimizer did not converge" in solution.summary["message"]
     assert solution.summary["simulated_energy_J"] is not None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["linear", "quadratic"])
+def test_a_tide_in_radau_under_feedback_is_refused_with_the_way_out(law, tmp_path):
+    """Segments of minutes, time constants of seconds: the last speed is nobody's."""
+    overrides = [f"control={{law: {law}, torque_limit: 415 kN*m}}", "phase.transcription=radau"]
+    case = load_case(CASES / "examples" / "rm1_set_angle.yaml", overrides)
+    solution = run_case(case, tmp_path / "out", figures=False, records=False)
+    assert not solution.success
+    assert "phase.transcription=gauss-lobatto" in solution.message
+
+
+def test_notes_tell_what_the_found_blade_meets(solve):
+    """A polar that ends below the angles at the optimum is told at the optimum, too."""
+    found = solve(
+        "sine_baseline_oloc",
+        *SHORT,
+        "rotor.set_angle=-15",
+        "rotor.stations=[0.2,0.5,0.9]",
+    )
+    assert any(
+        "of the found blade" in note and "Viterna" in note for note in found.summary["notes"]
+    )
 
 
 def test_a_false_solution_is_no_success(tmp_path):
