@@ -28,7 +28,7 @@ from hkt_mdo.problem.build import build_problem, make_driver
 from hkt_mdo.problem.physics import Physics, physics
 from hkt_mdo.problem.setup import bounding_optimum, find_start, steady_optimum
 from hkt_mdo.problem.start import StartingPoint
-from hkt_mdo.results.folder import check_folder, clear, locked, write_json, write_text
+from hkt_mdo.results.folder import check_folder, claim, locked, write_json, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import Summary
 from hkt_mdo.run.judge import judge
@@ -55,8 +55,9 @@ def run_case(
 ) -> Solution:
     """Optimize a case, judge the result and leave it in a folder.
 
-    `out` must not exist unless `force` is given, which replaces an earlier result there. `progress`
-    is called as progress(count, objective in J, infeasibility) while the optimizer works. `figures`
+    `out` must not exist unless `force` is given, which replaces an earlier result there, file by
+    file: a folder that no run has marked is refused, and what else is in it stays. `progress` is
+    called as progress(count, objective in J, infeasibility) while the optimizer works. `figures`
     says whether figures are drawn, as PNG, or in which formats, such as ("png", "pdf"); `records`
     whether OpenMDAO's databases and the N2 diagram are written. The solution is loaded from the
     folder; its `success` tells what the judges found.
@@ -70,7 +71,7 @@ def run_case(
     make_driver(world.case)  # a missing package is told before anything is written
     check_folder(out, force)
     with locked(out):
-        clear(out)
+        claim(out)
         write_text(out / "case.yaml", world.case.to_yaml())
         return _run(world, out, progress, figures, records)
 
