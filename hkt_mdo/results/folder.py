@@ -14,7 +14,9 @@ from hkt_mdo.errors import InputError
 MARKER = ".hkt_result"
 """The file by which a run marks a folder as its own; without it nothing there is replaced."""
 
-_MARKED = "Written by a run of hkt_mdo. hkt run --force replaces the files of a run, and no others.\n"
+_MARKED = (
+    "Written by a run of hkt_mdo. hkt run --force replaces the files of a run, and no others.\n"
+)
 _WRITTEN = re.compile(
     r"((summary|iterate)\.json|case\.yaml|n2\.html|(solution|history(_\d+)?)\.db(-journal)?"
     r"|(trajectory|simulation|power_curve|blade|convergence)\.csv"

@@ -31,6 +31,7 @@ from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.results.folder import check_folder, claim, locked, write_json, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import Summary
+from hkt_mdo.run.digest import digest
 from hkt_mdo.run.judge import judge
 from hkt_mdo.run.log import Log, Progress, read_iterate
 from hkt_mdo.run.passes import optimize
@@ -104,7 +105,7 @@ def _run(
     world: Physics, out, progress, figures, records, start=None, reference=0.0, history=()
 ) -> Solution:
     """Run a case in its locked folder from a start, None: the case's own."""
-    began = time.perf_counter()
+    began, made_of = time.perf_counter(), digest(world.case)
     summary = Summary(case=world.case.name, success=False, message=UNFINISHED)
     write_json(out / "summary.json", dict(summary))
     with (
@@ -116,8 +117,8 @@ def _run(
         try:
             with _termination_interrupts(log):
                 finished = _optimize_and_judge(world, out, log, start, records)
-            seconds = time.perf_counter() - began
-            summary = finished.model_copy(update={"wall_seconds": seconds})
+            told = {"wall_seconds": time.perf_counter() - began, "digest": made_of}
+            summary = finished.model_copy(update=told)
         except sqlite3.Error as error:
             raise InputError(
                 f"{out}: OpenMDAO's recorder cannot write there ({error}); make room on the disk "
