@@ -100,7 +100,10 @@ def claim(out: Path) -> None:
 
 
 def write_files(contents: Mapping[Path, bytes]) -> None:
-    """Replace files, whole or not at all: a reader never sees an incomplete one."""
+    """Replace files, whole or not at all: a reader never sees an incomplete one.
+
+    Raises InputError where that is not possible.
+    """
     parts = {file: file.with_name(f"{file.name}.part") for file in contents}
     try:
         for file, content in contents.items():
@@ -108,9 +111,16 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
             parts[file].write_bytes(content)
         for file, part in parts.items():
             part.replace(file)
+    except OSError as error:
+        problem, remedy = (
+            f"cannot be written ({error.strerror})",
+            "make room or choose another folder",
+        )
+        raise InputError(problem, remedy, file=file) from error
     finally:
         for part in parts.values():
-            part.unlink(missing_ok=True)
+            with suppress(OSError):  # such as of a folder that has been taken away
+                part.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -1,7 +1,6 @@
 """One digest of what a result is made of besides its case: files and source code."""
 
 import inspect
-
 from collections.abc import Iterator
 from functools import cache
 from hashlib import file_digest, sha256

@@ -20,7 +20,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import openmdao.api as om
-from threadpoolctl import threadpool_limits
 
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.errors import InputError
@@ -36,12 +35,14 @@ from hkt_mdo.run.judge import judge
 from hkt_mdo.run.log import Log, Progress, read_iterate
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.summary import summarize, write_tables
+from hkt_mdo.solve.threads import one_thread
 
 NOT_RUNNING = (
     "no blade and gain were found on which the rotor runs unstalled throughout this flow: the "
     "problem may have no solution (try a larger control.torque_limit, another control.law, or "
     "wider design bounds)"
 )
+ROOM = "make room on the disk and give hkt run --resume"
 UNFINISHED = "interrupted before the end; hkt run --resume goes on from the last iterate"
 
 
@@ -71,6 +72,7 @@ def run_case(
     world = physics(case)
     make_driver(world.case)  # a missing package is told before anything is written
     check_folder(out, force)
+    out = out.absolute()  # the current folder is the process's, and another thread may change it
     with locked(out):
         claim(out)
         write_text(out / "case.yaml", world.case.to_yaml())
@@ -90,7 +92,7 @@ def resume_case(
     Parameters and errors are those of `run_case` and `load_case`. A success is returned as it is;
     where nothing was recorded yet, the run begins anew.
     """
-    out = Path(out)
+    out = Path(out).absolute()
     world = physics(load_case(out / "case.yaml", extensions=extensions))
     make_driver(world.case)
     with locked(out):
@@ -108,10 +110,7 @@ def _run(
     began, made_of = time.perf_counter(), digest(world.case)
     summary = Summary(case=world.case.name, success=False, message=UNFINISHED)
     write_json(out / "summary.json", dict(summary))
-    with (
-        tempfile.TemporaryDirectory(prefix="hkt_mdo_") as scratch,
-        threadpool_limits(1),  # matrices are small: threads cost more than they give
-    ):
+    with tempfile.TemporaryDirectory(prefix="hkt_mdo_") as scratch, one_thread():
         log = Log(out, scratch, progress, records)
         log.history, log.reference = list(history), reference
         try:
@@ -120,10 +119,10 @@ def _run(
             told = {"wall_seconds": time.perf_counter() - began, "digest": made_of}
             summary = finished.model_copy(update=told)
         except sqlite3.Error as error:
-            raise InputError(
-                f"{out}: OpenMDAO's recorder cannot write there ({error}); make room on the disk "
-                "and give hkt run --resume"
-            ) from error
+            reason = f"OpenMDAO's recorder: {error}"
+            if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL:
+                reason = "no space left on the device"
+            raise InputError(f"cannot be written ({reason})", ROOM, file=out) from error
         finally:
             log.write_history()
             write_json(out / "summary.json", dict(summary))
