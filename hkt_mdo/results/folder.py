@@ -102,12 +102,12 @@ def claim(out: Path) -> None:
 def write_files(contents: Mapping[Path, bytes]) -> None:
     """Replace files, whole or not at all: a reader never sees an incomplete one.
 
-    Raises InputError where that is not possible.
+    Raises InputError where that is not possible: the folder must be there, for one that was taken
+    away during a run must not come back with half a result in it.
     """
     parts = {file: file.with_name(f"{file.name}.part") for file in contents}
     try:
         for file, content in contents.items():
-            file.parent.mkdir(parents=True, exist_ok=True)
             parts[file].write_bytes(content)
         for file, part in parts.items():
             part.replace(file)

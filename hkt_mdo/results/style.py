@@ -113,6 +113,7 @@ def save(
         if form not in known:
             words = f"known: {', '.join(known)}"
             raise InputError("unknown format of figures", words, key="format", value=form)
+    Path(folder).mkdir(parents=True, exist_ok=True)
     written = []
     for name, figure in figures.items():
         for form in formats:
