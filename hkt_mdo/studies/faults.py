@@ -41,7 +41,7 @@ class _Try(NamedTuple):
 
     def wait(self) -> None:
         """Wait until a random moment of the run."""
-        time.sleep(self.rng.uniform(0.2, 1.0) * self.seconds)
+        time.sleep(self.rng.uniform(0.3, 1.3) * self.seconds)
 
 
 def _hkt(*arguments, environment=(), **options) -> subprocess.Popen:
@@ -53,7 +53,8 @@ def _hkt(*arguments, environment=(), **options) -> subprocess.Popen:
 
 
 def _signalled(number, run: _Try) -> subprocess.Popen:
-    process = run.start()
+    # a study in the background ignores SIGINT, which its processes would inherit
+    process = run.start(preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL))
     run.wait()
     process.send_signal(number)
     return process
