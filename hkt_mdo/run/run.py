@@ -118,6 +118,10 @@ def _run(
                 finished = _optimize_and_judge(world, out, log, start, records)
             told = {"wall_seconds": time.perf_counter() - began, "digest": made_of}
             summary = finished.model_copy(update=told)
+        except SystemError as error:
+            if isinstance(error.__cause__, KeyboardInterrupt):  # it came while numba's code ran
+                raise KeyboardInterrupt from error
+            raise
         except sqlite3.Error as error:
             reason = f"OpenMDAO's recorder: {error}"
             if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL:

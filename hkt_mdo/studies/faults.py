@@ -24,7 +24,8 @@ from hkt_mdo.studies.common import LAWS, markdown_table
 
 SETTINGS = ("--segments", "20", "--set", "phase.duration=20", "--quiet")
 AGREEMENT = 1e-5  # relative difference in energy to the undisturbed run
-ENDS = (0, 2, 130, -signal.SIGTERM, -9)  # a signal may come before the program listens, or be 9
+# a signal may be 9, or come before the program listens or when it has done everything
+ENDS = (0, 2, 130, -signal.SIGINT, -signal.SIGTERM, -9)
 
 
 class _Try(NamedTuple):

@@ -74,6 +74,21 @@ def test_an_interrupted_run_says_so(tmp_path, optimizer, number):
     assert not (folder / "lock").exists()
 
 
+def test_an_interrupt_in_compiled_code_is_one(tmp_path, monkeypatch):
+    """Python tells by a SystemError that numba's code returned although a handler had raised."""
+
+    def compiled(*_):
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as interrupt:
+            raise SystemError("returned a result with an exception set") from interrupt
+
+    monkeypatch.setattr(run, "_optimize_and_judge", compiled)
+    with pytest.raises(KeyboardInterrupt):
+        run.run_case(case(), tmp_path / "out")
+    assert "--resume" in summary(tmp_path / "out")["message"]
+
+
 @pytest.mark.parametrize("optimizer", ["IPOPT", "SLSQP"])
 def test_an_interrupted_run_is_resumed(tmp_path, undisturbed, optimizer):
     folder = interrupted(tmp_path / "out", f"driver.optimizer={optimizer}")
