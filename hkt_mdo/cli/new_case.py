@@ -73,5 +73,6 @@ def write_new_case(path: str | Path, kind: str = "paper", *, force: bool = False
     read_case(text, file=str(path), folder=path.parent, name=path.stem, check_files=False)
     texts = {path: text} | texts
     refuse_existing(texts, force)
+    path.parent.mkdir(parents=True, exist_ok=True)
     write_files({file: text.encode() for file, text in texts.items()})
     return list(texts)

@@ -52,6 +52,7 @@ def report_polars(
     conditions = f"NeuralFoil {version('neuralfoil')}, model {model}, n_crit {n_crit:g}"
     table = _csv(polars, f"# {conditions}, outline {show(Path(source).name)}")
     picture = _picture(f"{name}: {conditions}", polars, others)
+    out.mkdir(parents=True, exist_ok=True)
     write_files({table_file: table, figure_file: picture})
     return [
         f"{name}: thickness {outline.thickness:.4f} c, area {outline.area:.4f} c²; second moments "

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from math import inf
 from pathlib import Path
 from typing import Annotated
 
@@ -20,6 +22,10 @@ _FLOW = (
 _SNR = "Signal-to-noise ratio of the speed sensor."
 _REFERENCE = "What is the signal: the speed's fluctuation about its mean, or the total speed."
 _RATE = "Samples of the sensor a second."
+_CUTOFF = (
+    "Frequency of the second-order Butterworth low-pass behind the sensor; 0: no filter. It delays "
+    "the torque, at 0.5 Hz by half a second, which alone may stop a rotor."
+)
 
 
 def show(result: ResultFolder) -> None:
@@ -85,6 +91,7 @@ def simulate(
         str, Option("--noise-reference", metavar="NAME", help=_REFERENCE)
     ] = "fluctuation",
     rate: Annotated[float, Option("--sample-rate", metavar="HZ", help=_RATE)] = 100.0,
+    cutoff: Annotated[float, Option("--filter-cutoff", metavar="HZ", help=_CUTOFF)] = 0.5,
     repeats: Annotated[int, Option(min=1, max=100_000, help="Noisy runs.")] = 20,
     seed: Seed = 1,
 ) -> None:
@@ -94,21 +101,21 @@ def simulate(
     replays its recorded torque; feedback reads a noisy, filtered speed sensor when --noise-snr is
     given, many times over. A rotor that stops is said to stop, and its energy is not counted.
     """
-    from hkt_mdo.studies.uncertainty import REFERENCES, Design, Sensor, flow_named, fly_noisy
+    from hkt_mdo.studies.uncertainty import REFERENCES, Design, Sensor, flow_given, fly_noisy
 
-    # the filter behind the sensor needs two samples a period of its cutoff
-    for name, value, least in (("--noise-snr", snr or 0.0, -200.0), ("--sample-rate", rate, 2.0)):
-        if not least <= value <= 1e6:
-            remedy = f"give a number between {least:g} and 1e6"
+    for name, value, least, most in (
+        ("--noise-snr", snr or 0.0, -200.0, 1e6),
+        ("--sample-rate", rate, 2.0, 1e6),
+        ("--filter-cutoff", cutoff, 0.0, 0.4 * rate),  # below half of the samples a second
+    ):
+        if not least <= value <= most:
+            remedy = f"give a number between {least:g} and {most:g}"
             raise InputError("is out of range", remedy, key=name, value=value)
     if reference not in REFERENCES:
         remedy = f"choose {' or '.join(REFERENCES)}"
         raise InputError("is unknown", remedy, key="--noise-reference", value=reference)
     solution = read_result(result)
-    if flow.lstrip().startswith("{"):
-        inflow = solution.case.with_overrides(f"inflow={flow}").inflow
-    else:
-        inflow = flow_named(flow, solution.case.inflow)
+    inflow = flow_given(flow, solution.case)
     design = Design.of(solution)
     quiet = design.fly(inflow)
     told = f"{quiet.energy:.1f} J captured, {quiet.generator_energy:.1f} J generated"
@@ -120,9 +127,15 @@ def simulate(
     if design.law is None:
         echo("  open loop reads no sensor: the noise changes nothing")
         return
-    sensor = Sensor(snr, reference, rate)
+    sensor, behind = Sensor(snr, reference, rate, cutoff or None), "none"
+    if cutoff:
+        behind = f"second-order Butterworth low-pass of {cutoff:g} Hz (--filter-cutoff)"
     with Console().status(f"{repeats} noisy runs"):
         noisy = fly_noisy(design, inflow, sensor, repeats, seed)
+        if cutoff and noisy.stalled and quiet.stopped_at is None:
+            silent = fly_noisy(design, inflow, replace(sensor, snr=inf), 1, seed)
+            if silent.stalled:
+                behind += ", whose delay stops the rotor without any noise"
     energy = noisy.energy[noisy.energy == noisy.energy]  # NaN: the rotor stopped
     told = "no run reached the end"
     if energy.size:
@@ -133,6 +146,6 @@ def simulate(
     echo(
         f"  sensor: {snr:g} dB of the {reference} speed, sigma = {noisy.noise_deviation:.4f} "
         f"rad/s, {rate:g} Hz, seed {seed}; BEM table within {noisy.torque_error:.1e}\n"
-        f"  filter behind it: second-order Butterworth low-pass of {sensor.cutoff:g} Hz\n"
+        f"  filter behind it: {behind}\n"
         f"  rotor stopped in {noisy.stalled} of {repeats} runs\n  {told}"
     )

@@ -15,7 +15,7 @@ from hkt_mdo.cli import parts
 
 _SECONDS_BETWEEN_LINES = 5.0
 
-_FORCE = "Replace an earlier result in the folder."
+_FORCE = "Replace an earlier result in the folder; files that no run wrote stay."
 _RESUME = "In place of CASE: go on with this folder's unfinished run from its last iterate."
 _OPTIMIZER = "IPOPT, SLSQP or SNOPT: sets driver.optimizer."
 _PACKAGE = "auto, pyoptsparse, casadi (IPOPT alone) or scipy (SLSQP alone): sets driver.package."

@@ -46,7 +46,10 @@ def paper(
 
 
 _PARTS = "All of them by default."
-_COUNT = "Starts a case (30), random mixtures of the sweep (30), or examples a kind of file (1500)."
+_COUNT = (
+    "Starts a case (30), random mixtures of the sweep (30), examples a kind of file (1500), or "
+    "tries a fault (12)."
+)
 _REPORT = "Markdown file to write: the figures of all parts that the folder holds."
 
 
@@ -62,9 +65,9 @@ def verify(
     """Run the verification study, or parts of it.
 
     Parts: starts (random blades, with the program's own start), blades (random blades without it),
-    sweep (other sizes, flows, limits, polars), physics (stationarity, energy balance, refinement)
-    and fuzz (mutilated files). It takes hours; what is finished is reused, so it can be
-    interrupted.
+    sweep (other sizes, flows, limits, polars), physics (stationarity, energy balance, refinement),
+    fuzz (mutilated files) and faults (killed, no disk, no folder, no home). It takes hours; what is
+    finished is reused, so it can be interrupted.
     """
     from hkt_mdo.studies import verify as study
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 import openmdao.api as om
 from dymos import Trajectory
-from threadpoolctl import threadpool_limits
 
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.limits import TYPICAL, DistanceFromStall, Limit
@@ -28,6 +27,7 @@ from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.solve import drivers
+from hkt_mdo.solve.threads import one_thread
 from hkt_mdo.solve.totals import Substitution
 
 TWIST_UNIT = np.deg2rad(5.0)  # typical change of a twist
@@ -58,7 +58,7 @@ def build_problem(case: Case, *, improve: bool | None = None) -> om.Problem:
     physics = make_physics(case)
     if improve is None:
         improve = physics.case.start.method == "quasi_steady"
-    with threadpool_limits(1):  # matrices are small: threads cost more than they give
+    with one_thread():
         optimum = (
             steady_optimum(physics, physics.blade)
             if improve

@@ -1,6 +1,6 @@
 """Writing a result folder: one run at a time, and every file appears complete or not at all."""
 
-import shutil
+import re
 import sqlite3
 import tempfile
 from collections.abc import Mapping
@@ -10,6 +10,18 @@ from pathlib import Path
 import pydantic_core
 
 from hkt_mdo.errors import InputError
+
+MARKER = ".hkt_result"
+"""The file by which a run marks a folder as its own; without it nothing there is replaced."""
+
+_MARKED = (
+    "Written by a run of hkt_mdo. hkt run --force replaces the files of a run, and no others.\n"
+)
+_WRITTEN = re.compile(
+    r"((summary|iterate)\.json|case\.yaml|n2\.html|(solution|history(_\d+)?)\.db(-journal)?"
+    r"|(trajectory|simulation|power_curve|blade|convergence)\.csv"
+    r"|figures/(blade|power_curve|operation|convergence)\.(png|pdf))(\.part)?"
+)
 
 
 @contextmanager
@@ -30,13 +42,15 @@ def check_folder(out: Path, force: bool) -> None:
     with _usable(out):
         names = {path.name for path in out.iterdir()} if out.is_dir() else set()
     # a run killed before it wrote its case leaves only these, which hold nothing of value
-    if not names - {"lock", "case.yaml.part"}:
+    if not names - {"lock", MARKER, f"{MARKER}.part", "case.yaml.part"}:
         return
     if not force:
         remedy = "choose another one, give --force to replace it, or --resume to go on with it"
         raise InputError(f"--out {out}: folder exists; {remedy}")
-    if "case.yaml" not in names:
-        raise InputError(f"--out {out}: holds no earlier result; --force replaces only results")
+    if MARKER not in names:
+        problem = f"--out {out}: holds no earlier result that a run has marked by {MARKER}"
+        remedy = "choose another folder, or delete this one yourself if it is an older result"
+        raise InputError(f"{problem}, which --force replaces", remedy)
 
 
 @contextmanager
@@ -65,32 +79,48 @@ def locked(out: Path):
         connection.close()
 
 
-def clear(out: Path) -> None:
-    """Empty the folder of an earlier result: first `summary.json`, last `case.yaml`.
+def claim(out: Path) -> None:
+    """Mark a folder as a run's, and delete what an earlier run wrote; other files stay.
 
-    Interrupted at any point, it leaves no success, and still a folder that `--force` replaces.
+    `summary.json` goes first: interrupted at any point, this leaves no success, and still a folder
+    that `--force` replaces.
     """
-    last = {"summary.json": 0, "case.yaml": 2}
+    figures = out / "figures"
     with _usable(out):
-        for path in sorted(out.iterdir(), key=lambda path: last.get(path.name, 1)):
-            if path.is_dir() and not path.is_symlink():
-                shutil.rmtree(path)
-            elif path.name != "lock":
+        if not (out / MARKER).exists():
+            write_text(out / MARKER, _MARKED)
+        # a link to a folder leads to files that no run wrote
+        folders = [out, figures] if figures.is_dir() and not figures.is_symlink() else [out]
+        found = [path for folder in folders for path in folder.iterdir() if not path.is_dir()]
+        for path in sorted(found, key=lambda path: path.name != "summary.json"):
+            if _WRITTEN.fullmatch(path.relative_to(out).as_posix()):
                 path.unlink()
+        with suppress(OSError):  # a file of the user's keeps it
+            figures.rmdir()
 
 
 def write_files(contents: Mapping[Path, bytes]) -> None:
-    """Replace files, whole or not at all: a reader never sees an incomplete one."""
+    """Replace files, whole or not at all: a reader never sees an incomplete one.
+
+    Raises InputError where that is not possible: the folder must be there, for one that was taken
+    away during a run must not come back with half a result in it.
+    """
     parts = {file: file.with_name(f"{file.name}.part") for file in contents}
     try:
         for file, content in contents.items():
-            file.parent.mkdir(parents=True, exist_ok=True)
             parts[file].write_bytes(content)
         for file, part in parts.items():
             part.replace(file)
+    except OSError as error:
+        problem, remedy = (
+            f"cannot be written ({error.strerror})",
+            "make room or choose another folder",
+        )
+        raise InputError(problem, remedy, file=file) from error
     finally:
         for part in parts.values():
-            part.unlink(missing_ok=True)
+            with suppress(OSError):  # such as of a folder that has been taken away
+                part.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -5,6 +5,7 @@ Nothing is drawn by pyplot, and no rcParams are set.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hkt_mdo.errors import InputError
+from hkt_mdo.results.folder import write_files
 
 COLORS = ("#0b3c6f", "#c4501b", "#4fb286", "#8a4fa3", "#b8860b", "#4a4a4a")
 LINES = ("-", "--", "-.", (0, (5, 1, 1, 1, 1, 1)), ":", (0, (8, 2)))
@@ -103,7 +105,8 @@ def save(
 ) -> list[Path]:
     """Write figures as NAME.FORMAT, into a folder that is made if need be; return the paths.
 
-    Raises InputError if Matplotlib does not know a format; nothing has been written then.
+    Raises InputError if Matplotlib does not know a format, when nothing has been written, or a file
+    cannot be written.
     """
     known = sorted(FigureCanvasAgg.get_supported_filetypes())
     for form in formats:
@@ -117,6 +120,8 @@ def save(
             written.append(Path(folder, f"{name}.{form}"))
             # without a date, equal results give equal files; journals ask for fonts of type 42
             extra: dict[str, Any] = {"metadata": {"CreationDate": None}} if form == "pdf" else {}
+            drawn = io.BytesIO()
             with rc_context({"pdf.fonttype": 42}):
-                figure.savefig(written[-1], dpi=150, **extra)
+                figure.savefig(drawn, format=form, dpi=150, **extra)
+            write_files({written[-1]: drawn.getvalue()})
     return written

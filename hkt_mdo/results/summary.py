@@ -184,6 +184,8 @@ class Summary(_Entry, Mapping[str, Any]):
     iterations: int | None = None
     wall_seconds: _Number = None
     versions: dict[str, Any] | None = None
+    digest: str | None = None
+    """Of the files and the source code that the result is made of."""
 
     @field_validator(*BLADE[1:])
     @classmethod

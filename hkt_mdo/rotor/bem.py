@@ -23,8 +23,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from hkt_mdo.compiled import compiled
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.reynolds import LocalReynolds
 
@@ -96,7 +96,7 @@ class Coefficients(NamedTuple):
     torque_by_log_reynolds: np.ndarray = np.empty(0)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _polar_at(alpha, polar):
     """Return lift, drag and their slopes at an angle of attack."""
     n_knots = polar.shape[0]
@@ -113,7 +113,7 @@ def _polar_at(alpha, polar):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _loss_at(exponent):
     """Return arccos(exp(-x)) 2 / pi and the slope of its logarithm."""
     if exponent.real > 40.0:  # exp(-40) is below the last digit
@@ -123,7 +123,7 @@ def _loss_at(exponent):
     return 2.0 / np.pi * angle, decay / (np.sqrt(1.0 - decay * decay) * angle)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _terms(phi, chord, twist, r, hub_radius, tip_radius, blade_count, polar):
     """Evaluate a station at an inflow angle: s, c and their slopes, forces and their parts.
 
@@ -175,7 +175,7 @@ def _terms(phi, chord, twist, r, hub_radius, tip_radius, blade_count, polar):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _derivatives(terms, tip_speed_ratio, chord, r, tip_radius, by_reynolds, out):
     """Fill out[n_loads, n_inputs]: total derivatives of the loads at a root, by `INPUTS`.
 
@@ -206,14 +206,14 @@ def _derivatives(terms, tip_speed_ratio, chord, r, tip_radius, by_reynolds, out)
             out[load, i] = chord_load * (force_x + forces[load] * (by_chord - 2.0 * s_x / s))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _point(phi, station):
     """Return phi, s, c, their slopes, and the curve's polar angle arctan(g) with its slope."""
     s, c, s_phi, c_phi = _terms(phi, *station)[0]
     return phi, s, c, s_phi, c_phi, (c_phi * s - c * s_phi) / (s * s + c * c), np.arctan2(c, s)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _uneven(left, right):
     """Tell whether the curve may have hidden turning points between two points.
 
@@ -224,7 +224,7 @@ def _uneven(left, right):
     return max(left[5], right[5], middle) > 0.7 * min(left[5], right[5], middle)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _minimum(left, right, station):
     """Return the local minimum between two points (regula falsi, Illinois)."""
     low, high, slope_low, slope_high = left[0], right[0], left[5], right[5]
@@ -241,7 +241,7 @@ def _minimum(left, right, station):
     return point
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _last_positive(left, right, station):
     """Return the last point with s > 0 before s vanishes between two others."""
     low, high = left[0], right[0]
@@ -254,7 +254,7 @@ def _last_positive(left, right, station):
     return _point(low, station)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _add(point, knots, count):
     """Append a point to the knots; return their number."""
     g = point[2] / point[1] if point[1] > 0.0 else np.inf
@@ -264,7 +264,7 @@ def _add(point, knots, count):
     return count + 1
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _curve(lowest, station, knots):
     """Sample a station's curve g = c / s; return the number of knots.
 
@@ -297,7 +297,7 @@ def _curve(lowest, station, knots):
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _root(left, right, lambda_r, station):
     """Return the root in a bracket and the terms there (Newton, bisection where it fails)."""
     (low, f_low, slope_low), (high, f_high, slope_high) = left, right
@@ -330,13 +330,13 @@ def _root(left, right, lambda_r, station):
     return phi, terms
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _residual(point, lambda_r):
     """Return the angle of a knot or of other terms, the residual there and its slope."""
     return point[0], point[1] - point[2] / lambda_r, point[3] - point[4] / lambda_r
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _first_root(lambda_r, knots, n_knots, station):
     """Return the first root (phi and the terms there), or terms with s <= 0."""
     # the first knot whose running minimum is <= lambda_r
@@ -356,7 +356,7 @@ def _first_root(lambda_r, knots, n_knots, station):
     return phi, terms
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _store(phi, terms, lambda_r, chord, twist, place, state):
     """Write a root to state[:, *place] and return its branch; see `Sections`."""
     j, i = place
@@ -376,7 +376,7 @@ def _store(phi, terms, lambda_r, chord, twist, place, state):
     return 1 if terms[2][0] > 2.0 / 3.0 else 0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _mix(polars, weights, out):
     """Write the weighted sum of polars (n, n_knots, 8) to out."""
     out[:] = 0.0
@@ -388,7 +388,7 @@ def _mix(polars, weights, out):
                     out[row, column] += weight * polars[number, row, column]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _mixed_force(phi, twist, polars, weights):
     """Return the tangential and the normal force coefficient of a weighted sum of polars."""
     lift = drag = 0.0
@@ -400,7 +400,7 @@ def _mixed_force(phi, twist, polars, weights):
     return lift * sine - drag * cosine, lift * cosine + drag * sine
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _solve(
     tip_speed_ratio, r, chord, twist, hub_radius, tip_radius, blade_count,
     polars, section, mixture, n_loads, n_inputs,

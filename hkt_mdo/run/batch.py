@@ -7,7 +7,6 @@ import warnings
 from collections.abc import Callable, Hashable, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from functools import partial
-from importlib.metadata import version
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from hkt_mdo.case import Case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import complete
 from hkt_mdo.results.solution import Solution
+from hkt_mdo.run.digest import digest
 from hkt_mdo.run.run import run_case
 
 
@@ -26,10 +26,10 @@ def run_batch(
 ) -> dict[Path, Solution | None]:
     """Run every case into its folder and return the solutions, None where a case could not be run.
 
-    A folder that holds the finished result of an equal case is reused; any other result is
-    replaced. `jobs` is the number of processes, None: one per core; done(folder, word) is called
-    whenever a case ends, with "reused", "ok", "failed" or the error; `records` tells whether to
-    keep each run's databases and N2 diagram, some megabytes a run.
+    A folder that holds the finished result of an equal case, of the same files and source code, is
+    reused; any other result is replaced. `jobs` is the number of processes, None: one per core;
+    done(folder, word) is called whenever a case ends, with "reused", "ok", "failed" or the error;
+    `records` tells whether to keep each run's databases and N2 diagram, some megabytes a run.
     """
     run = partial(run_case, force=True, figures=False, records=records)
     found, waiting = {}, {}
@@ -79,12 +79,14 @@ def in_processes(
 
 
 def finished_result(folder: Path, case: Case) -> Solution | None:
-    """Return what a folder holds if it is this version's finished result of an equal case."""
+    """Return what a folder holds if it is the finished result of an equal case.
+
+    The files that the case names and the source code must have the content that the run met.
+    """
     try:
         solution = Solution.load(folder, extensions=case.extensions)
         case = complete(case)  # as a run writes it
     except InputError:
         return None
-    made_by, ended = solution.summary.versions or {}, solution.summary.checks is not None
-    same = solution.case == case and made_by.get("hkt_mdo") == version("hkt_mdo")
-    return solution if ended and same else None
+    ended, same = solution.summary.checks is not None, solution.case == case
+    return solution if ended and same and solution.summary.digest == digest(case) else None

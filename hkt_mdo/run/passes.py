@@ -204,12 +204,15 @@ def _solve(physics: Physics, setup: Setup, log: Log) -> Optimized:
     problem = assemble(physics, setup, make_driver(physics.case, log, most), log.scratch)
     log.add_recorders(problem)
     try:
-        # OpenMDAO's drivers run only what the design moves; the flow at the nodes is not
-        problem.run_model()
-        log.point = lambda: _point(physics, problem)
-        problem.run_driver()
+        problem.final_setup()  # opens the recorders' files
+        try:
+            # OpenMDAO's drivers run only what the design moves; the flow at the nodes is not
+            problem.run_model()
+            log.point = lambda: _point(physics, problem)
+            problem.run_driver()
+        finally:
+            log.record_final(problem)
     finally:
-        log.record_final(problem)
         problem.cleanup()
     return Optimized(
         problem,

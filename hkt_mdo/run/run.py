@@ -21,7 +21,6 @@ from pathlib import Path
 
 import numpy as np
 import openmdao.api as om
-from threadpoolctl import threadpool_limits
 
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.dynamics.limits import LEAST, SLOWED
@@ -30,19 +29,22 @@ from hkt_mdo.problem.build import build_problem, make_driver
 from hkt_mdo.problem.physics import Physics, physics
 from hkt_mdo.problem.setup import bounding_optimum, find_start, steady_optimum
 from hkt_mdo.problem.start import StartingPoint
-from hkt_mdo.results.folder import check_folder, clear, locked, write_json, write_text
+from hkt_mdo.results.folder import check_folder, claim, locked, write_json, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import Summary
+from hkt_mdo.run.digest import digest
 from hkt_mdo.run.judge import judge
 from hkt_mdo.run.log import Log, Progress, read_iterate
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.summary import summarize, write_tables
+from hkt_mdo.solve.threads import one_thread
 
 NOT_RUNNING = (
     "no blade and gain{within} were found on which the rotor runs unstalled throughout this flow: "
     "the problem may have no solution (try a larger control.torque_limit, another control.law, or "
     "wider design bounds)"
 )
+ROOM = "make room on the disk and give hkt run --resume"
 UNFINISHED = "interrupted before the end; hkt run --resume goes on from the last iterate"
 
 
@@ -57,8 +59,9 @@ def run_case(
 ) -> Solution:
     """Optimize a case, judge the result and leave it in a folder.
 
-    `out` must not exist unless `force` is given, which replaces an earlier result there. `progress`
-    is called as progress(count, objective in J, infeasibility) while the optimizer works. `figures`
+    `out` must not exist unless `force` is given, which replaces an earlier result there, file by
+    file: a folder that no run has marked is refused, and what else is in it stays. `progress` is
+    called as progress(count, objective in J, infeasibility) while the optimizer works. `figures`
     says whether figures are drawn, as PNG, or in which formats, such as ("png", "pdf"); `records`
     whether OpenMDAO's databases and the N2 diagram are written. The solution is loaded from the
     folder; its `success` tells what the judges found.
@@ -71,8 +74,9 @@ def run_case(
     world = physics(case)
     make_driver(world.case)  # a missing package is told before anything is written
     check_folder(out, force)
+    out = out.absolute()  # the current folder is the process's, and another thread may change it
     with locked(out):
-        clear(out)
+        claim(out)
         write_text(out / "case.yaml", world.case.to_yaml())
         return _run(world, out, progress, figures, records)
 
@@ -90,7 +94,7 @@ def resume_case(
     Parameters and errors are those of `run_case` and `load_case`. A success is returned as it is;
     where nothing was recorded yet, the run begins anew.
     """
-    out = Path(out)
+    out = Path(out).absolute()
     world = physics(load_case(out / "case.yaml", extensions=extensions))
     make_driver(world.case)
     with locked(out):
@@ -106,25 +110,26 @@ def _run(
     world: Physics, out, progress, figures, records, start=None, reference=0.0, history=()
 ) -> Solution:
     """Run a case in its locked folder from a start, None: the case's own."""
-    began = time.perf_counter()
+    began, made_of = time.perf_counter(), digest(world.case)
     summary = Summary(case=world.case.name, success=False, message=UNFINISHED)
     write_json(out / "summary.json", dict(summary))
-    with (
-        tempfile.TemporaryDirectory(prefix="hkt_mdo_") as scratch,
-        threadpool_limits(1),  # matrices are small: threads cost more than they give
-    ):
+    with tempfile.TemporaryDirectory(prefix="hkt_mdo_") as scratch, one_thread():
         log = Log(out, scratch, progress, records)
         log.history, log.reference = list(history), reference
         try:
             with _termination_interrupts(log):
                 finished = _optimize_and_judge(world, out, log, start, records)
-            seconds = time.perf_counter() - began
-            summary = finished.model_copy(update={"wall_seconds": seconds})
+            told = {"wall_seconds": time.perf_counter() - began, "digest": made_of}
+            summary = finished.model_copy(update=told)
+        except SystemError as error:
+            if isinstance(error.__cause__, KeyboardInterrupt):  # it came while numba's code ran
+                raise KeyboardInterrupt from error
+            raise
         except sqlite3.Error as error:
-            raise InputError(
-                f"{out}: OpenMDAO's recorder cannot write there ({error}); make room on the disk "
-                "and give hkt run --resume"
-            ) from error
+            reason = f"OpenMDAO's recorder: {error}"
+            if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL:
+                reason = "no space left on the device"
+            raise InputError(f"cannot be written ({reason})", ROOM, file=out) from error
         finally:
             log.write_history()
             write_json(out / "summary.json", dict(summary))

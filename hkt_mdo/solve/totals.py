@@ -9,10 +9,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import openmdao.api as om
-from numba import njit
 from openmdao.core.driver import Driver
 from openmdao.jacobians import jacobian as om_jacobian
 from scipy.sparse import csr_matrix
+
+from hkt_mdo.compiled import compiled
 
 
 class SparseTotals:
@@ -107,7 +108,7 @@ class Substitution(om.LinearRunOnce):
     totals = SparseTotals
 
 
-@njit(cache=True)
+@compiled()
 def _evaluation_order(wanted, is_seed, indptr, indices):
     """Return the rows needed, each after the rows it depends on, and whether such an order exists.
 
@@ -139,7 +140,7 @@ def _evaluation_order(wanted, is_seed, indptr, indices):
     return order[:count].copy(), True
 
 
-@njit(cache=True)
+@compiled()
 def _total_pattern(order, seeds, indptr, indices):
     """Return where totals may differ from zero: row i has the columns[first[i] : last[i]]."""
     first, last = np.zeros(indptr.size - 1, np.int64), np.zeros(indptr.size - 1, np.int64)
@@ -165,7 +166,7 @@ def _total_pattern(order, seeds, indptr, indices):
     return first, last, columns[:count].copy()
 
 
-@njit(cache=True)
+@compiled()
 def _substitute(order, indptr, indices, partials, first, last, columns):
     """Return the totals at the places of `_total_pattern`."""
     totals, sums = np.ones(columns.size), np.zeros(columns.size)

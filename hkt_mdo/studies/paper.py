@@ -18,7 +18,7 @@ from hkt_mdo.dynamics.trajectory import COLUMNS
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import steady_optimum
-from hkt_mdo.results.folder import write_text
+from hkt_mdo.results.folder import write_json
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.batch import in_processes, run_batch
 from hkt_mdo.studies.common import CODESIGN, LAWS, case_file, with_blade
@@ -83,7 +83,7 @@ def _ensembles(out, repeats, seed, jobs, report):
 
     def ended(key, future):
         found[key] = future.result() | {"stamp": stamps[key]}
-        write_text(folder / f"{key}.json", json.dumps(found[key]))
+        write_json(folder / f"{key}.json", found[key])
         report(f"uncertainty: {key}")
 
     in_processes(waiting, jobs, ended)

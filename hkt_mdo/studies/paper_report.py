@@ -1,7 +1,6 @@
 """The reproduction's report: tables, checks and figures as JSON, Markdown and one HTML page."""
 
 import base64
-import json
 import platform
 import re
 from collections.abc import Callable
@@ -18,7 +17,7 @@ from markdown_it import MarkdownIt
 
 from hkt_mdo.files.shipped import data_path
 from hkt_mdo.results import plots, style
-from hkt_mdo.results.folder import write_text
+from hkt_mdo.results.folder import write_json, write_text
 from hkt_mdo.studies.common import LAWS, SCENARIOS, markdown_table, percent
 from hkt_mdo.studies.uncertainty import REFERENCES, Sensor
 
@@ -82,7 +81,7 @@ def write_report(solutions: dict, ensembles: dict, out: Path, report: Callable) 
     style.save(figures, out / "figures", ("png", "pdf"))
     report(f"{len(figures)} figures")
     text = "\n\n".join(_blocks(data, shown)) + "\n"
-    write_text(out / "paper.json", json.dumps(data, indent=2) + "\n")
+    write_json(out / "paper.json", data)
     write_text(out / "report.md", text)
     write_text(out / "report.html", _page(text, out))
     return data

@@ -11,11 +11,12 @@ import numpy as np
 from scipy import signal
 from scipy.interpolate import CubicSpline
 
+from hkt_mdo.case import Case
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant, RecordedTorque, Simulation, simulate
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.physics import BEM, Physics, physics
+from hkt_mdo.problem.physics import BEM, Physics, complete, physics
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
@@ -40,13 +41,13 @@ class Sensor:
     the rate. snr (dB; infinity: no noise) is of the signal named by reference: the speed's
     `fluctuation` about its mean, which the controller has to follow, or the `total` speed, whose
     rms is some ten times larger. rate (Hz) is of the samples of sensor and controller; cutoff (Hz)
-    that of the second-order Butterworth low-pass.
+    that of the second-order Butterworth low-pass, which delays the torque; None: no filter.
     """
 
     snr: float = 20.0
     reference: str = "fluctuation"
     rate: float = 100.0
-    cutoff: float = 0.5
+    cutoff: float | None = 0.5
 
     def deviation(self, speed):
         """Return the noise's standard deviation, rad/s, for a speed signal sampled evenly."""
@@ -140,7 +141,8 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
 
     Between samples the speed is integrated by the classical Runge-Kutta method. The plant's torque
     coefficient is direct BEM, tabulated so finely that its error (`Ensemble.torque_error`) is far
-    below what the noise changes. `seed` is of all repeats. Raises InputError for an open loop.
+    below what the noise changes. `seed` is of all repeats. Raises InputError for an open loop, and
+    if the integration fails.
     """
     if design.law is None:
         folder = design.solution.folder
@@ -156,8 +158,10 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
     substeps = max(int(np.ceil(period / (LONGEST_STEP * plant.inertia / slope))), 1)
     step = period / substeps
     speed = np.full(repeats, design.initial_speed(inflow))
-    low_pass = signal.butter(2, sensor.cutoff, fs=1.0 / period)
-    memory = signal.lfilter_zi(*low_pass)[:, None] * speed  # in steady state at the first speed
+    low_pass = memory = None
+    if sensor.cutoff is not None:
+        low_pass = signal.butter(2, sensor.cutoff, fs=1.0 / period)
+        memory = signal.lfilter_zi(*low_pass)[:, None] * speed  # in steady state at the first speed
     random = np.random.default_rng(seed)
     energy, stopped = np.zeros(repeats), np.full(repeats, np.nan)
     times = period * np.arange(n_samples)
@@ -166,13 +170,17 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
     record = np.full((3, n_samples), np.nan)
     for k in range(n_samples):
         measured = speed + deviation * random.standard_normal((1, repeats))
-        filtered, memory = signal.lfilter(*low_pass, measured, axis=0, zi=memory)
-        control = design.law.torque(np.maximum(filtered[0], 0.0), design.gains)
+        if low_pass is not None:
+            measured, memory = signal.lfilter(*low_pass, measured, axis=0, zi=memory)
+        control = design.law.torque(np.maximum(measured[0], 0.0), design.gains)
         record[:, k] = speed[0], control[0], torque(speed[:1], flows[k, 0])[0]
         for j in range(substeps):
             flow = flows[k, 2 * j : 2 * j + 3]
             speed, captured = _runge_kutta(torque, speed, control, flow, step)
             energy += captured
+        if not np.all(np.isfinite(speed)):  # which is not the same as a rotor that stops
+            problem = f"the integration of the noisy runs fails at t = {times[k]:.6g} s"
+            raise InputError(problem, "see that the control law is finite there")
         stopped[np.isnan(stopped) & (speed <= slowest[k])] = times[k] + period
         speed = np.where(np.isnan(stopped), speed, slowest[k])
     energy[np.isfinite(stopped)] = np.nan
@@ -220,6 +228,28 @@ def _runge_kutta(torque, speed, control, flow, step):
         captured += weight * driving * at
         at = speed + share * step * (driving - control) / torque.plant.inertia
     return speed + step / 6.0 * pull / torque.plant.inertia, step / 6.0 * captured
+
+
+def flow_given(text: str, case: Case) -> Inflow:
+    """Return a flow by its name in `PAPER_FLOWS`, or of an inflow section in YAML.
+
+    Raises InputError, as reading a case does, for a flow that is not valid, ends before the time
+    span of the case does, stands still or turns back.
+    """
+    if text.lstrip().startswith("{"):
+        inflow = case.with_overrides(f"inflow={text}").inflow
+    else:
+        inflow = flow_named(text, case.inflow)
+    duration = complete(case).phase.duration
+    try:
+        inflow.check(duration)
+    except InputError as error:
+        if error.file:
+            raise
+        problem = error.problem if error.value is None else f"{error.value:.6g} s {error.problem}"
+        remedy = f"give a flow that runs one way for the {duration:.6g} s of the result"
+        raise InputError(problem, remedy, key="--flow", value=text) from None
+    return inflow
 
 
 def flow_named(name: str, inflow: Inflow) -> Inflow:

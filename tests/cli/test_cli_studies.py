@@ -6,6 +6,8 @@ import pytest
 
 from hkt_mdo.cli import main
 
+FAST = "{profile: sine, angular_frequency: 1.0, amplitude: 0.3}"
+
 
 @pytest.fixture(scope="module")
 def folders(solve):
@@ -43,6 +45,19 @@ def test_simulate_takes_any_flow(folders, capsys):
     assert "J captured" in capsys.readouterr().out
 
 
+def test_a_filter_that_stops_the_rotor_is_told(folders, capsys):
+    noisy = ["--noise-snr", "120", "--sample-rate", "200", "--repeats", "2"]
+    fast = ["--flow", FAST, *noisy]
+    assert main(["simulate", folders["quadratic"], *fast]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "rotor stopped in 2 of 2 runs" in printed
+    assert "(--filter-cutoff), whose delay stops the rotor without any noise" in printed
+    assert main(["simulate", folders["quadratic"], *fast, "--filter-cutoff", "0"]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "filter behind it: none" in printed
+    assert "rotor stopped in 0 of 2 runs" in printed
+
+
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
@@ -50,11 +65,22 @@ def test_simulate_takes_any_flow(folders, capsys):
         (["--flow", "{profile: sine, mean: -1}"], "inflow.mean = -1: must be greater than 0 m/s"),
         (["--flow", "{profile: [}"], "cannot be read as YAML"),
         (["--noise-snr", "20", "--noise-reference", "mean"], "--noise-reference"),
+        (["--flow", "{profile: record, file: RECORD}"], "60 s is longer than the record"),
+        (
+            ["--flow", "{profile: tide, mean: 0.5, constituents: [{period: 40, amplitude: 1}]}"],
+            "turns back",
+        ),
         (["--noise-snr", "nan"], "--noise-snr"),
+        (["--noise-snr", "20", "--filter-cutoff", "41"], "--filter-cutoff"),
         (["--noise-snr", "20", "--sample-rate", "0"], "--sample-rate"),
     ],
 )
-def test_simulate_refuses_bad_input(folders, capsys, arguments, word):
+def test_simulate_refuses_bad_input(folders, capsys, tmp_path, arguments, word):
+    """What the reader of a case refuses, over the time span of the result."""
+    record = tmp_path / "record.csv"
+    rows = (f"{0.1 * i:.1f},{1.5 + 0.005 * (i % 20):.3f}" for i in range(191))
+    record.write_text("\n".join(("time_s,speed_m_s", *rows, "")))
+    arguments = [text.replace("RECORD", str(record)) for text in arguments]
     assert main(["simulate", folders["quadratic"], *arguments]) == 2
     assert word in capsys.readouterr().err
 

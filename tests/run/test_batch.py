@@ -9,6 +9,7 @@ from hkt_mdo.case import read_case
 from hkt_mdo.problem.physics import complete
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.batch import finished_result, run_batch
+from hkt_mdo.run.digest import digest
 
 CASE = """
 name: batch
@@ -103,10 +104,10 @@ def test_a_case_that_leaves_its_time_span_to_the_flow_is_compared_when_complete(
     "change",
     [
         lambda summary: summary.pop("checks"),
-        lambda summary: summary["versions"].update(hkt_mdo="0.0.0"),
-        lambda summary: summary.pop("versions"),
+        lambda summary: summary.update(digest="0"),
+        lambda summary: summary.pop("digest"),
     ],
-    ids=["interrupted", "another version", "no version"],
+    ids=["interrupted", "other code", "no digest"],
 )
 def test_another_summary_is_not_finished(finished, change):
     path = finished / "summary.json"
@@ -121,3 +122,31 @@ def test_another_summary_is_not_finished(finished, change):
 def test_a_corrupt_result_is_not_finished(finished, name, content):
     (finished / name).write_bytes(content.encode("utf-8", "surrogatepass"))
     assert not finished_result(finished, case())
+
+
+def test_a_changed_file_is_not_reused(tmp_path):
+    """A polar, a record or an extension under the same name: its content decides."""
+    times = "\n".join(f"{0.1 * i:.1f},{1.5 + 0.01 * (i % 20)}" for i in range(200))
+    (tmp_path / "flow.csv").write_text(f"time_s,speed_m_s\n{times}\n", encoding="utf-8")
+    (tmp_path / "own.py").write_bytes(EXTENSION.read_bytes())
+    given = f"inflow={{profile: record, file: {tmp_path / 'flow.csv'}}}"
+    one = case(given, extensions=[tmp_path / "own.py"])
+    before = digest(one)
+    assert digest(case(given, extensions=[tmp_path / "own.py"])) == before != digest(case(given))
+    for name in ("flow.csv", "own.py"):
+        with (tmp_path / name).open("a", encoding="utf-8") as file:
+            file.write("# changed\n")
+        assert digest(one) != before
+        before = digest(one)
+
+
+def test_the_digest_covers_the_package(monkeypatch, tmp_path):
+    from hkt_mdo.run import digest as module
+
+    (tmp_path / "bem.py").write_text("1")
+    monkeypatch.setattr(module, "_PACKAGE", tmp_path)
+    found = []
+    for content in ("1", "2"):
+        (tmp_path / "bem.py").write_text(content)
+        found.append(module._of_package.__wrapped__())
+    assert found[0] != found[1]

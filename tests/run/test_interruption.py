@@ -14,7 +14,7 @@ import pytest
 from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.run import run
+from hkt_mdo.run import log, run
 
 CASES = Path(__file__).parents[2] / "cases"
 SHORT = ["phase.segments=15", "phase.duration=15"]
@@ -72,6 +72,21 @@ def test_an_interrupted_run_says_so(tmp_path, optimizer, number):
     for name in ("case.yaml", "convergence.csv", "iterate.json"):
         assert (folder / name).is_file(), name
     assert not (folder / "lock").exists()
+
+
+def test_an_interrupt_in_compiled_code_is_one(tmp_path, monkeypatch):
+    """Python tells by a SystemError that numba's code returned although a handler had raised."""
+
+    def compiled(*_):
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as interrupt:
+            raise SystemError("returned a result with an exception set") from interrupt
+
+    monkeypatch.setattr(run, "_optimize_and_judge", compiled)
+    with pytest.raises(KeyboardInterrupt):
+        run.run_case(case(), tmp_path / "out")
+    assert "--resume" in summary(tmp_path / "out")["message"]
 
 
 @pytest.mark.parametrize("optimizer", ["IPOPT", "SLSQP"])
@@ -150,7 +165,7 @@ def test_a_verdict_never_precedes_its_tables(tmp_path, monkeypatch):
 
 
 @posix
-@pytest.mark.parametrize("size", [0, 3_000, 100_000])
+@pytest.mark.parametrize("size", [0, 3_000, 20_000, 100_000])
 def test_a_full_disk_is_told(tmp_path, size):
     """A limit on the size of files stands for the disk."""
     import resource
@@ -164,9 +179,26 @@ def test_a_full_disk_is_told(tmp_path, size):
     )
     said, _ = process.communicate()
     assert process.returncode == 2, said
-    assert "Traceback" not in said
+    assert said.startswith("error: ")
+    assert said.count("\n") == 1
     if (folder / "summary.json").exists():
         assert summary(folder)["success"] is False
+
+
+def test_a_full_disk_is_told_by_that_word(tmp_path, monkeypatch):
+    """SQLite's own words for it, when a recorder opens its file and when it writes."""
+    error = sqlite3.OperationalError("database or disk is full")
+    error.sqlite_errorcode = sqlite3.SQLITE_FULL
+
+    def starve(*_):
+        raise error
+
+    for method in ("_initialize_database", "record_iteration_driver"):
+        with monkeypatch.context() as patch:
+            patch.setattr(log._Recorder, method, starve)
+            with pytest.raises(InputError, match=r"out.*no space left on the device.*--resume"):
+                run.run_case(case(), tmp_path / "out", force=True, figures=False)
+        assert summary(tmp_path / "out")["success"] is False
 
 
 @posix

@@ -9,12 +9,14 @@ from threading import Barrier
 import numpy as np
 import openmdao.api as om
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from hkt_mdo.case import load_case, read_case
 from hkt_mdo.cli import main
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.run import resume_case, run_case
+from hkt_mdo.solve.threads import one_thread
 
 CASES = Path(__file__).parents[2] / "cases"
 RADIUS, DENSITY = 1.4, 1000.0
@@ -305,6 +307,33 @@ def test_two_runs_at_the_same_time_are_as_alone(tmp_path):
         np.testing.assert_array_equal(
             solution.simulation["rotor_speed_rad_s"], alone.simulation["rotor_speed_rad_s"]
         )
+
+
+def test_the_last_of_several_runs_lifts_the_limit_of_threads():
+    """Runs that overlap, the first one ending first."""
+
+    def threads():
+        return [each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"]
+
+    with threadpool_limits(2, user_api="blas"):
+        before, first, second = threads(), one_thread(), one_thread()
+        first.__enter__()
+        second.__enter__()
+        first.__exit__(None, None, None)
+        assert set(threads()) <= {1}
+        second.__exit__(None, None, None)
+        assert threads() == before
+
+
+def test_a_change_of_the_current_folder_does_not_move_a_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "elsewhere").mkdir()
+    case = short_case("sine_baseline_oloc")
+    solution = run_case(
+        case, "out", progress=lambda *_: monkeypatch.chdir(tmp_path / "elsewhere"), figures=False
+    )
+    assert solution.success
+    assert not list((tmp_path / "elsewhere").iterdir())
 
 
 def test_a_second_run_on_one_folder_is_refused(tmp_path):

@@ -1,6 +1,7 @@
 """The verification study in small: its cases are what they claim, its figures come out."""
 
 import json
+import os
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,7 +13,7 @@ from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.run.run import run_case
-from hkt_mdo.studies import fuzz, verify
+from hkt_mdo.studies import faults, fuzz, verify
 
 CASES = Path(__file__).parents[2] / "cases"
 
@@ -97,6 +98,49 @@ def test_mutilated_files_are_accepted_or_refused(tmp_path):
     rows = [line.split("|")[1:-1] for line in text.splitlines() if line.startswith("| ")][1:]
     assert [row[0].strip() for row in rows] == list(fuzz.READERS)
     assert all(int(row[4]) == 0 for row in rows), text
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")
+def test_disturbed_runs_lose_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(faults, "LAWS", ("quadratic",))
+    quick = {key: each for key, each in faults.FAULTS.items() if key != "no home, no cache"}
+    monkeypatch.setattr(faults, "FAULTS", quick)
+    text = verify.run_part("faults", tmp_path, CASES, 1, 1, 2, silent)
+    rows = [line.split("|")[1:-1] for line in text.splitlines() if line.startswith("| ")][1:]
+    assert [row[0].strip() for row in rows] == list(quick)
+    assert all((int(row[1]), int(row[4])) == (1, 0) for row in rows), text
+
+
+@pytest.mark.parametrize(
+    ("code", "said", "energy", "wrong"),
+    [
+        (2, "error: no room\n", None, ""),
+        (0, "", 1000.0, ""),
+        (1, "error: RuntimeError\n", None, "exit code 1"),
+        (2, "Traceback\nKeyError\n", None, "exit code 2"),
+        (0, "", None, "without success"),
+        (2, "error: no room\n", 990.0, "called a success at 990.00 J instead of 1000.00 J"),
+    ],
+)
+def test_what_a_fault_brings_to_light_is_told(tmp_path, monkeypatch, code, said, energy, wrong):
+    """A run that ends as given, and is resumed to the undisturbed run's energy."""
+
+    def ends(folder, energy, code, said):
+        folder.mkdir(exist_ok=True)
+        summary = {"success": energy is not None, "simulated_energy_J": energy}
+        (folder / "summary.json").write_text(json.dumps(summary))
+        for name in ("trajectory", "simulation", "power_curve", "blade", "convergence"):
+            (folder / f"{name}.csv").write_text("")
+        return SimpleNamespace(communicate=lambda: (said, None), returncode=code)
+
+    ends(tmp_path / "reference", 1000.0, 0, "")
+    monkeypatch.setattr(faults, "_hkt", lambda *_: ends(tmp_path / "out", 1000.0, 0, ""))
+    run = faults._Try([], tmp_path / "out", tmp_path / "reference", 1.0, None)
+    found = faults._disturb(lambda _: ends(tmp_path / "out", energy, code, said), run, silent)
+    assert found[0] == code
+    assert bool(found[1]) == bool(wrong)
+    assert wrong in "; ".join(found[1])
 
 
 def test_successes_are_counted_by_group_and_optimizer(tmp_path, monkeypatch):

@@ -1,0 +1,30 @@
+"""Compilation by numba, with a cache on the disk where one can be written."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from numba import njit
+
+
+def compiled(**options: Any) -> Callable[[Callable], Any]:
+    """Return a decorator that compiles a function.
+
+    Without the cache, each process compiles anew, which takes some seconds.
+    """
+
+    def decorate(function: Callable) -> Any:
+        try:
+            made = njit(function, cache=True, **options)
+        except RuntimeError:  # neither the installation nor the user's home can be written
+            return njit(function, **options)
+        save = made._cache.save_overload
+
+        def save_if_possible(*arguments: Any) -> None:
+            with suppress(OSError):  # such as of a full disk
+                save(*arguments)
+
+        made._cache.save_overload = save_if_possible
+        return made
+
+    return decorate
