@@ -147,8 +147,8 @@ def _flow(found: Findings, by_default: bool, warn) -> dict[str, str]:
         error = float(np.sum(found.physics.scenarios[0].flow_errors))
         if error > FLOW_ERROR:
             warn(
-                f"{found.physics.scenarios[0].segments} segments leave the integral of v³ uncertain "
-                f"by {error:.1g}, more than {FLOW_ERROR:g}: give a shorter phase.duration"
+                f"{found.physics.scenarios[0].segments} segments leave the integral of v³ "
+                f"uncertain by {error:.1g}, more than {FLOW_ERROR:g}: give a shorter phase.duration"
                 + (", or a lower cutoff" if sampled else "")
             )
         eddies = found.mean / (2.0 * radius)
