@@ -118,7 +118,8 @@ def _lowered(physics, setup, flights) -> dict | None:
 def _solve(physics: Physics, setup: Setup, log: Log) -> Optimized:
     """Run one optimization."""
     most = None if setup.moves == NARROW else FIRST_ITERATIONS
-    problem = assemble(physics, setup, make_driver(physics.case, log, most), log.scratch)
+    driver = make_driver(physics.case, log, most, physics.several_sections)
+    problem = assemble(physics, setup, driver, log.scratch)
     log.add_recorders(problem)
     try:
         # OpenMDAO's drivers run only what the design moves; the flow at the nodes is not
