@@ -17,12 +17,13 @@ from hkt_mdo.dynamics.limits import TYPICAL, DistanceFromStall, Limit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, GeneratorEnergy
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
 from hkt_mdo.dynamics.trajectory import QUANTITIES
-from hkt_mdo.problem.components import IntegralComp, LimitComp
+from hkt_mdo.problem.components import AboveComp, IntegralComp, LimitComp
 from hkt_mdo.problem.physics import BEM, Physics, complete
 from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.problem.scenario import Scales, Scenario, add_phase, set_start
 from hkt_mdo.problem.setup import Setup, curve_nodes, find_start, steady_optimum
 from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.components import QUANTITIES as ROTOR_INPUTS
 from hkt_mdo.rotor.components import AngleComp, InertiaComp, ShapeComp, TorqueTable
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.stall import SLOWER, stall_fence
@@ -260,18 +261,13 @@ def _add_attached(model, physics, setup):
     model.add_design_var("lowest_ratio", lower=0.5 * lowest, upper=2.0 * lowest, ref=lowest)
     about = {"blade": blade, "polar": physics.polar, "stations": fence.stations}
     component = AngleComp(**about, slowed=SLOWER)
-    model.add_subsystem(
-        "sections", component, promotes_inputs=["chord", "twist", "rotor_radius", "lowest_ratio"]
-    )
+    model.add_subsystem("sections", component, promotes_inputs=[*ROTOR_INPUTS, "lowest_ratio"])
     model.add_constraint("sections.angle_of_attack", upper=fence.highest, ref=ANGLE_UNIT)
     for scenario in physics.scenarios:
         name, n = f"above_{scenario.name}", scenario.node_times.size
-        above = om.ExecComp(
-            "above = ratio - lowest_ratio", above={"shape": (n, 1)}, ratio={"shape": (n, 1)}
-        )
-        model.add_subsystem(name, above, promotes_inputs=["lowest_ratio"])
-        model.connect(f"{scenario.path}.tip_speed_ratio", f"{name}.ratio")
-        model.add_constraint(f"{name}.above", lower=0.0, ref=lowest)
+        model.add_subsystem(name, AboveComp(num_nodes=n), promotes_inputs=["lowest_ratio"])
+        model.connect(f"{scenario.path}.tip_speed_ratio", f"{name}.tip_speed_ratio")
+        model.add_constraint(f"{name}.room", lower=0.0, ref=lowest)
 
 
 def _near_stall(physics, setup, limit, place, scenario):

@@ -28,8 +28,8 @@ CARRIERS = {
 """The packages that carry each optimizer, the preferred one first."""
 
 # Where the constraints hold to rounding, IPOPT's filter takes a corrected step, or one of its
-# watchdog, that lowers their rounding error and lets the objective go; on a rough objective it never
-# comes back. A barrier that only falls does not leave a good start either.
+# watchdog, that lowers their rounding error and lets the objective go; on a rough objective it
+# never comes back. Nor does a barrier that only falls leave a good start.
 CAUTIOUS: Settings = {
     "max_soc": 0,
     "watchdog_shortened_iter_trigger": 0,
@@ -57,8 +57,9 @@ def make_driver(
     """Return a driver for the optimizer, from the package asked for or the first one installed.
 
     The tolerance is that of the scaled problem; `mu_max` bounds IPOPT's barrier parameter, which
-    others do not have. `cautious` keeps IPOPT near its start: every step must improve. `progress` is called at each iteration of IPOPT in CasADi, after each
-    evaluation elsewhere. Raises InputError if optimizer or package is unknown or not installed.
+    others do not have. `cautious` keeps IPOPT near its start: every step must improve. `progress`
+    is called at each iteration of IPOPT in CasADi, after each evaluation elsewhere. Raises
+    InputError if optimizer or package is unknown or not installed.
     """
     carrier = _carrier(package, optimizer)
     if carrier == "scipy":
