@@ -47,6 +47,7 @@ def paper(
 
 _PARTS = "All of them by default."
 _COUNT = "Starts a case (30), random mixtures of the sweep (30), or examples a kind of file (1500)."
+_BLADES = "Folder of turbines in windIO's format (*.yaml) for the part real, besides RM1."
 _REPORT = "Markdown file to write: the figures of all parts that the folder holds."
 
 
@@ -58,12 +59,13 @@ def verify(
     seed: Seed = 0,
     jobs: Jobs = None,
     report: Annotated[Path | None, Option(metavar="FILE", help=_REPORT)] = None,
+    blades: Annotated[Path | None, Option(metavar="FOLDER", help=_BLADES)] = None,
 ) -> None:
     """Run the verification study, or parts of it.
 
     Parts: starts (random blades, with the program's own start), blades (random blades without it),
-    sweep (other sizes, flows, limits, polars), physics (stationarity, energy balance, refinement)
-    and fuzz (mutilated files). It takes hours; what is finished is reused, so it can be
+    sweep (other sizes, flows, limits, polars), physics (stationarity, energy balance, refinement),
+    real (blades of several sections) and fuzz (mutilated files). It takes hours; what is finished is reused, so it can be
     interrupted.
     """
     from hkt_mdo.studies import verify as study
@@ -76,7 +78,7 @@ def verify(
             tell(f"{number}: {folder}: {word}")
 
     for part in parts or study.PARTS:
-        echo(study.run_part(part, out, cases, count, seed, jobs, done))
+        echo(study.run_part(part, out, cases, count, seed, jobs, done, blades))
     if report is not None:
         report.write_text(study.report(out), encoding="utf-8")
         echo(f"Report: {report}")

@@ -51,7 +51,7 @@ class Polar:
 
     @cached_property
     def stall(self):
-        """Angle of attack (rad) of the first fall of lift by `STALL`; infinite where there is none."""
+        """Angle of attack (rad) before lift first falls by `STALL`; infinite if it never does."""
         alpha = np.deg2rad(np.arange(0.0, 45.0, 0.125))
         lift, _ = self.evaluate(alpha)
         highest = np.maximum.accumulate(lift)

@@ -323,13 +323,13 @@ TRY = {
 }
 
 
-def explain(check: CheckEntry) -> str:
-    """Return which judge refused, why and where, and what to try."""
+def explain(check: CheckEntry, first: str = "") -> str:
+    """Return which judge refused, why and where, and what to try; `first`: if the optimizer did."""
     name = check.name.partition(" (")[0]
     between = "try more phase.segments" if name.endswith("_between_nodes") else ""
     remedy = TRY.get(name) or between or "try a smaller driver.tolerance"
     if name == "optimizer":
-        return f"the optimizer did not converge: {check.detail} ({remedy})"
+        return f"the optimizer did not converge: {check.detail} ({first or remedy})"
     if name == "rotor_keeps_turning":
         return f"{check.detail} ({remedy})"
     where = f", {check.detail}" if check.detail else ""

@@ -129,9 +129,17 @@ def _solve(physics: Physics, setup: Setup, log: Log) -> Optimized:
     finally:
         log.record_final(problem)
         problem.cleanup()
+    result = collect(physics, setup, problem, problem.driver.outcome())
+    if result.outcome.success:
+        log.keep(result.point, result.objective)
+    return result
+
+
+def collect(physics: Physics, setup: Setup, problem, outcome) -> Optimized:
+    """Return a problem as it stands as the end of an optimization."""
     return Optimized(
         problem,
-        problem.driver.outcome(),
+        outcome,
         setup,
         _point(physics, problem),
         tuple(

@@ -31,6 +31,7 @@ from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.results.folder import check_folder, clear, locked, write_json, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import Summary
+from hkt_mdo.run.fallback import best_of, first_remedy
 from hkt_mdo.run.judge import judge
 from hkt_mdo.run.log import Log, Progress, read_iterate
 from hkt_mdo.run.passes import optimize
@@ -145,9 +146,19 @@ def _optimize_and_judge(
             log.reference = world.objective_at(start)
     log.save(start)
     result, flights = optimize(world, start, log)
-    optimum = bounding_optimum(world, optimum, result.point.blade)
-    checks = judge(world, optimum, log.reference, result, flights)
-    finished = summarize(world, optimum, start, result, flights, checks)
+    bound = bounding_optimum(world, optimum, result.point.blade)
+    checks = judge(world, bound, log.reference, result, flights)
+    held, remedy = "", first_remedy(world, result)
+    if not all(check.passed for check in checks):
+        result, flights, held = best_of(world, bound, result, flights, start, log)
+    if held:
+        bound = bounding_optimum(world, optimum, result.point.blade)
+        checks = judge(world, bound, log.reference, result, flights)
+        log.save(result.point)
+    finished = summarize(world, bound, start, result, flights, checks, remedy)
+    if held:
+        message = f"{finished.message}; the folder holds {held}, which is better than the end"
+        finished = finished.model_copy(update={"message": message})
     if not (finished.success or start.operation.running):
         finished = finished.model_copy(update={"message": f"{NOT_RUNNING}; {finished.message}"})
     write_tables(out, world, result, flights)

@@ -20,8 +20,8 @@ BINDING = 1e-3  # relative distance from its bound within which a limit counts a
 PACKAGES = "hkt_mdo openmdao dymos numpy scipy numba casadi wisdem pyoptsparse".split()
 
 
-def summarize(physics, optimum, start, result, flights, checks) -> Summary:
-    """Return the summary of a finished run."""
+def summarize(physics, optimum, start, result, flights, checks, remedy="") -> Summary:
+    """Return the summary of a finished run; `remedy`: what to try if the optimizer failed."""
     failed = [check for check in checks if not check.passed]
     blade = result.point.blade
     ratios, torques = (
@@ -39,7 +39,8 @@ def summarize(physics, optimum, start, result, flights, checks) -> Summary:
     values = {
         "case": physics.case.name,
         "success": not failed,
-        "message": "; ".join(explain(check) for check in failed) or "converged and verified",
+        "message": "; ".join(explain(check, remedy) for check in failed)
+        or "converged and verified",
         "package": result.outcome.package,
         "optimizer": result.outcome.optimizer,
         "iterations": result.outcome.iterations,
