@@ -65,8 +65,8 @@ def verify(
 
     Parts: starts (random blades, with the program's own start), blades (random blades without it),
     sweep (other sizes, flows, limits, polars), physics (stationarity, energy balance, refinement),
-    real (blades of several sections) and fuzz (mutilated files). It takes hours; what is finished is reused, so it can be
-    interrupted.
+    real (blades of several sections) and fuzz (mutilated files). It takes hours; what is finished
+    is reused, so it can be interrupted.
     """
     from hkt_mdo.studies import verify as study
 
