@@ -40,9 +40,7 @@ def as_it_stands(physics: Physics, point: StartingPoint, ended: Optimized, log: 
     setup = Setup(point, curve_nodes(physics, point))
     problem = assemble(physics, setup, work_dir=log.scratch)
     problem.run_model()
-    message = ended.outcome.message
-    if ended.outcome.success:
-        message += ", but to a result that was refused"
+    message = "its result was refused" if ended.outcome.success else ended.outcome.message
     problem.cleanup()
     return collect(physics, setup, problem, replace(ended.outcome, success=False, message=message))
 

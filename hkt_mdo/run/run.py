@@ -32,7 +32,7 @@ from hkt_mdo.results.folder import check_folder, clear, locked, write_json, writ
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import Summary
 from hkt_mdo.run.fallback import best_of, first_remedy
-from hkt_mdo.run.judge import judge
+from hkt_mdo.run.judge import explain_all, judge
 from hkt_mdo.run.log import Log, Progress, read_iterate
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.summary import summarize, write_tables
@@ -149,7 +149,8 @@ def _optimize_and_judge(
     bound = bounding_optimum(world, optimum, result.point.blade)
     checks = judge(world, bound, log.reference, result, flights)
     held, remedy = "", first_remedy(world, result)
-    if not all(check.passed for check in checks):
+    refused = explain_all(checks, remedy)
+    if refused:
         result, flights, held = best_of(world, bound, result, flights, start, log)
     if held:
         bound = bounding_optimum(world, optimum, result.point.blade)
@@ -157,7 +158,7 @@ def _optimize_and_judge(
         log.save(result.point)
     finished = summarize(world, bound, start, result, flights, checks, remedy)
     if held:
-        message = f"{finished.message}; the folder holds {held}, which is better than the end"
+        message = f"{refused}; the folder holds {held}, which is better than the end"
         finished = finished.model_copy(update={"message": message})
     if not (finished.success or start.operation.running):
         finished = finished.model_copy(update={"message": f"{NOT_RUNNING}; {finished.message}"})

@@ -13,7 +13,7 @@ from hkt_mdo.results.folder import to_json, write_csv
 from hkt_mdo.results.summary import Summary
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.steady_optimum import best_operation
-from hkt_mdo.run.judge import energy_bound, explain, total
+from hkt_mdo.run.judge import energy_bound, explain_all, total
 
 BINDING = 1e-3  # relative distance from its bound within which a limit counts as binding
 
@@ -39,8 +39,7 @@ def summarize(physics, optimum, start, result, flights, checks, remedy="") -> Su
     values = {
         "case": physics.case.name,
         "success": not failed,
-        "message": "; ".join(explain(check, remedy) for check in failed)
-        or "converged and verified",
+        "message": explain_all(checks, remedy) or "converged and verified",
         "package": result.outcome.package,
         "optimizer": result.outcome.optimizer,
         "iterations": result.outcome.iterations,
