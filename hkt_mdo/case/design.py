@@ -31,7 +31,7 @@ class Design(Section):
     chord_points: _Points | None = None
     """Number of control points of a cubic B-spline that gives the chord along the span. With as
     many as there are stations, or more, the chord of each station is designed. Null: the chord of
-    each station if there are 20 or fewer, else 8 control points."""
+    each station if there are 20 or fewer of one section, else 8 control points."""
     twist_points: _Points | None = None
     """Number of control points of the twist along the span, as `chord_points`."""
     set_angle_bounds: _Angles | None = None

@@ -47,9 +47,10 @@ def paper(
 
 _PARTS = "All of them by default."
 _COUNT = (
-    "Starts a case (30), random mixtures of the sweep (30), examples a kind of file (1500), or "
-    "tries a fault (12)."
+    "Starts a case (30), random mixtures of the sweep (30), flows with features (300), examples a "
+    "kind of file (1500), or tries a fault (12)."
 )
+_BLADES = "Folder of turbines in windIO's format (*.yaml) for the part real, besides RM1."
 _REPORT = "Markdown file to write: the figures of all parts that the folder holds."
 
 
@@ -61,13 +62,15 @@ def verify(
     seed: Seed = 0,
     jobs: Jobs = None,
     report: Annotated[Path | None, Option(metavar="FILE", help=_REPORT)] = None,
+    blades: Annotated[Path | None, Option(metavar="FOLDER", help=_BLADES)] = None,
 ) -> None:
     """Run the verification study, or parts of it.
 
     Parts: starts (random blades, with the program's own start), blades (random blades without it),
     sweep (other sizes, flows, limits, polars), physics (stationarity, energy balance, refinement),
-    fuzz (mutilated files) and faults (killed, no disk, no folder, no home). It takes hours; what is
-    finished is reused, so it can be interrupted.
+    features (gusts and steps between the nodes), real (blades of several sections), fuzz (mutilated
+    files) and faults (killed, no disk, no folder, no home). It takes hours; what is finished is
+    reused, so it can be interrupted.
     """
     from hkt_mdo.studies import verify as study
 
@@ -79,7 +82,7 @@ def verify(
             tell(f"{number}: {folder}: {word}")
 
     for part in parts or study.PARTS:
-        echo(study.run_part(part, out, cases, count, seed, jobs, done))
+        echo(study.run_part(part, out, cases, count, seed, jobs, done, blades))
     if report is not None:
         report.write_text(study.report(out), encoding="utf-8")
         echo(f"Report: {report}")

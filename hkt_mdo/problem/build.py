@@ -16,14 +16,16 @@ from hkt_mdo.dynamics.limits import TYPICAL, DistanceFromStall, Limit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, GeneratorEnergy
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
 from hkt_mdo.dynamics.trajectory import QUANTITIES
-from hkt_mdo.problem.components import IntegralComp, LimitComp
+from hkt_mdo.problem.components import AboveComp, IntegralComp, LimitComp
 from hkt_mdo.problem.physics import BEM, Physics, complete
 from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.problem.scenario import Scales, Scenario, add_phase, set_start
 from hkt_mdo.problem.setup import Setup, curve_nodes, find_start, steady_optimum
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.components import InertiaComp, ShapeComp, TorqueTable
+from hkt_mdo.rotor.components import QUANTITIES as ROTOR_INPUTS
+from hkt_mdo.rotor.components import AngleComp, InertiaComp, ShapeComp, TorqueTable
 from hkt_mdo.rotor.scales import torque_scale
+from hkt_mdo.rotor.stall import SLOWER, stall_fence
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.solve import drivers
@@ -31,6 +33,7 @@ from hkt_mdo.solve.threads import one_thread
 from hkt_mdo.solve.totals import Substitution
 
 TWIST_UNIT = np.deg2rad(5.0)  # typical change of a twist
+ANGLE_UNIT = np.deg2rad(5.0)  # and of an angle of attack
 DESIGNED = {
     "rotor_radius": "radius of the swept disc",
     "chord_control": "what makes the chord: at the stations, or control points of a spline",
@@ -76,7 +79,7 @@ def assemble(
     `driver` None: the case's own; `work_dir`: where OpenMDAO puts its own files.
     """
     options = {"work_dir": work_dir} if work_dir else {}
-    driver = driver or make_driver(physics.case)
+    driver = driver or make_driver(physics.case, cautious=physics.several_sections)
     problem = om.Problem(driver=driver, reports=False, **options)
     model, bounds = problem.model, setup.moves.bounds(physics, setup.start)
     model.linear_solver = Substitution()
@@ -93,6 +96,7 @@ def assemble(
     for scenario in physics.scenarios:
         if scenario.mesh.final_speed == "initial":
             _close_cycle(model, scenario, scales)
+    _add_attached(model, physics, setup)
     _add_objective(model, physics, setup)
     problem.driver.declare_coloring(show_summary=False, show_sparsity=False)
     problem.setup()
@@ -103,8 +107,11 @@ def assemble(
     return problem
 
 
-def make_driver(case: Case, progress=None, most=None) -> om.Driver:
-    """Return the driver of a case, which gives up after `most` iterations if that is fewer."""
+def make_driver(case: Case, progress=None, most=None, cautious=False) -> om.Driver:
+    """Return the driver of a case, which gives up after `most` iterations if that is fewer.
+
+    `cautious`: see `hkt_mdo.solve.drivers.make_driver`.
+    """
     settings, segments = case.driver, complete(case).phase.segments
     return drivers.make_driver(
         settings.package,
@@ -112,6 +119,7 @@ def make_driver(case: Case, progress=None, most=None) -> om.Driver:
         settings.tolerance,
         min(settings.max_iterations, most or settings.max_iterations),
         mu_max=BARRIER / segments if segments > 100 else None,
+        cautious=cautious,
         progress=progress,
     )
 
@@ -253,6 +261,27 @@ def _add_limit(
         source, target = f"{scenario.path}.{quantity}", f"{name}.{quantity}"
         model.connect(source, target, src_indices=om.slicer[nodes, :])
     model.add_constraint(f"{name}.value", ref=ref, units=limit.unit, **bounds)
+
+
+def _add_attached(model, physics, setup):
+    """Hold the sections off stall at the lowest tip speed ratio, which is one more unknown."""
+    blade = setup.start.blade
+    ratios = [known["tip_speed_ratio"] for known in physics.on_start(setup.start)]
+    lowest = float(min(map(np.min, ratios)))
+    fence = stall_fence(physics.polar, physics.shape, blade, lowest)
+    if not fence.stations.size:
+        return
+    model.design.add_output("lowest_ratio", lowest, desc="below every w R / v of the trajectories")
+    model.add_design_var("lowest_ratio", lower=0.5 * lowest, upper=2.0 * lowest, ref=lowest)
+    about = {"blade": blade, "polar": physics.polar, "stations": fence.stations}
+    component = AngleComp(**about, slowed=SLOWER)
+    model.add_subsystem("sections", component, promotes_inputs=[*ROTOR_INPUTS, "lowest_ratio"])
+    model.add_constraint("sections.angle_of_attack", upper=fence.highest, ref=ANGLE_UNIT)
+    for scenario in physics.scenarios:
+        name, n = f"above_{scenario.name}", scenario.node_times.size
+        model.add_subsystem(name, AboveComp(num_nodes=n), promotes_inputs=["lowest_ratio"])
+        model.connect(f"{scenario.path}.tip_speed_ratio", f"{name}.tip_speed_ratio")
+        model.add_constraint(f"{name}.room", lower=0.0, ref=lowest)
 
 
 def _near_stall(physics, setup, limit, place, scenario):

@@ -11,6 +11,28 @@ SCALARS = {name: FIXED[name] for name in ("rotor_radius", "density", "inertia")}
 """Unit and description of what limits and objectives may take from the design."""
 
 
+class AboveComp(om.ExplicitComponent):
+    """How far the tip speed ratio at the nodes of a phase is above a lowest one.
+
+    Inputs tip_speed_ratio[num_nodes, 1], lowest_ratio; output room[num_nodes].
+    """
+
+    def initialize(self):
+        self.options.declare("num_nodes", types=int)
+
+    def setup(self):
+        n = self.options["num_nodes"]
+        self.add_input("tip_speed_ratio", shape=(n, 1), desc="w R / v")
+        self.add_input("lowest_ratio", desc="below every w R / v of the trajectories")
+        self.add_output("room", shape=(n,), desc="tip speed ratio above the lowest one")
+        rows = np.arange(n)
+        self.declare_partials("room", "tip_speed_ratio", rows=rows, cols=rows, val=1.0)
+        self.declare_partials("room", "lowest_ratio", rows=rows, cols=0 * rows, val=-1.0)
+
+    def compute(self, inputs, outputs):
+        outputs["room"] = inputs["tip_speed_ratio"].ravel() - inputs["lowest_ratio"]
+
+
 class LimitComp(om.ExplicitComponent):
     """The value of a limit at some nodes of a phase.
 

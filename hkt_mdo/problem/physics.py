@@ -81,6 +81,11 @@ class Physics:
         return self.law.gain_units if self.law else ()
 
     @property
+    def several_sections(self) -> bool:
+        """Whether the stations have polars of their own, which are rougher together than one."""
+        return isinstance(self.polar, tuple)
+
+    @property
     def has_curve(self) -> bool:
         """Whether the optimization takes torque from a curve over the tip speed ratio.
 
@@ -192,7 +197,7 @@ def physics(case: Case) -> Physics:
     # the speed at which most energy passes; only a local Reynolds number asks for it
     speed = float(weights @ speed**4 / (weights @ speed**3))
     turbine = build_turbine(case.rotor, case.fluid, speed)
-    shape = build_shape(case, turbine.blade)
+    shape = build_shape(case, turbine.blade, several_sections=np.ndim(turbine.thickness) > 0)
     messages, limit = (*turbine.messages, *inflow.messages), control.torque_limit
     radius = max(shape.blade.rotor_radius, *(shape.radius_bounds or (0.0,)))
     most = MOST_TORQUE * float(torque_scale(case.fluid.density, radius, fastest))
@@ -231,7 +236,7 @@ def _doubts(case: Case, mean: float) -> Iterator[str]:
         )
 
 
-def build_shape(case: Case, blade: Blade) -> Shape:
+def build_shape(case: Case, blade: Blade, *, several_sections: bool = False) -> Shape:
     """Return what of a case's blade is designed."""
     design, cosine = case.design, np.cos(blade.cone)
     radius_bounds = None
@@ -252,6 +257,7 @@ def build_shape(case: Case, blade: Blade) -> Shape:
         design.chord_bounds,
         tuple(np.deg2rad(design.twist_bounds)),
         radius_bounds,
+        several_sections=several_sections,
     )
 
 

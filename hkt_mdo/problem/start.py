@@ -9,6 +9,7 @@ from scipy.optimize import Bounds, minimize
 from hkt_mdo.dynamics.quasi_steady import SAFE, Operation
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.stall import SLOWER, stall_fence
 from hkt_mdo.rotor.steady_optimum import best_blade
 
 # Tip speed ratios, over that of the steady optimum, whose best blades are candidates: downwards and
@@ -128,6 +129,31 @@ class _CoDesign:
         parts = by_chord @ shape.chord_basis, by_twist, by_radius[:, : self._resized], by_gain
         return StartingPoint(blade, gains, state), np.hstack(parts)
 
+    def room(self, point):
+        """Return the function of x with the room below a point's `StallFence`, and its slopes."""
+        shape, problem = self.shape, self.problem
+        ratio = point.operation.rotor_speed / problem.inflow_speed * point.blade.rotor_radius
+        ratio = float(np.min(ratio))
+        fence = stall_fence(self.polar, shape, point.blade, ratio)
+
+        def at(x):
+            slopes = np.zeros((fence.stations.size, x.size))
+            if not fence.stations.size:
+                return np.empty(0), slopes
+            chord, twist, radius, _ = np.split(x, self._ends)
+            blade = shape.at(chord, twist, radius[0] if self._resized else None)
+            found = bem.angles_of_attack(blade, self.polar, SLOWER * ratio)
+            angle, _, by_chord, by_twist = (each[fence.stations] for each in found)
+            ends = self._ends
+            slopes[:, : ends[0]] = -by_chord[:, None] * shape.chord_basis[fence.stations]
+            slopes[:, ends[0] : ends[1]] = -by_twist[:, None] * shape.twist_basis[fence.stations]
+            if self._resized:  # only the chord over the radius matters
+                by_radius = by_chord * blade.chord[fence.stations] / blade.rotor_radius
+                slopes[:, ends[1] : ends[2]] = by_radius[:, None]
+            return (fence.highest - angle) / TWIST_UNIT, slopes / TWIST_UNIT
+
+        return at
+
 
 def _improve(design, point):
     """Raise the quasi-steady energy by SLSQP within move limits, re-centred until inactive."""
@@ -135,17 +161,19 @@ def _improve(design, point):
         center, units = design.vector(point)
         if not center.size:
             return point
+        room = design.room(point)
         low, high = design.bounds(center) / units
-        found = _maximize(design, center / units, low, high, units, point.operation.energy)
+        found = _maximize(design, room, center / units, low, high, units, point.operation.energy)
         better, _ = design.evaluate(found * units)
+        attached, after = (bool(np.all(room(x)[0] > -1e-6)) for x in (center, found * units))
         *sound, energy = _worth(point.operation)
-        if _worth(better.operation) <= (*sound, energy * (1.0 + 1e-7)):
+        if (after, *_worth(better.operation)) <= (attached, *sound, energy * (1.0 + 1e-7)):
             break
         point = better
     return point
 
 
-def _maximize(design, start, low, high, units, energy):
+def _maximize(design, room, start, low, high, units, energy):
     """Return the unknowns, over their units, of the largest energy with a safe recovery."""
 
     @lru_cache(maxsize=1)
@@ -165,12 +193,21 @@ def _maximize(design, start, low, high, units, energy):
         "fun": lambda x: at(tuple(x))[0].margin - SAFE,
         "jac": lambda x: at(tuple(x))[1][1:],
     }
+    constraints = [] if design.problem.law is None else [distance]
+    if room(start * units)[0].size:
+        constraints.append(
+            {
+                "type": "ineq",
+                "fun": lambda x: room(x * units)[0],
+                "jac": lambda x: room(x * units)[1] * units,
+            }
+        )
     return minimize(
         loss,
         np.clip(start, low, high),
         jac=True,
         method="SLSQP",
         bounds=Bounds(low, high),
-        constraints=() if design.problem.law is None else distance,
+        constraints=constraints,
         options={"ftol": 1e-9, "maxiter": 100},
     ).x

@@ -1,6 +1,7 @@
 """Polars of a blade section: lift and drag over all angles of attack and Reynolds numbers."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
@@ -12,6 +13,7 @@ from hkt_mdo.files.polar_table import LARGEST
 # A polar on a 0.25 or 0.5 degree grid is interpolated exactly at its own points. A lookup is one
 # multiplication instead of a search.
 KNOTS_PER_DEGREE = 4
+STALL = 0.03  # share of the lift that is lost beyond stall; less is a dent of the table
 ASPECT_RATIO = 10.0  # of the blade, for the drag of the plate (Viterna and Janetzke 1982, eq. 4)
 
 
@@ -46,6 +48,15 @@ class Polar:
         polar = cls(_spline(alpha, lift, drag), float(table.alpha[0]), float(table.alpha[-1]))
         polar._refuse_overshoot(table.source)
         return polar
+
+    @cached_property
+    def stall(self):
+        """Angle of attack (rad) before lift first falls by `STALL`; infinite if it never does."""
+        alpha = np.deg2rad(np.arange(0.0, 45.0, 0.125))
+        lift, _ = self.evaluate(alpha)
+        highest = np.maximum.accumulate(lift)
+        fallen = np.flatnonzero(lift < highest - STALL * np.abs(highest))
+        return float(alpha[np.argmax(lift[: fallen[0]])]) if fallen.size else np.inf
 
     def blend(self, other, weight):
         """Return the polar (1 - weight) self + weight other, with a weight of 0 to 1."""

@@ -58,9 +58,9 @@ class Sections(NamedTuple):
 
     branch is 0 for momentum theory (k <= 2/3), 1 for Buhl's empirical branch (k > 2/3), 2 for an
     inflow angle beyond 90 degrees, 3 for a negative inflow angle (propeller brake) and -1 for no
-    root. derivatives are those of the tangential, then the normal load with respect to `INPUTS`,
-    shape (2, 4, n_points, n_stations), empty unless requested; all but the last are at a constant
-    Reynolds number.
+    root. derivatives are those of the tangential load, the normal load and the inflow angle with
+    respect to `INPUTS`, shape (3, 4, n_points, n_stations), empty unless requested; all but the
+    last are at a constant Reynolds number.
     """
 
     inflow_angle: np.ndarray
@@ -177,7 +177,7 @@ def _terms(phi, chord, twist, r, hub_radius, tip_radius, blade_count, polar):
 
 @compiled(error_model="numpy")
 def _derivatives(terms, tip_speed_ratio, chord, r, tip_radius, by_reynolds, out):
-    """Fill out[n_loads, n_inputs]: total derivatives of the loads at a root, by `INPUTS`.
+    """Fill out[n_outputs, n_inputs]: total derivatives of loads and angle at a root, by `INPUTS`.
 
     dphi/dx = -f_x / f_phi by the implicit function theorem. by_reynolds holds the derivatives of
     the tangential and the normal force coefficient by the logarithm of the Reynolds number.
@@ -201,7 +201,9 @@ def _derivatives(terms, tip_speed_ratio, chord, r, tip_radius, by_reynolds, out)
         m_x = m_unit * tangential_x + m * by_chord
         phi_x = -(s_x + m_x / lambda_r + f_ratio) / f_phi
         s_x += s_phi * phi_x
-        for load in range(out.shape[0]):
+        if out.shape[0] > 2:
+            out[2, i] = phi_x
+        for load in range(min(out.shape[0], 2)):
             force_x = (normal_x if load else tangential_x) + forces[2 + load] * phi_x
             out[load, i] = chord_load * (force_x + forces[load] * (by_chord - 2.0 * s_x / s))
 
@@ -403,7 +405,7 @@ def _mixed_force(phi, twist, polars, weights):
 @compiled(error_model="numpy")
 def _solve(
     tip_speed_ratio, r, chord, twist, hub_radius, tip_radius, blade_count,
-    polars, section, mixture, n_loads, n_inputs,
+    polars, section, mixture, n_outputs, n_inputs,
 ):  # fmt: skip
     """Solve all stations at all points. Arrays are station-major, so that writes are in order.
 
@@ -417,8 +419,8 @@ def _solve(
         raise ValueError("stations must lie strictly between hub and tip")
     state = np.zeros((8, n_stations, n_points))
     branch = np.empty((n_stations, n_points), dtype=np.int8)
-    derivatives = np.zeros((n_loads, n_inputs, n_stations, n_points))
-    gradient = np.empty((n_loads, n_inputs))
+    derivatives = np.zeros((n_outputs, n_inputs, n_stations, n_points))
+    gradient = np.empty((n_outputs, n_inputs))
     knots, n_knots = np.empty((7, MOST_KNOTS)), 0
     mixed, by_reynolds = np.empty_like(polars[0]), (0.0, 0.0)
     for j in range(n_stations):
@@ -493,8 +495,23 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False):
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
     n_inputs = len(INPUTS) if derivatives else 0
-    state, branch, gradient = _solve(points, *_arguments(blade, polar, points), 2, n_inputs)
+    state, branch, gradient = _solve(points, *_arguments(blade, polar, points), 3, n_inputs)
     return Sections(*state.transpose(0, 2, 1), branch.T, gradient.transpose(0, 1, 3, 2))
+
+
+def angles_of_attack(blade, polar, tip_speed_ratio, derivatives=True):
+    """Return the stations' angles of attack (rad) at one tip speed ratio of the disc.
+
+    Behind them their derivatives by tip speed ratio, chord and twist (copies of the angle unless
+    requested). Each has the shape (n_stations,).
+    """
+    cosine = float(np.cos(blade.cone))
+    found = sections(blade, polar, tip_speed_ratio / cosine, derivatives)
+    angle = found.angle_of_attack[0]
+    if not derivatives:
+        return (angle,) * 4
+    by_ratio, by_chord, by_twist, _ = found.derivatives[2, :, 0]
+    return angle, by_ratio / cosine, by_chord, by_twist - 1.0
 
 
 def torque_weights(blade):

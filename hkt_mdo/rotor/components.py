@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import openmdao.api as om
 
+from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.shape import Shape
 
@@ -88,6 +89,50 @@ class TorqueTable(om.ExplicitComponent):
         blade = options["blade"].with_rotor_radius(inputs["rotor_radius"][0])
         blade = blade.with_shape(inputs["chord"], inputs["twist"])
         return options["coefficients"](blade, options["polar"], options["nodes"], derivatives)
+
+
+class AngleComp(om.ExplicitComponent):
+    """Angle of attack at some stations, `slowed` below the lowest tip speed ratio of a rotor.
+
+    Inputs chord[n_stations] (m), twist[n_stations] (rad), rotor_radius (m), with which hub,
+    stations and tip move, and lowest_ratio; output angle_of_attack[n] (rad).
+    """
+
+    def initialize(self):
+        declare = self.options.declare
+        declare("blade", desc="the start `Blade`: stations, hub, tip, count", recordable=False)
+        declare("polar", desc="one `Polar` a station", recordable=False)
+        declare("stations", types=np.ndarray, desc="indices of the stations")
+        declare("slowed", types=float, desc="factor on the tip speed ratio")
+
+    def setup(self):
+        blade, stations = self.options["blade"], self.options["stations"]
+        for name, meta in QUANTITIES.items():
+            self.add_input(name, val=getattr(blade, name), **meta)
+        self.add_input("lowest_ratio", desc="below every w R / v of the trajectories")
+        self.add_output("angle_of_attack", shape=stations.shape, units="rad", desc="at stations")
+        rows = np.arange(stations.size)
+        self.declare_partials("*", ("chord", "twist"), rows=rows, cols=stations)
+        self.declare_partials("*", ("lowest_ratio", "rotor_radius"))
+
+    def compute(self, inputs, outputs):
+        outputs["angle_of_attack"] = self._solve(inputs)[0]
+
+    def compute_partials(self, inputs, partials):
+        _, by_ratio, by_chord, by_twist = self._solve(inputs, derivatives=True)
+        share = inputs["chord"][self.options["stations"]] / inputs["rotor_radius"]
+        partials["angle_of_attack", "lowest_ratio"] = self.options["slowed"] * by_ratio[:, None]
+        partials["angle_of_attack", "chord"] = by_chord
+        partials["angle_of_attack", "twist"] = by_twist
+        partials["angle_of_attack", "rotor_radius"] = -(by_chord * share)[:, None]
+
+    def _solve(self, inputs, derivatives=False):
+        options = self.options
+        blade = options["blade"].with_rotor_radius(inputs["rotor_radius"][0])
+        blade = blade.with_shape(inputs["chord"], inputs["twist"])
+        ratio = options["slowed"] * inputs["lowest_ratio"][0]
+        found = bem.angles_of_attack(blade, options["polar"], ratio, derivatives)
+        return [each[options["stations"]] for each in found]
 
 
 class InertiaComp(om.ExplicitComponent):

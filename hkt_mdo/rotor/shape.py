@@ -8,9 +8,10 @@ from scipy.interpolate import BSpline
 from hkt_mdo.rotor.blade import Blade
 
 DEGREE = 3  # of the splines, where there are enough control points
-# More than FREE_STATIONS stations are designed by a spline of POINTS control points. Designed
-# directly, the innermost and outermost of many stations jump to the high induction of Buhl's branch
-# and back, and optimizers converge poorly (docs/stations.md).
+# More than FREE_STATIONS stations, or stations of several sections, are designed by a spline of
+# POINTS control points. Designed directly, the innermost and outermost of many stations jump to the
+# high induction of Buhl's branch and back, stations of a cylindrical root go to their bounds, and
+# optimizers converge poorly (docs/stations.md).
 FREE_STATIONS, POINTS = 20, 8
 
 
@@ -54,15 +55,24 @@ class Shape:
 
     @classmethod
     def designed(
-        cls, blade, chord_points, twist_points, chord_bounds, twist_bounds, radius_bounds=None
+        cls,
+        blade,
+        chord_points,
+        twist_points,
+        chord_bounds,
+        twist_bounds,
+        radius_bounds=None,
+        *,
+        several_sections=False,
     ):
         """Design chord and twist by numbers of control points, or directly at the stations.
 
         They are designed at the stations if there are no fewer control points than stations. None:
-        at the stations if there are `FREE_STATIONS` or fewer, else by `POINTS` control points.
+        at the stations if there are `FREE_STATIONS` or fewer with one section, else by `POINTS`
+        control points.
         """
         n = blade.r.size
-        usual = n if n <= FREE_STATIONS else POINTS
+        usual = n if n <= FREE_STATIONS and not several_sections else POINTS
         points = [usual if each is None else each for each in (chord_points, twist_points)]
         ends = blade.hub_radius, blade.tip_radius
         chord, twist = (

@@ -372,13 +372,23 @@ TRY = {
 }
 
 
-def explain(check: CheckEntry) -> str:
-    """Return which judge refused, why and where, and what to try."""
+def explain_all(checks: list[CheckEntry], first: str = "") -> str:
+    """Return what refused, one remedy where the optimizer did; empty if nothing did."""
+    failed = [check for check in checks if not check.passed]
+    if not failed or failed[0].name != "optimizer":
+        return "; ".join(explain(check) for check in failed)
+    others = [f"{check.name} = {check.value:.3g}" for check in failed[1:]]
+    text = explain(failed[0], first)
+    return f"{text}; refused too: {', '.join(others)}" if others else text
+
+
+def explain(check: CheckEntry, first: str = "") -> str:
+    """Return which judge refused, why and where, and what to try; `first`: if the optimizer did."""
     name = check.name.partition(" (")[0]
     between = "try more phase.segments" if name.endswith("_between_nodes") else ""
     remedy = TRY.get(name) or between or "try a smaller driver.tolerance"
     if name == "optimizer":
-        return f"the optimizer did not converge: {check.detail} ({remedy})"
+        return f"the optimizer did not converge: {check.detail} ({first or remedy})"
     if name == "rotor_keeps_turning":
         return f"{check.detail} ({remedy})"
     where = f", {check.detail}" if check.detail else ""

@@ -19,6 +19,7 @@ from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.results.folder import write_csv, write_json
 from hkt_mdo.results.solution import Solution
 
+FEASIBLE = 1e-6  # largest scaled violation of an iterate that may be the best of a run
 RESUMABLE = 1e-2  # largest scaled violation of an iterate worth going on from
 SECONDS_BETWEEN_SAVES = 0.2
 EVALUATIONS_BETWEEN_POINTS = 5
@@ -42,6 +43,8 @@ class Log:
         self._saved = 0.0
         self.point: Callable[[], StartingPoint] | None = None  # reads the problem at work
         self.last: StartingPoint | None = None
+        self.best: StartingPoint | None = None  # of the feasible iterates
+        self._highest = -np.inf
         self.terminated = False
         self._ends: list[np.ndarray] = []  # of the segments of each scenario of `last`
 
@@ -54,15 +57,25 @@ class Log:
             # by count, not by time: what an optimization goes on from must not depend on the clock
             if len(self.history) % EVALUATIONS_BETWEEN_POINTS == 0:
                 self.last = self.point()
+                if infeasibility <= FEASIBLE:
+                    self.keep(self.last, objective)
             if time.monotonic() - self._saved >= SECONDS_BETWEEN_SAVES:
                 self._write(self.point())
                 self.write_history()
         if self._progress is not None:
             self._progress(len(self.history), objective, infeasibility)
 
+    def keep(self, point: StartingPoint, objective: float) -> None:
+        """Keep a feasible point if it is the best so far."""
+        if objective > self._highest:
+            self.best, self._highest = point, objective
+
     def save(self, point: StartingPoint, physics: Physics) -> None:
         """Keep the point of some physics that a resumed run goes on from, and write it."""
-        self.last, self._ends = point, [each.edges for each in physics.scenarios]
+        ends = [each.edges for each in physics.scenarios]
+        if list(map(len, ends)) != list(map(len, self._ends)):  # another mesh has other samples
+            self.best, self._highest = None, -np.inf
+        self.last, self._ends = point, ends
         self._write(point)
 
     def _write(self, point: StartingPoint) -> None:

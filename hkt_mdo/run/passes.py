@@ -201,7 +201,8 @@ def _lowered(physics, setup, flights) -> dict | None:
 def _solve(physics: Physics, setup: Setup, log: Log) -> Optimized:
     """Run one optimization."""
     most = None if setup.moves == NARROW else FIRST_ITERATIONS
-    problem = assemble(physics, setup, make_driver(physics.case, log, most), log.scratch)
+    driver = make_driver(physics.case, log, most, physics.several_sections)
+    problem = assemble(physics, setup, driver, log.scratch)
     log.add_recorders(problem)
     try:
         problem.final_setup()  # opens the recorders' files
@@ -214,9 +215,17 @@ def _solve(physics: Physics, setup: Setup, log: Log) -> Optimized:
             log.record_final(problem)
     finally:
         problem.cleanup()
+    result = collect(physics, setup, problem, problem.driver.outcome())
+    if result.outcome.success:
+        log.keep(result.point, result.objective)
+    return result
+
+
+def collect(physics: Physics, setup: Setup, problem, outcome) -> Optimized:
+    """Return a problem as it stands as the end of an optimization."""
     return Optimized(
         problem,
-        problem.driver.outcome(),
+        outcome,
         setup,
         _point(physics, problem),
         tuple(

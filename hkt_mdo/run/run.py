@@ -33,7 +33,8 @@ from hkt_mdo.results.folder import check_folder, claim, locked, write_json, writ
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import Summary
 from hkt_mdo.run.digest import digest
-from hkt_mdo.run.judge import judge
+from hkt_mdo.run.fallback import best_of, first_remedy
+from hkt_mdo.run.judge import explain_all, judge
 from hkt_mdo.run.log import Log, Progress, read_iterate
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.summary import summarize, write_tables
@@ -149,14 +150,27 @@ def _optimize_and_judge(
     if start is None:
         start = find_start(world, optimum)
         log.reference = _reference(world, start)
+    first = world
     log.save(start, world)
     world, result, flights = optimize(world, start, log)
     if log.reference and result.setup.slowed > SLOWED:  # farther from stall than the start
         kept = find_start(world, optimum, slowed=result.setup.slowed)
         log.reference = min(log.reference, _reference(world, kept))
-    optimum = bounding_optimum(world, optimum, result.point.blade)
-    checks = judge(world, optimum, log.reference, result, flights)
-    finished = summarize(world, optimum, start, result, flights, checks)
+    bound = bounding_optimum(world, optimum, result.point.blade)
+    checks = judge(world, bound, log.reference, result, flights)
+    held, remedy = "", first_remedy(world, result)
+    refused = explain_all(checks, remedy)
+    if refused:
+        others = (world, log.best, "the best iterate"), (first, start, "the start")
+        world, result, flights, held = best_of(world, bound, result, flights, others, log)
+    if held:
+        bound = bounding_optimum(world, optimum, result.point.blade)
+        checks = judge(world, bound, log.reference, result, flights)
+        log.save(result.point, world)
+    finished = summarize(world, bound, start, result, flights, checks, remedy)
+    if held:
+        message = f"{refused}; the folder holds {held}, which is better than the end"
+        finished = finished.model_copy(update={"message": message})
     if not (finished.success or start.operation.running):
         bounds = world.case.design.gain_bounds
         within = f" within design.gain_bounds = [{bounds[0]:g}, {bounds[1]:g}]" if bounds else ""

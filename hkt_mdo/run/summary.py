@@ -17,15 +17,15 @@ from hkt_mdo.results.summary import Summary
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.findings import Stations
-from hkt_mdo.run.judge import energy_bound, explain, total
+from hkt_mdo.run.judge import energy_bound, explain_all, total
 
 BINDING = 1e-3  # relative distance from its bound within which a limit counts as binding
 
 PACKAGES = "hkt_mdo openmdao dymos numpy scipy numba casadi wisdem pyoptsparse".split()
 
 
-def summarize(physics, optimum, start, result, flights, checks) -> Summary:
-    """Return the summary of a finished run."""
+def summarize(physics, optimum, start, result, flights, checks, remedy="") -> Summary:
+    """Return the summary of a finished run; `remedy`: what to try if the optimizer failed."""
     failed = [check for check in checks if not check.passed]
     blade = result.point.blade
     ratios, torques = (
@@ -45,7 +45,7 @@ def summarize(physics, optimum, start, result, flights, checks) -> Summary:
     values = {
         "case": physics.case.name,
         "success": not failed,
-        "message": "; ".join(explain(check) for check in failed) or "converged and verified",
+        "message": explain_all(checks, remedy) or "converged and verified",
         "package": result.outcome.package,
         "optimizer": result.outcome.optimizer,
         "iterations": result.outcome.iterations,

@@ -27,6 +27,16 @@ CARRIERS = {
 }
 """The packages that carry each optimizer, the preferred one first."""
 
+# Where the constraints hold to rounding, IPOPT's filter takes a corrected step, or one of its
+# watchdog, that lowers their rounding error and lets the objective go; on a rough objective it
+# never comes back. Nor does a barrier that only falls leave a good start.
+CAUTIOUS: Settings = {
+    "max_soc": 0,
+    "watchdog_shortened_iter_trigger": 0,
+    "mu_strategy": "monotone",
+    "mu_init": 1e-5,
+}
+
 REMEDIES = {
     "pyoptsparse": "conda install -c conda-forge pyoptsparse",
     "casadi": "pip install casadi",
@@ -41,13 +51,15 @@ def make_driver(
     max_iterations: int = 1000,
     *,
     mu_max: float | None = None,
+    cautious: bool = False,
     progress: Progress | None = None,
 ) -> ReportingDriver:
     """Return a driver for the optimizer, from the package asked for or the first one installed.
 
     The tolerance is that of the scaled problem; `mu_max` bounds IPOPT's barrier parameter, which
-    others do not have. `progress` is called at each iteration of IPOPT in CasADi, after each
-    evaluation elsewhere. Raises InputError if optimizer or package is unknown or not installed.
+    others do not have. `cautious` keeps IPOPT near its start: every step must improve. `progress`
+    is called at each iteration of IPOPT in CasADi, after each evaluation elsewhere. Raises
+    InputError if optimizer or package is unknown or not installed.
     """
     carrier = _carrier(package, optimizer)
     if carrier == "scipy":
@@ -58,6 +70,8 @@ def make_driver(
     settings = _settings(optimizer, float(tolerance), max_iterations)
     if optimizer == "IPOPT" and mu_max is not None:
         settings["mu_max"] = mu_max
+    if optimizer == "IPOPT" and cautious:
+        settings |= CAUTIOUS
     if carrier == "casadi":
         driver = CasadiIpoptDriver(progress=progress)
         driver.opt_settings = settings

@@ -26,6 +26,7 @@ from hkt_mdo.run.batch import run_batch
 from hkt_mdo.studies.common import CODESIGN, LAWS, case_file, markdown_table, percent, with_blade
 from hkt_mdo.studies.faults import faults
 from hkt_mdo.studies.fuzz import fuzz
+from hkt_mdo.studies.real import real_cases
 from hkt_mdo.studies.uncertainty import Design
 
 OPTIMIZERS = ("IPOPT", "SLSQP")
@@ -47,6 +48,7 @@ class Study:
     seed: int
     jobs: int | None
     done: Callable[[Path, str], None]
+    blades: Path | None = None  # a folder of windIO files, for the part on real blades
 
     def run(self, cases: Mapping[str, Case]) -> dict[str, Solution | None]:
         """Return the solutions of cases by their folders in `out`; None: could not be run."""
@@ -309,6 +311,34 @@ def _fly(design, **accuracy):
     return design.fly(inflow, speed, **accuracy)
 
 
+def _real(study):
+    """Design on from real blades of several sections at default settings, under the three laws.
+
+    Reference Model 1 and the windIO files of `--blades`, each with and without a torque limit, in
+    the sine flow. Goal: every run succeeds, at no less energy than its start has.
+    """
+    plan = {f"real/{name}": case for name, case in real_cases(study.blades).items()}
+    found, rows = study.run(plan), []
+    for run, solution in found.items():
+        summary = solution and solution.summary
+        energy = (summary and summary.simulated_energy_J) or 0.0
+        rows.append(
+            {
+                "blade, law": run.removeprefix("real/"),
+                "success": "yes" if solution and solution.success else "no",
+                "iterations": str(summary.iterations) if summary else "",
+                "time (s)": f"{summary.wall_seconds:.0f}" if summary else "",
+                "over start (%)": f"{percent(energy, summary.starting_energy_J):+.4f}"
+                if summary
+                else "",
+                "over bound (%)": f"{percent(energy, summary.energy_bound_J):+.3f}"
+                if summary
+                else "",
+            }
+        )
+    return _told(rows, found)
+
+
 def _told(rows, found):
     """Return a table, and a line for each run that did not succeed, with its reason."""
     failures = [
@@ -324,6 +354,7 @@ PARTS = {
     "blades": ("From random blades, without the quasi-steady start", _blades, 30),
     "sweep": ("Under change", _sweep, 30),
     "physics": ("Against physics", _against_physics, 1),
+    "real": ("Real blades", _real, 1),
     "fuzz": ("Hostile input", fuzz, 1500),
     "faults": ("Under faults", faults, 12),
 }
@@ -331,7 +362,14 @@ PARTS = {
 
 
 def run_part(
-    part: str, out: Path, cases: Path | None, count: int | None, seed: int, jobs: int | None, done
+    part: str,
+    out: Path,
+    cases: Path | None,
+    count: int | None,
+    seed: int,
+    jobs: int | None,
+    done: Callable[[Path, str], None],
+    blades: Path | None = None,
 ) -> str:
     """Run a part of the study and return its figures, which `out` keeps for the report.
 
@@ -341,7 +379,7 @@ def run_part(
     if part not in PARTS:
         raise InputError("unknown part", f"choose from {', '.join(PARTS)}", value=part)
     title, run, usual = PARTS[part]
-    study = Study(out, cases, count or usual, seed, jobs, done)
+    study = Study(out, cases, count or usual, seed, jobs, done, blades)
     try:
         out.mkdir(parents=True, exist_ok=True)
         figures = "\n".join(run(study)).rstrip()
