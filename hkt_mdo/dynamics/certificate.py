@@ -46,10 +46,13 @@ class Passing:
     rate: np.ndarray
 
     @classmethod
-    def of(cls, inflow, duration, segments):
-        """Sample an inflow by Gauss's rule with four points a segment, the ramps apart."""
-        inner = np.linspace(RAMP, duration - RAMP, segments + 1)
-        edges = np.concatenate(([0.0, 0.5 * RAMP], inner, [duration - 0.5 * RAMP, duration]))
+    def of(cls, inflow, edges):
+        """Sample an inflow by Gauss's rule, four points in segments with edges (s) from 0 to T.
+
+        The ramps at both ends are segments of their own. The segments resolve the flow.
+        """
+        ends = np.array([0.0, 0.5 * RAMP, RAMP])
+        edges = np.union1d(np.union1d(edges, ends), edges[-1] - ends)
         places, weights = np.polynomial.legendre.leggauss(4)
         half = 0.5 * np.diff(edges)[:, None]
         time = ((edges[:-1, None] + half) + half * places).ravel()

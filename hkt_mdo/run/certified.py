@@ -41,8 +41,7 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
     def at(inertia):
         total, family = 0.0, replace(best, inertia=inertia)
         for scenario in physics.scenarios:
-            mesh = scenario.mesh
-            passing = Passing.of(scenario.inflow, mesh.duration, mesh.segments)
+            passing = Passing.of(scenario.inflow, scenario.edges)
             given = family, passing, physics.density, shape.blade.rotor_radius
             # the torque of a law under a limit lies between zero and the limit
             found = [certificate(*given, None, limit)] if limit is not None else []

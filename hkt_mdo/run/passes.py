@@ -138,12 +138,8 @@ def _mesh_error(physics, result, flights, coarser) -> tuple[float, list[np.ndarr
     known = replace(physics, shape=replace(physics.shape, blade=blade))
     ideal = find_start(known, best_operation(blade, physics.polar), improve=False)
     scalars, parts = physics.scalars(blade, result.inertia), []
-    for scenario, nodes, best, found in zip(
-        physics.scenarios,
-        result.trajectories,
-        known.on_start(ideal),
-        known.on_start(result.point),
-        strict=True,
+    for scenario, nodes, best in zip(
+        physics.scenarios, result.trajectories, known.on_start(ideal), strict=True
     ):
         coarse = np.zeros(scenario.segments, dtype=bool)
         for limit in limits:
@@ -154,8 +150,12 @@ def _mesh_error(physics, result, flights, coarser) -> tuple[float, list[np.ndarr
                 coarse |= ~np.all(np.equal(first, others), axis=0)
                 coarse[1:] |= last[:-1] != last[1:]
                 coarse[:-1] |= first[:-1] != first[1:]
-        lost = scenario.sample_weights * (best["hydrodynamic_power"] - found["hydrodynamic_power"])
-        lost = np.abs(lost[:-1].reshape(scenario.segments, -1).sum(axis=1)) / result.energy
+        steady = CubicSpline(best["time"], best["hydrodynamic_power"])(nodes["time"])
+        # where a limit binds, the rotor's inertia moves the captured power, else the generator's
+        short = [nodes[name] - steady for name in ("hydrodynamic_power", "generator_power")]
+        shape = 2, scenario.segments, scenario.nodes_per_segment
+        lost = np.reshape(scenario.node_weights * short, shape).sum(axis=2) / result.energy
+        lost = np.min(np.abs(lost), axis=0)
         order = np.argsort(lost)
         coarse[order] |= np.cumsum(lost[order]) > SHORT_OF
         parts.append(np.where(coarse, PARTS, 1))

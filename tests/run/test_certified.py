@@ -47,7 +47,7 @@ def test_without_a_limit_it_is_the_quasi_steady_bound(law):
 def test_quadratic_feedback_without_a_limit_leaves_no_duality_gap():
     world = _world("quadratic", None)
     optimum, bound, _ = _certified(world)
-    passing = Passing.of(world.inflow, 60.0, 60)
+    passing = Passing.of(world.inflow, np.linspace(0.0, 60.0, 61))
     best, radius = _best_power(world, optimum), world.blade.rotor_radius
     found = certificate(best, passing, world.density, radius, QuadraticFeedback())
     assert found == pytest.approx(bound, rel=2e-5)
@@ -89,7 +89,7 @@ def test_no_torque_history_captures_more():
 def test_a_heavy_rotor_stores_more_than_a_light_one_can_capture_but_not_more_than_its_own_bound():
     world = _world("open_loop", 300.0, rotor={"hub_inertia": 2e4}, design={"blade": "fixed"})
     optimum, bound, certified = _certified(world)
-    passing = Passing.of(world.inflow, 60.0, 60)
+    passing = Passing.of(world.inflow, np.linspace(0.0, 60.0, 61))
     light = replace(_best_power(world, optimum), inertia=(0.0, 0.0))
     decoupled = certificate(light, passing, world.density, world.blade.rotor_radius, None, 300.0)
     flown = _flown(world, world.blade, lambda _, w: 300.0 + 0.0 * w, 5.0)

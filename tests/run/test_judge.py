@@ -127,11 +127,9 @@ def lower_bound_of_the_energy(solved):
 
 
 def smaller_generator(solved):
-    """The certificate takes the limit from the case, all other judges from the limits."""
-    case = solved.physics.case
-    control = case.control.model_copy(update={"torque_limit": 0.9 * case.control.torque_limit})
-    case = case.model_copy(update={"control": control})
-    return replace(solved, physics=replace(solved.physics, case=case))
+    """The certificate takes the limit from the physics, all other judges from the limits."""
+    limit = 0.9 * solved.physics.torque_limit
+    return replace(solved, physics=replace(solved.physics, torque_limit=limit))
 
 
 def better_start(solved):

@@ -12,8 +12,8 @@ FAST = {
 
 
 def solved(solve_physics, law, *sections, limit=700, **more):
-    case = {"control": {"law": law, "torque_limit": limit}} | SHORT | more
-    for section in sections:
+    case = {"control": {"law": law, "torque_limit": limit}} | SHORT
+    for section in (*sections, more):
         case |= section
     found = solve_physics(case)
     assert all(check.passed for check in found.checks().values()), found.checks()
@@ -38,13 +38,13 @@ def test_a_gust_between_two_nodes_is_seen(solve_physics, width):
 
 
 def test_open_loop_is_never_below_feedback_where_a_limit_switches(solve_physics):
-    best = solved(solve_physics, "open_loop", FIXED, limit=480, **FAST | {"rotor": FIXED["rotor"]})
-    fine = {"segments": 240, "duration": 15}
+    """On 15 segments open loop loses 3e-4 and comes out below quadratic feedback."""
+    best = solved(solve_physics, "open_loop", limit=500, **FAST)
     fine = solved(
-        solve_physics, "open_loop", FIXED, limit=480, **FAST | {"rotor": FIXED["rotor"]}, phase=fine
+        solve_physics, "open_loop", limit=500, **FAST, phase={"segments": 240, "duration": 15}
     )
-    law = solved(solve_physics, "quadratic", FIXED, limit=480, **FAST | {"rotor": FIXED["rotor"]})
-    assert best.on_first_mesh.scenarios[0].segments < best.physics.scenarios[0].segments < 240
+    law = solved(solve_physics, "quadratic", limit=500, **FAST)
+    assert best.on_first_mesh.scenarios[0].segments < best.physics.scenarios[0].segments
     assert best.result.energy == pytest.approx(fine.result.energy, rel=1e-5)
     assert best.flights[0].simulation.energy > law.flights[0].simulation.energy * (1.0 - 1e-5)
 
