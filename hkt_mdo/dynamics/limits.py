@@ -18,6 +18,7 @@ from hkt_mdo.sections import Section
 
 SLOWED = 0.02  # share of its speed that a rotor may lose and still recover from
 TYPICAL = 0.05  # torque coefficient to which a recovery torque is compared
+QUICK, LAG = 0.05, 5.0  # see `settled`
 LEAST = 5e-3  # recovery over a typical torque that a trajectory keeps; closer to stall it is slow
 
 
@@ -133,6 +134,24 @@ class DesignBounds(Limit):
     lower = property(lambda self: self.bounds[0])  # type: ignore[assignment]
     upper = property(lambda self: self.bounds[1])
     place = property(lambda self: "span" if self.quantity in ("chord", "twist") else "design")
+
+
+def settled(known):
+    """Tell at which times of a trajectory the rotor has followed the flow, near its equilibrium.
+
+    The rotor's time scale is that in which a typical torque stops it, I w / (TYPICAL 0.5 rho pi R³
+    v²), a few hundredths of a second; the flow is quick where it changes by `QUICK` of itself
+    within it. Settled is the rotor after `LAG` time scales in which the flow was not quick. known
+    has the `QUANTITIES` of the trajectory, of shape (n,), rotor_radius, density and inertia.
+    """
+    time, flow = known["time"], known["inflow_speed"]
+    unit = TYPICAL * torque_scale(known["density"], known["rotor_radius"], flow)
+    scale = known["inertia"] * known["rotor_speed"] / unit
+    step = np.diff(time, prepend=time[0] - 1.0)
+    change = np.abs(np.diff(flow, prepend=flow[0]))
+    quick = scale * change > QUICK * flow * step
+    last = np.maximum.accumulate(np.where(quick, time, -np.inf))
+    return time - last > LAG * scale
 
 
 class DistanceFromStall(Limit):

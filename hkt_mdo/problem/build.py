@@ -12,7 +12,7 @@ import openmdao.api as om
 from dymos import Trajectory
 
 from hkt_mdo.case import Case
-from hkt_mdo.dynamics.limits import TYPICAL, DistanceFromStall, Limit
+from hkt_mdo.dynamics.limits import TYPICAL, DistanceFromStall, Limit, settled
 from hkt_mdo.dynamics.objectives import CapturedEnergy, GeneratorEnergy
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
 from hkt_mdo.dynamics.trajectory import QUANTITIES
@@ -292,6 +292,9 @@ def _near_stall(physics, setup, limit, place, scenario):
     known |= {"torque_coefficient_table": table.torque, "gains": start.gains}
     unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])
     margin = limit.value_of(known) / (TYPICAL * unit) + limit.least
+    still = settled(known)
+    if np.mean(still) > 0.5:  # a heavy rotor never settles
+        margin = np.where(still, margin, np.inf)
     margin = np.interp(scenario.node_times, scenario.samples, margin)
     return np.flatnonzero(margin <= max(NEAR, np.sort(margin)[min(FEWEST_NEAR, margin.size - 1)]))
 

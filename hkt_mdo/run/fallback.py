@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from hkt_mdo.problem.build import assemble
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.physics import START_EXCESS, Physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.rotor.shape import POINTS
@@ -47,6 +49,21 @@ def as_it_stands(physics: Physics, point: StartingPoint, ended: Optimized, log: 
     message = "its result was refused" if ended.outcome.success else ended.outcome.message
     problem.cleanup()
     return collect(physics, setup, problem, replace(ended.outcome, success=False, message=message))
+
+
+def moving_reference(physics: Physics, start: StartingPoint, ended: Optimized, log: Log) -> float:
+    """Return the objective of a start as its rotor moves, J; 0 if it stops or breaks a limit.
+
+    A quasi-steady start follows every gust at once, which a rotor with inertia cannot.
+    """
+    stands = as_it_stands(physics, start, ended, log)
+    flights = fly(physics, stands)
+    for flight in flights:
+        nodes = flight.trajectory | flight.scalars
+        over = [np.max(each.excess(nodes)) for each in physics.limits if each.place == "time"]
+        if flight.simulation.stopped_at is not None or max(over) > START_EXCESS:
+            return 0.0
+    return total(flights, lambda flight: flight.objective(physics.objective))
 
 
 def _worth(physics, optimum, log, result, flights):

@@ -13,7 +13,7 @@ import numpy as np
 import openmdao.api as om
 from scipy.integrate import simpson
 
-from hkt_mdo.dynamics.limits import LEAST, SLOWED, TYPICAL, DistanceFromStall, Limit
+from hkt_mdo.dynamics.limits import LEAST, SLOWED, TYPICAL, DistanceFromStall, Limit, settled
 from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.dynamics.simulation import (
     SLOWEST_RATIO,
@@ -258,8 +258,12 @@ def _of_design(physics, optimum, reference, result, flights):
 
 
 def _recovery(physics, result, flights):
-    """Yield how far a rotor under feedback is closer to stall than `DistanceFromStall` allows."""
-    least = np.inf
+    """Yield how far a rotor under feedback is closer to stall than `DistanceFromStall` allows.
+
+    It is asked where the rotor is `settled`. In a gust that is faster than the rotor, the
+    integration itself tells whether it comes back.
+    """
+    least, when = np.inf, np.nan
     for flight in flights:
         flown, gains = flight.simulation, result.point.gains
 
@@ -272,13 +276,15 @@ def _recovery(physics, result, flights):
             physics.density, flight.scalars["rotor_radius"], flown.inflow_speed
         )
         recovery = (net((1.0 - SLOWED) * speed) - net(speed)) / unit
+        recovery[~settled(flight.integrated | flight.scalars)] = np.inf
         worst = int(np.argmin(recovery))
         if recovery[worst] < least:
             least, when = float(recovery[worst]), flown.time[worst]
     word = f"the torque that recovers a slowed rotor falls short of its least at t = {when:.2f} s"
     # without a torque curve no distance is asked, only that the rotor recovers at all
     allowed = RECOVERY_ERROR if physics.has_curve else 1.0
-    yield "distance_from_stall", 1.0 - least / LEAST, allowed, word
+    if np.isfinite(least):
+        yield "distance_from_stall", 1.0 - least / LEAST, allowed, word
 
 
 def _of_limit(physics, limit, result, flights):
@@ -347,7 +353,8 @@ def recovers(physics: Physics, result: Optimized) -> bool:
     limit = DistanceFromStall(law=physics.law, spline=TorqueSpline(result.setup.nodes))
     design = physics.scalars(result.point.blade, result.inertia)
     design |= {"torque_coefficient_table": result.curve, "gains": result.point.gains}
-    return all(np.all(limit.value_of(nodes | design) >= 0.0) for nodes in result.trajectories)
+    each = (nodes | design for nodes in result.trajectories)
+    return all(np.all(~settled(known) | (limit.value_of(known) >= 0.0)) for known in each)
 
 
 FALSE_SOLUTION = (

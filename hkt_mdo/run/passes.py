@@ -118,52 +118,64 @@ def _mesh_error(physics, result, flights, coarser) -> tuple[float, list[np.ndarr
     """Return by how much a finer mesh may change the objective, relatively, and what to divide.
 
     `coarser` has the objectives on the meshes before, the last one's at the end. Under open loop
-    the error is how much the last division has changed it, or less if the one before changed it
-    more: then the changes are taken for a geometric series, and the rest of it counts. Before a
-    division it is how far the objective is from that of quasi-steady operation of the found blade,
-    which needs no mesh. Divided are segments
-    in which a limit begins or ceases to bind, and where the trajectory falls short of that
-    operation. A feedback law leaves the optimizer no torque over time to choose: its segments are
-    divided where the integration denies the collocation. What to divide is the number of parts of
-    each segment; empty where the mesh is fine enough.
+    the error is how much the last division has changed it; of two divisions that form a geometric
+    series, the rest of that series. Before a division it is how far the objective is from that of
+    quasi-steady operation of the found blade, which needs no mesh. A feedback law leaves the
+    optimizer no torque over time to choose, and its error is none.
+
+    What to divide is the number of parts of each segment, empty where the mesh is fine enough.
+    Divided are segments where the integration denies the collocation and, under open loop, those in
+    which a limit begins or ceases to bind, or the trajectory falls short of quasi-steady operation.
     """
-    if physics.law is not None:
-        off = []
-        for flight in flights:
-            errors = flight.speed_errors.reshape(flight.scenario.segments, -1)
-            off.append(np.max(errors, axis=1) > 0.3 * SPEED_ERROR)
-        few = is_false(flights) and 0.0 < np.mean(np.concatenate(off)) < 0.5
-        return 0.0, [np.where(each, PARTS, 1) for each in off] if few else []
-    blade, limits = result.point.blade, physics.limits
-    known = replace(physics, shape=replace(physics.shape, blade=blade))
-    ideal = find_start(known, best_operation(blade, physics.polar), improve=False)
-    scalars, parts = physics.scalars(blade, result.inertia), []
-    for scenario, nodes, best in zip(
-        physics.scenarios, result.trajectories, known.on_start(ideal), strict=True
-    ):
-        coarse = np.zeros(scenario.segments, dtype=bool)
-        for limit in limits:
-            if limit.place == "time" and limit.constrains(physics.case.control):
-                binds = limit.excess(nodes | scalars) > -NEAR_LIMIT
-                first, *others = binds.reshape(scenario.segments, -1).T
-                last = others[-1]
-                coarse |= ~np.all(np.equal(first, others), axis=0)
-                coarse[1:] |= last[:-1] != last[1:]
-                coarse[:-1] |= first[:-1] != first[1:]
-        steady = CubicSpline(best["time"], best["hydrodynamic_power"])(nodes["time"])
-        # where a limit binds, the rotor's inertia moves the captured power, else the generator's
-        short = [nodes[name] - steady for name in ("hydrodynamic_power", "generator_power")]
-        shape = 2, scenario.segments, scenario.nodes_per_segment
-        lost = np.reshape(scenario.node_weights * short, shape).sum(axis=2) / result.energy
-        lost = np.min(np.abs(lost), axis=0)
-        order = np.argsort(lost)
-        coarse[order] |= np.cumsum(lost[order]) > SHORT_OF
-        parts.append(np.where(coarse, PARTS, 1))
-    values = np.array([*(coarser[-2:] or [physics.objective_at(ideal)]), result.objective])
-    *before, error = np.abs(np.diff(values)) / max(abs(result.objective), 1e-9)
-    if before and error < 0.5 * before[0]:
-        error *= error / (before[0] - error)
-    return float(error), parts if error > MESH_ERROR else []
+    coarse, error = [np.zeros(each.scenario.segments, dtype=bool) for each in flights], 0.0
+    if is_false(flights):
+        for marks, flight in zip(coarse, flights, strict=True):
+            errors = flight.speed_errors.reshape(marks.size, -1)
+            marks |= np.max(errors, axis=1) > 0.3 * SPEED_ERROR
+        if np.mean(np.concatenate(coarse)) > 0.5:  # another trajectory: no mesh will mend it
+            coarse = [np.zeros_like(marks) for marks in coarse]
+    if physics.law is None:
+        blade = result.point.blade
+        known = replace(physics, shape=replace(physics.shape, blade=blade))
+        ideal = find_start(known, best_operation(blade, physics.polar), improve=False)
+        values = np.array([*(coarser[-2:] or [physics.objective_at(ideal)]), result.objective])
+        *before, error = np.abs(np.diff(values)) / max(abs(result.objective), 1e-9)
+        if before and error < 0.5 * before[0]:
+            error *= error / (before[0] - error)
+        if error > MESH_ERROR:
+            for marks, flight, best in zip(coarse, flights, known.on_start(ideal), strict=True):
+                marks |= _switches(physics, flight) | _falls_short(flight, best, result.energy)
+    divided = any(map(np.any, coarse))
+    return float(error), [np.where(marks, PARTS, 1) for marks in coarse] if divided else []
+
+
+def _switches(physics, flight) -> np.ndarray:
+    """Return the segments in which a limit begins or ceases to bind, and their neighbours."""
+    scenario, nodes = flight.scenario, flight.trajectory | flight.scalars
+    found = np.zeros(scenario.segments, dtype=bool)
+    for limit in physics.limits:
+        if limit.place == "time" and limit.constrains(physics.case.control):
+            binds = limit.excess(nodes) > -NEAR_LIMIT
+            first, *others = binds.reshape(scenario.segments, -1).T
+            last = others[-1]
+            found |= ~np.all(np.equal(first, others), axis=0)
+            found[1:] |= last[:-1] != last[1:]
+            found[:-1] |= first[:-1] != first[1:]
+    return found
+
+
+def _falls_short(flight, best, energy) -> np.ndarray:
+    """Return the segments that together lose most against quasi-steady operation."""
+    scenario, nodes = flight.scenario, flight.trajectory
+    steady = CubicSpline(best["time"], best["hydrodynamic_power"])(nodes["time"])
+    # where a limit binds, the rotor's inertia moves the captured power, else the generator's
+    short = [nodes[name] - steady for name in ("hydrodynamic_power", "generator_power")]
+    shape = 2, scenario.segments, scenario.nodes_per_segment
+    lost = np.reshape(scenario.node_weights * short, shape).sum(axis=2) / energy
+    lost = np.min(np.abs(lost), axis=0)
+    found, order = np.zeros(scenario.segments, dtype=bool), np.argsort(lost)
+    found[order] = np.cumsum(lost[order]) > SHORT_OF
+    return found
 
 
 def _on_finer_mesh(physics, setup, result, parts) -> tuple[Physics, Setup]:

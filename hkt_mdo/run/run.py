@@ -33,8 +33,8 @@ from hkt_mdo.results.folder import check_folder, claim, locked, write_json, writ
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import Summary
 from hkt_mdo.run.digest import digest
-from hkt_mdo.run.fallback import best_of, first_remedy
-from hkt_mdo.run.judge import explain_all, judge
+from hkt_mdo.run.fallback import best_of, first_remedy, moving_reference
+from hkt_mdo.run.judge import BELOW_START, explain_all, judge
 from hkt_mdo.run.log import Log, Progress, read_iterate
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.summary import summarize, write_tables
@@ -156,6 +156,8 @@ def _optimize_and_judge(
     if log.reference and result.setup.slowed > SLOWED:  # farther from stall than the start
         kept = find_start(world, optimum, slowed=result.setup.slowed)
         log.reference = min(log.reference, _reference(world, kept))
+    if result.objective < (1.0 - BELOW_START) * log.reference:
+        log.reference = min(log.reference, moving_reference(first, start, result, log))
     bound = bounding_optimum(world, optimum, result.point.blade)
     checks = judge(world, bound, log.reference, result, flights)
     held, remedy = "", first_remedy(world, result)

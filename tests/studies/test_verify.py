@@ -154,7 +154,13 @@ def test_successes_are_counted_by_group_and_optimizer(tmp_path, monkeypatch):
             energy = 990.0 if (optimizer, name) == ("SLSQP", "limit_300_oloc") else 1000.0
             found[folder] = SimpleNamespace(
                 success=name != "mean_0.8_linear",
-                summary=SimpleNamespace(simulated_energy_J=energy, iterations=7),
+                summary=SimpleNamespace(
+                    simulated_energy_J=energy,
+                    iterations=7,
+                    energy_bound_J=1250.0,
+                    certified_gap=0.01,
+                    checks=[SimpleNamespace(name="energy_below_start", value=0.001)],
+                ),
                 message="did not converge",
             )
         return found
