@@ -43,10 +43,11 @@ class Log:
         self._saved = 0.0
         self.point: Callable[[], StartingPoint] | None = None  # reads the problem at work
         self.last: StartingPoint | None = None
-        self.best: StartingPoint | None = None  # of the feasible iterates
+        # the best of the feasible iterates, and the physics with its mesh
+        self.best: tuple[Physics | None, StartingPoint | None] = None, None
         self._highest = -np.inf
         self.terminated = False
-        self._ends: list[np.ndarray] = []  # of the segments of each scenario of `last`
+        self._physics: Physics | None = None  # that of `last`
 
     def __call__(self, count: int, objective: float, infeasibility: float) -> None:
         """Note an evaluation, and save the iterate if it is worth going on from."""
@@ -68,14 +69,11 @@ class Log:
     def keep(self, point: StartingPoint, objective: float) -> None:
         """Keep a feasible point if it is the best so far."""
         if objective > self._highest:
-            self.best, self._highest = point, objective
+            self.best, self._highest = (self._physics, point), objective
 
     def save(self, point: StartingPoint, physics: Physics) -> None:
         """Keep the point of some physics that a resumed run goes on from, and write it."""
-        ends = [each.edges for each in physics.scenarios]
-        if list(map(len, ends)) != list(map(len, self._ends)):  # another mesh has other samples
-            self.best, self._highest = None, -np.inf
-        self.last, self._ends = point, ends
+        self.last, self._physics = point, physics
         self._write(point)
 
     def _write(self, point: StartingPoint) -> None:
@@ -88,12 +86,16 @@ class Log:
                 "gains": point.gains,
                 "energy_J": point.operation.energy,
                 "reference_energy_J": self.reference,
-                "segment_ends_s": self._ends,
+                "segment_ends_s": [each.edges for each in self._scenarios],
                 "rotor_speed_rad_s": point.operation.rotor_speed,
                 "hydrodynamic_torque_Nm": point.operation.hydrodynamic_torque,
             },
         )
         self._saved = time.monotonic()
+
+    @property
+    def _scenarios(self):
+        return self._physics.scenarios if self._physics else ()
 
     def write_history(self) -> None:
         """Write the energy and infeasibility of every evaluation."""

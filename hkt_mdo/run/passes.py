@@ -145,6 +145,8 @@ def _mesh_error(physics, result, flights, coarser) -> tuple[float, list[np.ndarr
         if error > MESH_ERROR:
             for marks, flight, best in zip(coarse, flights, known.on_start(ideal), strict=True):
                 marks |= _switches(physics, flight) | _falls_short(flight, best, result.energy)
+            if not any(map(np.any, coarse)):  # what the first speed stores, and no error of a mesh
+                error = SHORT_OF
     divided = any(map(np.any, coarse))
     return float(error), [np.where(marks, PARTS, 1) for marks in coarse] if divided else []
 

@@ -163,7 +163,7 @@ def _optimize_and_judge(
     held, remedy = "", first_remedy(world, result)
     refused = explain_all(checks, remedy)
     if refused:
-        others = (world, log.best, "the best iterate"), (first, start, "the start")
+        others = (*log.best, "the best iterate"), (first, start, "the start")
         world, result, flights, held = best_of(world, bound, result, flights, others, log)
     if held:
         bound = bounding_optimum(world, optimum, result.point.blade)

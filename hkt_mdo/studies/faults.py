@@ -70,11 +70,16 @@ def _without_disk(run: _Try) -> subprocess.Popen:
     return run.start(preexec_fn=limit)
 
 
+def _away(folder: Path) -> Path:
+    """Return where a result folder is taken."""
+    return folder.with_name(f"{folder.name}_taken_away")
+
+
 def _without_folder(run: _Try) -> subprocess.Popen:
     process = run.start()
     run.wait()
     with suppress(OSError):  # not made yet
-        run.folder.rename(run.folder.with_name(f"{run.folder.name}_taken_away"))
+        run.folder.rename(_away(run.folder))
     return process
 
 
@@ -166,6 +171,8 @@ def _disturb(fault, run: _Try, done) -> tuple[int, list[str]]:
     if code not in ENDS or len(said.splitlines()) > (code != 0):
         wrong.append(f"exit code {code}: {said[-300:]}")
     found = _energy(run.folder)
+    if code == 0 and found is None:  # it may be taken away after the run has finished
+        found = _energy(_away(run.folder))
     if code == 0 and found is None:
         wrong.append("exit code 0 without success")
     if found is not None and not abs(found / energy - 1.0) <= AGREEMENT:
