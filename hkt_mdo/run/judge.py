@@ -258,33 +258,37 @@ def _of_design(physics, optimum, reference, result, flights):
 
 
 def _recovery(physics, result, flights):
-    """Yield how far a rotor under feedback is closer to stall than `DistanceFromStall` allows.
-
-    It is asked where the rotor is `settled`. In a gust that is faster than the rotor, the
-    integration itself tells whether it comes back.
-    """
-    least, when = np.inf, np.nan
-    for flight in flights:
-        flown, gains = flight.simulation, result.point.gains
-
-        def net(speed, flown=flown, flight=flight, gains=gains):
-            driving = flight.plant.torque(speed, flown.inflow_speed)
-            return driving - physics.law.torque(speed, gains)
-
-        speed = flown.rotor_speed
-        unit = TYPICAL * torque_scale(
-            physics.density, flight.scalars["rotor_radius"], flown.inflow_speed
-        )
-        recovery = (net((1.0 - SLOWED) * speed) - net(speed)) / unit
-        recovery[~settled(flight.integrated | flight.scalars)] = np.inf
-        worst = int(np.argmin(recovery))
-        if recovery[worst] < least:
-            least, when = float(recovery[worst]), flown.time[worst]
+    """Yield how far a rotor under feedback is closer to stall than `DistanceFromStall` allows."""
+    shares = [short_of_recovery(physics, result, flight) for flight in flights]
+    worst = [int(np.argmax(each)) for each in shares]
+    share, when = max(
+        (each[place], flight.simulation.time[place])
+        for each, place, flight in zip(shares, worst, flights, strict=True)
+    )
     word = f"the torque that recovers a slowed rotor falls short of its least at t = {when:.2f} s"
     # without a torque curve no distance is asked, only that the rotor recovers at all
-    allowed = RECOVERY_ERROR if physics.has_curve else 1.0
-    if np.isfinite(least):
-        yield "distance_from_stall", 1.0 - least / LEAST, allowed, word
+    if np.isfinite(share):
+        yield "distance_from_stall", share, RECOVERY_ERROR if physics.has_curve else 1.0, word
+
+
+def short_of_recovery(physics: Physics, result: Optimized, flight: Flight) -> np.ndarray:
+    """Return how far the recovery torque of `DistanceFromStall` falls short of its least.
+
+    By direct BEM at the times of the integration, as a share of the least: 1 where a slowed rotor
+    does not recover, at most 0 where all is well. It is asked where the rotor is `settled`, else
+    -inf: in a gust that is faster than the rotor, the integration tells whether it comes back.
+    """
+    flown, gains = flight.simulation, result.point.gains
+
+    def net(speed):
+        driving = flight.plant.torque(speed, flown.inflow_speed)
+        return driving - physics.law.torque(speed, gains)
+
+    speed, radius = flown.rotor_speed, flight.scalars["rotor_radius"]
+    unit = TYPICAL * torque_scale(physics.density, radius, flown.inflow_speed)
+    recovery = (net((1.0 - SLOWED) * speed) - net(speed)) / unit
+    known = settled(flight.integrated | flight.scalars)
+    return np.where(known, 1.0 - recovery / LEAST, -np.inf)
 
 
 def _of_limit(physics, limit, result, flights):
@@ -364,7 +368,7 @@ FALSE_SOLUTION = (
 TRY = {
     "optimizer": "try hkt run --resume, the other driver.optimizer, or more driver.max_iterations",
     "flow_error": "try more phase.segments",
-    "mesh_error": "try more phase.segments",
+    "mesh_error": "try driver.optimizer=IPOPT, or more phase.segments",
     "distance_from_stall": "try hydrodynamics.torque=curve, or start.method=quasi_steady",
     "stored_energy": (
         "the captured energy counts what the rotor stores: try objective=generator, "

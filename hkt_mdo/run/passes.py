@@ -12,13 +12,13 @@ from hkt_mdo.dynamics.quasi_steady import Operation
 from hkt_mdo.dynamics.trajectory import QUANTITIES
 from hkt_mdo.problem.build import assemble, make_driver
 from hkt_mdo.problem.physics import Physics
-from hkt_mdo.problem.scenario import MOST_SEGMENTS
 from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes, find_start
 from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.judge import (
     BETWEEN_VIOLATION,
     MESH_ERROR,
+    RECOVERY_ERROR,
     SPEED_ERROR,
     Flight,
     Optimized,
@@ -26,6 +26,7 @@ from hkt_mdo.run.judge import (
     fly,
     is_false,
     recovers,
+    short_of_recovery,
 )
 from hkt_mdo.run.log import Log
 
@@ -35,6 +36,8 @@ NEAR_STALL = 0.022
 WORTHWHILE = 1e-6  # relative gain of the objective for which a move limit is re-centred again
 NEAR_LIMIT = 1e-4  # relative distance from its bound within which a limit binds at a node
 SHORT_OF = 3e-6  # of the energy: what segments together may fall short of quasi-steady operation
+# segments, whose problem takes several gigabytes; of a dense optimizer, minutes
+MOST_DIVIDED, MOST_DENSE = 10_000, 400
 PARTS = 4  # of a segment in which a limit begins or ceases to bind
 FIRST_ITERATIONS = 300  # after as many, an optimization has lost its way
 
@@ -68,13 +71,17 @@ def optimize(
         at_limit = gained and setup.moves.reached(physics, setup.start, result.point)
         flights = fly(physics, result)
         at_limit = at_limit and not is_false(flights)  # a false solution leads nowhere
+        if not setup.slowed and any(map(np.any, _near_stall(physics, result, flights))):
+            setup = replace(setup, slowed=SLOWED)
+            continue
         again = _refined(physics, setup, result, flights, at_limit)
         if again is None:
             error, parts = _mesh_error(physics, result, flights, coarser)
             result = replace(result, mesh_error=error)
             coarser.append(result.objective)
             ended = physics, result, flights
-            if not parts or sum(map(np.sum, parts)) > MOST_SEGMENTS:
+            most = MOST_DENSE if physics.case.driver.optimizer == "SLSQP" else MOST_DIVIDED
+            if not parts or sum(map(np.sum, parts)) > most:
                 return ended
             physics, setup = _on_finer_mesh(physics, setup, result, parts)
             log.save(setup.start, physics)
@@ -124,17 +131,23 @@ def _mesh_error(physics, result, flights, coarser) -> tuple[float, list[np.ndarr
     optimizer no torque over time to choose, and its error is none.
 
     What to divide is the number of parts of each segment, empty where the mesh is fine enough.
-    Divided are segments where the integration denies the collocation and, under open loop, those in
-    which a limit begins or ceases to bind, or the trajectory falls short of quasi-steady operation.
+    Divided are segments where the integration denies the collocation, where it is closer to stall
+    between the nodes than at them and, under open loop, those in which a limit begins or ceases to
+    bind, or the trajectory falls short of quasi-steady operation.
     """
     coarse, error = [np.zeros(each.scenario.segments, dtype=bool) for each in flights], 0.0
     if is_false(flights):
         for marks, flight in zip(coarse, flights, strict=True):
             errors = flight.speed_errors.reshape(marks.size, -1)
             marks |= np.max(errors, axis=1) > 0.3 * SPEED_ERROR
-        if np.mean(np.concatenate(coarse)) > 0.5:  # another trajectory: no mesh will mend it
+        # a second time it is another trajectory, which no mesh will mend; Radau's ends are free
+        radau = physics.law is not None and physics.case.phase.transcription == "radau"
+        if radau or (coarser and np.mean(np.concatenate(coarse)) > 0.5):
             coarse = [np.zeros_like(marks) for marks in coarse]
-    if physics.law is None:
+    if physics.law is not None:
+        for marks, near in zip(coarse, _near_stall(physics, result, flights), strict=False):
+            marks |= near
+    else:
         blade = result.point.blade
         known = replace(physics, shape=replace(physics.shape, blade=blade))
         ideal = find_start(known, best_operation(blade, physics.polar), improve=False)
@@ -149,6 +162,17 @@ def _mesh_error(physics, result, flights, coarser) -> tuple[float, list[np.ndarr
                 error = SHORT_OF
     divided = any(map(np.any, coarse))
     return float(error), [np.where(marks, PARTS, 1) for marks in coarse] if divided else []
+
+
+def _near_stall(physics, result, flights) -> list[np.ndarray]:
+    """Return, for each flight, the segments in which a feedback law is too close to stall."""
+    if physics.law is None or not physics.has_curve:
+        return []
+    found = []
+    for flight in flights:
+        short = short_of_recovery(physics, result, flight)[1:].reshape(flight.scenario.segments, -1)
+        found.append(np.max(short, axis=1) > RECOVERY_ERROR)
+    return found
 
 
 def _switches(physics, flight) -> np.ndarray:
