@@ -99,6 +99,12 @@ def claim(out: Path) -> None:
             figures.rmdir()
 
 
+def make_folder(path: Path) -> None:
+    """Make a folder in a result's; InputError if that cannot be written or was taken away."""
+    with _usable(path):
+        path.mkdir(exist_ok=True)
+
+
 def write_files(contents: Mapping[Path, bytes]) -> None:
     """Replace files, whole or not at all: a reader never sees an incomplete one.
 

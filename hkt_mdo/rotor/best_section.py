@@ -23,8 +23,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from hkt_mdo.compiled import compiled
 from hkt_mdo.rotor import bem
 
 ANGLES = 32  # of the search in the inflow angle, before it is refined
@@ -45,14 +45,14 @@ class BestSections(NamedTuple):
     twist: np.ndarray
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _delta(alpha, polar):
     """Return delta, the angle between force and lift, and the force coefficient."""
     lift, drag, _, _ = bem._polar_at(alpha, polar)
     return np.arctan2(drag, lift), np.hypot(lift, drag)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@compiled(error_model="numpy", inline="always")
 def _narrow(low, high, function, arguments):
     """Return where a function is largest in a bracket (golden section)."""
     left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
@@ -69,13 +69,13 @@ def _narrow(low, high, function, arguments):
     return 0.5 * (low + high)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _less(alpha, polar):
     """Return -delta, as a tuple for `_narrow`."""
     return (-_delta(alpha, polar)[0],)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _minima(polar):
     """Return the angles of attack of the local minima of delta below 90 degrees, lowest first."""
     n_knots = polar.shape[0]
@@ -93,7 +93,7 @@ def _minima(polar):
     return found[:count][np.argsort(depth[:count])][:MOST_MINIMA]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _load(phi, delta, lambda_r, station):
     """Return the load at an inflow angle, and chord times normal force coefficient that it asks."""
     r, hub_radius, tip_radius, blade_count = station
@@ -116,7 +116,7 @@ def _load(phi, delta, lambda_r, station):
     return m * (lambda_r / (cosine - m)) ** 2 / q, k * sine / q
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _best_at(phi, lambda_r, station, polar, minima, chord_bounds, twist_bounds, bounded):
     """Return the best load at an inflow angle over the local minima of delta and twist's bounds.
 
@@ -148,7 +148,7 @@ def _best_at(phi, lambda_r, station, polar, minima, chord_bounds, twist_bounds, 
     return load, chord, best
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _search(lambda_r, station, polar, minima, chord_bounds, twist_bounds, bounded):
     """Return load, chord and twist of the best inflow angle; the load is -1 if there is none."""
     arguments = (lambda_r, station, polar, minima, chord_bounds, twist_bounds, bounded)
@@ -172,7 +172,7 @@ def _search(lambda_r, station, polar, minima, chord_bounds, twist_bounds, bounde
     return load, chord, twist
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _inside(lambda_r, stations, polars, section, chord_bounds, twist_bounds, out):
     """Fill out[3, n_points, n_stations] with load, chord and twist; return where chords bind."""
     binding = np.zeros(lambda_r.shape, dtype=np.bool_)
@@ -194,7 +194,7 @@ def _inside(lambda_r, stations, polars, section, chord_bounds, twist_bounds, out
     return binding
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _turned(twist, chord, lambda_r, station, polar, knots):
     """Return the load of a section by BEM, as a tuple for `_narrow`."""
     whole = chord, twist, *station, polar
@@ -204,7 +204,7 @@ def _turned(twist, chord, lambda_r, station, polar, knots):
     return (chord * terms[1][0] / (s * s) if s > 0.0 else -np.inf,)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _at_bounds(lambda_r, points, station, polar, chords, twists, loads, out):
     """Enter into out[3, n_points] what is better with the chord at a bound."""
     knots, last = np.empty((7, bem.MOST_KNOTS)), twists.size - 1

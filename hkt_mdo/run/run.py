@@ -29,7 +29,7 @@ from hkt_mdo.problem.build import build_problem, make_driver
 from hkt_mdo.problem.physics import Physics, physics
 from hkt_mdo.problem.setup import bounding_optimum, find_start, steady_optimum
 from hkt_mdo.problem.start import StartingPoint
-from hkt_mdo.results.folder import check_folder, claim, locked, write_json, write_text
+from hkt_mdo.results.folder import check_folder, claim, locked, make_folder, write_json, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import Summary
 from hkt_mdo.run.digest import digest
@@ -138,6 +138,7 @@ def _run(
     if figures:
         from hkt_mdo.results.plots import save_figures
 
+        make_folder(out / "figures")
         save_figures(solution, out / "figures", ("png",) if figures is True else tuple(figures))
     return solution
 
