@@ -71,12 +71,13 @@ def optimize(
         at_limit = gained and setup.moves.reached(physics, setup.start, result.point)
         flights = fly(physics, result)
         at_limit = at_limit and not is_false(flights)  # a false solution leads nowhere
-        if not setup.slowed and any(map(np.any, _near_stall(physics, result, flights))):
+        near = _near_stall(physics, result, flights)
+        if not setup.slowed and any(map(np.any, near)):
             setup = replace(setup, slowed=SLOWED)
             continue
         again = _refined(physics, setup, result, flights, at_limit)
         if again is None:
-            error, parts = _mesh_error(physics, result, flights, coarser)
+            error, parts = _mesh_error(physics, result, flights, near, coarser)
             result = replace(result, mesh_error=error)
             coarser.append(result.objective)
             ended = physics, result, flights
@@ -121,10 +122,11 @@ def _refined(physics, setup, result, flights, at_limit) -> Setup | None:
     )
 
 
-def _mesh_error(physics, result, flights, coarser) -> tuple[float, list[np.ndarray]]:
+def _mesh_error(physics, result, flights, near, coarser) -> tuple[float, list[np.ndarray]]:
     """Return by how much a finer mesh may change the objective, relatively, and what to divide.
 
-    `coarser` has the objectives on the meshes before, the last one's at the end. Under open loop
+    `near` is that of `_near_stall`; `coarser` has the objectives on the meshes before, the last
+    one's at the end. Under open loop
     the error is how much the last division has changed it; of two divisions that form a geometric
     series, the rest of that series. Before a division it is how far the objective is from that of
     quasi-steady operation of the found blade, which needs no mesh. A feedback law leaves the
@@ -144,10 +146,9 @@ def _mesh_error(physics, result, flights, coarser) -> tuple[float, list[np.ndarr
         radau = physics.law is not None and physics.case.phase.transcription == "radau"
         if radau or (coarser and np.mean(np.concatenate(coarse)) > 0.5):
             coarse = [np.zeros_like(marks) for marks in coarse]
-    if physics.law is not None:
-        for marks, near in zip(coarse, _near_stall(physics, result, flights), strict=False):
-            marks |= near
-    else:
+    for marks, close in zip(coarse, near, strict=True):
+        marks |= close
+    if physics.law is None:
         blade = result.point.blade
         known = replace(physics, shape=replace(physics.shape, blade=blade))
         ideal = find_start(known, best_operation(blade, physics.polar), improve=False)
@@ -167,7 +168,7 @@ def _mesh_error(physics, result, flights, coarser) -> tuple[float, list[np.ndarr
 def _near_stall(physics, result, flights) -> list[np.ndarray]:
     """Return, for each flight, the segments in which a feedback law is too close to stall."""
     if physics.law is None or not physics.has_curve:
-        return []
+        return [np.zeros(each.scenario.segments, dtype=bool) for each in flights]
     found = []
     for flight in flights:
         short = short_of_recovery(physics, result, flight)[1:].reshape(flight.scenario.segments, -1)
