@@ -1,10 +1,12 @@
-"""The one error that is the user's to mend."""
+"""The one error that is the user's to mend, and the interrupts that compiled code hides."""
 
 from __future__ import annotations
 
 import reprlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 
-__all__ = ["InputError", "show"]
+__all__ = ["InputError", "interrupts_of_compiled_code", "show"]
 
 LONGEST_VALUE = 60  # characters that a message repeats
 _UNSET = object()
@@ -63,3 +65,21 @@ class InputError(Exception):
         return "".join(
             letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in line
         )
+
+
+@contextmanager
+def interrupts_of_compiled_code() -> Iterator[None]:
+    """Raise KeyboardInterrupt for the SystemError that hides one.
+
+    A handler of signals that raises while code compiled by numba runs makes Python report that the
+    code returned a result with an exception set; the exception is then the cause of the error.
+    """
+    try:
+        yield
+    except SystemError as error:
+        cause: BaseException | None = error
+        while isinstance(cause, SystemError):
+            cause = cause.__cause__ or cause.__context__
+        if isinstance(cause, KeyboardInterrupt):
+            raise KeyboardInterrupt from error
+        raise

@@ -22,7 +22,7 @@ import typer
 
 from hkt_mdo.cli import case, results, run, studies
 from hkt_mdo.cli.parts import BAD_INPUT, BUG, EXIT_CODES, EXTENSIONS, INTERRUPTED, Extend, complain
-from hkt_mdo.errors import InputError
+from hkt_mdo.errors import InputError, interrupts_of_compiled_code
 
 __all__ = ["app", "main"]
 
@@ -74,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="backslashreplace")
 
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), interrupts_of_compiled_code():
             warnings.filterwarnings("default", category=UserWarning, module=r"hkt_mdo\b")
             warnings.showwarning = _show_warning  # type: ignore[assignment]
             typer.main.get_command(app)(args=arguments, prog_name="hkt")

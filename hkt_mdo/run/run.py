@@ -24,7 +24,7 @@ import openmdao.api as om
 
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.dynamics.limits import LEAST, SLOWED
-from hkt_mdo.errors import InputError
+from hkt_mdo.errors import InputError, interrupts_of_compiled_code
 from hkt_mdo.problem.build import build_problem, make_driver
 from hkt_mdo.problem.physics import Physics, physics
 from hkt_mdo.problem.setup import bounding_optimum, find_start, steady_optimum
@@ -49,6 +49,7 @@ ROOM = "make room on the disk and give hkt run --resume"
 UNFINISHED = "interrupted before the end; hkt run --resume goes on from the last iterate"
 
 
+@interrupts_of_compiled_code()
 def run_case(
     case: Case,
     out: str | Path,
@@ -82,6 +83,7 @@ def run_case(
         return _run(world, out, progress, figures, records)
 
 
+@interrupts_of_compiled_code()
 def resume_case(
     out: str | Path,
     *,
@@ -122,10 +124,6 @@ def _run(
                 finished = _optimize_and_judge(world, out, log, start, records)
             told = {"wall_seconds": time.perf_counter() - began, "digest": made_of}
             summary = finished.model_copy(update=told)
-        except SystemError as error:
-            if isinstance(error.__cause__, KeyboardInterrupt):  # it came while numba's code ran
-                raise KeyboardInterrupt from error
-            raise
         except sqlite3.Error as error:
             reason = f"OpenMDAO's recorder: {error}"
             if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL:

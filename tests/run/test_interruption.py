@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 
 from hkt_mdo.case import load_case
+from hkt_mdo.cli import main
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.run import log, run
+from hkt_mdo.run import check, log, run
 
 CASES = Path(__file__).parents[2] / "cases"
 SHORT = ["phase.segments=15", "phase.duration=15"]
@@ -74,19 +75,36 @@ def test_an_interrupted_run_says_so(tmp_path, optimizer, number):
     assert not (folder / "lock").exists()
 
 
-def test_an_interrupt_in_compiled_code_is_one(tmp_path, monkeypatch):
-    """Python tells by a SystemError that numba's code returned although a handler had raised."""
-
-    def compiled(*_):
+def compiled_code_interrupted(*_, **__):
+    """Fail as Python does when code compiled by numba returned although a handler had raised."""
+    try:
+        raise KeyboardInterrupt
+    except KeyboardInterrupt as interrupt:
         try:
-            raise KeyboardInterrupt
-        except KeyboardInterrupt as interrupt:
             raise SystemError("returned a result with an exception set") from interrupt
+        except SystemError as error:
+            raise SystemError("returned a result with an exception set") from error
 
-    monkeypatch.setattr(run, "_optimize_and_judge", compiled)
+
+@pytest.mark.parametrize("where", ["physics", "_optimize_and_judge"])
+def test_an_interrupt_in_compiled_code_is_one(tmp_path, monkeypatch, where):
+    monkeypatch.setattr(run, where, compiled_code_interrupted)
     with pytest.raises(KeyboardInterrupt):
         run.run_case(case(), tmp_path / "out")
-    assert "--resume" in summary(tmp_path / "out")["message"]
+    if where != "physics":
+        assert "--resume" in summary(tmp_path / "out")["message"]
+
+
+@pytest.mark.parametrize("command", [["run"], ["check"]])
+def test_an_interrupt_in_compiled_code_ends_a_command_with_its_code(
+    tmp_path, monkeypatch, capsys, command
+):
+    for module in (run, check):
+        monkeypatch.setattr(module, "physics", compiled_code_interrupted)
+    path = tmp_path / "case.yaml"
+    path.write_text(case().to_yaml())
+    assert main([*command, str(path)]) == 130
+    assert "interrupted: nothing was saved" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("optimizer", ["IPOPT", "SLSQP"])
