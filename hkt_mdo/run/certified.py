@@ -120,15 +120,16 @@ def _inertia_of_heavy(physics, optimum):
     sums = np.zeros((prices.size, RATIOS))
     for j, r in enumerate(blade.r):
         first = np.searchsorted(chords[:-1], whole.chord[:, j].min(), side="right")
-        chord, twist = (
-            each.ravel() for each in np.meshgrid(chords[first:-1], twists, indexing="ij")
-        )
-        strip = replace(blade, r=np.full(chord.size, r), chord=chord, twist=twist)
-        found = bem.sections(strip, bem.polar_at(physics.polar, j), points).tangential_load
-        # what a parabola adds between twists, then the best of this and larger chords
         load = np.full((RATIOS, CHORDS), -np.inf)
-        load[:, first:] = peak(found.reshape(-1, TWISTS)).reshape(RATIOS, -1)
-        load = np.maximum.accumulate(load[:, ::-1], axis=1)[:, ::-1]
+        if first < CHORDS:  # else the largest chord is the best, and there are none beyond it
+            chord, twist = (
+                each.ravel() for each in np.meshgrid(chords[first:-1], twists, indexing="ij")
+            )
+            strip = replace(blade, r=np.full(chord.size, r), chord=chord, twist=twist)
+            found = bem.sections(strip, bem.polar_at(physics.polar, j), points).tangential_load
+            # what a parabola adds between twists, then the best of this and larger chords
+            load[:, first:] = peak(found.reshape(-1, TWISTS)).reshape(RATIOS, -1)
+            load = np.maximum.accumulate(load[:, ::-1], axis=1)[:, ::-1]
         load = np.where(chords[:-1] <= whole.chord[:, j, None], whole.load[:, j, None], load)
         load = np.minimum(load, whole.load[:, j, None])
         shares = ratios[:, None] * weights[j] * load
