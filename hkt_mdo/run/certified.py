@@ -27,10 +27,12 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
 
     `bound` is the quasi-steady one, which it never exceeds. Of a law that is not the package's own,
     only the torque limit is regarded. None where polars follow the Reynolds number or the radius is
-    designed.
+    designed, or the best tip speed ratio is near `HIGHEST`.
     """
     shape, law, limit = physics.shape, physics.law, physics.torque_limit
     if isinstance(physics.polar, LocalReynolds) or shape.radius_bounds is not None:
+        return None
+    if optimum.tip_speed_ratio > 0.8 * HIGHEST:
         return None
     known = law if type(law) in (LinearFeedback, QuadraticFeedback) else None
     free = limit is None and (known is None or isinstance(known, QuadraticFeedback))
@@ -64,11 +66,12 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
 def _best_power(physics, optimum):
     """Return the `BestPower` of a case's blades, with the inertia of the blade as given."""
     shape, blade, peak = physics.shape, physics.blade, optimum.tip_speed_ratio
+    upper = min(1.6 * peak, HIGHEST - 1.0)
     ratios = np.concatenate(
         (
             np.linspace(LOWEST, 0.55 * peak, 8, endpoint=False),
-            np.linspace(0.55 * peak, 1.6 * peak, 33),
-            np.linspace(min(1.6 * peak, HIGHEST - 1.0), HIGHEST, 9)[1:],
+            np.linspace(0.55 * peak, upper, 33),
+            np.linspace(upper, HIGHEST, 9)[1:],
         )
     )
     if shape.designs_chord:

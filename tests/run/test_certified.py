@@ -56,7 +56,7 @@ def test_quadratic_feedback_without_a_limit_leaves_no_duality_gap():
 def test_it_holds_where_the_largest_chord_is_the_best():
     world = _world("linear", None, design={"chord_bounds": [0.01, 0.02]})
     optimum, bound, certified = _certified(world)
-    assert np.allclose(optimum.blade.chord[3:-3], 0.02)
+    assert optimum.blade.chord[0] == pytest.approx(0.02)
     assert 0.9 * bound < certified <= bound
 
 
