@@ -69,7 +69,9 @@ class Load(NamedTuple):
         if self.r.size == 1:
             values, share = self.values[:, 0], np.ones(self.values.shape)
         else:
-            values, share, _ = norm(np.where(np.real(self.values) > 0.0, self.values, 0.0), exponent)
+            values, share, _ = norm(
+                np.where(np.real(self.values) > 0.0, self.values, 0.0), exponent
+            )
         if not self.by_chord.size:
             return Envelope(values, *(np.empty(0),) * 4)
         by_chord, by_twist = (
@@ -108,13 +110,16 @@ class LoadModel:
     """What the loads of a rotor follow from, besides its blade.
 
     polar is what `bem.sections` takes, water_density in kg/m³. Without a `Structure` there is no
-    stress, without a `Cavitation` no cavitation.
+    stress, without a `Cavitation` no cavitation. exponent is that of the norms which stand for the
+    largest stress over an outline and, in `Load.envelope`, along the blade: a larger one is closer
+    to the largest, and less smooth.
     """
 
     polar: object
     water_density: float = 1000.0
     structure: Structure | None = None
     cavitation: Cavitation | None = None
+    exponent: float = EXPONENT
 
     @property
     def names(self):
@@ -198,7 +203,8 @@ def _by_flow(flow, blade, normal, tangential):
     normal and tangential[n_points, n_places, n_stations] are the derivatives by both loads.
     """
     by = (
-        normal * flow.derivatives[1, place, :, None] + tangential * flow.derivatives[0, place, :, None]
+        normal * flow.derivatives[1, place, :, None]
+        + tangential * flow.derivatives[0, place, :, None]
         for place in range(3)
     )
     by_ratio, by_chord, by_twist = by
@@ -251,7 +257,7 @@ def _stress(model, blade, flow, ratio):
     flapwise, edgewise = _moments(blade, flow, r)
     flapwise = flapwise + rate * sine * bend
     weak, strong = _about_chord(flapwise, edgewise, twist)
-    bending = structure.bending(weak, strong, chord)
+    bending = structure.bending(weak, strong, chord, model.exponent)
     tension = rate * cosine * pull / (area * chord**2)
     exact, values = bending.largest + np.real(tension), bending.smooth + tension
     if not flow.derivatives.size:

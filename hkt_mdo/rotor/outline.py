@@ -8,7 +8,6 @@ import numpy as np
 
 from hkt_mdo.files.outline import read_outline
 
-
 # Where both sides of an outline are blended, as fractions of the chord: crowded towards both edges
 FRACTIONS = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, 201)))
 

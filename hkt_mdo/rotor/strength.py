@@ -11,9 +11,9 @@ import numpy as np
 
 from hkt_mdo.rotor.outline import Outline, SecondMoments
 
-PARTS = 8  # of every interval between stations: the largest stress is within 1e-3 of the continuous
-EXPONENT = 200.0  # of the norms that are smooth instead of the largest; see `norm`
-POINT_ERROR = 5e-4  # how much the points of an outline that are kept may stand out too far
+PLACES = 64  # about; with them the largest stress is within 1e-3 of that between all places
+EXPONENT = 400.0  # of the norms that are smooth instead of the largest; see `norm`
+POINT_ERROR = 1e-4  # how much the points of an outline that are kept may stand out too far
 
 
 class Bending(NamedTuple):
@@ -82,19 +82,19 @@ class Structure:
         spread = [each if each.size == 1 else place_weights(each.size) @ each for each in given]
         return replace(self, **dict(zip(("area", "xx", "yy", "xy"), spread, strict=True)))
 
-    def bending(self, weak, strong, chord):
+    def bending(self, weak, strong, chord, exponent=EXPONENT):
         """Return the `Bending` stress by moments weak and strong[n_points, n_places] (N m).
 
-        weak is the moment of forces towards +y, strong of forces towards -x; chord[n_places] in m.
-        The stress is linear over the section, x u + y v, with
+        weak is the moment of forces towards +y, strong of forces towards -x; chord[n_places] in m,
+        exponent that of the `norm` over the outline. Over the section, the stress is linear,
 
-            u = (xx strong + xy weak) / d,  v = -(yy weak + xy strong) / d,  d = (xx yy - xy²) c³.
+            x u + y v,  u = (xx strong + xy weak) / d,  v = -(yy weak + xy strong) / d,  d = (xx yy - xy²) c³.
         """
         d = (self.xx * self.yy - self.xy**2) * chord**3
         u = (self.xx * strong + self.xy * weak) / d
         v = -(self.yy * weak + self.xy * strong) / d
         x, y = self.points[..., 0], self.points[..., 1]
-        smooth, share, largest = norm(x * u[..., None] + y * v[..., None])
+        smooth, share, largest = norm(x * u[..., None] + y * v[..., None], exponent)
         by_u, by_v = np.sum(share * x, axis=-1), np.sum(share * y, axis=-1)
         by_weak = (self.xy * by_u - self.yy * by_v) / d
         return Bending(largest, smooth, by_weak, (self.xx * by_u - self.xy * by_v) / d)
@@ -116,10 +116,12 @@ class Structure:
 def place_weights(n_stations):
     """Return the matrix (n_places, n_stations) from values at stations to those at places.
 
-    The places are where stress is looked at: the stations, and `PARTS` - 1 equally spaced between
-    each two. Values are linear between stations.
+    The places are where stress is looked at: the stations, and others equally spaced between each
+    two: about `PLACES` in all, and at least two in each interval. Between stations, values are
+    linear.
     """
-    at = np.arange((n_stations - 1) * PARTS + 1)[:, None] / PARTS
+    parts = max(3, -(-PLACES // max(n_stations - 1, 1)))
+    at = np.arange((n_stations - 1) * parts + 1)[:, None] / parts
     return np.maximum(1.0 - np.abs(at - np.arange(n_stations)), 0.0)
 
 
@@ -133,10 +135,14 @@ def norm(values, exponent=EXPONENT):
     largest = np.max(np.real(size), axis=-1)
     scale = np.where(largest > 0.0, largest, 1.0)
     ratio = size / scale[..., None]
-    total = np.sum(ratio**exponent, axis=-1)
-    total = np.where(largest > 0.0, total, 1.0) ** (1.0 / exponent)
-    share = (ratio / total[..., None]) ** (exponent - 1.0)
-    return largest * total, np.where(np.real(values) < 0.0, -share, share), largest
+    power = np.zeros(ratio.shape, dtype=ratio.dtype)
+    near = np.real(ratio) > np.exp(-40.0 / exponent)  # the others are below the last digit
+    power[near] = ratio[near] ** (exponent - 1.0)
+    total = np.sum(power * ratio, axis=-1)
+    total = np.where(largest > 0.0, total, 1.0)
+    share = power * (total ** (1.0 / exponent - 1.0))[..., None]
+    smooth = largest * total ** (1.0 / exponent)
+    return smooth, np.where(np.real(values) < 0.0, -share, share), largest
 
 
 def _section(outline, wall):
