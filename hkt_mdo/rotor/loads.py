@@ -138,13 +138,16 @@ class LoadModel:
 
         Stations ascend; tip_speed_ratio[n] is that of the disc. A section without a root has no
         load. Raises ValueError where `bem.sections` does, for derivatives with `LocalReynolds`, for
-        a structure with another number of stations, and where a station is out of the water.
+        a structure with another number of stations, where a station is out of the water, and for
+        names of loads that the model does not give.
         """
         if derivatives and isinstance(self.polar, LocalReynolds):
             raise ValueError("loads have no derivatives with local Reynolds numbers")
+        names = self.names if names is None else names
+        if missing := [name for name in names if name not in self.names]:
+            raise ValueError(f"the model gives no {', '.join(missing)}")
         ratio = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
         flow = bem.sections(blade, self.polar, ratio / np.cos(blade.cone), derivatives)
-        names = self.names if names is None else names
         return {name: _LOADS[name](self, blade, flow, ratio) for name in names}
 
     def tip_deflection(self, blade, tip_speed_ratio):
@@ -153,8 +156,11 @@ class LoadModel:
         Euler-Bernoulli's beam of small deflections, clamped at the hub radius, under the loads of
         the flow (the centrifugal force, which stiffens it, is left out): integral of the curvature
         times (tip radius - r). Sections bend about their own inclined axes; chord, twist and
-        section run linearly between stations and are carried on to hub and tip.
+        section run linearly between stations and are carried on to hub and tip. Raises ValueError
+        without a structure or its modulus.
         """
+        if self.structure is None:
+            raise ValueError("deflections need a structure")
         structure, ratio = self.structure, np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
         flow = bem.sections(blade, self.polar, ratio / np.cos(blade.cone))
         weights = place_weights(blade.r.size)
@@ -244,7 +250,7 @@ def _whole(blade, flow, weights, power):
 def _stress(model, blade, flow, ratio):
     structure, weights = model.structure, place_weights(blade.r.size)
     r, chord, twist = weights @ blade.r, weights @ blade.chord, weights @ blade.twist
-    if structure.area.size not in (1, r.size):
+    if structure.n_stations not in (None, blade.r.size):
         raise ValueError(f"the structure is not that of {blade.r.size} stations")
     area = np.broadcast_to(structure.area, r.size)
     (pull, second), slopes = _outboard(blade, area, r, chord)

@@ -106,7 +106,7 @@ class Outline:
     def resampled(self):
         """Return x, and y of the upper and the lower side, from leading to trailing edge."""
         x = np.min(self.x) + FRACTIONS * np.ptp(self.x)
-        return x, *_sides_at(x, self.x, self.y)
+        return x, *_sides_at(x, self.x, self.y)[:: self._turn]
 
     def hollowed(self, wall):
         """Return the outline of the hollow left by a wall (over the chord), or None if none is.
@@ -114,18 +114,21 @@ class Outline:
         The inner side has the distance `wall` from the outer one. Towards a sharp trailing edge,
         where the walls meet, the section is solid.
         """
-        turn = np.sign(np.sum(self._sides()[4]))  # 1 where the points run anticlockwise
         run, rise = np.gradient(self.x), np.gradient(self.y)
-        step = turn * wall / np.maximum(np.hypot(run, rise), np.finfo(float).tiny)
+        step = self._turn * wall / np.maximum(np.hypot(run, rise), np.finfo(float).tiny)
         x = np.min(self.x) + wall + FRACTIONS * (np.ptp(self.x) - 2.0 * wall)
-        upper, lower = _sides_at(x, self.x - step * rise, self.y + step * run)
-        if turn < 0.0:
-            upper, lower = -lower, -upper
+        inner = self.x - step * rise, self.y + step * run
+        upper, lower = _sides_at(x, *inner)[:: self._turn]
         inside = upper > lower
         if np.count_nonzero(inside) < 2:
             return None
         x, upper, lower = x[inside], upper[inside], lower[inside]
         return Outline(np.concatenate((x[::-1], x)), np.concatenate((upper[::-1], lower)))
+
+    @cached_property
+    def _turn(self):
+        """1 where the points run anticlockwise, over the upper side first, or else -1."""
+        return 1 if np.sum(self._sides()[4]) > 0.0 else -1
 
     def _sides(self, x0=0.0, y0=0.0):
         """Return the ends of every side relative to a point, and their cross products."""
@@ -135,14 +138,12 @@ class Outline:
 
 
 def _sides_at(at, x, y):
-    """Return y of the upper and the lower side of an outline's points at some x.
+    """Return y of both sides of an outline at some x, the side where its points begin first.
 
-    Where a side turns back in x, as in front of a leading edge that is not the first point, the
-    part that goes on is taken.
+    Where a side turns back in x, the part that goes on towards the trailing edge is taken.
     """
     nose, found = int(np.argmin(x)), []
     for side in (slice(nose, None, -1), slice(nose, None)):
         on = np.concatenate(([True], x[side][1:] > np.maximum.accumulate(x[side])[:-1]))
         found.append(np.interp(at, x[side][on], y[side][on]))
-    first, second = found
-    return (first, second) if np.sum(first) >= np.sum(second) else (second, first)
+    return found

@@ -13,7 +13,7 @@ from hkt_mdo.rotor.outline import Outline, SecondMoments
 
 PLACES = 64  # about; with them the largest stress is within 1e-3 of that between all places
 EXPONENT = 400.0  # of the norms that are smooth instead of the largest; see `norm`
-POINT_ERROR = 1e-4  # how much the points of an outline that are kept may stand out too far
+POINT_ERROR = 2e-4  # how much the points of an outline that are kept may stand out too far
 
 
 class Bending(NamedTuple):
@@ -37,7 +37,8 @@ class Structure:
     yy = integral of x² dA, xy = integral of x y dA about the centroid; each of shape (n,) or, for
     equal sections, (1,). points[n or 1, n_points, 2] are those (x, y) of the outline that can have
     the largest stress, over the chord, from the centroid. density (kg/m³) and Young's modulus (Pa)
-    are the material's; the latter is needed for deflections only.
+    are the material's; the latter is needed for deflections only. n_stations is that of the blade,
+    None for equal sections.
     """
 
     area: np.ndarray
@@ -47,6 +48,7 @@ class Structure:
     points: np.ndarray
     density: float
     modulus: float | None = None
+    n_stations: int | None = None
 
     @classmethod
     def of(cls, outlines, density, modulus=None, wall=None):
@@ -58,7 +60,7 @@ class Structure:
         """
         same = isinstance(outlines, Outline)
         if same and np.ndim(wall) == 0:
-            sections = [_section(outlines, wall)]
+            n, sections = None, [_section(outlines, wall)]
         else:
             n = np.size(wall) if same else len(outlines)
             stations = [outlines] * n if same else outlines
@@ -70,25 +72,31 @@ class Structure:
                 sections.append(_section(outline, None if wall is None else weights @ walls))
         numbers = np.array([(area, *moments) for area, moments, _ in sections]).T
         points = _governing([points for _, _, points in sections])
-        return cls(*numbers, points, float(density), modulus)
+        return cls(*numbers, points, float(density), modulus, n)
 
     def with_section(self, area, second_moments):
         """Return the structure with another area and `SecondMoments`, as measured or computed.
 
         Each number, over chord squared or its fourth power, is one or one a station, linear
-        between. The points of the outline stay.
+        between. The points of the outline stay. Raises ValueError where the numbers of stations
+        differ.
         """
-        given = (np.atleast_1d(np.asarray(each, dtype=float)) for each in (area, *second_moments))
+        given = [np.atleast_1d(np.asarray(each, dtype=float)) for each in (area, *second_moments)]
+        counts = {each.size for each in given if each.size > 1}
+        counts |= {self.n_stations} if self.n_stations else set()
+        if len(counts) > 1:
+            raise ValueError(f"sections are given at different numbers of stations: {counts}")
         spread = [each if each.size == 1 else place_weights(each.size) @ each for each in given]
-        return replace(self, **dict(zip(("area", "xx", "yy", "xy"), spread, strict=True)))
+        numbers = dict(zip(("area", "xx", "yy", "xy"), spread, strict=True))
+        return replace(self, **numbers, n_stations=counts.pop() if counts else None)
 
     def bending(self, weak, strong, chord, exponent=EXPONENT):
         """Return the `Bending` stress by moments weak and strong[n_points, n_places] (N m).
 
         weak is the moment of forces towards +y, strong of forces towards -x; chord[n_places] in m,
-        exponent that of the `norm` over the outline. Over the section, the stress is linear,
+        exponent that of the `norm` over the outline. The stress is x u + y v with
 
-            x u + y v,  u = (xx strong + xy weak) / d,  v = -(yy weak + xy strong) / d,  d = (xx yy - xy²) c³.
+            u = (xx strong + xy weak) / d,  v = -(yy weak + xy strong) / d,  d = (xx yy - xy²) c³.
         """
         d = (self.xx * self.yy - self.xy**2) * chord**3
         u = (self.xx * strong + self.xy * weak) / d
