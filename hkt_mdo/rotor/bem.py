@@ -58,9 +58,9 @@ class Sections(NamedTuple):
 
     branch is 0 for momentum theory (k <= 2/3), 1 for Buhl's empirical branch (k > 2/3), 2 for an
     inflow angle beyond 90 degrees, 3 for a negative inflow angle (propeller brake) and -1 for no
-    root. derivatives are those of the tangential load, the normal load and the inflow angle with
-    respect to `INPUTS`, shape (3, 4, n_points, n_stations), empty unless requested; all but the
-    last are at a constant Reynolds number.
+    root. derivatives are those of the tangential load, the normal load, the inflow angle and the
+    relative speed with respect to `INPUTS`, shape (4, 4, n_points, n_stations), empty unless
+    requested; all but the last are at a constant Reynolds number.
     """
 
     inflow_angle: np.ndarray
@@ -177,7 +177,7 @@ def _terms(phi, chord, twist, r, hub_radius, tip_radius, blade_count, polar):
 
 @compiled(error_model="numpy")
 def _derivatives(terms, tip_speed_ratio, chord, r, tip_radius, by_reynolds, out):
-    """Fill out[n_outputs, n_inputs]: total derivatives of loads and angle at a root, by `INPUTS`.
+    """Fill out[n_outputs, n_inputs]: total derivatives at a root, by `INPUTS`; see `Sections`.
 
     dphi/dx = -f_x / f_phi by the implicit function theorem. by_reynolds holds the derivatives of
     the tangential and the normal force coefficient by the logarithm of the Reynolds number.
@@ -203,6 +203,7 @@ def _derivatives(terms, tip_speed_ratio, chord, r, tip_radius, by_reynolds, out)
         s_x += s_phi * phi_x
         if out.shape[0] > 2:
             out[2, i] = phi_x
+            out[3, i] = -s_x / (s * s)
         for load in range(min(out.shape[0], 2)):
             force_x = (normal_x if load else tangential_x) + forces[2 + load] * phi_x
             out[load, i] = chord_load * (force_x + forces[load] * (by_chord - 2.0 * s_x / s))
@@ -495,7 +496,7 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False):
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
     n_inputs = len(INPUTS) if derivatives else 0
-    state, branch, gradient = _solve(points, *_arguments(blade, polar, points), 3, n_inputs)
+    state, branch, gradient = _solve(points, *_arguments(blade, polar, points), 4, n_inputs)
     return Sections(*state.transpose(0, 2, 1), branch.T, gradient.transpose(0, 1, 3, 2))
 
 

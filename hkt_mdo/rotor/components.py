@@ -1,4 +1,4 @@
-"""The rotor as OpenMDAO components: shape, torque coefficient table, mass and inertia."""
+"""The rotor as OpenMDAO components: shape, tables of torque and loads, mass and inertia."""
 
 from dataclasses import replace
 
@@ -7,6 +7,7 @@ import openmdao.api as om
 
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.rotor.loads import COEFFICIENT_UNITS, LoadModel
 from hkt_mdo.rotor.shape import Shape
 
 QUANTITIES = {
@@ -89,6 +90,53 @@ class TorqueTable(om.ExplicitComponent):
         blade = options["blade"].with_rotor_radius(inputs["rotor_radius"][0])
         blade = blade.with_shape(inputs["chord"], inputs["twist"])
         return options["coefficients"](blade, options["polar"], options["nodes"], derivatives)
+
+
+class LoadTable(om.ExplicitComponent):
+    """Loads of a blade over the dynamic pressure 0.5 rho v², at tip speed ratios; see `LoadModel`.
+
+    Inputs chord[n_stations] (m), twist[n_stations] (rad), rotor_radius (m), with which hub,
+    stations and tip move. For each of the names thrust, root_moment, stress and cavitation that are
+    chosen, an output <name>_table[n_nodes]: the smooth largest load along the blade (`Envelope`).
+    """
+
+    def initialize(self):
+        declare = self.options.declare
+        declare("blade", desc="the start `Blade`: stations, hub, tip, count", recordable=False)
+        declare("model", types=LoadModel, desc="polar, structure, cavitation", recordable=False)
+        declare("names", types=tuple, desc="names of the loads")
+        declare("nodes", types=np.ndarray, desc="tip speed ratios of the table")
+
+    def setup(self):
+        blade = self.options["blade"]
+        for name, meta in QUANTITIES.items():
+            self.add_input(name, val=getattr(blade, name), **meta)
+        for name in self.options["names"]:
+            self.add_output(
+                f"{name}_table",
+                shape=self.options["nodes"].shape,
+                units=COEFFICIENT_UNITS[name],
+                desc=f"{name} / (0.5 rho v^2) at the nodes",
+            )
+        self.declare_partials("*", "*")
+
+    def compute(self, inputs, outputs):
+        for name, found in self._solve(inputs).items():
+            outputs[f"{name}_table"] = found.values
+
+    def compute_partials(self, inputs, partials):
+        for name, found in self._solve(inputs, derivatives=True).items():
+            for by in QUANTITIES:
+                partials[f"{name}_table", by] = getattr(found, f"by_{by}")
+
+    def _solve(self, inputs, derivatives=False):
+        options = self.options
+        blade = options["blade"].with_rotor_radius(inputs["rotor_radius"][0])
+        blade = blade.with_shape(inputs["chord"], inputs["twist"])
+        found = options["model"].coefficients(
+            blade, options["nodes"], derivatives, options["names"]
+        )
+        return {name: load.envelope(options["model"].exponent) for name, load in found.items()}
 
 
 class AngleComp(om.ExplicitComponent):

@@ -8,6 +8,9 @@ import numpy as np
 
 from hkt_mdo.files.outline import read_outline
 
+# Where both sides of an outline are blended, as fractions of the chord: crowded towards both edges
+FRACTIONS = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, 201)))
+
 
 class SecondMoments(NamedTuple):
     """Second moments of area over the fourth power of the chord, about the centroid.
@@ -82,8 +85,65 @@ class Outline:
             float(np.dot(cross, x * (2.0 * y + next_y) + next_x * (y + 2.0 * next_y))) / 24.0,
         )
 
+    def stretched(self, factor):
+        """Return the outline with its thickness, and camber with it, times a factor."""
+        return Outline(self.x, factor * self.y)
+
+    def blend(self, other, share):
+        """Return the outline between two: the mean, by share of the other, of upper and lower side.
+
+        Both sides are taken at equal fractions of the chord, so thickness and area are linear in
+        the share, and the second moment of area across the chord is a cubic.
+        """
+        if share == 0.0 or other is self:
+            return self
+        if share == 1.0:
+            return other
+        pairs = zip(self.resampled(), other.resampled(), strict=True)
+        x, upper, lower = ((1.0 - share) * one + share * two for one, two in pairs)
+        return Outline(np.concatenate((x[::-1], x)), np.concatenate((upper[::-1], lower)))
+
+    def resampled(self):
+        """Return x, and y of the upper and the lower side, from leading to trailing edge."""
+        x = np.min(self.x) + FRACTIONS * np.ptp(self.x)
+        return x, *_sides_at(x, self.x, self.y)[:: self._turn]
+
+    def hollowed(self, wall):
+        """Return the outline of the hollow left by a wall (over the chord), or None if none is.
+
+        The inner side has the distance `wall` from the outer one. Towards a sharp trailing edge,
+        where the walls meet, the section is solid.
+        """
+        run, rise = np.gradient(self.x), np.gradient(self.y)
+        step = self._turn * wall / np.maximum(np.hypot(run, rise), np.finfo(float).tiny)
+        x = np.min(self.x) + wall + FRACTIONS * (np.ptp(self.x) - 2.0 * wall)
+        inner = self.x - step * rise, self.y + step * run
+        upper, lower = _sides_at(x, *inner)[:: self._turn]
+        inside = upper > lower
+        if np.count_nonzero(inside) < 2:
+            return None
+        x, upper, lower = x[inside], upper[inside], lower[inside]
+        return Outline(np.concatenate((x[::-1], x)), np.concatenate((upper[::-1], lower)))
+
+    @cached_property
+    def _turn(self):
+        """1 where the points run anticlockwise, over the upper side first, or else -1."""
+        return 1 if np.sum(self._sides()[4]) > 0.0 else -1
+
     def _sides(self, x0=0.0, y0=0.0):
         """Return the ends of every side relative to a point, and their cross products."""
         x, y = self.x - x0, self.y - y0
         next_x, next_y = np.roll(x, -1), np.roll(y, -1)
         return x, y, next_x, next_y, x * next_y - next_x * y
+
+
+def _sides_at(at, x, y):
+    """Return y of both sides of an outline at some x, the side where its points begin first.
+
+    Where a side turns back in x, the part that goes on towards the trailing edge is taken.
+    """
+    nose, found = int(np.argmin(x)), []
+    for side in (slice(nose, None, -1), slice(nose, None)):
+        on = np.concatenate(([True], x[side][1:] > np.maximum.accumulate(x[side])[:-1]))
+        found.append(np.interp(at, x[side][on], y[side][on]))
+    return found

@@ -264,8 +264,8 @@ def test_two_roots_vanish_where_the_torque_jumps(study):
 # Derivatives: complex step through the residual, at every branch
 
 
-def complex_loads(phi, inputs, r, blade, polar):
-    """Return tangential and normal load with complex inputs, the root found by Newton's method."""
+def complex_section(phi, inputs, r, blade, polar):
+    """Return loads, inflow angle and relative speed with complex inputs, by Newton's method."""
     ratio, chord, twist = (complex(value) for value in inputs)
     phi = complex(phi)
     lambda_r = ratio * r / blade.tip_radius
@@ -275,7 +275,7 @@ def complex_loads(phi, inputs, r, blade, polar):
         (s, c, s_phi, c_phi), forces = bem._terms(phi, *station)[:2]
         phi -= (s - c / lambda_r) / (s_phi - c_phi / lambda_r)
     (s, c, _, _), forces = bem._terms(phi, *station)[:2]
-    return np.array([chord * forces[0] / s**2, chord * forces[1] / s**2])
+    return np.array([chord * forces[0] / s**2, chord * forces[1] / s**2, phi, 1.0 / s])
 
 
 @pytest.mark.parametrize("branch", [0, 1, 2, 3])
@@ -291,8 +291,8 @@ def test_derivatives_are_those_of_the_complex_step(branch, study, ideal_polar):
             for place in range(len(inputs)):
                 stepped = list(inputs)
                 stepped[place] = inputs[place] + 1e-30j
-                expected = complex_loads(phi, stepped, blade.r[j], blade, polar).imag / 1e-30
-                mine = found.derivatives[:2, place, i, j]
+                expected = complex_section(phi, stepped, blade.r[j], blade, polar).imag / 1e-30
+                mine = found.derivatives[:, place, i, j]
                 assert np.allclose(mine, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max())
             checked += 1
 

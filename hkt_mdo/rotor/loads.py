@@ -1,0 +1,347 @@
+"""Loads of a rotor over the flow's dynamic pressure q = 0.5 rho v², by the tip speed ratio.
+
+At a tip speed ratio every speed is proportional to that of the flow v, and every load to q, that of
+the centrifugal force too: load = q c(tip speed ratio). Definitions are in docs/theory.md.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.strength import EXPONENT, Structure, norm, place_weights
+
+# Unit of each load, and of its coefficient, the load over q (Pa)
+UNITS = {"thrust": "N", "root_moment": "N*m", "stress": "Pa", "cavitation": None}
+COEFFICIENT_UNITS = {"thrust": "m**2", "root_moment": "m**3", "stress": None, "cavitation": "1/Pa"}
+
+# Three points are exact for (linear chord)² times linear shape times r², a quintic.
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+_SHARES, _WEIGHTS = 0.5 * (_POINTS + 1.0)[:, None], 0.5 * _WEIGHTS[:, None]
+
+
+class Envelope(NamedTuple):
+    """A load's smooth largest value along the blade at n tip speed ratios, never below the largest.
+
+    values, by_tip_speed_ratio and by_rotor_radius (per m; hub, stations and tip move at constant
+    chord and twist) have the shape (n,), by_chord (per m) and by_twist (per rad) (n, n_stations).
+    """
+
+    values: np.ndarray
+    by_tip_speed_ratio: np.ndarray
+    by_chord: np.ndarray
+    by_twist: np.ndarray
+    by_rotor_radius: np.ndarray
+
+
+class Load(NamedTuple):
+    """A load over q at n tip speed ratios and m places along the blade, at the radii r[m].
+
+    exact[n, m] is the load, values[n, m] a smooth one at or above it (over the outline, for stress;
+    else the same). The derivatives of values are by_tip_speed_ratio and by_rotor_radius[n, m],
+    by_chord and by_twist[n, m, n_stations], as in `Envelope`; they are empty unless requested.
+    Loads of the whole blade have one place.
+    """
+
+    r: np.ndarray
+    exact: np.ndarray
+    values: np.ndarray
+    by_tip_speed_ratio: np.ndarray = np.empty(0)
+    by_chord: np.ndarray = np.empty(0)
+    by_twist: np.ndarray = np.empty(0)
+    by_rotor_radius: np.ndarray = np.empty(0)
+
+    @property
+    def largest(self):
+        """Largest load along the blade, shape (n,)."""
+        return np.max(np.real(self.exact), axis=1)
+
+    @property
+    def largest_at(self):
+        """Radius along the blade where the largest load is, m, shape (n,)."""
+        return self.r[np.argmax(np.real(self.exact), axis=1)]
+
+    def envelope(self, exponent=EXPONENT):
+        """Return the `Envelope`: a norm over the places, of the loads above zero."""
+        if self.r.size == 1:
+            values, share = self.values[:, 0], np.ones(self.values.shape)
+        else:
+            values, share, _ = norm(
+                np.where(np.real(self.values) > 0.0, self.values, 0.0), exponent
+            )
+        if not self.by_chord.size:
+            return Envelope(values, *(np.empty(0),) * 4)
+        by_chord, by_twist = (
+            np.einsum("np,npi->ni", share, each) for each in (self.by_chord, self.by_twist)
+        )
+        by_ratio, by_radius = (
+            np.sum(share * each, axis=1) for each in (self.by_tip_speed_ratio, self.by_rotor_radius)
+        )
+        return Envelope(values, by_ratio, by_chord, by_twist, by_radius)
+
+
+@dataclass(frozen=True, eq=False)
+class Cavitation:
+    """What decides whether a section's pressure reaches that of vapour, at the top of the turn.
+
+    suction takes angles of attack[n_points, n_stations] (rad) and returns the largest -Cp of the
+    upper and the lower surface, [2, n_points, n_stations], and its slopes by the angle. depth is
+    that of the hub (m), margin a factor on the suction; pressures in Pa, gravity in m/s².
+    """
+
+    suction: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+    depth: float
+    margin: float = 1.1
+    atmospheric_pressure: float = 101325.0
+    vapour_pressure: float = 1705.0  # of water at 15 degrees Celsius
+    gravity: float = 9.80665
+
+    def available_pressure(self, height, water_density):
+        """Return the pressure above that of vapour (Pa) at a height over the hub (m)."""
+        static = water_density * self.gravity * (self.depth - height)
+        return self.atmospheric_pressure - self.vapour_pressure + static
+
+
+@dataclass(frozen=True, eq=False)
+class LoadModel:
+    """What the loads of a rotor follow from, besides its blade.
+
+    polar is what `bem.sections` takes, water_density in kg/m³. Without a `Structure` there is no
+    stress, without a `Cavitation` no cavitation. exponent is that of the norms which stand for the
+    largest stress over an outline and, in `Load.envelope`, along the blade: a larger one is closer
+    to the largest, and less smooth.
+    """
+
+    polar: object
+    water_density: float = 1000.0
+    structure: Structure | None = None
+    cavitation: Cavitation | None = None
+    exponent: float = EXPONENT
+
+    @property
+    def names(self):
+        """Names of the loads that the model gives."""
+        structural = ("stress",) if self.structure else ()
+        return "thrust", "root_moment", *structural, *(("cavitation",) if self.cavitation else ())
+
+    def coefficients(self, blade, tip_speed_ratio, derivatives=False, names=None):
+        """Return a `Load` for each name: thrust, root_moment, stress, cavitation, all over q.
+
+        thrust (m²) is that of the rotor along its axis; root_moment (m³) bends one blade flapwise
+        at the hub's radius; stress (dimensionless) is the largest over a section of bending and
+        centrifugal stress, at the places of `strength.place_weights`; cavitation (1/Pa) is the
+        suction over the pressure available, for upper and then lower surfaces of all stations, and
+        q times it is 1 where cavitation begins.
+
+        Stations ascend; tip_speed_ratio[n] is that of the disc. A section without a root has no
+        load. Raises ValueError where `bem.sections` does, for derivatives with `LocalReynolds`, for
+        a structure with another number of stations, where a station is out of the water, and for
+        names of loads that the model does not give.
+        """
+        if derivatives and isinstance(self.polar, LocalReynolds):
+            raise ValueError("loads have no derivatives with local Reynolds numbers")
+        names = self.names if names is None else names
+        if missing := [name for name in names if name not in self.names]:
+            raise ValueError(f"the model gives no {', '.join(missing)}")
+        ratio = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
+        flow = bem.sections(blade, self.polar, ratio / np.cos(blade.cone), derivatives)
+        return {name: _LOADS[name](self, blade, flow, ratio) for name in names}
+
+    def tip_deflection(self, blade, tip_speed_ratio):
+        """Return the tip's deflection out of the rotor plane over q, m/Pa, shape (n_points,).
+
+        Euler-Bernoulli's beam of small deflections, clamped at the hub radius, under the loads of
+        the flow (the centrifugal force, which stiffens it, is left out): integral of the curvature
+        times (tip radius - r). Sections bend about their own inclined axes; chord, twist and
+        section run linearly between stations and are carried on to hub and tip. Raises ValueError
+        without a structure or its modulus.
+        """
+        if self.structure is None:
+            raise ValueError("deflections need a structure")
+        structure, ratio = self.structure, np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
+        flow = bem.sections(blade, self.polar, ratio / np.cos(blade.cone))
+        weights = place_weights(blade.r.size)
+        edges = np.concatenate(([blade.hub_radius], weights @ blade.r, [blade.tip_radius]))
+        r = (edges[:-1] + _SHARES * np.diff(edges)).ravel()
+
+        def spread(values):
+            ends = np.broadcast_to(values, len(weights))
+            ends = np.concatenate((ends[:1], ends, ends[-1:]))
+            return (ends[:-1] + _SHARES * np.diff(ends)).ravel()
+
+        chord, twist = spread(weights @ blade.chord), spread(weights @ blade.twist)
+        numbers = {name: spread(getattr(structure, name)) for name in ("xx", "yy", "xy")}
+        weak, strong = _about_chord(*_moments(blade, flow, r), twist)
+        curvature = replace(structure, **numbers).curvature(weak, strong, chord, twist)
+        return curvature @ ((_WEIGHTS * np.diff(edges)).ravel() * (blade.tip_radius - r))
+
+
+def moment_weights(blade, r):
+    """Return the matrix (n_stations, n_places) from loads at stations (N/m) to moments at radii r.
+
+    The trapezoidal rule for the integral of load times arm (s - r) from r to the tip, over r,
+    stations and tip with no load at the tip: from the hub, the rule that gives the torque.
+    """
+    edges = np.concatenate(([blade.hub_radius], blade.r, [blade.tip_radius]))
+    inner, stations, outer = edges[:-2, None], blade.r[:, None], edges[2:, None]
+    inner = np.where(np.real(inner) > np.real(r), inner, r)
+    return np.where(np.real(stations) > np.real(r), 0.5 * (outer - inner) * (stations - r), 0.0)
+
+
+def _moments(blade, flow, r):
+    """Return the flapwise and edgewise moment over q of one blade at radii r (m³)."""
+    weights = np.cos(blade.cone) ** 2 * moment_weights(blade, r)
+    return flow.normal_load @ weights, flow.tangential_load @ weights
+
+
+def _about_chord(flapwise, edgewise, twist):
+    """Return the moments about the chord line (of forces across it) and across it."""
+    sine, cosine = np.sin(twist), np.cos(twist)
+    return flapwise * cosine + edgewise * sine, edgewise * cosine - flapwise * sine
+
+
+def _by_flow(flow, blade, normal, tangential):
+    """Return derivatives by tip speed ratio, chord and twist through the loads of the stations.
+
+    normal and tangential[n_points, n_places, n_stations] are the derivatives by both loads.
+    """
+    by = (
+        normal * flow.derivatives[1, place, :, None]
+        + tangential * flow.derivatives[0, place, :, None]
+        for place in range(3)
+    )
+    by_ratio, by_chord, by_twist = by
+    return np.sum(by_ratio, axis=-1) / np.cos(blade.cone), by_chord, by_twist
+
+
+def _by_radius(blade, values, by_chord, power):
+    """Return the derivative by the rotor radius of values that grow with length to a power.
+
+    They are homogeneous in the lengths, of which only the chord does not move with the radius.
+    """
+    return (power * values - by_chord @ blade.chord) / blade.rotor_radius
+
+
+def _thrust(_model, blade, flow, _ratio):
+    edges = np.concatenate(([blade.hub_radius], blade.r, [blade.tip_radius]))
+    weights = 0.5 * np.cos(blade.cone) ** 3 * blade.blade_count * (edges[2:] - edges[:-2])
+    return _whole(blade, flow, weights, 2)
+
+
+def _root_moment(_model, blade, flow, _ratio):
+    hub = np.array([blade.hub_radius])
+    weights = np.cos(blade.cone) ** 2 * moment_weights(blade, hub)[:, 0]
+    return _whole(blade, flow, weights, 3)
+
+
+def _whole(blade, flow, weights, power):
+    """Return the `Load` of the whole blade, weights[n_stations] times the normal loads."""
+    values, r = (flow.normal_load @ weights)[:, None], np.array([blade.hub_radius])
+    if not flow.derivatives.size:
+        return Load(r, values, values)
+    normal = np.broadcast_to(weights, (len(values), 1, weights.size))
+    by = _by_flow(flow, blade, normal, np.zeros(normal.shape))
+    return Load(r, values, values, *by, _by_radius(blade, values, by[1], power))
+
+
+def _stress(model, blade, flow, ratio):
+    structure, weights = model.structure, place_weights(blade.r.size)
+    r, chord, twist = weights @ blade.r, weights @ blade.chord, weights @ blade.twist
+    if structure.n_stations not in (None, blade.r.size):
+        raise ValueError(f"the structure is not that of {blade.r.size} stations")
+    area = np.broadcast_to(structure.area, r.size)
+    (pull, second), slopes = _outboard(blade, area, r, chord)
+    bend = second - r * pull  # the centrifugal force of coned blades bends them, too
+    by_pull, by_bend = slopes[0], slopes[1] - r[:, None] * slopes[0]
+
+    cosine, sine = np.cos(blade.cone), np.sin(blade.cone)
+    rate = 2.0 * structure.density / (model.water_density * blade.rotor_radius**2)
+    rate = rate * cosine * ratio[:, None] ** 2  # rho_b w² cos(cone) over q
+    flapwise, edgewise = _moments(blade, flow, r)
+    flapwise = flapwise + rate * sine * bend
+    weak, strong = _about_chord(flapwise, edgewise, twist)
+    bending = structure.bending(weak, strong, chord, model.exponent)
+    tension = rate * cosine * pull / (area * chord**2)
+    exact, values = bending.largest + np.real(tension), bending.smooth + tension
+    if not flow.derivatives.size:
+        return Load(r, exact, values)
+
+    by_weak, by_strong = bending.by_weak, bending.by_strong
+    by_flapwise = by_weak * np.cos(twist) - by_strong * np.sin(twist)
+    by_edgewise = by_weak * np.sin(twist) + by_strong * np.cos(twist)
+    arms = cosine**2 * moment_weights(blade, r).T
+    by = _by_flow(flow, blade, by_flapwise[..., None] * arms, by_edgewise[..., None] * arms)
+    by_ratio = by[0] + 2.0 / ratio[:, None] * (by_flapwise * rate * sine * bend + tension)
+    local = -(3.0 * bending.smooth + 2.0 * tension) / chord
+    by_places = (by_flapwise * rate * sine)[..., None] * by_bend
+    by_places = by_places + (rate * cosine / (area * chord**2))[..., None] * by_pull
+    by_chord = by[1] + by_places @ weights + local[..., None] * weights
+    by_twist = by[2] + (by_weak * strong - by_strong * weak)[..., None] * weights
+    by_radius = _by_radius(blade, values, by_chord, 0)
+    return Load(r, exact, values, by_ratio, by_chord, by_twist, by_radius)
+
+
+def _outboard(blade, area, r, chord):
+    """Return the integrals of A s ds and A s² ds from every place to the tip, and their slopes.
+
+    A = area chord², both linear between the places r and constant from the last to the tip. Shapes
+    are (2, n_places), and (2, n_places, n_places) for the derivatives by the chord at the places.
+    """
+    n = r.size
+
+    def between(values, end):
+        width = np.diff(np.concatenate((values, [end])))
+        return values + _SHARES * width
+
+    s, local = between(r, blade.tip_radius), between(chord, chord[-1])
+    width = np.diff(np.concatenate((r, [blade.tip_radius])))
+    weight = _WEIGHTS * width * between(area, area[-1]) * s
+    weight = np.stack((weight, weight * s))
+    found = np.cumsum(np.sum(weight * local**2, axis=1)[:, ::-1], axis=1)[:, ::-1]
+    inner = np.sum(2.0 * weight * local * (1.0 - _SHARES), axis=1)  # by the inner end's chord
+    outer = np.sum(2.0 * weight * local * _SHARES, axis=1)
+    slopes = np.triu(np.ones((n, n))) * inner[:, None]
+    slopes[:, :, 1:] += np.triu(np.ones((n, n - 1)), 0) * outer[:, None, :-1]
+    slopes[:, :, -1] += outer[:, None, -1]
+    return found, slopes
+
+
+def _cavitation(model, blade, flow, ratio):
+    settings, cosine = model.cavitation, np.cos(blade.cone)
+    height = blade.r * cosine
+    if np.any(np.real(height) >= settings.depth):
+        raise ValueError("the blade reaches out of the water: the depth is less than its radius")
+    pressure = settings.available_pressure(height, model.water_density)
+    suction, slopes = settings.suction(flow.angle_of_attack)
+    speed = flow.relative_speed
+    scale = settings.margin * cosine**2 / pressure
+
+    def flat(values):  # from (2, n_points, ...) to both surfaces beside each other
+        return np.concatenate(tuple(values), axis=1)
+
+    values, r = flat(scale * suction * speed**2), np.tile(blade.r, 2)
+    if not flow.derivatives.size:
+        return Load(r, values, values)
+    _, _, angle, relative = flow.derivatives[:, :3]
+    angle = angle - np.array([0.0, 0.0, 1.0])[:, None, None]  # of attack
+    by = (
+        flat(scale * speed * (slopes * speed * by_angle + 2.0 * suction * by_speed))
+        for by_angle, by_speed in zip(angle, relative, strict=True)
+    )
+    by_ratio, by_chord, by_twist = by
+    stations = np.tile(np.eye(blade.r.size), (2, 1))
+    by_chord, by_twist = by_chord[..., None] * stations, by_twist[..., None] * stations
+    lift = model.water_density * settings.gravity * np.tile(height / pressure, 2)
+    by_radius = _by_radius(blade, values, by_chord, 0) + values * lift / blade.rotor_radius
+    return Load(r, values, values, by_ratio / cosine, by_chord, by_twist, by_radius)
+
+
+_LOADS = {
+    "thrust": _thrust,
+    "root_moment": _root_moment,
+    "stress": _stress,
+    "cavitation": _cavitation,
+}

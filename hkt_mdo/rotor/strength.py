@@ -1,0 +1,194 @@
+"""What the sections of a blade resist: bending about inclined axes by their outline and material.
+
+A section has the axes x along its chord, from the leading to the trailing edge, and y across it,
+towards the upper (suction) side, both from the centroid of its material; see docs/theory.md.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from hkt_mdo.rotor.outline import Outline, SecondMoments
+
+PLACES = 64  # about; with them the largest stress is within 1e-3 of that between all places
+EXPONENT = 400.0  # of the norms that are smooth instead of the largest; see `norm`
+POINT_ERROR = 2e-4  # how much the points of an outline that are kept may stand out too far
+
+
+class Bending(NamedTuple):
+    """Largest bending stress of sections (Pa), each of shape (n_points, n_places).
+
+    largest is over the outline; smooth, never below it, a norm over it with the derivatives by_weak
+    and by_strong by both moments (1/m³).
+    """
+
+    largest: np.ndarray
+    smooth: np.ndarray
+    by_weak: np.ndarray
+    by_strong: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """What a blade's sections resist, over powers of the chord, at its n places (`place_weights`).
+
+    area over chord squared; second moments of area over its fourth power, xx = integral of y² dA,
+    yy = integral of x² dA, xy = integral of x y dA about the centroid; each of shape (n,) or, for
+    equal sections, (1,). points[n or 1, n_points, 2] are those (x, y) of the outline that can have
+    the largest stress, over the chord, from the centroid. density (kg/m³) and Young's modulus (Pa)
+    are the material's; the latter is needed for deflections only. n_stations is that of the blade,
+    None for equal sections.
+    """
+
+    area: np.ndarray
+    xx: np.ndarray
+    yy: np.ndarray
+    xy: np.ndarray
+    points: np.ndarray
+    density: float
+    modulus: float | None = None
+    n_stations: int | None = None
+
+    @classmethod
+    def of(cls, outlines, density, modulus=None, wall=None):
+        """Return the structure of a blade with one `Outline`, or one for each station.
+
+        Between stations the outlines are blended (`Outline.blend`). wall is the thickness of the
+        wall of hollow sections over the chord, one or one a station, linear between; the hollow
+        itself carries and weighs nothing.
+        """
+        same = isinstance(outlines, Outline)
+        if same and np.ndim(wall) == 0:
+            n, sections = None, [_section(outlines, wall)]
+        else:
+            n = np.size(wall) if same else len(outlines)
+            stations = [outlines] * n if same else outlines
+            walls = None if wall is None else np.broadcast_to(wall, n)
+            sections = []
+            for weights in place_weights(n):
+                first = min(int(np.argmax(weights > 0.0)), n - 2)
+                outline = stations[first].blend(stations[first + 1], weights[first + 1])
+                sections.append(_section(outline, None if wall is None else weights @ walls))
+        numbers = np.array([(area, *moments) for area, moments, _ in sections]).T
+        points = _governing([points for _, _, points in sections])
+        return cls(*numbers, points, float(density), modulus, n)
+
+    def with_section(self, area, second_moments):
+        """Return the structure with another area and `SecondMoments`, as measured or computed.
+
+        Each number, over chord squared or its fourth power, is one or one a station, linear
+        between. The points of the outline stay. Raises ValueError where the numbers of stations
+        differ.
+        """
+        given = [np.atleast_1d(np.asarray(each, dtype=float)) for each in (area, *second_moments)]
+        counts = {each.size for each in given if each.size > 1}
+        counts |= {self.n_stations} if self.n_stations else set()
+        if len(counts) > 1:
+            raise ValueError(f"sections are given at different numbers of stations: {counts}")
+        spread = [each if each.size == 1 else place_weights(each.size) @ each for each in given]
+        numbers = dict(zip(("area", "xx", "yy", "xy"), spread, strict=True))
+        return replace(self, **numbers, n_stations=counts.pop() if counts else None)
+
+    def bending(self, weak, strong, chord, exponent=EXPONENT):
+        """Return the `Bending` stress by moments weak and strong[n_points, n_places] (N m).
+
+        weak is the moment of forces towards +y, strong of forces towards -x; chord[n_places] in m,
+        exponent that of the `norm` over the outline. The stress is x u + y v with
+
+            u = (xx strong + xy weak) / d,  v = -(yy weak + xy strong) / d,  d = (xx yy - xy²) c³.
+        """
+        d = (self.xx * self.yy - self.xy**2) * chord**3
+        u = (self.xx * strong + self.xy * weak) / d
+        v = -(self.yy * weak + self.xy * strong) / d
+        x, y = self.points[..., 0], self.points[..., 1]
+        smooth, share, largest = norm(x * u[..., None] + y * v[..., None], exponent)
+        by_u, by_v = np.sum(share * x, axis=-1), np.sum(share * y, axis=-1)
+        by_weak = (self.xy * by_u - self.yy * by_v) / d
+        return Bending(largest, smooth, by_weak, (self.xx * by_u - self.xy * by_v) / d)
+
+    def curvature(self, weak, strong, chord, twist):
+        """Return the curvature (1/m) of a blade out of the rotor plane; see `bending`.
+
+        The section bends about its own inclined axes, so both moments count. Twist is in rad.
+        Raises ValueError without a modulus.
+        """
+        if self.modulus is None:
+            raise ValueError("deflections need the modulus of the material")
+        d = (self.xx * self.yy - self.xy**2) * chord**4 * self.modulus
+        across = self.yy * weak + self.xy * strong
+        along = self.xx * strong + self.xy * weak
+        return (across * np.cos(twist) - along * np.sin(twist)) / d
+
+
+def place_weights(n_stations):
+    """Return the matrix (n_places, n_stations) from values at stations to those at places.
+
+    The places are where stress is looked at: the stations, and others equally spaced between each
+    two: about `PLACES` in all, and at least two in each interval. Between stations, values are
+    linear.
+    """
+    parts = max(3, -(-PLACES // max(n_stations - 1, 1)))
+    at = np.arange((n_stations - 1) * parts + 1)[:, None] / parts
+    return np.maximum(1.0 - np.abs(at - np.arange(n_stations)), 0.0)
+
+
+def norm(values, exponent=EXPONENT):
+    """Return a smooth largest magnitude over the last axis, its derivatives, and the largest.
+
+    (sum |x|^p)^(1/p): homogeneous, never below the largest and at most n^(1/p) times it, for n
+    equal values.
+    """
+    size = np.where(np.real(values) < 0.0, -values, values)
+    largest = np.max(np.real(size), axis=-1)
+    scale = np.where(largest > 0.0, largest, 1.0)
+    ratio = size / scale[..., None]
+    power = np.zeros(ratio.shape, dtype=ratio.dtype)
+    near = np.real(ratio) > np.exp(-40.0 / exponent)  # the others are below the last digit
+    power[near] = ratio[near] ** (exponent - 1.0)
+    total = np.sum(power * ratio, axis=-1)
+    total = np.where(largest > 0.0, total, 1.0)
+    share = power * (total ** (1.0 / exponent - 1.0))[..., None]
+    smooth = largest * total ** (1.0 / exponent)
+    return smooth, np.where(np.real(values) < 0.0, -share, share), largest
+
+
+def _section(outline, wall):
+    """Return area, second moments about the centroid, and the outline's points from there."""
+    area, centroid, moments = outline.area, np.array(outline.centroid), outline.second_moments
+    hollow = None if wall is None else outline.hollowed(wall)
+    if hollow is not None:
+        apart = np.array(hollow.centroid) - centroid
+        shift = -hollow.area / (area - hollow.area) * apart  # of the centroid
+        whole = _about(area, moments, shift)
+        inner = _about(hollow.area, hollow.second_moments, apart - shift)
+        area, moments = area - hollow.area, SecondMoments(*np.subtract(whole, inner))
+        centroid = centroid + shift
+    return area, moments, np.column_stack((outline.x, outline.y)) - centroid
+
+
+def _about(area, moments, apart):
+    """Return second moments about an axis at a distance (x, y) from the centroid."""
+    x, y = apart
+    return moments.xx + area * y * y, moments.yy + area * x * x, moments.xy + area * x * y
+
+
+def _governing(shapes):
+    """Return the few points of each outline that can have the largest stress.
+
+    In every direction of the stress' gradient their reach, of either sign, is that of the whole
+    outline or up to `POINT_ERROR` more. The same directions are taken in all outlines.
+    """
+    size = np.max([np.max(np.abs(points), axis=0) for points in shapes], axis=0)
+    angle = np.linspace(0.0, np.pi, 721)[:-1]
+    directions = np.array([np.cos(angle), np.sin(angle)]) / size[:, None]
+    reaches = [np.abs(points @ directions) for points in shapes]
+    reach = np.array([each.max(axis=0) for each in reaches])
+    farthest = np.array([each.argmax(axis=0) for each in reaches])
+    kept, covered = [], np.zeros(reach.shape)
+    while (least := np.min(covered / reach)) < 1.0 - POINT_ERROR:
+        worst = np.argmin(np.min(covered / reach, axis=0))
+        points = [shape[index] for shape, index in zip(shapes, farthest[:, worst], strict=True)]
+        kept.append(np.array(points))
+        covered = np.maximum(covered, np.abs(kept[-1] @ directions))
+    return np.stack(kept, axis=1) / least

@@ -1,0 +1,461 @@
+"""Loads along the blade: closed forms, an independent computation, derivatives, the component."""
+
+from dataclasses import replace
+
+import numpy as np
+import openmdao.api as om
+import pytest
+
+from hkt_mdo.rotor import bem, loads
+from hkt_mdo.rotor.airfoil import PolarFamily
+from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.components import LoadTable
+from hkt_mdo.rotor.loads import Cavitation, LoadModel, moment_weights
+from hkt_mdo.rotor.outline import Outline
+from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.strength import Structure, place_weights
+
+WATER, METAL = 1000.0, 2700.0
+RATIO = np.array([4.0, 6.5, 8.0, 10.0])
+NAMES = ("thrust", "root_moment", "stress", "cavitation")
+
+
+def suction(angle):
+    """Return something like the suction of both surfaces of a section, and its slopes."""
+    upper, lower = 0.8 + 4.0 * angle + 20.0 * angle**2, 0.6 - 3.0 * angle
+    slopes = 4.0 + 40.0 * angle, np.full(angle.shape, -3.0)
+    return np.stack((upper, lower)), np.stack(slopes)
+
+
+def model_of(polar, **changes):
+    structure = Structure.of(Outline.from_file("naca63815"), METAL, 70e9)
+    return replace(LoadModel(polar, WATER, structure, Cavitation(suction, 3.0)), **changes)
+
+
+def rectangle(height=0.2):
+    x, y = np.array([1.0, 0.0, 0.0, 1.0]), height * (np.array([1.0, 1.0, 0.0, 0.0]) - 0.5)
+    return Outline(x, y)
+
+
+@pytest.fixture(scope="module")
+def nothing(study):
+    """Return the polar of a section without any force."""
+    alpha = np.linspace(-np.pi, np.pi, 73)
+    return study.circle_polar(alpha, np.zeros(73), np.zeros(73))
+
+
+@pytest.fixture
+def loaded(monkeypatch):
+    """Put given loads over q (m) in place of those of BEM."""
+
+    def put(normal, tangential):
+        state = bem.Sections(*np.zeros((9, 1, normal.size)), np.empty(0))
+        state = state._replace(normal_load=normal[None], tangential_load=tangential[None])
+        monkeypatch.setattr(loads.bem, "sections", lambda *_: state)
+
+    return put
+
+
+def uniform_blade(n=2001, twist=0.0, cone=0.0, hub=0.2, tip=1.4, chord=0.1):
+    """Return a blade of constant chord and twist with stations close to hub and tip."""
+    r = hub + (tip - hub) * np.linspace(1e-7, 1.0 - 1e-7, n)
+    return Blade(r, np.full(n, chord), np.full(n, twist), hub, tip, 3, cone)
+
+
+# Closed forms
+
+
+def test_cantilever_under_a_uniform_load():
+    """M = w (R - r)² / 2."""
+    blade = uniform_blade()
+    r = np.linspace(0.2, 1.39, 14)
+    found = np.full(blade.r.size, 7.0) @ moment_weights(blade, r)
+    assert found == pytest.approx(3.5 * (1.4 - r) ** 2, rel=1e-3)
+
+
+def test_cantilever_under_a_triangular_load():
+    """M = w (R - r)³ / 6, with the second order of the trapezoidal rule."""
+    errors = []
+    for n in (51, 101):
+        blade = uniform_blade(n)
+        found = (blade.tip_radius - blade.r) @ moment_weights(blade, np.array([0.2]))
+        errors.append(abs(found.item() / (1.2**3 / 6.0) - 1.0))
+    assert errors[1] < 1e-4
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
+
+
+def test_moment_between_stations_is_that_of_a_rule_which_begins_there(blade):
+    """The trapezoidal rule over the place itself, the stations outside it and the tip."""
+    load = np.random.default_rng(0).uniform(size=blade.r.size)
+    places = np.array([blade.hub_radius, 0.3, 0.5, blade.r[3], 1.3])
+    found = load @ moment_weights(blade, places)
+    for place, moment in zip(places, found, strict=True):
+        outside = blade.r > place
+        s = np.concatenate(([place], blade.r[outside], [blade.tip_radius]))
+        force = np.concatenate(([0.0], load[outside], [0.0]))
+        assert moment == pytest.approx(np.trapezoid(force * (s - place), s), rel=1e-13)
+
+
+def test_stress_of_a_uniformly_loaded_rectangle(loaded):
+    """6 M / (b h²) by the normal load and 6 M / (h b²) by the tangential one, at the root."""
+    blade, q = uniform_blade(401), 1.0
+    n = blade.r.size
+    model = LoadModel(None, WATER, Structure.of(rectangle(), 1e-12))
+    width, height = 0.1, 0.02
+    for normal, tangential, twist in ((5.0, 0.0, 0.0), (0.0, 3.0, 0.0), (5.0, 3.0, 0.3)):
+        loaded(np.full(n, normal), np.full(n, tangential))
+        turned = blade.with_shape(blade.chord, np.full(n, twist))
+        flapwise, edgewise = (0.5 * each * q * 1.2**2 for each in (normal, tangential))
+        weak = flapwise * np.cos(twist) + edgewise * np.sin(twist)
+        strong = edgewise * np.cos(twist) - flapwise * np.sin(twist)
+        expected = 6.0 * (abs(weak) / (width * height**2) + abs(strong) / (height * width**2))
+        stress = model.coefficients(turned, [5.0])["stress"]
+        assert stress.largest == pytest.approx(expected, rel=1e-4)
+        assert stress.largest_at == pytest.approx(0.2, abs=1e-5)
+
+
+def test_a_bar_turning_without_loads_has_the_centrifugal_stress(nothing):
+    """rho w² (R² - r²) / 2 with a free end."""
+    blade = Blade(np.array([0.3, 0.55, 0.9, 1.2]), np.full(4, 0.1), np.zeros(4), 0.2, 1.4, 3)
+    model = LoadModel(nothing, WATER, Structure.of(rectangle(), METAL))
+    found = model.coefficients(blade, RATIO, derivatives=True)["stress"]
+    flow_speed = 1.7
+    speed = RATIO[:, None] * flow_speed / 1.4
+    expected = 0.5 * METAL * speed**2 * (1.4**2 - found.r**2)
+    q = 0.5 * WATER * flow_speed**2
+    assert q * found.exact == pytest.approx(expected, rel=1e-13)
+    # twice as fast is four times the stress; a uniform chord does not matter
+    assert found.by_tip_speed_ratio * RATIO[:, None] == pytest.approx(2.0 * found.values, rel=1e-12)
+    assert np.sum(found.by_chord, axis=-1) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_tapered_bar_has_the_centrifugal_stress_of_its_mass_model(nothing):
+    r = np.array([0.3, 0.6, 1.0, 1.3])
+    chord = np.array([0.2, 0.15, 0.12, 0.08])
+    blade = Blade(r, chord, np.zeros(4), 0.2, 1.4, 3)
+    model = LoadModel(nothing, WATER, Structure.of(rectangle(), METAL))
+    found = model.coefficients(blade, [6.0])["stress"]
+    for place, stress in zip(found.r[::7], found.exact[0, ::7], strict=True):
+        s = np.linspace(place, 1.4, 20001)
+        line = np.interp(s, r, chord) ** 2
+        expected = METAL * 2.0 * 36.0 / (WATER * 1.4**2) * np.trapezoid(line * s, s) / line[0]
+        assert stress == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_centrifugal_force_bends_coned_blades(nothing):
+    """A uniform bar: rho A w² cos sin integral of s (s - r), on 6 / (b h²)."""
+    cone, hub, tip, chord, height = 0.2, 0.2, 1.4, 0.1, 0.02
+    blade = uniform_blade(5, cone=cone, chord=chord)
+    model = LoadModel(nothing, WATER, Structure.of(rectangle(), METAL))
+    found = model.coefficients(blade, [6.0])["stress"]
+    r = found.r
+    rate = METAL * 2.0 * 36.0 / (WATER * (tip * np.cos(cone)) ** 2) * np.cos(cone)  # of w²
+    tension = rate * np.cos(cone) * 0.5 * (tip**2 - r**2)
+    arm = (tip**3 - r**3) / 3.0 - r * (tip**2 - r**2) / 2.0
+    bending = rate * np.sin(cone) * arm * 6.0 / height
+    assert found.exact[0] == pytest.approx(tension + bending, rel=1e-12)
+    assert hub < r[0] < hub + 1e-6
+
+
+@pytest.mark.parametrize("twist", [0.0, 0.5 * np.pi, 0.6])
+def test_deflection_of_a_uniformly_loaded_cantilever(loaded, twist):
+    """w L⁴ / (8 E I), with the section's inclined axes."""
+    blade = uniform_blade(801, twist=twist)
+    loaded(np.full(801, 4.0), np.zeros(801))
+    modulus, length, height = 70e9, 1.2, 0.02
+    model = LoadModel(None, WATER, Structure.of(rectangle(), METAL, modulus))
+    weak, strong = 0.1 * height**3 / 12.0, height * 0.1**3 / 12.0
+    flexibility = np.cos(twist) ** 2 / weak + np.sin(twist) ** 2 / strong
+    expected = 4.0 * length**4 / (8.0 * modulus) * flexibility
+    assert model.tip_deflection(blade, [5.0]) == pytest.approx(expected, rel=1e-4)
+
+
+# Against other computations
+
+
+@pytest.mark.parametrize("cone", [0.0, 0.15])
+def test_thrust_is_that_of_the_rotor_coefficients(blade, polar, cone):
+    coned = replace(blade, cone=cone)
+    found = model_of(polar).coefficients(coned, RATIO)["thrust"].largest
+    disc = np.pi * coned.rotor_radius**2
+    expected = bem.rotor_coefficients(coned, polar, RATIO).thrust * disc
+    assert found == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize("cone", [0.0, 0.15])
+def test_loads_at_the_stations_from_their_definitions(blade, polar, cone):
+    """Moments by the trapezoidal rule, bending over all points of the outline, sums by hand."""
+    blade, flow_speed, depth = replace(blade, cone=cone), 1.7, 3.0
+    model = model_of(polar)
+    outline, q = Outline.from_file("naca63815"), 0.5 * WATER * flow_speed**2
+    found = model.coefficients(blade, RATIO)
+    state = bem.sections(blade, polar, RATIO / np.cos(cone))
+    stations = np.argmax(place_weights(blade.r.size) == 1.0, axis=0)
+    kx, ky, kxy = outline.second_moments
+    x, y = outline.x - outline.centroid[0], outline.y - outline.centroid[1]
+    s = np.concatenate(([blade.hub_radius], blade.r, [blade.tip_radius]))
+    fine = np.linspace(blade.r[0], blade.tip_radius, 100001)
+    area = outline.area * np.interp(fine, blade.r, blade.chord) ** 2
+    for i, ratio in enumerate(RATIO):
+        speed = ratio * flow_speed / blade.rotor_radius
+        n, t = (
+            q * np.cos(cone) ** 2 * np.concatenate(([0.0], each[i], [0.0]))
+            for each in (state.normal_load, state.tangential_load)
+        )
+        root = np.trapezoid(n * (s - s[0]), s)
+        assert q * found["root_moment"].largest[i] == pytest.approx(root, rel=1e-13)
+        for j, (r, chord, twist) in enumerate(zip(blade.r, blade.chord, blade.twist, strict=True)):
+            arm = s[j + 1 :] - r
+            flapwise, edgewise = (np.trapezoid(e[j + 1 :] * arm, s[j + 1 :]) for e in (n, t))
+            outside = fine >= r
+            line = METAL * speed**2 * area[outside] * fine[outside]
+            flapwise += (
+                np.cos(cone)
+                * np.sin(cone)
+                * np.trapezoid(line * (fine[outside] - r), fine[outside])
+            )
+            # strain x a + y b: its moments balance those of the loads, see docs/theory.md
+            weak = flapwise * np.cos(twist) + edgewise * np.sin(twist)
+            strong = edgewise * np.cos(twist) - flapwise * np.sin(twist)
+            a, b = np.linalg.solve([[kxy, kx], [ky, kxy]], [-weak, strong]) / chord**3
+            tension = np.cos(cone) ** 2 * np.trapezoid(line, fine[outside])
+            expected = np.max(np.abs(a * x + b * y)) + tension / (outline.area * chord**2)
+            mine = q * found["stress"].exact[i, stations[j]]
+            assert mine == pytest.approx(expected, rel=3e-4)
+            assert mine > expected * (1.0 - 3e-5)
+        static = 101325.0 - 1705.0 + WATER * 9.80665 * (depth - blade.r * np.cos(cone))
+        peak, _ = suction(state.angle_of_attack[i])
+        relative = q * (np.cos(cone) * state.relative_speed[i]) ** 2
+        expected = (1.1 * peak * relative / static).ravel()
+        assert q * found["cavitation"].exact[i] == pytest.approx(expected, rel=1e-13)
+
+
+def test_a_larger_rotor_of_the_same_shape(blade, polar):
+    """Thrust grows with the square of length, moments with the cube, stress not at all."""
+    large = replace(
+        blade,
+        r=2.0 * blade.r,
+        chord=2.0 * blade.chord,
+        hub_radius=2.0 * blade.hub_radius,
+        tip_radius=2.0 * blade.tip_radius,
+    )
+    model = model_of(polar)
+    small, large = model.coefficients(blade, RATIO), model.coefficients(large, RATIO)
+    for name, power in (("thrust", 2), ("root_moment", 3), ("stress", 0)):
+        assert large[name].values == pytest.approx(2**power * small[name].values, rel=1e-12)
+
+
+def test_loads_with_polars_at_the_local_reynolds_number(blade, polar):
+    """Equal polars at every number give the loads of one; derivatives are refused."""
+    same = LocalReynolds(np.log([1e5, 1e6]), ((polar, polar),), 1.5, 1e-6)
+    local, one = model_of(same), model_of(polar)
+    for mine, expected in zip(
+        local.coefficients(blade, RATIO).values(),
+        one.coefficients(blade, RATIO).values(),
+        strict=True,
+    ):
+        assert mine.exact == pytest.approx(expected.exact, rel=1e-11)
+    with pytest.raises(ValueError, match="local Reynolds"):
+        local.coefficients(blade, RATIO, derivatives=True)
+
+
+# Envelopes
+
+
+def test_envelopes_are_never_below_the_largest(blade, polar):
+    found = model_of(polar).coefficients(blade, np.linspace(3.0, 12.0, 37))
+    for name, load in found.items():
+        most = load.largest
+        places = np.argmax(load.exact, axis=1)
+        assert load.largest_at == pytest.approx(load.r[places])
+        outline = 30.0 ** (1.0 / 400.0) if name == "stress" else 1.0  # its points, at most
+        for exponent in (50.0, 400.0):
+            values = load.envelope(exponent).values
+            bound = load.r.size ** (1.0 / exponent) * outline
+            assert np.all(values >= most * (1.0 - 1e-15)), name
+            assert np.all(values <= most * bound * (1.0 + 1e-15)), name
+        assert np.all(load.values >= load.exact - 1e-15 * np.abs(load.exact))
+
+
+def test_a_negative_thrust_keeps_its_sign(blade, study):
+    """A propeller brake has no positive load to bound."""
+    alpha = np.linspace(-np.pi, np.pi, 73)
+    polar = study.circle_polar(alpha, -0.5 * np.ones(73), np.full(73, 0.01))
+    thrust = LoadModel(polar).coefficients(blade, [6.0])["thrust"]
+    assert thrust.envelope().values[0] == thrust.largest[0] < 0.0
+
+
+def test_surfaces_under_pressure_do_not_cavitate(blade, polar):
+    """Suction below zero counts as none, with zero slopes."""
+
+    def pressed(angle):
+        return np.full((2, *angle.shape), -0.3), np.ones((2, *angle.shape))
+
+    model = model_of(polar, cavitation=Cavitation(pressed, 3.0))
+    found = model.coefficients(blade, RATIO, derivatives=True)["cavitation"].envelope()
+    assert not np.any(np.concatenate([each.ravel() for each in found]))
+
+
+# Derivatives
+
+
+def stepped_loads(model, blade, points, **steps):
+    """Return the imaginary parts over the step of loads by complex inputs.
+
+    The flow's state is complex by the derivatives that BEM gives (tests/rotor/test_bem.py checks
+    these), everything behind it is computed in complex numbers.
+    """
+    h = 1e-30j
+    cosine = np.cos(blade.cone)
+    flow = bem.sections(blade, model.polar, points / cosine, True)
+    by_ratio, by_chord, by_twist = (
+        flow.derivatives[:, 0],
+        flow.derivatives[:, 1],
+        flow.derivatives[:, 2],
+    )
+    chord, twist = (steps.get(name, np.zeros(blade.r.size)) for name in ("chord", "twist"))
+    change = steps.get("ratio", 0.0) / cosine * by_ratio + chord * by_chord + twist * by_twist
+    factor = 1.0
+    if "radius" in steps:  # loads (m) are homogeneous in chord and radii, angle and speed invariant
+        length = np.array(
+            [flow.tangential_load, flow.normal_load, *np.zeros((2, *flow.branch.shape))]
+        )
+        change = change + (length - by_chord * blade.chord) / blade.rotor_radius
+        factor = 1.0 + h / blade.rotor_radius
+    tangential, normal, angle, relative = h * change
+    flow = flow._replace(
+        tangential_load=flow.tangential_load + tangential,
+        normal_load=flow.normal_load + normal,
+        angle_of_attack=flow.angle_of_attack + angle - h * twist,
+        relative_speed=flow.relative_speed + relative,
+        derivatives=np.empty(0),
+    )
+    changed = replace(
+        blade,
+        r=blade.r * factor,
+        hub_radius=blade.hub_radius * factor,
+        tip_radius=blade.tip_radius * factor,
+        chord=blade.chord + h * chord,
+        twist=blade.twist + h * twist,
+    )
+    ratio = points + h * steps.get("ratio", 0.0)
+    found = {name: loads._LOADS[name](model, changed, flow, ratio) for name in NAMES}
+    return {
+        name: (load.values.imag / 1e-30, load.envelope(model.exponent).values.imag / 1e-30)
+        for name, load in found.items()
+    }
+
+
+@pytest.mark.parametrize("cone", [0.0, 0.12])
+def test_derivatives_are_those_of_the_complex_step(blade, polar, cone):
+    blade, model = replace(blade, cone=cone), model_of(polar)
+    found = model.coefficients(blade, RATIO, derivatives=True)
+    unit = np.eye(blade.r.size)
+    steps = {"tip_speed_ratio": [{"ratio": 1.0}], "rotor_radius": [{"radius": 1.0}]}
+    steps |= {name: [{name: each} for each in unit] for name in ("chord", "twist")}
+    for by, each in steps.items():
+        expected = [stepped_loads(model, blade, RATIO, **step) for step in each]
+        for name, load in found.items():
+            local, whole = (np.stack([e[name][k] for e in expected], axis=-1) for k in (0, 1))
+            if by in ("tip_speed_ratio", "rotor_radius"):
+                local, whole = local[..., 0], whole[..., 0]
+            scale = np.abs(local).max()
+            mine = getattr(load, f"by_{by}")
+            assert np.allclose(mine, local, rtol=1e-9, atol=1e-12 * scale), (name, by)
+            mine = getattr(load.envelope(model.exponent), f"by_{by}")
+            assert np.allclose(mine, whole, rtol=1e-9, atol=1e-12 * scale), (name, by)
+
+
+@pytest.mark.parametrize("cone", [0.0, 0.12])
+def test_derivatives_are_those_of_differences(blade, polar, cone):
+    """Through BEM too: central differences of fourth order, whose error is about 1e-7."""
+    blade, model = replace(blade, cone=cone), model_of(polar)
+    found = model.coefficients(blade, RATIO, derivatives=True)
+    rng, n = np.random.default_rng(3), blade.r.size
+    chord, twist = 0.01 * rng.normal(size=n), 0.02 * rng.normal(size=n)
+
+    def at(step, ratio=0.0, shape=0.0, radius=0.0):
+        changed = blade.with_rotor_radius(blade.rotor_radius + step * radius)
+        changed = changed.with_shape(
+            blade.chord + step * shape * chord, blade.twist + step * shape * twist
+        )
+        return model.coefficients(changed, RATIO + step * ratio)
+
+    def slope(name, **which):
+        h = 1e-3
+        values = [at(k * h, **which)[name].envelope().values for k in (-2, -1, 1, 2)]
+        return (values[0] - 8.0 * values[1] + 8.0 * values[2] - values[3]) / (12.0 * h)
+
+    for name, load in found.items():
+        mine = load.envelope()
+        shape = mine.by_chord @ chord + mine.by_twist @ twist
+        assert mine.by_tip_speed_ratio == pytest.approx(slope(name, ratio=1.0), rel=1e-5)
+        assert mine.by_rotor_radius == pytest.approx(slope(name, radius=1.0), rel=1e-5)
+        assert shape == pytest.approx(slope(name, shape=1.0), rel=1e-5)
+
+
+def test_partials_of_the_table(blade, polar):
+    problem = om.Problem()
+    component = LoadTable(blade=blade, model=model_of(polar), names=NAMES, nodes=RATIO)
+    problem.model.add_subsystem("table", component, promotes=["*"])
+    problem.setup()
+    problem.set_val("rotor_radius", 1.3 * blade.rotor_radius)
+    problem.set_val("chord", 1.1 * blade.chord)
+    problem.run_model()
+    changed = blade.with_rotor_radius(1.3 * blade.rotor_radius).with_shape(
+        1.1 * blade.chord, blade.twist
+    )
+    for name, load in model_of(polar).coefficients(changed, RATIO).items():
+        assert problem[f"{name}_table"] == pytest.approx(load.envelope().values, rel=1e-14)
+    found = problem.check_partials(out_stream=None, form="central", step=1e-6, step_calc="abs")
+    scale = {name: np.abs(problem[f"{name}_table"]).max() for name in NAMES}
+    for (output, _), partial in found["table"].items():
+        error = np.abs(partial["J_fwd"] - partial["J_fd"]).max()
+        size = max(np.abs(partial["J_fd"]).max(), scale[output.removesuffix("_table")])
+        assert error < 1e-6 * size, output
+
+
+# Errors
+
+
+def test_what_cannot_be_computed_is_refused(blade, polar):
+    shallow = model_of(polar, cavitation=Cavitation(suction, 0.9 * blade.rotor_radius))
+    with pytest.raises(ValueError, match="out of the water"):
+        shallow.coefficients(blade, RATIO)
+    outline = Outline.from_file("naca63815")
+    other = model_of(polar, structure=Structure.of([outline, outline.stretched(1.2)], METAL))
+    with pytest.raises(ValueError, match="stations"):
+        other.coefficients(blade, RATIO)
+    with pytest.raises(ValueError, match="no stress, cavitation"):
+        LoadModel(polar).coefficients(blade, RATIO, names=NAMES)
+    with pytest.raises(ValueError, match="structure"):
+        LoadModel(polar).tip_deflection(blade, RATIO)
+    with pytest.raises(ValueError, match="modulus"):
+        model_of(polar, structure=Structure.of(outline, METAL)).tip_deflection(blade, RATIO)
+
+
+def test_a_model_has_the_loads_that_it_can_compute(blade, polar):
+    assert LoadModel(polar).names == ("thrust", "root_moment")
+    assert tuple(model_of(polar).coefficients(blade, RATIO)) == model_of(polar).names == NAMES
+    assert tuple(model_of(polar).coefficients(blade, RATIO, names=["stress"])) == ("stress",)
+
+
+# What was measured
+
+
+def test_the_papers_optimum_breaks():
+    """Optimum of cases/sine_limited_oloc.yaml, at 1.7 m/s: docs of this program, not a measurement.
+
+    Thrust 7.41 kN, root moment 1.90 kN m, and 3.5 GPa at 0.6 R where aluminium has some 0.1 GPa.
+    """
+    r = 1.4 * np.array([0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.999])
+    chord = [0.10656, 0.08237, 0.06456, 0.05267, 0.04432, 0.03815, 0.03322, 0.02767, 0.02028]
+    twist = [13.227, 7.432, 3.944, 1.744, 0.237, -0.864, -1.729, -2.492, -5.587]
+    blade = Blade(r, np.array(chord), np.deg2rad(twist), 0.175, 1.4, 3)
+    polar = PolarFamily.from_file("naca63815_Re2e5").polars[0]
+    found = model_of(polar).coefficients(blade, [8.2325])
+    q = 0.5 * WATER * 1.7**2
+    assert q * found["thrust"].largest == pytest.approx(7414.5, rel=1e-3)
+    assert q * found["root_moment"].largest == pytest.approx(1898.8, rel=1e-3)
+    assert q * found["stress"].largest == pytest.approx(3.513e9, rel=2e-3)
+    assert found["stress"].largest_at == pytest.approx(0.84)

@@ -1,0 +1,239 @@
+"""What sections resist: closed forms of simple sections, and the numbers of the default one."""
+
+import numpy as np
+import pytest
+
+from hkt_mdo.rotor.outline import Outline, SecondMoments
+from hkt_mdo.rotor.strength import PLACES, POINT_ERROR, Structure, norm, place_weights
+
+HEIGHT = 0.2
+CHORD = 0.3
+
+
+def rectangle(height=HEIGHT, angle=0.0):
+    """Return a rectangle of unit length, turned about its middle."""
+    x, y = np.array([1.0, 0.0, 0.0, 1.0]) - 0.5, height * (np.array([1.0, 1.0, 0.0, 0.0]) - 0.5)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return Outline(0.5 + x * cosine - y * sine, x * sine + y * cosine)
+
+
+def ellipse(height=HEIGHT, n=2000):
+    angle = np.linspace(0.0, 2.0 * np.pi, n + 1)
+    return Outline(0.5 + 0.5 * np.cos(angle), 0.5 * height * np.sin(angle))
+
+
+def largest(structure, weak, strong, chord=CHORD):
+    moments = (np.array([[float(each)]]) for each in (weak, strong))
+    return structure.bending(*moments, np.array([chord])).largest.item()
+
+
+@pytest.fixture(scope="module")
+def naca():
+    return Outline.from_file("naca63815")
+
+
+# Closed forms
+
+
+def test_rectangle_bends_about_both_axes():
+    """6 M / (b h²) about each axis, and their sum at a corner."""
+    structure = Structure.of(rectangle(), 1000.0)
+    width, height = CHORD, HEIGHT * CHORD
+    weak, strong = 70.0, -40.0
+    about_chord, across = 6.0 * weak / (width * height**2), -6.0 * strong / (height * width**2)
+    assert largest(structure, weak, 0.0) == pytest.approx(about_chord, rel=1e-12)
+    assert largest(structure, 0.0, strong) == pytest.approx(across, rel=1e-12)
+    assert largest(structure, weak, strong) == pytest.approx(about_chord + across, rel=1e-12)
+
+
+@pytest.mark.parametrize("angle", [0.1, 0.4, -0.7])
+def test_inclined_rectangle_bends_about_its_own_axes(angle):
+    """The moments are resolved along the axes of the rectangle, where there is no xy."""
+    structure = Structure.of(rectangle(angle=angle), 1000.0)
+    weak, strong = 70.0, 40.0
+    # forces towards (-strong, weak), seen along and across the turned rectangle
+    across = -strong * -np.sin(angle) + weak * np.cos(angle)
+    along = -strong * np.cos(angle) + weak * np.sin(angle)
+    expected = 6.0 * (abs(across) / HEIGHT**2 + abs(along) / HEIGHT) / CHORD**3
+    assert largest(structure, weak, strong) == pytest.approx(expected, rel=1e-12)
+
+
+def test_ellipse_bends_about_both_axes():
+    """The largest of x u + y v on an ellipse is hypot(a u, b v)."""
+    structure = Structure.of(ellipse(), 1000.0)
+    a, b = 0.5 * CHORD, 0.5 * HEIGHT * CHORD
+    weak, strong = 70.0, 110.0
+    expected = np.hypot(4.0 * weak / (np.pi * a * b**2), 4.0 * strong / (np.pi * a**2 * b))
+    assert largest(structure, weak, strong) == pytest.approx(expected, rel=2.0 * POINT_ERROR)
+    assert structure.area[0] == pytest.approx(0.25 * np.pi * HEIGHT, rel=1e-5)
+
+
+@pytest.mark.parametrize("height", [1.0, 0.3])
+def test_hollow_ellipse(height):
+    """A wall of constant thickness round an ellipse, by its integrals along the outline."""
+    wall, angle = 0.02, np.linspace(0.0, 2.0 * np.pi, 20001)
+    a, b = 0.5, 0.5 * height
+    x, y = a * np.cos(angle), b * np.sin(angle)
+    size = np.hypot(a * np.sin(angle), b * np.cos(angle))
+    inner = x - wall * b * np.cos(angle) / size, y - wall * a * np.sin(angle) / size
+    shapes = [Outline(*each) for each in ((x, y), inner)]
+    area = shapes[0].area - shapes[1].area
+    moments = np.subtract(shapes[0].second_moments, shapes[1].second_moments)
+    found = Structure.of(ellipse(height), 1000.0, wall=wall)
+    assert found.area[0] == pytest.approx(area, rel=1e-3)
+    assert [found.xx[0], found.yy[0]] == pytest.approx(moments[:2], rel=2e-3)
+    if height == 1.0:
+        ring = 0.25 * np.pi * (0.5**4 - (0.5 - wall) ** 4)
+        assert found.xx[0] == pytest.approx(ring, rel=2e-3)
+
+
+def test_thin_wall_tends_to_the_integral_along_the_outline(naca):
+    """Area is length times wall, and so are the second moments, about the outline's centroid."""
+    wall = 5e-4
+    run, rise = np.diff(naca.x), np.diff(naca.y)
+    length = np.hypot(run, rise)
+    x, y = 0.5 * (naca.x[1:] + naca.x[:-1]), 0.5 * (naca.y[1:] + naca.y[:-1])
+    x, y = x - np.average(x, weights=length), y - np.average(y, weights=length)
+    found = Structure.of(naca, 1000.0, wall=wall)
+    assert found.area[0] == pytest.approx(wall * np.sum(length), rel=0.02)
+    assert found.xx[0] == pytest.approx(wall * np.sum(length * y**2), rel=0.02)
+    assert found.yy[0] == pytest.approx(wall * np.sum(length * x**2), rel=0.02)
+    small = 0.01 * np.sqrt(found.xx[0] * found.yy[0])  # both sides' products nearly cancel
+    assert found.xy[0] == pytest.approx(wall * np.sum(length * x * y), abs=small)
+
+
+def test_section_whose_walls_meet_is_solid(naca):
+    solid, thick = Structure.of(naca, 1000.0), Structure.of(naca, 1000.0, wall=0.2)
+    assert (thick.area[0], thick.xx[0]) == (solid.area[0], solid.xx[0])
+
+
+def test_default_section_has_its_published_proportions(naca):
+    """NACA 63-815: area, second moments and extents from the centroid, computed elsewhere."""
+    found = Structure.of(naca, 2700.0)
+    numbers = [found.area[0], found.xx[0], found.yy[0], abs(found.xy[0])]
+    assert numbers == pytest.approx([0.0940, 1.250e-4, 4.42e-3, 8.2e-5], rel=1e-3)
+    extent = np.max(np.abs(found.points[0]), axis=0)
+    assert extent == pytest.approx([0.594, 0.0800], rel=1e-3)
+
+
+def test_leaving_the_product_of_inertia_out_is_too_low(naca):
+    """By 2 to 5 % where bending is flapwise and the twist is that of a blade."""
+    whole = Structure.of(naca, 2700.0)
+    moments = SecondMoments(whole.xx[0], whole.yy[0], 0.0)
+    without = whole.with_section(whole.area[0], moments)
+    for twist in np.deg2rad([0.0, 5.0]):
+        weak, strong = np.cos(twist), -np.sin(twist)
+        low = largest(without, weak, strong) / largest(whole, weak, strong)
+        assert 0.94 < low < 0.99
+
+
+# The points that are kept, and the norm
+
+
+@pytest.mark.parametrize("name", ["naca63815", "naca4415", "naca63424", "cylinder"])
+def test_points_reach_as_far_as_the_outline(name):
+    outline = Outline.from_file(name)
+    points = Structure.of(outline, 1000.0).points[0]
+    around = np.column_stack((outline.x, outline.y)) - outline.centroid
+    angle = np.random.default_rng(0).uniform(0.0, np.pi, 5000)
+    gradient = np.array([np.cos(angle), np.sin(angle) / outline.thickness])
+    reach = np.max(np.abs(points @ gradient), axis=0) / np.max(np.abs(around @ gradient), axis=0)
+    assert len(points) <= (100 if name == "cylinder" else 30)
+    assert reach.min() > 1.0 - 2e-5  # directions lie between those that were looked at
+    assert reach.max() < 1.0 + 1.2 * POINT_ERROR
+
+
+@pytest.mark.parametrize("exponent", [8.0, 50.0, 400.0])
+def test_norm_is_smooth_and_never_below_the_largest(exponent):
+    rng = np.random.default_rng(1)
+    values = rng.normal(size=(200, 7))
+    values[:50, 1] = -values[:50, 0]  # ties
+    smooth, share, most = norm(values, exponent)
+    assert most == pytest.approx(np.max(np.abs(values), axis=1), rel=1e-15)
+    assert np.all(smooth >= most)
+    assert np.all(smooth <= most * 7.0 ** (1.0 / exponent) * (1.0 + 1e-15))
+    assert norm(1e30 * values, exponent)[0] == pytest.approx(1e30 * smooth, rel=1e-12)
+    for place in range(7):
+        stepped = values.astype(complex)
+        stepped[:, place] += 1e-30j
+        slope = norm(stepped, exponent)[0].imag / 1e-30
+        assert share[:, place] == pytest.approx(slope, rel=1e-10, abs=1e-14)
+
+
+def test_norm_of_equal_values_has_the_closed_form_and_of_nothing_is_zero():
+    smooth, share, _ = norm(np.array([[3.0, -3.0, 3.0, 3.0], [0.0, 0.0, 0.0, 0.0]]), 10.0)
+    assert smooth == pytest.approx([3.0 * 4.0**0.1, 0.0])
+    assert share[0] == pytest.approx(4.0**-0.9 * np.array([1.0, -1.0, 1.0, 1.0]))
+    assert not np.any(share[1])
+
+
+def test_slopes_of_bending_are_those_of_the_complex_step(naca):
+    structure = Structure.of(naca, 1000.0)
+    rng = np.random.default_rng(2)
+    weak, strong, chord = rng.normal(size=(5, 3)), 9.0 * rng.normal(size=(5, 3)), np.full(3, CHORD)
+    found = structure.bending(weak, strong, chord)
+    by_weak = structure.bending(weak + 1e-30j, strong, chord).smooth.imag / 1e-30
+    by_strong = structure.bending(weak, strong + 1e-30j, chord).smooth.imag / 1e-30
+    assert found.by_weak == pytest.approx(by_weak, rel=1e-10)
+    assert found.by_strong == pytest.approx(by_strong, rel=1e-10)
+    assert np.all(found.smooth >= found.largest)
+
+
+# Along the span
+
+
+@pytest.mark.parametrize("n", [2, 9, 40])
+def test_places_hold_the_stations_and_values_are_linear_between(n):
+    weights = place_weights(n)
+    stations = np.arange(n) * ((len(weights) - 1) // (n - 1))
+    values = np.random.default_rng(n).normal(size=n)
+    assert len(weights) >= max(PLACES, 3 * (n - 1))
+    assert (weights @ values)[stations] == pytest.approx(values, rel=1e-14)
+    assert np.sum(weights, axis=1) == pytest.approx(1.0, rel=1e-14)
+    assert weights @ (2.0 + 3.0 * np.arange(n)) == pytest.approx(
+        np.linspace(2.0, 3.0 * n - 1.0, len(weights)), rel=1e-13
+    )
+
+
+def test_stretched_sections_along_the_span_have_powers_of_the_thickness(naca):
+    """Between stations, too: area goes with thickness, xx with its cube, xy with its square."""
+    thickness = np.array([2.0, 1.0, 1.0, 0.8])
+    found = Structure.of([naca.stretched(each) for each in thickness], 1000.0)
+    share = place_weights(4) @ thickness
+    one = Structure.of(naca, 1000.0)
+    assert found.area == pytest.approx(one.area[0] * share, rel=1e-4)
+    assert found.xx == pytest.approx(one.xx[0] * share**3, rel=3e-4)
+    assert found.yy == pytest.approx(one.yy[0] * share, rel=1e-4)
+    assert found.xy == pytest.approx(one.xy[0] * share**2, rel=3e-4)
+    reach = np.max(np.abs(found.points[..., 1]), axis=1)
+    assert reach == pytest.approx(share * np.max(np.abs(one.points[0, :, 1])), rel=3e-4)
+
+
+def test_area_and_thickness_of_a_blend_are_linear(naca):
+    other = Outline.from_file("naca63424")
+    for share in (0.0, 0.3, 1.0):
+        found = naca.blend(other, share)
+        for name in ("area", "thickness"):
+            ends = getattr(naca, name), getattr(other, name)
+            assert getattr(found, name) == pytest.approx(
+                (1 - share) * ends[0] + share * ends[1], rel=5e-3
+            )
+    line = (1 - 0.3) * naca.area + 0.3 * other.area
+    assert naca.blend(other, 0.3).area == pytest.approx(line, rel=1e-4)
+
+
+def test_wall_along_the_span(naca):
+    found = Structure.of(naca, 1000.0, wall=np.array([0.02, 0.01, 0.01]))
+    assert found.area[0] == Structure.of(naca, 1000.0, wall=0.02).area[0]
+    assert found.area[-1] == Structure.of(naca, 1000.0, wall=0.01).area[0]
+    assert np.all(np.diff(found.area) <= 1e-15)
+
+
+def test_given_second_moments_stand_in_for_those_of_the_outline(naca):
+    given = SecondMoments(np.array([2e-4, 1e-4]), 5e-3, 0.0)
+    found = Structure.of(naca, 1000.0).with_section(0.05, given)
+    assert found.xx == pytest.approx(np.linspace(2e-4, 1e-4, found.xx.size))
+    assert (found.area, found.yy, found.xy) == (0.05, 5e-3, 0.0)
+    assert found.points.shape[0] == 1
+    with pytest.raises(ValueError, match="stations"):
+        found.with_section(np.array([0.05, 0.06, 0.07]), given)
