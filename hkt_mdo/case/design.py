@@ -89,6 +89,9 @@ class Start(Section):
     method: Literal["quasi_steady", "blade"] = "quasi_steady"
     """`quasi_steady` improves blade and gain by quasi-steady co-design before the dynamic
     optimization; `blade` starts from the blade as given."""
+    branch: Literal["best", "overspeed", "underspeed"] = "best"
+    """Where limits can be kept by turning faster or slower than where the rotor captures most:
+    which of both to start from; `best`: that of the larger objective in quasi-steady operation."""
 
 
 class Hydrodynamics(Section):

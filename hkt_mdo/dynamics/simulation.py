@@ -83,9 +83,13 @@ class RecordedTorque:
 
     The generator cannot leave its range, so the interpolant is cut to [0, limit] between the nodes.
     time (s) and torque (N*m) are those of a phase's time series: segment ends appear twice.
+
+    A rotor below the speed of its largest torque is unstable under a torque that does not depend
+    on its speed. speed (rad/s) is then the speed history to hold, and stiffness (N*m*s/rad) that of
+    the controller which does so, by the torque stiffness (w - speed) on top.
     """
 
-    def __init__(self, time, torque, limit=None):
+    def __init__(self, time, torque, limit=None, speed=None, stiffness=0.0):
         repeats = np.flatnonzero(np.diff(time) <= 1e-12 * time[-1])
         count = repeats[0] + 1 if repeats.size else time.size  # of a segment's nodes
         nodes, values = (np.reshape(each, (-1, count)) for each in (time, torque))
@@ -94,10 +98,28 @@ class RecordedTorque:
         self.unlimited = _through(self.ends, place, values)
         """The torque, N*m, before it is cut to the generator's range, as a function of time (s)."""
         self.limit = np.inf if limit is None else limit
+        self.stiffness = stiffness
+        if stiffness:
+            self._held = _through(self.ends, place, np.reshape(speed, nodes.shape))
+
+    @classmethod
+    def of(cls, plant, nodes, limit=None):
+        """Return the history of an open loop with the stiffness that a rotor needs, if any.
+
+        nodes has the quantities of its trajectory. The stiffness is twice the largest slope of the
+        hydrodynamic torque over the rotor's speed, where that is positive.
+        """
+        speed, flow = nodes["rotor_speed"], nodes["inflow_speed"]
+        faster, slower = (plant.torque(factor * speed, flow) for factor in (1.001, 0.999))
+        slope = float(np.max((faster - slower) / (0.002 * speed)))
+        return cls(nodes["time"], nodes["control_torque"], limit, speed, 2.0 * max(slope, 0.0))
 
     def __call__(self, time, speed=None):
-        """Return the torque, N*m, at times (s) of any shape; the speed does not matter."""
-        return np.clip(self.unlimited(time), 0.0, self.limit)
+        """Return the torque, N*m, at times (s) and speeds (rad/s) of one shape."""
+        torque = np.clip(self.unlimited(time), 0.0, self.limit)
+        if self.stiffness:
+            torque = torque + self.stiffness * (speed - self._held(time))
+        return torque
 
 
 @dataclass(frozen=True, eq=False)

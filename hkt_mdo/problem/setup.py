@@ -10,6 +10,7 @@ from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.dynamics.quasi_steady import QuasiSteady
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.schedule import needed, schedules, start_of
 from hkt_mdo.problem.start import StartingPoint, starting_point
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
@@ -132,12 +133,19 @@ def bounding_optimum(physics: Physics, optimum: SteadyOptimum, blade: Blade) -> 
 
 
 def find_start(
-    physics: Physics, optimum: SteadyOptimum, *, improve=None, slowed: float = SLOWED
+    physics: Physics,
+    optimum: SteadyOptimum,
+    *,
+    improve=None,
+    slowed: float = SLOWED,
+    branch: str = "",
 ) -> StartingPoint:
     """Return the start of an optimization by quasi-steady co-design over all scenarios' flows.
 
     The search begins at `optimum`; `improve` False keeps blade and gains as given, None does as
     `start.method` says. `slowed` is the share of its speed that the rotor must be able to lose.
+    `branch` is the one to start on where limits make several (`hkt_mdo.problem.schedule`), by
+    default that of `start.branch`.
     """
     if improve is None:
         improve = physics.case.start.method == "quasi_steady"
@@ -152,6 +160,12 @@ def find_start(
         physics.torque_limit,
         slowed,
     )
+    if needed(physics):
+        found = schedules(physics, problem, optimum, improve=improve)
+        branch = branch or physics.case.start.branch
+        first = [each for each in found if each.branch == branch] or found[:1]
+        others = [each for each in found if each is not first[0]]
+        return start_of(physics, problem, (*first, *others))
     return starting_point(
         problem,
         physics.shape,

@@ -22,11 +22,20 @@ TWIST_UNIT = np.deg2rad(5.0)  # typical change of a twist
 
 @dataclass(frozen=True, eq=False)
 class StartingPoint:
-    """Where an optimization begins: a blade, gains, and their quasi-steady operation."""
+    """Where an optimization begins: a blade, gains, and their quasi-steady operation.
+
+    branches has the `Schedule` of each branch, its own first, where limits ask for one.
+    """
 
     blade: Blade
     gains: np.ndarray
     operation: Operation
+    branches: tuple = ()
+
+    @property
+    def branch(self) -> str:
+        """Name of its branch; empty where there are none."""
+        return self.branches[0].branch if self.branches else ""
 
 
 def starting_point(
@@ -45,18 +54,22 @@ def starting_point(
     if not improve:
         return _with_gains(problem, shape.blade, polar, gains, gain_bounds)
     few = problem.condensed()
-    candidates = [_with_gains(few, shape.blade, polar, gains, gain_bounds)]
+    candidates = list(start_candidates(few, shape, gains, polar, optimum, gain_bounds))
+    best = max(candidates, key=lambda each: _worth(each.operation))
+    best = _improve(CoDesign(few, shape, polar, gain_bounds), best)
+    whole = replace(problem, rotor_radius=best.blade.rotor_radius)
+    return replace(best, operation=whole.operate(_torque(whole, best.blade, polar), best.gains))
+
+
+def start_candidates(problem, shape, gains, polar, optimum, gain_bounds):
+    """Yield starting points: of the blade as given, and of blades for other tip speed ratios."""
+    yield _with_gains(problem, shape.blade, polar, gains, gain_bounds)
     bounds = shape.chord_bounds, shape.twist_bounds
     for ratios in RATIOS if shape.designs_chord else ():
         blade = optimum.blade
         for ratio in ratios * optimum.tip_speed_ratio:
             blade = best_blade(shape.blade, polar, ratio, *bounds, blade, tolerance=1e-8).blade
-            nearest = shape.nearest(blade)
-            candidates.append(_with_gains(few, nearest, polar, None, gain_bounds))
-    best = max(candidates, key=lambda each: _worth(each.operation))
-    best = _improve(_CoDesign(few, shape, polar, gain_bounds), best)
-    whole = replace(problem, rotor_radius=best.blade.rotor_radius)
-    return replace(best, operation=whole.operate(_torque(whole, best.blade, polar), best.gains))
+            yield _with_gains(problem, shape.nearest(blade), polar, None, gain_bounds)
 
 
 def _worth(operation):
@@ -86,7 +99,7 @@ def _with_gains(problem, blade, polar, gains, bounds):
     return StartingPoint(blade, gains, problem.operate(table, gains))
 
 
-class _CoDesign:
+class CoDesign:
     """Operation over one vector of unknowns: control of chord and twist, disc radius, gains."""
 
     def __init__(self, problem, shape, polar, gain_bounds):
@@ -113,21 +126,36 @@ class _CoDesign:
         ends = np.where(self._is_twist, (x - TWIST_MOVE, x + TWIST_MOVE), ends)
         return np.clip(ends, *self._own)
 
+    def blade(self, x):
+        """Return the blade of some unknowns."""
+        chord, twist, radius, _ = np.split(x, self._ends)
+        return self.shape.at(chord, twist, radius[0] if self._resized else None)
+
+    def gains(self, x):
+        """Return the gains among the unknowns."""
+        return x[self._ends[-1] :]
+
+    def by_unknowns(self, by_chord, by_twist, by_radius):
+        """Return derivatives by the unknowns, gains aside, from those by the stations' shape.
+
+        They are of shape (n, n_stations), (n, n_stations) and (n,), the last by the disc's radius.
+        """
+        shape = self.shape
+        if not shape.designs_chord:  # the chord is scaled with the disc
+            by_radius = by_radius + by_chord @ shape.chord_offset / shape.blade.rotor_radius
+        parts = by_chord @ shape.chord_basis, by_twist @ shape.twist_basis
+        return np.hstack((*parts, by_radius[:, None][:, : self._resized]))
+
     def evaluate(self, x):
         """Return the starting point at x, and its energy's and margins' derivatives, row by row."""
-        shape, (chord, twist, radius, gains) = self.shape, np.split(x, self._ends)
-        blade = shape.at(chord, twist, radius[0] if self._resized else None)
+        blade, gains = self.blade(x), self.gains(x)
         problem = replace(self.problem, rotor_radius=blade.rotor_radius)
         found = bem.rotor_coefficients(blade, self.polar, problem.spline.nodes, derivatives=True)
         state = problem.operate(found.torque, gains)
         by_table, by_gain, by_radius = np.split(state.gradient, [found.torque.size, -1], axis=1)
-        by_chord = by_table @ found.torque_by_chord
-        by_radius = by_radius + (by_table @ found.torque_by_rotor_radius)[:, None]
-        if not shape.designs_chord:  # the chord is scaled with the disc
-            by_radius += (by_chord @ shape.chord_offset)[:, None] / shape.blade.rotor_radius
-        by_twist = by_table @ found.torque_by_twist @ shape.twist_basis
-        parts = by_chord @ shape.chord_basis, by_twist, by_radius[:, : self._resized], by_gain
-        return StartingPoint(blade, gains, state), np.hstack(parts)
+        by_radius = by_radius[:, 0] + by_table @ found.torque_by_rotor_radius
+        parts = by_table @ found.torque_by_chord, by_table @ found.torque_by_twist, by_radius
+        return StartingPoint(blade, gains, state), np.hstack((self.by_unknowns(*parts), by_gain))
 
     def room(self, point):
         """Return the function of x with the room below a point's `StallFence`, and its slopes."""
@@ -140,8 +168,7 @@ class _CoDesign:
             slopes = np.zeros((fence.stations.size, x.size))
             if not fence.stations.size:
                 return np.empty(0), slopes
-            chord, twist, radius, _ = np.split(x, self._ends)
-            blade = shape.at(chord, twist, radius[0] if self._resized else None)
+            blade = self.blade(x)
             found = bem.angles_of_attack(blade, self.polar, SLOWER * ratio)
             angle, _, by_chord, by_twist = (each[fence.stations] for each in found)
             ends = self._ends

@@ -108,13 +108,14 @@ class Flight:
         The open loop's torque is that of the collocation's polynomials, before the generator's
         range cuts it; all else is that of the integration.
         """
-        scenario = self.scenario
-        if self.recorded is not None and limit.inputs == ("control_torque",):
+        scenario, recorded = self.scenario, self.recorded
+        flown = self.integrated | self.scalars
+        dense, over = flown["time"][1:], limit.excess(flown)[1:]
+        if recorded is not None and limit.inputs == ("control_torque",):
             dense = scenario.within((np.arange(SAMPLES) + 0.5) / SAMPLES)
-            over = limit.excess({"control_torque": self.recorded.unlimited(dense)})
-        else:
-            flown = self.integrated | self.scalars
-            dense, over = flown["time"][1:], limit.excess(flown)[1:]
+            polynomial = limit.excess({"control_torque": recorded.unlimited(dense)})
+            # what holds the speed of an unstable rotor comes on top of the history
+            over = np.maximum(polynomial, over) if recorded.stiffness else polynomial
         over = over.reshape(-1, SAMPLES)
         worst, rows = np.argmax(over, axis=1), np.arange(scenario.segments)
         return over[rows, worst], dense.reshape(-1, SAMPLES)[rows, worst]
@@ -129,8 +130,7 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
         mesh, recorded, law = scenario.mesh, None, physics.law
         if law is None:
-            torque = nodes["time"], nodes["control_torque"]
-            recorded = RecordedTorque(*torque, physics.torque_limit)
+            recorded = RecordedTorque.of(plant, nodes, physics.torque_limit)
         flown = simulate(
             plant,
             scenario.inflow,

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from hkt_mdo.dynamics.limits import SLOWED
+from hkt_mdo.dynamics.limits import SLOWED, Limit
 from hkt_mdo.dynamics.quasi_steady import Operation
 from hkt_mdo.dynamics.trajectory import QUANTITIES
 from hkt_mdo.problem.build import assemble, make_driver
@@ -38,6 +38,7 @@ NEAR_LIMIT = 1e-4  # relative distance from its bound within which a limit binds
 SHORT_OF = 3e-6  # of the energy: what segments together may fall short of quasi-steady operation
 # segments, whose problem takes several gigabytes; of a dense optimizer, minutes
 MOST_DIVIDED, MOST_DENSE = 10_000, 400
+MOST_LOWERED = 5e-3  # by which a limit is lowered at the nodes before its segment is divided
 PARTS = 4  # of a segment in which a limit begins or ceases to bind
 FIRST_ITERATIONS = 300  # after as many, an optimization has lost its way
 
@@ -77,7 +78,7 @@ def optimize(
             continue
         again = _refined(physics, setup, result, flights, at_limit)
         if again is None:
-            error, parts = _mesh_error(physics, result, flights, near, coarser)
+            error, parts = _mesh_error(physics, result, flights, near, coarser, start.branch)
             result = replace(result, mesh_error=error)
             coarser.append(result.objective)
             ended = physics, result, flights
@@ -122,7 +123,7 @@ def _refined(physics, setup, result, flights, at_limit) -> Setup | None:
     )
 
 
-def _mesh_error(physics, result, flights, near, coarser) -> tuple[float, list[np.ndarray]]:
+def _mesh_error(physics, result, flights, near, coarser, branch) -> tuple[float, list[np.ndarray]]:
     """Return by how much a finer mesh may change the objective, relatively, and what to divide.
 
     `near` is that of `_near_stall`; `coarser` has the objectives on the meshes before, the last
@@ -146,12 +147,15 @@ def _mesh_error(physics, result, flights, near, coarser) -> tuple[float, list[np
         radau = physics.law is not None and physics.case.phase.transcription == "radau"
         if radau or (coarser and np.mean(np.concatenate(coarse)) > 0.5):
             coarse = [np.zeros_like(marks) for marks in coarse]
-    for marks, close in zip(coarse, near, strict=True):
+    for marks, close, flight in zip(coarse, near, flights, strict=True):
         marks |= close
+        for limit in _held(physics):
+            marks |= flight.between_nodes(limit)[0] > BETWEEN_VIOLATION
     if physics.law is None:
         blade = result.point.blade
         known = replace(physics, shape=replace(physics.shape, blade=blade))
-        ideal = find_start(known, best_operation(blade, physics.polar), improve=False)
+        best = best_operation(blade, physics.polar)
+        ideal = find_start(known, best, improve=False, branch=branch)
         values = np.array([*(coarser[-2:] or [physics.objective_at(ideal)]), result.objective])
         *before, error = np.abs(np.diff(values)) / max(abs(result.objective), 1e-9)
         if before and error < 0.5 * before[0]:
@@ -180,15 +184,20 @@ def _switches(physics, flight) -> np.ndarray:
     """Return the segments in which a limit begins or ceases to bind, and their neighbours."""
     scenario, nodes = flight.scenario, flight.trajectory | flight.scalars
     found = np.zeros(scenario.segments, dtype=bool)
-    for limit in physics.limits:
-        if limit.place == "time" and limit.constrains(physics.case.control):
-            binds = limit.excess(nodes) > -NEAR_LIMIT
-            first, *others = binds.reshape(scenario.segments, -1).T
-            last = others[-1]
-            found |= ~np.all(np.equal(first, others), axis=0)
-            found[1:] |= last[:-1] != last[1:]
-            found[:-1] |= first[:-1] != first[1:]
+    for limit in _held(physics):
+        binds = limit.excess(nodes) > -NEAR_LIMIT
+        first, *others = binds.reshape(scenario.segments, -1).T
+        last = others[-1]
+        found |= ~np.all(np.equal(first, others), axis=0)
+        found[1:] |= last[:-1] != last[1:]
+        found[:-1] |= first[:-1] != first[1:]
     return found
+
+
+def _held(physics) -> list[Limit]:
+    """Return the limits over time that the optimization constrains."""
+    control = physics.case.control
+    return [each for each in physics.limits if each.place == "time" and each.constrains(control)]
 
 
 def _falls_short(flight, best, energy) -> np.ndarray:
@@ -224,16 +233,18 @@ def _lowered(physics, setup, flights) -> dict | None:
     They are lowered in the segments that need it: elsewhere a lower limit would only cost energy.
     """
     shares, exceeded = dict(setup.shares), False
-    for limit in physics.limits:
-        held = limit.place == "time" and limit.constrains(physics.case.control)
-        if not held or not np.isfinite(limit.upper):
+    for limit in _held(physics):
+        if not np.isfinite(limit.upper):
             continue
         for flight in flights:
             over, _ = flight.between_nodes(limit)
+            key = limit.name, flight.scenario.name
+            share = shares.get(key, np.ones(flight.scenario.segments))
+            # where a lower limit does not help, the mesh is too coarse
+            over = np.where(share > 1.0 - MOST_LOWERED, over, 0.0)
             if np.max(over) > BETWEEN_VIOLATION:
-                exceeded, key = True, (limit.name, flight.scenario.name)
-                less = 1.0 - np.where(over > 0.5 * BETWEEN_VIOLATION, over, 0.0)
-                shares[key] = shares.get(key, 1.0) * less
+                exceeded = True
+                shares[key] = share * (1.0 - np.where(over > 0.5 * BETWEEN_VIOLATION, over, 0.0))
     return shares if exceeded else None
 
 

@@ -1,0 +1,435 @@
+"""The start under limits: blade, gains and operating schedule by quasi-steady co-design together.
+
+A schedule is the tip speed ratio over the speed of the flow. Without limits, or with one of the
+torque alone, an open loop's schedule follows from the blade (`hkt_mdo.dynamics.quasi_steady`).
+Under other limits it has branches: a rotor keeps a limit of its power by turning faster or slower
+than where it captures most. Each branch is a local optimum with a blade of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache, partial
+
+import numpy as np
+from scipy.optimize import Bounds, minimize
+
+from hkt_mdo.dynamics.laws import STEP
+from hkt_mdo.dynamics.limits import TYPICAL, Limit, TorqueLimit
+from hkt_mdo.dynamics.quasi_steady import SAFE, Operation, QuasiSteady
+from hkt_mdo.dynamics.trajectory import quantities
+from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.start import CoDesign, StartingPoint, start_candidates
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.rotor.scales import torque_scale
+from hkt_mdo.rotor.steady_optimum import SteadyOptimum
+from hkt_mdo.rotor.torque_curve import TorqueSpline
+
+BRANCHES = {"overspeed": 1, "underspeed": -1}
+"""On which side of the ratio of the largest rate each branch keeps the limits."""
+KNOTS, FINE = 32, 400  # flow speeds of a schedule that is designed, and of one that is given
+RATIO_MOVE = 1.25  # factor within which tip speed ratios move before they are re-centred
+VIOLATION = 1e-6  # relative excess of a limit that counts as none
+ROUNDS = 12
+SAME = 2e-3  # relative difference of the tip speed ratios of one optimum
+GAIN = 1e-7  # relative gain of the objective that is worth another round
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """Coefficients of a blade over the tip speed ratio, by name: "torque" and loads.
+
+    values[n_nodes] are those at the nodes of a spline; slopes[n_nodes, n_unknowns] those by the
+    design's unknowns, empty where none are asked for.
+    """
+
+    blade: Blade
+    values: dict[str, np.ndarray]
+    slopes: dict[str, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class SteadyFlow:
+    """Steady operation of a case's rotor at some speeds of its flow.
+
+    speeds[n] (m/s) and weights[n] (s): the objective is the sum of weights times rates. spline is
+    over the tip speed ratio.
+    """
+
+    physics: Physics
+    spline: TorqueSpline
+    speeds: np.ndarray
+    weights: np.ndarray
+
+    @classmethod
+    def of(cls, physics: Physics, spline: TorqueSpline, knots: int = KNOTS) -> SteadyFlow:
+        """Take the flows of a case; a rate over v³ is linear between the speeds of two knots."""
+        scenarios = physics.scenarios
+        speed = np.concatenate([each.inflow.speed_at(each.samples) for each in scenarios])
+        weights = np.concatenate([each.weight * each.sample_weights for each in scenarios])
+        low, high = float(np.min(speed)), float(np.max(speed))
+        if high - low < 1e-9 * high:
+            return cls(physics, spline, np.array([high]), np.array([np.sum(weights)]))
+        speeds = np.linspace(low, high, knots)
+        place = np.clip((speed - low) / (speeds[1] - low), 0.0, knots - 1.0)
+        below = np.minimum(place.astype(int), knots - 2)
+        share, cubes = place - below, weights * speed**3
+        sums = np.bincount(below, cubes * (1.0 - share), knots)
+        sums += np.bincount(below + 1, cubes * share, knots)
+        return cls(physics, spline, speeds, sums / speeds**3)
+
+    @cached_property
+    def limits(self) -> tuple[Limit, ...]:
+        """The limits that a schedule keeps."""
+        return _kept(self.physics)
+
+    def curves(self, blade: Blade, design: CoDesign | None = None) -> Curves:
+        """Return the curves of a blade, and their slopes by the unknowns of a design if given."""
+        physics, nodes = self.physics, self.spline.nodes
+        found = bem.rotor_coefficients(blade, physics.polar, nodes, derivatives=design is not None)
+        values, slopes = {"torque": found.torque}, {}
+        if design is not None:
+            by = found.torque_by_chord, found.torque_by_twist, found.torque_by_rotor_radius
+            slopes["torque"] = design.by_unknowns(*by)
+        return Curves(blade, values, slopes)
+
+    def coefficients(self, curves: Curves, ratio) -> dict:
+        """Return what the quantities of steady operation follow from, at tip speed ratios."""
+        blade, inertia = curves.blade, self.physics.mass_and_inertia(curves.blade)[1]
+        found = {"ratio": ratio, "rotor_radius": blade.rotor_radius, "inertia": inertia}
+        for name, values in curves.values.items():
+            found[name] = self.spline.values(values, ratio)[0]
+        return found
+
+    def known(self, coefficients: dict, flow=None) -> dict:
+        """Return the quantities of a trajectory in steady operation, and the design's scalars."""
+        flow, physics = self.speeds if flow is None else flow, self.physics
+        ratio, radius = coefficients["ratio"], coefficients["rotor_radius"]
+        torque = torque_scale(physics.density, radius, flow) * coefficients["torque"]
+        speed = ratio * flow / radius
+        found = quantities(np.zeros(flow.shape), flow, speed, torque, torque, radius)
+        scalars = {"density": physics.density, "inertia": coefficients["inertia"]}
+        return found | {"rotor_radius": radius} | scalars
+
+    def excess(self, known: dict) -> np.ndarray:
+        """Return by how much the limits are exceeded at most, relatively; -inf without limits."""
+        over = [each.excess(known) * np.ones(known["time"].size) for each in self.limits]
+        return np.max(over, axis=0, initial=-np.inf)
+
+    def at(self, curves: Curves, ratio) -> tuple[np.ndarray, np.ndarray]:
+        """Return the objective's rates, W, at tip speed ratios, and the excess of the limits."""
+        known = self.known(self.coefficients(curves, ratio))
+        return self.physics.objective.rate_of(known), self.excess(known)
+
+    def ratios(self, curves: Curves, branch: str) -> np.ndarray:
+        """Return the tip speed ratios of a branch of an open loop at the speeds of the flow.
+
+        That of the largest rate where it keeps the limits; else the next one on the branch's side
+        that does; where none does, that of the smallest excess.
+        """
+        nodes, n = self.spline.nodes, self.speeds.size
+        flow = np.repeat(self.speeds, nodes.size)
+        known = self.known(self.coefficients(curves, np.tile(nodes, n)), flow)
+        rate = self.physics.objective.rate_of(known).reshape(n, -1)
+        over = self.excess(known).reshape(n, -1)
+        peak = np.clip(np.argmax(rate, axis=1), 1, nodes.size - 2)
+        found = self._largest(curves, nodes[peak - 1], nodes[peak + 1])
+        order = np.arange(nodes.size)[:: BRANCHES[branch]]  # of the search, from either end
+        beyond = (nodes[order] - found[:, None]) * BRANCHES[branch] > 0.0
+        kept = beyond & (over[:, order] <= 0.0)
+        least = np.argmin(np.where(beyond, over[:, order], np.inf), axis=1)
+        has, first = kept.any(axis=1), np.argmax(kept, axis=1)
+        before = np.maximum(nodes[order[first - 1]] * BRANCHES[branch], found * BRANCHES[branch])
+        broken = self.at(curves, found)[1] > 0.0
+        inside = np.where(has, nodes[order[first]], nodes[order[least]])
+        outside = np.where(has, before * BRANCHES[branch], inside)
+        inside, outside = (np.where(broken, each, found) for each in (inside, outside))
+        for _ in range(50):  # bisection for the place where the limits begin to hold
+            middle = 0.5 * (inside + outside)
+            broken = self.at(curves, middle)[1] > 0.0
+            inside, outside = np.where(broken, inside, middle), np.where(broken, middle, outside)
+        return inside
+
+    def _largest(self, curves, low, high):
+        """Return the tip speed ratios of the largest rate between others (golden section)."""
+        share = 0.5 * (np.sqrt(5.0) - 1.0)
+        for _ in range(45):
+            width = share * (high - low)
+            left, right = high - width, low + width
+            lower = self.at(curves, left)[0] > self.at(curves, right)[0]
+            low, high = np.where(lower, low, left), np.where(lower, right, high)
+        return 0.5 * (low + high)
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """A blade, gains and tip speed ratios over the speeds of a `SteadyFlow`.
+
+    objective in J; excess is the largest of any limit, relatively, and of the control law's balance
+    of torques and its distance from stall.
+    """
+
+    branch: str
+    blade: Blade
+    gains: np.ndarray
+    ratio: np.ndarray
+    objective: float
+    excess: float
+
+    @property
+    def worth(self) -> tuple[bool, float]:
+        """What ranks schedules: those that keep the limits by objective, the others by excess."""
+        kept = self.excess <= VIOLATION
+        return kept, self.objective if kept else -self.excess
+
+    def same_as(self, other: Schedule) -> bool:
+        """Tell whether this is the same optimum as another."""
+        close = np.allclose(self.ratio, other.ratio, rtol=SAME)
+        return close and np.allclose(self.blade.chord, other.blade.chord, rtol=10.0 * SAME)
+
+
+class _Joint:
+    """Objective and constraints over one vector: the design's unknowns, then the ratios."""
+
+    def __init__(self, steady: SteadyFlow, design: CoDesign, slowed: float):
+        self.steady, self.design, self.slowed = steady, design, slowed
+
+    def values(self, z):
+        """Return objective, equalities = 0 and inequalities >= 0, each with its slopes."""
+        steady, design = self.steady, self.design
+        physics, law, n = steady.physics, steady.physics.law, steady.speeds.size
+        x, ratio = z[:-n], z[-n:]
+        gains, curves = design.gains(x), steady.curves(design.blade(x), design)
+        here = self._with_slopes(curves, x, ratio)
+
+        def chained(function, at=here):
+            """Return a function of the known quantities and its slopes, by complex step."""
+            values, slopes = at
+            total = 0.0
+            for name, by in slopes.items():
+                moved = steady.known(values | {name: values[name] + 1j * STEP})
+                total = total + (np.imag(function(moved)) / STEP * np.ones(n))[:, None] * by
+            return np.real(function(steady.known(values))) * np.ones(n), total
+
+        def net(known):  # torque that accelerates the rotor, over a typical one
+            unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])
+            torque = law.torque(known["rotor_speed"], gains)
+            return (known["hydrodynamic_torque"] - torque) / (TYPICAL * unit)
+
+        def by_gains(at):
+            known = steady.known(at[0])
+            unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])
+            return -law.torque_by_gain(known["rotor_speed"], gains).T / (TYPICAL * unit)[:, None]
+
+        rate, rate_by = chained(physics.objective.rate_of)
+        objective = float(steady.weights @ rate), steady.weights @ rate_by
+        nothing = np.empty(0), np.empty((0, z.size))
+        equal, above = [nothing], [nothing]
+        for limit in steady.limits:
+            above.append(chained(partial(_room, limit)))
+        if law is not None:
+            slowed = self._with_slopes(curves, x, ratio, 1.0 - self.slowed)
+            for rows, at, least in ((equal, here, 0.0), (above, slowed, SAFE)):
+                value, by = chained(net, at)
+                by[:, x.size - gains.size : x.size] += by_gains(at)
+                rows.append((value - least, by))
+        return *objective, *_stacked(equal), *_stacked(above)
+
+    def _with_slopes(self, curves, x, ratio, share=1.0):
+        """Return the coefficients at a share of the ratios, and their slopes by all unknowns."""
+        steady, design, n = self.steady, self.design, ratio.size
+        blade, stations = curves.blade, np.zeros((1, curves.blade.r.size))
+        values = steady.coefficients(curves, share * ratio)
+        gains = np.zeros((1, design.gains(x).size))
+
+        def designed(*by):
+            return np.hstack((design.by_unknowns(*by), gains, np.zeros((1, n))))
+
+        own = np.hstack((np.zeros((n, x.size)), share * np.eye(n)))
+        slopes = {"ratio": own, "rotor_radius": designed(stations, stations, np.ones(1))}
+        rotor = steady.physics.case.rotor
+        _, inertia, _, by_chord = mass_and_inertia(
+            blade, steady.physics.section_area, rotor.material_density
+        )
+        by_radius = np.array([3.0 * inertia / blade.rotor_radius])
+        slopes["inertia"] = designed(by_chord[None], stations, by_radius)
+        for name, table in curves.values.items():
+            by = np.zeros((n, x.size + n))
+            by[:, : x.size - gains.size] = steady.spline.basis(share * ratio) @ curves.slopes[name]
+            slope = steady.spline.values(table, share * ratio)[1]
+            slopes[name] = by + slope[:, None] * own
+        return values, slopes
+
+
+def _stacked(rows):
+    """Return the values and the slopes of some rows of constraints, one after another."""
+    values, slopes = zip(*rows, strict=True)
+    return np.concatenate(values), np.vstack(slopes)
+
+
+def _room(limit, known):
+    """Return by how much a limit is kept, over its bound."""
+    return 1.0 - limit.value_of(known) / limit.upper
+
+
+def needed(physics: Physics) -> bool:
+    """Tell whether a case has limits for which a start needs a schedule: others than torque's."""
+    return any(not isinstance(each, TorqueLimit) for each in _kept(physics))
+
+
+def _kept(physics: Physics) -> tuple[Limit, ...]:
+    """Return the limits that a schedule keeps: those over time that the optimization constrains."""
+    control = physics.case.control
+
+    def constrains(limit):  # a torque limit is held by a law's saturation
+        return limit.constrains(control) or (physics.law is None and isinstance(limit, TorqueLimit))
+
+    limits = (each for each in physics.limits if each.place == "time" and np.isfinite(each.upper))
+    return tuple(filter(constrains, limits))
+
+
+def schedules(
+    physics: Physics, problem: QuasiSteady, optimum: SteadyOptimum, *, improve: bool
+) -> tuple[Schedule, ...]:
+    """Return the schedule of each branch, the best first.
+
+    `problem` has the whole flow, `optimum` is that of the blades to choose from. Without `improve`,
+    blade and gains are as given. A feedback law has the branches of the open loops that its gains
+    are fitted to; a branch that leads to another's optimum is left out.
+    """
+    steady = SteadyFlow.of(physics, problem.spline)
+    few = replace(problem, inflow_speed=steady.speeds, weights=steady.weights)
+    law, gains = physics.law, physics.law.starting_gains() if physics.law else None
+    gain_bounds = physics.case.design.gain_bounds or (-np.inf, np.inf)
+    free = replace(few, law=None, torque_limit=physics.torque_limit)
+    open_loop = replace(steady, physics=replace(physics, law=None))
+
+    def candidates(of, gains=None):
+        found = start_candidates(of, physics.shape, gains, physics.polar, optimum, gain_bounds)
+        return list(found) if improve else [next(found)]
+
+    def improved(flow, of, best):
+        design = CoDesign(of, physics.shape, physics.polar, gain_bounds)
+        return _improve(_Joint(flow, design, of.slowed), best) if improve else best
+
+    starts, found = candidates(free), []
+    for branch in BRANCHES:
+        best = max((_along(open_loop, start, branch) for start in starts), key=_worth)
+        found.append(improved(open_loop, free, best))
+    if law is not None:
+        own = [_along(steady, start, "") for start in candidates(few, gains)]
+        fitted = [_along(steady, _fitted(steady, few, each), "") for each in found] * improve
+        found = [improved(steady, few, each) for each in (max(own, key=_worth), *fitted)]
+        found = [replace(each, branch=_side(steady, each)) for each in found]
+    found.sort(key=_worth, reverse=True)
+    others = [each for each in found[1:] if each.branch != found[0].branch]
+    others = [each for each in others[:1] if not each.same_as(found[0])]
+    return (found[0], *others)
+
+
+def _fitted(steady, problem, schedule) -> StartingPoint:
+    """Return a law's starting point whose gains are fitted to the schedule of an open loop."""
+    physics, curves = steady.physics, steady.curves(schedule.blade)
+    known = steady.known(steady.coefficients(curves, schedule.ratio))
+    gains = physics.law.fit(known["rotor_speed"], known["hydrodynamic_torque"])
+    gains = np.clip(gains, *(physics.case.design.gain_bounds or (-np.inf, np.inf)))
+    problem = replace(problem, rotor_radius=schedule.blade.rotor_radius)
+    return StartingPoint(schedule.blade, gains, problem.operate(curves.values["torque"], gains))
+
+
+def _side(steady, schedule) -> str:
+    """Return the branch of a schedule: where its blade works in the fastest flow."""
+    nodes = steady.spline.nodes
+    best = nodes[np.argmax(nodes * steady.curves(schedule.blade).values["torque"])]
+    return "overspeed" if schedule.ratio[-1] >= best else "underspeed"
+
+
+def start_of(physics: Physics, problem: QuasiSteady, found: tuple[Schedule, ...]) -> StartingPoint:
+    """Return the first of some schedules as a starting point over the whole flow."""
+    best = found[0]
+    steady = SteadyFlow.of(physics, problem.spline, FINE)
+    curves, flow = steady.curves(best.blade), problem.inflow_speed
+    if physics.law is not None:
+        whole = replace(problem, rotor_radius=best.blade.rotor_radius)
+        operation = whole.operate(curves.values["torque"], best.gains)
+    else:
+        ratio = np.interp(flow, steady.speeds, steady.ratios(curves, best.branch))
+        known = steady.known(steady.coefficients(curves, ratio), flow)
+        speed, torque = known["rotor_speed"], known["hydrodynamic_torque"]
+        operation = Operation(float(problem.weights @ (torque * speed)), speed, torque)
+    return StartingPoint(best.blade, best.gains, operation, found)
+
+
+def _worth(schedule):
+    return schedule.worth
+
+
+def _along(steady: SteadyFlow, start: StartingPoint, branch: str) -> Schedule:
+    """Return a starting point's blade and gains with the schedule of a branch, or of its law."""
+    curves = steady.curves(start.blade)
+    if branch:
+        ratio = steady.ratios(curves, branch)
+    else:
+        ratio = start.operation.rotor_speed * start.blade.rotor_radius / steady.speeds
+    rate, over = steady.at(curves, ratio)
+    excess = float(np.max(over)) if start.operation.running else np.inf
+    value = float(steady.weights @ rate)
+    return Schedule(branch, start.blade, start.gains, ratio, value, excess)
+
+
+def _improve(joint: _Joint, best: Schedule) -> Schedule:
+    """Improve a schedule by SLSQP within move limits, re-centred until nothing is gained."""
+    design, n = joint.design, joint.steady.speeds.size
+    for _ in range(ROUNDS):
+        x, units = design.vector(best)
+        center, units = np.r_[x, best.ratio], np.r_[units, best.ratio]
+        moves = best.ratio / RATIO_MOVE, best.ratio * RATIO_MOVE
+        ends = zip(design.bounds(x), moves, strict=True)
+        low, high = (np.concatenate(each) / units for each in ends)
+        z = _solve(joint, center / units, low, high, units, max(abs(best.objective), 1e-9)) * units
+        x, ratio = z[:-n], z[-n:]
+        value, _, equal, _, above, _ = joint.values(z)
+        excess = float(max(np.max(-above, initial=-np.inf), np.max(np.abs(equal), initial=-np.inf)))
+        better = replace(
+            best,
+            blade=design.blade(x),
+            gains=design.gains(x),
+            ratio=ratio,
+            objective=value,
+            excess=excess,
+        )
+        kept, objective = best.worth
+        if better.worth <= (kept, objective + GAIN * abs(objective)):
+            break
+        best = better
+    return best
+
+
+def _solve(joint, start, low, high, units, objective):
+    """Return the unknowns over their units with the largest objective that keeps the limits."""
+
+    @lru_cache(maxsize=2)
+    def at(z):
+        return joint.values(np.array(z) * units)
+
+    def of(place, sign=1.0):
+        return {
+            "fun": lambda z: sign * at(tuple(z))[place],
+            "jac": lambda z: sign * at(tuple(z))[place + 1] * units,
+        }
+
+    scale = -100.0 / objective
+    constraints = [{"type": "ineq"} | of(4)]
+    if joint.steady.physics.law is not None:
+        constraints.append({"type": "eq"} | of(2))
+    return minimize(
+        lambda z: scale * at(tuple(z))[0],
+        np.clip(start, low, high),
+        jac=lambda z: scale * at(tuple(z))[1] * units,
+        method="SLSQP",
+        bounds=Bounds(low, high),
+        constraints=constraints,
+        options={"ftol": 1e-9, "maxiter": 100},
+    ).x
