@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline, PPoly
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.polar_table import LARGEST
-from hkt_mdo.rotor.suction import surface_curves
+from hkt_mdo.rotor.suction import require_suction, surface_curves
 
 # A polar on a 0.25 or 0.5 degree grid is interpolated exactly at its own points. A lookup is one
 # multiplication instead of a search.
@@ -85,29 +85,22 @@ class Polar:
 
     def evaluate(self, alpha, reynolds=None):
         """Return lift and drag coefficient at an angle of attack (rad)."""
-        return _values(*self._locate(alpha))
+        return _values(*_locate(self.coefficients, alpha))
 
     def derivatives(self, alpha, reynolds=None):
         """Return dcl/dalpha, dcl/dRe, dcd/dalpha, dcd/dRe, per rad; those by Re are zero."""
-        lift, drag = _slopes(*self._locate(alpha))
+        lift, drag = _slopes(*_locate(self.coefficients, alpha))
         return lift, 0.0, drag, 0.0
 
     def suction_at(self, alpha):
         """Return -Cp min and its slope (per rad) at an angle of attack (rad) of any shape.
 
-        Shape (2, *alpha.shape) each, of the upper and the lower surface. The polar has a suction.
+        Shape (2, *alpha.shape) each, of the upper and the lower surface. Raises InputError if the
+        polar has no suction.
         """
-        place = self._locate(alpha, self.suction)
+        require_suction((self,))
+        place = _locate(self.suction, alpha)
         return np.stack(_values(*place)), np.stack(_slopes(*place))
-
-    def _locate(self, alpha, coefficients=None):
-        """Return the coefficients of the interval that holds alpha, and the place in it."""
-        coefficients = self.coefficients if coefficients is None else coefficients
-        n_knots = coefficients.shape[0]
-        step = 2.0 * np.pi / n_knots
-        index = np.floor((np.real(alpha) + np.pi) / step).astype(int)
-        rows = np.moveaxis(coefficients[index % n_knots], -1, 0)
-        return rows, alpha + np.pi - index * step
 
     def _refuse_overshoot(self, source):
         """Raise an error where the curve between rows has impossible coefficients."""
@@ -159,6 +152,15 @@ class PolarFamily:
         if place == below:
             return self.polars[below]
         return self.polars[below].blend(self.polars[below + 1], place - below)
+
+
+def _locate(coefficients, alpha):
+    """Return the coefficients of the interval that holds alpha, and the place in it."""
+    n_knots = coefficients.shape[0]
+    step = 2.0 * np.pi / n_knots
+    index = np.floor((np.real(alpha) + np.pi) / step).astype(int)
+    rows = np.moveaxis(coefficients[index % n_knots], -1, 0)
+    return rows, alpha + np.pi - index * step
 
 
 def _values(row, x):

@@ -8,7 +8,6 @@ from scipy.interpolate import CubicSpline
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.airfoil import Polar
-from hkt_mdo.rotor.suction import require_suction
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +75,6 @@ class LocalReynolds:
         stations = self.polars * blade.r.size if len(self.polars) == 1 else self.polars
         mixed = []
         for station, polars in enumerate(stations):
-            require_suction(polars)
             tables = [each.suction_at(angle_of_attack[:, station])[0] for each in polars]
             mixed.append(np.einsum("pt,tsp->sp", weight[station], np.stack(tables)))
         return np.stack(mixed, axis=-1)

@@ -97,7 +97,6 @@ def section_suction(polar, angle_of_attack):
     """
     n_stations = np.shape(angle_of_attack)[-1]
     polars = polar if isinstance(polar, tuple | list) else (polar,) * n_stations
-    require_suction(polars)
     found = [each.suction_at(angle_of_attack[..., station]) for station, each in enumerate(polars)]
     suction, by_angle = (np.stack(part, axis=-1) for part in zip(*found, strict=True))
     return suction, by_angle

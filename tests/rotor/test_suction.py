@@ -206,6 +206,8 @@ def test_polar_without_suction_is_refused_with_the_remedy(blade):
     for polar in (without, (known.polars[0], without, known.polars[0])):
         with pytest.raises(InputError, match=r"rotor\.polar .*cpmin_upper.*hkt polar"):
             section_suction(polar, np.zeros((2, 3)))
+    with pytest.raises(InputError, match="cpmin"):
+        without.suction_at(0.1)
     mixed = PolarFamily(np.array([1e5, 1e6]), (without, without))
     local = LocalReynolds.of((mixed,) * 3, 2.0, 1e-6)
     with pytest.raises(InputError, match="cpmin"):
