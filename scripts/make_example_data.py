@@ -3,6 +3,8 @@
 pip install neuralfoil==0.3.3
 python scripts/make_example_data.py
 
+Afterwards python scripts/polar_suction.py adds the polars' smallest pressures.
+
 Writes naca63424_*.csv, naca4415_*.csv, cylinder_*.csv and river_blade.csv. First a shipped polar is
 computed again; if it differs, NeuralFoil is another one and nothing is written. For every polar the
 confidence that NeuralFoil has in itself is printed. hkt_mdo/files/data/README.md says what all this

@@ -125,9 +125,10 @@ def polar(
 ) -> None:
     r"""Compute the polars of an outline.
 
-    NeuralFoil (pip install 'hkt_mdo\[neuralfoil]') computes lift, drag and moment of the section.
-    They are written as a CSV file that rotor.polar takes, with the network's confidence in every
-    row, and as a figure. Angles of attack count from the outline's x axis, the chord line.
+    NeuralFoil (pip install 'hkt_mdo\[neuralfoil]') computes lift, drag and moment of the section;
+    potential flow with this lift gives the smallest pressure (cpmin) of either surface. They are
+    written as a CSV file that rotor.polar takes, with the network's confidence in every row, and as
+    a figure. Angles of attack count from the outline's x axis, the chord line.
     """
     from hkt_mdo.cli.polar_report import parse_alpha, parse_reynolds, report_polars
 

@@ -13,7 +13,7 @@ import numpy as np
 from hkt_mdo.cli.parts import refuse_existing
 from hkt_mdo.errors import InputError, show
 from hkt_mdo.files.polar import read_polars
-from hkt_mdo.files.polar_table import PolarTable
+from hkt_mdo.files.polar_table import SURFACES, PolarTable
 from hkt_mdo.files.table import parse_number
 from hkt_mdo.results import style
 from hkt_mdo.results.check_plots import draw_polars
@@ -92,10 +92,13 @@ def _csv(polars: Sequence[ComputedPolar], remark: str) -> bytes:
     rows = []
     for polar in polars:
         table, moment = polar.table, np.asarray(polar.table.moment)
-        columns = np.rad2deg(table.alpha), table.lift, table.drag, moment, polar.confidence
-        rows.append(np.column_stack((*columns, np.full(table.alpha.size, table.reynolds))))
-    file, header = io.BytesIO(), f"{remark}\nalpha_deg,cl,cd,cm,confidence,reynolds"
-    np.savetxt(file, np.vstack(rows), 5 * "%.6f," + "%.10g", header=header, comments="")
+        pressure = np.asarray(table.smallest_pressure)
+        columns = np.rad2deg(table.alpha), table.lift, table.drag, moment, *pressure
+        reynolds = np.full(table.alpha.size, table.reynolds)
+        rows.append(np.column_stack((*columns, polar.confidence, reynolds)))
+    names = ",".join(("alpha_deg,cl,cd,cm", *SURFACES, "confidence,reynolds"))
+    file, header = io.BytesIO(), f"{remark}\n{names}"
+    np.savetxt(file, np.vstack(rows), 7 * "%.6f," + "%.10g", header=header, comments="")
     return file.getvalue()
 
 

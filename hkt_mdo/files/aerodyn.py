@@ -109,7 +109,8 @@ def _read_table(file: _Lines, where: str) -> PolarTable:
     count_line, cell = file.setting("NumAlf")
     line, _, names = file.lines[file.at]
     if names and names[1:3] != ["cl", "cd"]:
-        problem, remedy = "the columns are to be Alpha, Cl, Cd and perhaps Cm", "put them in order"
+        problem = "the columns are to be Alpha, Cl, Cd and perhaps Cm and Cpmin"
+        remedy = "put them in order"
         raise line_error(file.file, line, problem, remedy, where, value=" ".join(names))
     rows = file.rows(file.count("NumAlf", count_line, cell), count_line)
     numbers = [str(number + 1) for number in range(len(rows[0][1]))]
@@ -117,14 +118,16 @@ def _read_table(file: _Lines, where: str) -> PolarTable:
     if len(columns) < 3:
         remedy = "give Alpha, Cl and Cd in every row"
         raise line_error(file.file, rows[0][0], "has fewer than three columns", remedy)
-    # Without names the fourth column is the moment; MHK files have the lowest pressure there.
+    # Without names the fourth column is the moment; MHK files have the smallest pressure there.
     moment = names.index("cm") if "cm" in names else (0 if names else 3)
+    pressure = names.index("cpmin") if "cpmin" in names else 0
     return polar_table(
         *(column.values for column in columns[:3]),
         columns[moment].values if 0 < moment < len(columns) else None,
         reynolds,
         file=file.file,
         columns=("Alpha", "Cl", "Cd", "Cm"),
+        pressure={"Cpmin": columns[pressure].values} if 0 < pressure < len(columns) else None,
         lines=[line for line, _ in rows],
         where=where,
     )

@@ -11,7 +11,7 @@ import numpy as np
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.aerodyn import read_airfoil
-from hkt_mdo.files.polar_table import PolarTable, check_reynolds, polar_table
+from hkt_mdo.files.polar_table import SURFACES, PolarTable, check_reynolds, polar_table
 from hkt_mdo.files.shipped import POLAR_FAMILIES, locate, shipped_names
 from hkt_mdo.files.table import Csv, line_error, lines_of, number_columns, parse_number, read_text
 
@@ -35,9 +35,10 @@ def read_polars(source: str | Path) -> tuple[PolarTable, ...]:
     They are sorted by Reynolds number. The source is a path, the name of a shipped polar
     (``naca63815_Re2e5``) or of a shipped section (``naca63815``: all its Reynolds numbers). The
     content decides the format: a CSV file with the columns ``alpha_deg`` or ``alpha_rad``, ``cl``,
-    ``cd`` and perhaps ``cm`` and ``reynolds``; an airfoil file of OpenFAST's AeroDyn (AirfoilInfo
-    v1.01, Reynolds numbers in millions); or polars that XFOIL or XFLR5 has written, one after the
-    other. Raises InputError with file, line, column, value and remedy.
+    ``cd`` and perhaps ``cm``, ``cpmin`` or ``cpmin_upper`` and ``cpmin_lower`` (smallest pressure
+    coefficient) and ``reynolds``; an airfoil file of OpenFAST's AeroDyn (AirfoilInfo v1.01,
+    Reynolds numbers in millions); or polars that XFOIL or XFLR5 has written, one after the other.
+    Raises InputError with file, line, column, value and remedy.
     """
     name = str(source)
     for family, polars in POLAR_FAMILIES.items():
@@ -85,8 +86,10 @@ def _read_csv(text: str, path: Path) -> list[PolarTable]:
         raise table.refuse("names both alpha_deg and alpha_rad", "keep one of them")
     if not {angle, "cl", "cd"} & set(table.header):
         raise table.refuse(f"is no header of {angle},cl,cd", f"give {_FORMATS}")
-    columns = table.columns((angle, "cl", "cd"), "polar", ("cm", "reynolds"))
+    optional = "cm", "reynolds", "cpmin", *SURFACES
+    columns = table.columns((angle, "cl", "cd"), "polar", optional)
     reynolds = columns.pop("reynolds", None)
+    pressure = {name: columns.pop(name) for name in ("cpmin", *SURFACES) if name in columns}
     lines = np.array([line for line, _ in table.rows])
 
     def part(rows: np.ndarray | slice, number: float | None, where: str) -> PolarTable:
@@ -95,6 +98,7 @@ def _read_csv(text: str, path: Path) -> list[PolarTable]:
             reynolds=number,
             file=path,
             columns=list(columns),
+            pressure={name: column.values[rows] for name, column in pressure.items()},
             lines=lines[rows].tolist(),
             where=where,
         )
@@ -154,12 +158,14 @@ def _read_xfoil_polar(part: list[tuple[int, str]], path: Path, where: str) -> Po
     if problem:
         problem = f"the polar that begins here {problem}"
         raise line_error(path, part[0][0], problem, _XFOIL_REMEDY)
-    columns = number_columns(rows, names, path, ("alpha", "cl", "cd", "cm"))
+    columns = number_columns(rows, names, path, ("alpha", "cl", "cd", "cm", "cpmin"))
+    pressure = columns.pop("cpmin", None)
     return polar_table(
         *(column.values for column in columns.values()),
         reynolds=reynolds,
         file=path,
         columns=("alpha", "CL", "CD", "CM"),
+        pressure={"Cpmin": pressure.values} if pressure else None,
         lines=[line for line, _ in rows],
         where=where,
     )

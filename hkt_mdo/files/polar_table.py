@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,12 @@ LARGEST = {"lift": 6.0, "drag": 5.0, "moment": 5.0}
 
 REYNOLDS_RANGE = 1e3, 1e9
 
+PRESSURE_RANGE = -60.0, 1.0
+"""Smallest pressure coefficients; 1 is that of a stagnation point."""
+
+SURFACES = "cpmin_upper", "cpmin_lower"
+"""Columns of the smallest pressure coefficient of each surface; `cpmin` is that of both."""
+
 _CIRCLE_EDGE = 1e-3  # deg; files write 180 deg as 3.1416 rad
 _ENDS_EQUAL = 1e-6
 
@@ -38,6 +44,9 @@ class PolarTable:
     moment: np.ndarray | None
     full_circle: bool
     """Whether the table runs from -pi to pi, with equal coefficients at both ends."""
+    smallest_pressure: np.ndarray | None = None
+    """Smallest pressure coefficient (Cp min), negative where there is suction: shape (2, n_rows) of
+    the upper and the lower surface, or (1, n_rows) where only the smaller of them is known."""
     source: str = ""
     """Where the table comes from, for messages."""
 
@@ -51,17 +60,20 @@ def polar_table(
     *,
     file: object = "",
     columns: Sequence[str] = ("alpha_deg", "cl", "cd", "cm"),
+    pressure: Mapping[str, np.ndarray] | None = None,
     lines: Sequence[int] | None = None,
     where: str = "",
 ) -> PolarTable:
     """Check a polar and return it in radians.
 
     Angles alpha[n_rows] are in degrees, or in radians where the first of `columns`, the file's
-    names, ends in ``_rad``. `lines` are the numbers of the rows' lines, and `where` tells this
-    polar from others in the file. Raises InputError if there are fewer than 8 rows (two suffice
-    where all are equal, as a cylinder's), angles do not increase strictly or cover neither -5 to 12
-    degrees within ±90 nor the full circle, the ends of a full circle differ, drag is not positive,
-    or a number is not finite or beyond what sections have.
+    names, ends in ``_rad``. `pressure` has the smallest pressure coefficients by the names of their
+    columns, ``cpmin`` in any spelling or both of `SURFACES`, which then count. `lines` are the
+    numbers of the rows' lines, and `where` tells this polar from others in the file. Raises
+    InputError if there are fewer than 8 rows (two suffice where all are equal, as a cylinder's),
+    angles do not increase strictly or cover neither -5 to 12 degrees within ±90 nor the full
+    circle, the ends of a full circle differ, drag is not positive, one surface's pressure comes
+    without the other's, or a number is not finite or beyond what sections have.
     """
     rows = [f"line {line}" for line in lines or ()] or [f"row {n + 1}" for n in range(len(alpha))]
     prefix = f"{where}, " if where else ""
@@ -90,6 +102,9 @@ def polar_table(
         coefficients["drag"].values,
         None if moment is None else coefficients["moment"].values,
         circle,
+        _smallest_pressure(
+            {title: column(title, each) for title, each in (pressure or {}).items()}
+        ),
         f"{file}, {where}" if where else str(file),
     )
 
@@ -138,6 +153,22 @@ def _check_coefficient(name: str, column: Column, circle: bool) -> None:
     problem = f"is beyond {LARGEST[name]:g}, which no section has"
     remedy = "give the coefficient as a plain number, not in counts or percent"
     column.refuse(np.abs(values) > LARGEST[name], problem, remedy)
+
+
+def _smallest_pressure(given: dict[str, Column]) -> np.ndarray | None:
+    """Return `PolarTable.smallest_pressure` of the columns of a file."""
+    low, high = PRESSURE_RANGE
+    for column in given.values():
+        problem = f"is no smallest pressure coefficient: it lies between {low:g} and {high:g}"
+        remedy = "give it as Cp is: negative where there is suction"
+        column.refuse((column.values < low) | (column.values > high), problem, remedy)
+    known = [name for name in SURFACES if name in given]
+    if len(known) == 1:
+        remedy = f"give {' and '.join(SURFACES)}, or cpmin, the smaller of both"
+        column = given[known[0]]
+        raise InputError("is of one surface alone", remedy, file=column.file, key=column.name)
+    chosen = [given[name] for name in known] or list(given.values())
+    return np.stack([column.values for column in chosen]) if chosen else None
 
 
 def check_reynolds(

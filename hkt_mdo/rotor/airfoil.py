@@ -1,4 +1,4 @@
-"""Polars of a blade section: lift and drag over all angles of attack and Reynolds numbers."""
+"""Polars of a blade section: lift, drag, suction over all angles of attack, Reynolds numbers."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline, PPoly
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.polar_table import LARGEST
+from hkt_mdo.rotor.suction import require_suction, surface_curves
 
 # A polar on a 0.25 or 0.5 degree grid is interpolated exactly at its own points. A lookup is one
 # multiplication instead of a search.
@@ -27,11 +28,16 @@ class Polar:
     (rad), the range of the table, the polar is the Viterna extension. CCBlade can use it as an
     airfoil (`evaluate`, `derivatives`), so that both BEM solvers see the same function; the
     Reynolds number is accepted and ignored (Reynolds invariance, paper Sec. II-A).
+
+    suction[n_knots, 8] are the polynomials of -Cp min on the same knots, four of the upper, then
+    four of the lower surface (`hkt_mdo.rotor.suction.surface_curves`); None where a table has no
+    smallest pressure. Beyond the table it is continued constant: a limit there says little.
     """
 
     coefficients: np.ndarray
     alpha_min: float
     alpha_max: float
+    suction: np.ndarray | None = None
 
     @classmethod
     def from_polar_table(cls, table):
@@ -45,7 +51,13 @@ class Polar:
             lift[-1], drag[-1] = lift[0], drag[0]  # the same angle; equal except for rounding
         else:
             alpha, lift, drag = _viterna(alpha, lift, drag)
-        polar = cls(_spline(alpha, lift, drag), float(table.alpha[0]), float(table.alpha[-1]))
+        known = table.smallest_pressure is not None
+        polar = cls(
+            _spline(alpha, lift, drag),
+            float(table.alpha[0]),
+            float(table.alpha[-1]),
+            _spline(*surface_curves(table.alpha, -table.smallest_pressure)) if known else None,
+        )
         polar._refuse_overshoot(table.source)
         return polar
 
@@ -59,38 +71,36 @@ class Polar:
         return float(alpha[np.argmax(lift[: fallen[0]])]) if fallen.size else np.inf
 
     def blend(self, other, weight):
-        """Return the polar (1 - weight) self + weight other, with a weight of 0 to 1."""
+        """Return the polar (1 - weight) self + weight other, with a weight of 0 to 1.
+
+        It has no suction where either has none.
+        """
+        known = self.suction is not None and other.suction is not None
         return Polar(
             (1.0 - weight) * self.coefficients + weight * other.coefficients,
             max(self.alpha_min, other.alpha_min),
             min(self.alpha_max, other.alpha_max),
+            (1.0 - weight) * self.suction + weight * other.suction if known else None,
         )
 
     def evaluate(self, alpha, reynolds=None):
         """Return lift and drag coefficient at an angle of attack (rad)."""
-        row, x = self._locate(alpha)
-        return (
-            row[0] + x * (row[1] + x * (row[2] + x * row[3])),
-            row[4] + x * (row[5] + x * (row[6] + x * row[7])),
-        )
+        return _values(*_locate(self.coefficients, alpha))
 
     def derivatives(self, alpha, reynolds=None):
         """Return dcl/dalpha, dcl/dRe, dcd/dalpha, dcd/dRe, per rad; those by Re are zero."""
-        row, x = self._locate(alpha)
-        return (
-            row[1] + x * (2.0 * row[2] + x * 3.0 * row[3]),
-            0.0,
-            row[5] + x * (2.0 * row[6] + x * 3.0 * row[7]),
-            0.0,
-        )
+        lift, drag = _slopes(*_locate(self.coefficients, alpha))
+        return lift, 0.0, drag, 0.0
 
-    def _locate(self, alpha):
-        """Return the coefficients of the interval that holds alpha, and the place in it."""
-        n_knots = self.coefficients.shape[0]
-        step = 2.0 * np.pi / n_knots
-        index = np.floor((np.real(alpha) + np.pi) / step).astype(int)
-        rows = np.moveaxis(self.coefficients[index % n_knots], -1, 0)
-        return rows, alpha + np.pi - index * step
+    def suction_at(self, alpha):
+        """Return -Cp min and its slope (per rad) at an angle of attack (rad) of any shape.
+
+        Shape (2, *alpha.shape) each, of the upper and the lower surface. Raises InputError if the
+        polar has no suction.
+        """
+        require_suction((self,))
+        place = _locate(self.suction, alpha)
+        return np.stack(_values(*place)), np.stack(_slopes(*place))
 
     def _refuse_overshoot(self, source):
         """Raise an error where the curve between rows has impossible coefficients."""
@@ -144,12 +154,37 @@ class PolarFamily:
         return self.polars[below].blend(self.polars[below + 1], place - below)
 
 
-def _spline(alpha, lift, drag):
-    """Return `Polar.coefficients` of the periodic curves through a table from -pi to pi."""
+def _locate(coefficients, alpha):
+    """Return the coefficients of the interval that holds alpha, and the place in it."""
+    n_knots = coefficients.shape[0]
+    step = 2.0 * np.pi / n_knots
+    index = np.floor((np.real(alpha) + np.pi) / step).astype(int)
+    rows = np.moveaxis(coefficients[index % n_knots], -1, 0)
+    return rows, alpha + np.pi - index * step
+
+
+def _values(row, x):
+    """Return both cubic polynomials of a row of eight coefficients at the place x."""
+    return (
+        row[0] + x * (row[1] + x * (row[2] + x * row[3])),
+        row[4] + x * (row[5] + x * (row[6] + x * row[7])),
+    )
+
+
+def _slopes(row, x):
+    """Return the slopes of both polynomials."""
+    return (
+        row[1] + x * (2.0 * row[2] + x * 3.0 * row[3]),
+        row[5] + x * (2.0 * row[6] + x * 3.0 * row[7]),
+    )
+
+
+def _spline(alpha, *columns):
+    """Return `Polar.coefficients` of periodic curves through two columns from -pi to pi."""
     n_knots = 360 * KNOTS_PER_DEGREE
     knots = np.linspace(-np.pi, np.pi, n_knots + 1)
     blocks = []
-    for column in (lift, drag):
+    for column in columns:
         table = CubicSpline(alpha, column, bc_type="periodic")
         values = table(knots)
         values[-1] = values[0]

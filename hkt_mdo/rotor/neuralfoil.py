@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.polar_table import REYNOLDS_RANGE, PolarTable, polar_table
+from hkt_mdo.files.polar_table import REYNOLDS_RANGE, SURFACES, PolarTable, polar_table
 from hkt_mdo.rotor.outline import Outline
+from hkt_mdo.rotor.potential_flow import potential_suction
 
 __all__ = ["MODELS", "N_CRIT_RANGE", "ComputedPolar", "compute_polars"]
 
@@ -36,7 +37,11 @@ def compute_polars(
     model: str = "xlarge",
     name: str = "",
 ) -> tuple[ComputedPolar, ...]:
-    """Compute lift, drag and moment of an outline, one polar for each Reynolds number by the chord.
+    """Compute the polars of an outline, one for each Reynolds number by the chord.
+
+    Lift, drag and moment are NeuralFoil's. The smallest pressure of each surface is that of the
+    potential flow with this lift (`potential_suction`): NeuralFoil knows the velocity at 32 evenly
+    spaced points of a surface, the first at 1/64 of the chord, and suction peaks lie before it.
 
     alpha[n_rows] (rad) increases; n_crit is the critical exponent of the e^n transition method, 9
     in an average wind tunnel, less in more turbulent water; model is the size of the network, one
@@ -69,7 +74,8 @@ def compute_polars(
             np.asarray(result[key], dtype=float)
             for key in ("CL", "CD", "CM", "analysis_confidence")
         )
-        table = polar_table(degrees, lift, drag, moment, number, file=name)
+        pressure = dict(zip(SURFACES, -potential_suction(outline, alpha, lift), strict=True))
+        table = polar_table(degrees, lift, drag, moment, number, file=name, pressure=pressure)
         polars.append(ComputedPolar(table, confidence))
     return tuple(polars)
 

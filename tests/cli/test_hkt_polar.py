@@ -9,10 +9,13 @@ import pytest
 from hkt_mdo.cli import main
 from hkt_mdo.cli.polar_report import parse_alpha, parse_reynolds
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.polar_table import SURFACES
 from hkt_mdo.files.shipped import POLAR_FAMILIES, read_table
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.neuralfoil import compute_polars
 from hkt_mdo.rotor.outline import Outline
+
+COLUMNS = "alpha_deg", "cl", "cd", "cm", *SURFACES, "confidence", "reynolds"
 
 
 @pytest.fixture(autouse=True)
@@ -38,13 +41,15 @@ def test_shipped_polars_come_out_again(neuralfoil, tmp_path):
     family = POLAR_FAMILIES["naca63815"]
     assert polar("naca63815", "--reynolds", ",".join(f"{r:g}" for r in family.values())) == 0
     ours = tmp_path / "results/polars/naca63815_polars.csv"
-    new = read_table(ours, ("alpha_deg", "cl", "cd", "cm", "confidence", "reynolds"), "polar")
+    new = read_table(ours, COLUMNS, "polar")
     for name, reynolds in family.items():
-        shipped = read_table(name, ("alpha_deg", "cl", "cd", "cm"), "polar")
+        shipped = read_table(name, ("alpha_deg", "cl", "cd", "cm", *SURFACES), "polar")
         rows = new["reynolds"] == reynolds
         assert new["alpha_deg"][rows].tolist() == shipped["alpha_deg"].tolist()
         for column in ("cl", "cd", "cm"):
             assert np.max(np.abs(new[column][rows] - shipped[column])) < 1.1e-6
+        for column in SURFACES:
+            assert np.max(np.abs(new[column][rows] - shipped[column])) < 2e-4
     assert np.all((new["confidence"] >= 0.0) & (new["confidence"] <= 1.0))
 
 
@@ -87,6 +92,8 @@ def test_table_is_a_polar_and_the_figure_is_there(neuralfoil, tmp_path, capsys):
     alpha = np.deg2rad(np.arange(-10.0, 16.0))
     shipped = PolarFamily.from_file("naca63815_Re2e5").polars[0]
     assert np.allclose(family.at(2e5).evaluate(alpha), shipped.evaluate(alpha), atol=2e-6)
+    suction = family.at(2e5).suction_at(alpha)[0]
+    assert np.allclose(suction, shipped.suction_at(alpha)[0], atol=2e-4)
 
 
 def test_files_are_replaced_only_by_force(neuralfoil, tmp_path, capsys):

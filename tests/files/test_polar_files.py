@@ -7,6 +7,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.polar_table import polar_table
 from hkt_mdo.files.shipped import POLAR_FAMILIES, read_table
+from hkt_mdo.files.table import parse_number
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 
 ALPHA = np.arange(-8.0, 17.0)  # deg
@@ -131,10 +132,89 @@ def test_a_byte_order_mark_changes_nothing(tmp_path):
 
 def test_fourth_column_is_the_moment_only_if_it_is_named_so(tmp_path):
     """Tables for cavitation checks have the lowest pressure coefficient there."""
-    with_pressure = read_polars(write(tmp_path, aerodyn_text(names="Alpha Cl Cd Cpmin")))
+    with_pressure = read_polars(
+        write(tmp_path, aerodyn_with_pressure("Alpha Cl Cd Cpmin", moment=False))
+    )
     assert all(table.moment is None for table in with_pressure)
     unnamed = read_polars(write(tmp_path, aerodyn_text(names="rows")))
     assert np.array_equal(unnamed[0].moment, moment(ALPHA, REYNOLDS[0]))
+
+
+# Smallest pressure
+
+
+def pressure(alpha, reynolds):
+    return np.round(-1.0 - 0.1 * np.abs(alpha + 2.0) - 1e-7 * reynolds, 4)
+
+
+def csv_with_pressure(*names):
+    """Return the CSV polars with the pressure in the columns named, each 0.1 below the last."""
+    first, header, empty, *lines = csv_text().splitlines()
+    found = [first, f"{header},{','.join(names)}", empty]
+    for line in lines:
+        reynolds, alpha = map(float, line.split(",")[:2])
+        numbers = (f"{pressure(alpha, reynolds) - 0.1 * n:.4f}" for n in range(len(names)))
+        found.append(f"{line},{','.join(numbers)}")
+    return "\n".join(found) + "\n"
+
+
+def aerodyn_with_pressure(names, moment):
+    lines = aerodyn_text(names=names).splitlines()
+    reynolds = 0.0
+    for at, line in enumerate(lines):
+        cells = line.split()
+        reynolds = float(cells[0]) * 1e6 if cells[1:2] == ["Re"] else reynolds
+        if len(cells) == 4 and all(parse_number(cell) is not None for cell in cells):
+            value = pressure(float(cells[0]), reynolds)
+            lines[at] = " ".join((*cells[: 4 if moment else 3], str(value)))
+    return "\n".join(lines) + "\n"
+
+
+def xfoil_with_pressure():
+    lines = xfoil_text().splitlines()
+    reynolds = 0.0
+    for at, line in enumerate(lines):
+        cells = line.split()
+        if "Re =" in line:
+            reynolds = float(cells[5]) * 1e6
+        elif "alpha" in cells:
+            lines[at] = line.replace("CM     ", "CM      Cpmin  ")
+        elif len(cells) == 7 and parse_number(cells[0]) is not None:
+            value = pressure(float(cells[0]), reynolds)
+            lines[at] = " ".join((*cells[:5], f"{value:.4f}", *cells[5:]))
+    return "\n".join(lines) + "\n"
+
+
+WITH_PRESSURE = {
+    "csv": (csv_with_pressure("cpmin"), 1),
+    "csv, each surface": (csv_with_pressure("cpmin_upper", "cpmin_lower"), 2),
+    "csv, in another order": (csv_with_pressure("cpmin_upper", "cpmin_lower", "cpmin"), 2),
+    "aerodyn": (aerodyn_with_pressure("Alpha Cl Cd Cpmin", moment=False), 1),
+    "aerodyn with the moment": (aerodyn_with_pressure("Alpha Cl Cd Cm Cpmin", moment=True), 1),
+    "xfoil": (xfoil_with_pressure(), 1),
+}
+
+
+@pytest.mark.parametrize("name", WITH_PRESSURE)
+def test_every_format_may_have_the_smallest_pressure(tmp_path, name):
+    text, n_surfaces = WITH_PRESSURE[name]
+    for table, reynolds in zip(read_polars(write(tmp_path, text)), REYNOLDS, strict=True):
+        expected = [pressure(ALPHA, reynolds) - 0.1 * n for n in range(n_surfaces)]
+        assert np.allclose(table.smallest_pressure, expected, rtol=0.0, atol=1e-12)
+        assert np.array_equal(table.lift, lift(ALPHA, reynolds))
+        with_moment = name != "aerodyn"
+        assert (table.moment is not None) == with_moment
+        if with_moment:
+            assert np.array_equal(table.moment, moment(ALPHA, reynolds))
+
+
+def test_without_such_a_column_there_is_none(tmp_path):
+    assert all(
+        table.smallest_pressure is None for table in read_polars(write(tmp_path, csv_text()))
+    )
+
+
+# Full circle
 
 
 def circle_text(n_rows=73, gap=0.0):

@@ -50,6 +50,15 @@ def _row(alpha: int, new: str) -> tuple[str, str]:
     return f"\n{_CSV_ROWS[alpha + 8]}\n", f"\n{new}\n"
 
 
+_PRESSURE = _CSV.replace("cm\n", "cm,cpmin\n").replace("-0.0800\n", "-0.0800,-1.2\n")
+_PRESSURE_ROW = f"\n{_CSV_ROWS[11]},-1.2\n"
+
+
+def _pressure(value: str) -> tuple[str, str]:
+    """Return the row of 3 degrees, line 13, and the same with another smallest pressure."""
+    return _PRESSURE_ROW, _PRESSURE_ROW.replace("-1.2", value)
+
+
 _RADIANS = [row.split(",", 1) for row in _CSV_ROWS]
 _IN_RADIANS = [f"{math.radians(float(angle)):.6f},{rest}" for angle, rest in _RADIANS]
 
@@ -74,6 +83,17 @@ _BROKEN_CSV: dict[str, tuple[bytes, str]] = {
     "one Reynolds number too short": (
         "\n".join(_CSV_REYNOLDS.splitlines()[:30]).encode(),
         "reynolds = 1e+06, alpha_deg",
+    ),
+    "suction for pressure": (
+        _replace(_PRESSURE, _pressure("1.2")),
+        "line 13, column cpmin = 1.2: is no smallest pressure coefficient: it lies between -60",
+    ),
+    "pressure in pascal": (_replace(_PRESSURE, _pressure("-1200")), "line 13, column cpmin"),
+    "pressure not a number": (_replace(_PRESSURE, _pressure("nan")), "line 13, column cpmin"),
+    "pressure left out": (_replace(_PRESSURE, _pressure("")), "line 13, column cpmin = ''"),
+    "pressure of one surface": (
+        _replace(_PRESSURE, ("cpmin", "cpmin_lower")),
+        "cpmin_lower: is of one surface alone; give cpmin_upper and cpmin_lower",
     ),
     "web page": (b"<!DOCTYPE html>\n<html><body>404</body></html>\n", "is no header"),
 }
@@ -280,6 +300,7 @@ _BROKEN_OUTLINES: dict[str, tuple[str, bytes, str]] = {
 
 WELL: dict[str, tuple[str, bytes]] = {
     "CSV polar": ("polar.csv", _CSV.encode()),
+    "CSV polar with pressure": ("pressure.csv", _PRESSURE.encode()),
     "CSV polars": ("polars.csv", _CSV_REYNOLDS.encode()),
     "AeroDyn table": ("section.dat", _AERODYN.encode()),
     "AeroDyn tables": ("sections.dat", _AERODYN_TWO.encode()),

@@ -1,0 +1,233 @@
+"""Suction of sections over the angle of attack: smooth curves of both surfaces, along a blade."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hkt_mdo.errors import InputError
+from hkt_mdo.files.polar import read_polars
+from hkt_mdo.files.polar_table import SURFACES, polar_table
+from hkt_mdo.files.shipped import POLAR_FAMILIES, data_path, read_table, shipped_names
+from hkt_mdo.rotor.airfoil import Polar, PolarFamily
+from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.suction import section_suction, split_at_kink
+
+ALPHA = np.arange(-12.0, 16.5, 0.5)  # deg
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def upper(alpha):
+    return 1.0 + 0.11 * alpha + 0.004 * alpha**2
+
+
+def lower(alpha):
+    return 0.7 - 0.12 * alpha + 0.005 * alpha**2
+
+
+def table(pressure, alpha=ALPHA):
+    return polar_table(alpha, 0.1 * alpha, np.full(alpha.size, 0.02), pressure=pressure)
+
+
+@pytest.fixture(scope="module", params=[*shipped_names("polar"), "both surfaces in one"])
+def polar(request):
+    if request.param in shipped_names("polar"):
+        return PolarFamily.from_file(request.param).polars[0]
+    return Polar.from_polar_table(table({"cpmin": -np.maximum(upper(ALPHA), lower(ALPHA))}))
+
+
+# Smooth curves
+
+
+def test_curves_and_two_derivatives_are_continuous_everywhere(polar):
+    step = 2.0 * np.pi / polar.suction.shape[0]
+    for block in (polar.suction[:, :4], polar.suction[:, 4:]):
+        c0, c1, c2, c3 = block.T
+        following = np.roll(block, -1, axis=0)
+        assert np.allclose(c0 + step * (c1 + step * (c2 + step * c3)), following[:, 0], atol=1e-11)
+        assert np.allclose(c1 + step * (2.0 * c2 + step * 3.0 * c3), following[:, 1], atol=1e-9)
+        assert np.allclose(2.0 * c2 + 6.0 * step * c3, 2.0 * following[:, 2], atol=1e-6)
+
+
+def test_slopes_are_those_of_the_values_at_angles_of_any_shape(polar):
+    alpha = np.linspace(-7.0, 7.0, 24).reshape(2, 3, 4)
+    value, slope = polar.suction_at(alpha)
+    assert value.shape == slope.shape == (2, 2, 3, 4)
+    complex_value, complex_slope = polar.suction_at(alpha + 1e-30j)
+    assert np.array_equal(complex_value.real, value)
+    assert np.allclose(slope, complex_value.imag / 1e-30, rtol=1e-12, atol=1e-12)
+    assert np.array_equal(complex_slope.real, slope)
+    assert polar.suction_at(0.1)[0].tolist() == polar.suction_at(np.array([0.1]))[0][:, 0].tolist()
+
+
+@pytest.mark.parametrize("name", shipped_names("polar"))
+def test_rows_are_interpolated_exactly(name):
+    rows = read_table(name, ("alpha_deg", *SURFACES), "polar")
+    near = np.abs(rows["alpha_deg"]) <= 90.0
+    (found,) = PolarFamily.from_file(name).polars
+    suction, _ = found.suction_at(np.deg2rad(rows["alpha_deg"][near]))
+    assert np.allclose(suction, -np.stack([rows[each][near] for each in SURFACES]), atol=1e-11)
+
+
+@pytest.mark.parametrize("name", POLAR_FAMILIES)
+def test_beyond_the_table_the_curves_come_to_rest(name):
+    """Within two degrees' worth of the last slope, then constant to 100 degrees."""
+    for each in PolarFamily.from_file(name).polars:
+        for edge, way in ((each.alpha_min, -1.0), (each.alpha_max, 1.0)):
+            value, slope = each.suction_at(edge)
+            beyond = each.suction_at(edge + way * np.deg2rad(np.linspace(0.0, 70.0, 281)))[0]
+            room = np.deg2rad(2.5) * np.abs(slope) + 0.05
+            assert np.all(np.abs(beyond.T - value) <= room)
+            assert np.allclose(beyond[:, -40:], beyond[:, -1:], atol=0.01)
+        assert np.min(each.suction_at(np.linspace(-np.pi, np.pi, 2001))[0]) > -1.01
+
+
+# One column for both surfaces
+
+
+def test_kink_is_split_into_the_two_curves_that_make_it():
+    upper_curve, lower_curve = upper(ALPHA), lower(ALPHA)
+    both = np.maximum(upper_curve, lower_curve)
+    parts = split_at_kink(np.deg2rad(ALPHA), both)
+    assert np.array_equal(parts.max(axis=0), both)
+    right = upper_curve >= lower_curve
+    assert np.array_equal(parts[0][right], upper_curve[right])
+    assert np.array_equal(parts[1][~right], lower_curve[~right])
+    near = np.abs(ALPHA) < 4.0  # carried on with the right slope, too
+    assert np.allclose(parts[0][near], upper_curve[near], atol=0.15)
+    assert np.allclose(parts[1][near], lower_curve[near], atol=0.15)
+    assert np.all(np.diff(parts[0][~right]) > 0.0)
+    assert np.all(np.diff(parts[1][right]) < 0.0)
+    assert parts.min() > -1.0
+
+
+@pytest.mark.parametrize("shift", np.linspace(0.0, 0.5, 6))
+def test_split_polar_has_the_kink_between_the_curves_alone(shift):
+    """Wherever the kink lies between two rows: the larger of both is the table's at its rows, and
+    between the rows neither curve leaves the larger of the true ones by more than the kink's gap.
+    """
+    both = np.maximum(upper(ALPHA + shift), lower(ALPHA + shift))
+    found = Polar.from_polar_table(table({"cpmin": -both}))
+    rows = found.suction_at(np.deg2rad(ALPHA))[0].max(axis=0)
+    assert np.allclose(rows, both, atol=1e-12)
+    fine = np.linspace(ALPHA[0], ALPHA[-1], 2001)
+    true = np.maximum(upper(fine + shift), lower(fine + shift))
+    assert np.max(np.abs(found.suction_at(np.deg2rad(fine))[0].max(axis=0) - true)) < 0.03
+
+
+@pytest.mark.parametrize("name", [name for names in POLAR_FAMILIES.values() for name in names])
+def test_split_of_the_shipped_polars_is_their_own_two_surfaces(name):
+    """Where a surface has the larger suction its curve is the same; else it is below the other."""
+    (known,) = read_polars(name)
+    suction = -known.smallest_pressure
+    parts = split_at_kink(known.alpha, suction.max(axis=0))
+    assert np.array_equal(parts.max(axis=0), suction.max(axis=0))
+    change = np.flatnonzero(suction[0] >= suction[1])[0]
+    clear = np.abs(np.arange(known.alpha.size) - change) > 1
+    assert np.array_equal((parts[0] >= parts[1])[clear], (suction[0] >= suction[1])[clear])
+    near = np.abs(np.arange(known.alpha.size) - change) < 5  # two degrees on
+    assert np.allclose(parts[:, near], suction[:, near], atol=0.25)
+
+
+def test_without_a_kink_both_surfaces_have_the_suction():
+    alpha = np.deg2rad(ALPHA)
+    for suction in (np.full(alpha.size, 3.0), 1.0 + alpha):
+        assert np.array_equal(split_at_kink(alpha, suction), [suction, suction])
+
+
+def test_full_circle_counts_up_to_right_angles():
+    alpha = np.arange(-180.0, 185.0, 5.0)
+    curves = np.stack((1.0 + 0.5 * np.tanh(alpha / 20.0), 0.8 - 0.6 * np.tanh(alpha / 20.0)))
+    rows = polar_table(
+        alpha, 0.0 * alpha, 1.0 + 0.0 * alpha, pressure=dict(zip(SURFACES, -curves, strict=True))
+    )
+    found = Polar.from_polar_table(rows)
+    near = np.abs(alpha) <= 90.0
+    assert np.allclose(found.suction_at(np.deg2rad(alpha[near]))[0], curves[:, near], atol=1e-12)
+
+
+# Mixtures
+
+
+def test_blend_is_linear_and_needs_both():
+    one, other = PolarFamily.from_file("naca4415").polars[:2]
+    alpha = np.linspace(-3.2, 3.2, 99)
+    mixed = one.blend(other, 0.3).suction_at(alpha)[0]
+    expected = 0.7 * one.suction_at(alpha)[0] + 0.3 * other.suction_at(alpha)[0]
+    assert np.allclose(mixed, expected, atol=1e-13)
+    without = Polar.from_polar_table(table(None))
+    assert without.suction is None
+    assert one.blend(without, 0.5).suction is without.blend(one, 0.5).suction is None
+
+
+@pytest.fixture(scope="module")
+def blade():
+    r = np.array([0.3, 0.6, 0.9])
+    return Blade(r, np.array([0.2, 0.15, 0.1]), np.array([0.2, 0.1, 0.05]), 0.1, 1.0, 3)
+
+
+def test_along_a_blade_every_station_has_its_own_polar(blade):
+    family = PolarFamily.from_file("naca63815").polars
+    angle = np.deg2rad(np.linspace(-4.0, 12.0, 12)).reshape(4, 3)
+    for polar in (family[0], family[:3], list(family[:3])):
+        suction, by_angle = section_suction(polar, angle)
+        assert suction.shape == by_angle.shape == (2, 4, 3)
+        for station in range(3):
+            own = polar if isinstance(polar, Polar) else polar[station]
+            expected = own.suction_at(angle[:, station])
+            assert np.array_equal((suction[..., station], by_angle[..., station]), expected)
+    complex_step = section_suction(family[:3], angle + 1e-30j)[0].imag / 1e-30
+    assert np.allclose(by_angle, complex_step, rtol=1e-12, atol=1e-12)
+
+
+def test_local_reynolds_number_mixes_the_tables(blade):
+    families = (PolarFamily.from_file("naca63815"),) * 3
+    ratio = np.array([3.0, 6.0])
+    angle = np.deg2rad([[2.0, 4.0, 6.0], [8.0, 3.0, 1.0]])
+    local = LocalReynolds.of(families, 2.0, 1e-6)
+    suction = local.suction(blade, ratio, angle)
+    assert suction.shape == (2, 2, 3)
+    weight = local.mixture(blade, ratio)[0]
+    for station in range(3):
+        for point in range(2):
+            tables = [each.suction_at(angle[point, station])[0] for each in families[0].polars]
+            expected = weight[station, point] @ np.array(tables)
+            assert np.allclose(suction[:, point, station], expected, atol=1e-13)
+    fast = local.at_speed(1e3).suction(blade, ratio, angle)  # beyond the last table it holds
+    last, _ = section_suction(families[0].polars[-1], angle)
+    assert np.allclose(fast, last, atol=1e-12)
+
+
+def test_polar_without_suction_is_refused_with_the_remedy(blade):
+    without = Polar.from_polar_table(table(None))
+    known = PolarFamily.from_file("naca63815")
+    for polar in (without, (known.polars[0], without, known.polars[0])):
+        with pytest.raises(InputError, match=r"rotor\.polar .*cpmin_upper.*hkt polar"):
+            section_suction(polar, np.zeros((2, 3)))
+    with pytest.raises(InputError, match="cpmin"):
+        without.suction_at(0.1)
+    mixed = PolarFamily(np.array([1e5, 1e6]), (without, without))
+    local = LocalReynolds.of((mixed,) * 3, 2.0, 1e-6)
+    with pytest.raises(InputError, match="cpmin"):
+        local.suction(blade, np.array([5.0]), np.zeros((1, 3)))
+
+
+# The shipped columns
+
+
+def test_shipped_columns_are_what_the_script_computes():
+    path = ROOT / "scripts" / "polar_suction.py"
+    specification = importlib.util.spec_from_file_location("polar_suction", path)
+    script = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(script)
+    computed = script.pressures()
+    assert sorted(computed) == sorted(shipped_names("polar"))
+    for name, pressure in computed.items():
+        rows = read_table(name, SURFACES, "polar")
+        assert np.allclose(np.stack(list(rows.values())), pressure, atol=2e-4)
+        text = data_path(name, "polar").read_text(encoding="utf-8")
+        again = script.with_pressures(text, -np.ones_like(pressure))
+        for line, new in zip(text.splitlines(), again.splitlines(), strict=True):
+            assert line.split(",")[:4] == new.split(",")[:4]
