@@ -24,7 +24,12 @@ from hkt_mdo.dynamics import flows, laws, sampled
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.limits import Limit
-from hkt_mdo.dynamics.objectives import CapturedEnergy, GeneratorEnergy, Objective
+from hkt_mdo.dynamics.objectives import (
+    CapturedEnergy,
+    ElectricalEnergy,
+    GeneratorEnergy,
+    Objective,
+)
 from hkt_mdo.errors import InputError
 from hkt_mdo.sections import Section
 
@@ -103,7 +108,7 @@ BUILT_IN = Kinds(
         flows.SumInflow,
     ),
     limits=(),
-    objectives=(CapturedEnergy, GeneratorEnergy),
+    objectives=(CapturedEnergy, GeneratorEnergy, ElectricalEnergy),
 )
 """The kinds of the package."""
 

@@ -17,6 +17,7 @@ from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kind
 from hkt_mdo.case.messages import TAGS, translate
 from hkt_mdo.case.turbine import Fluid, Rotor, own_keys
 from hkt_mdo.dynamics.flows import Inflow, SumInflow
+from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, Objective
@@ -60,6 +61,7 @@ class Case(Section):
     control: SerializeAsAny[Law]
     """Control law; `law` says which."""
     limits: SerializeAsAny[Limits] = Limits()
+    generator: Generator = Generator()
 
     objective: SerializeAsAny[Objective] = CapturedEnergy()
     """What is maximized; `kind` says which."""

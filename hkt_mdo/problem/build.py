@@ -13,7 +13,7 @@ from dymos import Trajectory
 
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.limits import TYPICAL, DistanceFromStall, Limit, settled
-from hkt_mdo.dynamics.objectives import CapturedEnergy, GeneratorEnergy
+from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
 from hkt_mdo.dynamics.trajectory import QUANTITIES
 from hkt_mdo.problem.components import AboveComp, IntegralComp, LimitComp
@@ -54,9 +54,9 @@ def build_problem(case: Case, *, improve: bool | None = None) -> om.Problem:
 
     `improve` says whether the starting blade and gains are improved by quasi-steady co-design, or
     kept as given; None: as the case's `start.method` says. Outputs of the problem are energy,
-    generator_energy and objective (J), mass (kg), inertia (kg*m**2); `traj.phase.timeseries` has
-    the trajectory. Raises InputError if a file of the case is broken, or its optimizer is not
-    installed.
+    generator_energy, electrical_energy and objective (J), mass (kg), inertia (kg*m**2);
+    `traj.phase.timeseries` has the trajectory. Raises InputError if a file of the case is broken,
+    or its optimizer is not installed.
     """
     physics = make_physics(case)
     if improve is None:
@@ -193,6 +193,7 @@ def _add_phases(model, physics, hydrodynamics, parameters, scales, speed_bounds)
     """Add one phase a scenario, fed by the model."""
     trajectory = Trajectory()
     options = {"hydrodynamics": lambda nodes: HydrodynamicsComp(num_nodes=nodes, **hydrodynamics)}
+    options["generator"] = physics.generator
     unknown = getattr(physics.case.control, "unknown", "speed")
     phases = [
         add_phase(trajectory, each, physics.law, unknown, options, parameters, scales, speed_bounds)
@@ -304,6 +305,7 @@ def _add_objective(model, physics, setup):
     integrands = {
         "energy": CapturedEnergy(),
         "generator_energy": GeneratorEnergy(),
+        "electrical_energy": ElectricalEnergy(),
         "objective": physics.objective,
     }
     weights = {each.name: each.weight * each.node_weights for each in physics.scenarios}

@@ -151,6 +151,7 @@ def find_start(
         physics.law,
         physics.torque_limit,
         slowed,
+        physics.starting_generator,
     )
     return starting_point(
         problem,

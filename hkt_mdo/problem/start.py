@@ -60,9 +60,9 @@ def starting_point(
 
 
 def _worth(operation):
-    """Return what ranks operations: one that runs, then one that recovers, then energy."""
+    """Return what ranks operations: one that runs, then one that recovers, then its energy."""
     # The optimizer of the start meets its constraints only to within rounding.
-    return operation.running, bool(np.all(operation.margin >= SAFE - 1e-6)), operation.energy
+    return operation.running, bool(np.all(operation.margin >= SAFE - 1e-6)), operation.delivered
 
 
 def _torque(problem, blade, polar):
@@ -114,7 +114,7 @@ class _CoDesign:
         return np.clip(ends, *self._own)
 
     def evaluate(self, x):
-        """Return the starting point at x, and its energy's and margins' derivatives, row by row."""
+        """Return the starting point at x; derivatives of `delivered` and margins, row by row."""
         shape, (chord, twist, radius, gains) = self.shape, np.split(x, self._ends)
         blade = shape.at(chord, twist, radius[0] if self._resized else None)
         problem = replace(self.problem, rotor_radius=blade.rotor_radius)
@@ -184,7 +184,7 @@ def _maximize(design, room, start, low, high, units, energy):
     def loss(x):
         state, gradients = at(tuple(x))
         # The line search turns away from a point without equilibrium.
-        value = state.energy if state.running else 0.5 * state.energy
+        value = state.delivered - (0.0 if state.running else 0.5 * state.energy)
         scale = -100.0 / max(energy, 1e-9)
         return scale * value, scale * gradients[0]
 

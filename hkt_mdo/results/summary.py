@@ -125,6 +125,8 @@ class Summary(_Entry, Mapping[str, Any]):
         "energy of the generator", "{generator_energy_kJ:.2f} kJ ({generator_energy_J:.0f} J)"
     )
     """What the generator takes from the shaft in the integration; the rest is stored."""
+    electrical_energy_J: _Number = _shown("energy, electrical", "{electrical_energy_kJ:.2f} kJ")
+    """What the generator delivers of that, less its losses."""
     starting_energy_J: _Number = None
     energy_bound_J: _Number = _shown("share of quasi-steady bound", "{share:.3f} %")
     """Energy of a rotor that works at the steady optimum at every instant."""
@@ -260,6 +262,7 @@ class Summary(_Entry, Mapping[str, Any]):
             "energy_kJ": energy and energy / 1e3,
             "simulated_energy_kJ": simulated and simulated / 1e3,
             "generator_energy_kJ": self.generator_energy_J and self.generator_energy_J / 1e3,
+            "electrical_energy_kJ": self.electrical_energy_J and self.electrical_energy_J / 1e3,
             "gap": None if self.certified_gap is None else max(100.0 * self.certified_gap, 0.0),
             "difference": 100.0 * (simulated / energy - 1.0) if simulated and energy else None,
             "share": 100.0 * best / bound if best is not None and bound else None,
