@@ -23,7 +23,13 @@ from typing import Any, get_args
 from hkt_mdo.dynamics import flows, laws, sampled
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.laws import Law
-from hkt_mdo.dynamics.limits import Limit
+from hkt_mdo.dynamics.limits import (
+    ElectricalPowerLimit,
+    Limit,
+    PowerLimit,
+    RotorSpeedLimit,
+    TipSpeedLimit,
+)
 from hkt_mdo.dynamics.objectives import (
     CapturedEnergy,
     ElectricalEnergy,
@@ -42,7 +48,7 @@ _SORTS: dict[type[Section], tuple[str, str]] = {
 }
 """Base class of each sort of kind: where `Kinds` has it, the attribute with the kind's name."""
 
-_TAKEN = {"given", *dir(Section)}
+_TAKEN = {"given", "torque", *dir(Section)}
 _BASES = "FeedbackLaw, Inflow, Limit or Objective"
 
 Extension = str | Path | ModuleType | type
@@ -107,7 +113,7 @@ BUILT_IN = Kinds(
         flows.GustInflow,
         flows.SumInflow,
     ),
-    limits=(),
+    limits=(PowerLimit, ElectricalPowerLimit, RotorSpeedLimit, TipSpeedLimit),
     objectives=(CapturedEnergy, GeneratorEnergy, ElectricalEnergy),
 )
 """The kinds of the package."""

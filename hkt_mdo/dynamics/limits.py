@@ -6,7 +6,7 @@ knows the formula. A limit of your own is a subclass of `Limit` (docs/architectu
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import model_validator
@@ -14,7 +14,7 @@ from pydantic import model_validator
 from hkt_mdo.dynamics.laws import STEP, Law, OpenLoop
 from hkt_mdo.dynamics.trajectory import QUANTITIES
 from hkt_mdo.rotor.scales import torque_scale
-from hkt_mdo.sections import Section
+from hkt_mdo.sections import Quantity, Section
 
 SLOWED = 0.02  # share of its speed that a rotor may lose and still recover from
 TYPICAL = 0.05  # torque coefficient to which a recovery torque is compared
@@ -114,11 +114,58 @@ class TorqueLimit(Limit):
 class ForwardRotation(Limit):
     """The rotor turns forward; the bounds of its speed in the optimization hold this."""
 
-    name: ClassVar[str] = "rotor_speed"
+    name: ClassVar[str] = "forward_rotation"
     unit: ClassVar[str | None] = "rad/s"
     inputs: ClassVar[tuple[str, ...]] = ("rotor_speed",)
     lower: ClassVar[float] = 0.0
     bounded: ClassVar[bool] = True
+
+
+class PowerLimit(Limit):
+    """Largest power that the generator takes from the shaft, u w."""
+
+    name: ClassVar[str] = "power"
+    unit: ClassVar[str | None] = "W"
+    inputs: ClassVar[tuple[str, ...]] = ("generator_power",)
+
+    bound: Annotated[float, Quantity("W", gt=0)]
+    """Largest shaft power of the generator."""
+
+
+class ElectricalPowerLimit(Limit):
+    """Largest power that the generator delivers, its losses (section `generator`) taken off."""
+
+    name: ClassVar[str] = "electrical_power"
+    unit: ClassVar[str | None] = "W"
+    inputs: ClassVar[tuple[str, ...]] = ("electrical_power",)
+
+    bound: Annotated[float, Quantity("W", gt=0)]
+    """Largest electrical power."""
+
+
+class RotorSpeedLimit(Limit):
+    """Largest angular speed of the rotor, w."""
+
+    name: ClassVar[str] = "rotor_speed"
+    unit: ClassVar[str | None] = "rad/s"
+    inputs: ClassVar[tuple[str, ...]] = ("rotor_speed",)
+
+    bound: Annotated[float, Quantity("rad/s", gt=0)]
+    """Largest rotor speed."""
+
+
+class TipSpeedLimit(Limit):
+    """Largest speed of the blades' tips about the axis, w R, R the radius of the disc."""
+
+    name: ClassVar[str] = "tip_speed"
+    unit: ClassVar[str | None] = "m/s"
+    inputs: ClassVar[tuple[str, ...]] = ("rotor_speed", "rotor_radius")
+
+    bound: Annotated[float, Quantity("m/s", gt=0)]
+    """Largest tip speed."""
+
+    def value(self, rotor_speed, rotor_radius):
+        return rotor_speed * rotor_radius
 
 
 class DesignBounds(Limit):
