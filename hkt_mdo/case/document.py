@@ -278,7 +278,10 @@ def commented_case(values: Mapping[str, Mapping[str, Any]], usual: Collection[st
             if key in section["properties"]:
                 lines.append(_commented(key, section["properties"][key], given))
         if lines:
-            blocks.append("\n".join((_comment(about), f"{name}:", "\n\n".join(lines), "")))
+            # a section without a key would be null
+            empty = all(line.splitlines()[-1].lstrip().startswith("#") for line in lines)
+            title = f"# {name}:" if empty else f"{name}:"
+            blocks.append("\n".join((_comment(about), title, "\n\n".join(lines), "")))
     return "\n\n".join(blocks)
 
 

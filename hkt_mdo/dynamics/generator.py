@@ -107,6 +107,11 @@ class Generator(Section):
         return self.table is None and not any(getattr(self, name) for name in _LOSSES)
 
     @property
+    def lossless(self) -> bool:
+        """Whether electrical power is shaft power."""
+        return self.proportional and self.largest_efficiency == 1.0
+
+    @property
     def largest_efficiency(self) -> float:
         """A bound on electrical over shaft power, at most 1."""
         if self.table is not None:
