@@ -28,6 +28,7 @@ from hkt_mdo.dynamics.limits import (
     Limit,
     PowerLimit,
     RotorSpeedLimit,
+    Taper,
     TipSpeedLimit,
 )
 from hkt_mdo.dynamics.objectives import (
@@ -113,7 +114,7 @@ BUILT_IN = Kinds(
         flows.GustInflow,
         flows.SumInflow,
     ),
-    limits=(PowerLimit, ElectricalPowerLimit, RotorSpeedLimit, TipSpeedLimit),
+    limits=(PowerLimit, ElectricalPowerLimit, RotorSpeedLimit, TipSpeedLimit, Taper),
     objectives=(CapturedEnergy, GeneratorEnergy, ElectricalEnergy),
 )
 """The kinds of the package."""

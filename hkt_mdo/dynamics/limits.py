@@ -9,10 +9,11 @@ from __future__ import annotations
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import PrivateAttr, model_validator
 
 from hkt_mdo.dynamics.laws import STEP, Law, OpenLoop
 from hkt_mdo.dynamics.trajectory import QUANTITIES
+from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.sections import Quantity, Section
 
@@ -28,7 +29,8 @@ class Limit(Section):
     `value` takes the quantities that `inputs` names as keyword arguments and must accept complex
     numbers, for its derivatives are taken by complex step. The quantities are those of the
     trajectory (`hkt_mdo.dynamics.trajectory.QUANTITIES`), arrays of shape (n_times,), and the
-    scalars rotor_radius (m), density (kg/m**3) and inertia (kg*m**2).
+    scalars rotor_radius (m), density (kg/m**3) and inertia (kg*m**2). `Taper` alone takes the chord
+    (m) at the stations.
 
     A limit that a case may give under `limits` has a `name`, a `unit` and usually one field,
     `bound`, a `Quantity`: then `limits: {name: 15 m/s}` is short for `{name: {bound: 15 m/s}}`.
@@ -54,11 +56,15 @@ class Limit(Section):
         bound = handler.resolve_ref_schema(whole)["properties"].get("bound")
         return {"anyOf": [bound, whole]} if bound else whole
 
+    def on(self, blade: Any) -> Limit:
+        """Return this limit for a turbine's blade; most limits are the same for all."""
+        return self
+
     @property
     def place(self) -> str:
         """What its value is an array over: the "time", or the "design" if only scalars are in it.
 
-        Of `DesignBounds` also the "span" of the blade.
+        Of `DesignBounds` and `Taper` also the "span" of the blade.
         """
         return "time" if QUANTITIES.keys() & set(self.inputs) else "design"
 
@@ -166,6 +172,48 @@ class TipSpeedLimit(Limit):
 
     def value(self, rotor_speed, rotor_radius):
         return rotor_speed * rotor_radius
+
+
+class Taper(Limit):
+    """Outboard of a place along the span the chord does not grow, for manufacture.
+
+    The value is the chord of each station over that of the one inboard of it, at most 1; zero where
+    nothing is asked. The chord is linear between stations.
+    """
+
+    name: ClassVar[str] = "taper_from"
+    inputs: ClassVar[tuple[str, ...]] = ("chord",)
+    upper: ClassVar[float] = 1.0  # type: ignore[assignment]
+    place: ClassVar[str] = "span"  # type: ignore[assignment]
+
+    bound: Annotated[float, Quantity(ge=0, lt=1)]
+    """Distance from the axis over the tip radius from which the chord does not grow outwards."""
+    _stations: tuple[float, ...] = PrivateAttr(
+        ()
+    )  # over the tip radius, of the blade that is asked
+
+    def on(self, blade):
+        stations = blade.r / blade.tip_radius
+        if stations[-2] < self.bound:
+            problem = f"leaves no two stations outboard; the last but one is at {stations[-2]:.3g}"
+            remedy = "give a place inboard of that"
+            raise InputError(problem, remedy, key="limits.taper_from", value=self.bound)
+        limit = self.model_copy()
+        limit._stations = tuple(stations)
+        return limit
+
+    @property
+    def _asked(self):
+        return np.where(np.array(self._stations[:-1]) >= self.bound, 1.0, 0.0)
+
+    def value(self, chord):
+        return np.append(0.0, self._asked * chord[1:] / chord[:-1])
+
+    def partials(self, chord):
+        by, inner = np.zeros((chord.size, chord.size)), np.arange(chord.size - 1)
+        by[inner + 1, inner + 1] = self._asked / chord[:-1]
+        by[inner + 1, inner] = -self._asked * chord[1:] / chord[:-1] ** 2
+        return {"chord": by}
 
 
 class DesignBounds(Limit):

@@ -232,15 +232,19 @@ def _add_limit(
 ) -> None:
     """Constrain a limit at the nodes of a scenario's phase."""
     ref = None
-    nodes = np.arange(scenario.node_times.size if limit.place == "time" else 1)
+    sizes = {"time": scenario.node_times.size, "span": physics.blade.r.size}
+    nodes = np.arange(sizes.get(limit.place, 1))
     if limit.name == DistanceFromStall.name:
         nodes, ref = _near_stall(physics, setup, limit, place, scenario), scales.torque
     elif QUANTITIES.get(limit.name, (None,))[0] == "N*m":
         ref = scales.torque
     bounds = {"lower": limit.lower if np.isfinite(limit.lower) else None, "upper": None}
     if np.isfinite(limit.upper):
-        shares = setup.shares.get((limit.name, scenario.name), np.ones(scenario.segments))
-        bounds["upper"] = np.repeat(limit.upper * shares, scenario.nodes_per_segment)[nodes]
+        bounds["upper"] = np.full(nodes.size, limit.upper)
+        if limit.place == "time":
+            shares = setup.shares.get((limit.name, scenario.name), np.ones(scenario.segments))
+            shares = np.repeat(shares, scenario.nodes_per_segment)
+            bounds["upper"] = limit.upper * shares[nodes]
         ref = ref or abs(limit.upper)
     series = [name for name in limit.inputs if name in QUANTITIES]
     if limit.inputs == (limit.name,) and series:  # a quantity of the trajectory itself

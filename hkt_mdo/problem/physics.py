@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -133,10 +134,13 @@ class Physics:
             found.append(known | scalars)
         return found
 
-    def scalars(self, blade: Blade, inertia: float) -> dict[str, float]:
-        """Return what limits and objectives may take besides quantities over time, SI units."""
-        radius = blade.rotor_radius
-        return {"rotor_radius": radius, "density": self.density, "inertia": inertia}
+    def scalars(self, blade: Blade, inertia: float) -> dict[str, Any]:
+        """Return what limits and objectives may take besides quantities over time, SI units.
+
+        Besides scalars the chord, (n_stations,).
+        """
+        scalars = {"rotor_radius": blade.rotor_radius, "density": self.density, "inertia": inertia}
+        return scalars | {"chord": blade.chord}
 
     def broken_limits(self, point) -> list[str]:
         """Return the names of the limits, design bounds aside, that a starting point exceeds."""
@@ -296,5 +300,5 @@ def _limits(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit
         TorqueLimit(bound=torque_limit),
         ForwardRotation(),
         *(DesignBounds(quantity=name, bounds=ends) for name, ends in bounds.items() if ends),
-        *case.limits.given,
+        *(limit.on(shape.blade) for limit in case.limits.given),
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import openmdao.api as om
@@ -74,8 +75,8 @@ class Flight:
     simulation: Simulation
     recorded: RecordedTorque | None
     """The open loop's torque history; None under feedback."""
-    scalars: dict[str, float]
-    """rotor_radius (m), density (kg/m**3), inertia (kg*m**2)."""
+    scalars: dict[str, Any]
+    """What `Physics.scalars` has of the design."""
     plant: Plant
 
     @property
