@@ -31,12 +31,17 @@ def refusal(problem: str, remedy: str, **context: Any) -> PydanticCustomError:
 
 # OpenMDAO evaluates a unit as an expression: only products of powers of names may get that far, and
 # a power has one digit. A space is a product up to the first "/": what a/b c means is not clear.
+# Nm is written for N m everywhere, and can be nothing else: nanometres are nm, nautical miles NM.
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _EXPONENT = r"(?:(?:\*\*|\^)-?[0-9])?"
 _POWER = rf"[A-Za-z][A-Za-z0-9]*{_EXPONENT}"
-_PRODUCT = rf"{_POWER}(?:(?:\*| +){_POWER})*(?:[*/]{_POWER})*"
+_TIMES = r"[*·⋅]"
+_PRODUCT = rf"{_POWER}(?:(?:{_TIMES}| +){_POWER})*(?:(?:{_TIMES}|/){_POWER})*"
 _FACTOR = rf"(?:{_POWER}|\({_PRODUCT}\){_EXPONENT})"
-_QUANTITY_TEXT = re.compile(rf"({_NUMBER}) *({_FACTOR}(?:(?:\*| +){_FACTOR})*(?:[*/]{_FACTOR})*)?")
+_QUANTITY_TEXT = re.compile(
+    rf"({_NUMBER}) *({_FACTOR}(?:(?:{_TIMES}| +){_FACTOR})*(?:(?:{_TIMES}|/){_FACTOR})*)?"
+)
+_NEWTON_METRE = re.compile(r"\b([kM]?)Nm\b")
 _LONGEST_QUANTITY, _LONGEST_UNIT = 64, 24
 _BOUNDS = (
     ("gt", operator.gt, "greater than", "exclusiveMinimum"),
@@ -52,9 +57,9 @@ class Quantity:
     """What a physical quantity is: its unit and range, as the annotation of a float.
 
     ``Annotated[float, Quantity("m", gt=0)]`` takes a finite number in metres, or a text such as
-    ``1400 mm``, which OpenMDAO's table of units converts. Units are written ``N*m`` or ``N m``,
-    ``m**2`` or ``m^2``; None is a plain number. Bounds (greater than, at least, less than, at most)
-    are in that unit.
+    ``1400 mm``, which OpenMDAO's table of units converts. Units are written ``N*m``, ``N m``
+    or ``Nm``, ``m**2`` or ``m^2``; None is a plain number. Bounds (greater than, at least, less
+    than, at most) are in that unit.
     """
 
     unit: str | None = None
@@ -95,7 +100,8 @@ class Quantity:
             raise self._refuse("must be a plain number, no text and no unit")
         if match[2] is None:
             raise self._refuse(f"is a text without a unit; this key is in {self.unit}")
-        number, unit = float(match[1]), re.sub(" +", "*", match[2].replace("^", "**"))
+        number, unit = float(match[1]), re.sub(rf" +|{_TIMES}", "*", match[2].replace("^", "**"))
+        unit = _NEWTON_METRE.sub(r"\1N*m", unit)
         if len(unit) > _LONGEST_UNIT:
             raise self._refuse(f"has too long a unit; this key is in {self.unit}")
 

@@ -34,25 +34,25 @@ def run(tmp_path_factory):
 
 @pytest.mark.parametrize("control", ["open_loop", "quadratic"])
 def test_a_limit_is_kept_and_told(run, control):
-    free, held = run(control=control), run(control=control, limits={"tip_speed": "11.5 m/s"})
+    free, held = run(control=control), run(control=control, limits={"tip_acceleration": "95 m/s^2"})
     assert held.success, held.message
-    told = held.summary["limits"]["tip_speed"]
-    assert told["limit"] == 11.5
-    assert told["unit"] == "m/s"
+    told = held.summary["limits"]["tip_acceleration"]
+    assert told["limit"] == 95.0
+    assert told["unit"] == "m/s**2"
     assert told["binding"]
-    assert told["value"] == pytest.approx(11.5, rel=1e-3)
-    speed = held.trajectory["rotor_speed_rad_s"] * held.summary["rotor_radius_m"]
-    assert np.max(speed) <= 11.5 * (1.0 + 1e-6)
-    assert np.max(free.trajectory["rotor_speed_rad_s"]) * 1.4 > 11.8
+    assert told["value"] == pytest.approx(95.0, rel=1e-3)
+    found = held.trajectory["rotor_speed_rad_s"] ** 2 * held.summary["rotor_radius_m"]
+    assert np.max(found) <= 95.0 * (1.0 + 1e-6)
+    assert np.max(free.trajectory["rotor_speed_rad_s"]) ** 2 * 1.4 > 99.0
     assert held.summary["simulated_energy_J"] < free.summary["simulated_energy_J"]
     checks = {check["name"] for check in held.summary["checks"]}
-    assert {"tip_speed_at_nodes", "tip_speed_between_nodes"} <= checks
+    assert {"tip_acceleration_at_nodes", "tip_acceleration_between_nodes"} <= checks
 
 
 @pytest.mark.parametrize("control", ["open_loop", "quadratic"])
 def test_a_limit_far_inside_the_start_is_no_worse_optimum(run, control):
     """A start that breaks a limit has more energy than any design that keeps it."""
-    held = run(control=control, limits={"tip_speed": "8 m/s"})
+    held = run(control=control, limits={"tip_acceleration": "46 m/s^2"})
     assert held.success, held.message
     assert held.summary["starting_energy_J"] > 1.01 * held.summary["energy_J"]
 
@@ -98,27 +98,30 @@ def test_a_flow_is_followed(run):
 
 
 def test_the_command_line_takes_the_same(tmp_path, capsys):
-    case = SHORT | {"limits": {"tip_speed": "11.5 m/s"}, "phase": {"segments": 15, "duration": 15}}
+    case = SHORT | {
+        "limits": {"tip_acceleration": "95 m/s^2"},
+        "phase": {"segments": 15, "duration": 15},
+    }
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(case))
     file, out = str(tmp_path / "own.yaml"), str(tmp_path / "out")
     extend = ["--extend", str(EXTENSION)]
     assert main(["check", file, "--no-figures"]) == 2
-    assert "limits.tip_speed" in capsys.readouterr().err
+    assert "limits.tip_acceleration" in capsys.readouterr().err
     assert main([*extend, "check", file, "--no-figures"]) == 0
-    assert "tip speed" in capsys.readouterr().out
+    assert "tip acceleration" in capsys.readouterr().out
     assert main([*extend, "schema"]) == 0
     schema = capsys.readouterr().out
-    assert all(name in schema for name in ("tip_speed", "priced_torque", "mixed", "ramp"))
+    assert all(name in schema for name in ("tip_acceleration", "priced_torque", "mixed", "ramp"))
     assert main([*extend, "run", file, "--out", out, "--no-figures"]) == 0
-    assert "tip speed" in capsys.readouterr().out
+    assert "tip acceleration" in capsys.readouterr().out
     assert main([*extend, "show", out]) == 0
-    assert "tip speed" in capsys.readouterr().out
+    assert "tip acceleration" in capsys.readouterr().out
 
 
 def test_a_result_is_read_only_with_its_extension(run):
     """Its folder must not choose what is executed."""
-    folder = run(limits={"tip_speed": "11.5 m/s"}).folder
-    with pytest.raises(InputError, match="tip_speed"):
+    folder = run(limits={"tip_acceleration": "95 m/s^2"}).folder
+    with pytest.raises(InputError, match="tip_acceleration"):
         Solution.load(folder)
     again = Solution.load(folder, extensions=[EXTENSION])
     assert again.case == load_case(folder / "case.yaml", extensions=[EXTENSION])

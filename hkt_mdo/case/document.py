@@ -87,8 +87,9 @@ control: {law: quadratic, torque_limit: 700}
 - **YAML.** Plain YAML 1.2 in UTF-8, up to 1 MiB: `yes`, `on` and `2024-05-01` are texts, `1e-4` is
   a number. Refused are anchors, aliases and tags, unknown keys, and keys that are given twice.
 - **Units.** A number is in the unit that its key has below. A text of a number and another unit of
-  that kind is converted: `1400 mm`, `150 cm/s`, `0.7 kN*m`, `1.025 g/cm**3`, `0.1 rad`. Units are
-  spelled as OpenMDAO spells them. A key without a unit takes a plain number.
+  that kind is converted: `1400 mm`, `150 cm/s`, `0.7 kN m`, `105 rpm`, `1.025 g/cm^3`,
+  `0.1 rad`. Units are spelled as OpenMDAO spells them; a product is a space, `*` or `·`, and `Nm`
+  is N m. A key without a unit takes a plain number.
 - **null.** Where a key says "or null", null is a value, and the text says what it means. A section
   that is not needed is left out; it cannot be null.
 - **Paths.** A relative path counts from the folder of the case file, also in `--set`. A shipped
@@ -277,7 +278,10 @@ def commented_case(values: Mapping[str, Mapping[str, Any]], usual: Collection[st
             if key in section["properties"]:
                 lines.append(_commented(key, section["properties"][key], given))
         if lines:
-            blocks.append("\n".join((_comment(about), f"{name}:", "\n\n".join(lines), "")))
+            # a section without a key would be null
+            empty = all(line.splitlines()[-1].lstrip().startswith("#") for line in lines)
+            title = f"# {name}:" if empty else f"{name}:"
+            blocks.append("\n".join((_comment(about), title, "\n\n".join(lines), "")))
     return "\n\n".join(blocks)
 
 

@@ -23,8 +23,20 @@ from typing import Any, get_args
 from hkt_mdo.dynamics import flows, laws, sampled
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.laws import Law
-from hkt_mdo.dynamics.limits import Limit
-from hkt_mdo.dynamics.objectives import CapturedEnergy, GeneratorEnergy, Objective
+from hkt_mdo.dynamics.limits import (
+    ElectricalPowerLimit,
+    Limit,
+    PowerLimit,
+    RotorSpeedLimit,
+    Taper,
+    TipSpeedLimit,
+)
+from hkt_mdo.dynamics.objectives import (
+    CapturedEnergy,
+    ElectricalEnergy,
+    GeneratorEnergy,
+    Objective,
+)
 from hkt_mdo.errors import InputError
 from hkt_mdo.sections import Section
 
@@ -37,7 +49,7 @@ _SORTS: dict[type[Section], tuple[str, str]] = {
 }
 """Base class of each sort of kind: where `Kinds` has it, the attribute with the kind's name."""
 
-_TAKEN = {"given", *dir(Section)}
+_TAKEN = {"given", "torque", *dir(Section)}
 _BASES = "FeedbackLaw, Inflow, Limit or Objective"
 
 Extension = str | Path | ModuleType | type
@@ -102,8 +114,8 @@ BUILT_IN = Kinds(
         flows.GustInflow,
         flows.SumInflow,
     ),
-    limits=(),
-    objectives=(CapturedEnergy, GeneratorEnergy),
+    limits=(PowerLimit, ElectricalPowerLimit, RotorSpeedLimit, TipSpeedLimit, Taper),
+    objectives=(CapturedEnergy, GeneratorEnergy, ElectricalEnergy),
 )
 """The kinds of the package."""
 

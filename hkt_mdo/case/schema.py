@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Union
 
 import yaml
 from pydantic import Field, SerializeAsAny, ValidationError, create_model, model_validator
+from pydantic_core import PydanticCustomError
 
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, Phase, Start
 from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kinds
 from hkt_mdo.case.messages import TAGS, translate
 from hkt_mdo.case.turbine import Fluid, Rotor, own_keys
 from hkt_mdo.dynamics.flows import Inflow, SumInflow
+from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, Objective
@@ -25,7 +27,7 @@ from hkt_mdo.files.cases import find_case
 from hkt_mdo.files.shipped import shipped_rotor
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import Dumper, parse
-from hkt_mdo.sections import Section, refusal
+from hkt_mdo.sections import Quantity, Section, refusal
 
 STATION_COUNT = 40  # of a blade of splines: within 0.1 % of the energy at any number of them
 MAX_CASE_BYTES = 1024**2  # of a file that is read
@@ -34,14 +36,17 @@ MAX_CASE_BYTES = 1024**2  # of a file that is read
 class Limits(Section):
     """Limits besides `control.torque_limit`, each under its name.
 
-    A limit whose only key is `bound` may be given as that alone, such as `limits: {NAME: 15 m/s}`.
+    A limit whose only key is `bound` may be given as that alone, such as `limits: {power: 5 kW}`.
     """
+
+    torque: Annotated[float, Quantity("N*m", gt=0)] | None = None
+    """Largest control torque: another name of `control.torque_limit`, where it is put."""
 
     @property
     def given(self) -> tuple[Limit, ...]:
         """The limits that the case gives."""
         values = (getattr(self, name) for name in type(self).model_fields)
-        return tuple(value for value in values if value is not None)
+        return tuple(value for value in values if isinstance(value, Limit))
 
 
 class Case(Section):
@@ -60,6 +65,7 @@ class Case(Section):
     control: SerializeAsAny[Law]
     """Control law; `law` says which."""
     limits: SerializeAsAny[Limits] = Limits()
+    generator: Generator = Generator()
 
     objective: SerializeAsAny[Objective] = CapturedEnergy()
     """What is maximized; `kind` says which."""
@@ -89,6 +95,7 @@ class Case(Section):
         for key, tag in TAGS.items():
             if isinstance(data.get(key), str):
                 data = data | {key: {tag: data[key]}}
+        data = _torque_limit_moved(data)
         if isinstance(data.get("inflow"), SumInflow):  # of any class of parts
             data = data | {"inflow": data["inflow"].model_dump()}
         design, rotor = data.get("design"), data.get("rotor", {})
@@ -169,6 +176,26 @@ class Case(Section):
         return _make_case(data, overrides, self.kinds, file=f"case {self.name}")
 
 
+def _torque_limit_moved(data: dict[str, Any]) -> dict[str, Any]:
+    """Return a case's data with `limits.torque` in `control.torque_limit`; refuse two of them."""
+    limits, control = data.get("limits"), data.get("control")
+    if not isinstance(limits, dict) or not isinstance(control, dict):
+        return data
+    torque, given = limits.get("torque"), control.get("torque_limit")
+    try:
+        torque, given = (x if x is None else _TORQUE.read(x) for x in (torque, given))
+    except PydanticCustomError:  # which is told where the key is read
+        return data
+    if torque is None:
+        return data
+    if given not in (None, torque):
+        problem = f"is not control.torque_limit = {given:g} N m, whose other name it is"
+        raise refusal(problem, "give one of them", key="limits.torque", value=limits["torque"])
+    limits = {name: value for name, value in limits.items() if name != "torque"}
+    return data | {"limits": limits, "control": control | {"torque_limit": torque}}
+
+
+_TORQUE = Quantity("N*m", gt=0)
 _BaseCase = Case
 
 

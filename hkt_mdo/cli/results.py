@@ -118,7 +118,10 @@ def simulate(
     inflow = flow_given(flow, solution.case)
     design = Design.of(solution)
     quiet = design.fly(inflow)
-    told = f"{quiet.energy:.1f} J captured, {quiet.generator_energy:.1f} J generated"
+    energies = [(quiet.energy, "captured"), (quiet.generator_energy, "generated")]
+    if not design.physics.generator.lossless:
+        energies.append((quiet.electrical_energy, "electrical"))
+    told = ", ".join(f"{energy / 1e3:.3f} kJ {word}" for energy, word in energies)
     if quiet.stopped_at is not None:
         told = f"rotor stops at t = {quiet.stopped_at:.2f} s, not generating; energy n/a"
     echo(f"{solution.name} in flow {inflow.model_dump()}\n  without noise: {told}")
@@ -140,9 +143,10 @@ def simulate(
     told = "no run reached the end"
     if energy.size:
         mean, spread = energy.mean(), energy.std(ddof=1) if energy.size > 1 else 0.0
-        told = f"energy of the others: mean {mean:.1f} J, standard deviation {spread:.1f} J, worst "
+        told = f"energy of the others: mean {mean / 1e3:.3f} kJ, standard deviation "
         change = 100.0 * (mean / quiet.energy - 1.0)
-        told += f"{energy.min():.1f} J ({change:+.3f} % of the run without noise)"
+        told += f"{spread / 1e3:.3f} kJ, worst {energy.min() / 1e3:.3f} kJ "
+        told += f"({change:+.3f} % of the run without noise)"
     echo(
         f"  sensor: {snr:g} dB of the {reference} speed, sigma = {noisy.noise_deviation:.4f} "
         f"rad/s, {rate:g} Hz, seed {seed}; BEM table within {noisy.torque_error:.1e}\n"

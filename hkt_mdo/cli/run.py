@@ -89,7 +89,7 @@ def _reporter(name: str, status: Status) -> Callable[[int, float, float], None]:
 
     def report(count: int, energy: float, infeasibility: float) -> None:
         nonlocal last
-        line = f"{name}: evaluation {count}, energy {energy:.0f} J"
+        line = f"{name}: evaluation {count}, energy {energy / 1e3:.2f} kJ"
         line += f", infeasibility {infeasibility:.1e}"
         if status.console.is_terminal:
             status.update(line)

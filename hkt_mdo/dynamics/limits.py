@@ -6,15 +6,16 @@ knows the formula. A limit of your own is a subclass of `Limit` (docs/architectu
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import PrivateAttr, model_validator
 
 from hkt_mdo.dynamics.laws import STEP, Law, OpenLoop
 from hkt_mdo.dynamics.trajectory import QUANTITIES
+from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.scales import torque_scale
-from hkt_mdo.sections import Section
+from hkt_mdo.sections import Quantity, Section
 
 SLOWED = 0.02  # share of its speed that a rotor may lose and still recover from
 TYPICAL = 0.05  # torque coefficient to which a recovery torque is compared
@@ -28,7 +29,8 @@ class Limit(Section):
     `value` takes the quantities that `inputs` names as keyword arguments and must accept complex
     numbers, for its derivatives are taken by complex step. The quantities are those of the
     trajectory (`hkt_mdo.dynamics.trajectory.QUANTITIES`), arrays of shape (n_times,), and the
-    scalars rotor_radius (m), density (kg/m**3) and inertia (kg*m**2).
+    scalars rotor_radius (m), density (kg/m**3) and inertia (kg*m**2). `Taper` alone takes the chord
+    (m) at the stations.
 
     A limit that a case may give under `limits` has a `name`, a `unit` and usually one field,
     `bound`, a `Quantity`: then `limits: {name: 15 m/s}` is short for `{name: {bound: 15 m/s}}`.
@@ -54,11 +56,15 @@ class Limit(Section):
         bound = handler.resolve_ref_schema(whole)["properties"].get("bound")
         return {"anyOf": [bound, whole]} if bound else whole
 
+    def on(self, blade: Any) -> Limit:
+        """Return this limit for a turbine's blade; most limits are the same for all."""
+        return self
+
     @property
     def place(self) -> str:
         """What its value is an array over: the "time", or the "design" if only scalars are in it.
 
-        Of `DesignBounds` also the "span" of the blade.
+        Of `DesignBounds` and `Taper` also the "span" of the blade.
         """
         return "time" if QUANTITIES.keys() & set(self.inputs) else "design"
 
@@ -114,11 +120,100 @@ class TorqueLimit(Limit):
 class ForwardRotation(Limit):
     """The rotor turns forward; the bounds of its speed in the optimization hold this."""
 
-    name: ClassVar[str] = "rotor_speed"
+    name: ClassVar[str] = "forward_rotation"
     unit: ClassVar[str | None] = "rad/s"
     inputs: ClassVar[tuple[str, ...]] = ("rotor_speed",)
     lower: ClassVar[float] = 0.0
     bounded: ClassVar[bool] = True
+
+
+class PowerLimit(Limit):
+    """Largest power that the generator takes from the shaft, u w."""
+
+    name: ClassVar[str] = "power"
+    unit: ClassVar[str | None] = "W"
+    inputs: ClassVar[tuple[str, ...]] = ("generator_power",)
+
+    bound: Annotated[float, Quantity("W", gt=0)]
+    """Largest shaft power of the generator."""
+
+
+class ElectricalPowerLimit(Limit):
+    """Largest power that the generator delivers, its losses (section `generator`) taken off."""
+
+    name: ClassVar[str] = "electrical_power"
+    unit: ClassVar[str | None] = "W"
+    inputs: ClassVar[tuple[str, ...]] = ("electrical_power",)
+
+    bound: Annotated[float, Quantity("W", gt=0)]
+    """Largest electrical power."""
+
+
+class RotorSpeedLimit(Limit):
+    """Largest angular speed of the rotor, w."""
+
+    name: ClassVar[str] = "rotor_speed"
+    unit: ClassVar[str | None] = "rad/s"
+    inputs: ClassVar[tuple[str, ...]] = ("rotor_speed",)
+
+    bound: Annotated[float, Quantity("rad/s", gt=0)]
+    """Largest rotor speed."""
+
+
+class TipSpeedLimit(Limit):
+    """Largest speed of the blades' tips about the axis, w R, R the radius of the disc."""
+
+    name: ClassVar[str] = "tip_speed"
+    unit: ClassVar[str | None] = "m/s"
+    inputs: ClassVar[tuple[str, ...]] = ("rotor_speed", "rotor_radius")
+
+    bound: Annotated[float, Quantity("m/s", gt=0)]
+    """Largest tip speed."""
+
+    def value(self, rotor_speed, rotor_radius):
+        return rotor_speed * rotor_radius
+
+
+class Taper(Limit):
+    """Outboard of a place along the span the chord does not grow, for manufacture.
+
+    The value is the chord of each station over that of the one inboard of it, at most 1; zero where
+    nothing is asked. The chord is linear between stations.
+    """
+
+    name: ClassVar[str] = "taper_from"
+    inputs: ClassVar[tuple[str, ...]] = ("chord",)
+    upper: ClassVar[float] = 1.0  # type: ignore[assignment]
+    place: ClassVar[str] = "span"  # type: ignore[assignment]
+
+    bound: Annotated[float, Quantity(ge=0, lt=1)]
+    """Distance from the axis over the tip radius from which the chord does not grow outwards."""
+    _stations: tuple[float, ...] = PrivateAttr(
+        ()
+    )  # over the tip radius, of the blade that is asked
+
+    def on(self, blade):
+        stations = blade.r / blade.tip_radius
+        if stations[-2] < self.bound:
+            problem = f"leaves no two stations outboard; the last but one is at {stations[-2]:.3g}"
+            remedy = "give a place inboard of that"
+            raise InputError(problem, remedy, key="limits.taper_from", value=self.bound)
+        limit = self.model_copy()
+        limit._stations = tuple(stations)
+        return limit
+
+    @property
+    def _asked(self):
+        return np.where(np.array(self._stations[:-1]) >= self.bound, 1.0, 0.0)
+
+    def value(self, chord):
+        return np.append(0.0, self._asked * chord[1:] / chord[:-1])
+
+    def partials(self, chord):
+        by, inner = np.zeros((chord.size, chord.size)), np.arange(chord.size - 1)
+        by[inner + 1, inner + 1] = self._asked / chord[:-1]
+        by[inner + 1, inner] = -self._asked * chord[1:] / chord[:-1] ** 2
+        return {"chord": by}
 
 
 class DesignBounds(Limit):

@@ -69,3 +69,23 @@ class GeneratorEnergy(Objective):
 
     def bound(self, captured):
         return captured
+
+
+class ElectricalEnergy(Objective):
+    """The energy that the generator delivers, the integral of u w less its losses.
+
+    The section `generator` says what these are; where they exceed the shaft's power, energy is
+    drawn from the grid and counts against the rest.
+    """
+
+    closes: ClassVar[bool] = True
+
+    kind: Literal["electrical"] = "electrical"
+    """What is maximized."""
+    inputs: ClassVar[tuple[str, ...]] = ("electrical_power",)
+
+    def rate(self, electrical_power):
+        return electrical_power
+
+    def bound(self, captured):
+        return captured  # no loss is negative

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from hkt_mdo.dynamics.generator import Generator
+from hkt_mdo.dynamics.laws import STEP
 from hkt_mdo.dynamics.limits import SLOWED, TYPICAL
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.torque_curve import TorqueSpline
@@ -31,9 +33,11 @@ class Operation:
         margin = (Q((1 - slowed) w) - u((1 - slowed) w)) / (TYPICAL 0.5 rho pi R³ v²),
 
     at `PROBES` speeds of the flow from the slowest to the fastest. It is positive where the stable
-    and the unstable equilibrium, which meet at stall, are apart. The rows of gradient are those of
-    the energy, then of the margins, along the equilibria, by torque coefficient table, gains and
-    disc's radius (at a constant table): shape (1 + n_margins, n_nodes + n_gains + 1).
+    and the unstable equilibrium, which meet at stall, are apart. `delivered` (J) is what is made
+    large: the energy, or the electrical energy of a problem with a generator. The rows of gradient
+    are those of `delivered`, then of the margins, along the equilibria, by torque coefficient
+    table, gains and disc's radius (at a constant table): shape (1 + n_margins, n_nodes + n_gains +
+    1).
     """
 
     energy: float
@@ -42,6 +46,7 @@ class Operation:
     running: bool = True
     margin: np.ndarray = field(default_factory=lambda: np.empty(0))
     gradient: np.ndarray | None = None
+    delivered: float = np.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +57,8 @@ class QuasiSteady:
     with `torque`, `torque_by_speed`, `torque_by_gain`, `fit`, `torque_limit` and `gain_units`, or
     None: open loop, the torque that captures most power at each instant, up to torque_limit (N*m)
     if there is one; a feedback law has its own. slowed is the share of its speed that a rotor under
-    feedback must be able to lose.
+    feedback must be able to lose. With a generator (`hkt_mdo.dynamics.generator`), open loop
+    delivers most electrical power at each instant.
     """
 
     inflow_speed: np.ndarray
@@ -63,6 +69,7 @@ class QuasiSteady:
     law: object = None
     torque_limit: float | None = None
     slowed: float = SLOWED
+    generator: Generator | None = None
 
     def condensed(self):
         """Return the same problem at one flow speed for forty, but 100 to 400 of them.
@@ -104,15 +111,25 @@ class QuasiSteady:
         # Where the controller holds the speed, Q(w) = u(w) moves w. Elsewhere w is where the power
         # is largest, and a small change of w does not matter.
         stiffness = np.where(held, slope - by_speed, np.inf)
-        moved = (torque + w * by_speed) / stiffness  # dP/dw dw/dQ
-        by_torque = self.weights * (w + moved)
+        power, power_by_torque, power_by_speed = self._power(torque, w)
+        moved = (power_by_speed + power_by_torque * by_speed) / stiffness  # dP/dw dw/dQ
+        by_torque = self.weights * (power_by_torque + moved)
         by_all = by_torque @ by_table, -by_gains @ (self.weights * moved), [by_torque @ by_radius]
         gradient, margin = np.concatenate(by_all)[None], np.empty(0)
         if law is not None:
             margin, by_margin = self._recovery(table, gains, w, stiffness)
             gradient = np.vstack((gradient, by_margin))
-        energy = float(self.weights @ (torque * w))
-        return Operation(energy, w, torque, running, margin, gradient)
+        energies = (float(self.weights @ each) for each in (torque * w, power))
+        energy, delivered = energies
+        return Operation(energy, w, torque, running, margin, gradient, delivered)
+
+    def _power(self, torque, w):
+        """Return the power that is made large at Q = u, and its derivatives by torque and speed."""
+        if self.generator is None:
+            return torque * w, w, torque
+        power = self.generator.electrical_power
+        by_torque, by_speed = power(torque + 1j * STEP, w), power(torque, w + 1j * STEP)
+        return by_torque.real, by_torque.imag / STEP, by_speed.imag / STEP
 
     def _driving(self, table, v, w):
         """Return the hydrodynamic torque; its derivatives by rotor speed, radius and table."""
@@ -143,24 +160,47 @@ class QuasiSteady:
         return margin / unit, np.hstack((by_table, by_gain, by_radius[:, None])) / unit[:, None]
 
     def _open_loop(self, table):
-        """Operate at the largest power coefficient, or faster where the torque limit is active."""
-        curve = self.spline.curve(table)
-        ratios = np.linspace(curve.x[0], curve.x[-1], N_SEARCH)
-        peak = int(np.argmax(ratios * curve(ratios)))
-        ends = ratios[[max(peak - 1, 0), min(peak + 1, ratios.size - 1)]]
-        best = _root(
-            lambda x: (curve(x) + x * curve(x, 1), 2.0 * curve(x, 1) + x * curve(x, 2)),
-            *ends[:, None],
-        )[0]
-        ratio = np.full(self.inflow_speed.size, best)
+        """Operate at the largest power, or faster where the torque limit is active."""
+        curve, best = self.spline.curve(table), self._best_ratio
+        if self.generator is not None:
+            best = self._best_electrical_ratios
+        ratio = np.broadcast_to(best(curve), self.inflow_speed.shape).copy()
         limit = np.inf if self.torque_limit is None else self.torque_limit
         scale = torque_scale(self.density, self.rotor_radius, self.inflow_speed)
-        held, running = scale * curve(best) > limit, True
+        held, running = scale * curve(ratio) > limit, True
         if held.any():
             few = replace(self, inflow_speed=self.inflow_speed[held])
             constant = (lambda w: np.full(w.shape, limit)), np.zeros_like
             ratio[held], running = few._balance(table, *constant)
         return held, ratio, running
+
+    def _best_ratio(self, curve):
+        """Return the tip speed ratio of the largest power coefficient."""
+        ratios = np.linspace(curve.x[0], curve.x[-1], N_SEARCH)
+        peak = int(np.argmax(ratios * curve(ratios)))
+        ends = ratios[[max(peak - 1, 0), min(peak + 1, ratios.size - 1)]]
+        return _root(
+            lambda x: (curve(x) + x * curve(x, 1), 2.0 * curve(x, 1) + x * curve(x, 2)),
+            *ends[:, None],
+        )[0]
+
+    def _best_electrical_ratios(self, curve):
+        """Return the tip speed ratio of the largest electrical power at each instant."""
+        ratios = np.linspace(curve.x[0], curve.x[-1], N_SEARCH)
+        scale = torque_scale(self.density, self.rotor_radius, self.inflow_speed)
+        unit = self.inflow_speed / self.rotor_radius
+        power = self.generator.electrical_power(
+            scale[:, None] * curve(ratios), ratios * unit[:, None]
+        )
+        peak = np.argmax(power, axis=1)
+
+        def rise(ratio):
+            _, by_torque, by_speed = self._power(scale * curve(ratio), ratio * unit)
+            return by_torque * scale * curve(ratio, 1) + by_speed * unit
+
+        return _bisected(
+            rise, ratios[np.maximum(peak - 1, 0)], ratios[np.minimum(peak + 1, ratios.size - 1)]
+        )
 
     def _balance(self, table, controller, controller_slope):
         """Find the largest tip speed ratio with Q = u at each instant: the unstalled root."""
@@ -180,6 +220,11 @@ class QuasiSteady:
             )
 
         return _root(net, ratios[last], ratios[last + 1]), bool(np.all(has_root))
+
+
+def _bisected(function, low, high):
+    """Return where functions[n] fall through zero between low[n] and high[n], by bisection."""
+    return _root(lambda x: (function(x), np.zeros(x.shape)), low, high)
 
 
 def _root(function, low, high):

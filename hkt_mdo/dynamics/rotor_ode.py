@@ -3,6 +3,7 @@
 import numpy as np
 import openmdao.api as om
 
+from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import STEP, FeedbackLaw
 from hkt_mdo.dynamics.trajectory import QUANTITIES
 from hkt_mdo.rotor.reynolds import LocalReynolds
@@ -39,6 +40,7 @@ class RotorODE(om.Group):
         self.options.declare("hydrodynamics", desc="num_nodes -> component", recordable=False)
         self.options.declare("law", default=None, allow_none=True, recordable=False)
         self.options.declare("unknown", values=("speed", "torque"), default="speed")
+        self.options.declare("generator", default=LOSSLESS, types=Generator, recordable=False)
 
     def setup(self):
         options, n = self.options, self.options["num_nodes"]
@@ -49,7 +51,7 @@ class RotorODE(om.Group):
         if options["law"] is not None:
             parts["controller"] = FeedbackComp(num_nodes=n, law=options["law"])
         inverse = options["law"] is None and options["unknown"] == "speed"
-        parts["shaft"] = ShaftComp(num_nodes=n, inverse=inverse)
+        parts["shaft"] = ShaftComp(num_nodes=n, inverse=inverse, generator=options["generator"])
         for name, part in parts.items():
             self.add_subsystem(name, part, promotes=["*"])
 
@@ -237,28 +239,33 @@ class FeedbackComp(_NodeComp):
 class ShaftComp(_NodeComp):
     """Rigid shaft, I dw/dt = Q - u (paper eq. 6), solved for the acceleration or for the torque.
 
-    The inverse shaft has rotor_acceleration as an input and control_torque as an output.
+    The inverse shaft has rotor_acceleration as an input and control_torque as an output. On the
+    shaft sits the generator, whose power follows from torque and speed.
     """
 
     def initialize(self):
         super().initialize()
         self.options.declare("inverse", types=bool)
+        self.options.declare("generator", default=LOSSLESS, types=Generator, recordable=False)
 
     @property
     def needs(self):
         """What the balance is solved for, and the power, which needs the generator's torque."""
         if self.options["inverse"]:
             torque = ("hydrodynamic_torque", "rotor_acceleration", "inertia")
-            return {"control_torque": torque, "generator_power": ("rotor_speed", *torque)}
-        return {
-            "rotor_acceleration": ("hydrodynamic_torque", "control_torque", "inertia"),
-            "generator_power": ("rotor_speed", "control_torque"),
-        }
+            found, power = {"control_torque": torque}, ("rotor_speed", *torque)
+        else:
+            torque = ("hydrodynamic_torque", "control_torque", "inertia")
+            found, power = {"rotor_acceleration": torque}, ("rotor_speed", "control_torque")
+        return found | {"generator_power": power, "electrical_power": power}
 
     def formula(self, hydrodynamic_torque, rotor_speed, inertia, **given):
         (given,) = given.values()
         if self.options["inverse"]:
             torque = hydrodynamic_torque - inertia * given
-            return {"control_torque": torque, "generator_power": torque * rotor_speed}
-        acceleration = (hydrodynamic_torque - given) / inertia
-        return {"rotor_acceleration": acceleration, "generator_power": given * rotor_speed}
+            found = {"control_torque": torque}
+        else:
+            torque, acceleration = given, (hydrodynamic_torque - given) / inertia
+            found = {"rotor_acceleration": acceleration}
+        electrical = self.options["generator"].electrical_power(torque, rotor_speed)
+        return found | {"generator_power": torque * rotor_speed, "electrical_power": electrical}

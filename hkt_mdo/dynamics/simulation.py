@@ -15,6 +15,7 @@ from scipy.interpolate import PPoly
 from scipy.optimize import brentq
 
 from hkt_mdo.dynamics.flows import Inflow
+from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
@@ -59,7 +60,8 @@ def _through(edges, places, values):
 class Plant:
     """The rotor as it is built, in water: blade, section, inertia (kg*m**2) and density (kg/m**3).
 
-    coefficients is the BEM solver, `rotor_coefficients` of `hkt_mdo.rotor.bem` or `ccblade`.
+    coefficients is the BEM solver, `rotor_coefficients` of `hkt_mdo.rotor.bem` or `ccblade`;
+    generator is what is on the shaft.
     """
 
     blade: Blade
@@ -67,6 +69,7 @@ class Plant:
     inertia: float
     density: float
     coefficients: Callable
+    generator: Generator = LOSSLESS
 
     def torque(self, speed, inflow_speed):
         """Return the torque, N*m, at speeds (rad/s) and inflow speeds (m/s) of shape (n,)."""
@@ -137,6 +140,7 @@ class Simulation:
     control_torque: np.ndarray
     energy: float
     generator_energy: float
+    electrical_energy: float
     kinetic_energy_change: float
     stopped_at: float | None
     speed_at: Callable
@@ -152,7 +156,7 @@ def simulate(
     max_step: float | None = None,
     tolerance: float = 1e-9,
 ) -> Simulation:
-    """Integrate I dw/dt = Q(w, v(t)) - u(t, w) (paper eq. 6) and the two energies.
+    """Integrate I dw/dt = Q(w, v(t)) - u(t, w) (paper eq. 6) and the three energies.
 
     No step passes an end of the flow's `pieces`, and the flow is looked at sixteen times in each,
     so that no gust is stepped over. controller(time, speed) is the torque, N*m, for arrays of one
@@ -173,8 +177,7 @@ def simulate(
         speed,
         plant.torque(speed, flow),
         np.asarray(controller(time, speed), dtype=float) * np.ones(time.size),
-        float(energies[0]),
-        float(energies[1]),
+        *map(float, energies),
         0.5 * plant.inertia * float(path(end) ** 2 - initial_speed**2),
         end if stopped else None,
         lambda at: path(np.minimum(at, end)),
@@ -192,9 +195,9 @@ class _Motion:
     tolerance: float
 
     def march(self, speed, longest):
-        """Return the speed over time (`PPoly`), the two energies, and whether the rotor stops."""
+        """Return the speed over time (`PPoly`), the energies, and whether the rotor stops."""
         edges, count, failures, stop = self._mesh(longest), WINDOW, 0, None
-        paths, energies, most = [], np.zeros(2), FAILURES + edges.size
+        paths, energies, most = [], np.zeros(3), FAILURES + edges.size
         while edges.size > 1 and stop is None:
             window = edges[: count + 1]
             found = self._solve(self._divided_by_flow(window), speed, energies[0])
@@ -279,8 +282,9 @@ class _Motion:
             share = np.abs(step[:, 0] * (power @ _ERROR)) / unit
             share = np.maximum(share, np.abs(off) / _size(stages[:, -1])) / self.tolerance
             if np.all(share <= 1.0):
-                work = step * _MATRIX[-1] * stages
-                return path, np.array([np.sum(work * driving), np.sum(work * control)])
+                electrical = self.plant.generator.electrical_power(control, stages)
+                powers = driving * stages, control * stages, electrical
+                return path, np.array([np.sum(step * _MATRIX[-1] * each) for each in powers])
             parts = np.nan_to_num(np.ceil((2.0 * share) ** (1.0 / (STAGES + 1))), nan=8.0)
             edges = divided(edges, np.where(share <= 1.0, 1, np.clip(parts, 2, 8)).astype(int))
         return None

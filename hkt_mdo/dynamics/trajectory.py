@@ -1,5 +1,7 @@
 """The quantities of a rotor's trajectory: their names, units and columns, stated once."""
 
+from hkt_mdo.dynamics.generator import LOSSLESS
+
 QUANTITIES = {
     "time": ("s", "time since the start"),
     "inflow_speed": ("m/s", "undisturbed flow speed at the rotor"),
@@ -9,6 +11,7 @@ QUANTITIES = {
     "control_torque": ("N*m", "generator torque on the rotor"),
     "hydrodynamic_power": ("W", "power captured from the flow"),
     "generator_power": ("W", "power taken by the generator"),
+    "electrical_power": ("W", "power delivered by the generator, less its losses"),
 }
 """Unit (None: dimensionless) and description of each quantity, by its name in the ODE."""
 
@@ -18,7 +21,15 @@ COLUMNS = {name: name + _SUFFIXES.get(unit, f"_{unit}") for name, (unit, _) in Q
 """Header of each quantity's column in `trajectory.csv` and `simulation.csv`: name and unit."""
 
 
-def quantities(time, inflow_speed, rotor_speed, hydrodynamic_torque, control_torque, rotor_radius):
+def quantities(
+    time,
+    inflow_speed,
+    rotor_speed,
+    hydrodynamic_torque,
+    control_torque,
+    rotor_radius,
+    generator=LOSSLESS,
+):
     """Return all `QUANTITIES` by their names, arrays of one shape; rotor_radius (m) is a scalar."""
     return {
         "time": time,
@@ -29,4 +40,5 @@ def quantities(time, inflow_speed, rotor_speed, hydrodynamic_torque, control_tor
         "control_torque": control_torque,
         "hydrodynamic_power": hydrodynamic_torque * rotor_speed,
         "generator_power": control_torque * rotor_speed,
+        "electrical_power": generator.electrical_power(control_torque, rotor_speed),
     }

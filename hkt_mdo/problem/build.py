@@ -13,7 +13,7 @@ from dymos import Trajectory
 
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.limits import TYPICAL, DistanceFromStall, Limit, settled
-from hkt_mdo.dynamics.objectives import CapturedEnergy, GeneratorEnergy
+from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
 from hkt_mdo.dynamics.trajectory import QUANTITIES
 from hkt_mdo.problem.components import AboveComp, IntegralComp, LimitComp
@@ -54,9 +54,9 @@ def build_problem(case: Case, *, improve: bool | None = None) -> om.Problem:
 
     `improve` says whether the starting blade and gains are improved by quasi-steady co-design, or
     kept as given; None: as the case's `start.method` says. Outputs of the problem are energy,
-    generator_energy and objective (J), mass (kg), inertia (kg*m**2); `traj.phase.timeseries` has
-    the trajectory. Raises InputError if a file of the case is broken, or its optimizer is not
-    installed.
+    generator_energy, electrical_energy and objective (J), mass (kg), inertia (kg*m**2);
+    `traj.phase.timeseries` has the trajectory. Raises InputError if a file of the case is broken,
+    or its optimizer is not installed.
     """
     physics = make_physics(case)
     if improve is None:
@@ -193,6 +193,7 @@ def _add_phases(model, physics, hydrodynamics, parameters, scales, speed_bounds)
     """Add one phase a scenario, fed by the model."""
     trajectory = Trajectory()
     options = {"hydrodynamics": lambda nodes: HydrodynamicsComp(num_nodes=nodes, **hydrodynamics)}
+    options["generator"] = physics.generator
     unknown = getattr(physics.case.control, "unknown", "speed")
     phases = [
         add_phase(trajectory, each, physics.law, unknown, options, parameters, scales, speed_bounds)
@@ -231,15 +232,19 @@ def _add_limit(
 ) -> None:
     """Constrain a limit at the nodes of a scenario's phase."""
     ref = None
-    nodes = np.arange(scenario.node_times.size if limit.place == "time" else 1)
+    sizes = {"time": scenario.node_times.size, "span": physics.blade.r.size}
+    nodes = np.arange(sizes.get(limit.place, 1))
     if limit.name == DistanceFromStall.name:
         nodes, ref = _near_stall(physics, setup, limit, place, scenario), scales.torque
     elif QUANTITIES.get(limit.name, (None,))[0] == "N*m":
         ref = scales.torque
     bounds = {"lower": limit.lower if np.isfinite(limit.lower) else None, "upper": None}
     if np.isfinite(limit.upper):
-        shares = setup.shares.get((limit.name, scenario.name), np.ones(scenario.segments))
-        bounds["upper"] = np.repeat(limit.upper * shares, scenario.nodes_per_segment)[nodes]
+        bounds["upper"] = np.full(nodes.size, limit.upper)
+        if limit.place == "time":
+            shares = setup.shares.get((limit.name, scenario.name), np.ones(scenario.segments))
+            shares = np.repeat(shares, scenario.nodes_per_segment)
+            bounds["upper"] = limit.upper * shares[nodes]
         ref = ref or abs(limit.upper)
     series = [name for name in limit.inputs if name in QUANTITIES]
     if limit.inputs == (limit.name,) and series:  # a quantity of the trajectory itself
@@ -304,6 +309,7 @@ def _add_objective(model, physics, setup):
     integrands = {
         "energy": CapturedEnergy(),
         "generator_energy": GeneratorEnergy(),
+        "electrical_energy": ElectricalEnergy(),
         "objective": physics.objective,
     }
     weights = {each.name: each.weight * each.node_weights for each in physics.scenarios}

@@ -38,7 +38,7 @@ class LimitComp(om.ExplicitComponent):
 
     Inputs: what the limit names, quantities of the trajectory[num_nodes, 1] and scalars of the
     design; torque_coefficient_table[n_nodes] and one scalar gain_0, gain_1, … where it asks for
-    them. Output value[num_nodes] in the limit's unit.
+    them; chord[num_nodes] of a limit along the span. Output value[num_nodes] in the limit's unit.
     """
 
     def initialize(self):
@@ -56,6 +56,8 @@ class LimitComp(om.ExplicitComponent):
             elif name in SCALARS:
                 units, text = SCALARS[name]
                 self.add_input(name, units=units, desc=text)
+            elif name == "chord":
+                self.add_input(name, shape=(n,), units="m", desc=FIXED[name][1])
             elif name == "gains":
                 for i, units in enumerate(self.options["gain_units"]):
                     self.add_input(f"gain_{i}", units=units, desc="feedback gain")

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.flows import Inflow
+from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.limits import DesignBounds, ForwardRotation, Limit, TorqueLimit
-from hkt_mdo.dynamics.objectives import Objective
+from hkt_mdo.dynamics.objectives import ElectricalEnergy, Objective
 from hkt_mdo.dynamics.trajectory import quantities
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
@@ -59,6 +61,21 @@ class Physics:
     messages: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     torque_limit: float | None = None
+
+    @property
+    def generator(self) -> Generator:
+        """What is on the shaft, and what of its power is electrical."""
+        return self.case.generator
+
+    @property
+    def starting_generator(self) -> Generator | None:
+        """The generator that decides where the rotor works best; None: the largest shaft power.
+
+        A constant efficiency moves no optimum, and losses are of no concern to an objective that
+        does not name the electrical power.
+        """
+        counts = "electrical_power" in self.objective.inputs and not self.generator.proportional
+        return self.generator if counts else None
 
     @property
     def blade(self) -> Blade:
@@ -113,13 +130,17 @@ class Physics:
         ):
             time, radius = scenario.samples, point.blade.rotor_radius
             flow = scenario.inflow.speed_at(time)
-            found.append(quantities(time, flow, speed, torque, torque, radius) | scalars)
+            known = quantities(time, flow, speed, torque, torque, radius, self.generator)
+            found.append(known | scalars)
         return found
 
-    def scalars(self, blade: Blade, inertia: float) -> dict[str, float]:
-        """Return what limits and objectives may take besides quantities over time, SI units."""
-        radius = blade.rotor_radius
-        return {"rotor_radius": radius, "density": self.density, "inertia": inertia}
+    def scalars(self, blade: Blade, inertia: float) -> dict[str, Any]:
+        """Return what limits and objectives may take besides quantities over time, SI units.
+
+        Besides scalars the chord, (n_stations,).
+        """
+        scalars = {"rotor_radius": blade.rotor_radius, "density": self.density, "inertia": inertia}
+        return scalars | {"chord": blade.chord}
 
     def broken_limits(self, point) -> list[str]:
         """Return the names of the limits, design bounds aside, that a starting point exceeds."""
@@ -138,6 +159,12 @@ class Physics:
             energy = scenario.sample_weights @ self.objective.rate_of(start)
             total += scenario.weight * float(energy)
         return total
+
+    def objective_bound(self, captured: float) -> float | None:
+        """Return an upper bound on the objective, J, from one on the captured energy."""
+        if isinstance(self.objective, ElectricalEnergy):
+            captured *= self.generator.largest_efficiency
+        return self.objective.bound(captured)
 
     def mass_and_inertia(self, blade: Blade) -> tuple[float, float]:
         """Return mass (kg) and inertia (kg*m**2) of the rotor with a blade."""
@@ -273,5 +300,5 @@ def _limits(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit
         TorqueLimit(bound=torque_limit),
         ForwardRotation(),
         *(DesignBounds(quantity=name, bounds=ends) for name, ends in bounds.items() if ends),
-        *case.limits.given,
+        *(limit.on(shape.blade) for limit in case.limits.given),
     )

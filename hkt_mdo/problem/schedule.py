@@ -109,7 +109,8 @@ class SteadyFlow:
         ratio, radius = coefficients["ratio"], coefficients["rotor_radius"]
         torque = torque_scale(physics.density, radius, flow) * coefficients["torque"]
         speed = ratio * flow / radius
-        found = quantities(np.zeros(flow.shape), flow, speed, torque, torque, radius)
+        both = torque, torque  # of the flow and of the generator
+        found = quantities(np.zeros(flow.shape), flow, speed, *both, radius, physics.generator)
         scalars = {"density": physics.density, "inertia": coefficients["inertia"]}
         return found | {"rotor_radius": radius} | scalars
 

@@ -159,6 +159,7 @@ def find_start(
         physics.law,
         physics.torque_limit,
         slowed,
+        physics.starting_generator,
     )
     if needed(physics):
         found = schedules(physics, problem, optimum, improve=improve)

@@ -73,9 +73,9 @@ def start_candidates(problem, shape, gains, polar, optimum, gain_bounds):
 
 
 def _worth(operation):
-    """Return what ranks operations: one that runs, then one that recovers, then energy."""
+    """Return what ranks operations: one that runs, then one that recovers, then its energy."""
     # The optimizer of the start meets its constraints only to within rounding.
-    return operation.running, bool(np.all(operation.margin >= SAFE - 1e-6)), operation.energy
+    return operation.running, bool(np.all(operation.margin >= SAFE - 1e-6)), operation.delivered
 
 
 def _torque(problem, blade, polar):
@@ -147,7 +147,7 @@ class CoDesign:
         return np.hstack((*parts, by_radius[:, None][:, : self._resized]))
 
     def evaluate(self, x):
-        """Return the starting point at x, and its energy's and margins' derivatives, row by row."""
+        """Return the starting point at x; derivatives of `delivered` and margins, row by row."""
         blade, gains = self.blade(x), self.gains(x)
         problem = replace(self.problem, rotor_radius=blade.rotor_radius)
         found = bem.rotor_coefficients(blade, self.polar, problem.spline.nodes, derivatives=True)
@@ -211,7 +211,7 @@ def _maximize(design, room, start, low, high, units, energy):
     def loss(x):
         state, gradients = at(tuple(x))
         # The line search turns away from a point without equilibrium.
-        value = state.energy if state.running else 0.5 * state.energy
+        value = state.delivered - (0.0 if state.running else 0.5 * state.energy)
         scale = -100.0 / max(energy, 1e-9)
         return scale * value, scale * gradients[0]
 

@@ -17,6 +17,7 @@ from pydantic_core import PydanticCustomError
 from hkt_mdo.case import Case
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import dotted
+from hkt_mdo.results.words import measured
 
 BLADE = ("r_m", "chord_m", "twist_deg", "start_chord_m", "start_twist_deg")
 """Fields that hold one value for each blade station."""
@@ -88,7 +89,9 @@ class LimitEntry(_Entry):
     unit: str = ""
     binding: bool | None = None
 
-    _text = "{value:.5g} {unit}, limit {limit:.5g} {unit}"
+    def __str__(self) -> str:
+        told = (measured(each, self.unit) for each in (self.value, self.limit))
+        return printable(", limit ".join(told))
 
 
 class ObjectiveEntry(_Entry):
@@ -99,7 +102,8 @@ class ObjectiveEntry(_Entry):
     simulated_J: _Number = None
     bound_J: _Number = None
 
-    _text = "{simulated_J:.7g} J"
+    def __str__(self) -> str:
+        return "-" if self.simulated_J is None else f"{self.simulated_J / 1e3:.2f} kJ"
 
 
 class Summary(_Entry, Mapping[str, Any]):
@@ -114,17 +118,17 @@ class Summary(_Entry, Mapping[str, Any]):
     """Whether the optimizer converged and every check passed."""
     message: str | None = _shown("message", "{message}")
 
-    energy_J: _Number = _shown("energy", "{energy_kJ:.2f} kJ ({energy_J:.0f} J)")
+    energy_J: _Number = _shown("energy", "{energy_kJ:.2f} kJ")
     """Captured energy as the optimizer has it, by collocation."""
     simulated_energy_J: _Number = _shown(
         "energy, simulated",
-        "{simulated_energy_kJ:.2f} kJ ({simulated_energy_J:.0f} J, {difference:+.2g} %)",
+        "{simulated_energy_kJ:.2f} kJ ({difference:+.2g} %)",
     )
     """Captured energy of the independent integration."""
-    generator_energy_J: _Number = _shown(
-        "energy of the generator", "{generator_energy_kJ:.2f} kJ ({generator_energy_J:.0f} J)"
-    )
+    generator_energy_J: _Number = _shown("energy of the generator", "{generator_energy_kJ:.2f} kJ")
     """What the generator takes from the shaft in the integration; the rest is stored."""
+    electrical_energy_J: _Number = _shown("energy, electrical", "{electrical_energy_kJ:.2f} kJ")
+    """What the generator delivers of that, less its losses."""
     starting_energy_J: _Number = None
     energy_bound_J: _Number = _shown("share of quasi-steady bound", "{share:.3f} %")
     """Energy of a rotor that works at the steady optimum at every instant."""
@@ -151,7 +155,7 @@ class Summary(_Entry, Mapping[str, Any]):
     )
     tip_speed_ratio_at_power_coefficient_max: _Number = None
     control_torque_max_Nm: _Number = _shown(
-        "largest control torque", "{control_torque_max_Nm:.5g} N m ({torque_limit})"
+        "largest control torque", "{control_torque_max} ({torque_limit})"
     )
     limits: dict[str, LimitEntry] | None = None
 
@@ -255,11 +259,13 @@ class Summary(_Entry, Mapping[str, Any]):
             "case": case.name,
             "law": case.control.law,
             "gains": ", ".join(_format("{0:.5g} {1}", pair, {}) for pair in pairs),
-            "torque_limit": "no limit" if limit is None else f"limit {limit:g} N m",
+            "control_torque_max": measured(self.control_torque_max_Nm, "N*m"),
+            "torque_limit": "no limit" if limit is None else f"limit {measured(limit, 'N*m')}",
             "success": "yes" if self.success else "no",
             "energy_kJ": energy and energy / 1e3,
             "simulated_energy_kJ": simulated and simulated / 1e3,
             "generator_energy_kJ": self.generator_energy_J and self.generator_energy_J / 1e3,
+            "electrical_energy_kJ": self.electrical_energy_J and self.electrical_energy_J / 1e3,
             "gap": None if self.certified_gap is None else max(100.0 * self.certified_gap, 0.0),
             "difference": 100.0 * (simulated / energy - 1.0) if simulated and energy else None,
             "share": 100.0 * best / bound if best is not None and bound else None,

@@ -12,10 +12,11 @@ from hkt_mdo.files.polar import read_polars
 from hkt_mdo.problem.build import make_driver
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.turbine import POLAR
+from hkt_mdo.results.words import measured, number, plain_unit, quantity, turning
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.run.findings import Findings, figure_data, problem_size
 from hkt_mdo.run.judge import FLOW_ERROR, designed
-from hkt_mdo.run.words import duration, flow_words, number, plain_unit, powers, quantity, span
+from hkt_mdo.run.words import duration, flow_words, powers, span
 
 FIT = {"chord": 2.0, "twist": 0.5}  # % of the largest, deg: splines may leave the file's blade
 POOR = 0.2  # largest power coefficient below which a blade was hardly meant as it stands
@@ -230,7 +231,7 @@ def _start(found: Findings, warn) -> dict[str, str]:
         "largest power coefficient": f"{best.power_coefficient:.4f} at a tip speed ratio of "
         f"{best.tip_speed_ratio:.3g}",
         "there, in the mean flow": f"{quantity(torque * speed, 'W')} at {mean:.4g} m/s: "
-        f"{quantity(torque, 'N m')}, {_turning(speed)}",
+        f"{quantity(torque, 'N m')}, {turning(speed)}",
     }
     if np.isfinite(found.rated_speed):
         power = found.physics.torque_limit * speed * found.rated_speed / mean
@@ -259,12 +260,8 @@ def _start(found: Findings, warn) -> dict[str, str]:
     if found.time_constant is not None:
         how = "the rotor's own" if found.physics.law is None else "of rotor and control law"
         constant = f"{quantity(found.time_constant, 's', 3)}, {how}, at {mean:.4g} m/s and "
-        rows["time constant"] = constant + _turning(found.steady_speed)
+        rows["time constant"] = constant + turning(found.steady_speed)
     return rows
-
-
-def _turning(speed: float) -> str:
-    return f"{speed:.4g} rad/s ({speed * 30.0 / np.pi:.3g} rpm)"
 
 
 def _optimization(found: Findings, package: str, warn) -> dict[str, str]:
@@ -312,9 +309,16 @@ def _optimization(found: Findings, package: str, warn) -> dict[str, str]:
         ends = {"at least": limit.lower, "at most": limit.upper}
         words = [f"{word} {number(scale * x)}" for word, x in ends.items() if np.isfinite(x)]
         rows[key] = f"{' and '.join(words)} {unit}".rstrip()
+        if not isinstance(limit, DesignBounds):
+            words = [f"{word} {measured(x, unit, 4)}" for word, x in ends.items() if np.isfinite(x)]
+            rows[key] = " and ".join(words)
         if found.running or limit.place != "time":
             value = scale * limit.value_of(values)
-            rows[key] += f"; {span(value)} with the starting blade"
+            told = span(value)
+            if not isinstance(limit, DesignBounds):
+                ends = dict.fromkeys((np.min(value), np.max(value)))
+                told = " to ".join(measured(float(x), unit, 4) for x in ends)
+            rows[key] += f"; {told} with the starting blade"
             if np.max(limit.excess(values)) > KEPT:
                 warn(f"{key} is broken at the start, {rows[key]}: the run moves it inside")
     return rows

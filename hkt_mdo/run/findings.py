@@ -14,6 +14,7 @@ from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import BEM, Physics
 from hkt_mdo.problem.setup import Setup, find_start
 from hkt_mdo.problem.turbine import build_turbine
+from hkt_mdo.results.words import number
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
@@ -21,7 +22,7 @@ from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.shape import spline_basis
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum, best_operation
-from hkt_mdo.run.words import number, powers, span
+from hkt_mdo.run.words import powers, span
 
 MARGIN = 0.7, 1.3  # times the best tip speed ratio: where a rotor may come while it is designed
 MOST_INSTANTS = 2**17  # at which the flow is looked at

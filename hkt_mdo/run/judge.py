@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import openmdao.api as om
@@ -56,6 +57,7 @@ class Optimized:
     trajectories: tuple[dict[str, np.ndarray], ...]
     energy: float
     generator_energy: float
+    electrical_energy: float
     objective: float
     inertia: float
     mass: float
@@ -73,8 +75,8 @@ class Flight:
     simulation: Simulation
     recorded: RecordedTorque | None
     """The open loop's torque history; None under feedback."""
-    scalars: dict[str, float]
-    """rotor_radius (m), density (kg/m**3), inertia (kg*m**2)."""
+    scalars: dict[str, Any]
+    """What `Physics.scalars` has of the design."""
     plant: Plant
 
     @property
@@ -82,7 +84,7 @@ class Flight:
         """The quantities of the integration, by their names in a trajectory."""
         names = "time inflow_speed rotor_speed hydrodynamic_torque control_torque".split()
         flown = (getattr(self.simulation, name) for name in names)
-        return quantities(*flown, self.scalars["rotor_radius"])
+        return quantities(*flown, self.scalars["rotor_radius"], self.plant.generator)
 
     @property
     def energy_error(self) -> float:
@@ -125,7 +127,7 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
     """Integrate the found design under the found controller with direct BEM, in each scenario."""
     blade, gains = result.point.blade, result.point.gains
     check = BEM[physics.case.hydrodynamics.check]
-    plant = Plant(blade, physics.polar, result.inertia, physics.density, check)
+    plant = Plant(blade, physics.polar, result.inertia, physics.density, check, physics.generator)
     scalars, flights = physics.scalars(blade, result.inertia), []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
         mesh, recorded, law = scenario.mesh, None, physics.law

@@ -284,7 +284,14 @@ def collect(physics: Physics, setup: Setup, problem, outcome) -> Optimized:
         ),
         *(
             float(problem.get_val(name)[0])
-            for name in ("energy", "generator_energy", "objective", "inertia", "mass")
+            for name in (
+                "energy",
+                "generator_energy",
+                "electrical_energy",
+                "objective",
+                "inertia",
+                "mass",
+            )
         ),
         problem.get_val("torque_coefficient_table") if physics.has_curve else np.empty(0),
     )

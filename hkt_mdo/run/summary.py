@@ -38,9 +38,12 @@ def summarize(physics, optimum, start, result, flights, checks, remedy="") -> Su
     by_name = {check.name: check.value for check in checks}
     gains = [float(gain) for gain in result.point.gains]
     turning = all(flight.simulation.stopped_at is None for flight in flights)
-    energy, generated, stored = (
+    energy, generated, electrical, stored = (
         total(flights, lambda flight, name=name: getattr(flight.simulation, name))
-        for name in ("energy", "generator_energy", "kinetic_energy_change")
+        for name in (
+            *("energy", "generator_energy", "electrical_energy"),
+            "kinetic_energy_change",
+        )
     )
     values = {
         "case": physics.case.name,
@@ -52,6 +55,7 @@ def summarize(physics, optimum, start, result, flights, checks, remedy="") -> Su
         "energy_J": result.energy,
         "simulated_energy_J": energy if turning else None,
         "generator_energy_J": generated if turning else None,
+        "electrical_energy_J": electrical if turning else None,
         "energy_bound_J": bound,
         "certified_gap": _gap(by_name.get("energy_over_certificate"), turning),
         "objective": {
@@ -60,7 +64,7 @@ def summarize(physics, optimum, start, result, flights, checks, remedy="") -> Su
             "simulated_J": total(flights, lambda flight: flight.objective(physics.objective)),
             "bound_J": None
             if physics.objective.closes and physics.case.phase.final_speed != "initial"
-            else physics.objective.bound(bound),
+            else physics.objective_bound(bound),
         },
         "limits": {
             limit.name: _limit(limit, flights)

@@ -6,11 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from hkt_mdo.case.document import unit_of
-
-
-def number(value: float, digits: int = 4) -> str:
-    """Return a number with so many digits, without a power of ten where it can be avoided."""
-    return f"{float(f'{value:.{digits}g}'):.10g}"
+from hkt_mdo.results.words import number, plain_unit
 
 
 def span(values, unit: str = "", digits: int = 4) -> str:
@@ -26,23 +22,10 @@ def powers(values) -> str:
     return " to ".join(dict.fromkeys(texts))
 
 
-def quantity(value: float, unit: str, digits: int = 4) -> str:
-    """Return a quantity in its unit, or in thousandths, thousands or millions of it."""
-    size = abs(value)
-    prefix = "M" if size >= 1e6 else "k" if size >= 1e3 else "" if size >= 0.1 else "m"
-    scale = {"M": 1e6, "k": 1e3, "": 1.0, "m": 1e-3}[prefix]
-    return f"{value / scale:.{digits}g} {prefix}{unit}"
-
-
 def duration(seconds: float) -> str:
     """Return a time in s, and in hours, minutes and seconds where it is long."""
     clock = f" ({timedelta(seconds=round(seconds))})" if seconds >= 120.0 else ""
     return f"{seconds:g} s{clock}"
-
-
-def plain_unit(unit: str) -> str:
-    """Return a unit as it is read: N m s^2/rad^2 for N*m*s**2/rad**2."""
-    return unit.replace("**", "^").replace("*", " ")
 
 
 _IDLE = "start", "phase", "scale", "gaps", "spikes", "uneven"

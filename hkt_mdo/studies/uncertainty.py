@@ -102,7 +102,9 @@ class Design:
         blade = world.blade.with_rotor_radius(summary.rotor_radius_m or world.blade.rotor_radius)
         blade = blade.with_shape(summary.chord_m, np.deg2rad(summary.twist_deg))
         check = BEM[world.case.hydrodynamics.check]
-        plant = Plant(blade, world.polar, summary.inertia_kg_m2, world.density, check)
+        plant = Plant(
+            blade, world.polar, summary.inertia_kg_m2, world.density, check, world.generator
+        )
         gains = np.atleast_1d([] if summary.gain is None else summary.gain)
         return cls(solution, world, plant, gains.astype(float))
 

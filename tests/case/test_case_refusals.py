@@ -64,7 +64,7 @@ SECTIONS = [
     ("driver: {optimizer: IPOP}", "driver.optimizer", "IPOP", "did you mean IPOPT?"),
     ("driver: {package: scipy}", "driver.optimizer", "IPOPT", "give driver.optimizer: SLSQP"),
     ("objective: capturd", "objective.kind", "capturd", "did you mean captured?"),
-    ("limits: {tip_speed: 15 m/s}", "limits.tip_speed", "15 m/s", "needs --extend FILE"),
+    ("limits: {noise: 90}", "limits.noise", "90", "needs --extend FILE"),
 ]
 CONTROLS = [
     ("{law: quadratc}", "control.law", "quadratc", "did you mean quadratic?"),

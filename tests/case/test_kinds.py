@@ -21,7 +21,7 @@ MINIMAL = "inflow: sine\ncontrol: linear\n"
 OWN = (
     "inflow: {profile: sum, parts: [{profile: ramp, rise: 30 cm/s}, {profile: gust}]}\n"
     "control: {law: mixed, torque_limit: 1 kN m}\n"
-    "limits: {tip_speed: 15 m/s}\n"
+    "limits: {tip_acceleration: 160 m/s^2}\n"
     "objective: {kind: priced_torque, price: 1e-3}\n"
 )
 
@@ -89,7 +89,7 @@ def test_a_case_names_kinds_of_an_extension(source):
     assert case.inflow.parts[0].rise == 0.3
     assert case.control.torque_limit == 1000.0
     assert case.control.demand(2.0, [3.0, 4.0]) == 22.0
-    assert [limit.upper for limit in case.limits.given] == [15.0]
+    assert [limit.upper for limit in case.limits.given] == [160.0]
     assert case.objective.price == 1e-3
     again = read_case(case.to_yaml(), extensions=case.extensions)
     for other in (again, case.with_overrides(), pickle.loads(pickle.dumps(case))):
@@ -97,7 +97,7 @@ def test_a_case_names_kinds_of_an_extension(source):
         if isinstance(source, types.FunctionType):
             continue  # classes stand for the module: they are the case's extensions
         assert (other == case, type(other)) == (True, type(case))
-    assert case.with_overrides("limits.tip_speed=12").limits.tip_speed.bound == 12.0
+    assert case.with_overrides("limits.tip_acceleration=120").limits.tip_acceleration.bound == 120.0
 
 
 def test_a_case_names_a_class():
@@ -205,7 +205,10 @@ def test_nothing_is_left_of_an_extension():
     for line, told in (
         ("inflow: ramp", "inflow.profile = 'ramp': unknown; .*give one of constant, .*, sum; one"),
         ("control: mixed", "control.law = 'mixed': unknown; give one of open_loop, linear, quad"),
-        ("limits: {tip_speed: 15 m/s}", "limits.tip_speed = '15 m/s': unknown key; known here: no"),
+        (
+            "limits: {tip_acceleration: 160 m/s^2}",
+            r"limits.tip_acceleration = '160 m/s\^2': unknown key; known here: torque, power",
+        ),
         ("objective: priced_torque", "objective.kind = 'priced_torque': unknown; give one of capt"),
     ):
         text = "\n".join(e for e in MINIMAL.split("\n") if e.split(":")[0] != line.split(":")[0])
@@ -219,15 +222,24 @@ def test_nothing_is_left_of_an_extension():
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("limits: {tip_spee: 15 m/s}", "unknown key; did you mean tip_speed?"),
+        ("limits: {tip_accel: 160 m/s^2}", "unknown key; did you mean tip_acceleration?"),
         (
-            "limits: {tip_speed: 15 kg}",
-            "tip_speed.bound = '15 kg': has the unit kg.*largest tip sp",
+            "limits: {tip_acceleration: 15 kg}",
+            "tip_acceleration.bound = '15 kg': has the unit kg.*largest tip ac",
         ),
-        ("limits: {tip_speed: -1}", "tip_speed.bound = -1: must be greater than 0 m/s"),
-        ("limits: {tip_speed: {bound: 15 kg}}", "tip_speed.bound = '15 kg': has the unit kg"),
-        ("limits: {tip_speed: {}}", "tip_speed.bound: is missing; give it: Largest tip speed"),
-        ("limits: {tip_speed: true}", "tip_speed = true: must be a section"),
+        (
+            "limits: {tip_acceleration: -1}",
+            "tip_acceleration.bound = -1: must be greater than 0 m/s",
+        ),
+        (
+            "limits: {tip_acceleration: {bound: 15 kg}}",
+            "tip_acceleration.bound = '15 kg': has the unit kg",
+        ),
+        (
+            "limits: {tip_acceleration: {}}",
+            "tip_acceleration.bound: is missing; give it: Largest tip acceleration",
+        ),
+        ("limits: {tip_acceleration: true}", "tip_acceleration = true: must be a section"),
         ("objective: priced", "objective.kind = 'priced': unknown; did you mean priced_torque?"),
         ("objective: {kind: priced_torque, price: -1}", "objective.price = -1: must be at least 0"),
         (
@@ -243,11 +255,11 @@ def test_bad_values_of_an_extension_are_told_as_all_are(text, told):
 
 def test_a_limit_is_its_bound_or_a_section():
     bare, spelled, plain = (
-        read_case(MINIMAL + f"limits: {{tip_speed: {value}}}", extensions=[FILE])
-        for value in ("15 m/s", "{bound: 15 m/s}", "15")
+        read_case(MINIMAL + f"limits: {{tip_acceleration: {value}}}", extensions=[FILE])
+        for value in ("160 m/s^2", "{bound: 160 m/s^2}", "160")
     )
     assert bare == spelled == plain
-    assert bare.limits.tip_speed.bound == 15.0
+    assert bare.limits.tip_acceleration.bound == 160.0
     assert read_case(MINIMAL, extensions=[FILE]).limits.given == ()
 
 
@@ -257,10 +269,13 @@ def test_json_schema_of_a_case_takes_both_spellings_and_the_kinds_of_extensions(
     validator = Draft202012Validator(schema)
     data = {"inflow": "ramp", "control": "mixed"}
     for more in (
-        {"objective": "captured", "limits": {"tip_speed": "15 m/s"}},
-        {"objective": "priced_torque", "limits": {"tip_speed": 15}},
+        {"objective": "captured", "limits": {"tip_acceleration": "160 m/s^2"}},
+        {"objective": "priced_torque", "limits": {"tip_acceleration": 160}},
         {"objective": {"kind": "priced_torque", "price": 1.0}, "limits": {}},
-        {"limits": {"tip_speed": {"bound": "15 m s^-1"}}, "inflow": {"profile": "ramp", "rise": 1}},
+        {
+            "limits": {"tip_acceleration": {"bound": "160 m s^-2"}},
+            "inflow": {"profile": "ramp", "rise": 1},
+        },
         {"control": {"law": "linear", "torque_limit": "1.8 kN m"}},
         {"inflow": {"profile": "constant", "speed": 1.5}},
     ):
@@ -269,9 +284,9 @@ def test_json_schema_of_a_case_takes_both_spellings_and_the_kinds_of_extensions(
     for wrong in (
         {"objective": "priced"},
         {"objective": {"kind": "captured", "price": 1}},
-        {"limits": {"tip_speed": "fast"}},
-        {"limits": {"tip_speed": -15}},
-        {"limits": {"tip_speed": {"bound": "15 m / s"}}},
+        {"limits": {"tip_acceleration": "fast"}},
+        {"limits": {"tip_acceleration": -160}},
+        {"limits": {"tip_acceleration": {"bound": "160 m / s^2"}}},
         {"limits": {"thrust": 1}},
         {"inflow": "constant"},
         {"control": "Mixed"},

@@ -10,12 +10,21 @@ from hkt_mdo.sections import Quantity
 
 ACCEPTED = {
     "m": {"1400 mm": 1.4, "1400mm": 1.4, " 1.4e0 m ": 1.4, "+.5 m": 0.5, "-2. m": -2.0, 3: 3.0},
-    "N*m": {"1.8 kN m": 1800.0, "1.8 kN*m": 1800.0, "0.7kN  m": 700.0, "2 kg m^2/s^2": 2.0},
-    "N*m/s": {"500 N m/s": 500.0, "500 N*m/s": 500.0, "0.5 kN m s^-1": 500.0},
+    "N*m": {"1.8 kN m": 1800.0, "1.8 kN*m": 1800.0, "0.7kN  m": 700.0, "2 kg m^2/s^2": 2.0}
+    | {"1.8 kNm": 1800.0, "700 Nm": 700.0, "0.7kN·m": 700.0, "7e-4 MN⋅m": 700.0, "3 m N": 3.0},
+    "N*m/s": {
+        "500 N m/s": 500.0,
+        "500 Nm/s": 500.0,
+        "30 kNm/min": 500.0,
+        "500 N*m/s": 500.0,
+        "0.5 kN m s^-1": 500.0,
+    },
     "kg*m**2": {"20 kg m^2": 20.0, "20 kg*m**2": 20.0, "2e5 g m**2": 200.0},
     "m**2": {"0.5 m^2": 0.5, "5000 cm**2": 0.5, "0.5 m m": 0.5},
     "kg/m**3": {"1.025 g/cm^3": 1025.0, "1025 kg m^-3": 1025.0, np.float32(2.0): 2.0},
-    "rad/s": {"2 rev/min": np.pi / 15.0, "2rpm": np.pi / 15.0},
+    "rad/s": {"2 rev/min": np.pi / 15.0, "2rpm": np.pi / 15.0, "105 rpm": 3.5 * np.pi},
+    "Pa": {"100 MPa": 1e8, "100 N/mm^2": 1e8, "1 bar": 1e5},
+    "W": {"5 kW": 5000.0, "5 kNm/s": 5000.0, "0.2 MW": 2e5},
     "N*m*s**2/rad**2": {
         "7 N*m/(rad/s)**2": 7.0,
         "7 N m/(rad/s)^2": 7.0,
@@ -53,6 +62,8 @@ REFUSED = {
     ],
     "must be": ["3" * 100 + " m", True, [3], None, float("nan"), 10**400, "1e999 m"],
     "too long a unit": ["3 " + 30 * "m "],
+    # a nanometre, a nautical mile and no unit: none of them is taken for N m
+    "does not convert|unknown unit": ["3 Nm", "3 nm m", "3 mNm", "3 NMm"],
     "must be greater than 0 m": [0, "-1 mm"],
     "must be at most 10 m": [11, "1 km"],
 }

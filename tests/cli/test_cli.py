@@ -124,7 +124,7 @@ def test_extensions_are_known_wherever_a_case_is_read(
     for command in (["show"], ["plot", "--format", "svg"], ["compare"]):
         assert main([*extend, *command, str(result_folder)]) == 0
     assert main([*extend, "schema"]) == 0
-    assert "tip_speed" in capsys.readouterr().out
+    assert "tip_acceleration" in capsys.readouterr().out
 
 
 def test_resume_is_given_the_extensions(fake: FakeRun, result_folder: Path) -> None:

@@ -26,7 +26,7 @@ def test_simulate_tells_mean_spread_and_worst(folders, capsys):
     mean, spread, worst = (
         float(x)
         for x in re.search(
-            r"mean ([\d.]+) J, standard deviation ([\d.]+) J, worst ([\d.]+)", printed
+            r"mean ([\d.]+) kJ, standard deviation ([\d.]+) kJ, worst ([\d.]+)", printed
         ).groups()
     )
     assert worst <= mean

@@ -7,18 +7,18 @@ import numpy as np
 from hkt_mdo import FeedbackLaw, Inflow, Limit, Objective, Quantity
 
 
-class TipSpeed(Limit):
-    """Largest speed of the blade tip, w R."""
+class TipAcceleration(Limit):
+    """Largest centripetal acceleration of the blade tip, w^2 R."""
 
-    name: ClassVar[str] = "tip_speed"
-    unit: ClassVar[str] = "m/s"
+    name: ClassVar[str] = "tip_acceleration"
+    unit: ClassVar[str] = "m/s**2"
     inputs: ClassVar[tuple[str, ...]] = ("rotor_speed", "rotor_radius")
 
-    bound: Annotated[float, Quantity("m/s", gt=0)]
-    """Largest tip speed."""
+    bound: Annotated[float, Quantity("m/s**2", gt=0)]
+    """Largest tip acceleration."""
 
     def value(self, rotor_speed, rotor_radius):
-        return rotor_speed * rotor_radius
+        return rotor_speed**2 * rotor_radius
 
 
 class PricedTorque(Objective):

@@ -36,7 +36,7 @@ def batch(tmp_path_factory):
         folder / "first": case(),
         folder / "broken": case(f"inflow={{profile: record, file: {folder / 'flow.csv'}}}"),
         folder / "second": case("control.torque_limit=600"),
-        folder / "own": case("limits={tip_speed: 12}", extensions=[EXTENSION]),
+        folder / "own": case("limits={tip_acceleration: 100}", extensions=[EXTENSION]),
     }
     told = {}
     found = run_batch(cases, 1, told.__setitem__, records=False)
@@ -70,7 +70,7 @@ def test_a_finished_result_is_reused_and_a_changed_case_is_run_again(batch):
     assert told == {
         folder / "first": "reused", folder / "own": "reused", folder / "second": "ok"
     }  # fmt: skip
-    assert again[folder / "own"].case.limits.tip_speed.bound == 12.0
+    assert again[folder / "own"].case.limits.tip_acceleration.bound == 100.0
     assert (folder / "first" / "summary.json").read_bytes() == first
     before, after = (each[folder / "second"].summary for each in (found, again))
     assert after["control_torque_max_Nm"] <= 500.0 * (1.0 + 1e-6)

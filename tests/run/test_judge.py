@@ -8,7 +8,7 @@ import pytest
 
 from hkt_mdo.case import Phase
 from hkt_mdo.dynamics.flows import GustInflow, StepInflow, SumInflow
-from hkt_mdo.dynamics.limits import Limit
+from hkt_mdo.dynamics.limits import Limit, TipSpeedLimit
 from hkt_mdo.dynamics.simulation import RecordedTorque
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.run.judge import explain
@@ -225,7 +225,7 @@ REFUSALS = [
     ("radius_bounds", "feedback", larger_rotor, 1e-4, ["at the radius", "driver.tolerance"]),
     ("gain_bounds", "feedback", larger_gain, 0.1, ["at the gain", "driver.tolerance"]),
     ("set_angle_bounds", "open_loop", turned_blade, 1e-4, ["set angle", "driver.tolerance"]),
-    ("rotor_speed_at_nodes", "feedback", backwards_at_a_node, 0.05, ["at t = 5.50 s"]),
+    ("forward_rotation_at_nodes", "feedback", backwards_at_a_node, 0.05, ["at t = 5.50 s"]),
     ("control_torque_at_nodes", "feedback", torque_above_its_limit_at_a_node, 1e-4, ["t = 5.50 s"]),
     ("control_torque_at_nodes", "open_loop", generator_that_drives, 1e-4, ["at t = 5.50 s"]),
     (
@@ -262,23 +262,11 @@ def test_every_judge_is_asked(feedback, open_loop):
     assert {name for name, *_ in REFUSALS} == {*feedback.checks(), *open_loop.checks()}
 
 
-class TipSpeed(Limit):
-    """Largest speed of the blade tip."""
-
-    name: ClassVar[str] = "tip_speed"
-    unit: ClassVar[str | None] = "m/s"
-    inputs: ClassVar[tuple[str, ...]] = ("rotor_speed", "rotor_radius")
-    bound: float
-
-    def value(self, rotor_speed, rotor_radius):
-        return rotor_speed * rotor_radius
-
-
-def test_a_limit_of_ones_own_is_judged_at_and_between_the_nodes(feedback):
+def test_a_limit_is_judged_at_and_between_the_nodes(feedback):
     (flight,) = feedback.flights
     fastest = np.max(flight.trajectory["rotor_speed"]) * 1.45
     for share, refused in ((1.01, []), (0.99, ["at", "between"])):
-        limits = (*feedback.physics.limits, TipSpeed(bound=share * fastest))
+        limits = (*feedback.physics.limits, TipSpeedLimit(bound=share * fastest))
         limited = replace(feedback, physics=replace(feedback.physics, limits=limits))
         failed = [name for name, check in limited.checks().items() if not check.passed]
         assert failed == [f"tip_speed_{place}_nodes" for place in refused]

@@ -1,0 +1,195 @@
+"""The generator: electrical power from torque and speed, and its keys in a case.
+
+Speeds are those of the rotor's shaft: a gearbox is part of the generator.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import ValidationInfo, field_validator, model_validator
+
+from hkt_mdo.files.efficiency import read_efficiency
+from hkt_mdo.sections import Quantity, Section, find_file, refusal
+
+_LOSSES = {
+    "copper_loss": "rated_torque",
+    "friction_loss": "rated_speed",
+    "iron_loss": "rated_speed",
+}
+"""What each loss is given at."""
+
+BEYOND = 0.05  # share of a table's range by which it is continued at its ends
+_Loss = Annotated[float, Quantity("W", ge=0)]
+_WAYS = "give efficiency, losses at rated torque and speed, or table: one of the three"
+
+
+class Generator(Section):
+    """What the generator delivers: a constant efficiency, losses, or a table; without keys, all.
+
+    Losses are P = u w - copper_loss (u/rated_torque)^2 - friction_loss (w/rated_speed) - iron_loss
+    (w/rated_speed)^2, u the torque and w the speed of the rotor's shaft. Where the losses exceed
+    the shaft's power, P is negative: the generator then takes power from the grid, and that is
+    counted as such in the energy.
+    """
+
+    efficiency: Annotated[float, Quantity(gt=0, le=1)] | None = None
+    """Electrical power over shaft power, constant; null: given in another way, or no losses."""
+    rated_torque: Annotated[float, Quantity("N*m", gt=0)] | None = None
+    """Torque at which `copper_loss` is given."""
+    rated_speed: Annotated[float, Quantity("rad/s", gt=0)] | None = None
+    """Speed of the rotor at which `friction_loss` and `iron_loss` are given."""
+    copper_loss: _Loss | None = None
+    """Loss in the windings at `rated_torque`; it grows with the torque squared."""
+    friction_loss: _Loss | None = None
+    """Loss by friction at `rated_speed`; it grows with the speed."""
+    iron_loss: _Loss | None = None
+    """Loss in the iron at `rated_speed`; it grows with the speed squared."""
+    table: str | None = None
+    """CSV file of the efficiency over torque and speed, with the columns `torque_Nm`, `speed_rpm`
+    or `speed_rad_s`, and `efficiency`: every torque at every speed. A natural cubic spline runs
+    through it; beyond it the efficiency soon stays what it is."""
+
+    @field_validator("table")
+    @classmethod
+    def _find_table(cls, value: str | None, info: ValidationInfo) -> str | None:
+        if value is None:
+            return None
+        remedy = "give the path of a CSV file"
+        path, fine = find_file(value, info, remedy)
+        if not fine:
+            raise refusal("is not a file", f"{remedy}, which counts from the case's folder")
+        return str(path)
+
+    @model_validator(mode="after")
+    def _check_one_way(self) -> Generator:
+        """Refuse two ways at once, and losses without the torque or speed they are met at."""
+        losses = [name for name in _LOSSES if getattr(self, name) is not None]
+        rated = [n for n in ("rated_torque", "rated_speed") if getattr(self, n) is not None]
+        ways = [name for name in ("efficiency", "table") if getattr(self, name) is not None]
+        ways += (losses or rated)[:1]
+        if len(ways) > 1:
+            problem = f"is given beside {ways[0]}"
+            raise refusal(problem, _WAYS, key=ways[1], value=getattr(self, ways[1]))
+        for name in losses:
+            if _LOSSES[name] not in rated:
+                remedy = f"give generator.{_LOSSES[name]}, at which this loss is met"
+                problem = f"needs {_LOSSES[name]}"
+                raise refusal(problem, remedy, key=name, value=getattr(self, name))
+        for name in rated:
+            if name not in [_LOSSES[loss] for loss in losses]:
+                needs = " or ".join(loss for loss, at in _LOSSES.items() if at == name)
+                problem, remedy = "is of no effect", f"give generator.{needs}, or leave it out"
+                raise refusal(problem, remedy, key=name, value=getattr(self, name))
+        return self
+
+    def electrical_power(self, torque, speed):
+        """Return the electrical power, W; torque (N*m) and speed (rad/s) may be complex."""
+        shaft = torque * speed
+        if self.table is not None:
+            return shaft * self._surface.efficiency(torque, speed)
+        if self.efficiency is not None:
+            return self.efficiency * shaft
+        if self.copper_loss is not None:
+            shaft = shaft - self.copper_loss * (torque / self.rated_torque) ** 2
+        if self.friction_loss is not None:
+            shaft = shaft - self.friction_loss * (speed / self.rated_speed)
+        if self.iron_loss is not None:
+            shaft = shaft - self.iron_loss * (speed / self.rated_speed) ** 2
+        return shaft
+
+    @property
+    def proportional(self) -> bool:
+        """Whether electrical power is a constant share of shaft power."""
+        return self.table is None and not any(getattr(self, name) for name in _LOSSES)
+
+    @property
+    def lossless(self) -> bool:
+        """Whether electrical power is shaft power."""
+        return self.proportional and self.largest_efficiency == 1.0
+
+    @property
+    def largest_efficiency(self) -> float:
+        """A bound on electrical over shaft power, at most 1."""
+        if self.table is not None:
+            return min(self._surface.largest, 1.0)
+        return 1.0 if self.efficiency is None else self.efficiency
+
+    def beyond_table(self, torque, speed) -> float:
+        """Return by how much of its range a table is left by torques and speeds; 0: it is not."""
+        return 0.0 if self.table is None else self._surface.beyond(torque, speed)
+
+    @cached_property
+    def _surface(self) -> _Surface:
+        """What the table's file holds; read once."""
+        try:
+            state = Path(str(self.table)).stat()
+        except OSError:  # reading tells what is wrong with the file
+            return _Surface(str(self.table))
+        return _read(str(self.table), (state.st_mtime_ns, state.st_size))
+
+
+LOSSLESS = Generator()
+
+
+class _Axis:
+    """Natural cubic spline over one of a table's axes, as a matrix that its values multiply."""
+
+    def __init__(self, nodes):
+        from scipy.interpolate import CubicSpline
+
+        self.low, self.high = nodes[0], nodes[-1]
+        self._cardinal = CubicSpline(nodes, np.eye(nodes.size), bc_type="natural")
+
+    def basis(self, points):
+        """Return the matrix (n_points, n_nodes) and its derivative by the points.
+
+        Beyond the nodes the spline goes on linearly, in a coordinate that comes to rest: C² at the
+        ends, as its second derivative and that of tanh are zero there.
+        """
+        inside = np.clip(points, self.low, self.high)
+        length = BEYOND * (self.high - self.low)
+        share = np.tanh((points - inside) / length)
+        value, slope = self._cardinal(inside), self._cardinal(inside, 1)
+        return value + slope * (length * share)[:, None], slope * (1.0 - share**2)[:, None]
+
+
+class _Surface:
+    """Efficiency over torque (N*m) and speed (rad/s): a product of splines through a table."""
+
+    def __init__(self, path: str):
+        torque, speed, self._table = read_efficiency(path)
+        self._torque, self._speed = _Axis(torque), _Axis(speed)
+        rows, columns = (
+            axis.basis(np.linspace(2.0 * x[0] - x[-1], 2.0 * x[-1] - x[0], 901))[0]
+            for axis, x in ((self._torque, torque), (self._speed, speed))
+        )
+        self.largest = float(np.max(rows @ self._table @ columns.T))
+
+    def efficiency(self, torque, speed):
+        """Return the efficiency, of a complex step too."""
+        torque, speed = np.broadcast_arrays(torque, speed)
+        u, w = torque.ravel(), speed.ravel()
+        (rows, by_u), (columns, by_w) = self._torque.basis(u.real), self._speed.basis(w.real)
+        along = columns @ self._table.T
+        found = np.sum(rows * along, axis=1)
+        if np.iscomplexobj(u) or np.iscomplexobj(w):
+            by_torque = np.sum(by_u * along, axis=1)
+            by_speed = np.sum(rows * (by_w @ self._table.T), axis=1)
+            found = found + 1j * (by_torque * u.imag + by_speed * w.imag)
+        return found.reshape(torque.shape)
+
+    def beyond(self, torque, speed) -> float:
+        """Return by how much of its range the table is left, along the worse of its axes."""
+        return max(
+            float(np.max(np.maximum(axis.low - x, x - axis.high))) / (axis.high - axis.low)
+            for axis, x in ((self._torque, torque), (self._speed, speed))
+        )
+
+
+@lru_cache(maxsize=2)
+def _read(path: str, state: object) -> _Surface:
+    return _Surface(path)

@@ -1,0 +1,246 @@
+"""The generator: closed forms of its losses, its table, and where a lossy rotor works best."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+
+from hkt_mdo import InputError, load_case
+from hkt_mdo.dynamics.generator import LOSSLESS, Generator
+from hkt_mdo.dynamics.laws import STEP, QuadraticFeedback
+from hkt_mdo.dynamics.quasi_steady import QuasiSteady
+from hkt_mdo.dynamics.trajectory import quantities
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.torque_curve import TorqueSpline
+
+LOSSY = Generator(
+    rated_torque=700.0, rated_speed=9.0, copper_loss=300.0, friction_loss=50.0, iron_loss=100.0
+)
+TORQUE = np.array([0.0, 100.0, 350.0, 700.0])
+SPEED = np.array([0.0, 3.0, 9.0, 12.0])
+
+
+def table_of(tmp_path, efficiency, torques=(0, 200, 400, 700), speeds=(0, 30, 60, 90, 120)):
+    rows = [f"{u},{n},{efficiency(u, n):.12g}" for u in torques for n in speeds]
+    path = tmp_path / "table.csv"
+    path.write_text("\n".join(["torque_Nm,speed_rpm,efficiency", *rows[::-1], ""]))
+    return path
+
+
+def test_without_keys_nothing_is_lost():
+    np.testing.assert_array_equal(LOSSLESS.electrical_power(TORQUE, SPEED), TORQUE * SPEED)
+    assert LOSSLESS.proportional
+    assert LOSSLESS.largest_efficiency == 1.0
+
+
+def test_an_efficiency_is_a_share():
+    generator = Generator(efficiency=0.92)
+    np.testing.assert_allclose(generator.electrical_power(TORQUE, SPEED), 0.92 * TORQUE * SPEED)
+    assert generator.proportional
+
+
+def test_losses_are_those_of_their_formulas_and_negative_power_is_drawn():
+    expected = TORQUE * SPEED
+    expected = expected - 300.0 * (TORQUE / 700.0) ** 2
+    expected = expected - 50.0 * (SPEED / 9.0) - 100.0 * (SPEED / 9.0) ** 2
+    np.testing.assert_allclose(LOSSY.electrical_power(TORQUE, SPEED), expected, rtol=1e-14)
+    assert LOSSY.electrical_power(700.0, 9.0) == pytest.approx(6300.0 - 450.0)
+    assert LOSSY.electrical_power(0.0, 9.0) == pytest.approx(-150.0)
+
+
+def test_a_table_is_met_at_its_nodes_and_between_them_a_plane_is_a_plane(tmp_path):
+    def plane(u, n):
+        return 0.7 + 1e-4 * u + 1e-3 * n
+
+    generator = Generator(table=str(table_of(tmp_path, plane)))
+    u, w = np.array([0.0, 150.0, 333.0, 700.0]), np.array([1.0, 3.3, 12.5, np.pi])
+    expected = u * w * plane(u, w * 30.0 / np.pi)
+    np.testing.assert_allclose(generator.electrical_power(u, w), expected, rtol=1e-12)
+    assert generator.largest_efficiency == pytest.approx(0.7 + 0.07 + 0.12 + 0.05 * (0.07 + 0.12))
+    assert generator.beyond_table(u, w) <= 0.0
+    assert generator.beyond_table(u + 70.0, w) == pytest.approx(0.1)
+    # far beyond the table the efficiency is that of 5 % beyond it
+    far = generator.electrical_power(1e5, 60.0 * np.pi / 30.0) / (1e5 * 2.0 * np.pi)
+    assert far == pytest.approx(plane(735.0, 60.0), rel=1e-9)
+
+
+def test_a_table_is_smooth_at_its_ends(tmp_path):
+    generator = Generator(table=str(table_of(tmp_path, lambda u, n: 0.9 - 0.2 * np.exp(-u / 200))))
+    step = 0.5
+    power = generator.electrical_power(700.0 + step * np.arange(-3, 4), 5.0)
+    second = np.diff(power, 2) / step**2
+    assert np.ptp(second) < 0.05 * np.max(np.abs(np.diff(power) / step)) / 35.0
+
+
+@pytest.mark.parametrize("kind", ["losses", "table", "efficiency"])
+def test_derivatives_by_complex_step(kind, tmp_path):
+    path = table_of(tmp_path, lambda u, n: 0.9 - 0.3 * np.exp(-u / 150) - 1e-3 * n)
+    generator = {
+        "losses": LOSSY,
+        "table": Generator(table=str(path)),
+        "efficiency": Generator(efficiency=0.9),
+    }[kind]  # fmt: skip
+    u, w = np.array([150.0, 500.0, 720.0, 900.0]), np.array([2.0, 7.0, 11.0, 13.0])
+    for step in ((1.0, 0.0), (0.0, 1e-2)):
+        h = 1e-4
+        exact = generator.electrical_power(u + 1j * STEP * step[0], w + 1j * STEP * step[1])
+        difference = generator.electrical_power(u + h * step[0], w + h * step[1])
+        difference = difference - generator.electrical_power(u - h * step[0], w - h * step[1])
+        np.testing.assert_allclose(exact.imag / STEP, difference / (2.0 * h), rtol=1e-6)
+
+
+def test_the_trajectory_has_the_electrical_power():
+    known = quantities(SPEED, 1.5, SPEED, TORQUE, TORQUE, 1.4, LOSSY)
+    np.testing.assert_array_equal(known["electrical_power"], LOSSY.electrical_power(TORQUE, SPEED))
+    known = quantities(SPEED, 1.5, SPEED, TORQUE, TORQUE, 1.4)
+    np.testing.assert_array_equal(known["electrical_power"], known["generator_power"])
+
+
+# What a case may say ------------------------------------------------------------------------------
+
+CASE = {"inflow": "sine", "control": "open_loop"}
+
+
+@pytest.mark.parametrize(
+    ("section", "told"),
+    [
+        ({"efficiency": 1.1}, "generator.efficiency = 1.1: must be at most 1"),
+        ({"efficiency": 0}, "must be greater than 0"),
+        ({"efficiency": 0.9, "copper_loss": 1, "rated_torque": 1}, "copper_loss = 1.0: is given b"),
+        ({"copper_loss": "300 W"}, "generator.copper_loss = 300.0: needs rated_torque"),
+        ({"iron_loss": 3, "rated_torque": 2}, "iron_loss = 3.0: needs rated_speed"),
+        ({"rated_torque": 700}, "generator.rated_torque = 700.0: is of no effect; give gen"),
+        ({"efficiency": 0.9, "rated_speed": 9}, "rated_speed = 9.0: is given beside efficiency"),
+        ({"table": "nowhere.csv"}, "generator.table = 'nowhere.csv': is not a file"),
+        ({"efficiency": 0.9, "slip": 0.1}, "generator.slip = 0.1: unknown key"),
+    ],
+)
+def test_a_case_gives_one_way_and_all_of_it(section, told):
+    with pytest.raises(InputError) as caught:
+        load_case(CASE | {"generator": section})
+    assert told in str(caught.value)
+
+
+def test_units_of_a_case():
+    section = {"rated_torque": "0.7 kN m", "rated_speed": "90 rpm", "copper_loss": "0.3 kW"}
+    generator = load_case(CASE | {"generator": section | {"iron_loss": 0}}).generator
+    assert generator.copper_loss == 300.0
+    assert generator.rated_speed == pytest.approx(3.0 * np.pi)
+
+
+HEADER = "torque_Nm,speed_rpm,efficiency\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (HEADER + "0,0,0.9\n0,9,0.9\n7,0,0.9\n", "no row for torque_Nm = 7 at speed_rpm = 9"),
+        (HEADER + "0,0,0.9\n0,9,1.1\n7,0,0.9\n7,9,0.9\n", "line 3, column efficiency"),
+        (HEADER + "0,0,0.9\n0,9,92\n7,0,0.9\n7,9,0.9\n", "a fraction, not per cent"),
+        (HEADER + "0,0,0.9\n0,9,0\n7,0,0.9\n7,9,0.9\n", "is not above 0 and at most 1"),
+        (HEADER + "0,0,0.9\n0,9,0.9\n0,9,0.8\n7,0,0.9\n7,9,0.9\n", "line 4, column torque_Nm"),
+        (HEADER + "0,0,0.9\n7,0,0.9\n", "has 1 value of speed_rpm"),
+        (HEADER + "-1,0,0.9\n-1,9,0.9\n7,0,0.9\n7,9,0.9\n", "must not be negative"),
+        ("torque_Nm,speed,efficiency\n0,0,0.9\n", "lacks a column of speeds"),
+        ("torque_Nm,speed_rpm,speed_rad_s,efficiency\n0,0,0,0.9\n", "names two columns of speeds"),
+        ("torque,speed_rpm,efficiency\n0,0,0.9\n", "lacks the column torque_Nm"),
+    ],
+)
+def test_a_bad_table_is_refused_with_file_and_place(tmp_path, text, told):
+    path = tmp_path / "bad.csv"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        Generator(table=str(path)).electrical_power(1.0, 1.0)
+    assert told in str(caught.value)
+    assert "bad.csv" in str(caught.value)
+
+
+# Where a rotor works best -------------------------------------------------------------------------
+
+RADIUS, DENSITY = 1.4, 1000.0
+FLOW = 1.5 + 0.2 * np.sin(0.25 * np.linspace(0.0, 60.0, 41))
+SPLINE = TorqueSpline(np.linspace(2.0, 15.0, 131))
+
+
+@pytest.fixture(scope="module")
+def curve(blade, polar):
+    return bem.rotor_coefficients(blade, polar, SPLINE.nodes).torque
+
+
+def quasi_steady(generator, law=None, limit=None):
+    weights = np.full(FLOW.size, 1.5)
+    given = FLOW, weights, DENSITY, RADIUS, SPLINE, law, limit
+    return QuasiSteady(*given, generator=generator)
+
+
+def electrical(curve, ratio, flow, generator):
+    torque = 0.5 * DENSITY * np.pi * RADIUS**3 * flow**2 * SPLINE.values(curve, ratio)[0]
+    return generator.electrical_power(torque, ratio * flow / RADIUS)
+
+
+def test_copper_losses_move_the_best_tip_speed_ratio_up(curve):
+    """Less torque at more speed: each instant against a search over the tip speed ratio."""
+    generator = Generator(rated_torque=700.0, copper_loss=500.0)
+    found, plain = (quasi_steady(each).operate(curve) for each in (generator, None))
+    ratio = found.rotor_speed * RADIUS / FLOW
+    assert np.all(ratio > 1.02 * plain.rotor_speed * RADIUS / FLOW)
+    for place in (0, 5, 17):
+        flow = FLOW[place : place + 1]
+        best = minimize_scalar(
+            lambda x, flow=flow: -electrical(curve, np.array([x]), flow, generator)[0],
+            bounds=(4.0, 12.0), method="bounded", options={"xatol": 1e-9},
+        )  # fmt: skip
+        assert ratio[place] == pytest.approx(best.x, rel=1e-6)
+    assert found.energy < plain.energy
+    delivered = 1.5 * np.sum(electrical(curve, ratio, FLOW, generator))
+    assert found.delivered == pytest.approx(delivered, rel=1e-12)
+    there = plain.rotor_speed * RADIUS / FLOW
+    assert found.delivered > 1.5 * np.sum(electrical(curve, there, FLOW, generator))
+
+
+def test_losses_that_vanish_lose_nothing(curve):
+    """The search at each instant comes to the one tip speed ratio of the largest power."""
+    none = Generator(rated_torque=700.0, copper_loss=0.0)
+    found, plain = (quasi_steady(each, limit=650.0).operate(curve) for each in (none, None))
+    np.testing.assert_allclose(found.rotor_speed, plain.rotor_speed, rtol=1e-7)
+    assert found.delivered == pytest.approx(plain.energy, rel=1e-12)
+    assert plain.delivered == plain.energy
+
+
+@pytest.mark.parametrize(
+    ("law", "limit", "gains"),
+    [(None, None, []), (None, 650.0, []), (QuadraticFeedback(torque_limit=700.0), None, [9.0])],
+)
+def test_gradient_of_what_is_delivered(curve, law, limit, gains):
+    """By table, gains and radius against differences: at an optimum the speed does not matter."""
+    problem, gains = quasi_steady(LOSSY, law, limit), np.array(gains)
+    gradient = problem.operate(curve, gains).gradient[0]
+    direction = np.cos(np.arange(curve.size)) * curve
+
+    def difference(at, h):
+        return (at(h).delivered - at(-h).delivered) / (2.0 * h)
+
+    by_table = difference(lambda h: problem.operate(curve + h * direction, gains), 1e-7)
+    assert gradient[: curve.size] @ direction == pytest.approx(by_table, rel=1e-5)
+    by_radius = difference(
+        lambda h: replace(problem, rotor_radius=RADIUS + h).operate(curve, gains), 1e-5
+    )
+    assert gradient[-1] == pytest.approx(by_radius, rel=1e-5)
+    if gains.size:
+        by_gain = difference(lambda h: problem.operate(curve, gains + h), 1e-5)
+        assert gradient[-2] == pytest.approx(by_gain, rel=1e-5)
+
+
+def test_what_is_not_made_large_is_not_asked():
+    case = load_case(CASE | {"generator": {"rated_torque": 700, "copper_loss": 9}})
+    from hkt_mdo.problem.physics import Physics
+
+    lossy = SimpleNamespace(objective=case.objective, generator=case.generator)
+    assert Physics.starting_generator.fget(lossy) is None
+    electrical = case.with_overrides("objective=electrical").objective
+    lossy = SimpleNamespace(objective=electrical, generator=case.generator)
+    assert Physics.starting_generator.fget(lossy) is case.generator
+    constant = SimpleNamespace(objective=electrical, generator=Generator(efficiency=0.9))
+    assert Physics.starting_generator.fget(constant) is None

@@ -1,0 +1,171 @@
+"""The package's limits: what a case may say, closed forms, partials, and short optimizations."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import openmdao.api as om
+import pytest
+
+from hkt_mdo import InputError, load_case, run_case
+from hkt_mdo.dynamics.limits import PowerLimit, RotorSpeedLimit, Taper, TipSpeedLimit
+from hkt_mdo.problem.components import LimitComp
+from hkt_mdo.problem.physics import physics
+
+CASE = {"inflow": "sine", "control": "open_loop"}
+SHORT = CASE | {"phase": {"segments": 20, "duration": 20}}
+SPEED, POWER = np.array([6.0, 9.0, 10.0]), np.array([3e3, 5e3, 6e3])
+BLADE = SimpleNamespace(r=np.array([0.2, 0.5, 0.8, 1.0]), tip_radius=1.0)
+CHORD = np.array([0.1, 0.2, 0.15, 0.18])
+
+
+def test_units_and_names_of_a_case():
+    limits = {"power": "5 kW", "rotor_speed": "105 rpm", "tip_speed": "15 m/s"}
+    limits |= {"electrical_power": "4.5 kW", "taper_from": 0.3, "torque": "0.7 kN m"}
+    case = load_case(CASE | {"limits": limits})
+    found = {limit.name: limit.bound for limit in case.limits.given}
+    assert found.pop("rotor_speed") == pytest.approx(3.5 * np.pi)
+    assert found == {
+        "power": 5e3, "electrical_power": 4.5e3, "tip_speed": 15.0, "taper_from": 0.3
+    }  # fmt: skip
+    assert (case.control.torque_limit, case.limits.torque) == (700.0, None)
+    assert load_case(CASE | {"control": {"law": "open_loop", "torque_limit": 700}}) == (
+        load_case(CASE | {"limits": {"torque": 700}})
+    )
+    again = case.with_overrides()
+    assert again == case
+
+
+@pytest.mark.parametrize(
+    ("limits", "told"),
+    [
+        ({"power": 0}, "limits.power.bound = 0: must be greater than 0 W"),
+        ({"rotor_speed": "9 m/s"}, "limits.rotor_speed.bound = '9 m/s': has the unit m/s"),
+        ({"torque": "5 kW"}, "limits.torque = '5 kW': has the unit kW"),
+        ({"torque": 600}, "limits.torque = 600: is not control.torque_limit = 700 N m"),
+        ({"taper_from": 1}, "limits.taper_from.bound = 1: must be less than 1"),
+    ],
+)
+def test_refusals(limits, told):
+    control = {"law": "open_loop", "torque_limit": "0.7 kN m"}
+    with pytest.raises(InputError) as caught:
+        load_case(CASE | {"control": control, "limits": limits})
+    assert told in str(caught.value)
+
+
+def test_two_names_of_one_torque_limit():
+    control = {"law": "open_loop", "torque_limit": "0.7 kN m"}
+    case = load_case(CASE | {"control": control, "limits": {"torque": "700 Nm"}})
+    assert case.control.torque_limit == 700.0
+
+
+def test_closed_forms():
+    known = {"rotor_speed": SPEED, "rotor_radius": 1.4, "generator_power": POWER}
+    for limit, value in (
+        (PowerLimit(bound=5e3), POWER),
+        (RotorSpeedLimit(bound=9.0), SPEED),
+        (TipSpeedLimit(bound=12.6), 1.4 * SPEED),
+    ):
+        np.testing.assert_allclose(limit.value_of(known), value)
+        np.testing.assert_allclose(limit.excess(known), value / limit.bound - 1.0, atol=1e-15)
+        assert limit.place == "time"
+
+
+def test_taper_is_asked_of_the_stations_outboard_of_a_place():
+    limit = Taper(bound=0.4).on(BLADE)
+    assert limit.place == "span"
+    np.testing.assert_allclose(limit.value(chord=CHORD), [0.0, 0.0, 0.75, 1.2])
+    np.testing.assert_allclose(limit.excess({"chord": CHORD}), [-1.0, -1.0, -0.25, 0.2])
+    assert np.max(Taper(bound=0.1).on(BLADE).value(chord=CHORD)) == 2.0
+    with pytest.raises(InputError, match=r"limits.taper_from = 0.9: leaves no two stations"):
+        Taper(bound=0.9).on(BLADE)
+
+
+@pytest.mark.parametrize(
+    ("limit", "given"),
+    [
+        (PowerLimit(bound=5e3), {"generator_power": POWER[:, None]}),
+        (TipSpeedLimit(bound=12.0), {"rotor_speed": SPEED[:, None], "rotor_radius": 1.4}),
+        (Taper(bound=0.4).on(BLADE), {"chord": CHORD}),
+    ],
+)
+def test_partials_against_complex_step(limit, given):
+    problem = om.Problem(reports=False)
+    size = next(iter(given.values())).size
+    problem.model.add_subsystem("limit", LimitComp(num_nodes=size, limit=limit), promotes=["*"])
+    problem.setup(force_alloc_complex=True)
+    for name, value in given.items():
+        problem.set_val(name, value)
+    problem.run_model()
+    checked = problem.check_partials(out_stream=None, method="cs")
+    for pair in checked["limit"].values():
+        np.testing.assert_allclose(pair["J_fwd"], pair["J_fd"], rtol=1e-12, atol=1e-14)
+
+
+def test_a_start_tells_which_limits_it_breaks():
+    world = physics(load_case(SHORT | {"limits": {"power": 1e3, "taper_from": 0.3}}))
+    names = [limit.name for limit in world.limits]
+    assert {"forward_rotation", "power", "taper_from"} <= set(names)
+    assert len(names) == len(set(names))
+
+
+# Short optimizations ------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    def solve(**sections):
+        case = load_case(SHORT | sections)
+        return run_case(case, tmp_path_factory.mktemp("run") / "out", figures=False, records=False)
+
+    return solve
+
+
+def test_a_power_limit_under_feedback_is_kept_and_told(run):
+    found = run(control="quadratic", limits={"power": "6.6 kW"})
+    assert found.success, found.message
+    told = found.summary.limits["power"]
+    assert told.binding
+    assert told.value == pytest.approx(6600.0, rel=1e-3)
+    assert np.max(found.simulation["generator_power_W"]) <= 6600.0 * 1.001
+    assert dict(found.summary.rows(found.case))["largest power"].endswith("limit 6.6 kW")
+
+
+def test_a_tapered_blade_grows_nowhere_outboard(run):
+    found = run(control="quadratic", limits={"taper_from": 0.25, "rotor_speed": "75 rpm"})
+    assert found.success, found.message
+    chord, places = found.blade["chord_m"], found.blade["r_m"] / 1.4
+    assert np.max(np.diff(chord)[places[:-1] >= 0.25] / chord.max()) <= 1e-6
+    assert np.max(found.simulation["rotor_speed_rad_s"]) <= 2.5 * np.pi * 1.001
+
+
+def test_electrical_energy_is_maximized_where_the_generator_loses_least(run):
+    losses = {"rated_torque": 700, "rated_speed": "90 rpm", "copper_loss": "0.5 kW"}
+    losses |= {"friction_loss": 50, "iron_loss": 100}
+    best, blind = (run(generator=losses, objective=kind) for kind in ("electrical", "generator"))
+    for found in (best, blind):
+        assert found.success, found.message
+    assert best.summary.electrical_energy_J > 1.002 * blind.summary.electrical_energy_J
+    assert best.summary.generator_energy_J < blind.summary.generator_energy_J
+    assert best.summary.tip_speed_ratio.mean > blind.summary.tip_speed_ratio.mean
+    assert best.summary.objective.simulated_J == pytest.approx(
+        best.summary.electrical_energy_J, rel=1e-6
+    )
+    known = best.trajectory
+    torque, speed = known["control_torque_Nm"], known["rotor_speed_rad_s"]
+    expected = torque * speed - 500.0 * (torque / 700.0) ** 2
+    expected = expected - 50.0 * speed / (3.0 * np.pi) - 100.0 * (speed / (3.0 * np.pi)) ** 2
+    np.testing.assert_allclose(known["electrical_power_W"], expected, rtol=1e-8)
+
+
+def test_a_constant_efficiency_moves_no_optimum(run):
+    share, plain = (
+        run(generator={"efficiency": 0.92}, objective="electrical"),
+        run(objective="generator"),
+    )
+    assert share.success, share.message
+    np.testing.assert_allclose(share.blade["chord_m"], plain.blade["chord_m"], rtol=5e-3)
+    energy = share.summary.generator_energy_J
+    assert share.summary.electrical_energy_J == pytest.approx(0.92 * energy, rel=1e-12)
+    assert energy == pytest.approx(plain.summary.generator_energy_J, rel=1e-7)
+    assert plain.summary.electrical_energy_J == plain.summary.generator_energy_J
+    assert share.summary.objective.bound_J == pytest.approx(0.92 * plain.summary.energy_bound_J)
