@@ -24,11 +24,15 @@ from hkt_mdo.dynamics import flows, laws, sampled
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.limits import (
+    CavitationLimit,
     ElectricalPowerLimit,
     Limit,
     PowerLimit,
+    RootMomentLimit,
     RotorSpeedLimit,
+    StressLimit,
     Taper,
+    ThrustLimit,
     TipSpeedLimit,
 )
 from hkt_mdo.dynamics.objectives import (
@@ -114,7 +118,17 @@ BUILT_IN = Kinds(
         flows.GustInflow,
         flows.SumInflow,
     ),
-    limits=(PowerLimit, ElectricalPowerLimit, RotorSpeedLimit, TipSpeedLimit, Taper),
+    limits=(
+        PowerLimit,
+        ElectricalPowerLimit,
+        RotorSpeedLimit,
+        TipSpeedLimit,
+        ThrustLimit,
+        RootMomentLimit,
+        StressLimit,
+        CavitationLimit,
+        Taper,
+    ),
     objectives=(CapturedEnergy, GeneratorEnergy, ElectricalEnergy),
 )
 """The kinds of the package."""

@@ -16,7 +16,7 @@ from pydantic_core import PydanticCustomError
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, Phase, Start
 from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kinds
 from hkt_mdo.case.messages import TAGS, translate
-from hkt_mdo.case.turbine import Fluid, Rotor, own_keys
+from hkt_mdo.case.turbine import Fluid, Rotor, Site, own_keys
 from hkt_mdo.dynamics.flows import Inflow, SumInflow
 from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law
@@ -59,6 +59,7 @@ class Case(Section):
     file's own name."""
     rotor: Rotor = Rotor()
     fluid: Fluid = Fluid()
+    site: Site = Site()
 
     inflow: SerializeAsAny[Inflow]
     """Inflow speed over time; `profile` says which kind."""

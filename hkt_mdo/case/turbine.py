@@ -102,6 +102,9 @@ class Rotor(Section):
     """Reynolds number at which an `invariant` polar is read that has tables for several."""
     material_density: Annotated[float, Quantity("kg/m**3", gt=0)] = 2700.0
     """Density of the blade's material; the default is aluminium 6061, and the blade is solid."""
+    modulus: Annotated[float, Quantity("Pa", gt=0)] = 68.9e9
+    """Young's modulus of the blade's material, for the deflection of the tip; the default is that
+    of aluminium 6061."""
     hub_inertia: Annotated[float, Quantity("kg*m**2", ge=0)] = 0.0
     """Moment of inertia about the shaft of everything that turns except the blades."""
 
@@ -159,6 +162,13 @@ def own_keys(rotor: dict[str, Any]) -> dict[str, Any]:
     blade = rotor.get("blade", Rotor.model_fields["blade"].default)
     own = Rotor(blade=blade).model_dump(mode="json") if (keys := shipped_rotor(blade)) else {}
     return {key: own[key] for key in keys if rotor.get(key) == own[key]}
+
+
+class Site(Section):
+    """Where the turbine stands."""
+
+    hub_depth: Annotated[float, Quantity("m", gt=0)] | None = None
+    """Depth of the hub below the surface; it decides the pressure, and so cavitation."""
 
 
 class Fluid(Section):

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import PrivateAttr, model_validator
 
 from hkt_mdo.dynamics.laws import STEP, Law, OpenLoop
-from hkt_mdo.dynamics.trajectory import QUANTITIES
+from hkt_mdo.dynamics.trajectory import SERIES
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.sections import Quantity, Section
@@ -28,7 +28,7 @@ class Limit(Section):
 
     `value` takes the quantities that `inputs` names as keyword arguments and must accept complex
     numbers, for its derivatives are taken by complex step. The quantities are those of the
-    trajectory (`hkt_mdo.dynamics.trajectory.QUANTITIES`), arrays of shape (n_times,), and the
+    trajectory and its loads (`hkt_mdo.dynamics.trajectory`), arrays of shape (n_times,), and the
     scalars rotor_radius (m), density (kg/m**3) and inertia (kg*m**2). `Taper` alone takes the chord
     (m) at the stations.
 
@@ -66,7 +66,7 @@ class Limit(Section):
 
         Of `DesignBounds` and `Taper` also the "span" of the blade.
         """
-        return "time" if QUANTITIES.keys() & set(self.inputs) else "design"
+        return "time" if SERIES.keys() & set(self.inputs) else "design"
 
     @property
     def upper(self) -> Any:
@@ -172,6 +172,55 @@ class TipSpeedLimit(Limit):
 
     def value(self, rotor_speed, rotor_radius):
         return rotor_speed * rotor_radius
+
+
+class ThrustLimit(Limit):
+    """Largest thrust of the flow on the rotor, along its axis."""
+
+    name: ClassVar[str] = "thrust"
+    unit: ClassVar[str | None] = "N"
+    inputs: ClassVar[tuple[str, ...]] = ("thrust",)
+
+    bound: Annotated[float, Quantity("N", gt=0)]
+    """Largest thrust."""
+
+
+class RootMomentLimit(Limit):
+    """Largest moment that bends one blade flapwise at the hub's radius."""
+
+    name: ClassVar[str] = "root_moment"
+    unit: ClassVar[str | None] = "N*m"
+    inputs: ClassVar[tuple[str, ...]] = ("root_moment",)
+
+    bound: Annotated[float, Quantity("N*m", gt=0)]
+    """Largest flapwise root moment of one blade."""
+
+
+class StressLimit(Limit):
+    """Largest stress in a solid blade, from its first station outwards (docs/theory.md)."""
+
+    name: ClassVar[str] = "stress"
+    unit: ClassVar[str | None] = "Pa"
+    inputs: ClassVar[tuple[str, ...]] = ("stress",)
+
+    bound: Annotated[float, Quantity("Pa", gt=0)]
+    """Largest stress; a factor of safety is to be taken off by you."""
+
+
+class CavitationLimit(Limit):
+    """No section reaches the pressure of vapour at the top of its turn (docs/theory.md).
+
+    The value is the suction, times the margin, over the pressure above that of vapour.
+    """
+
+    name: ClassVar[str] = "cavitation"
+    inputs: ClassVar[tuple[str, ...]] = ("cavitation",)
+    upper: ClassVar[float] = 1.0  # type: ignore[assignment]
+
+    depth: Annotated[float, Quantity("m", gt=0)] | None = None
+    """Depth of the hub below the surface; null: `site.hub_depth`."""
+    margin: Annotated[float, Quantity(ge=1, le=10)] = 1.1
+    """Factor on the suction."""
 
 
 class Taper(Limit):

@@ -15,6 +15,17 @@ QUANTITIES = {
 }
 """Unit (None: dimensionless) and description of each quantity, by its name in the ODE."""
 
+LOADS = {
+    "thrust": ("N", "thrust of the flow on the rotor, along its axis"),
+    "root_moment": ("N*m", "flapwise moment of one blade at the hub's radius"),
+    "stress": ("Pa", "largest stress in a blade"),
+    "cavitation": (None, "largest suction, times its margin, over the pressure above vapour's"),
+}
+"""Unit and description of each load, which follow from tip speed ratio and flow; those that are
+known of a rotor (`hkt_mdo.rotor.loads`) stand beside the quantities of its trajectory."""
+
+SERIES = QUANTITIES | LOADS
+
 _SUFFIXES = {None: "", "N*m": "_Nm", "m/s": "_m_s", "rad/s": "_rad_s"}
 
 COLUMNS = {name: name + _SUFFIXES.get(unit, f"_{unit}") for name, (unit, _) in QUANTITIES.items()}

@@ -15,15 +15,15 @@ from hkt_mdo.case import Case
 from hkt_mdo.dynamics.limits import TYPICAL, DistanceFromStall, Limit, settled
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
-from hkt_mdo.dynamics.trajectory import QUANTITIES
-from hkt_mdo.problem.components import AboveComp, IntegralComp, LimitComp
+from hkt_mdo.dynamics.trajectory import LOADS, QUANTITIES, SERIES
+from hkt_mdo.problem.components import AboveComp, IntegralComp, LimitComp, LoadComp
 from hkt_mdo.problem.physics import BEM, Physics, complete
 from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.problem.scenario import Scales, Scenario, add_phase, set_start
 from hkt_mdo.problem.setup import Setup, curve_nodes, find_start, steady_optimum
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.components import QUANTITIES as ROTOR_INPUTS
-from hkt_mdo.rotor.components import AngleComp, InertiaComp, ShapeComp, TorqueTable
+from hkt_mdo.rotor.components import AngleComp, InertiaComp, LoadTable, ShapeComp, TorqueTable
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.stall import SLOWER, stall_fence
 from hkt_mdo.rotor.steady_optimum import best_operation
@@ -87,6 +87,7 @@ def assemble(
     hydrodynamics, parameters = _add_rotor(model, physics, setup)
     scales = _scales(physics, setup)
     phases = _add_phases(model, physics, hydrodynamics, parameters, scales, bounds["rotor_speed"])
+    _add_loads(model, physics, setup)
     for limit in (*physics.limits, *_distance_from_stall(physics, setup)):
         if limit.constrains(physics.case.control):
             # a limit on the design alone is the same in all scenarios
@@ -227,6 +228,27 @@ def _distance_from_stall(physics, setup):
         yield DistanceFromStall(law=physics.law, spline=spline, slowed=setup.slowed)
 
 
+def _add_loads(model, physics, setup):
+    """Add the loads that the case limits, at the nodes of every phase."""
+    names, nodes = physics.load_names, np.asarray(setup.nodes, dtype=float)
+    if not names:
+        return
+    about = {"blade": setup.start.blade, "model": physics.loads, "nodes": nodes}
+    model.add_subsystem("load_table", LoadTable(names=names, **about), promotes=["*"])
+    inputs = ["rotor_radius", "density", *(f"{name}_table" for name in names)]
+    for scenario in physics.scenarios:
+        place, n = f"loads_{scenario.name}", scenario.node_times.size
+        component = LoadComp(num_nodes=n, names=names, spline=TorqueSpline(nodes))
+        model.add_subsystem(place, component, promotes_inputs=inputs)
+        for name in ("rotor_speed", "inflow_speed"):
+            model.connect(f"{scenario.path}.{name}", f"{place}.{name}")
+
+
+def _source(scenario, name) -> str:
+    """Return where the values over time of a quantity or a load are in the model."""
+    return f"loads_{scenario.name}.{name}" if name in LOADS else f"{scenario.path}.{name}"
+
+
 def _add_limit(
     model, physics, setup, limit: Limit, place: int, scenario: Scenario, scales: Scales
 ) -> None:
@@ -236,7 +258,7 @@ def _add_limit(
     nodes = np.arange(sizes.get(limit.place, 1))
     if limit.name == DistanceFromStall.name:
         nodes, ref = _near_stall(physics, setup, limit, place, scenario), scales.torque
-    elif QUANTITIES.get(limit.name, (None,))[0] == "N*m":
+    elif limit.name in QUANTITIES and limit.unit == "N*m":
         ref = scales.torque
     bounds = {"lower": limit.lower if np.isfinite(limit.lower) else None, "upper": None}
     if np.isfinite(limit.upper):
@@ -246,11 +268,11 @@ def _add_limit(
             shares = np.repeat(shares, scenario.nodes_per_segment)
             bounds["upper"] = limit.upper * shares[nodes]
         ref = ref or abs(limit.upper)
-    series = [name for name in limit.inputs if name in QUANTITIES]
+    series = [name for name in limit.inputs if name in SERIES]
     if limit.inputs == (limit.name,) and series:  # a quantity of the trajectory itself
         if bounds["upper"] is not None:
             bounds["upper"] = bounds["upper"][:, None]
-        model.add_constraint(f"{scenario.path}.{limit.name}", ref=ref, units=limit.unit, **bounds)
+        model.add_constraint(_source(scenario, limit.name), ref=ref, units=limit.unit, **bounds)
         return
     name = f"limit_{limit.name}" + ("" if place == 0 else f"_{scenario.name}")
     component = LimitComp(
@@ -260,10 +282,10 @@ def _add_limit(
         gain_units=physics.gain_units,
     )
     gains = [f"gain_{i}" for i in range(len(physics.gain_units))] * ("gains" in limit.inputs)
-    scalars = [name for name in limit.inputs if name not in (*QUANTITIES, "gains")]
+    scalars = [name for name in limit.inputs if name not in (*SERIES, "gains")]
     model.add_subsystem(name, component, promotes_inputs=[*scalars, *gains])
     for quantity in series:
-        source, target = f"{scenario.path}.{quantity}", f"{name}.{quantity}"
+        source, target = _source(scenario, quantity), f"{name}.{quantity}"
         model.connect(source, target, src_indices=om.slicer[nodes, :])
     model.add_constraint(f"{name}.value", ref=ref, units=limit.unit, **bounds)
 

@@ -5,7 +5,9 @@ import openmdao.api as om
 
 from hkt_mdo.dynamics.limits import STEP, Limit
 from hkt_mdo.dynamics.rotor_ode import FIXED
-from hkt_mdo.dynamics.trajectory import QUANTITIES
+from hkt_mdo.dynamics.trajectory import LOADS, QUANTITIES, SERIES
+from hkt_mdo.rotor.loads import COEFFICIENT_UNITS
+from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 SCALARS = {name: FIXED[name] for name in ("rotor_radius", "density", "inertia")}
 """Unit and description of what limits and objectives may take from the design."""
@@ -33,6 +35,64 @@ class AboveComp(om.ExplicitComponent):
         outputs["room"] = inputs["tip_speed_ratio"].ravel() - inputs["lowest_ratio"]
 
 
+class LoadComp(om.ExplicitComponent):
+    """Loads at the nodes of a phase, 0.5 rho v² c(w R / v), from the curves of a `LoadTable`.
+
+    Inputs rotor_speed, inflow_speed[num_nodes, 1], density, rotor_radius and, for each of the
+    names, <name>_table[n_nodes] over the spline's nodes; outputs by the names[num_nodes, 1].
+    """
+
+    def initialize(self):
+        self.options.declare("num_nodes", types=int)
+        self.options.declare("names", types=tuple, desc="names of the loads")
+        self.options.declare("spline", types=TorqueSpline, recordable=False)
+
+    def setup(self):
+        n, nodes = self.options["num_nodes"], self.options["spline"].nodes
+        for name in ("rotor_speed", "inflow_speed"):
+            units, text = QUANTITIES[name]
+            self.add_input(name, shape=(n, 1), units=units, desc=text)
+        for name in ("rotor_radius", "density"):
+            units, text = SCALARS[name]
+            self.add_input(name, units=units, desc=text)
+        rows = np.arange(n)
+        for name in self.options["names"]:
+            units, text = LOADS[name]
+            table = f"{name}_table"
+            unit = COEFFICIENT_UNITS[name]
+            self.add_input(table, shape=nodes.shape, units=unit, desc=f"{name} over 0.5 rho v^2")
+            self.add_output(name, shape=(n, 1), units=units, desc=text)
+            for scalar in ("rotor_radius", "density", table):
+                self.declare_partials(name, scalar)
+            for each in ("rotor_speed", "inflow_speed"):
+                self.declare_partials(name, each, rows=rows, cols=rows)
+
+    def _ratio(self, inputs):
+        speed, flow = (inputs[name][:, 0] for name in ("rotor_speed", "inflow_speed"))
+        return speed * inputs["rotor_radius"] / flow, flow, 0.5 * inputs["density"] * flow**2
+
+    def compute(self, inputs, outputs):
+        ratio, _, pressure = self._ratio(inputs)
+        for name in self.options["names"]:
+            values, _ = self.options["spline"].values(inputs[f"{name}_table"], ratio)
+            outputs[name][:, 0] = pressure * values
+
+    def compute_partials(self, inputs, partials):
+        ratio, flow, pressure = self._ratio(inputs)
+        spline = self.options["spline"]
+        basis = pressure[:, None] * spline.basis(ratio)
+        for name in self.options["names"]:
+            table = inputs[f"{name}_table"]
+            values, slope = spline.values(table, ratio)
+            by_ratio = pressure * slope
+            partials[name, f"{name}_table"] = basis
+            partials[name, "rotor_speed"] = by_ratio * inputs["rotor_radius"] / flow
+            by_flow = 2.0 * pressure * values - by_ratio * ratio
+            partials[name, "inflow_speed"] = by_flow / flow
+            partials[name, "rotor_radius"] = (by_ratio * ratio / inputs["rotor_radius"])[:, None]
+            partials[name, "density"] = (pressure * values / inputs["density"])[:, None]
+
+
 class LimitComp(om.ExplicitComponent):
     """The value of a limit at some nodes of a phase.
 
@@ -50,8 +110,8 @@ class LimitComp(om.ExplicitComponent):
     def setup(self):
         limit, n = self.options["limit"], self.options["num_nodes"]
         for name in limit.inputs:
-            if name in QUANTITIES:
-                units, text = QUANTITIES[name]
+            if name in SERIES:
+                units, text = SERIES[name]
                 self.add_input(name, shape=(n, 1), units=units, desc=text)
             elif name in SCALARS:
                 units, text = SCALARS[name]
@@ -69,7 +129,7 @@ class LimitComp(om.ExplicitComponent):
     def setup_partials(self):
         rows = np.arange(self.options["num_nodes"])
         for name in self.options["limit"].inputs:
-            if name in QUANTITIES:
+            if name in SERIES:
                 self.declare_partials("value", name, rows=rows, cols=rows)
             else:
                 self.declare_partials("value", "gain_*" if name == "gains" else name)
@@ -81,7 +141,7 @@ class LimitComp(om.ExplicitComponent):
             if name == "gains":
                 count = len(self.options["gain_units"])
                 found[name] = np.array([inputs[f"gain_{i}"][0] for i in range(count)])
-            elif name in QUANTITIES:
+            elif name in SERIES:
                 found[name] = inputs[name][:, 0]
             else:
                 found[name] = inputs[name][0] if name in SCALARS else inputs[name]
@@ -95,7 +155,7 @@ class LimitComp(om.ExplicitComponent):
             if name == "gains":
                 for i, column in enumerate(by.T):
                     partials["value", f"gain_{i}"] = column[:, None]
-            elif name in QUANTITIES:
+            elif name in SERIES:
                 partials["value", name] = by
             else:
                 partials["value", name] = by.reshape(self.options["num_nodes"], -1)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,19 +13,29 @@ from hkt_mdo.case import Case
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import FeedbackLaw
-from hkt_mdo.dynamics.limits import DesignBounds, ForwardRotation, Limit, TorqueLimit
+from hkt_mdo.dynamics.limits import (
+    CavitationLimit,
+    DesignBounds,
+    ForwardRotation,
+    Limit,
+    TorqueLimit,
+)
 from hkt_mdo.dynamics.objectives import ElectricalEnergy, Objective
-from hkt_mdo.dynamics.trajectory import quantities
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
+from hkt_mdo.dynamics.trajectory import LOADS, quantities
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
-from hkt_mdo.problem.turbine import build_turbine
+from hkt_mdo.problem.turbine import Turbine, build_turbine
 from hkt_mdo.rotor import bem, ccblade
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.rotor.loads import Cavitation, LoadModel
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.shape import Shape
+from hkt_mdo.rotor.strength import Structure
+from hkt_mdo.rotor.suction import require_suction, section_suction
 
 BEM = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficients}
 DURATION = 60.0  # s, of a flow that has no end of its own
@@ -34,6 +45,7 @@ MOST_PERIODS = 1_000_000  # of the flow's highest frequencies that can be looked
 FASTEST = 1e3  # m/s
 MOST_TORQUE = 1.0  # torque coefficient that no rotor has; good ones have 0.06
 CURRENT, WATER = 10.0, (900.0, 1300.0)  # m/s and kg/m**3: beyond, a unit was hardly meant
+RATIOS = 1001  # tip speed ratios at which loads are computed at most
 START_EXCESS = 1e-3  # relative excess of a limit up to which a start counts as keeping it
 
 
@@ -61,6 +73,34 @@ class Physics:
     messages: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     torque_limit: float | None = None
+    loads: LoadModel = None  # type: ignore[assignment]
+
+    @property
+    def load_names(self) -> tuple[str, ...]:
+        """Names of the loads that the case limits."""
+        used = {name for limit in self.limits for name in limit.inputs}
+        return tuple(name for name in LOADS if name in used)
+
+    def loads_along(self, blade: Blade, known: dict, names: tuple[str, ...]) -> dict:
+        """Return the largest loads along a blade at each time of a trajectory, SI units.
+
+        By direct BEM at the trajectory's tip speed ratios, or at `RATIOS` of them if there are
+        more, between which they are linear. known has the quantities of the trajectory.
+        """
+        ratio, flow = known["tip_speed_ratio"], known["inflow_speed"]
+        if not names:
+            return {}
+        ratio = np.maximum(ratio, SLOWEST_RATIO)
+        at = ratio if ratio.size <= RATIOS else np.linspace(ratio.min(), ratio.max(), RATIOS)
+        loads = self.loads
+        if isinstance(self.polar, LocalReynolds):
+            loads, at = replace(loads, polar=self.polar.at_speed(flow)), ratio
+        found = loads.coefficients(blade, at, names=names)
+        pressure = 0.5 * self.density * flow**2
+        return {
+            name: pressure * (load.largest if at is ratio else np.interp(ratio, at, load.largest))
+            for name, load in found.items()
+        }
 
     @property
     def generator(self) -> Generator:
@@ -131,6 +171,7 @@ class Physics:
             time, radius = scenario.samples, point.blade.rotor_radius
             flow = scenario.inflow.speed_at(time)
             known = quantities(time, flow, speed, torque, torque, radius, self.generator)
+            known |= self.loads_along(point.blade, known, self.load_names)
             found.append(known | scalars)
         return found
 
@@ -245,7 +286,38 @@ def physics(case: Case) -> Physics:
         messages,
         tuple(_doubts(case, float(np.mean(inflow.speed_at(scenario.samples))))),
         control.torque_limit,
+        _load_model(case, turbine, shape),
     )
+
+
+def _load_model(case: Case, turbine: Turbine, shape: Shape) -> LoadModel:
+    """Return what the loads of a case's rotor follow from; refuse limits that it cannot tell."""
+    limited = {name: each for each in case.limits.given for name in each.inputs if name in LOADS}
+    direct = case.hydrodynamics.torque == "direct"
+    local = isinstance(turbine.polar, LocalReynolds)
+    if limited and (direct or local):
+        problem = "limits a load, which takes a curve over the tip speed ratio"
+        remedy = "give hydrodynamics.torque: curve and rotor.reynolds: invariant"
+        raise InputError(problem, remedy, key=f"limits.{next(iter(limited))}")
+    polars = turbine.polar if isinstance(turbine.polar, tuple) else (turbine.polar,)
+    asked = limited.get("cavitation", CavitationLimit())
+    depth = case.site.hub_depth if asked.depth is None else asked.depth
+    if "cavitation" in limited:
+        if depth is None:
+            problem, remedy = "has no depth", "give limits.cavitation.depth or site.hub_depth"
+            raise InputError(problem, remedy, key="limits.cavitation")
+        require_suction(polars)
+    key = "site.hub_depth" if asked.depth is None else "limits.cavitation.depth"
+    tip = max(shape.blade.rotor_radius, *(shape.radius_bounds or (0.0,)))
+    if depth is not None and depth <= tip:
+        problem = f"is not below the blade's reach of {tip:.4g} m: the tip would leave the water"
+        raise InputError(problem, "give a larger depth of the hub", key=key, value=depth)
+    told = not local and all(each.suction is not None for each in polars)
+    cavitation = None
+    if depth is not None and told:
+        cavitation = Cavitation(partial(section_suction, turbine.polar), depth, asked.margin)
+    structure = Structure.of(turbine.outlines, case.rotor.material_density, case.rotor.modulus)
+    return LoadModel(turbine.polar, case.fluid.density, structure, cavitation)
 
 
 def _doubts(case: Case, mean: float) -> Iterator[str]:

@@ -30,9 +30,11 @@ from hkt_mdo.rotor.torque_curve import TorqueSpline
 BRANCHES = {"overspeed": 1, "underspeed": -1}
 """On which side of the ratio of the largest rate each branch keeps the limits."""
 KNOTS, FINE = 32, 400  # flow speeds of a schedule that is designed, and of one that is given
+THINNED = 3  # nodes of the torque curve to one of the curves of loads
 RATIO_MOVE = 1.25  # factor within which tip speed ratios move before they are re-centred
 VIOLATION = 1e-6  # relative excess of a limit that counts as none
-ROUNDS = 12
+ROUNDS = 16
+TIGHTENED, LOOSE = 0.5, 0.05  # of an excess that is tightened in steps, and one that is not
 SAME = 2e-3  # relative difference of the tip speed ratios of one optimum
 GAIN = 1e-7  # relative gain of the objective that is worth another round
 
@@ -93,6 +95,13 @@ class SteadyFlow:
         if design is not None:
             by = found.torque_by_chord, found.torque_by_twist, found.torque_by_rotor_radius
             slopes["torque"] = design.by_unknowns(*by)
+        names, derivatives = physics.load_names, design is not None
+        for name, load in physics.loads.coefficients(blade, nodes, derivatives, names).items():
+            envelope = load.envelope(physics.loads.exponent)
+            values[name] = envelope.values
+            if derivatives:
+                by = envelope.by_chord, envelope.by_twist, envelope.by_rotor_radius
+                slopes[name] = design.by_unknowns(*by)
         return Curves(blade, values, slopes)
 
     def coefficients(self, curves: Curves, ratio) -> dict:
@@ -111,6 +120,8 @@ class SteadyFlow:
         speed = ratio * flow / radius
         both = torque, torque  # of the flow and of the generator
         found = quantities(np.zeros(flow.shape), flow, speed, *both, radius, physics.generator)
+        for name in physics.load_names:
+            found[name] = 0.5 * physics.density * flow**2 * coefficients[name]
         scalars = {"density": physics.density, "inertia": coefficients["inertia"]}
         return found | {"rotor_radius": radius} | scalars
 
@@ -300,6 +311,8 @@ def schedules(
     blade and gains are as given. A feedback law has the branches of the open loops that its gains
     are fitted to; a branch that leads to another's optimum is left out.
     """
+    if physics.load_names:  # loads cost more than torque
+        problem = replace(problem, spline=TorqueSpline(problem.spline.nodes[::THINNED]))
     steady = SteadyFlow.of(physics, problem.spline)
     few = replace(problem, inflow_speed=steady.speeds, weights=steady.weights)
     law, gains = physics.law, physics.law.starting_gains() if physics.law else None
@@ -319,6 +332,7 @@ def schedules(
     for branch in BRANCHES:
         best = max((_along(open_loop, start, branch) for start in starts), key=_worth)
         found.append(improved(open_loop, free, best))
+        starts.append(StartingPoint(found[-1].blade, np.empty(0), starts[0].operation))
     if law is not None:
         own = [_along(steady, start, "") for start in candidates(few, gains)]
         fitted = [_along(steady, _fitted(steady, few, each), "") for each in found] * improve
@@ -381,15 +395,21 @@ def _along(steady: SteadyFlow, start: StartingPoint, branch: str) -> Schedule:
 
 
 def _improve(joint: _Joint, best: Schedule) -> Schedule:
-    """Improve a schedule by SLSQP within move limits, re-centred until nothing is gained."""
+    """Improve a schedule by SLSQP within move limits, re-centred until nothing is gained.
+
+    Limits that it exceeds by much are tightened in steps: each round begins near what it asks for.
+    """
     design, n = joint.design, joint.steady.speeds.size
+    slack = best.excess if np.isfinite(best.excess) else 1.0
     for _ in range(ROUNDS):
+        slack = TIGHTENED * slack if slack > LOOSE else 0.0
         x, units = design.vector(best)
         center, units = np.r_[x, best.ratio], np.r_[units, best.ratio]
         moves = best.ratio / RATIO_MOVE, best.ratio * RATIO_MOVE
         ends = zip(design.bounds(x), moves, strict=True)
         low, high = (np.concatenate(each) / units for each in ends)
-        z = _solve(joint, center / units, low, high, units, max(abs(best.objective), 1e-9)) * units
+        reference = max(abs(best.objective), 1e-9)
+        z = _solve(joint, center / units, low, high, units, reference, slack) * units
         x, ratio = z[:-n], z[-n:]
         value, _, equal, _, above, _ = joint.values(z)
         excess = float(max(np.max(-above, initial=-np.inf), np.max(np.abs(equal), initial=-np.inf)))
@@ -402,27 +422,30 @@ def _improve(joint: _Joint, best: Schedule) -> Schedule:
             excess=excess,
         )
         kept, objective = best.worth
-        if better.worth <= (kept, objective + GAIN * abs(objective)):
+        if slack == 0.0 and better.worth <= (kept, objective + GAIN * abs(objective)):
             break
         best = better
     return best
 
 
-def _solve(joint, start, low, high, units, objective):
-    """Return the unknowns over their units with the largest objective that keeps the limits."""
+def _solve(joint, start, low, high, units, objective, slack):
+    """Return the unknowns over their units with the largest objective that keeps the limits.
+
+    The limits may be exceeded by the slack.
+    """
 
     @lru_cache(maxsize=2)
     def at(z):
         return joint.values(np.array(z) * units)
 
-    def of(place, sign=1.0):
+    def of(place, slack=0.0):
         return {
-            "fun": lambda z: sign * at(tuple(z))[place],
-            "jac": lambda z: sign * at(tuple(z))[place + 1] * units,
+            "fun": lambda z: at(tuple(z))[place] + slack,
+            "jac": lambda z: at(tuple(z))[place + 1] * units,
         }
 
     scale = -100.0 / objective
-    constraints = [{"type": "ineq"} | of(4)]
+    constraints = [{"type": "ineq"} | of(4, slack)]
     if joint.steady.physics.law is not None:
         constraints.append({"type": "eq"} | of(2))
     return minimize(

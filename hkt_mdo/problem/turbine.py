@@ -28,16 +28,18 @@ class Turbine(NamedTuple):
     """Area of the section's outline over chord squared."""
     thickness: float | np.ndarray
     """Largest thickness over chord."""
+    outlines: Outline | tuple[Outline, ...]
     messages: tuple[str, ...]
     """What was converted, extrapolated or left out."""
 
 
 class _Section(NamedTuple):
-    """One section: polars by Reynolds number, thickness, and area over chord squared."""
+    """One section: polars by Reynolds number, thickness, area over chord squared, and outline."""
 
     polars: PolarFamily
     thickness: float
     area: float
+    outline: Outline
 
 
 def build_turbine(rotor: Rotor, fluid: Fluid, flow_speed: float) -> Turbine:
@@ -56,7 +58,7 @@ def build_turbine(rotor: Rotor, fluid: Fluid, flow_speed: float) -> Turbine:
     shape = table.r, table.chord, table.twist + set_angle
     blade = Blade(*shape, hub_radius, tip_radius, count, float(cone))
     sections, blended = _sections(rotor, table)
-    families, thickness, area = zip(*sections, strict=True)
+    families, thickness, area, outlines = zip(*sections, strict=True)
     if rotor.reynolds == "local":
         families = families if len(families) > 1 else families * stations.size
         polar = LocalReynolds.of(families, flow_speed, fluid.kinematic_viscosity)
@@ -64,7 +66,8 @@ def build_turbine(rotor: Rotor, fluid: Fluid, flow_speed: float) -> Turbine:
         polar = tuple(_invariant(family, rotor.reynolds_number) for family in families)
         polar = polar if len(polar) > 1 else polar[0]
     area, thickness = (np.array(each) if len(each) > 1 else each[0] for each in (area, thickness))
-    return Turbine(blade, polar, area, thickness, (*read, *messages, *blended))
+    outlines = outlines if len(outlines) > 1 else outlines[0]
+    return Turbine(blade, polar, area, thickness, outlines, (*read, *messages, *blended))
 
 
 def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
@@ -182,10 +185,12 @@ def _named_sections(rotor, table) -> dict[str, _Section]:
 def _section(rotor, polars, outline, thickness) -> _Section:
     """Return a section; one without an outline has the rotor's, stretched to its thickness."""
     if outline is not None:
-        return _Section(polars, outline.thickness if thickness is None else thickness, outline.area)
+        own = outline.thickness if thickness is None else thickness
+        return _Section(polars, own, outline.area, outline)
     outline = Outline.from_file(rotor.outline or OUTLINE)
     thickness = outline.thickness if thickness is None else thickness
-    return _Section(polars, thickness, outline.area * thickness / outline.thickness)
+    stretch = thickness / outline.thickness
+    return _Section(polars, thickness, outline.area * stretch, outline.stretched(stretch))
 
 
 def _mixed(inner: _Section, outer: _Section, share: float) -> _Section:
@@ -200,6 +205,7 @@ def _mixed(inner: _Section, outer: _Section, share: float) -> _Section:
         PolarFamily(numbers, polars),
         (1.0 - share) * inner.thickness + share * outer.thickness,
         (1.0 - share) * inner.area + share * outer.area,
+        inner.outline.blend(outer.outline, share),
     )
 
 

@@ -59,7 +59,7 @@ def moving_reference(physics: Physics, start: StartingPoint, ended: Optimized, l
     stands = as_it_stands(physics, start, ended, log)
     flights = fly(physics, stands)
     for flight in flights:
-        nodes = flight.trajectory | flight.scalars
+        nodes = flight.at_nodes
         over = [np.max(each.excess(nodes)) for each in physics.limits if each.place == "time"]
         if flight.simulation.stopped_at is not None or max(over) > START_EXCESS:
             return 0.0

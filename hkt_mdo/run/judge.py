@@ -6,8 +6,9 @@ curve nor collocation with it, the quasi-steady bound and every limit of the pro
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -78,6 +79,18 @@ class Flight:
     scalars: dict[str, Any]
     """What `Physics.scalars` has of the design."""
     plant: Plant
+    loads: Callable[[dict], dict]
+    """Returns the loads that the case limits, of a trajectory's quantities, by direct BEM."""
+
+    @cached_property
+    def at_nodes(self) -> dict[str, Any]:
+        """What limits take, at the nodes: the trajectory, its loads and the scalars."""
+        return self.trajectory | self.loads(self.trajectory) | self.scalars
+
+    @cached_property
+    def flown(self) -> dict[str, Any]:
+        """What limits take, along the integration."""
+        return self.integrated | self.loads(self.integrated) | self.scalars
 
     @property
     def integrated(self) -> dict[str, np.ndarray]:
@@ -111,7 +124,7 @@ class Flight:
         range cuts it; all else is that of the integration.
         """
         scenario, recorded = self.scenario, self.recorded
-        flown = self.integrated | self.scalars
+        flown = self.flown
         dense, over = flown["time"][1:], limit.excess(flown)[1:]
         if recorded is not None and limit.inputs == ("control_torque",):
             dense = scenario.within((np.arange(SAMPLES) + 0.5) / SAMPLES)
@@ -129,6 +142,10 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
     check = BEM[physics.case.hydrodynamics.check]
     plant = Plant(blade, physics.polar, result.inertia, physics.density, check, physics.generator)
     scalars, flights = physics.scalars(blade, result.inertia), []
+
+    def loads(known):
+        return physics.loads_along(blade, known, physics.load_names)
+
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
         mesh, recorded, law = scenario.mesh, None, physics.law
         if law is None:
@@ -142,7 +159,7 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
             samples=np.append(scenario.within(np.arange(SAMPLES) / SAMPLES), mesh.duration),
             max_step=mesh.duration / mesh.segments,
         )
-        flights.append(Flight(scenario, nodes, flown, recorded, scalars, plant))
+        flights.append(Flight(scenario, nodes, flown, recorded, scalars, plant, loads))
     return tuple(flights)
 
 
@@ -303,7 +320,7 @@ def _of_limit(physics, limit, result, flights):
         yield f"{limit.name}_bounds", max(over[worst], 0.0), NODE_VIOLATION, f"at {where}"
         return
     for flight, suffix in _suffixed(flights):
-        over = limit.excess(flight.trajectory | flight.scalars)
+        over = limit.excess(flight.at_nodes)
         worst = int(np.argmax(over))
         when = f"at t = {flight.trajectory['time'][worst]:.2f} s"
         yield f"{limit.name}_at_nodes{suffix}", max(over[worst], 0.0), NODE_VIOLATION, when

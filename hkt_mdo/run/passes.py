@@ -182,7 +182,7 @@ def _near_stall(physics, result, flights) -> list[np.ndarray]:
 
 def _switches(physics, flight) -> np.ndarray:
     """Return the segments in which a limit begins or ceases to bind, and their neighbours."""
-    scenario, nodes = flight.scenario, flight.trajectory | flight.scalars
+    scenario, nodes = flight.scenario, flight.at_nodes
     found = np.zeros(scenario.segments, dtype=bool)
     for limit in _held(physics):
         binds = limit.excess(nodes) > -NEAR_LIMIT

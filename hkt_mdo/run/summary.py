@@ -111,7 +111,7 @@ def _limit(limit, flights):
     values = [
         np.max(limit.value_of(quantities))
         for flight in flights
-        for quantities in (flight.trajectory | flight.scalars, flight.integrated | flight.scalars)
+        for quantities in (flight.at_nodes, flight.flown)
     ]
     value, bound = float(max(values)), float(limit.upper)
     binding = bool(value >= bound - BINDING * abs(bound))
