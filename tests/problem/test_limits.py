@@ -120,14 +120,30 @@ def run(tmp_path_factory):
     return solve
 
 
-def test_a_power_limit_under_feedback_is_kept_and_told(run):
-    found = run(control="quadratic", limits={"power": "6.6 kW"})
+@pytest.mark.parametrize(
+    ("sections", "bound"),
+    [
+        ({"control": "linear"}, "6 kW"),
+        (
+            {
+                "control": {"law": "open_loop", "unknown": "torque"},
+                "design": {"blade": "fixed"},
+                "phase": {"segments": 20, "duration": 20},
+            },
+            "6.3 kW",
+        ),
+    ],
+    ids=["linear", "open_loop"],
+)
+def test_a_power_limit_is_kept_and_told(run, sections, bound):
+    found = run(**sections, limits={"power": bound})
     assert found.success, found.message
-    told = found.summary.limits["power"]
+    told, most = found.summary.limits["power"], 1e3 * float(bound.split()[0])
     assert told.binding
-    assert told.value == pytest.approx(6600.0, rel=1e-3)
-    assert np.max(found.simulation["generator_power_W"]) <= 6600.0 * 1.001
-    assert dict(found.summary.rows(found.case))["largest power"].endswith("limit 6.6 kW")
+    assert told.value == pytest.approx(most, rel=1e-3)
+    assert np.max(found.simulation["generator_power_W"]) <= most * 1.001
+    assert dict(found.summary.rows(found.case))["largest power"].endswith(f"limit {bound}")
+    assert {"power_at_nodes", "power_between_nodes"} <= {c.name for c in found.summary.checks}
 
 
 def test_a_tapered_blade_grows_nowhere_outboard(run):
