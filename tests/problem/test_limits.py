@@ -173,6 +173,20 @@ def test_electrical_energy_is_maximized_where_the_generator_loses_least(run):
     np.testing.assert_allclose(known["electrical_power_W"], expected, rtol=1e-8)
 
 
+def test_a_table_is_read_first_and_leaving_it_is_told(run, tmp_path):
+    path, rows = tmp_path / "table.csv", "100,40,0.8\n100,60,0.8\n400,40,0.9\n400,60,0.9\n"
+    path.write_text("torque_Nm,speed_rpm,efficiency\n" + rows)
+    sections = {"generator": {"table": str(path)}, "objective": "electrical", "control": "linear"}
+    found = run(**sections, design={"blade": "fixed"})
+    assert found.success, found.message
+    assert any("leaves generator.table by up to" in note for note in found.notes)
+    share = found.summary.electrical_energy_J / found.summary.generator_energy_J
+    assert 0.85 < share < 0.915
+    path.write_text("torque_Nm,speed_rpm,efficiency\n100,40,0.8\n100,60,0.8\n400,40,0.9\n")
+    with pytest.raises(InputError, match="no row for torque_Nm = 400 at speed_rpm = 60"):
+        run(**sections)
+
+
 def test_a_constant_efficiency_moves_no_optimum(run):
     share, plain = (
         run(generator={"efficiency": 0.92}, objective="electrical"),
