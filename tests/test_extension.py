@@ -108,7 +108,7 @@ def test_the_command_line_takes_the_same(tmp_path, capsys):
     assert main(["check", file, "--no-figures"]) == 2
     assert "limits.tip_acceleration" in capsys.readouterr().err
     assert main([*extend, "check", file, "--no-figures"]) == 0
-    assert "tip acceleration" in capsys.readouterr().out
+    assert "limits.tip_acceleration" in capsys.readouterr().out
     assert main([*extend, "schema"]) == 0
     schema = capsys.readouterr().out
     assert all(name in schema for name in ("tip_acceleration", "priced_torque", "mixed", "ramp"))

@@ -101,6 +101,11 @@ class Generator(Section):
             shaft = shaft - self.iron_loss * (speed / self.rated_speed) ** 2
         return shaft
 
+    def check(self) -> None:
+        """Read the table, if there is one; InputError if it is broken."""
+        if self.table is not None:
+            _ = self._surface
+
     @property
     def proportional(self) -> bool:
         """Whether electrical power is a constant share of shaft power."""

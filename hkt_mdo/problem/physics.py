@@ -252,6 +252,7 @@ def physics(case: Case) -> Physics:
     """Read the files that a case names; InputError if one is broken or does not fit the others."""
     case = complete(case)
     inflow, control = case.inflow, case.control
+    case.generator.check()
     for duration in (inflow.length, case.phase.duration):
         if duration is not None:
             inflow.check(duration)

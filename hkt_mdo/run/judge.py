@@ -313,7 +313,7 @@ def short_of_recovery(physics: Physics, result: Optimized, flight: Flight) -> np
 def _of_limit(physics, limit, result, flights):
     """Yield how far a limit is exceeded: by the design, or at and between the nodes."""
     if limit.place != "time":
-        over = limit.excess(designed(physics, result.point) | flights[0].scalars)
+        over = limit.excess(flights[0].scalars | designed(physics, result.point))
         worst, where = int(np.argmax(over)), f"the {limit.name.replace('_', ' ')}"
         if limit.place == "span":
             where = f"r = {result.point.blade.r[worst]:.3f} m"

@@ -95,10 +95,28 @@ def summarize(physics, optimum, start, result, flights, checks, remedy="") -> Su
         "max_speed_error": max(np.max(flight.speed_errors) for flight in flights),
         "energy_balance_error": abs(energy - generated - stored) / max(energy, 1e-9),
         "checks": [vars(check) for check in checks],
-        "notes": [*physics.messages, *physics.warnings, *(text for _, text in met)],
+        "notes": [
+            *physics.messages,
+            *physics.warnings,
+            *(text for _, text in met),
+            *_outside_table(physics.generator, flights),
+        ],
         "versions": _versions(),
     }
     return Summary.parse(to_json(values))
+
+
+def _outside_table(generator, flights):
+    """Yield by how much a trajectory leaves the generator's table."""
+    worst = max(
+        generator.beyond_table(each.trajectory["control_torque"], each.trajectory["rotor_speed"])
+        for each in flights
+    )
+    if worst > 1e-6:
+        yield (
+            f"torque or speed leaves generator.table by up to {100.0 * worst:.2g} % of its range, "
+            "where its efficiency is continued: extend the table"
+        )
 
 
 def _gap(over, turning):

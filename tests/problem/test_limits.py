@@ -120,14 +120,30 @@ def run(tmp_path_factory):
     return solve
 
 
-def test_a_power_limit_under_feedback_is_kept_and_told(run):
-    found = run(control="quadratic", limits={"power": "6.6 kW"})
+@pytest.mark.parametrize(
+    ("sections", "bound"),
+    [
+        ({"control": "linear"}, "6 kW"),
+        (
+            {
+                "control": {"law": "open_loop", "unknown": "torque"},
+                "design": {"blade": "fixed"},
+                "phase": {"segments": 20, "duration": 20},
+            },
+            "6.3 kW",
+        ),
+    ],
+    ids=["linear", "open_loop"],
+)
+def test_a_power_limit_is_kept_and_told(run, sections, bound):
+    found = run(**sections, limits={"power": bound})
     assert found.success, found.message
-    told = found.summary.limits["power"]
+    told, most = found.summary.limits["power"], 1e3 * float(bound.split()[0])
     assert told.binding
-    assert told.value == pytest.approx(6600.0, rel=1e-3)
-    assert np.max(found.simulation["generator_power_W"]) <= 6600.0 * 1.001
-    assert dict(found.summary.rows(found.case))["largest power"].endswith("limit 6.6 kW")
+    assert told.value == pytest.approx(most, rel=1e-3)
+    assert np.max(found.simulation["generator_power_W"]) <= most * 1.001
+    assert dict(found.summary.rows(found.case))["largest power"].endswith(f"limit {bound}")
+    assert {"power_at_nodes", "power_between_nodes"} <= {c.name for c in found.summary.checks}
 
 
 def test_a_tapered_blade_grows_nowhere_outboard(run):
@@ -155,6 +171,20 @@ def test_electrical_energy_is_maximized_where_the_generator_loses_least(run):
     expected = torque * speed - 500.0 * (torque / 700.0) ** 2
     expected = expected - 50.0 * speed / (3.0 * np.pi) - 100.0 * (speed / (3.0 * np.pi)) ** 2
     np.testing.assert_allclose(known["electrical_power_W"], expected, rtol=1e-8)
+
+
+def test_a_table_is_read_first_and_leaving_it_is_told(run, tmp_path):
+    path, rows = tmp_path / "table.csv", "100,40,0.8\n100,60,0.8\n400,40,0.9\n400,60,0.9\n"
+    path.write_text("torque_Nm,speed_rpm,efficiency\n" + rows)
+    sections = {"generator": {"table": str(path)}, "objective": "electrical", "control": "linear"}
+    found = run(**sections, design={"blade": "fixed"})
+    assert found.success, found.message
+    assert any("leaves generator.table by up to" in note for note in found.notes)
+    share = found.summary.electrical_energy_J / found.summary.generator_energy_J
+    assert 0.85 < share < 0.915
+    path.write_text("torque_Nm,speed_rpm,efficiency\n100,40,0.8\n100,60,0.8\n400,40,0.9\n")
+    with pytest.raises(InputError, match="no row for torque_Nm = 400 at speed_rpm = 60"):
+        run(**sections)
 
 
 def test_a_constant_efficiency_moves_no_optimum(run):

@@ -331,7 +331,7 @@ def test_limits_and_objective_of_an_extension() -> None:
     fastest = np.max(found.at_start["rotor_speed"]) * found.physics.blade.rotor_radius
     assert fastest > 9.0
     assert "limits.tip_speed: at most 9 m/s; " in told
-    assert f" to {fastest:.4g} with the starting blade" in told
+    assert f" to {fastest:.4g} m/s with the starting blade" in told
     assert f"{found.physics.scenarios[0].node_times.size} limit_tip_speed" in told
     assert any("limits.tip_speed is broken at the start" in line for line in report.warnings)
 

@@ -160,6 +160,8 @@ def near_stall(solved):
     speed, gains = flight.simulation.rotor_speed, solved.result.point.gains
 
     class Stalls:
+        generator = solved.physics.generator
+
         def torque(self, slowed, flow):
             return solved.physics.law.torque(slowed, gains) + 1e-3 * (slowed < 0.99 * speed)
 
