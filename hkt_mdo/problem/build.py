@@ -265,13 +265,16 @@ def _add_limit(
         bounds["upper"] = np.full(nodes.size, limit.upper)
         if limit.place == "time":
             shares = setup.shares.get((limit.name, scenario.name), np.ones(scenario.segments))
-            shares = np.repeat(shares, scenario.nodes_per_segment)
-            bounds["upper"] = limit.upper * shares[nodes]
+            less = np.repeat(1.0 - shares, scenario.nodes_per_segment)[nodes] * abs(limit.upper)
+            bounds["upper"] = limit.upper - less
+            if bounds["lower"] is not None:
+                bounds["lower"] = limit.lower + less
         ref = ref or abs(limit.upper)
     series = [name for name in limit.inputs if name in SERIES]
     if limit.inputs == (limit.name,) and series:  # a quantity of the trajectory itself
-        if bounds["upper"] is not None:
-            bounds["upper"] = bounds["upper"][:, None]
+        for end, values in bounds.items():
+            if np.ndim(values):
+                bounds[end] = values[:, None]
         model.add_constraint(_source(scenario, limit.name), ref=ref, units=limit.unit, **bounds)
         return
     name = f"limit_{limit.name}" + ("" if place == 0 else f"_{scenario.name}")

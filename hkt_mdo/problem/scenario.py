@@ -141,7 +141,7 @@ def _blocks(grid, given, wanted, matrices, sparse):
 
 
 class _Lean:
-    """Allows phases of thousands of segments, and phases without states.
+    """Allows phases of thousands of segments, of unequal ones, and phases without states.
 
     With rotor speed as a control nothing needs collocation. Dymos sets such a phase up, except for
     a component of initial guesses, which must not be empty.
@@ -159,6 +159,22 @@ class _Lean:
             return _blocks(grid, given, wanted, hermite_matrices, sparse)
 
         grid.phase_lagrange_matrices, grid.phase_hermite_matrices = lagrange, hermite
+
+    def configure_controls(self, phase):
+        """Scale a control's value at each node by the square root of the time it stands for.
+
+        What a value does to an integral over time is proportional to that time, and so is the
+        integral's second derivative. An optimizer's first approximation of the Hessian is a
+        multiple of the identity: so scaled, it suits segments of any lengths. Dymos takes one
+        reference for all nodes; where they are equally spaced, it is the one that holds.
+        """
+        super().configure_controls(phase)
+        grid = self.grid_data
+        spans = np.gradient(grid.node_ptau[grid.subset_node_indices["control_input"]])
+        for name, options in phase.control_options.items():
+            phase.control_comp.set_design_var_options(
+                f"controls:{name}", ref=options["ref"] * np.sqrt(np.max(spans) / spans)
+            )
 
     def setup_states(self, phase):
         """Skip the component where there are no states."""

@@ -95,7 +95,8 @@ class Setup:
     `nodes` are the tip speed ratios of the torque curve. `slowed` is the share of its speed that a
     rotor under feedback must be able to lose (`DistanceFromStall`; 0: nothing is asked). `shares`
     has, by the names of limit and scenario, the share of the limit's upper bound that is asked at
-    the nodes of each segment, so that the limit holds between the nodes as well.
+    the nodes of each segment, so that the limit holds between the nodes as well; its lower bound,
+    if it has one, is raised there by as much.
     """
 
     start: StartingPoint
