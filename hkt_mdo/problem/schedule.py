@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import Bounds, minimize
 
 from hkt_mdo.dynamics.laws import STEP
-from hkt_mdo.dynamics.limits import TYPICAL, Limit, TorqueLimit
+from hkt_mdo.dynamics.limits import SLOWED, TYPICAL, Limit, TorqueLimit
 from hkt_mdo.dynamics.quasi_steady import SAFE, Operation, QuasiSteady
 from hkt_mdo.dynamics.trajectory import quantities
 from hkt_mdo.problem.physics import Physics
@@ -202,7 +202,7 @@ class Schedule:
         return close and np.allclose(self.blade.chord, other.blade.chord, rtol=10.0 * SAME)
 
 
-class _Joint:
+class Joint:
     """Objective and constraints over one vector: the design's unknowns, then the ratios."""
 
     def __init__(self, steady: SteadyFlow, design: CoDesign, slowed: float):
@@ -302,6 +302,22 @@ def _kept(physics: Physics) -> tuple[Limit, ...]:
     return tuple(filter(constrains, limits))
 
 
+def quasi_steady(physics: Physics, optimum: SteadyOptimum, slowed: float = SLOWED) -> QuasiSteady:
+    """Return the quasi-steady problem of a case over all its scenarios' flows."""
+    scenarios = physics.scenarios
+    return QuasiSteady(
+        np.concatenate([each.inflow.speed_at(each.samples) for each in scenarios]),
+        np.concatenate([each.weight * each.sample_weights for each in scenarios]),
+        physics.density,
+        physics.blade.rotor_radius,
+        TorqueSpline(np.linspace(0.3, 2.6, 161) * optimum.tip_speed_ratio),
+        physics.law,
+        physics.torque_limit,
+        slowed,
+        physics.starting_generator,
+    )
+
+
 def schedules(
     physics: Physics, problem: QuasiSteady, optimum: SteadyOptimum, *, improve: bool
 ) -> tuple[Schedule, ...]:
@@ -326,7 +342,7 @@ def schedules(
 
     def improved(flow, of, best):
         design = CoDesign(of, physics.shape, physics.polar, gain_bounds)
-        return _improve(_Joint(flow, design, of.slowed), best) if improve else best
+        return _improve(Joint(flow, design, of.slowed), best) if improve else best
 
     starts, found = candidates(free), []
     for branch in BRANCHES:
@@ -337,7 +353,7 @@ def schedules(
         own = [_along(steady, start, "") for start in candidates(few, gains)]
         fitted = [_along(steady, _fitted(steady, few, each), "") for each in found] * improve
         found = [improved(steady, few, each) for each in (max(own, key=_worth), *fitted)]
-        found = [replace(each, branch=_side(steady, each)) for each in found]
+    found = [replace(each, branch=_side(steady, each)) for each in found]
     found.sort(key=_worth, reverse=True)
     others = [each for each in found[1:] if each.branch != found[0].branch]
     others = [each for each in others[:1] if not each.same_as(found[0])]
@@ -357,7 +373,10 @@ def _fitted(steady, problem, schedule) -> StartingPoint:
 def _side(steady, schedule) -> str:
     """Return the branch of a schedule: where its blade works in the fastest flow."""
     nodes = steady.spline.nodes
-    best = nodes[np.argmax(nodes * steady.curves(schedule.blade).values["torque"])]
+    flow = replace(steady, speeds=steady.speeds[-1:], weights=steady.weights[-1:])
+    curves = flow.curves(schedule.blade)
+    rate = [flow.at(curves, nodes[[i]])[0][0] for i in range(nodes.size)]
+    best = nodes[np.argmax(rate)]
     return "overspeed" if schedule.ratio[-1] >= best else "underspeed"
 
 
@@ -370,7 +389,11 @@ def start_of(physics: Physics, problem: QuasiSteady, found: tuple[Schedule, ...]
         whole = replace(problem, rotor_radius=best.blade.rotor_radius)
         operation = whole.operate(curves.values["torque"], best.gains)
     else:
-        ratio = np.interp(flow, steady.speeds, steady.ratios(curves, best.branch))
+        coarse = SteadyFlow.of(physics, problem.spline).speeds
+        guide = np.interp(steady.speeds, coarse, best.ratio)
+        sides = np.array([steady.ratios(curves, branch) for branch in BRANCHES])
+        nearest = np.argmin(np.abs(sides - guide), axis=0)
+        ratio = np.interp(flow, steady.speeds, sides[nearest, np.arange(guide.size)])
         known = steady.known(steady.coefficients(curves, ratio), flow)
         speed, torque = known["rotor_speed"], known["hydrodynamic_torque"]
         operation = Operation(float(problem.weights @ (torque * speed)), speed, torque)
@@ -394,7 +417,7 @@ def _along(steady: SteadyFlow, start: StartingPoint, branch: str) -> Schedule:
     return Schedule(branch, start.blade, start.gains, ratio, value, excess)
 
 
-def _improve(joint: _Joint, best: Schedule) -> Schedule:
+def _improve(joint: Joint, best: Schedule) -> Schedule:
     """Improve a schedule by SLSQP within move limits, re-centred until nothing is gained.
 
     Limits that it exceeds by much are tightened in steps: each round begins near what it asks for.

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hkt_mdo.dynamics.limits import SLOWED
-from hkt_mdo.dynamics.quasi_steady import QuasiSteady
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.problem.physics import Physics
-from hkt_mdo.problem.schedule import needed, schedules, start_of
+from hkt_mdo.problem.schedule import needed, quasi_steady, schedules, start_of
 from hkt_mdo.problem.start import StartingPoint, starting_point
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
@@ -150,18 +149,7 @@ def find_start(
     """
     if improve is None:
         improve = physics.case.start.method == "quasi_steady"
-    scenarios = physics.scenarios
-    problem = QuasiSteady(
-        np.concatenate([each.inflow.speed_at(each.samples) for each in scenarios]),
-        np.concatenate([each.weight * each.sample_weights for each in scenarios]),
-        physics.density,
-        physics.blade.rotor_radius,
-        TorqueSpline(np.linspace(0.3, 2.6, 161) * optimum.tip_speed_ratio),
-        physics.law,
-        physics.torque_limit,
-        slowed,
-        physics.starting_generator,
-    )
+    problem = quasi_steady(physics, optimum, slowed)
     if needed(physics):
         found = schedules(physics, problem, optimum, improve=improve)
         branch = branch or physics.case.start.branch

@@ -94,6 +94,32 @@ class LimitEntry(_Entry):
         return printable(", limit ".join(told))
 
 
+class LoadEntry(_Entry):
+    """The largest value of a load along the integration, and when it occurs."""
+
+    value: _Number = None
+    unit: str = ""
+    time_s: _Number = None
+
+    def __str__(self) -> str:
+        return f"{measured(self.value, self.unit)} at t = {self.time_s:.2f} s"
+
+
+class BranchEntry(_Entry):
+    """A way to keep the limits, as quasi-steady co-design has it (`start.branch`)."""
+
+    name: str
+    objective_J: _Number = None
+    taken: bool = False
+    kept: bool = False
+    """Whether it keeps all limits."""
+
+    def __str__(self) -> str:
+        told = f"{self.name}: {(self.objective_J or 0.0) / 1e3:.2f} kJ"
+        told += "" if self.kept else ", breaks limits"
+        return f"{told}, taken" if self.taken else told
+
+
 class ObjectiveEntry(_Entry):
     """What was maximized: by collocation, by the integration, and its upper bound."""
 
@@ -158,6 +184,13 @@ class Summary(_Entry, Mapping[str, Any]):
         "largest control torque", "{control_torque_max} ({torque_limit})"
     )
     limits: dict[str, LimitEntry] | None = None
+    loads: dict[str, LoadEntry] | None = None
+    """Largest loads: thrust, root moment of one blade, stress in a blade, and, where the depth of
+    the hub and the suction of the sections are known, cavitation."""
+    tip_deflection_m: _Number = None
+    """Largest deflection of a tip out of the rotor plane, of a linear beam."""
+    branches: list[BranchEntry] | None = None
+    """Overspeed and underspeed, where limits can be kept by both, the one that was taken first."""
 
     rotor_radius_m: _Number = None
     """Radius of the swept disc."""

@@ -8,18 +8,21 @@ import yaml
 
 from hkt_mdo.dynamics.limits import DesignBounds
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
-from hkt_mdo.dynamics.trajectory import COLUMNS
+from hkt_mdo.dynamics.trajectory import COLUMNS, LOADS
 from hkt_mdo.files.blade import write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.yaml_text import Dumper
 from hkt_mdo.results.folder import to_json, write_csv
 from hkt_mdo.results.summary import Summary
 from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.findings import Stations
 from hkt_mdo.run.judge import energy_bound, explain_all, total
 
-BINDING = 1e-3  # relative distance from its bound within which a limit counts as binding
+# relative distance from its bound within which a limit counts as binding; that of a load, of whose
+# values along the blade the optimization has a smooth largest that is up to as much above them
+BINDING, ENVELOPE = 1e-3, 1e-2
 
 PACKAGES = "hkt_mdo openmdao dymos numpy scipy numba casadi wisdem pyoptsparse".split()
 
@@ -71,6 +74,17 @@ def summarize(physics, optimum, start, result, flights, checks, remedy="") -> Su
             for limit in physics.limits
             if not isinstance(limit, DesignBounds) and np.isfinite(limit.upper)
         },
+        "loads": _loads(physics, blade, flights),
+        "tip_deflection_m": _deflection(physics, blade, flights),
+        "branches": [
+            {
+                "name": each.branch,
+                "objective_J": each.objective,
+                "taken": each is start.branches[0],
+                "kept": each.worth[0],
+            }
+            for each in start.branches
+        ],
         "bound_power_coefficient": optimum.power_coefficient,
         "bound_tip_speed_ratio": optimum.tip_speed_ratio,
         "gain": None if not gains else gains[0] if len(gains) == 1 else gains,
@@ -132,8 +146,36 @@ def _limit(limit, flights):
         for quantities in (flight.at_nodes, flight.flown)
     ]
     value, bound = float(max(values)), float(limit.upper)
-    binding = bool(value >= bound - BINDING * abs(bound))
+    near = ENVELOPE if limit.name in LOADS else BINDING
+    binding = bool(value >= bound - near * abs(bound))
     return {"value": value, "limit": bound, "unit": limit.unit or "", "binding": binding}
+
+
+def _loads(physics, blade, flights):
+    """Return the largest loads along the integrations, by direct BEM."""
+    found = {}
+    for flight in flights:
+        known = flight.integrated
+        for name, values in physics.loads_along(blade, known, physics.loads.names).items():
+            worst = int(np.argmax(values))
+            if name not in found or values[worst] > found[name]["value"]:
+                when = known["time"][worst]
+                unit = LOADS[name][0] or ""
+                found[name] = {"value": values[worst], "unit": unit, "time_s": when}
+    return found
+
+
+def _deflection(physics, blade, flights):
+    """Return the largest deflection of a tip, m; None where polars follow the Reynolds number."""
+    if isinstance(physics.polar, LocalReynolds):
+        return None
+    largest = 0.0
+    for flight in flights:
+        ratio, flow = (flight.trajectory[name] for name in ("tip_speed_ratio", "inflow_speed"))
+        at = np.linspace(max(ratio.min(), SLOWEST_RATIO), ratio.max(), 201)
+        found = np.interp(ratio, at, physics.loads.tip_deflection(blade, at))
+        largest = max(largest, float(np.max(0.5 * physics.density * flow**2 * found)))
+    return largest
 
 
 def _set_angle(physics, blade):

@@ -1,0 +1,145 @@
+"""The start under limits: both branches, what is known of them, and exact slopes."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.optimize import approx_fprime
+
+from hkt_mdo.case import load_case
+from hkt_mdo.errors import InputError
+from hkt_mdo.problem import schedule
+from hkt_mdo.problem.build import assemble
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.problem.setup import Setup, curve_nodes, find_start, steady_optimum
+
+SINE = {"inflow": "sine", "phase": {"segments": 12, "duration": 10.0}}
+
+
+@cache
+def world(law="open_loop", **limits):
+    limits = {name: float(text) if isinstance(text, int) else text for name, text in limits.items()}
+    if "cavitation" in limits:
+        limits["cavitation"] = {"depth": limits["cavitation"]}
+    control = {"law": law, "torque_limit": 700.0}
+    return physics(load_case(SINE | {"control": control, "limits": limits}))
+
+
+@cache
+def start(law="open_loop", branch="", **limits):
+    case = world(law, **limits)
+    return find_start(case, steady_optimum(case, case.blade), branch=branch)
+
+
+# Theory
+
+
+def test_power_is_kept_by_turning_faster_or_slower():
+    (known,) = world(power="5 kW").on_start(start(power="5 kW"))
+    kept = known["generator_power"]
+    assert np.max(kept) == pytest.approx(5000.0, rel=2e-5)  # linear between speeds of the flow
+    names = [each.branch for each in start(power="5 kW").branches]
+    assert sorted(names) == ["overspeed", "underspeed"]
+    for branch, sign in (("overspeed", 1.0), ("underspeed", -1.0)):
+        (known,) = world(power="5 kW").on_start(start(branch=branch, power="5 kW"))
+        order = np.argsort(known["inflow_speed"])
+        change = np.diff(known["tip_speed_ratio"][order[[0, -1]]])
+        assert change[0] * sign > 1.0
+
+
+def test_speed_is_kept_by_the_better_of_two_optima():
+    """The start at the unlimited optimum's tip speed ratio leads to one that is 1.6 % worse."""
+    better, worse = start(rotor_speed=9).branches
+    assert better.branch == "underspeed"
+    assert worse.objective / better.objective == pytest.approx(0.984, abs=0.002)
+
+
+@pytest.mark.parametrize(
+    ("limit", "value"),
+    [("thrust", "6 kN"), ("root_moment", "1.5 kN m"), ("stress", "100 MPa"), ("cavitation", 3)],
+)
+def test_loads_are_kept_by_direct_blade_element_momentum(limit, value):
+    case, found = world(**{limit: value}), start(**{limit: value})
+    assert not case.broken_limits(found)
+    (bound,) = (each for each in case.limits if each.name == limit)
+    (known,) = case.on_start(found)
+    # the norm that stands for the largest value along the blade is up to one per cent above it
+    assert -0.01 < np.max(bound.excess(known)) < 1e-3
+    free = start()
+    assert case.broken_limits(free) == [limit]
+    assert case.objective_at(found) < world().objective_at(free)
+
+
+def test_a_limit_that_does_not_bind_costs_nothing():
+    loose = start(thrust="20 kN")
+    assert loose.operation.energy == pytest.approx(start().operation.energy, rel=1e-5)
+
+
+@pytest.mark.parametrize("law", ["linear", "quadratic"])
+def test_feedback_keeps_a_limit_at_a_loss(law):
+    case, found = world(law, power="5 kW"), start(law, power="5 kW")
+    (known,) = case.on_start(found)
+    assert np.max(known["generator_power"]) <= 5000.0 * (1.0 + 1e-4)
+    assert case.objective_at(found) < world(power="5 kW").objective_at(start(power="5 kW"))
+
+
+# Derivatives
+
+
+def test_slopes_of_objective_and_constraints():
+    case = world("quadratic", power="5 kW", stress="300 MPa", cavitation=3)
+    found = start("quadratic", power="5 kW", stress="300 MPa", cavitation=3).branches[0]
+    optimum = steady_optimum(case, case.blade)
+    problem = schedule.quasi_steady(case, optimum)
+    flow = schedule.SteadyFlow.of(case, problem.spline, 5)
+    design = schedule.CoDesign(problem, case.shape, case.polar, (-np.inf, np.inf))
+    joint = schedule.Joint(flow, design, 0.02)
+    x, units = design.vector(found)
+    z, units = np.append(x, np.full(5, 7.0)), np.append(units, np.full(5, 7.0))
+    values = joint.values(z)
+    for place in (0, 2, 4):
+        slopes = np.atleast_2d(values[place + 1]) * units
+
+        def scaled(share, place=place):
+            return np.atleast_1d(joint.values(share * units)[place])
+
+        numeric = approx_fprime(z / units, scaled, 1e-7)
+        assert np.allclose(slopes, numeric, rtol=2e-4, atol=2e-4 * np.max(np.abs(numeric)))
+
+
+def test_partials_of_the_loads_in_the_problem():
+    limits = {"thrust": "6 kN", "stress": "100 MPa", "cavitation": 3}
+    case, found = world(**limits), start(**limits)
+    problem = assemble(case, Setup(found, curve_nodes(case, found)))
+    problem.run_model()
+    checked = problem.check_partials(
+        includes=["loads_phase"],
+        method="fd",
+        form="central",
+        step=1e-4,
+        step_calc="rel_avg",
+        out_stream=None,
+    )
+    for pair, each in checked["loads_phase"].items():
+        size = np.max(np.abs(each["J_fd"])) or 1.0
+        assert np.max(np.abs(each["J_fwd"] - each["J_fd"])) < 1e-5 * size, pair
+
+
+# Bad input
+
+
+@pytest.mark.parametrize(
+    ("sections", "told"),
+    [
+        ({"limits": {"cavitation": {}}}, "limits.cavitation: has no depth"),
+        ({"limits": {"cavitation": {"depth": 1.0}}}, "limits.cavitation.depth = 1"),
+        ({"site": {"hub_depth": 1.0}}, "site.hub_depth = 1"),
+        (
+            {"limits": {"stress": "1 MPa"}, "hydrodynamics": {"torque": "direct"}},
+            "limits.stress: limits a load",
+        ),
+    ],
+)
+def test_limits_that_cannot_be_told_are_refused(sections, told):
+    with pytest.raises(InputError, match=told):
+        physics(load_case(SINE | {"control": "open_loop"} | sections))
