@@ -34,6 +34,7 @@ from hkt_mdo.rotor.loads import Cavitation, LoadModel
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.shape import Shape
+from hkt_mdo.rotor.stall import SLOWER, stall_fence
 from hkt_mdo.rotor.strength import Structure
 from hkt_mdo.rotor.suction import require_suction, section_suction
 
@@ -46,6 +47,7 @@ FASTEST = 1e3  # m/s
 MOST_TORQUE = 1.0  # torque coefficient that no rotor has; good ones have 0.06
 CURRENT, WATER = 10.0, (900.0, 1300.0)  # m/s and kg/m**3: beyond, a unit was hardly meant
 RATIOS = 1001  # tip speed ratios at which loads are computed at most
+NEAR_STALL = np.deg2rad(0.1)  # by which a start may be closer to stall and count as keeping away
 START_EXCESS = 1e-3  # relative excess of a limit up to which a start counts as keeping it
 
 
@@ -192,6 +194,15 @@ class Physics:
             if not isinstance(limit, DesignBounds)
             and any(np.max(limit.excess(start)) > START_EXCESS for start in starts)
         ]
+
+    def keeps_stall_fence(self, point) -> bool:
+        """Tell whether the sections of a starting point keep their distance from stall."""
+        ratio = min(float(np.min(known["tip_speed_ratio"])) for known in self.on_start(point))
+        fence = stall_fence(self.polar, self.shape, point.blade, ratio)
+        if not fence.stations.size:
+            return True
+        angle, *_ = bem.angles_of_attack(point.blade, self.polar, SLOWER * ratio, derivatives=False)
+        return bool(np.all(angle[fence.stations] <= fence.highest + NEAR_STALL))
 
     def objective_at(self, point) -> float:
         """Return the objective of a quasi-steady starting point, J."""

@@ -156,6 +156,9 @@ class Summary(_Entry, Mapping[str, Any]):
     electrical_energy_J: _Number = _shown("energy, electrical", "{electrical_energy_kJ:.2f} kJ")
     """What the generator delivers of that, less its losses."""
     starting_energy_J: _Number = None
+    start_breaks: list[str] | None = None
+    """Limits that the start does not keep, the distance of its sections from stall among them: its
+    energy is then no measure of the result."""
     energy_bound_J: _Number = _shown("share of quasi-steady bound", "{share:.3f} %")
     """Energy of a rotor that works at the steady optimum at every instant."""
     certified_gap: _Number = _shown("certificate", "within {gap:.2g} % of the best possible")

@@ -192,6 +192,7 @@ def _reference(world: Physics, start: StartingPoint) -> float:
     """
     state = start.operation
     kept = state.running and bool(np.all(state.margin >= LEAST)) and not world.broken_limits(start)
+    kept = kept and world.keeps_stall_fence(start)
     return world.objective_at(start) if kept else 0.0
 
 

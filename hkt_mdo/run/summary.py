@@ -104,6 +104,10 @@ def summarize(physics, optimum, start, result, flights, checks, remedy="") -> Su
         "start_chord_m": physics.blade.chord,
         "start_twist_deg": np.rad2deg(physics.blade.twist),
         "starting_energy_J": start.operation.energy,
+        "start_breaks": [
+            *physics.broken_limits(start),
+            *(["distance of sections from stall"] * (not physics.keeps_stall_fence(start))),
+        ],
         "surrogate_error": by_name["surrogate_error"],
         "surrogate_nodes": int(result.curve.size),
         "max_speed_error": max(np.max(flight.speed_errors) for flight in flights),
