@@ -195,7 +195,12 @@ class Physics:
             and any(np.max(limit.excess(start)) > START_EXCESS for start in starts)
         ]
 
-    def keeps_stall_fence(self, point) -> bool:
+    def start_breaks(self, point) -> list[str]:
+        """Return what a starting point does not keep: limits, and its sections' way from stall."""
+        close = [] if self._keeps_stall_fence(point) else ["distance of sections from stall"]
+        return [*self.broken_limits(point), *close]
+
+    def _keeps_stall_fence(self, point) -> bool:
         """Tell whether the sections of a starting point keep their distance from stall."""
         ratio = min(float(np.min(known["tip_speed_ratio"])) for known in self.on_start(point))
         fence = stall_fence(self.polar, self.shape, point.blade, ratio)

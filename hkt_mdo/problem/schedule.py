@@ -30,7 +30,7 @@ from hkt_mdo.rotor.torque_curve import TorqueSpline
 BRANCHES = {"overspeed": 1, "underspeed": -1}
 """On which side of the ratio of the largest rate each branch keeps the limits."""
 KNOTS, FINE = 32, 400  # flow speeds of a schedule that is designed, and of one that is given
-THINNED = 3  # nodes of the torque curve to one of the curves of loads
+THINNED = 2  # nodes of the torque curve to one of the curves of loads
 RATIO_MOVE = 1.25  # factor within which tip speed ratios move before they are re-centred
 VIOLATION = 1e-6  # relative excess of a limit that counts as none
 ROUNDS = 16
@@ -393,7 +393,10 @@ def start_of(physics: Physics, problem: QuasiSteady, found: tuple[Schedule, ...]
         guide = np.interp(steady.speeds, coarse, best.ratio)
         sides = np.array([steady.ratios(curves, branch) for branch in BRANCHES])
         nearest = np.argmin(np.abs(sides - guide), axis=0)
-        ratio = np.interp(flow, steady.speeds, sides[nearest, np.arange(guide.size)])
+        exact = sides[nearest, np.arange(guide.size)]
+        # where limits leave a single ratio, the search on a grid does not meet it
+        closed = steady.at(curves, exact)[1] > np.maximum(steady.at(curves, guide)[1], VIOLATION)
+        ratio = np.interp(flow, steady.speeds, np.where(closed, guide, exact))
         known = steady.known(steady.coefficients(curves, ratio), flow)
         speed, torque = known["rotor_speed"], known["hydrodynamic_torque"]
         operation = Operation(float(problem.weights @ (torque * speed)), speed, torque)

@@ -149,7 +149,7 @@ def _optimize_and_judge(
     if start is None:
         start = find_start(world, optimum)
         log.reference = _reference(world, start)
-    first = world
+    first, breaks = world, world.start_breaks(start)
     log.save(start, world)
     world, result, flights = optimize(world, start, log)
     if log.reference and result.setup.slowed > SLOWED:  # farther from stall than the start
@@ -168,7 +168,7 @@ def _optimize_and_judge(
         bound = bounding_optimum(world, optimum, result.point.blade)
         checks = judge(world, bound, log.reference, result, flights)
         log.save(result.point, world)
-    finished = summarize(world, bound, start, result, flights, checks, remedy)
+    finished = summarize(world, bound, start, breaks, result, flights, checks, remedy)
     if held:
         message = f"{refused}; the folder holds {held}, which is better than the end"
         finished = finished.model_copy(update={"message": message})
@@ -191,8 +191,7 @@ def _reference(world: Physics, start: StartingPoint) -> float:
     A start that breaks a limit may well be better than the best design that keeps it.
     """
     state = start.operation
-    kept = state.running and bool(np.all(state.margin >= LEAST)) and not world.broken_limits(start)
-    kept = kept and world.keeps_stall_fence(start)
+    kept = state.running and bool(np.all(state.margin >= LEAST)) and not world.start_breaks(start)
     return world.objective_at(start) if kept else 0.0
 
 

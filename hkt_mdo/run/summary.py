@@ -27,8 +27,11 @@ BINDING, ENVELOPE = 1e-3, 1e-2
 PACKAGES = "hkt_mdo openmdao dymos numpy scipy numba casadi wisdem pyoptsparse".split()
 
 
-def summarize(physics, optimum, start, result, flights, checks, remedy="") -> Summary:
-    """Return the summary of a finished run; `remedy`: what to try if the optimizer failed."""
+def summarize(physics, optimum, start, start_breaks, result, flights, checks, remedy="") -> Summary:
+    """Return the summary of a finished run; `remedy`: what to try if the optimizer failed.
+
+    `start_breaks` names the limits that the start exceeds, on the mesh that it was found on.
+    """
     failed = [check for check in checks if not check.passed]
     blade = result.point.blade
     ratios, torques = (
@@ -104,10 +107,7 @@ def summarize(physics, optimum, start, result, flights, checks, remedy="") -> Su
         "start_chord_m": physics.blade.chord,
         "start_twist_deg": np.rad2deg(physics.blade.twist),
         "starting_energy_J": start.operation.energy,
-        "start_breaks": [
-            *physics.broken_limits(start),
-            *(["distance of sections from stall"] * (not physics.keeps_stall_fence(start))),
-        ],
+        "start_breaks": list(start_breaks),
         "surrogate_error": by_name["surrogate_error"],
         "surrogate_nodes": int(result.curve.size),
         "max_speed_error": max(np.max(flight.speed_errors) for flight in flights),

@@ -1,10 +1,10 @@
 """The start under limits: both branches, what is known of them, and exact slopes."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
-from scipy.optimize import approx_fprime
 
 from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
@@ -12,8 +12,10 @@ from hkt_mdo.problem import schedule
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes, find_start, steady_optimum
+from hkt_mdo.problem.start import StartingPoint
 
-SINE = {"inflow": "sine", "phase": {"segments": 12, "duration": 10.0}}
+SINE = {"inflow": "sine"}
+BOUNDS = -np.inf, np.inf
 
 
 @cache
@@ -37,7 +39,8 @@ def start(law="open_loop", branch="", **limits):
 def test_power_is_kept_by_turning_faster_or_slower():
     (known,) = world(power="5 kW").on_start(start(power="5 kW"))
     kept = known["generator_power"]
-    assert np.max(kept) == pytest.approx(5000.0, rel=2e-5)  # linear between speeds of the flow
+    # the schedule is linear between the speeds of the flow at which it is exact
+    assert np.max(kept) == pytest.approx(5000.0, rel=2e-4)
     names = [each.branch for each in start(power="5 kW").branches]
     assert sorted(names) == ["overspeed", "underspeed"]
     for branch, sign in (("overspeed", 1.0), ("underspeed", -1.0)):
@@ -71,10 +74,11 @@ def test_loads_are_kept_by_direct_blade_element_momentum(limit, value):
 
 
 def test_a_limit_that_does_not_bind_costs_nothing():
-    loose = start(thrust="20 kN")
-    assert loose.operation.energy == pytest.approx(start().operation.energy, rel=1e-5)
+    loose = start(thrust="20 kN")  # with fewer nodes of the torque curve
+    assert loose.operation.energy == pytest.approx(start().operation.energy, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["linear", "quadratic"])
 def test_feedback_keeps_a_limit_at_a_loss(law):
     case, found = world(law, power="5 kW"), start(law, power="5 kW")
@@ -87,29 +91,30 @@ def test_feedback_keeps_a_limit_at_a_loss(law):
 
 
 def test_slopes_of_objective_and_constraints():
-    case = world("quadratic", power="5 kW", stress="300 MPa", cavitation=3)
-    found = start("quadratic", power="5 kW", stress="300 MPa", cavitation=3).branches[0]
-    optimum = steady_optimum(case, case.blade)
-    problem = schedule.quasi_steady(case, optimum)
-    flow = schedule.SteadyFlow.of(case, problem.spline, 5)
-    design = schedule.CoDesign(problem, case.shape, case.polar, (-np.inf, np.inf))
+    limits = {"power": "5 kW", "stress": "300 MPa", "cavitation": 3}
+    case = world("quadratic", **limits)
+    problem = schedule.quasi_steady(case, steady_optimum(case, case.blade))
+    spline = schedule.TorqueSpline(problem.spline.nodes[::10])
+    flow = schedule.SteadyFlow.of(case, spline, 3)
+    design = schedule.CoDesign(replace(problem, spline=spline), case.shape, case.polar, BOUNDS)
     joint = schedule.Joint(flow, design, 0.02)
-    x, units = design.vector(found)
-    z, units = np.append(x, np.full(5, 7.0)), np.append(units, np.full(5, 7.0))
-    values = joint.values(z)
-    for place in (0, 2, 4):
-        slopes = np.atleast_2d(values[place + 1]) * units
+    x, units = design.vector(StartingPoint(case.blade, np.array([9.0]), None))
+    z, units = np.append(x, np.full(3, 7.0)), np.append(units, np.full(3, 7.0))
 
-        def scaled(share, place=place):
-            return np.atleast_1d(joint.values(share * units)[place])
+    def values(share):
+        objective, _, equal, _, above, _ = joint.values(share * units)
+        return np.concatenate(([objective / 1e5], equal, above))
 
-        numeric = approx_fprime(z / units, scaled, 1e-7)
-        assert np.allclose(slopes, numeric, rtol=2e-4, atol=2e-4 * np.max(np.abs(numeric)))
+    _, objective_by, _, equal_by, _, above_by = joint.values(z)
+    slopes = np.vstack((objective_by / 1e5, equal_by, above_by)) * units
+    step, numeric = 1e-6, []
+    for unit in np.eye(z.size):
+        numeric.append((values(z / units + step * unit) - values(z / units - step * unit)) / 2e-6)
+    assert np.allclose(slopes, np.transpose(numeric), rtol=1e-5, atol=1e-5)
 
 
 def test_partials_of_the_loads_in_the_problem():
-    limits = {"thrust": "6 kN", "stress": "100 MPa", "cavitation": 3}
-    case, found = world(**limits), start(**limits)
+    case, found = world(stress="100 MPa"), start(stress="100 MPa")
     problem = assemble(case, Setup(found, curve_nodes(case, found)))
     problem.run_model()
     checked = problem.check_partials(
