@@ -115,7 +115,7 @@ class BranchEntry(_Entry):
     """Whether it keeps all limits."""
 
     def __str__(self) -> str:
-        told = f"{self.name}: {(self.objective_J or 0.0) / 1e3:.2f} kJ"
+        told = f"{(self.objective_J or 0.0) / 1e3:.2f} kJ in quasi-steady operation"
         told += "" if self.kept else ", breaks limits"
         return f"{told}, taken" if self.taken else told
 
@@ -280,6 +280,13 @@ class Summary(_Entry, Mapping[str, Any]):
         for name, entry in (self.limits or {}).items():
             if name != "control_torque":  # has a row of its own
                 rows.append((f"largest {name.replace('_', ' ')}", str(entry)))
+        rows += [(f"branch {each.name}", str(each)) for each in self.branches or ()]
+        told = {
+            name: each
+            for name, each in (self.loads or {}).items()
+            if name not in (self.limits or {})
+        }
+        rows += [(f"largest {name.replace('_', ' ')}", str(each)) for name, each in told.items()]
         return [(printable(label), printable(text)) for label, text in rows]
 
     def _computed(self, case: Case) -> dict[str, Any]:

@@ -118,6 +118,7 @@ def summarize(physics, optimum, start, start_breaks, result, flights, checks, re
             *physics.warnings,
             *(text for _, text in met),
             *_outside_table(physics.generator, flights),
+            *_unstable(flights),
         ],
         "versions": _versions(),
     }
@@ -134,6 +135,17 @@ def _outside_table(generator, flights):
         yield (
             f"torque or speed leaves generator.table by up to {100.0 * worst:.2g} % of its range, "
             "where its efficiency is continued: extend the table"
+        )
+
+
+def _unstable(flights):
+    """Yield that an open loop needs a controller of its speed, where it does."""
+    stiffness = max((each.recorded.stiffness for each in flights if each.recorded), default=0.0)
+    if stiffness:
+        yield (
+            "the rotor works below the speed of its largest torque, where a torque over time does "
+            f"not hold its speed: the integration adds {stiffness:.3g} N m s/rad times the "
+            "difference from the speed that was found"
         )
 
 
