@@ -287,7 +287,7 @@ def test_json_schema_of_a_case_takes_both_spellings_and_the_kinds_of_extensions(
         {"limits": {"tip_acceleration": "fast"}},
         {"limits": {"tip_acceleration": -160}},
         {"limits": {"tip_acceleration": {"bound": "160 m / s^2"}}},
-        {"limits": {"thrust": 1}},
+        {"limits": {"weight": 1}},
         {"inflow": "constant"},
         {"control": "Mixed"},
     ):
