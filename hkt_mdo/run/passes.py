@@ -58,7 +58,7 @@ def optimize(
     setup = Setup(start, curve_nodes(physics, start), slowed=slowed)
     objective, at_limit, coarser, ended = np.inf, False, [], None
     for _ in range(MAX_PASSES):
-        result = _solve(physics, setup, log)
+        solved, result = physics, _solve(physics, setup, log)
         if not result.outcome.success:
             if setup.moves == NARROW:
                 return ended or (physics, result, fly(physics, result))
@@ -93,7 +93,7 @@ def optimize(
         message = f"still at a move limit after {MAX_PASSES} optimizations"
         ended = replace(result.outcome, success=False, message=message)
         result = replace(result, outcome=ended)
-    return physics, result, fly(physics, result)
+    return solved, result, fly(solved, result)  # the last pass may have divided the mesh of physics
 
 
 def _in_smaller_moves(physics, setup, last):

@@ -105,6 +105,50 @@ def test_sparse_totals_are_openmdaos_own(name):
     assert_sparse_totals_are_openmdaos(assembled(coarse_physics(VARIANTS[name]))[0])
 
 
+@pytest.mark.parametrize("name", ["open loop in speed", "open loop in torque"])
+def test_values_of_a_control_are_scaled_by_the_root_of_the_time_they_stand_for(name):
+    """So that the same function of time has the same size on any mesh; one scale on equal ones."""
+    world = coarse_physics(VARIANTS[name])
+    equal = replace(world.scenarios[0], edges=np.linspace(0.0, 20.0, 11))
+    control = "rotor_speed" if "speed" in name else "control_torque"
+
+    def scales(scenario):
+        problem, _ = assembled(replace(world, scenarios=(scenario,)))
+        problem.final_setup()
+        values = problem.driver.get_design_var_values
+        unscaled, scaled = (
+            values(driver_scaling=each)[f"traj.phase.controls:{control}"] for each in (False, True)
+        )
+        return scaled / unscaled
+
+    unequal = equal.divided(np.array([1, 4, 1, 1, 2, 1, 1, 1, 1, 16]))
+    found = scales(unequal)
+    lengths = np.diff(unequal.edges)
+    middles, shared = found[1::2], found[2:-1:2]
+    np.testing.assert_allclose(middles / middles[0], np.sqrt(lengths / lengths[0]), rtol=1e-10)
+    means = 0.5 * (lengths[1:] + lengths[:-1])
+    np.testing.assert_allclose(shared / middles[0], np.sqrt(means / lengths[0]), rtol=1e-10)
+    alike = scales(equal)
+    np.testing.assert_allclose(alike, alike[0], rtol=1e-10)
+
+
+def test_a_limit_is_narrowed_at_both_ends_where_it_is_exceeded_between_nodes():
+    world = coarse_physics(VARIANTS["open loop in speed"])
+    kept = np.ones(world.scenarios[0].segments)
+    kept[2] = 0.98
+    shares = {("control_torque", world.scenarios[0].name): kept}
+    problem, _ = assembled(world, shares=shares)
+    problem.final_setup()
+    (bounds,) = (
+        meta
+        for name, meta in problem.model.get_constraints().items()
+        if name.endswith("control_torque")
+    )
+    narrowed = np.repeat(700.0 * (1.0 - kept), 3)
+    np.testing.assert_allclose(bounds["lower"].ravel(), narrowed)
+    np.testing.assert_allclose(bounds["upper"].ravel(), 700.0 - narrowed)
+
+
 # Two scenarios ------------------------------------------------------------------------------------
 
 

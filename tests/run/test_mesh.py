@@ -49,6 +49,28 @@ def test_open_loop_is_never_below_feedback_where_a_limit_switches(solve_physics)
     assert best.flights[0].simulation.energy > law.flights[0].simulation.energy * (1.0 - 1e-5)
 
 
+def test_open_loop_settles_through_a_gust_much_faster_than_the_rotor(solve_physics):
+    """Segments of 1 s beside others of 0.5 ms, and a torque that meets both of its bounds."""
+    gust = {"profile": "gust", "shape": "mexican_hat", "amplitude": 1, "time": 7.03, "width": 0.047}
+    found = solved(solve_physics, "open_loop", limit=617, inflow=gust)
+    lengths = np.diff(found.physics.scenarios[0].edges)
+    assert np.max(lengths) > 500.0 * np.min(lengths)
+    torque = found.flights[0].trajectory["control_torque"]
+    assert np.min(torque) < 0.01 * 617.0
+    assert np.max(torque) > 0.999 * 617.0
+
+
+def test_a_run_that_ends_after_a_division_is_judged_on_the_mesh_it_was_solved_on(
+    solve_physics, monkeypatch
+):
+    monkeypatch.setattr("hkt_mdo.run.passes.MAX_PASSES", 1)
+    law = {"law": "open_loop", "torque_limit": 400}
+    found = solve_physics(SHORT | FIXED | SINE | {"control": law})
+    nodes = found.flights[0].scenario.node_times.size
+    assert found.result.trajectories[0]["time"].size == nodes
+    assert "mesh_error" in [name for name, check in found.checks().items() if not check.passed]
+
+
 HEAVY = {"rotor": {"set_angle": 5, "hub_inertia": 2e3}, "design": {"blade": "fixed"}}
 SINE = {"inflow": {"profile": "sine", "angular_frequency": 0.4}}
 
