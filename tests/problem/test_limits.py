@@ -120,6 +120,7 @@ def run(tmp_path_factory):
     return solve
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sections", "bound"),
     [
@@ -154,6 +155,7 @@ def test_a_tapered_blade_grows_nowhere_outboard(run):
     assert np.max(found.simulation["rotor_speed_rad_s"]) <= 2.5 * np.pi * 1.001
 
 
+@pytest.mark.slow
 def test_electrical_energy_is_maximized_where_the_generator_loses_least(run):
     losses = {"rated_torque": 700, "rated_speed": "90 rpm", "copper_loss": "0.5 kW"}
     losses |= {"friction_loss": 50, "iron_loss": 100}
@@ -187,6 +189,7 @@ def test_a_table_is_read_first_and_leaving_it_is_told(run, tmp_path):
         run(**sections)
 
 
+@pytest.mark.slow
 def test_a_constant_efficiency_moves_no_optimum(run):
     share, plain = (
         run(generator={"efficiency": 0.92}, objective="electrical"),

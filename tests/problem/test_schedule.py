@@ -59,7 +59,12 @@ def test_speed_is_kept_by_the_better_of_two_optima():
 
 @pytest.mark.parametrize(
     ("limit", "value"),
-    [("thrust", "6 kN"), ("root_moment", "1.5 kN m"), ("stress", "100 MPa"), ("cavitation", 3)],
+    [
+        ("thrust", "6 kN"),
+        ("root_moment", "1.5 kN m"),
+        ("cavitation", 3),
+        pytest.param("stress", "100 MPa", marks=pytest.mark.slow),
+    ],
 )
 def test_loads_are_kept_by_direct_blade_element_momentum(limit, value):
     case, found = world(**{limit: value}), start(**{limit: value})
@@ -113,6 +118,7 @@ def test_slopes_of_objective_and_constraints():
     assert np.allclose(slopes, np.transpose(numeric), rtol=1e-5, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_partials_of_the_loads_in_the_problem():
     case, found = world(stress="100 MPa"), start(stress="100 MPa")
     problem = assemble(case, Setup(found, curve_nodes(case, found)))

@@ -49,6 +49,7 @@ def test_open_loop_is_never_below_feedback_where_a_limit_switches(solve_physics)
     assert best.flights[0].simulation.energy > law.flights[0].simulation.energy * (1.0 - 1e-5)
 
 
+@pytest.mark.slow
 def test_open_loop_settles_through_a_gust_much_faster_than_the_rotor(solve_physics):
     """Segments of 1 s beside others of 0.5 ms, and a torque that meets both of its bounds."""
     gust = {"profile": "gust", "shape": "mexican_hat", "amplitude": 1, "time": 7.03, "width": 0.047}
