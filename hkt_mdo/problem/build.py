@@ -12,7 +12,7 @@ import openmdao.api as om
 from dymos import Trajectory
 
 from hkt_mdo.case import Case
-from hkt_mdo.dynamics.limits import TYPICAL, DistanceFromStall, Limit, settled
+from hkt_mdo.dynamics.limits import TYPICAL, DistanceFromStall, Limit, TorqueLimit, settled
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
 from hkt_mdo.dynamics.trajectory import LOADS, QUANTITIES, SERIES
@@ -133,7 +133,10 @@ def _scales(physics, setup):
     speed = float(np.mean(operation.rotor_speed))
     limit = physics.torque_limit
     if limit is not None:
-        limit *= min((np.min(share) for share in setup.shares.values()), default=1.0)
+        own = (
+            np.min(share) for (name, _), share in setup.shares.items() if name == TorqueLimit.name
+        )
+        limit *= min(own, default=1.0)
     return Scales(speed, torque, torque / inertia, limit)
 
 

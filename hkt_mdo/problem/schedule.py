@@ -481,5 +481,5 @@ def _solve(joint, start, low, high, units, objective, slack):
         method="SLSQP",
         bounds=Bounds(low, high),
         constraints=constraints,
-        options={"ftol": 1e-9, "maxiter": 100},
+        options={"ftol": 1e-6, "maxiter": 100},
     ).x

@@ -82,16 +82,27 @@ class CheckEntry(_Entry):
 
 
 class LimitEntry(_Entry):
-    """A limit: the largest value that occurs, the limit, and whether it is reached."""
+    """A limit: the largest value that occurs, the limit, and whether it is reached.
+
+    Of a limit over time: when the value is largest, in which share of the time the limit binds, and
+    its worth, by how much the objective (J) would grow with a limit one per cent larger.
+    """
 
     value: _Number = None
     limit: _Number = None
     unit: str = ""
     binding: bool | None = None
+    time_s: _Number = None
+    share_of_time: _Number = None
+    worth: _Number = None
 
     def __str__(self) -> str:
-        told = (measured(each, self.unit) for each in (self.value, self.limit))
-        return printable(", limit ".join(told))
+        told = [measured(self.value, self.unit), f"limit {measured(self.limit, self.unit)}"]
+        if self.binding and self.share_of_time is not None:
+            told.append(f"binds {100.0 * self.share_of_time:.3g} % of the time")
+        if self.binding and self.worth is not None:
+            told.append(f"1 % more would give {measured(self.worth, 'J', 3)}")
+        return printable(", ".join(told))
 
 
 class LoadEntry(_Entry):

@@ -15,7 +15,15 @@ import numpy as np
 import openmdao.api as om
 from scipy.integrate import simpson
 
-from hkt_mdo.dynamics.limits import LEAST, SLOWED, TYPICAL, DistanceFromStall, Limit, settled
+from hkt_mdo.dynamics.limits import (
+    LEAST,
+    SLOWED,
+    TYPICAL,
+    DistanceFromStall,
+    Limit,
+    TorqueLimit,
+    settled,
+)
 from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.dynamics.simulation import (
     SLOWEST_RATIO,
@@ -43,7 +51,8 @@ FLOW_ERROR, MESH_ERROR = 1e-4, 1e-5
 STORED = 0.01  # share of the captured energy that the rotor may have stored
 RECOVERY_ERROR = 0.2  # of the least recovery torque, which is a small difference of torques
 BELOW_START = 2e-3  # what the rotor's inertia and its distance from stall may cost
-BOUND_MARGIN, NODE_VIOLATION, BETWEEN_VIOLATION = 1e-5, 1e-6, 1e-3
+BOUND_MARGIN, NODE_VIOLATION, BETWEEN_VIOLATION = 1e-5, 1e-6, 1e-4
+CUT_BETWEEN = 1e-3  # of a torque's polynomial, which the generator cuts at its limit
 SAMPLES = 20  # a segment, of the integration and between the nodes
 
 
@@ -328,7 +337,12 @@ def _of_limit(physics, limit, result, flights):
             over, when = flight.between_nodes(limit)
             worst = int(np.argmax(over))
             place = f"at t = {when[worst]:.2f} s"
-            yield f"{limit.name}_between_nodes{suffix}", over[worst], BETWEEN_VIOLATION, place
+            yield f"{limit.name}_between_nodes{suffix}", over[worst], most_between(limit), place
+
+
+def most_between(limit: Limit) -> float:
+    """Return by how much a limit may be exceeded between the nodes, relatively."""
+    return CUT_BETWEEN if isinstance(limit, TorqueLimit) else BETWEEN_VIOLATION
 
 
 def designed(physics: Physics, point: StartingPoint) -> dict[str, np.ndarray]:

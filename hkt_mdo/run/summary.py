@@ -2,9 +2,11 @@
 
 import platform
 from importlib import metadata
+from types import MappingProxyType
 
 import numpy as np
 import yaml
+from scipy.integrate import trapezoid
 
 from hkt_mdo.dynamics.limits import DesignBounds
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
@@ -27,10 +29,21 @@ BINDING, ENVELOPE = 1e-3, 1e-2
 PACKAGES = "hkt_mdo openmdao dymos numpy scipy numba casadi wisdem pyoptsparse".split()
 
 
-def summarize(physics, optimum, start, start_breaks, result, flights, checks, remedy="") -> Summary:
+def summarize(
+    physics,
+    optimum,
+    start,
+    start_breaks,
+    result,
+    flights,
+    checks,
+    remedy="",
+    worths=MappingProxyType({}),
+) -> Summary:
     """Return the summary of a finished run; `remedy`: what to try if the optimizer failed.
 
-    `start_breaks` names the limits that the start exceeds, on the mesh that it was found on.
+    `start_breaks` names the limits that the start exceeds, on the mesh that it was found on;
+    `worths` are those of `hkt_mdo.run.worth`.
     """
     failed = [check for check in checks if not check.passed]
     blade = result.point.blade
@@ -73,7 +86,7 @@ def summarize(physics, optimum, start, start_breaks, result, flights, checks, re
             else physics.objective_bound(bound),
         },
         "limits": {
-            limit.name: _limit(limit, flights)
+            limit.name: _limit(limit, flights, worths)
             for limit in physics.limits
             if not isinstance(limit, DesignBounds) and np.isfinite(limit.upper)
         },
@@ -154,7 +167,7 @@ def _gap(over, turning):
     return None if over is None or not turning else -over
 
 
-def _limit(limit, flights):
+def _limit(limit, flights, worths):
     """Return the largest value of a limit, at the nodes and in the integration, and its bound."""
     values = [
         np.max(limit.value_of(quantities))
@@ -164,7 +177,21 @@ def _limit(limit, flights):
     value, bound = float(max(values)), float(limit.upper)
     near = ENVELOPE if limit.name in LOADS else BINDING
     binding = bool(value >= bound - near * abs(bound))
-    return {"value": value, "limit": bound, "unit": limit.unit or "", "binding": binding}
+    entry = {"value": value, "limit": bound, "unit": limit.unit or "", "binding": binding}
+    if limit.place != "time":
+        return entry
+    flown = [(limit.value_of(flight.flown), flight.flown["time"]) for flight in flights]
+    along, time = max(flown, key=lambda each: np.max(each[0]))
+    binds = [
+        trapezoid(np.where(values >= bound - near * abs(bound), 1.0, 0.0), time) / time[-1]
+        for values, time in flown
+    ]
+    weights = [flight.scenario.weight for flight in flights]
+    return entry | {
+        "time_s": time[np.argmax(along)],
+        "share_of_time": np.average(binds, weights=weights),
+        "worth": worths.get(limit.name),
+    }
 
 
 def _loads(physics, blade, flights):
