@@ -175,7 +175,7 @@ def _add_rotor(model, physics, setup):
     inertia = InertiaComp(
         blade=blade,
         section_area=physics.section_area,
-        density=case.rotor.material_density,
+        density=case.rotor.blade_material.density,
         hub_inertia=case.rotor.hub_inertia,
     )
     model.add_subsystem("inertia", inertia, promotes=["*"])

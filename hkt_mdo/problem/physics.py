@@ -35,7 +35,6 @@ from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.shape import Shape
 from hkt_mdo.rotor.stall import SLOWER, stall_fence
-from hkt_mdo.rotor.strength import Structure
 from hkt_mdo.rotor.suction import require_suction, section_suction
 
 BEM = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficients}
@@ -227,7 +226,7 @@ class Physics:
         """Return mass (kg) and inertia (kg*m**2) of the rotor with a blade."""
         rotor = self.case.rotor
         mass, inertia, *_ = mass_and_inertia(
-            blade, self.section_area, rotor.material_density, rotor.hub_inertia
+            blade, self.section_area, rotor.blade_material.density, rotor.hub_inertia
         )
         return float(mass), float(inertia)
 
@@ -333,8 +332,7 @@ def _load_model(case: Case, turbine: Turbine, shape: Shape) -> LoadModel:
     cavitation = None
     if depth is not None and told:
         cavitation = Cavitation(partial(section_suction, turbine.polar), depth, asked.margin)
-    structure = Structure.of(turbine.outlines, case.rotor.material_density, case.rotor.modulus)
-    return LoadModel(turbine.polar, case.fluid.density, structure, cavitation)
+    return LoadModel(turbine.polar, case.fluid.density, turbine.structure, cavitation)
 
 
 def _doubts(case: Case, mean: float) -> Iterator[str]:
@@ -389,5 +387,5 @@ def _limits(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit
         TorqueLimit(bound=torque_limit),
         ForwardRotation(),
         *(DesignBounds(quantity=name, bounds=ends) for name, ends in bounds.items() if ends),
-        *(limit.on(shape.blade) for limit in case.limits.given),
+        *(limit.on(shape.blade, case.rotor.blade_material) for limit in case.limits.given),
     )

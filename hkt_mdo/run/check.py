@@ -94,9 +94,16 @@ def _turbine(found: Findings, warn) -> dict[str, str]:
         f"of {found.case.fluid.density:g} kg/m^3",
         "blade at the start": f"{source}: {blade.r.size} stations at {found.places()}, chord "
         f"{span(blade.chord, 'm')}, twist {span(np.rad2deg(blade.twist), 'deg', 3)}",
-        "mass, inertia": f"{number(mass)} kg and {number(inertia)} kg m^2: solid blades of "
-        f"{rotor.material_density:g} kg/m^3{besides}",
+        "mass, inertia": f"{number(mass)} kg and {number(inertia)} kg m^2: {_kind(rotor)}blades "
+        f"of {rotor.blade_material.density:g} kg/m^3{besides}",
     }
+
+
+def _kind(rotor) -> str:
+    """Return whether blades are solid or hollow; neither where the area of a section is given."""
+    if any(each.area is not None for each in rotor.sections):
+        return ""
+    return "hollow " if rotor.wall or any(each.wall for each in rotor.sections) else "solid "
 
 
 def _stations(found: Findings, note, warn) -> dict[str, str]:
