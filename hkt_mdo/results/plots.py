@@ -29,6 +29,7 @@ Solutions = Solution | Sequence[Solution]
 
 _BAR: dict[str, Any] = {"linewidth": 2.5, "marker": "|", "markersize": 8, "markeredgewidth": 1.5}
 _MARKS_PER_LINE = 12
+_MANY_NODES = 400  # above which their markers would hide the line
 _DASHES = "-.", ":", "--"  # of the limits in one plot
 
 
@@ -64,22 +65,19 @@ def plot_power_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
 
 
 def _series(
-    x: str, quantity: str, solutions: Solutions, ax: Axes | None = None, scale: float = 1.0
+    x: str, quantity: str, solutions: Solutions, ax: Axes | None, scale: float = 1.0
 ) -> Axes:
-    """Plot a quantity times a scale over another one, as simulated; of one solution the nodes."""
+    """Plot a quantity times a scale over another one: as simulated, or else at the nodes."""
     chosen, ax, column = _named(solutions), ax or style.new_axes(), COLUMNS[quantity]
     for index, (solution, name) in enumerate(chosen):
-        nodes = solution.trajectory
-        table = solution.simulation or (nodes if name else {})
+        table, label = solution.simulation, name or "simulation"
+        if column not in table:
+            table, label = solution.trajectory, name or "collocation nodes"
         if column in table:
             look = style.line(index)
             if name:
                 look |= _few_markers(index, len(chosen), table[column].size)
-            ax.plot(table[COLUMNS[x]], scale * table[column], label=name or "simulation", **look)
-        if column in nodes and not name:
-            look = style.marker(0, 3.2) | {"linestyle": "none", "markerfacecolor": "none"}
-            look |= {"color": style.COLORS[1], "zorder": 2.5}
-            ax.plot(nodes[COLUMNS[x]], scale * nodes[column], label="collocation nodes", **look)
+            ax.plot(table[COLUMNS[x]], scale * table[column], label=label, **look)
     return ax
 
 
@@ -90,8 +88,14 @@ def _few_markers(index: int, count: int, size: int) -> dict[str, Any]:
 
 
 def _over_time(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot a quantity over time, and its limit."""
+    """Plot a quantity over time, of one solution at the nodes too, and its limit."""
     chosen, ax = _named(solutions), _series("time", quantity, solutions, ax)
+    nodes = chosen[0][0].trajectory
+    if len(chosen) == 1 and nodes:
+        size = 3.2 if nodes["time_s"].size <= _MANY_NODES else 1.2
+        look = style.marker(0, size) | {"linestyle": "none", "markerfacecolor": "none"}
+        look |= {"color": style.COLORS[1], "zorder": 2.5}
+        ax.plot(nodes["time_s"], nodes[COLUMNS[quantity]], label="collocation nodes", **look)
     words, unit = quantity.replace("_", " "), (QUANTITIES[quantity][0] or "-").replace("*", " ")
     limits = (_limits(each).get(quantity) for each, _ in chosen)
     for bound in sorted({entry.limit for entry in limits if entry} - {None}):
@@ -149,15 +153,31 @@ def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Ax
     """Plot a quantity over the flow speed along the trajectory, and its limits."""
     label, scale = _SCHEDULES[quantity]
     ax = _series("inflow_speed", quantity, solutions, ax, scale)
-    _draw_levels(quantity, scale, solutions, ax)
+    _draw_levels((quantity,), scale, solutions, ax)
     style.widen(ax)
     return style.finish(ax, "inflow speed (m/s)", label)
 
 
 # over the flow speed, with their limits
 plot_torque_schedule = partial(_schedule, "control_torque")
-plot_power_schedule = partial(_schedule, "generator_power")
 plot_thrust_schedule = partial(_schedule, "thrust")
+
+
+def plot_power_schedule(solutions: Solutions, ax: Axes | None = None) -> Axes:
+    """Plot shaft power and, of a generator with losses, electrical power over the flow speed."""
+    ax, label = ax or style.new_axes(), "electrical power"
+    words, scale = _SCHEDULES["generator_power"]
+    _series("inflow_speed", "generator_power", solutions, ax, scale)
+    for index, (solution, _) in enumerate(_named(solutions)):
+        table = solution.simulation or solution.trajectory
+        if table and not np.allclose(table["electrical_power_W"], table["generator_power_W"]):
+            look = {"color": style.COLORS[index % len(style.COLORS)], "linewidth": 0.9}
+            power = scale * table["electrical_power_W"]
+            ax.plot(table["inflow_speed_m_s"], power, linestyle=(0, (1, 2)), label=label, **look)
+            label = "_"  # one entry in the legend is enough
+    _draw_levels(("generator_power", "electrical_power"), scale, solutions, ax)
+    style.widen(ax)
+    return style.finish(ax, "inflow speed (m/s)", words)
 
 
 def plot_speed_schedule(solutions: Solutions, ax: Axes | None = None) -> Axes:
@@ -171,26 +191,28 @@ def plot_speed_schedule(solutions: Solutions, ax: Axes | None = None) -> Axes:
 
 
 _OVER_SPAN = {
-    "stress_Pa": ("stress", "stress (MPa)", 1e-6),
-    "flapwise_moment_Nm": ("stress", "flapwise moment (kN m)", 1e-3),
-    "cavitation": ("cavitation", "suction over available (-)", 1.0),
+    "stress_Pa": ("stress", "stress", "stress (MPa)", 1e-6),
+    "flapwise_moment_Nm": ("stress", "stress", "flapwise moment (kN m)", 1e-3),
+    "cavitation": ("cavitation", "suction", "suction, 1: cavitation (-)", 1.0),
 }
-"""Load at whose largest value each column is drawn, label and scale."""
+"""Load at whose largest value each column is drawn, its word, the column's label and scale."""
 
 
 def _over_span(column: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a load along the blade at the time of the largest one, and its limits."""
-    ax, (load, label, scale) = ax or style.new_axes(), _OVER_SPAN[column]
-    for index, (solution, name) in enumerate(_named(solutions)):
+    chosen, ax = _named(solutions), ax or style.new_axes()
+    load, word, label, scale = _OVER_SPAN[column]
+    for index, (solution, name) in enumerate(chosen):
         if column in solution.loads:
             entry = (solution.summary.loads or {}).get(load)
-            words = f"at the largest {load}"
+            words = f"at the largest {word}"
             words += "" if entry is None or entry.time_s is None else f", t = {entry.time_s:.2f} s"
-            look = style.line(index) | _few_markers(index, 1, solution.loads[column].size)
-            values = scale * solution.loads[column]
+            values, look = scale * solution.loads[column], style.line(index)
+            if name:
+                look |= _few_markers(index, len(chosen), values.size)
             ax.plot(solution.loads["r_over_R"], values, label=name or words, **look)
     if column == COLUMNS[load]:
-        _draw_levels(load, scale, solutions, ax)
+        _draw_levels((load,), scale, solutions, ax)
     ax.set_ylim(bottom=0.0)
     return style.finish(ax, "radius over that of the tip (-)", label)
 
@@ -201,13 +223,15 @@ plot_flapwise_moment = partial(_over_span, "flapwise_moment_Nm")
 plot_suction = partial(_over_span, "cavitation")
 
 
-def _draw_levels(quantity: str, scale: float, solutions: Solutions, ax: Axes) -> None:
-    """Draw the limits of a quantity as lines, one for equal ones."""
+def _draw_levels(quantities: Sequence[str], scale: float, solutions: Solutions, ax: Axes) -> None:
+    """Draw the limits of some quantities as lines, one for equal ones."""
     drawn: dict[tuple[str, float], str] = {}
     for solution, _ in _named(solutions):
-        levels = solution.limit_levels(quantity)
+        levels: dict[str, float] = {}
+        for each in quantities:
+            levels |= solution.limit_levels(each)
         for limit in (each for each in solution.limits if each.name in levels):
-            told = measured(float(limit.upper), limit.unit or "")
+            told = measured(float(limit.upper), limit.unit or "", 4)
             drawn[limit.name, levels[limit.name]] = f"{limit.name.replace('_', ' ')} limit {told}"
     for dashes, ((_, level), label) in zip(cycle(_DASHES), drawn.items(), strict=False):
         ax.axhline(scale * level, linestyle=dashes, label=label, **style.REFERENCE)
@@ -271,7 +295,7 @@ FIGURES: dict[str, tuple[list[Panel], float, float]] = {
     "schedule": (
         _panels(*_SCHEDULE, tables=_TIMES)
         + _panels(plot_thrust_schedule, tables=_TIMES, column=COLUMNS["thrust"]),
-        *(6.2, 8.2),
+        *(7.0, 8.2),
     ),
     "limits": ([Panel(plot_limits, _limited)], 7.0, 4.2),
     "loads": (

@@ -35,8 +35,8 @@ def _scaled(value: float) -> tuple[float, str]:
 
 def bent(deflection: float, radius: float | None) -> str:
     """Return the deflection of a tip (m), and its share of the radius (m) where that is known."""
-    share = f", {100.0 * deflection / radius:.3g} % of the radius" if radius else ""
-    return quantity(deflection, "m") + share
+    share = f" ({100.0 * deflection / radius:.3g} % of the radius)" if radius else ""
+    return f"{quantity(deflection, 'm')}{share}, as a linear beam"
 
 
 def turning(speed: float, digits: int = 4) -> str:
