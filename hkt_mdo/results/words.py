@@ -30,7 +30,7 @@ def _scaled(value: float) -> tuple[float, str]:
     for scale, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, "")):
         if size >= (scale if prefix else 0.1):
             return value / scale, prefix
-    return (value / 1e-3, "m") if size else (0.0, "")
+    return (value / 1e-3, "m") if size > 0.0 else (value, "")
 
 
 def bent(deflection: float, radius: float | None) -> str:
