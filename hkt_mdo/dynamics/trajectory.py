@@ -28,8 +28,8 @@ SERIES = QUANTITIES | LOADS
 
 _SUFFIXES = {None: "", "N*m": "_Nm", "m/s": "_m_s", "rad/s": "_rad_s"}
 
-COLUMNS = {name: name + _SUFFIXES.get(unit, f"_{unit}") for name, (unit, _) in QUANTITIES.items()}
-"""Header of each quantity's column in `trajectory.csv` and `simulation.csv`: name and unit."""
+COLUMNS = {name: name + _SUFFIXES.get(unit, f"_{unit}") for name, (unit, _) in SERIES.items()}
+"""Header of each quantity's and load's column in `trajectory.csv` and `simulation.csv`."""
 
 
 def quantities(

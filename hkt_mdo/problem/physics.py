@@ -88,20 +88,34 @@ class Physics:
         By direct BEM at the trajectory's tip speed ratios, or at `RATIOS` of them if there are
         more, between which they are linear. known has the quantities of the trajectory.
         """
-        ratio, flow = known["tip_speed_ratio"], known["inflow_speed"]
+        ratio, flow = np.maximum(known["tip_speed_ratio"], SLOWEST_RATIO), known["inflow_speed"]
         if not names:
             return {}
-        ratio = np.maximum(ratio, SLOWEST_RATIO)
-        at = ratio if ratio.size <= RATIOS else np.linspace(ratio.min(), ratio.max(), RATIOS)
-        loads = self.loads
+        if isinstance(self.polar, LocalReynolds):  # the flow counts too: every instant by itself
+            parts = np.array_split(np.arange(ratio.size), -(-ratio.size // RATIOS))
+            found = [
+                self.loads_in(flow[part]).coefficients(blade, ratio[part], names=names)
+                for part in parts
+            ]
+            largest = {
+                name: np.concatenate([each[name].largest for each in found]) for name in names
+            }
+        else:
+            at = ratio if ratio.size <= RATIOS else np.linspace(ratio.min(), ratio.max(), RATIOS)
+            known_at = self.loads.coefficients(blade, at, names=names)
+            largest = {name: load.largest for name, load in known_at.items()}
+            if at is not ratio:
+                largest = {name: np.interp(ratio, at, each) for name, each in largest.items()}
+        return {name: 0.5 * self.density * flow**2 * each for name, each in largest.items()}
+
+    def loads_in(self, flow: float | np.ndarray) -> LoadModel:
+        """Return what loads follow from in a flow (m/s), with the polars at their Reynolds numbers.
+
+        Polars that do not follow the Reynolds number are the same in every flow.
+        """
         if isinstance(self.polar, LocalReynolds):
-            loads, at = replace(loads, polar=self.polar.at_speed(flow)), ratio
-        found = loads.coefficients(blade, at, names=names)
-        pressure = 0.5 * self.density * flow**2
-        return {
-            name: pressure * (load.largest if at is ratio else np.interp(ratio, at, load.largest))
-            for name, load in found.items()
-        }
+            return replace(self.loads, polar=self.polar.at_speed(flow))
+        return self.loads
 
     @property
     def generator(self) -> Generator:

@@ -89,17 +89,34 @@ class Flight:
     """What `Physics.scalars` has of the design."""
     plant: Plant
     loads: Callable[[dict], dict]
-    """Returns the loads that the case limits, of a trajectory's quantities, by direct BEM."""
+    """Returns all loads that are known, of a trajectory's quantities, by direct BEM."""
+    limits_loads: bool
+    """Whether the case limits loads; without, they are computed for the tables only."""
+
+    @cached_property
+    def loads_at_nodes(self) -> dict[str, np.ndarray]:
+        """All loads that are known, at the nodes."""
+        return self.loads(self.trajectory)
+
+    @cached_property
+    def loads_flown(self) -> dict[str, np.ndarray]:
+        """All loads that are known, along the integration."""
+        return self.loads(self.integrated)
+
+    @property
+    def told(self) -> dict[str, Any]:
+        """What is told of the integration: its quantities, all loads and the scalars."""
+        return self.integrated | self.loads_flown | self.scalars
 
     @cached_property
     def at_nodes(self) -> dict[str, Any]:
         """What limits take, at the nodes: the trajectory, its loads and the scalars."""
-        return self.trajectory | self.loads(self.trajectory) | self.scalars
+        return self.trajectory | (self.loads_at_nodes if self.limits_loads else {}) | self.scalars
 
     @cached_property
     def flown(self) -> dict[str, Any]:
         """What limits take, along the integration."""
-        return self.integrated | self.loads(self.integrated) | self.scalars
+        return self.integrated | (self.loads_flown if self.limits_loads else {}) | self.scalars
 
     @property
     def integrated(self) -> dict[str, np.ndarray]:
@@ -153,7 +170,7 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
     scalars, flights = physics.scalars(blade, result.inertia), []
 
     def loads(known):
-        return physics.loads_along(blade, known, physics.load_names)
+        return physics.loads_along(blade, known, physics.loads.names)
 
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
         mesh, recorded, law = scenario.mesh, None, physics.law
@@ -168,7 +185,8 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
             samples=np.append(scenario.within(np.arange(SAMPLES) / SAMPLES), mesh.duration),
             max_step=mesh.duration / mesh.segments,
         )
-        flights.append(Flight(scenario, nodes, flown, recorded, scalars, plant, loads))
+        limited = bool(physics.load_names)
+        flights.append(Flight(scenario, nodes, flown, recorded, scalars, plant, loads, limited))
     return tuple(flights)
 
 
