@@ -37,6 +37,7 @@ ROUNDS = 16
 TIGHTENED, LOOSE = 0.5, 0.05  # of an excess that is tightened in steps, and one that is not
 SAME = 2e-3  # relative difference of the tip speed ratios of one optimum
 GAIN = 1e-7  # relative gain of the objective that is worth another round
+BEHIND, LAST = 0.01, 4.0  # of the best objective, and of the last gain: a schedule is given up
 
 
 @dataclass(frozen=True, eq=False)
@@ -325,7 +326,8 @@ def schedules(
 
     `problem` has the whole flow, `optimum` is that of the blades to choose from. Without `improve`,
     blade and gains are as given. A feedback law has the branches of the open loops that its gains
-    are fitted to; a branch that leads to another's optimum is left out.
+    are fitted to; a branch that leads to another's optimum is left out. Of a branch that is given
+    up, far behind the other, the objective is what it had reached.
     """
     if physics.load_names:  # loads cost more than torque
         problem = replace(problem, spline=TorqueSpline(problem.spline.nodes[::THINNED]))
@@ -340,19 +342,22 @@ def schedules(
         found = start_candidates(of, physics.shape, gains, physics.polar, optimum, gain_bounds)
         return list(found) if improve else [next(found)]
 
-    def improved(flow, of, best):
+    def improved(flow, of, best, others):
         design = CoDesign(of, physics.shape, physics.polar, gain_bounds)
-        return _improve(Joint(flow, design, of.slowed), best) if improve else best
+        rival = max((each.objective for each in others if each.worth[0]), default=-np.inf)
+        return _improve(Joint(flow, design, of.slowed), best, rival) if improve else best
 
     starts, found = candidates(free), []
     for branch in BRANCHES:
         best = max((_along(open_loop, start, branch) for start in starts), key=_worth)
-        found.append(improved(open_loop, free, best))
+        found.append(improved(open_loop, free, best, found))
         starts.append(StartingPoint(found[-1].blade, np.empty(0), starts[0].operation))
     if law is not None:
         own = [_along(steady, start, "") for start in candidates(few, gains)]
         fitted = [_along(steady, _fitted(steady, few, each), "") for each in found] * improve
-        found = [improved(steady, few, each) for each in (max(own, key=_worth), *fitted)]
+        found = []
+        for each in (max(own, key=_worth), *fitted):
+            found.append(improved(steady, few, each, found))
     found = [replace(each, branch=_side(steady, each)) for each in found]
     found.sort(key=_worth, reverse=True)
     others = [each for each in found[1:] if each.branch != found[0].branch]
@@ -420,10 +425,11 @@ def _along(steady: SteadyFlow, start: StartingPoint, branch: str) -> Schedule:
     return Schedule(branch, start.blade, start.gains, ratio, value, excess)
 
 
-def _improve(joint: Joint, best: Schedule) -> Schedule:
+def _improve(joint: Joint, best: Schedule, rival: float = -np.inf) -> Schedule:
     """Improve a schedule by SLSQP within move limits, re-centred until nothing is gained.
 
     Limits that it exceeds by much are tightened in steps: each round begins near what it asks for.
+    A schedule that remains far behind the objective of a rival is given up.
     """
     design, n = joint.design, joint.steady.speeds.size
     slack = best.excess if np.isfinite(best.excess) else 1.0
@@ -450,7 +456,10 @@ def _improve(joint: Joint, best: Schedule) -> Schedule:
         kept, objective = best.worth
         if slack == 0.0 and better.worth <= (kept, objective + GAIN * abs(objective)):
             break
+        gained, missing = better.objective - best.objective, rival - better.objective
         best = better
+        if slack == 0.0 and missing > max(BEHIND * abs(rival), LAST * gained):
+            break
     return best
 
 

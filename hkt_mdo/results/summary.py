@@ -98,20 +98,23 @@ class LimitEntry(_Entry):
 
     def __str__(self) -> str:
         told = [measured(self.value, self.unit), f"limit {measured(self.limit, self.unit)}"]
-        if self.binding and self.share_of_time is not None:
-            told.append(f"binds {100.0 * self.share_of_time:.3g} % of the time")
-        if self.binding and self.worth is not None:
-            told.append(f"1 % more would give {measured(self.worth, 'J', 3)}")
         return printable(", ".join(told))
 
     @property
     def margin(self) -> str:
-        """What is left up to the limit, in per cent of it, as text; empty if it is not known."""
+        """What is left up to the limit, in per cent, and what it costs; empty if not known."""
         if self.value is None or not self.limit:
             return ""
         left = 100.0 * (self.limit - self.value) / abs(self.limit)
         word = f"margin {left:z.2f} %" if left > -0.005 else f"exceeded by {-left:.2f} %"
-        return f"{word}, binding" if self.binding else word
+        if not self.binding:
+            return word
+        told = [word, "binding"]
+        if self.share_of_time is not None:
+            told[-1] += f" {100.0 * self.share_of_time:.3g} % of the time"
+        if self.worth is not None:
+            told.append(f"1 % more would give {measured(self.worth, 'J', 3)}")
+        return ", ".join(told)
 
 
 class LoadEntry(_Entry):

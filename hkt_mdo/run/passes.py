@@ -38,7 +38,8 @@ NEAR_LIMIT = 1e-4  # relative distance from its bound within which a limit binds
 SHORT_OF = 3e-6  # of the energy: what segments together may fall short of quasi-steady operation
 # segments, whose problem takes several gigabytes; of a dense optimizer, minutes
 MOST_DIVIDED, MOST_DENSE = 10_000, 400
-MOST_LOWERED = 5e-3  # by which a limit is lowered at the nodes before its segment is divided
+FEW_DIVISIONS = 4  # after as many, a limit exceeded between the nodes is lowered at the nodes
+MOST_LOWERED = 5e-3  # by which it is lowered at most
 PARTS = 4  # of a segment in which a limit begins or ceases to bind
 FIRST_ITERATIONS = 300  # after as many, an optimization has lost its way
 
@@ -78,25 +79,18 @@ def optimize(
             continue
         again = _refined(physics, setup, result, flights, at_limit)
         if again is None:
-            lowered = _lowered(physics, setup, flights)
-            known = physics, result, flights, near, lowered is not None
-            error, parts = _mesh_error(*known, coarser, start.branch)
+            error, parts = _mesh_error(physics, result, flights, near, coarser, start.branch)
+            result = replace(result, mesh_error=error)
+            ended = physics, result, flights
             most = MOST_DENSE if physics.case.driver.optimizer == "SLSQP" else MOST_DIVIDED
-            if sum(map(np.sum, parts)) > most:
-                parts = []
-            if lowered is None:
-                result = replace(result, mesh_error=error)
-                ended = physics, result, flights
-                if not parts:
-                    return ended
-            if parts:
+            if parts and sum(map(np.sum, parts)) <= most:
                 coarser.append(result.objective)
                 physics, setup = _on_finer_mesh(physics, setup, result, parts)
                 log.save(setup.start, physics)
                 continue
-            again = replace(
-                setup, start=result.point, nodes=curve_nodes(physics, result.point), shares=lowered
-            )
+            again = _lowered(physics, setup, result, flights)
+            if again is None:
+                return ended
         setup = again
     if at_limit:  # an optimum between limits of our own making is none
         message = f"still at a move limit after {MAX_PASSES} optimizations"
@@ -127,22 +121,19 @@ def _refined(physics, setup, result, flights, at_limit) -> Setup | None:
     return replace(setup, start=result.point, nodes=nodes)
 
 
-def _mesh_error(
-    physics, result, flights, near, lowering, coarser, branch
-) -> tuple[float, list[np.ndarray]]:
+def _mesh_error(physics, result, flights, near, coarser, branch) -> tuple[float, list[np.ndarray]]:
     """Return by how much a finer mesh may change the objective, relatively, and what to divide.
 
-    `near` is that of `_near_stall`; `lowering` tells whether lower limits at the nodes may yet keep
-    those between them; `coarser` has the objectives on the meshes before, the last one's at the
-    end. Under open loop the error is how much the last division has changed it; of two divisions
-    that form a geometric series, the rest of that series. Before a division it is how far the
-    objective is from that of quasi-steady operation of the found blade, which needs no mesh. A
+    `near` is that of `_near_stall`; `coarser` has the objectives on the meshes before, the last
+    one's at the end. Under open loop the error is how much the last division has changed it; of two
+    divisions that form a geometric series, the rest of that series. Before a division it is how far
+    the objective is from that of quasi-steady operation of the found blade, which needs no mesh. A
     feedback law leaves the optimizer no torque over time to choose, and its error is none.
 
     What to divide is the number of parts of each segment, empty where the mesh is fine enough.
-    Divided are segments where the integration denies the collocation, where it is closer to stall
-    between the nodes than at them and, under open loop, those in which a limit begins or ceases to
-    bind, or the trajectory falls short of quasi-steady operation.
+    Divided are segments where the integration denies the collocation, where it exceeds a limit or
+    is closer to stall between the nodes than at them and, under open loop, those in which a limit
+    begins or ceases to bind, or the trajectory falls short of quasi-steady operation.
     """
     coarse, error = [np.zeros(each.scenario.segments, dtype=bool) for each in flights], 0.0
     if is_false(flights):
@@ -155,7 +146,7 @@ def _mesh_error(
             coarse = [np.zeros_like(marks) for marks in coarse]
     for marks, close, flight in zip(coarse, near, flights, strict=True):
         marks |= close
-        for limit in _held(physics) if not lowering else ():
+        for limit in _held(physics) if len(coarser) < FEW_DIVISIONS else ():
             marks |= flight.between_nodes(limit)[0] > most_between(limit)
     if physics.law is None:
         blade = result.point.blade
@@ -233,8 +224,8 @@ def _on_finer_mesh(physics, setup, result, parts) -> tuple[Physics, Setup]:
     return physics, replace(setup, start=point, shares=shares)
 
 
-def _lowered(physics, setup, flights) -> dict | None:
-    """Return lower shares of the limits that are exceeded between the nodes; None if all hold.
+def _lowered(physics, setup, result, flights) -> Setup | None:
+    """Return the setup with lower limits, where they are exceeded between nodes; None if all hold.
 
     They are lowered in the segments that need it: elsewhere a lower limit would only cost energy.
     """
@@ -242,17 +233,17 @@ def _lowered(physics, setup, flights) -> dict | None:
     for limit in _held(physics):
         if not np.isfinite(limit.upper):
             continue
+        most = most_between(limit)
         for flight in flights:
             over, _ = flight.between_nodes(limit)
             key = limit.name, flight.scenario.name
             share = shares.get(key, np.ones(flight.scenario.segments))
-            # where a lower limit does not help, the mesh is too coarse
             over = np.where(share > 1.0 - MOST_LOWERED, over, 0.0)
-            most = most_between(limit)
             if np.max(over) > most:
                 exceeded = True
                 shares[key] = share * (1.0 - np.where(over > 0.5 * most, over, 0.0))
-    return shares if exceeded else None
+    nodes = curve_nodes(physics, result.point)
+    return replace(setup, start=result.point, nodes=nodes, shares=shares) if exceeded else None
 
 
 def _solve(physics: Physics, setup: Setup, log: Log) -> Optimized:
