@@ -62,7 +62,11 @@ def optimize(
         solved, result = physics, _solve(physics, setup, log)
         if not result.outcome.success:
             if setup.moves == NARROW:
-                return ended or (physics, result, fly(physics, result))
+                return _coarser(ended, physics, objective) or (
+                    physics,
+                    result,
+                    fly(physics, result),
+                )
             setup = _in_smaller_moves(physics, setup, log.last)
             continue
         if not setup.slowed and not recovers(physics, result):
@@ -97,6 +101,20 @@ def optimize(
         ended = replace(result.outcome, success=False, message=message)
         result = replace(result, outcome=ended)
     return solved, result, fly(solved, result)  # the last pass may have divided the mesh of physics
+
+
+def _coarser(ended, physics, objective):
+    """Return what an optimization on a coarser mesh ended with, None if there is none.
+
+    Where one on the finer mesh has succeeded, its objective tells the error of the coarser mesh.
+    """
+    if ended is None:
+        return None
+    before, result, flights = ended
+    if before is not physics and objective != result.objective:
+        error = abs(objective / result.objective - 1.0)
+        result = replace(result, mesh_error=error)
+    return before, result, flights
 
 
 def _in_smaller_moves(physics, setup, last):
