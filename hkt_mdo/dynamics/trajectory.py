@@ -24,7 +24,10 @@ LOADS = {
 """Unit and description of each load, which follow from tip speed ratio and flow; those that are
 known of a rotor (`hkt_mdo.rotor.loads`) stand beside the quantities of its trajectory."""
 
-SERIES = QUANTITIES | LOADS
+RATES = {"torque_rate": ("N*m/s", "rate of the control torque")}
+"""Unit and description of each rate, which follows from a quantity at several times."""
+
+SERIES = QUANTITIES | LOADS | RATES
 
 _SUFFIXES = {None: "", "N*m": "_Nm", "m/s": "_m_s", "rad/s": "_rad_s"}
 

@@ -162,8 +162,8 @@ class Physics:
     def on_start(self, point) -> list[dict]:
         """Return the quantities of a quasi-steady starting point, one dict a scenario.
 
-        Those of `hkt_mdo.dynamics.trajectory.QUANTITIES`, and the scalars that limits and
-        objectives may take; the control torque balances the flow's.
+        Those of `hkt_mdo.dynamics.trajectory.SERIES`, of loads those that the case limits, and the
+        scalars that limits and objectives may take; the control torque balances the flow's.
         """
         scalars = self.scalars(point.blade, self.mass_and_inertia(point.blade)[1])
         found = []
@@ -174,6 +174,7 @@ class Physics:
             flow = scenario.inflow.speed_at(time)
             known = quantities(time, flow, speed, torque, torque, radius, self.generator)
             known |= self.loads_along(point.blade, known, self.load_names)
+            known["torque_rate"] = np.gradient(torque, time)
             found.append(known | scalars)
         return found
 

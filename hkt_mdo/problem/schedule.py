@@ -17,7 +17,7 @@ from scipy.optimize import Bounds, minimize
 from hkt_mdo.dynamics.laws import STEP
 from hkt_mdo.dynamics.limits import SLOWED, TYPICAL, Limit, TorqueLimit
 from hkt_mdo.dynamics.quasi_steady import SAFE, Operation, QuasiSteady
-from hkt_mdo.dynamics.trajectory import quantities
+from hkt_mdo.dynamics.trajectory import RATES, quantities
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.start import CoDesign, StartingPoint, start_candidates
 from hkt_mdo.rotor import bem
@@ -292,10 +292,15 @@ def needed(physics: Physics) -> bool:
 
 
 def _kept(physics: Physics) -> tuple[Limit, ...]:
-    """Return the limits that a schedule keeps: those over time that the optimization constrains."""
+    """Return the limits that a schedule keeps: those over time that the optimization constrains.
+
+    Those of rates are none: a schedule has no time.
+    """
     control = physics.case.control
 
     def constrains(limit):  # a torque limit is held by a law's saturation
+        if RATES.keys() & set(limit.inputs):
+            return False
         return limit.constrains(control) or (physics.law is None and isinstance(limit, TorqueLimit))
 
     limits = (each for each in physics.limits if each.place == "time" and np.isfinite(each.upper))

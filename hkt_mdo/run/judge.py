@@ -19,6 +19,7 @@ from hkt_mdo.dynamics.limits import LEAST, SLOWED, TYPICAL, DistanceFromStall, L
 from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.dynamics.simulation import (
     SLOWEST_RATIO,
+    FeedbackTorque,
     Plant,
     RecordedTorque,
     Simulation,
@@ -74,23 +75,33 @@ class Flight:
     scenario: Scenario
     trajectory: dict[str, np.ndarray]
     simulation: Simulation
-    recorded: RecordedTorque | None
-    """The open loop's torque history; None under feedback."""
+    controller: RecordedTorque | FeedbackTorque
     scalars: dict[str, Any]
     """What `Physics.scalars` has of the design."""
     plant: Plant
     loads: Callable[[dict], dict]
     """Returns the loads that the case limits, of a trajectory's quantities, by direct BEM."""
 
+    @property
+    def recorded(self) -> RecordedTorque | None:
+        """The open loop's torque history; None under feedback."""
+        return self.controller if isinstance(self.controller, RecordedTorque) else None
+
     @cached_property
     def at_nodes(self) -> dict[str, Any]:
-        """What limits take, at the nodes: the trajectory, its loads and the scalars."""
-        return self.trajectory | self.loads(self.trajectory) | self.scalars
+        """What limits take, at the nodes: the trajectory, its loads, rates and the scalars."""
+        nodes = self.trajectory
+        rate = self.scenario.differentiation @ nodes["control_torque"]
+        return nodes | self.loads(nodes) | {"torque_rate": rate} | self.scalars
 
     @cached_property
     def flown(self) -> dict[str, Any]:
         """What limits take, along the integration."""
-        return self.integrated | self.loads(self.integrated) | self.scalars
+        flown = self.simulation
+        acceleration = (flown.hydrodynamic_torque - flown.control_torque) / self.plant.inertia
+        rate = self.controller.rate(flown.time, flown.rotor_speed, acceleration)
+        loads = self.loads(self.integrated)
+        return self.integrated | loads | {"torque_rate": rate} | self.scalars
 
     @property
     def integrated(self) -> dict[str, np.ndarray]:
@@ -120,15 +131,16 @@ class Flight:
     def between_nodes(self, limit: Limit) -> tuple[np.ndarray, np.ndarray]:
         """Return how far a limit is exceeded in each segment between its nodes, and when (s).
 
-        The open loop's torque is that of the collocation's polynomials, before the generator's
-        range cuts it; all else is that of the integration.
+        The open loop's torque and its rate are those of the collocation's polynomials, before the
+        generator's range cuts it; all else is that of the integration.
         """
         scenario, recorded = self.scenario, self.recorded
         flown = self.flown
         dense, over = flown["time"][1:], limit.excess(flown)[1:]
-        if recorded is not None and limit.inputs == ("control_torque",):
+        if recorded is not None and limit.inputs in (("control_torque",), ("torque_rate",)):
             dense = scenario.within((np.arange(SAMPLES) + 0.5) / SAMPLES)
-            polynomial = limit.excess({"control_torque": recorded.unlimited(dense)})
+            torque, rate = recorded.unlimited(dense), recorded.unlimited_rate(dense)
+            polynomial = limit.excess({"control_torque": torque, "torque_rate": rate})
             # what holds the speed of an unstable rotor comes on top of the history
             over = np.maximum(polynomial, over) if recorded.stiffness else polynomial
         over = over.reshape(-1, SAMPLES)
@@ -147,19 +159,19 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
         return physics.loads_along(blade, known, physics.load_names)
 
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
-        mesh, recorded, law = scenario.mesh, None, physics.law
-        if law is None:
-            recorded = RecordedTorque.of(plant, nodes, physics.torque_limit)
+        mesh, law = scenario.mesh, physics.law
+        controller = FeedbackTorque(law, gains) if law else None
+        controller = controller or RecordedTorque.of(plant, nodes, physics.torque_limit)
         flown = simulate(
             plant,
             scenario.inflow,
-            recorded or (lambda _, speed, law=law: law.torque(speed, gains)),
+            controller,
             float(nodes["rotor_speed"][0]),
             mesh.duration,
             samples=np.append(scenario.within(np.arange(SAMPLES) / SAMPLES), mesh.duration),
             max_step=mesh.duration / mesh.segments,
         )
-        flights.append(Flight(scenario, nodes, flown, recorded, scalars, plant, loads))
+        flights.append(Flight(scenario, nodes, flown, controller, scalars, plant, loads))
     return tuple(flights)
 
 

@@ -39,6 +39,7 @@ SHORT_OF = 3e-6  # of the energy: what segments together may fall short of quasi
 # segments, whose problem takes several gigabytes; of a dense optimizer, minutes
 MOST_DIVIDED, MOST_DENSE = 10_000, 400
 MOST_LOWERED = 5e-3  # by which a limit is lowered at the nodes before its segment is divided
+LARGEST_STEP = 0.1  # by which it is lowered at once, for a false solution may exceed it by any amount
 PARTS = 4  # of a segment in which a limit begins or ceases to bind
 FIRST_ITERATIONS = 300  # after as many, an optimization has lost its way
 
@@ -160,9 +161,12 @@ def _mesh_error(physics, result, flights, near, coarser, branch) -> tuple[float,
         *before, error = np.abs(np.diff(values)) / max(abs(result.objective), 1e-9)
         if before and error < 0.5 * before[0]:
             error *= error / (before[0] - error)
+        steady = not known.broken_limits(ideal)  # a limited rate of the torque may forbid it
         if error > MESH_ERROR:
             for marks, flight, best in zip(coarse, flights, known.on_start(ideal), strict=True):
-                marks |= _switches(physics, flight) | _falls_short(flight, best, result.energy)
+                marks |= _switches(physics, flight)
+                if steady or not np.any(marks):
+                    marks |= _falls_short(flight, best, result.energy)
             if not any(map(np.any, coarse)):  # what the first speed stores, and no error of a mesh
                 error = SHORT_OF
     divided = any(map(np.any, coarse))
@@ -244,7 +248,8 @@ def _lowered(physics, setup, flights) -> dict | None:
             over = np.where(share > 1.0 - MOST_LOWERED, over, 0.0)
             if np.max(over) > BETWEEN_VIOLATION:
                 exceeded = True
-                shares[key] = share * (1.0 - np.where(over > 0.5 * BETWEEN_VIOLATION, over, 0.0))
+                less = np.where(over > 0.5 * BETWEEN_VIOLATION, np.minimum(over, LARGEST_STEP), 0.0)
+                shares[key] = share * (1.0 - less)
     return shares if exceeded else None
 
 

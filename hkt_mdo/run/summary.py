@@ -157,7 +157,7 @@ def _gap(over, turning):
 def _limit(limit, flights):
     """Return the largest value of a limit, at the nodes and in the integration, and its bound."""
     values = [
-        np.max(limit.value_of(quantities))
+        limit.largest(quantities)
         for flight in flights
         for quantities in (flight.at_nodes, flight.flown)
     ]

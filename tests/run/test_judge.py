@@ -114,7 +114,7 @@ def torque_above_its_limit_between_nodes(solved):
     torque = flight.trajectory["control_torque"].copy()
     torque[at_instant(flight)] += 60.0
     recorded = RecordedTorque(flight.trajectory["time"], torque, 700.0)
-    return with_flight(solved, recorded=recorded)
+    return with_flight(solved, controller=recorded)
 
 
 def wrong_curve(solved):
