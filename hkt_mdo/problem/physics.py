@@ -24,6 +24,7 @@ from hkt_mdo.dynamics.objectives import ElectricalEnergy, Objective
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.dynamics.trajectory import LOADS, quantities
 from hkt_mdo.errors import InputError
+from hkt_mdo.problem.contradictions import redundant_limits, refuse_contradictions
 from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
 from hkt_mdo.problem.turbine import Turbine, build_turbine
 from hkt_mdo.rotor import bem, ccblade
@@ -186,15 +187,21 @@ class Physics:
         scalars = {"rotor_radius": blade.rotor_radius, "density": self.density, "inertia": inertia}
         return scalars | {"chord": blade.chord}
 
-    def broken_limits(self, point) -> list[str]:
-        """Return the names of the limits, design bounds aside, that a starting point exceeds."""
+    def excesses(self, point) -> dict[str, float]:
+        """Return by how much a starting point exceeds each limit, design bounds aside, by name.
+
+        Relatively, at most 0 if it is kept.
+        """
         starts = self.on_start(point)
-        return [
-            limit.name
+        return {
+            limit.name: max(float(np.max(limit.excess(start))) for start in starts)
             for limit in self.limits
             if not isinstance(limit, DesignBounds)
-            and any(np.max(limit.excess(start)) > START_EXCESS for start in starts)
-        ]
+        }
+
+    def broken_limits(self, point) -> list[str]:
+        """Return the names of the limits, design bounds aside, that a starting point exceeds."""
+        return [name for name, over in self.excesses(point).items() if over > START_EXCESS]
 
     def start_breaks(self, point) -> list[str]:
         """Return what a starting point does not keep: limits, and its sections' way from stall."""
@@ -284,7 +291,9 @@ def physics(case: Case) -> Physics:
     speed = float(weights @ speed**4 / (weights @ speed**3))
     turbine = build_turbine(case.rotor, case.fluid, speed)
     shape = build_shape(case, turbine.blade, several_sections=np.ndim(turbine.thickness) > 0)
-    messages, limit = (*turbine.messages, *inflow.messages), control.torque_limit
+    refuse_contradictions(case, shape, fastest)
+    messages = (*turbine.messages, *inflow.messages, *redundant_limits(case, shape))
+    limit = control.torque_limit
     radius = max(shape.blade.rotor_radius, *(shape.radius_bounds or (0.0,)))
     most = MOST_TORQUE * float(torque_scale(case.fluid.density, radius, fastest))
     if limit is not None and limit > most:

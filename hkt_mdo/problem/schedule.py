@@ -180,7 +180,7 @@ class Schedule:
     """A blade, gains and tip speed ratios over the speeds of a `SteadyFlow`.
 
     objective in J; excess is the largest of any limit, relatively, and of the control law's balance
-    of torques and its distance from stall.
+    of torques and its distance from stall. tried is the number of schedules that it is the best of.
     """
 
     branch: str
@@ -189,6 +189,7 @@ class Schedule:
     ratio: np.ndarray
     objective: float
     excess: float
+    tried: int = 1
 
     @property
     def worth(self) -> tuple[bool, float]:
@@ -349,16 +350,18 @@ def schedules(
         design = CoDesign(of, physics.shape, physics.polar, gain_bounds)
         return _improve(Joint(flow, design, of.slowed), best) if improve else best
 
-    starts, found = candidates(free), []
+    starts, found, tried = candidates(free), [], 0
     for branch in BRANCHES:
         best = max((_along(open_loop, start, branch) for start in starts), key=_worth)
+        tried += len(starts)
         found.append(improved(open_loop, free, best))
         starts.append(StartingPoint(found[-1].blade, np.empty(0), starts[0].operation))
     if law is not None:
         own = [_along(steady, start, "") for start in candidates(few, gains)]
         fitted = [_along(steady, _fitted(steady, few, each), "") for each in found] * improve
+        tried += len(own) + len(fitted)
         found = [improved(steady, few, each) for each in (max(own, key=_worth), *fitted)]
-    found = [replace(each, branch=_side(steady, each)) for each in found]
+    found = [replace(each, branch=_side(steady, each), tried=tried) for each in found]
     found.sort(key=_worth, reverse=True)
     others = [each for each in found[1:] if each.branch != found[0].branch]
     others = [each for each in others[:1] if not each.same_as(found[0])]
@@ -405,7 +408,7 @@ def start_of(physics: Physics, problem: QuasiSteady, found: tuple[Schedule, ...]
         known = steady.known(steady.coefficients(curves, ratio), flow)
         speed, torque = known["rotor_speed"], known["hydrodynamic_torque"]
         operation = Operation(float(problem.weights @ (torque * speed)), speed, torque)
-    return StartingPoint(best.blade, best.gains, operation, found)
+    return StartingPoint(best.blade, best.gains, operation, found, best.tried)
 
 
 def _worth(schedule):

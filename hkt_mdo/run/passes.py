@@ -39,7 +39,7 @@ SHORT_OF = 3e-6  # of the energy: what segments together may fall short of quasi
 # segments, whose problem takes several gigabytes; of a dense optimizer, minutes
 MOST_DIVIDED, MOST_DENSE = 10_000, 400
 MOST_LOWERED = 5e-3  # by which a limit is lowered at the nodes before its segment is divided
-LARGEST_STEP = 0.1  # by which it is lowered at once, for a false solution may exceed it by any amount
+MOST_EXCEEDED = 0.02  # by which a limit is exceeded between the nodes where it is lowered at all
 PARTS = 4  # of a segment in which a limit begins or ceases to bind
 FIRST_ITERATIONS = 300  # after as many, an optimization has lost its way
 
@@ -244,12 +244,12 @@ def _lowered(physics, setup, flights) -> dict | None:
             over, _ = flight.between_nodes(limit)
             key = limit.name, flight.scenario.name
             share = shares.get(key, np.ones(flight.scenario.segments))
-            # where a lower limit does not help, the mesh is too coarse
-            over = np.where(share > 1.0 - MOST_LOWERED, over, 0.0)
+            # where a lower limit does not help, or by much, the mesh is too coarse
+            mends = (share > 1.0 - MOST_LOWERED) & (over < MOST_EXCEEDED)
+            over = np.where(mends, over, 0.0)
             if np.max(over) > BETWEEN_VIOLATION:
                 exceeded = True
-                less = np.where(over > 0.5 * BETWEEN_VIOLATION, np.minimum(over, LARGEST_STEP), 0.0)
-                shares[key] = share * (1.0 - less)
+                shares[key] = share * (1.0 - np.where(over > 0.5 * BETWEEN_VIOLATION, over, 0.0))
     return shares if exceeded else None
 
 
