@@ -251,6 +251,37 @@ def test_a_power_limit_is_kept_and_told(run, sections, bound):
     assert {"power_at_nodes", "power_between_nodes"} <= {c.name for c in found.summary.checks}
 
 
+@pytest.mark.slow
+def test_a_limited_rate_of_the_torque_is_one_optimum_in_speed_and_in_torque(run):
+    energies = []
+    for unknown in ("speed", "torque"):
+        control = {"law": "open_loop", "torque_limit": 700, "unknown": unknown}
+        fixed = {"control": control, "design": {"blade": "fixed"}}
+        found = run(**fixed, limits={"torque_rate": "20 N m/s"})
+        assert found.success, found.message
+        told, flown = found.summary.limits["torque_rate"], found.simulation
+        assert told.binding
+        assert told.value == pytest.approx(20.0, rel=1e-3)
+        rates = np.gradient(flown["control_torque_Nm"], flown["time_s"])
+        assert np.max(np.abs(rates)) <= 20.0 * 1.001
+        assert np.min(rates) == pytest.approx(-20.0, rel=1e-3)  # a fall is limited too
+        assert "largest torque rate" in dict(found.summary.rows(found.case))
+        energies.append(found.summary.simulated_energy_J)
+    free = run(**fixed).summary.simulated_energy_J
+    assert energies[0] == pytest.approx(energies[1], rel=5e-5)
+    assert max(energies) < free
+
+
+@pytest.mark.slow
+def test_feedback_keeps_a_limited_rate_of_its_torque_at_a_loss(run):
+    law = {"law": "linear", "torque_limit": 700}
+    free, held = (run(control=law, limits=each) for each in ({}, {"torque_rate": 15.0}))
+    assert held.success, held.message
+    assert held.summary.start_breaks == ["torque_rate"]
+    assert held.summary.limits["torque_rate"].value <= 15.0 * 1.001
+    assert held.summary.simulated_energy_J < free.summary.simulated_energy_J
+
+
 def test_a_tapered_blade_grows_nowhere_outboard(run):
     found = run(control="quadratic", limits={"taper_from": 0.25, "rotor_speed": "75 rpm"})
     assert found.success, found.message
