@@ -22,7 +22,7 @@ from hkt_mdo.dynamics.limits import (
 )
 from hkt_mdo.dynamics.objectives import ElectricalEnergy, Objective
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
-from hkt_mdo.dynamics.trajectory import LOADS, quantities
+from hkt_mdo.dynamics.trajectory import LOADS, RATES, quantities
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.contradictions import redundant_limits, refuse_contradictions
 from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
@@ -348,7 +348,7 @@ def _load_model(case: Case, turbine: Turbine, shape: Shape) -> LoadModel:
 
 
 def _doubts(case: Case, mean: float) -> Iterator[str]:
-    """Yield what of water and flow (m/s) suggests that another unit was meant."""
+    """Yield what of water, flow (m/s) and control was hardly meant."""
     density, (light, heavy) = case.fluid.density, WATER
     if not light <= density <= heavy:
         yield (
@@ -359,6 +359,13 @@ def _doubts(case: Case, mean: float) -> Iterator[str]:
         yield (
             f"the flow's mean speed is {mean:.4g} m/s, faster than currents are: look at the unit "
             f"of its speeds, such as {mean:.4g} cm/s"
+        )
+    rated = any(RATES.keys() & set(limit.inputs) for limit in case.limits.given)
+    by_torque = getattr(case.control, "unknown", "speed") == "torque"
+    if rated and by_torque and case.design.blade == "optimized":
+        yield (
+            "control.unknown = torque may end several per cent below the best under "
+            "limits.torque_rate: give control.unknown: speed"
         )
 
 

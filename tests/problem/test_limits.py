@@ -212,6 +212,15 @@ def test_limits_of_no_effect_are_told(limits, generator, free):
     assert [text.partition(" = ")[0] for text in told] == [f"limits.{name}" for name in free]
 
 
+@pytest.mark.parametrize("unknown", ["speed", "torque"])
+def test_the_worse_unknown_of_a_limited_rate_is_told(unknown):
+    control = {"law": "open_loop", "unknown": unknown}
+    world = physics(load_case(CASE | {"control": control, "limits": {"torque_rate": 20}}))
+    assert any("give control.unknown: speed" in each for each in world.warnings) == (
+        unknown == "torque"
+    )
+
+
 # Short optimizations ------------------------------------------------------------------------------
 
 
