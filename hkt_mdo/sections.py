@@ -121,11 +121,15 @@ class Quantity:
             problem = f"cannot be converted from {unit} to {self.unit}"
         raise self._refuse(problem)
 
+    @property
+    def form(self) -> str:
+        """What may be given, in words."""
+        of_unit = f"a number in {self.unit}, or a text with a unit of that kind"
+        return of_unit if self.unit else "a plain number"
+
     def _refuse(self, problem: str) -> PydanticCustomError:
         """Return an error whose remedy says what form the quantity has."""
-        of_unit = f"a number in {self.unit}, or a text with a unit of that kind"
-        form = of_unit if self.unit else "a plain number"
-        return refusal(problem, f"give {form}", quantity=form)
+        return refusal(problem, f"give {self.form}", quantity=self.form)
 
     def __get_pydantic_core_schema__(self, _: Any, __: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(self.read)

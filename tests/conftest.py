@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from hkt_mdo.case import load_case, read_case
-from hkt_mdo.dynamics.trajectory import COLUMNS
+from hkt_mdo.dynamics.trajectory import COLUMNS, LOADS
 from hkt_mdo.results.folder import write_csv, write_json
 
 CASES = Path(__file__).parent.parent / "cases"
@@ -26,7 +26,9 @@ def operate(time: np.ndarray, limit: float | None, law: str) -> dict[str, np.nda
     torque = 0.47 / ratio * 0.5 * 1000.0 * np.pi * 1.4**3 * flow**2
     control = np.minimum(torque * (1.0 - 0.01 * np.cos(0.25 * time)), limit or np.inf)
     powers = (torque * speed, control * speed, 0.9 * control * speed)
-    values = (time, flow, speed, ratio, torque, control, *powers)
+    loads = 2600.0 * flow**2, 680.0 * flow**2, 3.1e7 * flow**2, 0.3 * flow**2
+    values = (time, flow, speed, ratio, torque, control, *powers, *loads)
+    values += (np.gradient(control, time, edge_order=1),)
     return dict(zip(COLUMNS.values(), values, strict=True))
 
 
@@ -43,10 +45,18 @@ def make_result(folder: Path, law: str = "quadratic", limit: float | None = 700.
     edges = np.linspace(0.0, 60.0, 61)
     nodes = np.sort(np.r_[edges, 0.5 * (edges[1:] + edges[:-1]), edges[1:]])  # 181 of them
     trajectory = operate(nodes, limit, law)
-    ratio, count = np.linspace(2.2, 12.4, 141), np.arange(45.0)
+    simulation = operate(np.linspace(0.0, 60.0, 1201), limit, law)
+    ratio, count, span = np.linspace(2.2, 12.4, 141), np.arange(45.0), np.linspace(0.2, 1.0, 65)
     tables = {
         "trajectory": trajectory,
-        "simulation": operate(np.linspace(0.0, 60.0, 1201), limit, law),
+        "simulation": simulation,
+        "loads": {
+            "r_m": 1.4 * span,
+            "r_over_R": span,
+            "stress_Pa": 9e7 * np.sin(np.pi * span),
+            "flapwise_moment_Nm": 1900.0 * (1.0 - span) ** 2,
+            "cavitation": 0.87 * span**2,
+        },
         "power_curve": {
             "tip_speed_ratio": ratio,
             "power_coefficient": 0.47 - 0.015 * (ratio - 7.2) ** 2,
@@ -93,6 +103,17 @@ def make_result(folder: Path, law: str = "quadratic", limit: float | None = 700.
         "limits": {
             "control_torque": {"value": limit, "limit": limit, "unit": "N*m", "binding": True}
         },
+        "loads": {
+            name: {
+                "value": simulation[COLUMNS[name]].max(),
+                "unit": unit or "",
+                "time_s": simulation["time_s"][np.argmax(simulation[COLUMNS[name]])],
+            }
+            for name, (unit, _) in LOADS.items()
+        },
+        "tip_deflection_m": 0.0321,
+        "rotor_radius_m": 1.4,
+        "tip_radius_m": 1.4,
         "inertia_kg_m2": 35.2,
         "mass_kg": 90.1,
         "r_m": radius,

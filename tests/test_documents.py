@@ -78,8 +78,8 @@ LINES = (
     "null. Default: `null`.",
     "- **`gain_bounds`**: list of 2: number, at least 0; number, greater than 0; or null. "
     "Default: `null`.",
-    "- **`sections`**: list of 0 to 50: section of `name`, `polar`, `outline`, `thickness`. "
-    "Default: `[]`.",
+    "- **`sections`**: list of 0 to 50: section of `name`, `polar`, `outline`, `thickness`, "
+    "`wall`, `area`, `second_moments`. Default: `[]`.",
     "- **`parts`**: list of 2 to 20: section with its `profile`. Required.",
     "- **`segments`**: whole number, at least 2 and at most 20000; or null. Default: `null`.",
     "- **`tolerance`**: number, at least 1e-12 and at most 0.01. Default: `1e-07`.",

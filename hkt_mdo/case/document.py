@@ -9,7 +9,7 @@ import yaml
 from hkt_mdo.case.kinds import Extension, known_kinds
 from hkt_mdo.case.schema import case_class
 from hkt_mdo.files.cases import shipped_cases
-from hkt_mdo.files.shipped import POLAR_FAMILIES, shipped_names, shipped_rotor
+from hkt_mdo.files.shipped import MATERIALS, POLAR_FAMILIES, shipped_names, shipped_rotor
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import Dumper, parse
 
@@ -145,16 +145,17 @@ def case_markdown(extensions: Iterable[Extension] = ()) -> str:
 
 
 def _keys(path: str, section: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the list of a section's keys, then the entries of those keys that list sections."""
+    """Yield the list of a section's keys, then the sections that are values or entries of keys."""
     keys, required = section["properties"], section.get("required", ())
     if keys:
         yield "\n".join(_bullet(key, value, key in required) for key, value in keys.items())
     for key, value in keys.items():
-        entry = value.get("items", {})
-        if "properties" in entry:
-            yield f"### An entry of `{path}.{key}`"
-            yield entry["description"]
-            yield from _keys(f"{path}.{key}", entry)
+        inner = [("", each) for each in value.get("anyOf", [value])]
+        for words, part in [("An entry of ", value.get("items", {})), *inner]:
+            if part.get("properties", {}).keys() - {"bound"}:  # a bound alone has been told
+                yield f"### {words}`{path}.{key}`"
+                yield part["description"]
+                yield from _keys(f"{path}.{key}", part)
 
 
 def _bullet(key: str, value: Mapping[str, Any], required: bool = False) -> str:
@@ -240,6 +241,13 @@ def _shipped() -> Iterator[str]:
     families |= dict.fromkeys(alone, "all angles")
     yield from _table(["section", "its polars"], *families.items())
     yield f"`rotor.outline`: {_code(shipped_names('outline'))}."
+    yield (
+        "`rotor.material`, in kg/m**3, Pa and Pa. The allowable stress is the least yield stress "
+        "of metals and the strength of laminates along the blade, under a load that does not "
+        "change: no factor of safety, weld, fatigue or sea water is in it."
+    )
+    numbers = [[f"`{name}`", *map(_yaml, each.values())] for name, each in MATERIALS.items()]
+    yield from _table(["material", "`density`", "`modulus`", "`allowable_stress`"], *numbers)
 
 
 def _cases() -> Iterator[str]:
@@ -291,7 +299,10 @@ def _commented(key: str, value: Mapping[str, Any], given: Mapping[str, Any]) -> 
     mark = "" if key in given or default not in (None, []) else "# "
     kind = _kind(value).replace("`", "")
     remark = "" if kind.startswith("text") else f"  # {kind}"
-    about = _comment(value["description"], "  ")
+    about = value["description"]
+    if len(remark) > 100:  # too long for the key's line
+        about, remark = f"{about}\n\n{kind[0].upper()}{kind[1:]}.", ""
+    about = _comment(about, "  ")
     return f"{about}\n  {mark}{key}: {_yaml(given.get(key, default))}{remark}"
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, Strict, ValidationInfo, model_validator
 
-from hkt_mdo.files.shipped import POLAR_FAMILIES, shipped_names, shipped_rotor
+from hkt_mdo.files.shipped import MATERIALS, POLAR_FAMILIES, shipped_names, shipped_rotor
 from hkt_mdo.sections import Quantity, Section, find_file, refusal
 
 
@@ -31,6 +31,64 @@ _File = Annotated[str, AfterValidator(_find_file)]
 _Station = Annotated[float, Quantity(gt=0, lt=1)]
 
 
+_Wall = Annotated[float, Quantity(gt=0, le=0.5)]
+
+
+class Material(Section):
+    """What the blades are made of: a shipped name, or its properties along the blade.
+
+    A blade is of one material, equally stiff and strong along its whole length and in tension and
+    compression.
+    """
+
+    density: Annotated[float, Quantity("kg/m**3", gt=0)]
+    """Density."""
+    modulus: Annotated[float, Quantity("Pa", gt=0)]
+    """Young's modulus, for the deflection of the tip."""
+    allowable_stress: Annotated[float, Quantity("Pa", gt=0)] | None = None
+    """Stress that `limits.stress: allowable` allows; divide it by your factor of safety."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named(cls, data: Any) -> Any:
+        """Take the name of a shipped material for its properties."""
+        if not isinstance(data, str):
+            return data
+        if data not in MATERIALS:
+            near = difflib.get_close_matches(data[:100], MATERIALS, n=1)
+            guess = f"did you mean {near[0]}? " if near else ""
+            remedy = f"{guess}known: {', '.join(MATERIALS)}; or give density and modulus"
+            raise refusal("unknown material", remedy)
+        return MATERIALS[data]
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
+        return {"anyOf": [{"enum": list(MATERIALS)}, handler(schema)]}
+
+
+class SectionMoments(Section):
+    """Second moments of area of a section's material over the fourth power of its chord.
+
+    About its centroid, x along the chord towards the trailing edge, y across it towards the suction
+    side.
+    """
+
+    flapwise: Annotated[float, Quantity(gt=0)]
+    """Integral of y² dA: bending about the chord line."""
+    edgewise: Annotated[float, Quantity(gt=0)]
+    """Integral of x² dA: bending about the axis across the chord."""
+    product: Annotated[float, Quantity()] = 0.0
+    """Integral of x y dA; 0 where the principal axes lie along and across the chord."""
+
+    @model_validator(mode="after")
+    def _check_product(self) -> SectionMoments:
+        if self.product**2 >= self.flapwise * self.edgewise:
+            largest = (self.flapwise * self.edgewise) ** 0.5
+            problem = f"is not less than sqrt(flapwise * edgewise) = {largest:.4g}, as in any area"
+            raise refusal(problem, "correct one of the three", key="product", value=self.product)
+        return self
+
+
 class SectionFile(Section):
     """One of several sections along the span."""
 
@@ -42,6 +100,14 @@ class SectionFile(Section):
     """Outline, given as `rotor.outline`; null: that of the rotor, stretched to the thickness."""
     thickness: Annotated[float, Quantity(gt=0, le=1)] | None = None
     """Largest thickness over chord; null: that of the outline."""
+    wall: _Wall | None = None
+    """Thickness of the section's wall over its chord; null: `rotor.wall`. 0.5 is solid."""
+    area: Annotated[float, Quantity(gt=0, le=1)] | None = None
+    """Area of the section's material over chord squared, for mass and centrifugal force; null: that
+    of the outline, or of its wall."""
+    second_moments: SectionMoments | None = None
+    """Second moments of area of the section, for stress and deflection; null: those of the outline,
+    or of its wall. The stress is that at the outline."""
 
 
 class Rotor(Section):
@@ -100,11 +166,17 @@ class Rotor(Section):
     not, as the paper assumes."""
     reynolds_number: Annotated[float, Quantity(gt=0)] | None = None
     """Reynolds number at which an `invariant` polar is read that has tables for several."""
-    material_density: Annotated[float, Quantity("kg/m**3", gt=0)] = 2700.0
-    """Density of the blade's material; the default is aluminium 6061, and the blade is solid."""
-    modulus: Annotated[float, Quantity("Pa", gt=0)] = 68.9e9
-    """Young's modulus of the blade's material, for the deflection of the tip; the default is that
-    of aluminium 6061."""
+    material: Material = Field(default="aluminium_6061_t6", validate_default=True)  # type: ignore[assignment]
+    """Material of the blades: a shipped name, or a section of its properties."""
+    material_density: Annotated[float, Quantity("kg/m**3", gt=0)] | None = None
+    """Density of the blades, in place of the material's, such as the mean density of a blade whose
+    inside is not known; null: that of the material."""
+    modulus: Annotated[float, Quantity("Pa", gt=0)] | None = None
+    """Young's modulus of the blades, in place of the material's; null: that of the material."""
+    wall: _Wall | None = None
+    """Thickness of the wall of hollow blades over the chord of each section, so that it grows with
+    the chord; null: solid blades. The hollow weighs and carries nothing; where the walls meet,
+    towards a thin trailing edge, the section is solid. Buckling is not looked at."""
     hub_inertia: Annotated[float, Quantity("kg*m**2", ge=0)] = 0.0
     """Moment of inertia about the shaft of everything that turns except the blades."""
 
@@ -126,6 +198,13 @@ class Rotor(Section):
         if not data.get("sections"):
             given.pop("sections", None)
         return own | given
+
+    @property
+    def blade_material(self) -> Material:
+        """The material of the blades, with the density and the modulus that stand beside it."""
+        beside = {"density": self.material_density, "modulus": self.modulus}
+        own = {key: value for key, value in beside.items() if value is not None}
+        return self.material.model_copy(update=own)
 
     @model_validator(mode="after")
     def _check_stations(self) -> Rotor:

@@ -39,7 +39,8 @@ def check(
     """Check a case before a long run.
 
     Reads and builds all that a run of the case needs and tells what the case means: turbine, flow,
-    control law, size, and what follows from them for the starting blade. Notes say what was done to
+    control law, size, and what follows from them for the starting blade, such as its loads and by
+    how much it keeps or breaks each limit. Notes say what was done to
     the files, warnings what may not be meant. Nothing is optimized. Draws blade, polar, inflow and
     power_curve as PNG, in check/<name of the case> unless --out is given.
     """

@@ -11,7 +11,7 @@ from hkt_mdo.results.folder import write_files
 
 _USUAL = (
     "blade radius hub_radius_fraction blade_count set_angle station_count polar outline reynolds "
-    "material_density hub_inertia density hub_depth mean amplitude angular_frequency file "
+    "material wall hub_inertia density hub_depth mean amplitude angular_frequency file "
     "speed_column speed_unit start duration gaps spikes cutoff torque_limit gain power "
     "rotor_speed thrust stress efficiency chord_bounds twist_bounds chord_points twist_points "
     "radius_bounds segments initial_speed method torque tolerance optimizer max_iterations"

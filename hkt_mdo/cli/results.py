@@ -43,8 +43,10 @@ def plot(
 ) -> None:
     """Draw the figures of a result.
 
-    They are blade, power_curve, operation and convergence, as far as the run got to their data, in
-    RESULT/figures unless --out is given; files of the same names are replaced.
+    They are blade, power_curve, operation, schedule (speed, torque, power and thrust over the speed
+    of the flow), limits (values over their limits), loads (along the blade) and convergence, as far
+    as the result has their data, in RESULT/figures unless --out is given; files of the same names
+    are replaced.
     """
     solution = read_result(result)
 

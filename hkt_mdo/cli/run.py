@@ -12,6 +12,7 @@ from rich.status import Status
 from typer import BadParameter, Exit, Option, echo
 
 from hkt_mdo.cli import parts
+from hkt_mdo.results import words
 
 _SECONDS_BETWEEN_LINES = 5.0
 
@@ -39,9 +40,9 @@ def run(
 
     The case is optimized, the result integrated independently and judged. The folder, results/<name
     of the case> unless --out is given, gets case.yaml (every default written out), summary.json
-    (figures of merit and checks), trajectory.csv, simulation.csv, power_curve.csv, convergence.csv,
-    solution.db and history.db (OpenMDAO recorders), n2.html and figures/. Options override --set,
-    --set overrides the file.
+    (figures of merit and checks), trajectory.csv, simulation.csv, loads.csv, blade.csv,
+    power_curve.csv, convergence.csv, solution.db and history.db (OpenMDAO recorders), n2.html and
+    figures/. Options override --set, --set overrides the file.
     """
     given = {"driver.optimizer": optimizer, "driver.package": package, "phase.segments": segments}
     settings = [f"{key}={value}" for key, value in given.items() if value is not None]
@@ -89,7 +90,7 @@ def _reporter(name: str, status: Status) -> Callable[[int, float, float], None]:
 
     def report(count: int, energy: float, infeasibility: float) -> None:
         nonlocal last
-        line = f"{name}: evaluation {count}, energy {energy / 1e3:.2f} kJ"
+        line = f"{name}: evaluation {count}, energy {words.energy(energy)}"
         line += f", infeasibility {infeasibility:.1e}"
         if status.console.is_terminal:
             status.update(line)

@@ -17,6 +17,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.sections import Quantity, Section
 
+ALLOWABLE = "allowable"  # in place of a number: what the material allows
 SLOWED = 0.02  # share of its speed that a rotor may lose and still recover from
 TYPICAL = 0.05  # torque coefficient to which a recovery torque is compared
 QUICK, LAG = 0.05, 5.0  # see `settled`
@@ -56,8 +57,8 @@ class Limit(Section):
         bound = handler.resolve_ref_schema(whole)["properties"].get("bound")
         return {"anyOf": [bound, whole]} if bound else whole
 
-    def on(self, blade: Any) -> Limit:
-        """Return this limit for a turbine's blade; most limits are the same for all."""
+    def on(self, blade: Any, material: Any = None) -> Limit:
+        """Return this limit for a turbine's blade and its `Material`; most are the same for all."""
         return self
 
     @property
@@ -94,10 +95,10 @@ class Limit(Section):
             for name in self.inputs
         }
 
-    def largest(self, quantities: Any) -> float:
-        """Return the largest value that occurs; where both signs are limited alike, its size."""
+    def told(self, quantities: Any) -> np.ndarray:
+        """Return the value as it is told: its size where both signs are limited alike."""
         value = np.asarray(self.value_of(quantities))
-        return float(np.max(np.abs(value) if np.all(self.lower == -self.upper) else value))
+        return np.abs(value) if np.all(self.lower == -self.upper) else value
 
     def excess(self, quantities: Any) -> np.ndarray:
         """Return how far the value leaves its bounds, over their size; at most 0 if it is kept."""
@@ -213,15 +214,40 @@ class RootMomentLimit(Limit):
     """Largest flapwise root moment of one blade."""
 
 
+class _Stress(Quantity):
+    """A stress, or the one that the blade's material allows."""
+
+    @property
+    def form(self) -> str:
+        return f"{super().form}, or {ALLOWABLE}"
+
+    def read(self, value: object) -> Any:
+        return value if value == ALLOWABLE else super().read(value)
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
+        number = super().__get_pydantic_json_schema__(core, handler)
+        return {"anyOf": [number, {"enum": [ALLOWABLE]}]}
+
+
 class StressLimit(Limit):
-    """Largest stress in a solid blade, from its first station outwards (docs/theory.md)."""
+    """Largest stress in a blade, from its first station outwards (docs/theory.md)."""
 
     name: ClassVar[str] = "stress"
     unit: ClassVar[str | None] = "Pa"
     inputs: ClassVar[tuple[str, ...]] = ("stress",)
 
-    bound: Annotated[float, Quantity("Pa", gt=0)]
-    """Largest stress; a factor of safety is to be taken off by you."""
+    bound: Annotated[Any, _Stress("Pa", gt=0)]
+    """Largest stress, or `allowable`, that of `rotor.material`; a factor of safety is to be taken
+    off by you."""
+
+    def on(self, blade, material=None):
+        if self.bound != ALLOWABLE:
+            return self
+        if material.allowable_stress is None:
+            problem = "asks for the allowable stress of rotor.material, which has none"
+            remedy = "give rotor.material.allowable_stress, or a stress here"
+            raise InputError(problem, remedy, key="limits.stress", value=self.bound)
+        return self.model_copy(update={"bound": material.allowable_stress})
 
 
 class CavitationLimit(Limit):
@@ -258,7 +284,7 @@ class Taper(Limit):
         ()
     )  # over the tip radius, of the blade that is asked
 
-    def on(self, blade):
+    def on(self, blade, material=None):
         stations = blade.r / blade.tip_radius
         if stations[-2] < self.bound:
             problem = f"leaves no two stations outboard; the last but one is at {stations[-2]:.3g}"

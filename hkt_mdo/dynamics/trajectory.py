@@ -29,10 +29,10 @@ RATES = {"torque_rate": ("N*m/s", "rate of the control torque")}
 
 SERIES = QUANTITIES | LOADS | RATES
 
-_SUFFIXES = {None: "", "N*m": "_Nm", "m/s": "_m_s", "rad/s": "_rad_s"}
+_SUFFIXES = {None: "", "N*m": "_Nm", "N*m/s": "_Nm_s", "m/s": "_m_s", "rad/s": "_rad_s"}
 
-COLUMNS = {name: name + _SUFFIXES.get(unit, f"_{unit}") for name, (unit, _) in QUANTITIES.items()}
-"""Header of each quantity's column in `trajectory.csv` and `simulation.csv`: name and unit."""
+COLUMNS = {name: name + _SUFFIXES.get(unit, f"_{unit}") for name, (unit, _) in SERIES.items()}
+"""Header of each quantity's, load's and rate's column in `trajectory.csv` and `simulation.csv`."""
 
 
 def quantities(

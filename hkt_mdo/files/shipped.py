@@ -11,7 +11,15 @@ import numpy as np
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import Csv, read_text
 
-__all__ = ["POLAR_FAMILIES", "data_path", "locate", "read_table", "shipped_names", "shipped_rotor"]
+__all__ = [
+    "MATERIALS",
+    "POLAR_FAMILIES",
+    "data_path",
+    "locate",
+    "read_table",
+    "shipped_names",
+    "shipped_rotor",
+]
 
 POLAR_FAMILIES: dict[str, dict[str, float]] = {
     section: {f"{section}_Re{number}": float(number) for number in numbers.split()}
@@ -22,6 +30,23 @@ POLAR_FAMILIES: dict[str, dict[str, float]] = {
     }.items()
 }
 """Shipped polars of one section: name of the section, name of the polar, its Reynolds number."""
+
+MATERIALS: dict[str, dict[str, float]] = {
+    name: dict(zip(("density", "modulus", "allowable_stress"), numbers, strict=True))
+    for name, numbers in {
+        "aluminium_6061_t6": (2700.0, 68.9e9, 240e6),
+        "steel_s355": (7850.0, 210e9, 355e6),
+        "glass_epoxy_uniaxial": (1940.0, 43.7e9, 370.69e6),
+        "glass_epoxy_triaxial": (1940.0, 28.2114e9, 343.1e6),
+        "carbon_epoxy_uniaxial": (1600.0, 140e9, 878.21e6),
+    }.items()
+}
+"""Density (kg/m**3), Young's modulus along the blade and allowable stress (Pa) of materials.
+
+The stress is the smallest yield stress of metals, and the strength of laminates along the blade, in
+tension or compression, whichever is lower; without any factor of safety. Sources are in
+`hkt_mdo/files/data/README.md`.
+"""
 
 _POLARS = [polar for family in POLAR_FAMILIES.values() for polar in family]
 _FILES: dict[str, dict[str, str]] = {

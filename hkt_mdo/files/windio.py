@@ -27,6 +27,8 @@ DIAMETER_OFF = 0.02
 _CIRCLE_ROUNDED = math.radians(0.1)
 _ENDS_ROUNDED = 0.01
 
+_STRUCTURES = ("internal_structure_2d_fem", "internal_structure", "structure")
+
 Used = tuple[Place, str, str | None]
 """An airfoil that stands along the blade: place, name, and configuration of its polars."""
 
@@ -101,6 +103,7 @@ class _Turbine:
         root, shape, version = self.root, self.shape, self.version
         diameter = root.get("components.hub.diameter", "add the hub's diameter in metres")
         hub = 0.5 * diameter.number(0.0, 100.0, "give the hub's diameter in metres")
+        self.note_structure()
         s_axis, height = self.height()
         s_chord, chord = _spanwise(shape.get("chord"))
         s_twist, twist = _spanwise(shape.get("twist"))
@@ -145,6 +148,13 @@ class _Turbine:
             messages=tuple(dict.fromkeys(self.messages)),
             file=str(root.file),
         )
+
+    def note_structure(self) -> None:
+        """Say that layers are not read: they are not of one material, as a blade here is."""
+        for name in _STRUCTURES:
+            if inner := self.root.find(f"components.blade.{name}"):
+                said = "webs and layers are not read: rotor.material and rotor.wall stand for them"
+                self.messages.append(f"{inner.key}: {said}")
 
     def height(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the grid of the blade's axis and z over it, which begins at 0 and rises."""

@@ -12,7 +12,7 @@ import openmdao.api as om
 from dymos import Trajectory
 
 from hkt_mdo.case import Case
-from hkt_mdo.dynamics.limits import TYPICAL, DistanceFromStall, Limit, settled
+from hkt_mdo.dynamics.limits import TYPICAL, DistanceFromStall, Limit, TorqueLimit, settled
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
 from hkt_mdo.dynamics.trajectory import LOADS, QUANTITIES, RATES, SERIES
@@ -138,7 +138,13 @@ def _scales(physics, setup):
     torque = float(np.max(np.abs(operation.hydrodynamic_torque)))
     _, inertia = physics.mass_and_inertia(setup.start.blade)
     speed = float(np.mean(operation.rotor_speed))
-    return Scales(speed, torque, torque / inertia, physics.torque_limit)
+    limit = physics.torque_limit
+    if limit is not None:
+        own = (
+            np.min(share) for (name, _), share in setup.shares.items() if name == TorqueLimit.name
+        )
+        limit *= min(own, default=1.0)
+    return Scales(speed, torque, torque / inertia, limit)
 
 
 def _add_design(model, physics, setup, bounds):
@@ -176,7 +182,7 @@ def _add_rotor(model, physics, setup):
     inertia = InertiaComp(
         blade=blade,
         section_area=physics.section_area,
-        density=case.rotor.material_density,
+        density=case.rotor.blade_material.density,
         hub_inertia=case.rotor.hub_inertia,
     )
     model.add_subsystem("inertia", inertia, promotes=["*"])

@@ -36,7 +36,6 @@ from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.shape import Shape
 from hkt_mdo.rotor.stall import SLOWER, stall_fence
-from hkt_mdo.rotor.strength import Structure
 from hkt_mdo.rotor.suction import require_suction, section_suction
 
 BEM = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficients}
@@ -90,20 +89,34 @@ class Physics:
         By direct BEM at the trajectory's tip speed ratios, or at `RATIOS` of them if there are
         more, between which they are linear. known has the quantities of the trajectory.
         """
-        ratio, flow = known["tip_speed_ratio"], known["inflow_speed"]
+        ratio, flow = np.maximum(known["tip_speed_ratio"], SLOWEST_RATIO), known["inflow_speed"]
         if not names:
             return {}
-        ratio = np.maximum(ratio, SLOWEST_RATIO)
-        at = ratio if ratio.size <= RATIOS else np.linspace(ratio.min(), ratio.max(), RATIOS)
-        loads = self.loads
+        if isinstance(self.polar, LocalReynolds):  # the flow counts too: every instant by itself
+            parts = np.array_split(np.arange(ratio.size), -(-ratio.size // RATIOS))
+            found = [
+                self.loads_in(flow[part]).coefficients(blade, ratio[part], names=names)
+                for part in parts
+            ]
+            largest = {
+                name: np.concatenate([each[name].largest for each in found]) for name in names
+            }
+        else:
+            at = ratio if ratio.size <= RATIOS else np.linspace(ratio.min(), ratio.max(), RATIOS)
+            known_at = self.loads.coefficients(blade, at, names=names)
+            largest = {name: load.largest for name, load in known_at.items()}
+            if at is not ratio:
+                largest = {name: np.interp(ratio, at, each) for name, each in largest.items()}
+        return {name: 0.5 * self.density * flow**2 * each for name, each in largest.items()}
+
+    def loads_in(self, flow: float | np.ndarray) -> LoadModel:
+        """Return what loads follow from in a flow (m/s), with the polars at their Reynolds numbers.
+
+        Polars that do not follow the Reynolds number are the same in every flow.
+        """
         if isinstance(self.polar, LocalReynolds):
-            loads, at = replace(loads, polar=self.polar.at_speed(flow)), ratio
-        found = loads.coefficients(blade, at, names=names)
-        pressure = 0.5 * self.density * flow**2
-        return {
-            name: pressure * (load.largest if at is ratio else np.interp(ratio, at, load.largest))
-            for name, load in found.items()
-        }
+            return replace(self.loads, polar=self.polar.at_speed(flow))
+        return self.loads
 
     @property
     def generator(self) -> Generator:
@@ -235,7 +248,7 @@ class Physics:
         """Return mass (kg) and inertia (kg*m**2) of the rotor with a blade."""
         rotor = self.case.rotor
         mass, inertia, *_ = mass_and_inertia(
-            blade, self.section_area, rotor.material_density, rotor.hub_inertia
+            blade, self.section_area, rotor.blade_material.density, rotor.hub_inertia
         )
         return float(mass), float(inertia)
 
@@ -343,8 +356,7 @@ def _load_model(case: Case, turbine: Turbine, shape: Shape) -> LoadModel:
     cavitation = None
     if depth is not None and told:
         cavitation = Cavitation(partial(section_suction, turbine.polar), depth, asked.margin)
-    structure = Structure.of(turbine.outlines, case.rotor.material_density, case.rotor.modulus)
-    return LoadModel(turbine.polar, case.fluid.density, structure, cavitation)
+    return LoadModel(turbine.polar, case.fluid.density, turbine.structure, cavitation)
 
 
 def _doubts(case: Case, mean: float) -> Iterator[str]:
@@ -406,5 +418,5 @@ def _limits(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit
         TorqueLimit(bound=torque_limit),
         ForwardRotation(),
         *(DesignBounds(quantity=name, bounds=ends) for name, ends in bounds.items() if ends),
-        *(limit.on(shape.blade) for limit in case.limits.given),
+        *(limit.on(shape.blade, case.rotor.blade_material) for limit in case.limits.given),
     )

@@ -264,7 +264,7 @@ class Joint:
         slopes = {"ratio": own, "rotor_radius": designed(stations, stations, np.ones(1))}
         rotor = steady.physics.case.rotor
         _, inertia, _, by_chord = mass_and_inertia(
-            blade, steady.physics.section_area, rotor.material_density
+            blade, steady.physics.section_area, rotor.blade_material.density
         )
         by_radius = np.array([3.0 * inertia / blade.rotor_radius])
         slopes["inertia"] = designed(by_chord[None], stations, by_radius)
@@ -489,5 +489,5 @@ def _solve(joint, start, low, high, units, objective, slack):
         method="SLSQP",
         bounds=Bounds(low, high),
         constraints=constraints,
-        options={"ftol": 1e-9, "maxiter": 100},
+        options={"ftol": 1e-6, "maxiter": 100},
     ).x

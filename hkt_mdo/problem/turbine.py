@@ -12,8 +12,9 @@ from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.shipped import shipped_names, shipped_rotor
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.outline import Outline
+from hkt_mdo.rotor.outline import Outline, SecondMoments
 from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.strength import Structure, material_section
 
 HUB, BLADES = 0.125, 3  # hub over tip radius, blade count: where neither case nor file says
 POLAR, OUTLINE = "naca63815_Re2e5", "naca63815"
@@ -25,21 +26,26 @@ class Turbine(NamedTuple):
     blade: Blade
     polar: Polar | tuple[Polar, ...] | LocalReynolds
     section_area: float | np.ndarray
-    """Area of the section's outline over chord squared."""
+    """Area of the section's material over chord squared."""
     thickness: float | np.ndarray
     """Largest thickness over chord."""
-    outlines: Outline | tuple[Outline, ...]
+    structure: Structure
     messages: tuple[str, ...]
     """What was converted, extrapolated or left out."""
 
 
 class _Section(NamedTuple):
-    """One section: polars by Reynolds number, thickness, area over chord squared, and outline."""
+    """One section: polars by Reynolds number, thickness, area over chord squared, and outline.
+
+    wall is that of a hollow section, None for a solid one. moments None: those of outline and wall.
+    """
 
     polars: PolarFamily
     thickness: float
     area: float
     outline: Outline
+    wall: float | None = None
+    moments: SecondMoments | None = None
 
 
 def build_turbine(rotor: Rotor, fluid: Fluid, flow_speed: float) -> Turbine:
@@ -58,7 +64,7 @@ def build_turbine(rotor: Rotor, fluid: Fluid, flow_speed: float) -> Turbine:
     shape = table.r, table.chord, table.twist + set_angle
     blade = Blade(*shape, hub_radius, tip_radius, count, float(cone))
     sections, blended = _sections(rotor, table)
-    families, thickness, area, outlines = zip(*sections, strict=True)
+    families, thickness, area, *_ = zip(*sections, strict=True)
     if rotor.reynolds == "local":
         families = families if len(families) > 1 else families * stations.size
         polar = LocalReynolds.of(families, flow_speed, fluid.kinematic_viscosity)
@@ -66,8 +72,8 @@ def build_turbine(rotor: Rotor, fluid: Fluid, flow_speed: float) -> Turbine:
         polar = tuple(_invariant(family, rotor.reynolds_number) for family in families)
         polar = polar if len(polar) > 1 else polar[0]
     area, thickness = (np.array(each) if len(each) > 1 else each[0] for each in (area, thickness))
-    outlines = outlines if len(outlines) > 1 else outlines[0]
-    return Turbine(blade, polar, area, thickness, outlines, (*read, *messages, *blended))
+    structure = _structure(rotor, sections, area)
+    return Turbine(blade, polar, area, thickness, structure, (*read, *messages, *blended))
 
 
 def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
@@ -160,6 +166,27 @@ def _sections(rotor, table) -> tuple[list[_Section], tuple[str, ...]]:
     return [_mixed(named[inner], named[outer], share) for inner, outer, share in pairs], messages
 
 
+def _structure(rotor, sections, area) -> Structure:
+    """Return what the blade's one section, or those of its stations, resist.
+
+    Solid sections have the area of their outline, which is blended between stations; a hollow or a
+    given one has the area of the mass, over chord squared.
+    """
+    outlines = [each.outline for each in sections]
+    walls, moments = sections[0].wall, sections[0].moments
+    if len(sections) > 1:
+        walls = None if walls is None else np.array([each.wall for each in sections])
+        moments = moments and SecondMoments(*np.transpose([each.moments for each in sections]))
+    else:
+        (outlines,) = outlines
+    material = rotor.blade_material
+    structure = Structure.of(outlines, material.density, material.modulus, walls)
+    own = any(each.area is not None for each in rotor.sections)
+    if walls is None and moments is None and not own:
+        return structure
+    return structure.with_section(area, moments)
+
+
 def _named_sections(rotor, table) -> dict[str, _Section]:
     """Return the sections that the case or the blade's file gives, by name."""
     named, from_file = {}, PolarFamily.from_file
@@ -168,18 +195,22 @@ def _named_sections(rotor, table) -> dict[str, _Section]:
             problem, remedy = "gives neither outline nor thickness", "give one of them"
             raise InputError(problem, remedy, key=f"rotor.sections[{number}]", value=entry.polar)
         outline = None if entry.outline is None else Outline.from_file(entry.outline)
-        named[entry.name or str(number + 1)] = (from_file(entry.polar), outline, entry.thickness)
+        parts = from_file(entry.polar), outline, entry.thickness
+        named[entry.name or str(number + 1)] = (*parts, entry)
     if not named and rotor.polar is None:
         for each in table.sections:
             outline = None if each.outline_x is None else Outline(each.outline_x, each.outline_y)
-            named[each.name] = (PolarFamily.from_tables(each.polars), outline, each.thickness)
+            named[each.name] = (PolarFamily.from_tables(each.polars), outline, each.thickness, None)
         several = sorted({name for pair in table.section or () for name in pair[:2]})
         if not named and len(several) > 1:
             problem = f"names {len(several)} sections: {', '.join(several[:8])}"
             remedy = "give rotor.sections, one for each, or rotor.polar for all of them"
             raise InputError(problem, remedy, file=rotor.blade)
-    named = named or {"": (from_file(rotor.polar or POLAR), None, None)}
-    return {name: _section(rotor, *parts) for name, parts in named.items()}
+    named = named or {"": (from_file(rotor.polar or POLAR), None, None, None)}
+    sections = [
+        _with_material(_section(rotor, *parts), rotor, entry) for *parts, entry in named.values()
+    ]
+    return dict(zip(named, _alike(sections), strict=True))
 
 
 def _section(rotor, polars, outline, thickness) -> _Section:
@@ -193,19 +224,52 @@ def _section(rotor, polars, outline, thickness) -> _Section:
     return _Section(polars, thickness, outline.area * stretch, outline.stretched(stretch))
 
 
+def _with_material(section, rotor, entry) -> _Section:
+    """Return a section with the wall, area and second moments that the case gives."""
+    wall, area, by = (getattr(entry, name, None) for name in ("wall", "area", "second_moments"))
+    wall = wall or rotor.wall
+    if area is None:
+        area = section.area if wall is None else material_section(section.outline, wall)[0]
+    moments = by and SecondMoments(by.flapwise, by.edgewise, by.product)
+    return section._replace(wall=wall, area=area, moments=moments)
+
+
+def _alike(sections) -> list[_Section]:
+    """Return sections that can be blended: if one has a wall or second moments, all have.
+
+    The wall of a solid section is half as thick as itself.
+    """
+    hollow, given = any(each.wall for each in sections), any(each.moments for each in sections)
+    found = []
+    for section in sections:
+        wall = section.wall or (0.5 * section.outline.thickness if hollow else None)
+        own = material_section(section.outline, wall)[1] if given else None
+        found.append(section._replace(wall=wall, moments=section.moments or own))
+    return found
+
+
 def _mixed(inner: _Section, outer: _Section, share: float) -> _Section:
-    """Return the section between two, its polars, thickness and area linear in the share."""
+    """Return the section between two; all of it but the outline is linear in the share.
+
+    Not the second moments, unless given: those follow from the outline and the wall.
+    """
     if share == 0.0:
         return inner
     numbers = np.union1d(inner.polars.reynolds, outer.polars.reynolds)
     if np.any(np.isfinite(numbers)):
         numbers = numbers[np.isfinite(numbers)]  # a polar without a number holds for each
     polars = tuple(inner.polars.at(n).blend(outer.polars.at(n), share) for n in numbers)
+
+    def linear(one, two):
+        return (1.0 - share) * one + share * two
+
     return _Section(
         PolarFamily(numbers, polars),
-        (1.0 - share) * inner.thickness + share * outer.thickness,
-        (1.0 - share) * inner.area + share * outer.area,
+        linear(inner.thickness, outer.thickness),
+        linear(inner.area, outer.area),
         inner.outline.blend(outer.outline, share),
+        inner.wall and linear(inner.wall, outer.wall),
+        inner.moments and SecondMoments(*map(linear, inner.moments, outer.moments)),
     )
 
 

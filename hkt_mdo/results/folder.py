@@ -19,8 +19,8 @@ _MARKED = (
 )
 _WRITTEN = re.compile(
     r"((summary|iterate)\.json|case\.yaml|n2\.html|(solution|history(_\d+)?)\.db(-journal)?"
-    r"|(trajectory|simulation|power_curve|blade|convergence)\.csv"
-    r"|figures/(blade|power_curve|operation|convergence)\.(png|pdf))(\.part)?"
+    r"|(trajectory|simulation|loads|power_curve|blade|convergence)\.csv"
+    r"|figures/(blade|power_curve|operation|schedule|limits|loads|convergence)\.(png|pdf))(\.part)?"
 )
 
 

@@ -11,8 +11,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import cycle
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,11 +23,14 @@ from hkt_mdo.dynamics.trajectory import COLUMNS, QUANTITIES
 from hkt_mdo.results import style
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import LimitEntry
+from hkt_mdo.results.words import measured
 
 Solutions = Solution | Sequence[Solution]
 
 _BAR: dict[str, Any] = {"linewidth": 2.5, "marker": "|", "markersize": 8, "markeredgewidth": 1.5}
 _MARKS_PER_LINE = 12
+_MANY_NODES = 400  # above which their markers would hide the line
+_DASHES = "-.", ":", "--"  # of the limits in one plot
 
 
 def _over_radius(column: str, label: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
@@ -60,22 +64,38 @@ def plot_power_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
     return style.finish(ax, "tip speed ratio (-)", "power coefficient (-)")
 
 
-def _over_time(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot a quantity over time, and its limit."""
+def _series(
+    x: str, quantity: str, solutions: Solutions, ax: Axes | None, scale: float = 1.0
+) -> Axes:
+    """Plot a quantity times a scale over another one: as simulated, or else at the nodes."""
     chosen, ax, column = _named(solutions), ax or style.new_axes(), COLUMNS[quantity]
     for index, (solution, name) in enumerate(chosen):
-        nodes = solution.trajectory
-        if table := solution.simulation or (nodes if name else {}):
+        table, label = solution.simulation, name or "simulation"
+        if column not in table:
+            table, label = solution.trajectory, name or "collocation nodes"
+        if column in table:
             look = style.line(index)
-            if name:  # a few markers a line, staggered
-                every = max(1, table["time_s"].size // _MARKS_PER_LINE)
-                start = index * every // len(chosen)
-                look |= style.marker(index, 4.0) | {"markevery": (start, every)}
-            ax.plot(table["time_s"], table[column], label=name or "simulation", **look)
-        if nodes and not name:
-            look = style.marker(0, 3.2) | {"linestyle": "none", "markerfacecolor": "none"}
-            look |= {"color": style.COLORS[1], "zorder": 2.5}
-            ax.plot(nodes["time_s"], nodes[column], label="collocation nodes", **look)
+            if name:
+                look |= _few_markers(index, len(chosen), table[column].size)
+            ax.plot(table[COLUMNS[x]], scale * table[column], label=label, **look)
+    return ax
+
+
+def _few_markers(index: int, count: int, size: int) -> dict[str, Any]:
+    """Return the markers of a line of so many points, staggered against those of the others."""
+    every = max(1, size // _MARKS_PER_LINE)
+    return style.marker(index, 4.0) | {"markevery": (index * every // count, every)}
+
+
+def _over_time(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
+    """Plot a quantity over time, of one solution at the nodes too, and its limit."""
+    chosen, ax = _named(solutions), _series("time", quantity, solutions, ax)
+    nodes = chosen[0][0].trajectory
+    if len(chosen) == 1 and nodes:
+        size = 3.2 if nodes["time_s"].size <= _MANY_NODES else 1.2
+        look = style.marker(0, size) | {"linestyle": "none", "markerfacecolor": "none"}
+        look |= {"color": style.COLORS[1], "zorder": 2.5}
+        ax.plot(nodes["time_s"], nodes[COLUMNS[quantity]], label="collocation nodes", **look)
     words, unit = quantity.replace("_", " "), (QUANTITIES[quantity][0] or "-").replace("*", " ")
     limits = (_limits(each).get(quantity) for each, _ in chosen)
     for bound in sorted({entry.limit for entry in limits if entry} - {None}):
@@ -102,8 +122,123 @@ def plot_control_torque(solutions: Solutions, ax: Axes | None = None) -> Axes:
     return _over_time("control_torque", solutions, ax)
 
 
+def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:
+    """Plot each limited quantity over its limit, over time; the limit itself is 1."""
+    ax, chosen = ax or style.new_axes(), _named(solutions)
+    drawn = 0
+    for index, (solution, name) in enumerate(chosen):
+        table = "simulation" if solution.simulation else "trajectory"
+        for limit, share in solution.limit_shares(table).items():
+            look = style.line(drawn)
+            if name:
+                look |= _few_markers(index, len(chosen), share.size)
+            words = limit.replace("_", " ")
+            label = f"{name}: {words}" if name else words
+            ax.plot(getattr(solution, table)["time_s"], share, label=label, **look)
+            drawn += 1
+    ax.axhline(1.0, label="limit", **style.REFERENCE)
+    return style.finish(ax, "time (s)", "value over its limit (-)")
+
+
+_SCHEDULES = {
+    "rotor_speed": ("rotor speed (rpm)", 30.0 / np.pi),
+    "control_torque": ("generator torque (N m)", 1.0),
+    "generator_power": ("generator power (kW)", 1e-3),
+    "thrust": ("thrust (kN)", 1e-3),
+}
+"""Label and scale of what is drawn over the flow speed."""
+
+
+def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
+    """Plot a quantity over the flow speed along the trajectory, and its limits."""
+    label, scale = _SCHEDULES[quantity]
+    ax = _series("inflow_speed", quantity, solutions, ax, scale)
+    _draw_levels((quantity,), scale, solutions, ax)
+    style.widen(ax)
+    return style.finish(ax, "inflow speed (m/s)", label)
+
+
+# over the flow speed, with their limits
+plot_torque_schedule = partial(_schedule, "control_torque")
+plot_thrust_schedule = partial(_schedule, "thrust")
+
+
+def plot_power_schedule(solutions: Solutions, ax: Axes | None = None) -> Axes:
+    """Plot shaft power and, of a generator with losses, electrical power over the flow speed."""
+    ax, label = ax or style.new_axes(), "electrical power"
+    words, scale = _SCHEDULES["generator_power"]
+    _series("inflow_speed", "generator_power", solutions, ax, scale)
+    for index, (solution, _) in enumerate(_named(solutions)):
+        table = solution.simulation or solution.trajectory
+        if table and not np.allclose(table["electrical_power_W"], table["generator_power_W"]):
+            look = {"color": style.COLORS[index % len(style.COLORS)], "linewidth": 0.9}
+            power = scale * table["electrical_power_W"]
+            ax.plot(table["inflow_speed_m_s"], power, linestyle=(0, (1, 2)), label=label, **look)
+            label = "_"  # one entry in the legend is enough
+    _draw_levels(("generator_power", "electrical_power"), scale, solutions, ax)
+    style.widen(ax)
+    return style.finish(ax, "inflow speed (m/s)", words)
+
+
+def plot_speed_schedule(solutions: Solutions, ax: Axes | None = None) -> Axes:
+    """Plot the rotor speed (rpm, at the right rad/s) over the flow speed, and its limits."""
+    ax = _schedule("rotor_speed", solutions, ax)
+    scale = _SCHEDULES["rotor_speed"][1]
+    right = ax.secondary_yaxis("right", functions=(lambda x: x / scale, lambda x: x * scale))
+    right.set_ylabel("(rad/s)", fontsize=style.FONT_SIZE)
+    right.tick_params(labelsize=style.FONT_SIZE)
+    return ax
+
+
+_OVER_SPAN = {
+    "stress_Pa": ("stress", "stress", "stress (MPa)", 1e-6),
+    "flapwise_moment_Nm": ("stress", "stress", "flapwise moment (kN m)", 1e-3),
+    "cavitation": ("cavitation", "suction", "suction, 1: cavitation (-)", 1.0),
+}
+"""Load at whose largest value each column is drawn, its word, the column's label and scale."""
+
+
+def _over_span(column: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
+    """Plot a load along the blade at the time of the largest one, and its limits."""
+    chosen, ax = _named(solutions), ax or style.new_axes()
+    load, word, label, scale = _OVER_SPAN[column]
+    for index, (solution, name) in enumerate(chosen):
+        if column in solution.loads:
+            entry = (solution.summary.loads or {}).get(load)
+            words = f"at the largest {word}"
+            words += "" if entry is None or entry.time_s is None else f", t = {entry.time_s:.2f} s"
+            values, look = scale * solution.loads[column], style.line(index)
+            if name:
+                look |= _few_markers(index, len(chosen), values.size)
+            ax.plot(solution.loads["r_over_R"], values, label=name or words, **look)
+    if column == COLUMNS[load]:
+        _draw_levels((load,), scale, solutions, ax)
+    ax.set_ylim(bottom=0.0)
+    return style.finish(ax, "radius over that of the tip (-)", label)
+
+
+# along the blade, at the times of the largest stress and suction
+plot_stress = partial(_over_span, "stress_Pa")
+plot_flapwise_moment = partial(_over_span, "flapwise_moment_Nm")
+plot_suction = partial(_over_span, "cavitation")
+
+
+def _draw_levels(quantities: Sequence[str], scale: float, solutions: Solutions, ax: Axes) -> None:
+    """Draw the limits of some quantities as lines, one for equal ones."""
+    drawn: dict[tuple[str, float], str] = {}
+    for solution, _ in _named(solutions):
+        levels: dict[str, float] = {}
+        for each in quantities:
+            levels |= solution.limit_levels(each)
+        for limit in (each for each in solution.limits if each.name in levels):
+            told = measured(float(limit.upper), limit.unit or "", 4)
+            drawn[limit.name, levels[limit.name]] = f"{limit.name.replace('_', ' ')} limit {told}"
+    for dashes, ((_, level), label) in zip(cycle(_DASHES), drawn.items(), strict=False):
+        ax.axhline(scale * level, linestyle=dashes, label=label, **style.REFERENCE)
+
+
 def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot energy (J) and, on a logarithmic axis at the right, infeasibility over evaluations.
+    """Plot energy (kJ) and, on a logarithmic axis at the right, infeasibility over evaluations.
 
     The axes returned are those of the energy.
     """
@@ -113,7 +248,7 @@ def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:
         if not (table := solution.convergence):
             continue
         count, look, prefix = table["evaluation"], style.line(index), f"{name}, " if name else ""
-        ax.plot(count, table["energy_J"], label=f"{prefix}energy", **look)
+        ax.plot(count, 1e-3 * table["energy_J"], label=f"{prefix}energy", **look)
         look |= {"linestyle": ":", "linewidth": 1.0, "markevery": max(1, count.size // 40)}
         look |= style.marker(index, 3.0) | ({} if name else {"color": style.COLORS[1]})
         right.plot(count, table["infeasibility"], label=f"{prefix}infeasibility", **look)
@@ -123,30 +258,67 @@ def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:
         right.yaxis.set_major_formatter("{x:.0e}")
     right.set_ylabel("infeasibility, scaled (-)", fontsize=style.FONT_SIZE)
     right.tick_params(labelsize=style.FONT_SIZE)
-    style.finish(ax, "evaluation (-)", "energy (J)")
+    style.finish(ax, "evaluation (-)", "energy (kJ)")
     style.legend([ax, right])
     return ax
 
 
-FIGURES: dict[str, tuple[tuple[str, ...], tuple[Callable[..., Axes], ...], float, float]] = {
-    "blade": (("blade",), (plot_twist, plot_chord), 5.6, 5.4),
-    "power_curve": (("power_curve",), (plot_power_curve,), 5.6, 3.9),
-    "operation": (
-        ("simulation", "trajectory"),
-        (plot_rotor_speed, plot_tip_speed_ratio, plot_control_torque, plot_hydrodynamic_torque),
+class Panel(NamedTuple):
+    """A plot, and what tells of a solution whether it has data for it."""
+
+    plot: Callable[..., Axes]
+    known: Callable[[Solution], Any]
+
+
+def _panels(*plots: Callable[..., Axes], tables: Sequence[str], column: str = "") -> list[Panel]:
+    """Return panels that are drawn of one of some tables, or of a column of it."""
+
+    def known(solution: Solution) -> bool:
+        found: list[dict[str, Any]] = [getattr(solution, name) for name in tables]
+        return any(column in table if column else table for table in found)
+
+    return [Panel(plot, known) for plot in plots]
+
+
+def _limited(solution: Solution) -> bool:
+    return any(solution.limit_shares(table) for table in _TIMES)
+
+
+_TIMES = "simulation", "trajectory"
+_OPERATION = plot_rotor_speed, plot_tip_speed_ratio, plot_control_torque, plot_hydrodynamic_torque
+_SCHEDULE = plot_speed_schedule, plot_torque_schedule, plot_power_schedule
+
+FIGURES: dict[str, tuple[list[Panel], float, float]] = {
+    "blade": (_panels(plot_twist, plot_chord, tables=["blade"]), 5.6, 5.4),
+    "power_curve": (_panels(plot_power_curve, tables=["power_curve"]), 5.6, 3.9),
+    "operation": (_panels(*_OPERATION, tables=_TIMES), 7.0, 8.2),
+    "schedule": (
+        _panels(*_SCHEDULE, tables=_TIMES)
+        + _panels(plot_thrust_schedule, tables=_TIMES, column=COLUMNS["thrust"]),
         *(7.0, 8.2),
     ),
-    "convergence": (("convergence",), (plot_convergence,), 6.2, 3.9),
+    "limits": ([Panel(plot_limits, _limited)], 7.0, 4.2),
+    "loads": (
+        _panels(plot_stress, tables=["loads"], column="stress_Pa")
+        + _panels(plot_flapwise_moment, tables=["loads"], column="flapwise_moment_Nm")
+        + _panels(plot_suction, tables=["loads"], column="cavitation"),
+        *(5.6, 7.2),
+    ),
+    "convergence": (_panels(plot_convergence, tables=["convergence"]), 6.2, 3.9),
 }
-"""Tables needed, of which one suffices, plots from the top, width and height (inches)."""
+"""Panels from the top, width and, with all panels, height (inches)."""
+
+_BESIDES = 1.2  # inches of a figure's height that its panels do not share
 
 
 def figure_of(solutions: Solutions, name: str) -> Figure | None:
-    """Return one of the `FIGURES`; None if no solution has a table that it needs."""
-    tables, plots, width, height = FIGURES[name]
-    if not any(getattr(each, table) for each, _ in _named(solutions) for table in tables):
+    """Return one of the `FIGURES`, with the panels that a solution has data for; None if none."""
+    panels, width, height = FIGURES[name]
+    shown = [each for each in panels if any(each.known(one) for one, _ in _named(solutions))]
+    if not shown:
         return None
-    return style.figure_of(width, height, [partial(plot, solutions) for plot in plots])
+    height = _BESIDES + (height - _BESIDES) * len(shown) / len(panels)
+    return style.figure_of(width, height, [partial(each.plot, solutions) for each in shown])
 
 
 def save_figures(

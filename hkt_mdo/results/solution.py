@@ -9,7 +9,7 @@ import html
 import importlib
 import os.path
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +17,11 @@ import numpy as np
 
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.case.kinds import Extension
-from hkt_mdo.dynamics.trajectory import COLUMNS, QUANTITIES
+from hkt_mdo.dynamics.limits import Limit, TorqueLimit
+from hkt_mdo.dynamics.trajectory import COLUMNS, LOADS, QUANTITIES, RATES, SERIES
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import Csv, number_columns, parse_number, read_bytes, read_text
+from hkt_mdo.results import words
 from hkt_mdo.results.summary import BLADE, Summary, printable
 
 __all__ = ["TABLES", "Solution"]
@@ -27,11 +29,25 @@ __all__ = ["TABLES", "Solution"]
 MAX_BYTES, MAX_CSV_BYTES = 16 * 1024**2, 64 * 1024**2
 """Largest summary and largest table that are read."""
 
-_OVER_TIME = {COLUMNS[name]: about for name, about in QUANTITIES.items()}
+_OVER_TIME = {COLUMNS[name]: about for name, about in SERIES.items()}
 
 TABLES: dict[str, dict[str, tuple[str | None, str]]] = {
     "trajectory": _OVER_TIME,
     "simulation": _OVER_TIME,
+    "loads": {
+        "r_m": ("m", "distance from the axis, along the blade"),
+        "r_over_R": (None, "distance from the axis over the tip radius"),
+        "stress_Pa": (
+            "Pa",
+            "largest stress in the section, at the time of the largest in the blade",
+        ),
+        "flapwise_moment_Nm": ("N*m", "moment that bends the blade flapwise, at that time"),
+        "cavitation": (
+            None,
+            "suction, times its margin, over the pressure above vapour's, at the time of the "
+            "largest; linear between the stations",
+        ),
+    },
     "power_curve": {
         "tip_speed_ratio": QUANTITIES["tip_speed_ratio"],
         "power_coefficient": (None, "power coefficient"),
@@ -52,6 +68,13 @@ TABLES: dict[str, dict[str, tuple[str | None, str]]] = {
 }
 """Unit (None: dimensionless) and description of each column of each table of a result."""
 
+_MAYBE = {
+    "trajectory": {COLUMNS[name] for name in LOADS | RATES},
+    "simulation": {COLUMNS[name] for name in LOADS | RATES},
+    "loads": {"stress_Pa", "flapwise_moment_Nm", "cavitation"},
+}
+"""Columns that are there only if they are known of the rotor; older results lack them."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution:
@@ -71,6 +94,8 @@ class Solution:
     """The independent integration of the same design."""
     power_curve: dict[str, np.ndarray]
     convergence: dict[str, np.ndarray]
+    loads: dict[str, np.ndarray] = field(default_factory=dict)
+    """Loads along the blade at the times of the largest stress and of the largest suction."""
 
     @classmethod
     def load(cls, folder: str | Path, *, extensions: Iterable[Extension] = ()) -> Solution:
@@ -89,8 +114,10 @@ class Solution:
         case = load_case(folder / "case.yaml", check_files=False, extensions=extensions)
         path = folder / "summary.json"
         summary = Summary.parse(read_bytes(path, MAX_BYTES, "summary of a result"), path)
-        names = ("trajectory", "simulation", "power_curve", "convergence")
-        tables = {name: _read_csv(folder / f"{name}.csv", tuple(TABLES[name])) for name in names}
+        tables = {
+            name: _read_csv(folder / f"{name}.csv", tuple(TABLES[name]), _MAYBE.get(name, set()))
+            for name in ("trajectory", "simulation", "power_curve", "convergence", "loads")
+        }
         return cls(folder, case, summary, **tables)
 
     @property
@@ -122,6 +149,48 @@ class Solution:
     def notes(self) -> tuple[str, ...]:
         """What was converted, repaired or left out of the case's files, a printable line each."""
         return tuple(printable(note) for note in self.summary.get("notes") or ())
+
+    @property
+    def limits(self) -> tuple[Limit, ...]:
+        """Limits that the case gives of what changes over time, that of the torque first."""
+        torque = TorqueLimit(bound=self.case.control.torque_limit)
+        given = (torque, *self.case.limits.given)
+        return tuple(each for each in given if each.place == "time" and np.isfinite(each.upper))
+
+    def limit_shares(self, table: str = "simulation") -> dict[str, np.ndarray]:
+        """Return each limit's value over its bound, (n_times,), by its name: 1 is the limit.
+
+        Of `trajectory` or `simulation`. A limit is left out whose quantities the table lacks, as
+        that of an older result.
+        """
+        columns: dict[str, Any] = getattr(self, table)
+        known = {name: columns[COLUMNS[name]] for name in SERIES if COLUMNS[name] in columns}
+        known |= {
+            "rotor_radius": self.summary.rotor_radius_m,
+            "density": self.case.fluid.density,
+            "inertia": self.summary.inertia_kg_m2,
+        }
+        known = {name: value for name, value in known.items() if value is not None}
+        return {
+            each.name: each.told(known) / each.upper
+            for each in self.limits
+            if each.upper > 0.0 and known.keys() >= set(each.inputs)
+        }
+
+    def limit_levels(self, quantity: str) -> dict[str, float]:
+        """Return the values of a quantity or load at which limits of it are met, by their names.
+
+        Those of limits that are proportional to it, as the tip speed's is to `rotor_speed`.
+        """
+        scalars = {"rotor_radius": self.summary.rotor_radius_m, "density": self.case.fluid.density}
+        known = {name: value for name, value in scalars.items() if value is not None}
+        levels = {}
+        for each in self.limits:
+            if quantity in each.inputs and {quantity, *known} >= set(each.inputs):
+                one, two = (each.value_of(known | {quantity: x}) for x in (1.0, 2.0))
+                if one > 0.0 and two == 2.0 * one:
+                    levels[each.name] = float(each.upper / one)
+        return levels
 
     @property
     def failed_checks(self) -> tuple[str, ...]:
@@ -163,7 +232,7 @@ class Solution:
     def __repr__(self) -> str:
         outcome = "success" if self.success else "no success"
         energy = self.summary.energy_J
-        known = "" if energy is None else f", {energy / 1e3:.2f} kJ"
+        known = "" if energy is None else f", {words.energy(energy)}"
         return f"<Solution {self.name}: {outcome}{known}, {str(self.folder)!r}>"
 
     def _repr_html_(self) -> str:
@@ -181,13 +250,17 @@ def _package(name: str) -> Any:
         raise InputError(f"the package {name} is not installed", remedy) from None
 
 
-def _read_csv(path: Path, columns: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """Return the columns of a table, which may hold nan and inf; empty without file or rows."""
+def _read_csv(path: Path, columns: tuple[str, ...], maybe: set[str]) -> dict[str, np.ndarray]:
+    """Return the columns of a table, which may hold nan and inf; empty without file or rows.
+
+    Those of `maybe` need not be there.
+    """
     if not path.exists():
         return {}
     text = read_text(path, "table of a result", MAX_CSV_BYTES)
-    table = Csv(text, path, ",".join(columns))
+    table = Csv(text, path, ",".join(name for name in columns if name not in maybe))
     rows = list(table)
+    columns = tuple(name for name in columns if name not in maybe or name in table.header)
     for name in columns:
         if name not in table.header:
             raise table.refuse(f"lacks the column {name}", "run the case again")

@@ -17,7 +17,7 @@ from pydantic_core import PydanticCustomError
 from hkt_mdo.case import Case
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import dotted
-from hkt_mdo.results.words import measured
+from hkt_mdo.results.words import bent, energy, measured
 
 BLADE = ("r_m", "chord_m", "twist_deg", "start_chord_m", "start_twist_deg")
 """Fields that hold one value for each blade station."""
@@ -82,27 +82,55 @@ class CheckEntry(_Entry):
 
 
 class LimitEntry(_Entry):
-    """A limit: the largest value that occurs, the limit, and whether it is reached."""
+    """A limit: the largest value that occurs, the limit, and whether it is reached.
+
+    Of a limit over time: when the value is largest, in which share of the time the limit binds, and
+    its worth, by how much the objective (J) would grow with a limit one per cent larger.
+    """
 
     value: _Number = None
     limit: _Number = None
     unit: str = ""
     binding: bool | None = None
+    time_s: _Number = None
+    share_of_time: _Number = None
+    worth: _Number = None
 
     def __str__(self) -> str:
-        told = (measured(each, self.unit) for each in (self.value, self.limit))
-        return printable(", limit ".join(told))
+        told = [measured(self.value, self.unit), f"limit {measured(self.limit, self.unit)}"]
+        if self.binding and self.share_of_time is not None:
+            told.append(f"binds {100.0 * self.share_of_time:.3g} % of the time")
+        if self.binding and self.worth is not None:
+            told.append(f"1 % more would give {measured(self.worth, 'J', 3)}")
+        return printable(", ".join(told))
+
+    @property
+    def margin(self) -> str:
+        """What is left up to the limit, in per cent of it, as text; empty if it is not known."""
+        if self.value is None or not self.limit:
+            return ""
+        left = 100.0 * (self.limit - self.value) / abs(self.limit)
+        word = f"margin {left:z.2f} %" if left > -0.005 else f"exceeded by {-left:.2f} %"
+        return f"{word}, binding" if self.binding else word
 
 
 class LoadEntry(_Entry):
-    """The largest value of a load along the integration, and when it occurs."""
+    """The largest value of a load, a speed or a power along the integration, when and where."""
 
     value: _Number = None
     unit: str = ""
     time_s: _Number = None
+    r_m: _Number = None
+    """Where along the blade, if it has a place there."""
+
+    @property
+    def place(self) -> str:
+        """When and where the largest value occurs, as text; empty if it is not known."""
+        when = "" if self.time_s is None else f"at t = {self.time_s:.2f} s"
+        return when if self.r_m is None else f"{when}, r = {self.r_m:.3f} m"
 
     def __str__(self) -> str:
-        return f"{measured(self.value, self.unit)} at t = {self.time_s:.2f} s"
+        return f"{measured(self.value, self.unit)} {self.place}".rstrip()
 
 
 class BranchEntry(_Entry):
@@ -115,7 +143,7 @@ class BranchEntry(_Entry):
     """Whether it keeps all limits."""
 
     def __str__(self) -> str:
-        told = f"{(self.objective_J or 0.0) / 1e3:.2f} kJ in quasi-steady operation"
+        told = f"{energy(self.objective_J or 0.0)} in quasi-steady operation"
         told += "" if self.kept else ", breaks limits"
         return f"{told}, taken" if self.taken else told
 
@@ -129,7 +157,7 @@ class ObjectiveEntry(_Entry):
     bound_J: _Number = None
 
     def __str__(self) -> str:
-        return "-" if self.simulated_J is None else f"{self.simulated_J / 1e3:.2f} kJ"
+        return "-" if self.simulated_J is None else energy(self.simulated_J)
 
 
 class Summary(_Entry, Mapping[str, Any]):
@@ -144,16 +172,18 @@ class Summary(_Entry, Mapping[str, Any]):
     """Whether the optimizer converged and every check passed."""
     message: str | None = _shown("message", "{message}")
 
-    energy_J: _Number = _shown("energy", "{energy_kJ:.2f} kJ")
+    energy_J: _Number = _shown("energy", "{energy}")
     """Captured energy as the optimizer has it, by collocation."""
     simulated_energy_J: _Number = _shown(
         "energy, simulated",
-        "{simulated_energy_kJ:.2f} kJ ({difference:+.2g} %)",
+        "{simulated_energy} ({difference:+.2g} %)",
     )
     """Captured energy of the independent integration."""
-    generator_energy_J: _Number = _shown("energy of the generator", "{generator_energy_kJ:.2f} kJ")
+    generator_energy_J: _Number = _shown("energy of the generator", "{generator_energy}")
     """What the generator takes from the shaft in the integration; the rest is stored."""
-    electrical_energy_J: _Number = _shown("energy, electrical", "{electrical_energy_kJ:.2f} kJ")
+    electrical_energy_J: _Number = _shown(
+        "energy, electrical", "{electrical_energy}, losses {losses}"
+    )
     """What the generator delivers of that, less its losses."""
     starting_energy_J: _Number = None
     start_breaks: list[str] | None = None
@@ -189,7 +219,8 @@ class Summary(_Entry, Mapping[str, Any]):
     limits: dict[str, LimitEntry] | None = None
     loads: dict[str, LoadEntry] | None = None
     """Largest loads: thrust, root moment of one blade, stress in a blade, and, where the depth of
-    the hub and the suction of the sections are known, cavitation."""
+    the hub and the suction of the sections are known, cavitation; shaft power of the generator,
+    rotor speed and tip speed."""
     tip_deflection_m: _Number = None
     """Largest deflection of a tip out of the rotor plane, of a linear beam."""
     branches: list[BranchEntry] | None = None
@@ -277,22 +308,24 @@ class Summary(_Entry, Mapping[str, Any]):
                 rows.append((_format(row["label"], (), values), text))
         if self.objective is not None and self.objective.kind != "captured":
             rows.append((f"objective, {self.objective.kind}", str(self.objective)))
-        for name, entry in (self.limits or {}).items():
+        limits, loads = self.limits or {}, self.loads or {}
+        for name, entry in limits.items():
             if name != "control_torque":  # has a row of its own
-                rows.append((f"largest {name.replace('_', ' ')}", str(entry)))
+                load = loads.get(name) or LoadEntry()
+                told = ", ".join(text for text in (str(entry), entry.margin, load.place) if text)
+                rows.append((_largest(name), told))
+        rows += [(_largest(name), str(each)) for name, each in loads.items() if name not in limits]
+        if self.tip_deflection_m is not None:
+            told = bent(self.tip_deflection_m, self.tip_radius_m)
+            rows.append(("largest tip deflection", told))
         rows += [(f"branch {each.name}", str(each)) for each in self.branches or ()]
-        told = {
-            name: each
-            for name, each in (self.loads or {}).items()
-            if name not in (self.limits or {})
-        }
-        rows += [(f"largest {name.replace('_', ' ')}", str(each)) for name, each in told.items()]
         return [(printable(label), printable(text)) for label, text in rows]
 
     def _computed(self, case: Case) -> dict[str, Any]:
         """Return what rows show besides the fields."""
-        energy, simulated, bound = self.energy_J, self.simulated_energy_J, self.energy_bound_J
-        best = energy if simulated is None else simulated
+        found, simulated, bound = self.energy_J, self.simulated_energy_J, self.energy_bound_J
+        best = found if simulated is None else simulated
+        generated, electrical = self.generator_energy_J, self.electrical_energy_J
         gains = self.gain if isinstance(self.gain, list) else [self.gain]
         # OpenMDAO's N*m*s**2 is printed as N m s^2; an older summary may lack the units
         units = [unit.replace("**", "^").replace("*", " ") for unit in self.gain_units or ()]
@@ -303,13 +336,34 @@ class Summary(_Entry, Mapping[str, Any]):
             "law": case.control.law,
             "gains": ", ".join(_format("{0:.5g} {1}", pair, {}) for pair in pairs),
             "control_torque_max": measured(self.control_torque_max_Nm, "N*m"),
-            "torque_limit": "no limit" if limit is None else f"limit {measured(limit, 'N*m')}",
+            "torque_limit": "no limit" if limit is None else self._torque_limit(limit),
             "success": "yes" if self.success else "no",
-            "energy_kJ": energy and energy / 1e3,
-            "simulated_energy_kJ": simulated and simulated / 1e3,
-            "generator_energy_kJ": self.generator_energy_J and self.generator_energy_J / 1e3,
-            "electrical_energy_kJ": self.electrical_energy_J and self.electrical_energy_J / 1e3,
+            "energy": energy(found),
+            "simulated_energy": energy(simulated),
+            "generator_energy": energy(generated),
+            "electrical_energy": energy(electrical),
+            "losses": _losses(generated, electrical),
             "gap": None if self.certified_gap is None else max(100.0 * self.certified_gap, 0.0),
-            "difference": 100.0 * (simulated / energy - 1.0) if simulated and energy else None,
+            "difference": 100.0 * (simulated / found - 1.0) if simulated and found else None,
             "share": 100.0 * best / bound if best is not None and bound else None,
         }
+
+    def _torque_limit(self, limit: float) -> str:
+        """Return the limit of the control torque (N*m), and what is left up to it."""
+        entry = LimitEntry(value=self.control_torque_max_Nm, limit=limit)
+        return ", ".join(text for text in (f"limit {measured(limit, 'N*m')}", entry.margin) if text)
+
+
+def _largest(name: str) -> str:
+    """Return the label of the largest value of a limit or a load."""
+    return f"largest {name.replace('_', ' ')}"
+
+
+def _losses(generated: float | None, electrical: float | None) -> str:
+    """Return the energy that the generator loses, and its share, as text."""
+    if generated is None or electrical is None:
+        return "-"
+    lost = generated - electrical
+    if abs(lost) <= 1e-9 * abs(generated):
+        return "none"
+    return f"{energy(lost)} ({100.0 * lost / generated:.3g} %)"

@@ -2,7 +2,7 @@
 
 from math import pi
 
-_PREFIXED = "W", "J", "N", "Pa", "N m"  # units that take k and M
+_PREFIXED = "W", "J", "N", "Pa", "N m"  # units that take k, M and G
 
 
 def number(value: float, digits: int = 4) -> str:
@@ -11,11 +11,32 @@ def number(value: float, digits: int = 4) -> str:
 
 
 def quantity(value: float, unit: str, digits: int = 4) -> str:
-    """Return a quantity in its unit, or in thousandths, thousands or millions of it."""
+    """Return a quantity in its unit, or in thousandths, thousands, millions or billions of it."""
+    scaled, prefix = _scaled(value)
+    return f"{scaled:.{digits}g} {prefix}{unit}"
+
+
+def energy(value: float | None, digits: int = 5) -> str:
+    """Return an energy (J) in J, kJ, MJ or GJ with all its digits, zeros too; a dash for None."""
+    if value is None:
+        return "- kJ"
+    scaled, prefix = _scaled(value)
+    return f"{scaled:#.{digits}g} {prefix}J"
+
+
+def _scaled(value: float) -> tuple[float, str]:
+    """Return a value between 0.1 and 1000 as far as possible, and the prefix of its unit."""
     size = abs(value)
-    prefix = "M" if size >= 1e6 else "k" if size >= 1e3 else "" if size >= 0.1 or not size else "m"
-    scale = {"M": 1e6, "k": 1e3, "": 1.0, "m": 1e-3}[prefix]
-    return f"{value / scale:.{digits}g} {prefix}{unit}"
+    for scale, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, "")):
+        if size >= (scale if prefix else 0.1):
+            return value / scale, prefix
+    return (value / 1e-3, "m") if size > 0.0 else (value, "")
+
+
+def bent(deflection: float, radius: float | None) -> str:
+    """Return the deflection of a tip (m), and its share of the radius (m) where that is known."""
+    share = f" ({100.0 * deflection / radius:.3g} % of the radius)" if radius else ""
+    return f"{quantity(deflection, 'm')}{share}, as a linear beam"
 
 
 def turning(speed: float, digits: int = 4) -> str:

@@ -150,6 +150,16 @@ class LoadModel:
         flow = bem.sections(blade, self.polar, ratio / np.cos(blade.cone), derivatives)
         return {name: _LOADS[name](self, blade, flow, ratio) for name in names}
 
+    def flapwise_moment(self, blade, tip_speed_ratio, r):
+        """Return the moment that bends a blade flapwise at radii r over q, m³, (n_points, n_r).
+
+        That of the flow's loads, as `root_moment`: coned blades have that of the centrifugal force
+        besides.
+        """
+        ratio = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
+        flow = bem.sections(blade, self.polar, ratio / np.cos(blade.cone))
+        return _moments(blade, flow, np.asarray(r, dtype=float))[0]
+
     def tip_deflection(self, blade, tip_speed_ratio):
         """Return the tip's deflection out of the rotor plane over q, m/Pa, shape (n_points,).
 

@@ -60,7 +60,7 @@ class Structure:
         """
         same = isinstance(outlines, Outline)
         if same and np.ndim(wall) == 0:
-            n, sections = None, [_section(outlines, wall)]
+            n, sections = None, [material_section(outlines, wall)]
         else:
             n = np.size(wall) if same else len(outlines)
             stations = [outlines] * n if same else outlines
@@ -69,26 +69,30 @@ class Structure:
             for weights in place_weights(n):
                 first = min(int(np.argmax(weights > 0.0)), n - 2)
                 outline = stations[first].blend(stations[first + 1], weights[first + 1])
-                sections.append(_section(outline, None if wall is None else weights @ walls))
+                own = None if wall is None else weights @ walls
+                sections.append(material_section(outline, own))
         numbers = np.array([(area, *moments) for area, moments, _ in sections]).T
         points = _governing([points for _, _, points in sections])
         return cls(*numbers, points, float(density), modulus, n)
 
-    def with_section(self, area, second_moments):
+    def with_section(self, area, second_moments=None):
         """Return the structure with another area and `SecondMoments`, as measured or computed.
 
         Each number, over chord squared or its fourth power, is one or one a station, linear
-        between. The points of the outline stay. Raises ValueError where the numbers of stations
-        differ.
+        between; without second moments, they stay. The points of the outline stay. Raises
+        ValueError where the numbers of stations differ.
         """
-        given = [np.atleast_1d(np.asarray(each, dtype=float)) for each in (area, *second_moments)]
-        counts = {each.size for each in given if each.size > 1}
+        given = {"area": area} | (second_moments._asdict() if second_moments else {})
+        given = {name: np.atleast_1d(np.asarray(each, float)) for name, each in given.items()}
+        counts = {each.size for each in given.values() if each.size > 1}
         counts |= {self.n_stations} if self.n_stations else set()
         if len(counts) > 1:
             raise ValueError(f"sections are given at different numbers of stations: {counts}")
-        spread = [each if each.size == 1 else place_weights(each.size) @ each for each in given]
-        numbers = dict(zip(("area", "xx", "yy", "xy"), spread, strict=True))
-        return replace(self, **numbers, n_stations=counts.pop() if counts else None)
+        spread = {
+            name: each if each.size == 1 else place_weights(each.size) @ each
+            for name, each in given.items()
+        }
+        return replace(self, **spread, n_stations=counts.pop() if counts else None)
 
     def bending(self, weak, strong, chord, exponent=EXPONENT):
         """Return the `Bending` stress by moments weak and strong[n_points, n_places] (N m).
@@ -153,8 +157,12 @@ def norm(values, exponent=EXPONENT):
     return smooth, np.where(np.real(values) < 0.0, -share, share), largest
 
 
-def _section(outline, wall):
-    """Return area, second moments about the centroid, and the outline's points from there."""
+def material_section(outline, wall=None):
+    """Return area, `SecondMoments` and points[n, 2] of a solid or hollow section.
+
+    Over powers of the chord, about the centroid of its material; the points are the outline's. wall
+    is the thickness of the wall over the chord, None for a solid section.
+    """
     area, centroid, moments = outline.area, np.array(outline.centroid), outline.second_moments
     hollow = None if wall is None else outline.hollowed(wall)
     if hollow is not None:

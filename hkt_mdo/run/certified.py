@@ -112,7 +112,7 @@ def _inertia_of_heavy(physics, optimum):
     bounds, twist_bounds = physics.shape.chord_bounds, physics.shape.twist_bounds
     unit = np.ones(blade.r.size)
     *_, slope = mass_and_inertia(
-        blade.with_shape(unit, unit), physics.section_area, rotor.material_density
+        blade.with_shape(unit, unit), physics.section_area, rotor.blade_material.density
     )
     lightest = physics.mass_and_inertia(blade.with_shape(bounds[0] * unit, unit))[1]
     prices = PRICES * optimum.power_coefficient / physics.mass_and_inertia(best)[1]

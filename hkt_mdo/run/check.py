@@ -6,14 +6,15 @@ from pathlib import Path
 import numpy as np
 
 from hkt_mdo.case import Case
-from hkt_mdo.dynamics.limits import DesignBounds, ForwardRotation, TorqueLimit
+from hkt_mdo.dynamics.limits import DesignBounds, Limit, TorqueLimit
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.problem.build import make_driver
-from hkt_mdo.problem.physics import physics
+from hkt_mdo.problem.physics import START_EXCESS, physics
 from hkt_mdo.problem.turbine import POLAR
-from hkt_mdo.results.words import measured, number, plain_unit, quantity, turning
+from hkt_mdo.results.words import bent, measured, number, plain_unit, quantity, turning
 from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.run import loads
 from hkt_mdo.run.findings import Findings, figure_data, problem_size
 from hkt_mdo.run.judge import FLOW_ERROR, designed
 from hkt_mdo.run.words import duration, flow_words, powers, span
@@ -24,7 +25,7 @@ LIGHT = 0.02  # share of the torque below which stations outside their polars' t
 WASTED = 0.5  # share of what a blade can capture below which a gain was hardly meant
 OUTERMOST = 0.9  # r/R of the last station below which a part of the blade is missing
 EDDY = 1.25  # cutoff times diameter over flow speed above which eddies are smaller than the rotor
-KEPT = 1e-6  # share of its bound by which a limit may be left
+KEPT = 1e-6  # share of their size by which the bounds of the design may be left
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +60,7 @@ def check_case(case: Case) -> CheckReport:
         "Flow": _flow(found, case.phase.duration is None, warn),
         "Control": _control(found, warn),
         "Starting blade": _start(found, warn),
+        "Limits, and what the starting blade does": _limits(found, warn),
         "Optimization": _optimization(found, package, warn),
     }
     return CheckReport(case.name, tables, notes, warnings, found, figure_data(found))
@@ -94,9 +96,16 @@ def _turbine(found: Findings, warn) -> dict[str, str]:
         f"of {found.case.fluid.density:g} kg/m^3",
         "blade at the start": f"{source}: {blade.r.size} stations at {found.places()}, chord "
         f"{span(blade.chord, 'm')}, twist {span(np.rad2deg(blade.twist), 'deg', 3)}",
-        "mass, inertia": f"{number(mass)} kg and {number(inertia)} kg m^2: solid blades of "
-        f"{rotor.material_density:g} kg/m^3{besides}",
+        "mass, inertia": f"{number(mass)} kg and {number(inertia)} kg m^2: {_kind(rotor)}blades "
+        f"of {rotor.blade_material.density:g} kg/m^3{besides}",
     }
+
+
+def _kind(rotor) -> str:
+    """Return whether blades are solid or hollow; neither where the area of a section is given."""
+    if any(each.area is not None for each in rotor.sections):
+        return ""
+    return "hollow " if rotor.wall or any(each.wall for each in rotor.sections) else "solid "
 
 
 def _stations(found: Findings, note, warn) -> dict[str, str]:
@@ -265,7 +274,7 @@ def _start(found: Findings, warn) -> dict[str, str]:
 
 
 def _optimization(found: Findings, package: str, warn) -> dict[str, str]:
-    """Tell the size of the problem, its bounds and limits; warn of those that the start breaks."""
+    """Tell the size of the problem and its bounds; warn of those that the start breaks."""
     phase, hydro, driver = found.case.phase, found.case.hydrodynamics, found.case.driver
     size, length = problem_size(found.physics, found.best), phase.duration / phase.segments
     segments, periods = found.physics.scenarios[0].segments, ""
@@ -296,32 +305,69 @@ def _optimization(found: Findings, package: str, warn) -> dict[str, str]:
     }
     point = found.start
     control = dict(zip(("chord", "twist"), found.physics.shape.control(point.blade), strict=True))
-    values = found.at_start | designed(found.physics, point) | control
+    values = designed(found.physics, point) | control
     metres, degrees = ("m", 1.0), ("deg", np.rad2deg(1.0))
     in_case = {"chord": metres, "twist": degrees, "set_angle": degrees, "gain": ("", 1.0)}
     in_case["radius"] = "m", 1.0 / np.cos(point.blade.cone)
     for limit in found.physics.limits:
-        if isinstance(limit, TorqueLimit | ForwardRotation):
-            continue  # every case has them
-        key, unit, scale = f"limits.{limit.name}", plain_unit(limit.unit or ""), 1.0
-        if isinstance(limit, DesignBounds):
-            key, (unit, scale) = f"design.{limit.name}_bounds", in_case[limit.name]
-        ends = {"at least": limit.lower, "at most": limit.upper}
-        words = [f"{word} {number(scale * x)}" for word, x in ends.items() if np.isfinite(x)]
-        rows[key] = f"{' and '.join(words)} {unit}".rstrip()
         if not isinstance(limit, DesignBounds):
-            words = [f"{word} {measured(x, unit, 4)}" for word, x in ends.items() if np.isfinite(x)]
-            rows[key] = " and ".join(words)
-        if found.running or limit.place != "time":
-            value = scale * limit.value_of(values)
-            told = span(value)
-            if not isinstance(limit, DesignBounds):
-                ends = dict.fromkeys((np.min(value), np.max(value)))
-                told = " to ".join(measured(float(x), unit, 4) for x in ends)
-            rows[key] += f"; {told} with the starting blade"
-            if np.max(limit.excess(values)) > KEPT:
-                warn(f"{key} is broken at the start, {rows[key]}: the run moves it inside")
+            continue
+        key, (unit, scale) = f"design.{limit.name}_bounds", in_case[limit.name]
+        value = scale * limit.value_of(values)
+        words = f"at least {number(scale * limit.lower)} and at most {number(scale * limit.upper)}"
+        rows[key] = f"{f'{words} {unit}'.rstrip()}; {span(value)} with the starting blade"
+        if np.max(limit.excess(values)) > KEPT:
+            warn(f"{key} is broken at the start, {rows[key]}: the run moves it inside")
     return rows
+
+
+def _limits(found: Findings, warn) -> dict[str, str]:
+    """Tell by how much the starting blade keeps or breaks each limit, and its other loads.
+
+    In quasi-steady operation under the control law; warn of limits that are broken.
+    """
+    rows, values, limited = {}, found.at_start, set()
+    for limit in found.physics.limits:
+        endless = not np.isfinite(limit.upper) and limit.lower <= 0.0
+        if isinstance(limit, DesignBounds) or endless:
+            continue
+        key = "control.torque_limit" if isinstance(limit, TorqueLimit) else f"limits.{limit.name}"
+        limited.add(limit.name)
+        rows[key] = _bounds(limit)
+        if found.running or limit.place != "time":
+            rows[key] += f"; {_kept(limit, limit.value_of(values))}"
+            if np.max(limit.excess(values)) > START_EXCESS:
+                warn(f"{key} is broken at the start, {rows[key]}: the run moves it inside")
+    if found.running:
+        for name, entry in loads.largest([values]).items():
+            if name not in limited:
+                rows[f"largest {name.replace('_', ' ')}"] = str(entry)
+        deflection = loads.tip_deflection(found.physics, found.start.blade, [values])
+        if deflection is not None:
+            rows["largest tip deflection"] = bent(deflection, found.start.blade.tip_radius)
+    return rows
+
+
+def _bounds(limit: Limit) -> str:
+    """Return the bounds of a limit; none below that is zero."""
+    ends = {"at least": limit.lower, "at most": limit.upper}
+    told = {word: float(end) for word, end in ends.items() if np.isfinite(end)}
+    if told.get("at least") == 0.0:
+        del told["at least"]
+    return " and ".join(f"{word} {measured(x, limit.unit or '', 4)}" for word, x in told.items())
+
+
+def _kept(limit: Limit, value) -> str:
+    """Return the range of a limited value, and by how much it is kept or broken."""
+    unit, value = limit.unit or "", np.atleast_1d(value)
+    ends = dict.fromkeys(measured(float(end(value)), unit, 4) for end in (np.min, np.max))
+    bounds = [(limit.lower - value, limit.lower), (value - limit.upper, limit.upper)]
+    over, bound = max((float(np.max(each)), abs(float(bound))) for each, bound in bounds)
+    told = f"{' to '.join(ends)}: "
+    if abs(over) <= START_EXCESS * bound:
+        return told + "at the limit"
+    share = f" ({100.0 * abs(over) / bound:.3g} %)" if bound else ""
+    return f"{told}{'broken' if over > 0.0 else 'kept'} by {measured(abs(over), unit, 3)}{share}"
 
 
 def _first_line(kind) -> str:

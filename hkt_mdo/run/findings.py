@@ -99,8 +99,8 @@ class Findings:
     - `plant`: the rotor with the starting blade, as it would be simulated; `given`: the blade of
       the file, which splines may have left; `best`: its largest power coefficient.
     - `start`: its quasi-steady operation under the control law, if it is `running`; `at_start`: the
-      quantities then (`Physics.on_start`); `working`: the tip speed ratios, `MARGIN` round the best
-      one if it does not turn; `captured`: its energy over that at `best` throughout.
+      quantities then (`Physics.on_start`) and all loads; `working`: the tip speed ratios, `MARGIN`
+      round the best one if it does not turn; `captured`: its energy over that at `best` throughout.
     - `rated_speed` and `above_rated`: flow speed at which the torque limit is met at the best tip
       speed ratio, and share of the time in which the flow is faster.
     - `steady_speed`, `time_constant`: in the mean flow; None if the rotor does not turn there.
@@ -134,6 +134,9 @@ class Findings:
         self.start = find_start(coarse, self.best, improve=False)
         (self.at_start,) = coarse.on_start(self.start)
         self.running = self.start.operation.running
+        if self.running:
+            loads = [each for each in physics.loads.names if each not in self.at_start]
+            self.at_start |= physics.loads_along(self.start.blade, self.at_start, tuple(loads))
         most = max(self.best.power_coefficient, 1e-9) * self.passing * duration
         self.captured = float(self.start.operation.energy / most)
         ratios = np.array(MARGIN) * self.best.tip_speed_ratio

@@ -15,7 +15,15 @@ import numpy as np
 import openmdao.api as om
 from scipy.integrate import simpson
 
-from hkt_mdo.dynamics.limits import LEAST, SLOWED, TYPICAL, DistanceFromStall, Limit, settled
+from hkt_mdo.dynamics.limits import (
+    LEAST,
+    SLOWED,
+    TYPICAL,
+    DistanceFromStall,
+    Limit,
+    TorqueLimit,
+    settled,
+)
 from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.dynamics.simulation import (
     SLOWEST_RATIO,
@@ -44,7 +52,8 @@ FLOW_ERROR, MESH_ERROR = 1e-4, 1e-5
 STORED = 0.01  # share of the captured energy that the rotor may have stored
 RECOVERY_ERROR = 0.2  # of the least recovery torque, which is a small difference of torques
 BELOW_START = 2e-3  # what the rotor's inertia and its distance from stall may cost
-BOUND_MARGIN, NODE_VIOLATION, BETWEEN_VIOLATION = 1e-5, 1e-6, 1e-3
+BOUND_MARGIN, NODE_VIOLATION, BETWEEN_VIOLATION = 1e-5, 1e-6, 1e-4
+CUT_BETWEEN = 1e-3  # of a torque's polynomial, which the generator cuts at its limit
 SAMPLES = 20  # a segment, of the integration and between the nodes
 
 
@@ -80,7 +89,36 @@ class Flight:
     """What `Physics.scalars` has of the design."""
     plant: Plant
     loads: Callable[[dict], dict]
-    """Returns the loads that the case limits, of a trajectory's quantities, by direct BEM."""
+    """Returns all loads that are known, of a trajectory's quantities, by direct BEM."""
+    limits_loads: bool
+    """Whether the case limits loads; without, they are computed for the tables only."""
+
+    @cached_property
+    def loads_at_nodes(self) -> dict[str, np.ndarray]:
+        """All loads that are known, at the nodes."""
+        return self.loads(self.trajectory)
+
+    @cached_property
+    def loads_flown(self) -> dict[str, np.ndarray]:
+        """All loads that are known, along the integration."""
+        return self.loads(self.integrated)
+
+    @property
+    def told(self) -> dict[str, Any]:
+        """What is told of the integration: its quantities, all loads, rates and the scalars."""
+        return self.integrated | self.loads_flown | self.rates_flown | self.scalars
+
+    @property
+    def rates_at_nodes(self) -> dict[str, np.ndarray]:
+        """All rates, at the nodes: those of each segment's polynomial."""
+        return {"torque_rate": self.scenario.differentiation @ self.trajectory["control_torque"]}
+
+    @property
+    def rates_flown(self) -> dict[str, np.ndarray]:
+        """All rates, along the integration."""
+        flown = self.simulation
+        acceleration = (flown.hydrodynamic_torque - flown.control_torque) / self.plant.inertia
+        return {"torque_rate": self.controller.rate(flown.time, flown.rotor_speed, acceleration)}
 
     @property
     def recorded(self) -> RecordedTorque | None:
@@ -90,18 +128,14 @@ class Flight:
     @cached_property
     def at_nodes(self) -> dict[str, Any]:
         """What limits take, at the nodes: the trajectory, its loads, rates and the scalars."""
-        nodes = self.trajectory
-        rate = self.scenario.differentiation @ nodes["control_torque"]
-        return nodes | self.loads(nodes) | {"torque_rate": rate} | self.scalars
+        loads = self.loads_at_nodes if self.limits_loads else {}
+        return self.trajectory | loads | self.rates_at_nodes | self.scalars
 
     @cached_property
     def flown(self) -> dict[str, Any]:
         """What limits take, along the integration."""
-        flown = self.simulation
-        acceleration = (flown.hydrodynamic_torque - flown.control_torque) / self.plant.inertia
-        rate = self.controller.rate(flown.time, flown.rotor_speed, acceleration)
-        loads = self.loads(self.integrated)
-        return self.integrated | loads | {"torque_rate": rate} | self.scalars
+        loads = self.loads_flown if self.limits_loads else {}
+        return self.integrated | loads | self.rates_flown | self.scalars
 
     @property
     def integrated(self) -> dict[str, np.ndarray]:
@@ -156,7 +190,7 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
     scalars, flights = physics.scalars(blade, result.inertia), []
 
     def loads(known):
-        return physics.loads_along(blade, known, physics.load_names)
+        return physics.loads_along(blade, known, physics.loads.names)
 
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
         mesh, law = scenario.mesh, physics.law
@@ -171,7 +205,8 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
             samples=np.append(scenario.within(np.arange(SAMPLES) / SAMPLES), mesh.duration),
             max_step=mesh.duration / mesh.segments,
         )
-        flights.append(Flight(scenario, nodes, flown, controller, scalars, plant, loads))
+        limited = bool(physics.load_names)
+        flights.append(Flight(scenario, nodes, flown, controller, scalars, plant, loads, limited))
     return tuple(flights)
 
 
@@ -340,7 +375,12 @@ def _of_limit(physics, limit, result, flights):
             over, when = flight.between_nodes(limit)
             worst = int(np.argmax(over))
             place = f"at t = {when[worst]:.2f} s"
-            yield f"{limit.name}_between_nodes{suffix}", over[worst], BETWEEN_VIOLATION, place
+            yield f"{limit.name}_between_nodes{suffix}", over[worst], most_between(limit), place
+
+
+def most_between(limit: Limit) -> float:
+    """Return by how much a limit may be exceeded between the nodes, relatively."""
+    return CUT_BETWEEN if isinstance(limit, TorqueLimit) else BETWEEN_VIOLATION
 
 
 def designed(physics: Physics, point: StartingPoint) -> dict[str, np.ndarray]:

@@ -16,7 +16,6 @@ from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes, find_start
 from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.judge import (
-    BETWEEN_VIOLATION,
     MESH_ERROR,
     RECOVERY_ERROR,
     SPEED_ERROR,
@@ -25,6 +24,7 @@ from hkt_mdo.run.judge import (
     curve_errors,
     fly,
     is_false,
+    most_between,
     recovers,
     short_of_recovery,
 )
@@ -49,11 +49,11 @@ def optimize(
 ) -> tuple[Physics, Optimized, tuple[Flight, ...]]:
     """Optimize from a start until nothing that a pass has set stands in the way; integrate.
 
-    That is: the torque curve is fine enough, no move limit is active, every limit holds between the
-    nodes too (for that it is lowered at the nodes of a segment), a rotor under feedback recovers
-    from a small loss of speed (for that a constraint is added, of twice the loss where the
-    integration denies the collocation), and the mesh is fine enough where the open loop begins or
-    ceases to meet a limit. The physics that are returned have the last mesh.
+    That is: the torque curve is fine enough, no move limit is active, a rotor under feedback
+    recovers from a small loss of speed (for that a constraint is added, of twice the loss where the
+    integration denies the collocation), the mesh is fine enough where the open loop begins or
+    ceases to meet a limit, and every limit holds between the nodes too (for that it is lowered at
+    the nodes of a segment). The physics that are returned have the last mesh.
     """
     slowed = SLOWED if np.any(start.operation.margin < NEAR_STALL) else 0.0
     setup = Setup(start, curve_nodes(physics, start), slowed=slowed)
@@ -79,16 +79,25 @@ def optimize(
             continue
         again = _refined(physics, setup, result, flights, at_limit)
         if again is None:
-            error, parts = _mesh_error(physics, result, flights, near, coarser, start.branch)
-            result = replace(result, mesh_error=error)
-            coarser.append(result.objective)
-            ended = physics, result, flights
+            lowered = _lowered(physics, setup, flights)
+            known = physics, result, flights, near, lowered is not None
+            error, parts = _mesh_error(*known, coarser, start.branch)
             most = MOST_DENSE if physics.case.driver.optimizer == "SLSQP" else MOST_DIVIDED
-            if not parts or sum(map(np.sum, parts)) > most:
-                return ended
-            physics, setup = _on_finer_mesh(physics, setup, result, parts)
-            log.save(setup.start, physics)
-            continue
+            if sum(map(np.sum, parts)) > most:
+                parts = []
+            if lowered is None:
+                result = replace(result, mesh_error=error)
+                ended = physics, result, flights
+                if not parts:
+                    return ended
+            if parts:
+                coarser.append(result.objective)
+                physics, setup = _on_finer_mesh(physics, setup, result, parts)
+                log.save(setup.start, physics)
+                continue
+            again = replace(
+                setup, start=result.point, nodes=curve_nodes(physics, result.point), shares=lowered
+            )
         setup = again
     if at_limit:  # an optimum between limits of our own making is none
         message = f"still at a move limit after {MAX_PASSES} optimizations"
@@ -109,30 +118,27 @@ def _refined(physics, setup, result, flights, at_limit) -> Setup | None:
     curve_ok = not physics.has_curve or (
         np.max(curve_errors(physics, result)[1]) <= physics.case.hydrodynamics.tolerance
     )
-    shares = _lowered(physics, setup, flights)
-    if curve_ok and shares is None and not at_limit:
+    if curve_ok and not at_limit:
         near_stall = physics.law is not None and physics.has_curve and setup.slowed <= SLOWED
         near_stall &= physics.case.phase.transcription != "radau"  # whose false speeds are its own
         if near_stall and is_false(flights):  # there a collocation may follow a false branch
             return replace(setup, slowed=2.0 * SLOWED)
         return None
-    return replace(
-        setup,
-        start=result.point,
-        nodes=curve_nodes(physics, result.point, finer=not curve_ok),
-        shares=shares or setup.shares,
-    )
+    nodes = curve_nodes(physics, result.point, finer=not curve_ok)
+    return replace(setup, start=result.point, nodes=nodes)
 
 
-def _mesh_error(physics, result, flights, near, coarser, branch) -> tuple[float, list[np.ndarray]]:
+def _mesh_error(
+    physics, result, flights, near, lowering, coarser, branch
+) -> tuple[float, list[np.ndarray]]:
     """Return by how much a finer mesh may change the objective, relatively, and what to divide.
 
-    `near` is that of `_near_stall`; `coarser` has the objectives on the meshes before, the last
-    one's at the end. Under open loop
-    the error is how much the last division has changed it; of two divisions that form a geometric
-    series, the rest of that series. Before a division it is how far the objective is from that of
-    quasi-steady operation of the found blade, which needs no mesh. A feedback law leaves the
-    optimizer no torque over time to choose, and its error is none.
+    `near` is that of `_near_stall`; `lowering` tells whether lower limits at the nodes may yet keep
+    those between them; `coarser` has the objectives on the meshes before, the last one's at the
+    end. Under open loop the error is how much the last division has changed it; of two divisions
+    that form a geometric series, the rest of that series. Before a division it is how far the
+    objective is from that of quasi-steady operation of the found blade, which needs no mesh. A
+    feedback law leaves the optimizer no torque over time to choose, and its error is none.
 
     What to divide is the number of parts of each segment, empty where the mesh is fine enough.
     Divided are segments where the integration denies the collocation, where it is closer to stall
@@ -150,8 +156,8 @@ def _mesh_error(physics, result, flights, near, coarser, branch) -> tuple[float,
             coarse = [np.zeros_like(marks) for marks in coarse]
     for marks, close, flight in zip(coarse, near, flights, strict=True):
         marks |= close
-        for limit in _held(physics):
-            marks |= flight.between_nodes(limit)[0] > BETWEEN_VIOLATION
+        for limit in _held(physics) if not lowering else ():
+            marks |= flight.between_nodes(limit)[0] > most_between(limit)
     if physics.law is None:
         blade = result.point.blade
         known = replace(physics, shape=replace(physics.shape, blade=blade))
@@ -247,9 +253,10 @@ def _lowered(physics, setup, flights) -> dict | None:
             # where a lower limit does not help, or by much, the mesh is too coarse
             mends = (share > 1.0 - MOST_LOWERED) & (over < MOST_EXCEEDED)
             over = np.where(mends, over, 0.0)
-            if np.max(over) > BETWEEN_VIOLATION:
+            most = most_between(limit)
+            if np.max(over) > most:
                 exceeded = True
-                shares[key] = share * (1.0 - np.where(over > 0.5 * BETWEEN_VIOLATION, over, 0.0))
+                shares[key] = share * (1.0 - np.where(over > 0.5 * most, over, 0.0))
     return shares if exceeded else None
 
 

@@ -38,6 +38,7 @@ from hkt_mdo.run.judge import BELOW_START, explain_all, judge
 from hkt_mdo.run.log import Log, Progress, read_iterate
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.summary import summarize, write_tables
+from hkt_mdo.run.worth import worths
 from hkt_mdo.solve.threads import one_thread
 
 NOT_RUNNING = (
@@ -173,7 +174,8 @@ def _optimize_and_judge(
         bound = bounding_optimum(world, optimum, result.point.blade)
         checks = judge(world, bound, log.reference, result, flights)
         log.save(result.point, world)
-    finished = summarize(world, bound, start, breaks, result, flights, checks, remedy)
+    gains = worths(world, result, log.scratch) if result.outcome.success else {}
+    finished = summarize(world, bound, start, breaks, result, flights, checks, remedy, gains)
     if held:
         message = f"{refused}; the folder holds {held}, which is better than the end"
         finished = finished.model_copy(update={"message": message})

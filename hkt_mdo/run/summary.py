@@ -2,9 +2,11 @@
 
 import platform
 from importlib import metadata
+from types import MappingProxyType
 
 import numpy as np
 import yaml
+from scipy.integrate import trapezoid
 
 from hkt_mdo.dynamics.limits import DesignBounds
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
@@ -15,8 +17,9 @@ from hkt_mdo.files.yaml_text import Dumper
 from hkt_mdo.results.folder import to_json, write_csv
 from hkt_mdo.results.summary import Summary
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.steady_optimum import best_operation
+from hkt_mdo.rotor.strength import place_weights
+from hkt_mdo.run import loads
 from hkt_mdo.run.findings import Stations
 from hkt_mdo.run.judge import energy_bound, explain_all, total
 
@@ -27,10 +30,21 @@ BINDING, ENVELOPE = 1e-3, 1e-2
 PACKAGES = "hkt_mdo openmdao dymos numpy scipy numba casadi wisdem pyoptsparse".split()
 
 
-def summarize(physics, optimum, start, start_breaks, result, flights, checks, remedy="") -> Summary:
+def summarize(
+    physics,
+    optimum,
+    start,
+    start_breaks,
+    result,
+    flights,
+    checks,
+    remedy="",
+    worths=MappingProxyType({}),
+) -> Summary:
     """Return the summary of a finished run; `remedy`: what to try if the optimizer failed.
 
-    `start_breaks` names the limits that the start exceeds, on the mesh that it was found on.
+    `start_breaks` names the limits that the start exceeds, on the mesh that it was found on;
+    `worths` are those of `hkt_mdo.run.worth`.
     """
     failed = [check for check in checks if not check.passed]
     blade = result.point.blade
@@ -51,6 +65,7 @@ def summarize(physics, optimum, start, start_breaks, result, flights, checks, re
             "kinetic_energy_change",
         )
     )
+    flown = [flight.told for flight in flights]
     values = {
         "case": physics.case.name,
         "success": not failed,
@@ -73,12 +88,12 @@ def summarize(physics, optimum, start, start_breaks, result, flights, checks, re
             else physics.objective_bound(bound),
         },
         "limits": {
-            limit.name: _limit(limit, flights)
+            limit.name: _limit(limit, flights, worths)
             for limit in physics.limits
             if not isinstance(limit, DesignBounds) and np.isfinite(limit.upper)
         },
-        "loads": _loads(physics, blade, flights),
-        "tip_deflection_m": _deflection(physics, blade, flights),
+        "loads": _loads(physics, blade, flown),
+        "tip_deflection_m": loads.tip_deflection(physics, blade, flown),
         "branches": [
             {
                 "name": each.branch,
@@ -154,44 +169,40 @@ def _gap(over, turning):
     return None if over is None or not turning else -over
 
 
-def _limit(limit, flights):
+def _limit(limit, flights, worths):
     """Return the largest value of a limit, at the nodes and in the integration, and its bound."""
     values = [
-        limit.largest(quantities)
+        np.max(limit.told(quantities))
         for flight in flights
         for quantities in (flight.at_nodes, flight.flown)
     ]
     value, bound = float(max(values)), float(limit.upper)
     near = ENVELOPE if limit.name in LOADS else BINDING
     binding = bool(value >= bound - near * abs(bound))
-    return {"value": value, "limit": bound, "unit": limit.unit or "", "binding": binding}
+    entry = {"value": value, "limit": bound, "unit": limit.unit or "", "binding": binding}
+    if limit.place != "time":
+        return entry
+    flown = [(limit.told(flight.flown), flight.flown["time"]) for flight in flights]
+    along, time = max(flown, key=lambda each: np.max(each[0]))
+    binds = [
+        trapezoid(np.where(values >= bound - near * abs(bound), 1.0, 0.0), time) / time[-1]
+        for values, time in flown
+    ]
+    weights = [flight.scenario.weight for flight in flights]
+    return entry | {
+        "time_s": time[np.argmax(along)],
+        "share_of_time": np.average(binds, weights=weights),
+        "worth": worths.get(limit.name),
+    }
 
 
-def _loads(physics, blade, flights):
-    """Return the largest loads along the integrations, by direct BEM."""
-    found = {}
-    for flight in flights:
-        known = flight.integrated
-        for name, values in physics.loads_along(blade, known, physics.loads.names).items():
-            worst = int(np.argmax(values))
-            if name not in found or values[worst] > found[name]["value"]:
-                when = known["time"][worst]
-                unit = LOADS[name][0] or ""
-                found[name] = {"value": values[worst], "unit": unit, "time_s": when}
+def _loads(physics, blade, flown):
+    """Return the largest loads along the integrations, when and where along the blade."""
+    found = {name: entry.model_dump() for name, entry in loads.largest(flown).items()}
+    for name, (r, values) in loads.over_span(physics, blade, flown).items():
+        if name in found:
+            found[name]["r_m"] = r[np.argmax(values)]
     return found
-
-
-def _deflection(physics, blade, flights):
-    """Return the largest deflection of a tip, m; None where polars follow the Reynolds number."""
-    if isinstance(physics.polar, LocalReynolds):
-        return None
-    largest = 0.0
-    for flight in flights:
-        ratio, flow = (flight.trajectory[name] for name in ("tip_speed_ratio", "inflow_speed"))
-        at = np.linspace(max(ratio.min(), SLOWEST_RATIO), ratio.max(), 201)
-        found = np.interp(ratio, at, physics.loads.tip_deflection(blade, at))
-        largest = max(largest, float(np.max(0.5 * physics.density * flow**2 * found)))
-    return largest
 
 
 def _set_angle(physics, blade):
@@ -214,13 +225,18 @@ def _versions():
 
 
 def write_tables(out, physics, result, flights):
-    """Write the trajectories, the integrations, the blade and the power curves as CSV files."""
+    """Write the trajectories, the integrations, the loads, the blade and its power curve as CSV."""
     for flight in flights:
         suffix = "" if flight is flights[0] else f"_{flight.scenario.name}"
-        for name, values in (("trajectory", flight.trajectory), ("simulation", flight.integrated)):
-            rows = zip(*(values[column] for column in COLUMNS), strict=True)
-            write_csv(out / f"{name}{suffix}.csv", COLUMNS.values(), rows)
+        for name, values in (
+            ("trajectory", flight.trajectory | flight.loads_at_nodes | flight.rates_at_nodes),
+            ("simulation", flight.told),
+        ):
+            table = {column: values[name] for name, column in COLUMNS.items() if name in values}
+            write_csv(out / f"{name}{suffix}.csv", table, zip(*table.values(), strict=True))
     blade = result.point.blade
+    flown = [flight.told for flight in flights]
+    _write_loads(out / "loads.csv", blade, loads.over_span(physics, blade, flown))
     _write_blade(out / "blade.csv", physics, blade)
     ratios = np.linspace(0.3, 1.7, 141) * best_operation(blade, physics.polar).tip_speed_ratio
     power = [
@@ -228,6 +244,16 @@ def write_tables(out, physics, result, flights):
     ]
     header = ("tip_speed_ratio", "power_coefficient", "start_power_coefficient")
     write_csv(out / "power_curve.csv", header, zip(ratios, *power, strict=True))
+
+
+def _write_loads(path, blade, found):
+    """Write the loads along the blade; what is known at the stations only, linear between them."""
+    units = {"stress": "stress_Pa", "flapwise_moment": "flapwise_moment_Nm"}
+    places = place_weights(blade.r.size) @ blade.r
+    table = {"r_m": places, "r_over_R": places / blade.tip_radius}
+    for name, (r, values) in found.items():
+        table[units.get(name, name)] = np.interp(places, r, values)
+    write_csv(path, table, zip(*table.values(), strict=True))
 
 
 def _write_blade(path, physics, blade):

@@ -253,7 +253,7 @@ def test_plot_draws_the_figures(result_folder: Path, capsys: pytest.CaptureFixtu
     assert main(["plot", str(result_folder), "--format", "svg"]) == 0
     assert (result_folder / "figures" / "operation.svg").is_file()
     assert main(["plot", str(result_folder), "--out", "there"]) == 0
-    names = {Path(line).name for line in capsys.readouterr().out.splitlines()[4:]}
+    names = {Path(line).name for line in capsys.readouterr().out.splitlines()[7:]}
     assert names == {path.name for path in Path("there").iterdir()}
     assert {Path(name).suffix for name in names} == {".png"}
     assert main(["plot", str(result_folder), "--format", "docx"]) == 2

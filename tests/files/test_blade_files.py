@@ -316,6 +316,14 @@ def test_windio_says_more_than_rows(put):
     np.testing.assert_allclose(shares, [0.0, 0.5, 0.75, 1.0], rtol=1e-14)
 
 
+def test_windio_layers_are_not_ignored_silently(put):
+    table = read_blade(put("a.yaml", WINDIO))
+    assert not any("layers" in message for message in table.messages)
+    text = WINDIO.replace("    blade:\n", "    blade:\n        structure: {layers: []}\n", 1)
+    (said,) = (m for m in read_blade(put("b.yaml", text)).messages if "layers" in m)
+    assert said.startswith("components.blade.structure: webs and layers are not read")
+
+
 def test_windio_1_counts_in_radians(put):
     def radians(numbers):
         return str([float(np.deg2rad(number)) for number in numbers])

@@ -10,12 +10,13 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.results import plots
 from hkt_mdo.results.solution import Solution
 
 PLOTS = [plot for name, plot in vars(plots).items() if name.startswith("plot_")]
-FIGURES = ("blade", "power_curve", "operation", "convergence")
+FIGURES = ("blade", "power_curve", "operation", "schedule", "limits", "loads", "convergence")
 
 
 def legend_texts(ax: Axes) -> list[str]:
@@ -48,6 +49,9 @@ def test_plot_draws_in_its_own_figure(plot, solution: Solution) -> None:
 
 @pytest.mark.parametrize("plot", PLOTS)
 def test_plot_draws_several_where_told(plot, both: list[Solution]) -> None:
+    if plot is plots.plot_limits:  # of which the other has none
+        case = both[0].case.model_copy(update={"name": "sine_linear"})
+        both = [both[0], replace(both[0], case=case)]
     ax = Figure().subplots()
     assert plot(both, ax) is ax
     ax.figure.canvas.draw()
@@ -116,6 +120,117 @@ def test_limits_are_drawn_beside_their_quantity_or_told(
     assert f"sine_quadratic: {told[0]}" in shown
 
 
+def line_of(ax: Axes, label: str):
+    """Return the line that a legend names so."""
+    return next(line for line in ax.lines if line.get_label() == label)
+
+
+def limited(folder: Path, limits: str) -> Solution:
+    """Return a solution whose case has other limits than that of the torque, too."""
+    path = folder / "case.yaml"
+    case = load_case(path, [f"limits={{{limits}}}"])
+    path.write_text(case.to_yaml(), encoding="utf-8")
+    return Solution.load(folder)
+
+
+def test_limits_over_time_are_values_over_bounds(result_folder: Path) -> None:
+    solution = limited(
+        result_folder,
+        "power: 5 kW, tip_speed: 12 m/s, thrust: 6.5 kN, stress: 100 MPa, cavitation: {depth: 3}",
+    )
+    table, ax = solution.simulation, plots.plot_limits(solution)
+    expected = {
+        "control torque": table["control_torque_Nm"] / 700.0,
+        "power": table["control_torque_Nm"] * table["rotor_speed_rad_s"] / 5000.0,
+        "tip speed": table["rotor_speed_rad_s"] * 1.4 / 12.0,
+        "thrust": table["thrust_N"] / 6500.0,
+        "stress": table["stress_Pa"] / 1e8,
+        "cavitation": table["cavitation"],
+    }
+    assert [line.get_label() for line in ax.lines] == [*expected, "limit"]
+    for label, values in expected.items():
+        np.testing.assert_allclose(line_of(ax, label).get_ydata(), values, rtol=1e-9)
+    assert list(line_of(ax, "limit").get_ydata()) == [1.0, 1.0]
+
+
+def test_without_limits_no_figure_of_limits(linear_result_folder: Path) -> None:
+    solution = Solution.load(linear_result_folder)
+    assert solution.limit_shares() == {}
+    assert plots.figure_of(solution, "limits") is None
+
+
+def test_schedule_is_over_the_flow_with_its_limits(result_folder: Path) -> None:
+    solution = limited(
+        result_folder,
+        "power: 5 kW, electrical_power: 4.8 kW, tip_speed: 12 m/s, rotor_speed: 9 rad/s, "
+        "thrust: 6.5 kN",
+    )
+    table = solution.simulation
+    rpm, power = 30.0 / np.pi, table["control_torque_Nm"] * table["rotor_speed_rad_s"]
+    for plot, values, levels in (
+        (
+            plots.plot_speed_schedule,
+            rpm * table["rotor_speed_rad_s"],
+            {"tip speed limit 12 m/s": rpm * 12.0 / 1.4, "rotor speed limit 9 rad/s": rpm * 9.0},
+        ),
+        (
+            plots.plot_torque_schedule,
+            table["control_torque_Nm"],
+            {"control torque limit 700 N m": 700.0},
+        ),
+        (
+            plots.plot_power_schedule,
+            power / 1e3,
+            {"electrical power limit 4.8 kW": 4.8, "power limit 5 kW": 5.0},
+        ),
+        (plots.plot_thrust_schedule, table["thrust_N"] / 1e3, {"thrust limit 6.5 kN": 6.5}),
+    ):
+        ax = plot(solution)
+        line = line_of(ax, "simulation")
+        np.testing.assert_array_equal(line.get_xdata(), table["inflow_speed_m_s"])
+        np.testing.assert_allclose(line.get_ydata(), values, rtol=1e-8)
+        found = {
+            each.get_label().partition(" (")[0]: each.get_ydata()[0]
+            for each in ax.lines
+            if "limit" in each.get_label()
+        }
+        assert found == pytest.approx(levels, rel=1e-12)
+    electrical = line_of(plots.plot_power_schedule(solution), "electrical power")
+    np.testing.assert_allclose(electrical.get_ydata(), 0.9 * power / 1e3, rtol=1e-8)
+
+
+def test_loads_are_along_the_span_with_their_limits(result_folder: Path) -> None:
+    solution = limited(result_folder, "stress: 100 MPa, cavitation: {depth: 3}")
+    for plot, column, word, scale, limit in (
+        (plots.plot_stress, "stress_Pa", "stress", 1e-6, 100.0),
+        (plots.plot_flapwise_moment, "flapwise_moment_Nm", "stress", 1e-3, None),
+        (plots.plot_suction, "cavitation", "suction", 1.0, 1.0),
+    ):
+        line, *levels = plot(solution).lines
+        assert line.get_label() == f"at the largest {word}, t = 56.55 s"
+        np.testing.assert_array_equal(line.get_xdata(), solution.loads["r_over_R"])
+        np.testing.assert_array_equal(line.get_ydata(), scale * solution.loads[column])
+        assert [each.get_ydata()[0] for each in levels] == ([] if limit is None else [limit])
+
+
+def test_panels_without_data_are_left_out(result_folder: Path) -> None:
+    """A rotor whose depth is not known has no suction, an older result no loads."""
+    for name, gone in (("simulation", "thrust_N"), ("trajectory", "thrust_N"), ("loads", "cavit")):
+        path = result_folder / f"{name}.csv"
+        rows = [line.split(",") for line in path.read_text().splitlines()]
+        kept = [index for index, title in enumerate(rows[0]) if not title.startswith(gone)]
+        lines = (",".join(row[index] for index in kept) for row in rows)
+        path.write_text("\n".join(lines) + "\n")
+    solution = Solution.load(result_folder)
+    schedule, loads = (plots.figure_of(solution, name) for name in ("schedule", "loads"))
+    assert [ax.get_ylabel() for ax in schedule.axes] == [
+        "rotor speed (rpm)",
+        "generator torque (N m)",
+        "generator power (kW)",
+    ]
+    assert [ax.get_ylabel() for ax in loads.axes] == ["stress (MPa)", "flapwise moment (kN m)"]
+
+
 def test_a_constant_looks_like_one(solution: Solution) -> None:
     table = {name: column.copy() for name, column in solution.simulation.items()}
     table["tip_speed_ratio"] = 7.18 + 1e-6 * np.sin(table["time_s"])
@@ -150,7 +265,8 @@ def test_save_figures_writes_all(solution: Solution, tmp_path: Path) -> None:
     [
         ((), FIGURES),
         (("simulation",), FIGURES),
-        (("power_curve", "simulation", "trajectory"), ("blade", "convergence")),
+        (("power_curve", "simulation", "trajectory"), ("blade", "loads", "convergence")),
+        (("loads",), tuple(name for name in FIGURES if name != "loads")),
     ],
 )
 def test_save_figures_draws_what_there_is(

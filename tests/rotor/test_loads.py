@@ -346,9 +346,13 @@ def stepped_loads(model, blade, points, **steps):
     }
 
 
-@pytest.mark.parametrize("cone", [0.0, 0.12])
-def test_derivatives_are_those_of_the_complex_step(blade, polar, cone):
+@pytest.mark.parametrize(("cone", "hollow"), [(0.0, False), (0.12, False), (0.12, True)])
+def test_derivatives_are_those_of_the_complex_step(blade, polar, cone, hollow):
     blade, model = replace(blade, cone=cone), model_of(polar)
+    if hollow:
+        wall = np.linspace(0.05, 0.01, blade.r.size)
+        outline = Outline.from_file("naca63815")
+        model = model_of(polar, structure=Structure.of(outline, METAL, wall=wall))
     found = model.coefficients(blade, RATIO, derivatives=True)
     unit = np.eye(blade.r.size)
     steps = {"tip_speed_ratio": [{"ratio": 1.0}], "rotor_radius": [{"radius": 1.0}]}

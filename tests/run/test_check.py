@@ -1,6 +1,7 @@
 """`hkt check`: its figures held to closed forms, its counts to the problem that a run builds."""
 
 import os
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -330,10 +331,47 @@ def test_limits_and_objective_of_an_extension() -> None:
     assert "objective: Captured energy less a price on the mean squared torque" in told
     fastest = np.max(found.at_start["rotor_speed"]) * found.physics.blade.rotor_radius
     assert fastest > 9.0
-    assert "limits.tip_speed: at most 9 m/s; " in told
-    assert f" to {fastest:.4g} m/s with the starting blade" in told
+    limits = rows(report, "Limits, and what the starting blade does")
+    assert "limits.tip_speed: at most 9 m/s; " in limits
+    over = f"broken by {fastest - 9.0:.3g} m/s ({100.0 * (fastest / 9.0 - 1.0):.3g} %)"
+    assert f" to {fastest:.4g} m/s: {over}" in limits
     assert f"{found.physics.scenarios[0].node_times.size} limit_tip_speed" in told
     assert any("limits.tip_speed is broken at the start" in line for line in report.warnings)
+
+
+def test_limits_and_loads_of_the_starting_blade() -> None:
+    """Held to the quantities of the start: what is broken, what is kept, what is not limited."""
+    limits = "limits={power: 5 kW, thrust: 20 kN, stress: 100 MPa, rotor_speed: 9 rad/s}"
+    report = check(limits, "control.torque_limit=2000", "site.hub_depth=3")
+    world, start = report.findings.physics, report.findings.at_start
+    told = report.tables["Limits, and what the starting blade does"]
+    assert list(told)[:5] == [
+        "control.torque_limit",
+        *(f"limits.{name}" for name in ("power", "rotor_speed", "thrust", "stress")),
+    ]
+    q = 0.5 * world.density * start["inflow_speed"] ** 2
+    blade, ratio = report.findings.start.blade, start["tip_speed_ratio"]
+    loads = {n: q * x.largest for n, x in world.loads.coefficients(blade, ratio).items()}
+    stress, thrust = loads["stress"].max(), loads["thrust"].max()
+    power = (start["control_torque"] * start["rotor_speed"]).max()
+    assert power > 5e3
+    assert stress > 1e8
+    over = power - 5e3
+    amount = f"{over / 1e3:.3g} kW" if over >= 1e3 else f"{over:.3g} W"
+    word = f"at most 5 kW; .* to {power / 1e3:.4g} kW: broken by {amount} \\({over / 50.0:.3g} %\\)"
+    assert re.fullmatch(word, told["limits.power"])
+    word = f"broken by {stress / 1e6 - 100.0:.3g} MPa ({stress / 1e6 - 100.0:.3g} %)"
+    assert told["limits.stress"].endswith(word)
+    left = 20e3 - thrust
+    assert told["limits.thrust"].endswith(f"kept by {left / 1e3:.3g} kN ({left / 200.0:.3g} %)")
+    assert "rpm" in told["limits.rotor_speed"]
+    moment = loads["root_moment"]
+    when = f"at t = {start['time'][np.argmax(moment)]:.2f} s"
+    assert told["largest root moment"] == f"{moment.max() / 1e3:.5g} kN m {when}"
+    assert told["largest cavitation"].startswith(f"{loads['cavitation'].max():.5g} at")
+    assert "% of the radius" in told["largest tip deflection"]
+    broken = [line.partition(" is broken")[0] for line in report.warnings if "is broken" in line]
+    assert broken == ["limits.power", "limits.stress"]
 
 
 def test_stations_that_end_early() -> None:

@@ -13,6 +13,7 @@ import pytest
 from hkt_mdo.errors import InputError
 from hkt_mdo.solve import drivers
 from hkt_mdo.solve.drivers import make_driver
+from hkt_mdo.solve.multipliers import State, gain, multipliers
 
 # OpenMDAO makes a directory '<problem>_out' where it runs: keep it out of the checkout.
 pytestmark = pytest.mark.usefixtures("empty_directory")
@@ -147,6 +148,37 @@ def test_hock_schittkowski_71(package, optimizer):
     problem.set_val("x", [1.0, 5.0, 5.0, 1.0])
     problem.run_driver()
     assert driver.outcome() == found
+
+
+@every_optimizer
+def test_multipliers_and_what_a_little_of_a_bound_gives(package, optimizer):
+    states = []
+    for more in (0.0, 1e-4):
+        driver = make_driver(package, optimizer, tolerance=1e-9)
+        problem = hock_schittkowski_71(driver, lower=25.0 * (1.0 + more))
+        problem.run_driver()
+        states.append(State.of(driver))
+        if not more:
+            found, x = multipliers(driver, states[0]), problem.get_val("x").copy()
+    # as IPOPT's documentation has them for its example, this problem
+    expected = [-0.55229366, 0.16146857, -1.08787121, 0.0, 0.0, 0.0]
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6)
+    problem.set_val("x", x)
+    problem.run_model()
+    changed = gain(states[0], found, State.of(driver))
+    assert changed == pytest.approx(states[1].objective - states[0].objective, rel=1e-3)
+    assert changed == pytest.approx(0.55229366 * 25e-4, rel=1e-5)
+
+
+@every_optimizer
+def test_multipliers_of_scaled_problems(package, optimizer):
+    driver = make_driver(package, optimizer, tolerance=1e-9)
+    problem = bowl(driver)
+    problem.run_driver()
+    state = State.of(driver)
+    # at (1, 1, 2.5) m: df/dx = (-2, -2, -1) m, so 2 m a metre of the sum and 1 m of the bound
+    found = multipliers(driver, state) / state.scaler
+    np.testing.assert_allclose(found, [2.0 * 0.7, 0.0, 0.0, 1.0 * 2.3], rtol=1e-5, atol=1e-5)
 
 
 @every_optimizer

@@ -1,0 +1,76 @@
+"""What is told of the loads of a result, and of a starting blade: the largest, and their places."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
+from hkt_mdo.dynamics.trajectory import LOADS
+from hkt_mdo.problem.physics import Physics
+from hkt_mdo.results.summary import LoadEntry
+from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.reynolds import LocalReynolds
+
+Known = dict[str, Any]
+"""Quantities and loads of a trajectory, (n_times,), and the scalars of `Physics.scalars`."""
+
+
+def largest(trajectories: Iterable[Known]) -> dict[str, LoadEntry]:
+    """Return the largest loads of some trajectories, and the largest power and speeds."""
+    found: dict[str, LoadEntry] = {}
+    for known in trajectories:
+        told = {name: (known[name], unit) for name, (unit, _) in LOADS.items() if name in known}
+        told["power"] = known["generator_power"], "W"
+        told["rotor_speed"] = known["rotor_speed"], "rad/s"
+        told["tip_speed"] = known["rotor_speed"] * known["rotor_radius"], "m/s"
+        for name, (values, unit) in told.items():
+            worst = int(np.argmax(values))
+            value, time = float(values[worst]), float(known["time"][worst])
+            before = found.get(name)
+            if before is None or value > before.value:
+                found[name] = LoadEntry(value=value, unit=unit or "", time_s=time)
+    return found
+
+
+def over_span(
+    physics: Physics, blade: Blade, trajectories: Iterable[Known]
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return radii (m) and values along the blade of the stress, of the suction and of the moment.
+
+    `stress` (Pa) and `flapwise_moment` (N*m) are those of the time when the blade has its largest
+    stress, `cavitation` that of the time of the largest suction, by the surface which has more;
+    it is known at the stations only. What the physics does not know is left out.
+    """
+    found, several = {}, list(trajectories)
+    for name in ("stress", "cavitation"):
+        if name not in physics.loads.names:
+            continue
+        known = max(several, key=lambda known, name=name: np.max(known[name]))  # type: ignore[misc]
+        worst = int(np.argmax(known[name]))
+        flow = float(known["inflow_speed"][worst])
+        ratio = max(float(known["tip_speed_ratio"][worst]), SLOWEST_RATIO)
+        model, pressure = physics.loads_in(flow), 0.5 * physics.density * flow**2
+        load = model.coefficients(blade, ratio, names=(name,))[name]
+        if name == "cavitation":
+            both_surfaces = load.exact[0].reshape(2, -1)
+            found[name] = blade.r, pressure * np.max(both_surfaces, axis=0)
+        else:
+            moment = model.flapwise_moment(blade, ratio, load.r)[0]
+            found[name] = load.r, pressure * load.exact[0]
+            found["flapwise_moment"] = load.r, pressure * moment
+    return found
+
+
+def tip_deflection(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> float | None:
+    """Return the largest deflection of a tip, m; None where polars follow the Reynolds number."""
+    if isinstance(physics.polar, LocalReynolds):
+        return None
+    most = 0.0
+    for known in trajectories:
+        ratio, flow = known["tip_speed_ratio"], known["inflow_speed"]
+        ratio = np.maximum(ratio, SLOWEST_RATIO)
+        at = np.linspace(ratio.min(), ratio.max(), 201)
+        found = np.interp(ratio, at, physics.loads.tip_deflection(blade, at))
+        most = max(most, float(np.max(0.5 * physics.density * flow**2 * found)))
+    return most

@@ -1,0 +1,57 @@
+"""What one per cent more of a limit is worth at an optimum, to first order."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hkt_mdo.dynamics.limits import TorqueLimit
+from hkt_mdo.problem.build import assemble
+from hkt_mdo.problem.physics import Physics
+from hkt_mdo.run.judge import Optimized
+from hkt_mdo.solve.multipliers import State, gain, multipliers
+
+MORE = 1e-2  # of the limit, of which the worth is told
+STEP = 1e-5  # of the limit, by which it is changed: a law saturates steeply
+
+
+def worths(physics: Physics, result: Optimized, scratch: str = "") -> dict[str, float]:
+    """Return by how much the objective (J) of an optimum grows with one per cent more of a limit.
+
+    For each limit over time that has an upper bound, by name: from the multipliers of the optimum
+    and the problem with a little more of the limit, at the same design. `scratch`: where OpenMDAO
+    puts its own files.
+    """
+    limits = [each for each in physics.limits if each.place == "time" and np.isfinite(each.upper)]
+    if not limits:
+        return {}
+    optimum = State.of(result.problem.driver)
+    found = multipliers(result.problem.driver, optimum)
+    changed = ((each.name, _with_more(physics, result, each, scratch)) for each in limits)
+    return {name: MORE / STEP * gain(optimum, found, state) for name, state in changed}
+
+
+def _with_more(physics, result, limit, scratch) -> State:
+    """Return the state of the problem with a little more of a limit, at the same design."""
+    setup = result.setup
+    if isinstance(limit, TorqueLimit) and physics.law is not None:  # its law saturates there
+        most = (1.0 + STEP) * physics.torque_limit
+        law = physics.law.model_copy(update={"torque_limit": most})
+        physics = replace(physics, law=law, torque_limit=most)
+    else:
+        shares = dict(setup.shares)
+        for scenario in physics.scenarios:
+            key = limit.name, scenario.name
+            share = shares.get(key, np.ones(scenario.segments))
+            shares[key] = share + STEP
+        setup = replace(setup, shares=shares)
+    problem = assemble(physics, setup, work_dir=scratch)
+    problem.final_setup()
+    design = result.problem.driver.get_design_var_values(driver_scaling=False)
+    for name, value in design.items():
+        problem.driver._set_design_var(name, value)
+    problem.run_model()
+    state = State.of(problem.driver)
+    problem.cleanup()
+    return state

@@ -1,0 +1,325 @@
+"""Walls, areas, second moments and materials that a case gives: closed forms, and what is told."""
+
+import numpy as np
+import pytest
+
+from hkt_mdo.case import load_case, read_case
+from hkt_mdo.errors import InputError
+from hkt_mdo.files.shipped import MATERIALS
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.rotor.outline import Outline
+from hkt_mdo.rotor.strength import material_section, place_weights
+
+CHORD, HUB, TIP, DENSITY = 0.2, 0.2, 1.5, 1500.0
+STATIONS = [0.2, 0.3, 0.4, 0.6, 0.8, 0.95]
+UNIFORM = {
+    "radius": TIP,
+    "hub_radius_fraction": HUB / TIP,
+    "stations": STATIONS,
+    "chord": [CHORD] * len(STATIONS),
+    "twist": [10.0] * len(STATIONS),
+    "polar": "naca4415_Re2e5",
+    "outline": "naca4415",
+    "material_density": DENSITY,
+}
+SECTION = {"polar": "naca4415_Re2e5", "outline": "naca4415"}
+RATIO = np.array([3.0, 5.0, 7.0])
+
+
+def plant(rotor=None, **limits):
+    """Return the physics of a case with a uniform blade and some more keys of `rotor`."""
+    given = UNIFORM | (rotor or {})
+    return physics(
+        load_case({"inflow": "sine", "control": "quadratic", "rotor": given, "limits": limits})
+    )
+
+
+def stress(found):
+    """Return the stress over q at tip speed ratios and places."""
+    return found.loads.coefficients(found.blade, RATIO, names=("stress",))["stress"].exact
+
+
+def ellipse(height):
+    angle = np.linspace(0.0, 2.0 * np.pi, 1001)
+    return 0.5 + 0.5 * np.cos(angle), 0.5 * height * np.sin(angle)
+
+
+def rectangle(height):
+    """Return the sides of a rectangle with many points, from the middle of its trailing edge."""
+    along, up = np.linspace(1.0, 0.0, 401), 0.5 * height * np.linspace(0.0, 1.0, 101)
+    x = (np.ones(100), along, np.zeros(199), along[::-1], np.ones(100))
+    y = (
+        up[:-1],
+        0 * along + up[-1],
+        np.r_[up[::-1], -up[1:]][1:-1],
+        0 * along - up[-1],
+        -up[-2::-1],
+    )
+    return np.concatenate(x), np.concatenate(y)
+
+
+@pytest.fixture
+def outline(tmp_path):
+    """Return a function that writes an outline and returns its path."""
+
+    def write(x, y):
+        path = tmp_path / "outline.csv"
+        np.savetxt(
+            path, np.column_stack((x, y)), "%.17g", ",", header="x_over_c,y_over_c", comments=""
+        )
+        return str(path)
+
+    return write
+
+
+# Closed forms
+
+
+@pytest.mark.parametrize("wall", [0.002, 0.03, 0.2])
+def test_tube(wall):
+    """Area pi/4 (1 - k²), second moments pi/64 (1 - k⁴), k the inner over the outer diameter."""
+    found, k = plant({"outline": "cylinder", "wall": wall}), 1.0 - 2.0 * wall
+    area, second = 0.25 * np.pi * (1.0 - k**2), np.pi / 64.0 * (1.0 - k**4)
+    structure = found.loads.structure
+    assert structure.area == pytest.approx(area, rel=2e-3)
+    assert [*structure.xx, *structure.yy] == pytest.approx([second, second], rel=2e-3)
+    assert abs(structure.xy) < 1e-12
+    blades = 3.0 * DENSITY * area * CHORD**2
+    mass, inertia = found.mass_and_inertia(found.blade)
+    assert mass == pytest.approx(blades * (TIP - HUB), rel=2e-3)
+    assert inertia == pytest.approx(blades * (TIP**3 - HUB**3) / 3.0, rel=2e-3)
+
+
+@pytest.mark.parametrize("wall", [0.002, 0.03, 0.2])
+def test_bending_stress_of_a_tube(wall):
+    """It is that of the cylinder over 1 - k⁴, and the centrifugal stress is that of the cylinder.
+
+    Of a blade of one section the latter is that of a rod, whatever its area.
+    """
+    light = {"outline": "cylinder", "material_density": 1e-9}
+    bending = stress(plant(light))
+    k = 1.0 - 2.0 * wall
+    hollow = stress(plant(light | {"wall": wall}))
+    expected, least = bending / (1.0 - k**4), 1e-12 * bending.max()  # nothing bends the last place
+    np.testing.assert_allclose(hollow, expected, rtol=2e-3, atol=least)
+    heavy = {"outline": "cylinder", "material_density": 1e5}
+    centrifugal = stress(plant(heavy)) - bending
+    added = stress(plant(heavy | {"wall": wall})) - hollow
+    np.testing.assert_allclose(added, centrifugal, rtol=1e-9, atol=1e-9 * centrifugal.max())
+
+
+@pytest.mark.parametrize("height", [0.5, 0.2])
+def test_thin_ellipse(outline, height):
+    """Integrals along the outline times the wall; the error is of the order of the wall."""
+    x, y = ellipse(height)
+    wall, path = 1e-3, outline(x, y)
+    structure = plant({"outline": path, "wall": wall}).loads.structure
+    length = np.hypot(np.diff(x), np.diff(y))
+    x, y = 0.5 * (x[1:] + x[:-1]) - 0.5, 0.5 * (y[1:] + y[:-1])
+    assert structure.area == pytest.approx(wall * np.sum(length), rel=0.01)
+    assert structure.xx == pytest.approx(wall * np.sum(length * y**2), rel=0.02)
+    assert structure.yy == pytest.approx(wall * np.sum(length * x**2), rel=0.02)
+
+
+@pytest.mark.parametrize("wall", [0.01, 0.04])
+def test_box(outline, wall):
+    """b h - b' h' and (b h³ - b' h'³)/12, b' and h' less than b and h by two walls."""
+    height = 0.3
+    found = plant({"outline": outline(*rectangle(height)), "wall": wall})
+    structure, b, h = found.loads.structure, 1.0 - 2.0 * wall, height - 2.0 * wall
+    assert structure.area == pytest.approx(height - b * h, rel=0.01)
+    assert structure.xx == pytest.approx((height**3 - b * h**3) / 12.0, rel=0.01)
+    assert structure.yy == pytest.approx((height - b**3 * h) / 12.0, rel=0.01)
+
+
+def test_a_wall_of_half_the_thickness_is_solid():
+    solid = plant()
+    for wall in (0.5, 0.5 * Outline.from_file("naca4415").thickness):
+        found = plant({"wall": wall})
+        assert found.section_area == solid.section_area
+        np.testing.assert_array_equal(stress(found), stress(solid))
+
+
+# What a case gives for its sections
+
+
+def test_the_outlines_own_numbers_change_nothing():
+    plain = plant()
+    area, moments, _ = material_section(Outline.from_file("naca4415"))
+    numbers = dict(zip(("flapwise", "edgewise", "product"), moments, strict=True))
+    found = plant({"sections": [SECTION | {"area": area, "second_moments": numbers}]})
+    np.testing.assert_allclose(stress(found), stress(plain), rtol=1e-12)
+    deflection = [each.loads.tip_deflection(each.blade, RATIO) for each in (found, plain)]
+    np.testing.assert_allclose(*deflection, rtol=1e-12)
+    assert found.mass_and_inertia(found.blade) == pytest.approx(
+        plain.mass_and_inertia(plain.blade), rel=1e-12
+    )
+
+
+def test_given_numbers_stand_in_for_the_outlines():
+    """Half the second moments are twice the bending stress, the area alone is the mass."""
+    light = {"material_density": 1e-9}
+    _, moments, _ = material_section(Outline.from_file("naca4415"))
+    numbers = dict(zip(("flapwise", "edgewise", "product"), 0.5 * np.array(moments), strict=True))
+    weak = plant(light | {"sections": [SECTION | {"second_moments": numbers}]})
+    expected = 2.0 * stress(plant(light))
+    np.testing.assert_allclose(stress(weak), expected, rtol=1e-9, atol=1e-12 * expected.max())
+    heavy = plant({"sections": [SECTION | {"area": 0.05, "wall": 0.01}]})
+    assert heavy.mass_and_inertia(heavy.blade)[0] == pytest.approx(
+        3.0 * DENSITY * 0.05 * CHORD**2 * (TIP - HUB), rel=1e-12
+    )
+    hollow = plant({"wall": 0.01}).loads.structure
+    assert heavy.loads.structure.area == 0.05
+    assert heavy.loads.structure.xx == hollow.xx
+
+
+def spanwise(inner, outer, tmp_path):
+    """Return the physics of a blade whose sections lie between two of 24 and 12 % thickness."""
+    path = tmp_path / "blade.csv"
+    rows = [f"{r},{CHORD},10,{0.24 - 0.03 * i}" for i, r in enumerate((0.3, 0.5, 0.7, 0.9, 1.1))]
+    path.write_text("\n".join(("r_m,chord_m,twist_deg,t_over_c", *rows)), encoding="utf-8")
+    polar = {"polar": "naca4415_Re2e5"}
+    sections = [polar | {"thickness": 0.24} | inner, polar | {"thickness": 0.12} | outer]
+    keys = {key: UNIFORM[key] for key in ("radius", "outline", "material_density")}
+    rotor = keys | {"blade": str(path), "hub_radius_fraction": 0.15, "sections": sections}
+    return physics(load_case({"inflow": "sine", "control": "quadratic", "rotor": rotor}))
+
+
+def test_sections_are_linear_between_those_that_are_given(tmp_path):
+    moments = [
+        {"flapwise": 4e-4, "edgewise": 6e-3, "product": 1e-4},
+        {"flapwise": 1e-4, "edgewise": 3e-3, "product": -1e-4},
+    ]
+    ends = [
+        {"second_moments": each, "area": a} for each, a in zip(moments, (0.1, 0.06), strict=True)
+    ]
+    found = spanwise(*ends, tmp_path)
+    np.testing.assert_allclose(found.section_area, np.linspace(0.1, 0.06, 5), rtol=1e-12)
+    share = place_weights(5) @ np.linspace(0.0, 1.0, 5)
+    structure = found.loads.structure
+    for name, key in (("xx", "flapwise"), ("yy", "edgewise"), ("xy", "product")):
+        one, two = (each[key] for each in moments)
+        expected = (1.0 - share) * one + share * two
+        np.testing.assert_allclose(getattr(structure, name), expected, atol=1e-15)
+    np.testing.assert_allclose(structure.area, (1.0 - share) * 0.1 + share * 0.06, rtol=1e-12)
+
+
+def test_a_solid_section_beside_a_hollow_one(tmp_path):
+    found, solid = spanwise({}, {"wall": 0.02}, tmp_path), spanwise({}, {}, tmp_path)
+    at, whole = found.loads.structure, solid.loads.structure
+    base = Outline.from_file("naca4415")
+    thin = material_section(base.stretched(0.12 / base.thickness), 0.02)
+    assert (at.area[0], at.xx[0]) == pytest.approx((whole.area[0], whole.xx[0]), rel=1e-9)
+    assert (at.area[-1], at.xx[-1]) == pytest.approx((thin[0], thin[1].xx), rel=1e-9)
+    assert np.all(at.xx <= whole.xx * (1.0 + 1e-9))
+    assert found.section_area[-1] == pytest.approx(thin[0], rel=1e-9)
+    # mass and centrifugal force have one area
+    np.testing.assert_allclose(at.area, place_weights(5) @ found.section_area, rtol=1e-12)
+
+
+def test_one_section_with_second_moments_beside_one_without(tmp_path):
+    moments = {"flapwise": 4e-4, "edgewise": 6e-3}
+    found = spanwise({"second_moments": moments}, {}, tmp_path).loads.structure
+    base = Outline.from_file("naca4415")
+    own = material_section(base.stretched(0.12 / base.thickness))[1]
+    assert [found.xx[0], found.yy[0], found.xy[0]] == pytest.approx([4e-4, 6e-3, 0.0])
+    assert [found.xx[-1], found.yy[-1], found.xy[-1]] == pytest.approx(list(own))
+
+
+def test_derivatives_of_the_stress_in_a_hollow_blade(tmp_path):
+    """By chord and twist, against central differences of fourth order."""
+    found = spanwise({"wall": 0.05}, {"wall": 0.01}, tmp_path)
+    model, blade, h = found.loads, found.blade, 1e-4
+    rng = np.random.default_rng(5)
+    chord, twist = 0.1 * rng.normal(size=5), 0.2 * rng.normal(size=5)
+
+    def at(step):
+        changed = blade.with_shape(blade.chord + step * chord, blade.twist + step * twist)
+        return model.coefficients(changed, RATIO, names=("stress",))["stress"].envelope().values
+
+    mine = model.coefficients(blade, RATIO, derivatives=True, names=("stress",))[
+        "stress"
+    ].envelope()
+    values = [at(k * h) for k in (-2, -1, 1, 2)]
+    expected = (values[0] - 8.0 * values[1] + 8.0 * values[2] - values[3]) / (12.0 * h)
+    assert mine.by_chord @ chord + mine.by_twist @ twist == pytest.approx(expected, rel=1e-5)
+
+
+# Materials
+
+
+def test_the_default_is_solid_aluminium():
+    case = load_case({"inflow": "sine", "control": "quadratic"})
+    material = case.rotor.blade_material
+    assert (material.density, material.modulus) == (2700.0, 68.9e9)
+    assert case.rotor.wall is None
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_shipped_materials(name):
+    """Mass goes with the density, deflection with one over the modulus; the stress is the bound."""
+    found = plant({"material": name, "material_density": None}, stress="allowable")
+    solid, own = plant(), MATERIALS[name]
+    mass = [each.mass_and_inertia(each.blade)[0] for each in (found, solid)]
+    assert mass[0] / mass[1] == pytest.approx(own["density"] / DENSITY, rel=1e-12)
+    sag = [each.loads.tip_deflection(each.blade, RATIO)[0] for each in (found, solid)]
+    assert sag[0] / sag[1] == pytest.approx(68.9e9 / own["modulus"], rel=1e-12)
+    assert {each.name: each.upper for each in found.limits}["stress"] == own["allowable_stress"]
+    assert 500.0 < own["density"] < 9e3
+    # metals and laminates of blades break or yield between 0.1 and 1 % of strain
+    assert 1e-3 < own["allowable_stress"] / own["modulus"] < 1.3e-2
+
+
+def test_a_material_of_ones_own_and_keys_beside_it():
+    own = {"density": "1.9 g/cm^3", "modulus": "30 GPa", "allowable_stress": "60 MPa"}
+    rotor = {"material": own, "material_density": None}
+    found = plant(rotor, stress={"bound": "allowable"})
+    assert found.loads.structure.density == pytest.approx(1900.0)
+    assert found.loads.structure.modulus == 30e9
+    assert {each.name: each.upper for each in found.limits}["stress"] == pytest.approx(60e6)
+    beside = plant(rotor | {"material_density": 900.0, "modulus": "20 GPa"})
+    assert (beside.loads.structure.density, beside.loads.structure.modulus) == (900.0, 20e9)
+
+
+def test_a_written_case_is_the_same_and_takes_another_material():
+    rotor = UNIFORM | {"material": "steel_s355", "material_density": None, "wall": 0.02}
+    moments = {"flapwise": 1e-4, "edgewise": 1e-3}
+    rotor |= {"sections": [SECTION | {"area": 0.05, "second_moments": moments}]}
+    given = {"inflow": "sine", "control": "quadratic", "rotor": rotor}
+    case = load_case(given | {"limits": {"stress": "allowable"}})
+    assert read_case(case.to_yaml()) == case
+    other = physics(case.with_overrides("rotor.material=glass_epoxy_uniaxial"))
+    assert other.loads.structure.density == 1940.0
+    assert {each.name: each.upper for each in other.limits}["stress"] == 370.69e6
+
+
+MOMENTS = {"flapwise": 1e-4, "edgewise": 1e-4}
+
+
+@pytest.mark.parametrize(
+    ("rotor", "limit", "told"),
+    [
+        ({"material": "steel_s35"}, 1e8, "rotor.material = 'steel_s35': unknown material; did you "
+         "mean steel_s355? known: aluminium_6061_t6, steel_s355, "),
+        ({"material": {"density": 1900}}, 1e8, "rotor.material.modulus: is missing"),
+        ({"material": {"density": 1, "modulus": 1, "yield": 1}}, 1e8, "material.yield = 1: unk"),
+        ({"material": 7}, 1e8, "rotor.material = 7: must be a section of keys and values"),
+        ({"wall": 0.6}, 1e8, "rotor.wall = 0.6: must be at most 0.5"),
+        ({"wall": "3 mm"}, 1e8, "rotor.wall = '3 mm': must be a plain number"),
+        ({"sections": [SECTION | {"wall": 0}]}, 1e8, "rotor.sections[0].wall = 0: must be greater"),
+        ({"sections": [SECTION | {"second_moments": {"flapwise": 1e-4}}]}, 1e8,
+         "rotor.sections[0].second_moments.edgewise: is missing"),
+        ({"sections": [SECTION | {"second_moments": MOMENTS | {"product": -1e-4}}]}, 1e8,
+         "rotor.sections[0].second_moments.product = -0.0001: is not less than"),
+        ({}, "allowed", "limits.stress.bound = 'allowed': must be a number, or a number and a "
+         "unit; give the largest stress as a number in Pa, or a text with a unit of that "
+         "kind, or allowable"),
+        ({"material": {"density": 1e3, "modulus": 1e9}}, "allowable",
+         "limits.stress = 'allowable': asks for the allowable stress of rotor.material, which has "
+         "none; give rotor.material.allowable_stress, or a stress here"),
+    ],
+)  # fmt: skip
+def test_refusals(rotor, limit, told):
+    with pytest.raises(InputError) as caught:
+        plant(rotor, stress=limit)
+    assert told in str(caught.value)

@@ -1,0 +1,222 @@
+"""Loads that are told of a result: held to sums over the stations, and to the model by instants."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hkt_mdo.case import load_case
+from hkt_mdo.problem.physics import RATIOS, physics
+from hkt_mdo.results.solution import TABLES, Solution
+from hkt_mdo.rotor import bem
+from hkt_mdo.run import loads
+from hkt_mdo.run.run import run_case
+from hkt_mdo.run.summary import summarize, write_tables
+
+PLAIN = {"inflow": "sine", "control": {"law": "quadratic"}, "site": {"hub_depth": 3.0}}
+SHORT = PLAIN | {
+    "control": {"law": "quadratic", "torque_limit": 700.0},
+    "generator": {"efficiency": 0.9},
+    "phase": {"duration": 10.0, "segments": 10},
+}
+
+
+def trajectory(world, count=40):
+    """Return quantities of an invented trajectory with all loads."""
+    time = np.linspace(0.0, 25.0, count)
+    flow = 1.5 + 0.2 * np.sin(0.25 * time)
+    speed = (6.5 + 0.5 * np.cos(0.2 * time)) * flow / world.blade.rotor_radius
+    known = {
+        "time": time,
+        "inflow_speed": flow,
+        "rotor_speed": speed,
+        "tip_speed_ratio": speed * world.blade.rotor_radius / flow,
+        "generator_power": 600.0 * speed,
+    }
+    known |= world.loads_along(world.blade, known, world.loads.names)
+    return known | world.scalars(world.blade, 10.0)
+
+
+def pressure(world, known, at):
+    return 0.5 * world.density * known["inflow_speed"][at] ** 2
+
+
+# Theory -------------------------------------------------------------------------------------------
+
+
+def test_flapwise_moment_is_the_integral_of_load_times_arm():
+    """The trapezoidal rule over stations and tip, by hand; at the hub it is the root moment."""
+    world = physics(load_case(PLAIN))
+    blade, model, ratio = world.blade, world.loads, 6.3
+    normal = bem.sections(blade, world.polar, np.array([ratio])).normal_load[0]
+    edges = np.append(blade.r, blade.tip_radius)
+    by_hand = []
+    for first in range(blade.r.size):
+        arm = np.append(normal[first:], 0.0) * (edges[first:] - blade.r[first])
+        by_hand.append(np.trapezoid(arm, edges[first:]))
+    found = model.flapwise_moment(blade, ratio, blade.r)[0]
+    np.testing.assert_allclose(found, by_hand, rtol=1e-12, atol=1e-12 * by_hand[0])
+    root = model.coefficients(blade, ratio, names=("root_moment",))["root_moment"].exact
+    hub = model.flapwise_moment(blade, ratio, [blade.hub_radius])
+    np.testing.assert_allclose(hub, root, rtol=1e-12)
+
+
+def test_the_largest_is_told_with_its_time():
+    world = physics(load_case(PLAIN))
+    known = trajectory(world)
+    slower = {name: 0.5 * known[name] for name in world.loads.names}
+    found = loads.largest([known, known | slower])
+    assert {"thrust", "root_moment", "stress", "cavitation"} < set(found)
+    for name in world.loads.names:
+        worst = np.argmax(known[name])
+        assert found[name].value == known[name][worst]
+        assert found[name].time_s == known["time"][worst]
+    fastest = known["rotor_speed"].max()
+    assert found["rotor_speed"].value == fastest
+    assert found["tip_speed"].value == pytest.approx(1.4 * fastest, rel=1e-12)
+    assert found["power"].value == pytest.approx(600.0 * fastest, rel=1e-12)
+
+
+def test_the_span_is_that_of_the_worst_instants():
+    world = physics(load_case(PLAIN))
+    known = trajectory(world)
+    weaker = known | {name: 0.9 * known[name] for name in world.loads.names}
+    found = loads.over_span(world, world.blade, [weaker, known])
+    assert set(found) == {"stress", "flapwise_moment", "cavitation"}
+    for name in ("stress", "cavitation"):
+        r, values = found[name]
+        assert values.max() == pytest.approx(known[name].max(), rel=1e-12)
+        assert world.blade.r[0] <= r[np.argmax(values)] <= world.blade.r[-1]
+    at = np.argmax(known["stress"])
+    ratio = known["tip_speed_ratio"][at]
+    moment = world.loads.flapwise_moment(world.blade, ratio, found["stress"][0])[0]
+    expected = pressure(world, known, at) * moment
+    np.testing.assert_allclose(found["flapwise_moment"][1], expected, rtol=1e-12)
+    at = np.argmax(known["cavitation"])
+    sections = bem.sections(world.blade, world.polar, known["tip_speed_ratio"][at : at + 1])
+    suction, _ = world.loads.cavitation.suction(sections.angle_of_attack)
+    available = 101325.0 - 1705.0 + 9.80665 * world.density * (3.0 - world.blade.r)
+    dynamic = pressure(world, known, at) * sections.relative_speed[0] ** 2
+    by_hand = 1.1 * suction.max(axis=0)[0] * dynamic / available
+    np.testing.assert_allclose(found["cavitation"][1], by_hand, rtol=1e-12)
+
+
+def test_deflection_is_the_largest_of_the_instants():
+    world = physics(load_case(PLAIN))
+    known = trajectory(world)
+    each = [
+        pressure(world, known, at) * world.loads.tip_deflection(world.blade, ratio)[0]
+        for at, ratio in enumerate(known["tip_speed_ratio"])
+    ]
+    found = loads.tip_deflection(world, world.blade, [known])
+    assert found == pytest.approx(max(each), rel=1e-4)  # linear between 201 tip speed ratios
+
+
+def test_local_reynolds_numbers_are_those_of_each_instant():
+    """More instants than are looked at together; each as if it were alone."""
+    rotor = {"polar": "naca63815", "reynolds": "local"}
+    world = physics(load_case(PLAIN | {"rotor": rotor}))
+    assert world.loads.names == ("thrust", "root_moment", "stress")
+    known = trajectory(world, RATIOS + 20)
+    for at in (0, RATIOS - 1, RATIOS, RATIOS + 19):
+        model = world.loads_in(known["inflow_speed"][at])
+        found = model.coefficients(world.blade, known["tip_speed_ratio"][at])
+        for name, load in found.items():
+            expected = pressure(world, known, at) * load.largest[0]
+            assert known[name][at] == pytest.approx(expected, rel=1e-9)
+    assert loads.tip_deflection(world, world.blade, [known]) is None
+    found = loads.over_span(world, world.blade, [known])
+    assert set(found) == {"stress", "flapwise_moment"}
+    assert found["stress"][1].max() == pytest.approx(known["stress"].max(), rel=1e-9)
+
+
+# A result's folder --------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory) -> Solution:
+    out = tmp_path_factory.mktemp("loads") / "result"
+    return run_case(load_case(SHORT), out, figures=False, records=False)
+
+
+def test_the_tables_have_the_loads(result):
+    """Every load of both tables, and those along the span, by the model at their instants."""
+    world = physics(result.case)
+    chord, twist = result.blade["chord_m"], np.deg2rad(result.blade["twist_deg"])
+    found = replace(world.blade, chord=chord, twist=twist)
+    for table in (result.trajectory, result.simulation):
+        assert set(table) == set(TABLES["trajectory"])
+        q = 0.5 * world.density * table["inflow_speed_m_s"] ** 2
+        model = world.loads.coefficients(found, table["tip_speed_ratio"])
+        for name, column in (
+            ("thrust", "thrust_N"),
+            ("root_moment", "root_moment_Nm"),
+            ("stress", "stress_Pa"),
+            ("cavitation", "cavitation"),
+        ):
+            np.testing.assert_allclose(table[column], q * model[name].largest, rtol=1e-8)
+    span, simulation = result.loads, result.simulation
+    assert set(span) == set(TABLES["loads"])
+    np.testing.assert_allclose(span["r_over_R"] * 1.4, span["r_m"], rtol=1e-9)
+    for name in ("stress_Pa", "cavitation"):
+        assert span[name].max() == pytest.approx(simulation[name].max(), rel=1e-8)
+
+
+def test_the_summary_tells_the_same(result):
+    simulation, told = result.simulation, result.summary.loads
+    for name, column in (
+        ("thrust", "thrust_N"),
+        ("stress", "stress_Pa"),
+        ("cavitation", "cavitation"),
+        ("power", "generator_power_W"),
+        ("rotor_speed", "rotor_speed_rad_s"),
+    ):
+        worst = np.argmax(simulation[column])
+        assert told[name].value == pytest.approx(simulation[column][worst], rel=1e-8)
+        assert told[name].time_s == pytest.approx(simulation["time_s"][worst], abs=1e-9)
+    assert told["tip_speed"].value == pytest.approx(1.4 * told["rotor_speed"].value, rel=1e-9)
+    for name, column in (("stress", "stress_Pa"), ("cavitation", "cavitation")):
+        place = result.loads["r_m"][np.argmax(result.loads[column])]
+        assert told[name].r_m == pytest.approx(place, rel=1e-9)
+    assert told["thrust"].r_m is None
+    summary = result.summary
+    lost = summary.generator_energy_J - summary.electrical_energy_J
+    assert lost == pytest.approx(0.1 * summary.generator_energy_J, rel=1e-9)
+    rows = dict(summary.rows(result.case))
+    assert rows["energy, electrical"].endswith(f"losses {lost / 1e3:#.5g} kJ (10 %)")
+    share = result.limit_shares()
+    assert list(share) == ["control_torque"]
+    np.testing.assert_allclose(share["control_torque"], simulation["control_torque_Nm"] / 700.0)
+
+
+def test_an_older_result_is_read(result, tmp_path):
+    """Its tables have no loads, and its summary no places along the blade."""
+    for name in ("case.yaml", "summary.json", "power_curve.csv", "convergence.csv"):
+        (tmp_path / name).write_bytes((result.folder / name).read_bytes())
+    for name in ("trajectory", "simulation"):
+        lines = (result.folder / f"{name}.csv").read_text().splitlines()
+        older = "\n".join(",".join(line.split(",")[:9]) for line in lines)
+        (tmp_path / f"{name}.csv").write_text(older + "\n")
+    old = Solution.load(tmp_path)
+    assert old.loads == {}
+    assert list(old.simulation) == list(TABLES["simulation"])[:9]
+    np.testing.assert_array_equal(old.trajectory["time_s"], result.trajectory["time_s"])
+    assert list(old.limit_shares()) == ["control_torque"]
+
+
+def test_loads_are_computed_once(solve_physics, tmp_path):
+    solved = solve_physics(SHORT)
+    flights, calls = solved.flights, []
+    for flight in flights:
+        own = flight.loads
+
+        def counted(known, own=own):
+            calls.append(known["time"].size)
+            return own(known)
+
+        object.__setattr__(flight, "loads", counted)
+    parts = solved.physics, solved.optimum, solved.start, [], solved.result, flights
+    summarize(*parts, list(solved.checks().values()))
+    write_tables(tmp_path, solved.physics, solved.result, flights)
+    times = [time for each in flights for time in (each.trajectory["time"], each.simulation.time)]
+    assert sorted(calls) == sorted(time.size for time in times)

@@ -1,0 +1,58 @@
+"""What one per cent more of a limit is worth, held to optimizing again."""
+
+import numpy as np
+import pytest
+
+CASE = "sine_limited_oloc"
+FEW = "phase.segments=30"
+
+
+def worth(solution, name):
+    return solution.summary.limits[name].worth
+
+
+@pytest.mark.parametrize("law", ["open_loop", "linear", "quadratic"])
+def test_torque(solve, law):
+    first, more = (
+        solve(CASE, f"control={{law: {law}, torque_limit: {limit}}}") for limit in (700.0, 707.0)
+    )
+    gained = more.summary.energy_J - first.summary.energy_J
+    assert worth(first, "control_torque") == pytest.approx(gained, rel=0.1)
+    assert gained > 50.0
+
+
+def test_optimizers_agree(solve):
+    with_ipopt, with_slsqp = (
+        solve(CASE, "control.law=quadratic", f"driver.optimizer={each}")
+        for each in ("IPOPT", "SLSQP")
+    )
+    expected = worth(with_ipopt, "control_torque")
+    assert worth(with_slsqp, "control_torque") == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "bound", "larger"), [("thrust", "6 kN", "6.06 kN"), ("power", "5 kW", "5.05 kW")]
+)
+def test_others(solve, name, bound, larger):
+    first, more = (solve(CASE, FEW, f"limits.{name}={each}") for each in (bound, larger))
+    gained = more.summary.energy_J - first.summary.energy_J
+    assert worth(first, name) == pytest.approx(gained, rel=0.1)
+    entry = first.summary.limits[name]
+    assert entry.binding
+
+
+@pytest.mark.slow
+def test_share_of_time(solve):
+    entry = solve(CASE, FEW, "limits.power=5 kW").summary.limits["power"]
+    time = np.linspace(0.0, 60.0, 60001)
+    # the flow in which the rotor reaches 5 kW is between 1.51 and 1.52 m/s
+    low, high = (np.mean(1.5 + 0.2 * np.sin(0.25 * time) > each) for each in (1.52, 1.51))
+    assert low < entry.share_of_time < high
+
+
+def test_no_worth_without_binding(solve):
+    entry = solve("sine_quadratic", "control.torque_limit=1200").summary.limits["control_torque"]
+    assert not entry.binding
+    assert entry.share_of_time == 0.0
+    assert abs(entry.worth) < 1e-3
