@@ -28,6 +28,7 @@ def operate(time: np.ndarray, limit: float | None, law: str) -> dict[str, np.nda
     powers = (torque * speed, control * speed, 0.9 * control * speed)
     loads = 2600.0 * flow**2, 680.0 * flow**2, 3.1e7 * flow**2, 0.3 * flow**2
     values = (time, flow, speed, ratio, torque, control, *powers, *loads)
+    values += (35.0 * np.cos(0.25 * time),)
     return dict(zip(COLUMNS.values(), values, strict=True))
 
 

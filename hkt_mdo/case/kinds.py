@@ -34,6 +34,7 @@ from hkt_mdo.dynamics.limits import (
     Taper,
     ThrustLimit,
     TipSpeedLimit,
+    TorqueRateLimit,
 )
 from hkt_mdo.dynamics.objectives import (
     CapturedEnergy,
@@ -127,6 +128,7 @@ BUILT_IN = Kinds(
         RootMomentLimit,
         StressLimit,
         CavitationLimit,
+        TorqueRateLimit,
         Taper,
     ),
     objectives=(CapturedEnergy, GeneratorEnergy, ElectricalEnergy),

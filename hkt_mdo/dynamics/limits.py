@@ -95,6 +95,11 @@ class Limit(Section):
             for name in self.inputs
         }
 
+    def told(self, quantities: Any) -> np.ndarray:
+        """Return the value as it is told: its size where both signs are limited alike."""
+        value = np.asarray(self.value_of(quantities))
+        return np.abs(value) if np.all(self.lower == -self.upper) else value
+
     def excess(self, quantities: Any) -> np.ndarray:
         """Return how far the value leaves its bounds, over their size; at most 0 if it is kept."""
         value = np.atleast_1d(self.value_of(quantities))
@@ -116,6 +121,18 @@ class TorqueLimit(Limit):
     def constrains(self, control):
         # a law saturates, and a torque that is a control has bounds
         return isinstance(control, OpenLoop) and control.unknown == "speed"
+
+
+class TorqueRateLimit(Limit):
+    """Largest rate at which the generator's torque rises or falls, |du/dt|."""
+
+    name: ClassVar[str] = "torque_rate"
+    unit: ClassVar[str | None] = "N*m/s"
+    inputs: ClassVar[tuple[str, ...]] = ("torque_rate",)
+    lower = property(lambda self: -self.bound)  # type: ignore[assignment]
+
+    bound: Annotated[float, Quantity("N*m/s", gt=0)]
+    """Largest rate of the control torque, rising or falling."""
 
 
 class ForwardRotation(Limit):

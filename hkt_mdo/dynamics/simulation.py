@@ -16,6 +16,7 @@ from scipy.optimize import brentq
 
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
+from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
@@ -100,10 +101,13 @@ class RecordedTorque:
         self.ends = np.append(nodes[:, 0], time[-1])
         self.unlimited = _through(self.ends, place, values)
         """The torque, N*m, before it is cut to the generator's range, as a function of time (s)."""
+        self.unlimited_rate = self.unlimited.derivative()
+        """Its rate, N*m/s."""
         self.limit = np.inf if limit is None else limit
         self.stiffness = stiffness
         if stiffness:
             self._held = _through(self.ends, place, np.reshape(speed, nodes.shape))
+            self._held_rate = self._held.derivative()
 
     @classmethod
     def of(cls, plant, nodes, limit=None):
@@ -123,6 +127,29 @@ class RecordedTorque:
         if self.stiffness:
             torque = torque + self.stiffness * (speed - self._held(time))
         return torque
+
+    def rate(self, time, _speed, acceleration):
+        """Return the rate of the torque before it is cut, N*m/s; acceleration in rad/s**2."""
+        rate = self.unlimited_rate(time)
+        if self.stiffness:
+            rate = rate + self.stiffness * (acceleration - self._held_rate(time))
+        return rate
+
+
+@dataclass(frozen=True, eq=False)
+class FeedbackTorque:
+    """The torque of a feedback law with its gains, in the law's units."""
+
+    law: FeedbackLaw
+    gains: np.ndarray
+
+    def __call__(self, _time, speed):
+        """Return the torque, N*m, at speeds, rad/s."""
+        return self.law.torque(speed, self.gains)
+
+    def rate(self, _time, speed, acceleration):
+        """Return the rate of the torque, N*m/s, where the speed (rad/s) changes, rad/s**2."""
+        return self.law.torque_by_speed(speed, self.gains) * acceleration
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,12 +24,15 @@ LOADS = {
 """Unit and description of each load, which follow from tip speed ratio and flow; those that are
 known of a rotor (`hkt_mdo.rotor.loads`) stand beside the quantities of its trajectory."""
 
-SERIES = QUANTITIES | LOADS
+RATES = {"torque_rate": ("N*m/s", "rate of the control torque")}
+"""Unit and description of each rate, which follows from a quantity at several times."""
 
-_SUFFIXES = {None: "", "N*m": "_Nm", "m/s": "_m_s", "rad/s": "_rad_s"}
+SERIES = QUANTITIES | LOADS | RATES
+
+_SUFFIXES = {None: "", "N*m": "_Nm", "N*m/s": "_Nm_s", "m/s": "_m_s", "rad/s": "_rad_s"}
 
 COLUMNS = {name: name + _SUFFIXES.get(unit, f"_{unit}") for name, (unit, _) in SERIES.items()}
-"""Header of each quantity's and load's column in `trajectory.csv` and `simulation.csv`."""
+"""Header of each quantity's, load's and rate's column in `trajectory.csv` and `simulation.csv`."""
 
 
 def quantities(

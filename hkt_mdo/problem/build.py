@@ -15,8 +15,14 @@ from hkt_mdo.case import Case
 from hkt_mdo.dynamics.limits import TYPICAL, DistanceFromStall, Limit, TorqueLimit, settled
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
-from hkt_mdo.dynamics.trajectory import LOADS, QUANTITIES, SERIES
-from hkt_mdo.problem.components import AboveComp, IntegralComp, LimitComp, LoadComp
+from hkt_mdo.dynamics.trajectory import LOADS, QUANTITIES, RATES, SERIES
+from hkt_mdo.problem.components import (
+    AboveComp,
+    IntegralComp,
+    LimitComp,
+    LoadComp,
+    TorqueRateComp,
+)
 from hkt_mdo.problem.physics import BEM, Physics, complete
 from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.problem.scenario import Scales, Scenario, add_phase, set_start
@@ -88,6 +94,7 @@ def assemble(
     scales = _scales(physics, setup)
     phases = _add_phases(model, physics, hydrodynamics, parameters, scales, bounds["rotor_speed"])
     _add_loads(model, physics, setup)
+    _add_rates(model, physics)
     for limit in (*physics.limits, *_distance_from_stall(physics, setup)):
         if limit.constrains(physics.case.control):
             # a limit on the design alone is the same in all scenarios
@@ -247,9 +254,21 @@ def _add_loads(model, physics, setup):
             model.connect(f"{scenario.path}.{name}", f"{place}.{name}")
 
 
+def _add_rates(model, physics):
+    """Add the rate of the control torque, if the case limits it, at the nodes of every phase."""
+    if not any(RATES.keys() & set(limit.inputs) for limit in physics.limits):
+        return
+    for scenario in physics.scenarios:
+        place = f"rates_{scenario.name}"
+        model.add_subsystem(place, TorqueRateComp(matrix=scenario.differentiation))
+        model.connect(f"{scenario.path}.control_torque", f"{place}.control_torque")
+
+
 def _source(scenario, name) -> str:
-    """Return where the values over time of a quantity or a load are in the model."""
-    return f"loads_{scenario.name}.{name}" if name in LOADS else f"{scenario.path}.{name}"
+    """Return where the values over time of a quantity, a load or a rate are in the model."""
+    places = {"loads": LOADS, "rates": RATES}
+    made = (f"{place}_{scenario.name}" for place, names in places.items() if name in names)
+    return f"{next(made, scenario.path)}.{name}"
 
 
 def _add_limit(

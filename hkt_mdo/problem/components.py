@@ -5,7 +5,7 @@ import openmdao.api as om
 
 from hkt_mdo.dynamics.limits import STEP, Limit
 from hkt_mdo.dynamics.rotor_ode import FIXED
-from hkt_mdo.dynamics.trajectory import LOADS, QUANTITIES, SERIES
+from hkt_mdo.dynamics.trajectory import LOADS, QUANTITIES, RATES, SERIES
 from hkt_mdo.rotor.loads import COEFFICIENT_UNITS
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
@@ -91,6 +91,32 @@ class LoadComp(om.ExplicitComponent):
             partials[name, "inflow_speed"] = by_flow / flow
             partials[name, "rotor_radius"] = (by_ratio * ratio / inputs["rotor_radius"])[:, None]
             partials[name, "density"] = (pressure * values / inputs["density"])[:, None]
+
+
+class TorqueRateComp(om.ExplicitComponent):
+    """Rate of the control torque at the nodes of a phase, by each segment's polynomial.
+
+    Input control_torque, output torque_rate[num_nodes, 1]; `matrix` is
+    `Scenario.differentiation`.
+    """
+
+    def initialize(self):
+        self.options.declare("matrix", recordable=False, desc="rates of values at the nodes, 1/s")
+
+    def setup(self):
+        matrix = self.options["matrix"].tocoo()
+        shape = matrix.shape[0], 1
+        for add, known, name in (
+            (self.add_input, QUANTITIES, "control_torque"),
+            (self.add_output, RATES, "torque_rate"),
+        ):
+            units, text = known[name]
+            add(name, shape=shape, units=units, desc=text)
+        rows, cols = matrix.coords
+        self.declare_partials("*", "*", rows=rows, cols=cols, val=matrix.data)
+
+    def compute(self, inputs, outputs):
+        outputs["torque_rate"] = self.options["matrix"] @ inputs["control_torque"]
 
 
 class LimitComp(om.ExplicitComponent):

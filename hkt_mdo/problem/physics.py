@@ -22,8 +22,9 @@ from hkt_mdo.dynamics.limits import (
 )
 from hkt_mdo.dynamics.objectives import ElectricalEnergy, Objective
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
-from hkt_mdo.dynamics.trajectory import LOADS, quantities
+from hkt_mdo.dynamics.trajectory import LOADS, RATES, quantities
 from hkt_mdo.errors import InputError
+from hkt_mdo.problem.contradictions import redundant_limits, refuse_contradictions
 from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
 from hkt_mdo.problem.turbine import Turbine, build_turbine
 from hkt_mdo.rotor import bem, ccblade
@@ -175,8 +176,8 @@ class Physics:
     def on_start(self, point) -> list[dict]:
         """Return the quantities of a quasi-steady starting point, one dict a scenario.
 
-        Those of `hkt_mdo.dynamics.trajectory.QUANTITIES`, and the scalars that limits and
-        objectives may take; the control torque balances the flow's.
+        Those of `hkt_mdo.dynamics.trajectory.SERIES`, of loads those that the case limits, and the
+        scalars that limits and objectives may take; the control torque balances the flow's.
         """
         scalars = self.scalars(point.blade, self.mass_and_inertia(point.blade)[1])
         found = []
@@ -187,6 +188,7 @@ class Physics:
             flow = scenario.inflow.speed_at(time)
             known = quantities(time, flow, speed, torque, torque, radius, self.generator)
             known |= self.loads_along(point.blade, known, self.load_names)
+            known["torque_rate"] = np.gradient(torque, time)
             found.append(known | scalars)
         return found
 
@@ -198,15 +200,21 @@ class Physics:
         scalars = {"rotor_radius": blade.rotor_radius, "density": self.density, "inertia": inertia}
         return scalars | {"chord": blade.chord}
 
-    def broken_limits(self, point) -> list[str]:
-        """Return the names of the limits, design bounds aside, that a starting point exceeds."""
+    def excesses(self, point) -> dict[str, float]:
+        """Return by how much a starting point exceeds each limit, design bounds aside, by name.
+
+        Relatively, at most 0 if it is kept.
+        """
         starts = self.on_start(point)
-        return [
-            limit.name
+        return {
+            limit.name: max(float(np.max(limit.excess(start))) for start in starts)
             for limit in self.limits
             if not isinstance(limit, DesignBounds)
-            and any(np.max(limit.excess(start)) > START_EXCESS for start in starts)
-        ]
+        }
+
+    def broken_limits(self, point) -> list[str]:
+        """Return the names of the limits, design bounds aside, that a starting point exceeds."""
+        return [name for name, over in self.excesses(point).items() if over > START_EXCESS]
 
     def start_breaks(self, point) -> list[str]:
         """Return what a starting point does not keep: limits, and its sections' way from stall."""
@@ -296,7 +304,9 @@ def physics(case: Case) -> Physics:
     speed = float(weights @ speed**4 / (weights @ speed**3))
     turbine = build_turbine(case.rotor, case.fluid, speed)
     shape = build_shape(case, turbine.blade, several_sections=np.ndim(turbine.thickness) > 0)
-    messages, limit = (*turbine.messages, *inflow.messages), control.torque_limit
+    refuse_contradictions(case, shape, fastest)
+    messages = (*turbine.messages, *inflow.messages, *redundant_limits(case, shape))
+    limit = control.torque_limit
     radius = max(shape.blade.rotor_radius, *(shape.radius_bounds or (0.0,)))
     most = MOST_TORQUE * float(torque_scale(case.fluid.density, radius, fastest))
     if limit is not None and limit > most:
@@ -350,7 +360,7 @@ def _load_model(case: Case, turbine: Turbine, shape: Shape) -> LoadModel:
 
 
 def _doubts(case: Case, mean: float) -> Iterator[str]:
-    """Yield what of water and flow (m/s) suggests that another unit was meant."""
+    """Yield what of water, flow (m/s) and control was hardly meant."""
     density, (light, heavy) = case.fluid.density, WATER
     if not light <= density <= heavy:
         yield (
@@ -361,6 +371,13 @@ def _doubts(case: Case, mean: float) -> Iterator[str]:
         yield (
             f"the flow's mean speed is {mean:.4g} m/s, faster than currents are: look at the unit "
             f"of its speeds, such as {mean:.4g} cm/s"
+        )
+    rated = any(RATES.keys() & set(limit.inputs) for limit in case.limits.given)
+    by_torque = getattr(case.control, "unknown", "speed") == "torque"
+    if rated and by_torque and case.design.blade == "optimized":
+        yield (
+            "control.unknown = torque may end several per cent below the best under "
+            "limits.torque_rate: give control.unknown: speed"
         )
 
 

@@ -11,7 +11,7 @@ from dymos.utils.hermite import hermite_matrices
 from dymos.utils.lagrange import lagrange_matrices
 from dymos.utils.lgl import lgl
 from dymos.utils.lgr import lgr
-from scipy.sparse import block_diag
+from scipy.sparse import block_diag, csr_array, diags_array, kron
 
 from hkt_mdo.case import Phase
 from hkt_mdo.dynamics.flows import Inflow
@@ -116,6 +116,13 @@ class Scenario:
     def node_weights(self) -> np.ndarray:
         """Quadrature weights of the phase's nodes, s, without the scenario's own weight."""
         return np.outer(0.5 * np.diff(self.edges), self._places[1]).ravel()
+
+    @cached_property
+    def differentiation(self) -> csr_array:
+        """Matrix, 1/s: of values at the nodes, the rates there of each segment's polynomial."""
+        places, _ = self._places
+        _, by_place = lagrange_matrices(places, places)
+        return csr_array(kron(diags_array(2.0 / np.diff(self.edges)), by_place, format="csr"))
 
     @property
     def path(self) -> str:

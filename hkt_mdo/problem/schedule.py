@@ -17,7 +17,7 @@ from scipy.optimize import Bounds, minimize
 from hkt_mdo.dynamics.laws import STEP
 from hkt_mdo.dynamics.limits import SLOWED, TYPICAL, Limit, TorqueLimit
 from hkt_mdo.dynamics.quasi_steady import SAFE, Operation, QuasiSteady
-from hkt_mdo.dynamics.trajectory import quantities
+from hkt_mdo.dynamics.trajectory import RATES, quantities
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.start import CoDesign, StartingPoint, start_candidates
 from hkt_mdo.rotor import bem
@@ -181,7 +181,7 @@ class Schedule:
     """A blade, gains and tip speed ratios over the speeds of a `SteadyFlow`.
 
     objective in J; excess is the largest of any limit, relatively, and of the control law's balance
-    of torques and its distance from stall.
+    of torques and its distance from stall. tried is the number of schedules that it is the best of.
     """
 
     branch: str
@@ -190,6 +190,7 @@ class Schedule:
     ratio: np.ndarray
     objective: float
     excess: float
+    tried: int = 1
 
     @property
     def worth(self) -> tuple[bool, float]:
@@ -293,10 +294,15 @@ def needed(physics: Physics) -> bool:
 
 
 def _kept(physics: Physics) -> tuple[Limit, ...]:
-    """Return the limits that a schedule keeps: those over time that the optimization constrains."""
+    """Return the limits that a schedule keeps: those over time that the optimization constrains.
+
+    Those of rates are none: a schedule has no time.
+    """
     control = physics.case.control
 
     def constrains(limit):  # a torque limit is held by a law's saturation
+        if RATES.keys() & set(limit.inputs):
+            return False
         return limit.constrains(control) or (physics.law is None and isinstance(limit, TorqueLimit))
 
     limits = (each for each in physics.limits if each.place == "time" and np.isfinite(each.upper))
@@ -347,18 +353,20 @@ def schedules(
         rival = max((each.objective for each in others if each.worth[0]), default=-np.inf)
         return _improve(Joint(flow, design, of.slowed), best, rival) if improve else best
 
-    starts, found = candidates(free), []
+    starts, found, tried = candidates(free), [], 0
     for branch in BRANCHES:
         best = max((_along(open_loop, start, branch) for start in starts), key=_worth)
+        tried += len(starts)
         found.append(improved(open_loop, free, best, found))
         starts.append(StartingPoint(found[-1].blade, np.empty(0), starts[0].operation))
     if law is not None:
         own = [_along(steady, start, "") for start in candidates(few, gains)]
         fitted = [_along(steady, _fitted(steady, few, each), "") for each in found] * improve
+        tried += len(own) + len(fitted)
         found = []
         for each in (max(own, key=_worth), *fitted):
             found.append(improved(steady, few, each, found))
-    found = [replace(each, branch=_side(steady, each)) for each in found]
+    found = [replace(each, branch=_side(steady, each), tried=tried) for each in found]
     found.sort(key=_worth, reverse=True)
     others = [each for each in found[1:] if each.branch != found[0].branch]
     others = [each for each in others[:1] if not each.same_as(found[0])]
@@ -405,7 +413,7 @@ def start_of(physics: Physics, problem: QuasiSteady, found: tuple[Schedule, ...]
         known = steady.known(steady.coefficients(curves, ratio), flow)
         speed, torque = known["rotor_speed"], known["hydrodynamic_torque"]
         operation = Operation(float(problem.weights @ (torque * speed)), speed, torque)
-    return StartingPoint(best.blade, best.gains, operation, found)
+    return StartingPoint(best.blade, best.gains, operation, found, best.tried)
 
 
 def _worth(schedule):

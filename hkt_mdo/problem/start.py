@@ -24,13 +24,16 @@ TWIST_UNIT = np.deg2rad(5.0)  # typical change of a twist
 class StartingPoint:
     """Where an optimization begins: a blade, gains, and their quasi-steady operation.
 
-    branches has the `Schedule` of each branch, its own first, where limits ask for one.
+    branches has the `Schedule` of each branch, its own first, where limits ask for one. tried is
+    the number of starts that it is the best of, or was improved from: blades, each with gains or a
+    schedule.
     """
 
     blade: Blade
     gains: np.ndarray
     operation: Operation
     branches: tuple = ()
+    tried: int = 1
 
     @property
     def branch(self) -> str:
@@ -58,7 +61,8 @@ def starting_point(
     best = max(candidates, key=lambda each: _worth(each.operation))
     best = _improve(CoDesign(few, shape, polar, gain_bounds), best)
     whole = replace(problem, rotor_radius=best.blade.rotor_radius)
-    return replace(best, operation=whole.operate(_torque(whole, best.blade, polar), best.gains))
+    operation = whole.operate(_torque(whole, best.blade, polar), best.gains)
+    return replace(best, operation=operation, tried=len(candidates))
 
 
 def start_candidates(problem, shape, gains, polar, optimum, gain_bounds):

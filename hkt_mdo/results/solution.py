@@ -18,7 +18,7 @@ import numpy as np
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.dynamics.limits import Limit, TorqueLimit
-from hkt_mdo.dynamics.trajectory import COLUMNS, LOADS, QUANTITIES, SERIES
+from hkt_mdo.dynamics.trajectory import COLUMNS, LOADS, QUANTITIES, RATES, SERIES
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import Csv, number_columns, parse_number, read_bytes, read_text
 from hkt_mdo.results import words
@@ -69,8 +69,8 @@ TABLES: dict[str, dict[str, tuple[str | None, str]]] = {
 """Unit (None: dimensionless) and description of each column of each table of a result."""
 
 _MAYBE = {
-    "trajectory": {COLUMNS[name] for name in LOADS},
-    "simulation": {COLUMNS[name] for name in LOADS},
+    "trajectory": {COLUMNS[name] for name in LOADS | RATES},
+    "simulation": {COLUMNS[name] for name in LOADS | RATES},
     "loads": {"stress_Pa", "flapwise_moment_Nm", "cavitation"},
 }
 """Columns that are there only if they are known of the rotor; older results lack them."""
@@ -172,7 +172,7 @@ class Solution:
         }
         known = {name: value for name, value in known.items() if value is not None}
         return {
-            each.name: each.value_of(known) / each.upper
+            each.name: each.told(known) / each.upper
             for each in self.limits
             if each.upper > 0.0 and known.keys() >= set(each.inputs)
         }

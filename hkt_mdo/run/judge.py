@@ -27,6 +27,7 @@ from hkt_mdo.dynamics.limits import (
 from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.dynamics.simulation import (
     SLOWEST_RATIO,
+    FeedbackTorque,
     Plant,
     RecordedTorque,
     Simulation,
@@ -83,8 +84,7 @@ class Flight:
     scenario: Scenario
     trajectory: dict[str, np.ndarray]
     simulation: Simulation
-    recorded: RecordedTorque | None
-    """The open loop's torque history; None under feedback."""
+    controller: RecordedTorque | FeedbackTorque
     scalars: dict[str, Any]
     """What `Physics.scalars` has of the design."""
     plant: Plant
@@ -105,18 +105,37 @@ class Flight:
 
     @property
     def told(self) -> dict[str, Any]:
-        """What is told of the integration: its quantities, all loads and the scalars."""
-        return self.integrated | self.loads_flown | self.scalars
+        """What is told of the integration: its quantities, all loads, rates and the scalars."""
+        return self.integrated | self.loads_flown | self.rates_flown | self.scalars
+
+    @property
+    def rates_at_nodes(self) -> dict[str, np.ndarray]:
+        """All rates, at the nodes: those of each segment's polynomial."""
+        return {"torque_rate": self.scenario.differentiation @ self.trajectory["control_torque"]}
+
+    @property
+    def rates_flown(self) -> dict[str, np.ndarray]:
+        """All rates, along the integration."""
+        flown = self.simulation
+        acceleration = (flown.hydrodynamic_torque - flown.control_torque) / self.plant.inertia
+        return {"torque_rate": self.controller.rate(flown.time, flown.rotor_speed, acceleration)}
+
+    @property
+    def recorded(self) -> RecordedTorque | None:
+        """The open loop's torque history; None under feedback."""
+        return self.controller if isinstance(self.controller, RecordedTorque) else None
 
     @cached_property
     def at_nodes(self) -> dict[str, Any]:
-        """What limits take, at the nodes: the trajectory, its loads and the scalars."""
-        return self.trajectory | (self.loads_at_nodes if self.limits_loads else {}) | self.scalars
+        """What limits take, at the nodes: the trajectory, its loads, rates and the scalars."""
+        loads = self.loads_at_nodes if self.limits_loads else {}
+        return self.trajectory | loads | self.rates_at_nodes | self.scalars
 
     @cached_property
     def flown(self) -> dict[str, Any]:
         """What limits take, along the integration."""
-        return self.integrated | (self.loads_flown if self.limits_loads else {}) | self.scalars
+        loads = self.loads_flown if self.limits_loads else {}
+        return self.integrated | loads | self.rates_flown | self.scalars
 
     @property
     def integrated(self) -> dict[str, np.ndarray]:
@@ -146,15 +165,16 @@ class Flight:
     def between_nodes(self, limit: Limit) -> tuple[np.ndarray, np.ndarray]:
         """Return how far a limit is exceeded in each segment between its nodes, and when (s).
 
-        The open loop's torque is that of the collocation's polynomials, before the generator's
-        range cuts it; all else is that of the integration.
+        The open loop's torque and its rate are those of the collocation's polynomials, before the
+        generator's range cuts it; all else is that of the integration.
         """
         scenario, recorded = self.scenario, self.recorded
         flown = self.flown
         dense, over = flown["time"][1:], limit.excess(flown)[1:]
-        if recorded is not None and limit.inputs == ("control_torque",):
+        if recorded is not None and limit.inputs in (("control_torque",), ("torque_rate",)):
             dense = scenario.within((np.arange(SAMPLES) + 0.5) / SAMPLES)
-            polynomial = limit.excess({"control_torque": recorded.unlimited(dense)})
+            torque, rate = recorded.unlimited(dense), recorded.unlimited_rate(dense)
+            polynomial = limit.excess({"control_torque": torque, "torque_rate": rate})
             # what holds the speed of an unstable rotor comes on top of the history
             over = np.maximum(polynomial, over) if recorded.stiffness else polynomial
         over = over.reshape(-1, SAMPLES)
@@ -173,20 +193,20 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
         return physics.loads_along(blade, known, physics.loads.names)
 
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
-        mesh, recorded, law = scenario.mesh, None, physics.law
-        if law is None:
-            recorded = RecordedTorque.of(plant, nodes, physics.torque_limit)
+        mesh, law = scenario.mesh, physics.law
+        controller = FeedbackTorque(law, gains) if law else None
+        controller = controller or RecordedTorque.of(plant, nodes, physics.torque_limit)
         flown = simulate(
             plant,
             scenario.inflow,
-            recorded or (lambda _, speed, law=law: law.torque(speed, gains)),
+            controller,
             float(nodes["rotor_speed"][0]),
             mesh.duration,
             samples=np.append(scenario.within(np.arange(SAMPLES) / SAMPLES), mesh.duration),
             max_step=mesh.duration / mesh.segments,
         )
         limited = bool(physics.load_names)
-        flights.append(Flight(scenario, nodes, flown, recorded, scalars, plant, loads, limited))
+        flights.append(Flight(scenario, nodes, flown, controller, scalars, plant, loads, limited))
     return tuple(flights)
 
 

@@ -40,6 +40,7 @@ SHORT_OF = 3e-6  # of the energy: what segments together may fall short of quasi
 MOST_DIVIDED, MOST_DENSE = 10_000, 400
 FEW_DIVISIONS = 4  # after as many, a limit exceeded between the nodes is lowered at the nodes
 MOST_LOWERED = 5e-3  # by which it is lowered at most
+MOST_EXCEEDED = 0.02  # beyond which lowering it does not help
 PARTS = 4  # of a segment in which a limit begins or ceases to bind
 FIRST_ITERATIONS = 300  # after as many, an optimization has lost its way
 
@@ -175,9 +176,12 @@ def _mesh_error(physics, result, flights, near, coarser, branch) -> tuple[float,
         *before, error = np.abs(np.diff(values)) / max(abs(result.objective), 1e-9)
         if before and error < 0.5 * before[0]:
             error *= error / (before[0] - error)
+        steady = not known.broken_limits(ideal)  # a limited rate of the torque may forbid it
         if error > MESH_ERROR:
             for marks, flight, best in zip(coarse, flights, known.on_start(ideal), strict=True):
-                marks |= _switches(physics, flight) | _falls_short(flight, best, result.energy)
+                marks |= _switches(physics, flight)
+                if steady or not np.any(marks):
+                    marks |= _falls_short(flight, best, result.energy)
             if not any(map(np.any, coarse)):  # what the first speed stores, and no error of a mesh
                 error = SHORT_OF
     divided = any(map(np.any, coarse))
@@ -256,7 +260,9 @@ def _lowered(physics, setup, result, flights) -> Setup | None:
             over, _ = flight.between_nodes(limit)
             key = limit.name, flight.scenario.name
             share = shares.get(key, np.ones(flight.scenario.segments))
-            over = np.where(share > 1.0 - MOST_LOWERED, over, 0.0)
+            # where it has not helped, or the limit is exceeded by much, no lower limit mends it
+            mends = (share > 1.0 - MOST_LOWERED) & (over < MOST_EXCEEDED)
+            over = np.where(mends, over, 0.0)
             if np.max(over) > most:
                 exceeded = True
                 shares[key] = share * (1.0 - np.where(over > 0.5 * most, over, 0.0))

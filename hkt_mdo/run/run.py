@@ -26,12 +26,12 @@ from hkt_mdo.case import Case, load_case
 from hkt_mdo.dynamics.limits import LEAST, SLOWED
 from hkt_mdo.errors import InputError, interrupts_of_compiled_code
 from hkt_mdo.problem.build import build_problem, make_driver
-from hkt_mdo.problem.physics import Physics, physics
+from hkt_mdo.problem.physics import START_EXCESS, Physics, physics
 from hkt_mdo.problem.setup import bounding_optimum, find_start, steady_optimum
 from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.results.folder import check_folder, claim, locked, make_folder, write_json, write_text
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.results.summary import Summary
+from hkt_mdo.results.summary import CheckEntry, Summary
 from hkt_mdo.run.digest import digest
 from hkt_mdo.run.fallback import best_of, first_remedy, moving_reference
 from hkt_mdo.run.judge import BELOW_START, explain_all, judge
@@ -42,8 +42,13 @@ from hkt_mdo.run.worth import worths
 from hkt_mdo.solve.threads import one_thread
 
 NOT_RUNNING = (
-    "no blade and gain{within} were found on which the rotor runs unstalled throughout this flow: "
-    "the problem may have no solution (try a larger control.torque_limit, another control.law, or "
+    "no blade and gain{within} were found on which the rotor runs unstalled throughout this flow, "
+    "from {starts}: the problem may have no solution (try a larger control.torque_limit, another "
+    "control.law, or wider design bounds)"
+)
+NONE_FOUND = (
+    "no design that keeps the limits was found from {starts}: the smallest violation was "
+    "{share:.3g} % of {key}, {where}; that there is none is not proven (try a looser {key}, or "
     "wider design bounds)"
 )
 ROOM = "make room on the disk and give hkt run --resume"
@@ -177,7 +182,11 @@ def _optimize_and_judge(
     if not (finished.success or start.operation.running):
         bounds = world.case.design.gain_bounds
         within = f" within design.gain_bounds = [{bounds[0]:g}, {bounds[1]:g}]" if bounds else ""
-        message = f"{NOT_RUNNING.format(within=within)}; {finished.message}"
+        told = NOT_RUNNING.format(within=within, starts=_starts(start))
+    else:
+        told = "" if finished.success else none_found(first, start, checks)
+    if told:
+        message = f"{told}; {finished.message}"
         finished = finished.model_copy(update={"message": message})
     write_tables(out, world, result, flights)
     if records:
@@ -185,6 +194,35 @@ def _optimize_and_judge(
     if result.outcome.success:
         log.save(result.point, world)
     return finished
+
+
+def none_found(world: Physics, start: StartingPoint, checks: list[CheckEntry]) -> str:
+    """Return that no design was found that keeps the limits; empty where start or end keep them.
+
+    `world` is on the mesh of the start; `checks` are those of the end.
+    """
+    over = world.excesses(start)
+    at_end = {
+        name: max((c.value for c in checks if not c.passed and _is_of(c, name)), default=0.0)
+        for name in over
+    }
+    begun, ended = (max((share, name) for name, share in each.items()) for each in (over, at_end))
+    if begun[0] <= START_EXCESS or ended[0] <= 0.0:
+        return ""
+    places = (*begun, "by the best of them"), (*ended, "at the end of the optimization")
+    share, name, where = min(places)
+    key = {"control_torque": "control.torque_limit"}.get(name, f"limits.{name}")
+    return NONE_FOUND.format(starts=_starts(start), share=100.0 * share, key=key, where=where)
+
+
+def _is_of(check: CheckEntry, limit: str) -> bool:
+    """Tell whether a check is that of a limit."""
+    parts = ("at_nodes", "between_nodes", "bounds")
+    return check.name.partition(" (")[0] in [f"{limit}_{part}" for part in parts]
+
+
+def _starts(start: StartingPoint) -> str:
+    return f"{start.tried} start{'s' * (start.tried != 1)}"
 
 
 def _reference(world: Physics, start: StartingPoint) -> float:

@@ -172,7 +172,7 @@ def _gap(over, turning):
 def _limit(limit, flights, worths):
     """Return the largest value of a limit, at the nodes and in the integration, and its bound."""
     values = [
-        np.max(limit.value_of(quantities))
+        np.max(limit.told(quantities))
         for flight in flights
         for quantities in (flight.at_nodes, flight.flown)
     ]
@@ -182,7 +182,7 @@ def _limit(limit, flights, worths):
     entry = {"value": value, "limit": bound, "unit": limit.unit or "", "binding": binding}
     if limit.place != "time":
         return entry
-    flown = [(limit.value_of(flight.flown), flight.flown["time"]) for flight in flights]
+    flown = [(limit.told(flight.flown), flight.flown["time"]) for flight in flights]
     along, time = max(flown, key=lambda each: np.max(each[0]))
     binds = [
         trapezoid(np.where(values >= bound - near * abs(bound), 1.0, 0.0), time) / time[-1]
@@ -229,7 +229,7 @@ def write_tables(out, physics, result, flights):
     for flight in flights:
         suffix = "" if flight is flights[0] else f"_{flight.scenario.name}"
         for name, values in (
-            ("trajectory", flight.trajectory | flight.loads_at_nodes),
+            ("trajectory", flight.trajectory | flight.loads_at_nodes | flight.rates_at_nodes),
             ("simulation", flight.told),
         ):
             table = {column: values[name] for name, column in COLUMNS.items() if name in values}

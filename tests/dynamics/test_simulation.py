@@ -11,6 +11,7 @@ from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.dynamics.sampled import TurbulentInflow
 from hkt_mdo.dynamics.simulation import (
     SLOWEST_RATIO,
+    FeedbackTorque,
     Plant,
     RecordedTorque,
     _Motion,
@@ -228,6 +229,28 @@ def test_recorded_torque_is_the_segments_own_polynomial():
     dense = np.linspace(0.0, 4.0, 41)
     np.testing.assert_allclose(recorded(dense), dense**2, atol=1e-13)
     assert recorded(2.5) == pytest.approx(6.25)
+
+
+def test_rate_of_a_recorded_torque_is_that_of_its_parabolas_and_of_what_holds_the_speed():
+    time = np.array([0.0, 1.0, 2.0, 2.0, 3.0, 4.0])
+    dense = np.linspace(0.05, 3.95, 40)
+    free = RecordedTorque(time, time**2)
+    np.testing.assert_allclose(free.rate(dense, 9.0, 5.0), 2.0 * dense, atol=1e-12)
+    held = RecordedTorque(time, time**2, speed=9.0 + 0.5 * time, stiffness=20.0)
+    found = held.rate(dense, 9.0, 0.6)
+    np.testing.assert_allclose(found, 2.0 * dense + 20.0 * (0.6 - 0.5), atol=1e-11)
+
+
+@pytest.mark.parametrize("limit", [None, 700.0])
+def test_rate_of_a_feedback_torque_is_by_the_chain_rule(limit):
+    law = FeedbackTorque(QuadraticFeedback(torque_limit=limit), np.array([7.0]))
+    time, step = np.linspace(0.0, 3.0, 31), 1e-6
+    speed, acceleration = 9.0 + np.sin(time), np.cos(time)
+    before, after = (law(time, 9.0 + np.sin(time + move)) for move in (-step, step))
+    rate = law.rate(time, speed, acceleration)
+    np.testing.assert_allclose(rate, (after - before) / (2.0 * step), rtol=1e-6, atol=1e-4)
+    if limit is None:
+        np.testing.assert_allclose(rate, 14.0 * speed * acceleration, rtol=1e-13)
 
 
 def test_recorded_torque_stays_in_the_generators_range():

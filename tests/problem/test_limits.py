@@ -7,8 +7,14 @@ import openmdao.api as om
 import pytest
 
 from hkt_mdo import InputError, load_case, run_case
-from hkt_mdo.dynamics.limits import PowerLimit, RotorSpeedLimit, Taper, TipSpeedLimit
-from hkt_mdo.problem.components import LimitComp
+from hkt_mdo.dynamics.limits import (
+    PowerLimit,
+    RotorSpeedLimit,
+    Taper,
+    TipSpeedLimit,
+    TorqueRateLimit,
+)
+from hkt_mdo.problem.components import LimitComp, TorqueRateComp
 from hkt_mdo.problem.physics import physics
 
 CASE = {"inflow": "sine", "control": "open_loop"}
@@ -21,12 +27,17 @@ CHORD = np.array([0.1, 0.2, 0.15, 0.18])
 def test_units_and_names_of_a_case():
     limits = {"power": "5 kW", "rotor_speed": "105 rpm", "tip_speed": "15 m/s"}
     limits |= {"electrical_power": "4.5 kW", "taper_from": 0.3, "torque": "0.7 kN m"}
+    limits |= {"torque_rate": "0.5 kN m/s"}
     case = load_case(CASE | {"limits": limits})
     found = {limit.name: limit.bound for limit in case.limits.given}
     assert found.pop("rotor_speed") == pytest.approx(3.5 * np.pi)
     assert found == {
-        "power": 5e3, "electrical_power": 4.5e3, "tip_speed": 15.0, "taper_from": 0.3
-    }  # fmt: skip
+        "power": 5e3,
+        "electrical_power": 4.5e3,
+        "tip_speed": 15.0,
+        "taper_from": 0.3,
+        "torque_rate": 500.0,
+    }
     assert (case.control.torque_limit, case.limits.torque) == (700.0, None)
     assert load_case(CASE | {"control": {"law": "open_loop", "torque_limit": 700}}) == (
         load_case(CASE | {"limits": {"torque": 700}})
@@ -41,6 +52,7 @@ def test_units_and_names_of_a_case():
         ({"power": 0}, "limits.power.bound = 0: must be greater than 0 W"),
         ({"rotor_speed": "9 m/s"}, "limits.rotor_speed.bound = '9 m/s': has the unit m/s"),
         ({"torque": "5 kW"}, "limits.torque = '5 kW': has the unit kW"),
+        ({"torque_rate": "5 N m"}, "limits.torque_rate.bound = '5 N m': has the unit N*m"),
         ({"torque": 600}, "limits.torque = 600: is not control.torque_limit = 700 N m"),
         ({"taper_from": 1}, "limits.taper_from.bound = 1: must be less than 1"),
     ],
@@ -68,6 +80,35 @@ def test_closed_forms():
         np.testing.assert_allclose(limit.value_of(known), value)
         np.testing.assert_allclose(limit.excess(known), value / limit.bound - 1.0, atol=1e-15)
         assert limit.place == "time"
+
+
+def test_a_rate_is_limited_whether_the_torque_rises_or_falls():
+    limit = TorqueRateLimit(bound=500.0)
+    known = {"torque_rate": np.array([-600.0, -500.0, 0.0, 450.0])}
+    np.testing.assert_allclose(limit.excess(known), [0.2, 0.0, -1.0, -0.1], atol=1e-15)
+    np.testing.assert_array_equal(limit.told(known), [600.0, 500.0, 0.0, 450.0])
+    assert limit.place == "time"
+    power = {"generator_power": np.array([-9e3, 4e3])}
+    np.testing.assert_array_equal(PowerLimit(bound=5e3).told(power), [-9e3, 4e3])
+
+
+@pytest.mark.parametrize("transcription", ["gauss-lobatto", "radau"])
+def test_rate_of_the_torque_against_complex_step(transcription):
+    phase = {"phase": {"segments": 5, "duration": 7, "transcription": transcription}}
+    scenario = physics(load_case(CASE | phase)).scenarios[0]
+    scenario = scenario.divided(1 + np.arange(scenario.segments) % 2)
+    problem = om.Problem(reports=False)
+    rates = TorqueRateComp(matrix=scenario.differentiation)
+    problem.model.add_subsystem("rates", rates, promotes=["*"])
+    problem.setup(force_alloc_complex=True)
+    time = scenario.node_times
+    problem.set_val("control_torque", (600.0 + 40.0 * time - 3.0 * time**2)[:, None])
+    problem.run_model()
+    found = problem.get_val("torque_rate", units="N*m/s")[:, 0]
+    np.testing.assert_allclose(found, 40.0 - 6.0 * time, atol=1e-8)
+    checked = problem.check_partials(out_stream=None, method="cs")
+    for pair in checked["rates"].values():
+        np.testing.assert_allclose(pair["J_fwd"], pair["J_fd"], rtol=1e-12, atol=1e-10)
 
 
 def test_taper_is_asked_of_the_stations_outboard_of_a_place():
@@ -108,6 +149,78 @@ def test_a_start_tells_which_limits_it_breaks():
     assert len(names) == len(set(names))
 
 
+# Contradictions and limits of no effect -----------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("sections", "key", "told"),
+    [
+        (  # the fastest flow of the sine is 2.5 m/s or less
+            {"limits": {"tip_speed": 0.05}},
+            "limits.tip_speed = 0.05",
+            "give more than 0.",
+        ),
+        ({"limits": {"rotor_speed": 0.05}}, "limits.rotor_speed = 0.05", "counts as standing"),
+        (
+            {"limits": {"taper_from": 0.3}, "design": {"blade": "fixed"}, "rotor": "GROWING"},
+            "limits.taper_from = 0.3",
+            "chord grows towards r/R = 0.8; give design.blade: optimized",
+        ),
+    ],
+)
+def test_limits_that_no_design_can_keep_are_refused(sections, key, told):
+    growing = {"stations": [0.3, 0.6, 0.8], "chord": [0.2, 0.1, 0.15], "twist": [20, 10, 5]}
+    if sections.get("rotor") == "GROWING":
+        sections = sections | {"rotor": growing}
+    with pytest.raises(InputError) as caught:
+        physics(load_case(CASE | sections))
+    assert str(caught.value).startswith(key), caught.value
+    assert told in str(caught.value)
+
+
+def test_what_could_be_kept_is_not_refused():
+    """A radius that may grow turns faster at its tip; a tapered blade may be scaled; both run."""
+    limits = {"rotor_speed": 0.06}
+    with pytest.raises(InputError, match="rotor_speed"):
+        physics(load_case(CASE | {"limits": limits}))
+    larger = {"design": {"radius_bounds": [1.0, 3.0]}}
+    physics(load_case(CASE | larger | {"limits": limits}))
+    fixed = {"design": {"blade": "fixed"}, "limits": {"taper_from": 0.3}}
+    physics(load_case(CASE | fixed))
+
+
+@pytest.mark.parametrize(
+    ("limits", "generator", "free"),
+    [
+        ({"power": 5e3, "electrical_power": 4.7e3}, {"efficiency": 0.92}, ["electrical_power"]),
+        ({"power": 5e3, "electrical_power": 4.5e3}, {"efficiency": 0.92}, ["power"]),
+        ({"power": 5e3, "electrical_power": 4.7e3}, {}, ["power"]),
+        (
+            {"power": 5e3, "electrical_power": 4.7e3},
+            {"copper_loss": 300, "rated_torque": 700},
+            [],
+        ),
+        ({"tip_speed": 15, "rotor_speed": 10}, {}, ["tip_speed"]),
+        ({"tip_speed": 13, "rotor_speed": 10}, {}, ["rotor_speed"]),
+        ({"torque": 700, "rotor_speed": 10, "power": 7.1e3}, {}, ["power"]),
+        ({"torque": 700, "rotor_speed": 10, "power": 6.9e3}, {}, []),
+    ],
+)
+def test_limits_of_no_effect_are_told(limits, generator, free):
+    world = physics(load_case(CASE | {"limits": limits, "generator": generator}))
+    told = [text for text in world.messages if "is of no effect" in text]
+    assert [text.partition(" = ")[0] for text in told] == [f"limits.{name}" for name in free]
+
+
+@pytest.mark.parametrize("unknown", ["speed", "torque"])
+def test_the_worse_unknown_of_a_limited_rate_is_told(unknown):
+    control = {"law": "open_loop", "unknown": unknown}
+    world = physics(load_case(CASE | {"control": control, "limits": {"torque_rate": 20}}))
+    assert any("give control.unknown: speed" in each for each in world.warnings) == (
+        unknown == "torque"
+    )
+
+
 # Short optimizations ------------------------------------------------------------------------------
 
 
@@ -145,6 +258,37 @@ def test_a_power_limit_is_kept_and_told(run, sections, bound):
     assert np.max(found.simulation["generator_power_W"]) <= most * 1.001
     assert dict(found.summary.rows(found.case))["largest power"].endswith(f"limit {bound}")
     assert {"power_at_nodes", "power_between_nodes"} <= {c.name for c in found.summary.checks}
+
+
+@pytest.mark.slow
+def test_a_limited_rate_of_the_torque_is_one_optimum_in_speed_and_in_torque(run):
+    energies = []
+    for unknown in ("speed", "torque"):
+        control = {"law": "open_loop", "torque_limit": 700, "unknown": unknown}
+        fixed = {"control": control, "design": {"blade": "fixed"}}
+        found = run(**fixed, limits={"torque_rate": "20 N m/s"})
+        assert found.success, found.message
+        told, flown = found.summary.limits["torque_rate"], found.simulation
+        assert told.binding
+        assert told.value == pytest.approx(20.0, rel=1e-3)
+        rates = np.gradient(flown["control_torque_Nm"], flown["time_s"])
+        assert np.max(np.abs(rates)) <= 20.0 * 1.001
+        assert np.min(rates) == pytest.approx(-20.0, rel=1e-3)  # a fall is limited too
+        assert "largest torque rate" in dict(found.summary.rows(found.case))
+        energies.append(found.summary.simulated_energy_J)
+    free = run(**fixed).summary.simulated_energy_J
+    assert energies[0] == pytest.approx(energies[1], rel=5e-5)
+    assert max(energies) < free
+
+
+@pytest.mark.slow
+def test_feedback_keeps_a_limited_rate_of_its_torque_at_a_loss(run):
+    law = {"law": "linear", "torque_limit": 700}
+    free, held = (run(control=law, limits=each) for each in ({}, {"torque_rate": 15.0}))
+    assert held.success, held.message
+    assert held.summary.start_breaks == ["torque_rate"]
+    assert held.summary.limits["torque_rate"].value <= 15.0 * 1.001
+    assert held.summary.simulated_energy_J < free.summary.simulated_energy_J
 
 
 def test_a_tapered_blade_grows_nowhere_outboard(run):

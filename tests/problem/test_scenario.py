@@ -39,6 +39,28 @@ def test_nodes_fill_the_segments(transcription):
     assert np.all(np.diff(nodes, axis=1) > 0.0)
 
 
+@pytest.mark.parametrize("transcription", TRANSCRIPTIONS)
+@pytest.mark.parametrize("order", [3, 5])
+def test_rates_are_those_of_each_segments_polynomial(transcription, order):
+    """Exact to the degree of the polynomial, on segments of unequal lengths; a ramp's is constant.
+
+    One degree more is not.
+    """
+    made = scenario(transcription, order).divided(np.array([1, 3, 2, 1]))
+    time, degree = made.node_times, made.nodes_per_segment - 1
+    np.testing.assert_allclose(made.differentiation @ (7.0 - 3.0 * time), -3.0, rtol=1e-11)
+    rate = degree * time ** (degree - 1)
+    np.testing.assert_allclose(
+        made.differentiation @ time**degree, rate, rtol=1e-10, atol=1e-10 * np.max(rate)
+    )
+    error = made.differentiation @ time ** (degree + 1) - (degree + 1) * time**degree
+    assert np.max(np.abs(error)) > 1e-5 * np.max(rate)
+    others = made.differentiation.toarray().reshape(made.segments, degree + 1, -1, degree + 1)
+    own = np.arange(made.segments)
+    others[own, :, own, :] = 0.0
+    assert not np.any(others)
+
+
 def test_samples_are_four_a_segment_with_trapezoidal_weights():
     made = scenario("gauss-lobatto", 3)
     np.testing.assert_allclose(made.samples, np.linspace(0.0, 10.0, 17))

@@ -43,6 +43,8 @@ def test_power_is_kept_by_turning_faster_or_slower():
     assert np.max(kept) == pytest.approx(5000.0, rel=2e-4)
     names = [each.branch for each in start(power="5 kW").branches]
     assert sorted(names) == ["overspeed", "underspeed"]
+    # eleven blades on each branch, and for the second what the first has led to
+    assert start(power="5 kW").tried == 11 + 12
     for branch, sign in (("overspeed", 1.0), ("underspeed", -1.0)):
         (known,) = world(power="5 kW").on_start(start(branch=branch, power="5 kW"))
         order = np.argsort(known["inflow_speed"])

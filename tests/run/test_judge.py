@@ -8,10 +8,12 @@ import pytest
 
 from hkt_mdo.case import Phase
 from hkt_mdo.dynamics.flows import GustInflow, StepInflow, SumInflow
-from hkt_mdo.dynamics.limits import Limit, TipSpeedLimit
+from hkt_mdo.dynamics.limits import Limit, TipSpeedLimit, TorqueRateLimit
 from hkt_mdo.dynamics.simulation import RecordedTorque
 from hkt_mdo.problem.scenario import Scenario
-from hkt_mdo.run.judge import explain
+from hkt_mdo.results.summary import CheckEntry
+from hkt_mdo.run.judge import SAMPLES, explain
+from hkt_mdo.run.run import none_found
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.sections import Quantity
 
@@ -114,7 +116,7 @@ def torque_above_its_limit_between_nodes(solved):
     torque = flight.trajectory["control_torque"].copy()
     torque[at_instant(flight)] += 60.0
     recorded = RecordedTorque(flight.trajectory["time"], torque, 700.0)
-    return with_flight(solved, recorded=recorded)
+    return with_flight(solved, controller=recorded)
 
 
 def wrong_curve(solved):
@@ -280,6 +282,50 @@ def test_a_limit_is_judged_at_and_between_the_nodes(feedback):
         checks = faster.checks()
         assert [n for n, c in checks.items() if not c.passed] == ["tip_speed_between_nodes"]
         assert checks["tip_speed_between_nodes"].detail == "at t = 5.35 s"
+
+
+@pytest.mark.parametrize("whose", ["feedback", "open_loop"])
+def test_the_rate_of_the_torque_is_judged_at_and_between_the_nodes(request, whose):
+    solved = request.getfixturevalue(whose)
+    (flight,) = solved.flights
+    flown = flight.flown
+    largest = np.max(np.abs(flown["torque_rate"]))
+    slopes = np.gradient(flown["control_torque"], flown["time"])
+    number, below = np.arange(slopes.size) % SAMPLES, flown["control_torque"] < 699.9
+    inside = below & (number > 1) & (number < SAMPLES - 1)  # of a segment
+    assert np.sum(inside) > 100
+    assert np.max(np.abs(flown["torque_rate"] - slopes)[inside]) < 0.01 * largest
+    ends = [largest, np.max(np.abs(flight.at_nodes["torque_rate"]))]
+    for bound, refused in ((1.01 * max(ends), []), (0.99 * min(ends), ["at", "between"])):
+        limits = (*solved.physics.limits, TorqueRateLimit(bound=bound))
+        limited = replace(solved, physics=replace(solved.physics, limits=limits))
+        failed = [name for name, check in limited.checks().items() if not check.passed]
+        assert failed == [f"torque_rate_{place}_nodes" for place in refused]
+
+
+def test_a_failed_run_claims_only_what_was_tried(open_loop):
+    """Without a proof that no design keeps the limits: how many starts, and the least violation."""
+    start, world = replace(open_loop.start, tried=11), open_loop.on_first_mesh
+    checks = list(open_loop.checks().values())
+    (steady,) = world.on_start(start)
+    steepest = np.max(np.abs(steady["torque_rate"]))
+
+    def told(bound, at_end):
+        limits = (*world.limits, TorqueRateLimit(bound=bound))
+        ends = dict.fromkeys(("torque_rate_at_nodes", "torque_rate_between_nodes"), at_end)
+        ends = [
+            CheckEntry(name=name, value=value, limit=1e-3, passed=value <= 1e-3, detail="")
+            for name, value in ends.items()
+        ]
+        return none_found(replace(world, limits=limits), start, [*checks, *ends])
+
+    assert told(0.8 * steepest, 0.5).startswith(
+        "no design that keeps the limits was found from 11 starts: the smallest violation was "
+        "25 % of limits.torque_rate, by the best of them; that there is none is not proven (try a"
+    )
+    assert "10 % of limits.torque_rate, at the end of the opt" in told(0.8 * steepest, 0.1)
+    assert told(0.8 * steepest, 0.0) == ""  # the end keeps it
+    assert told(1.1 * steepest, 0.5) == ""  # the start does
 
 
 class LargestInertia(Limit):

@@ -1,0 +1,85 @@
+"""Limits that no design can keep, and limits that others keep already: only what is proven."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hkt_mdo.case import Case
+from hkt_mdo.dynamics.limits import Limit, Taper
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
+from hkt_mdo.errors import InputError
+from hkt_mdo.rotor.shape import Shape
+
+TOLD = 1e-6  # relative excess that is more than rounding
+
+
+def refuse_contradictions(case: Case, shape: Shape, fastest: float) -> None:
+    """Raise InputError for a limit that no design within its bounds can keep.
+
+    `fastest` (m/s) is a speed that the flow reaches: below the tip speed ratio `SLOWEST_RATIO` a
+    rotor counts as standing, and is refused. A fixed blade that is scaled keeps its taper.
+    """
+    limits, standing = _bounds(case), SLOWEST_RATIO * fastest
+    _, largest = _radii(shape)
+    for name, reach, unit in (("tip_speed", 1.0, "m/s"), ("rotor_speed", largest, "rad/s")):
+        bound = limits.get(name)
+        if bound is not None and bound * reach <= standing:
+            problem = f"stops the rotor: in the flow of {fastest:.4g} m/s a tip speed ratio of "
+            problem += f"{SLOWEST_RATIO:g} or less counts as standing"
+            remedy = f"give more than {standing / reach:.4g} {unit}"
+            raise InputError(problem, remedy, key=f"limits.{name}", value=bound)
+    taper = _given(case).get(Taper.name)
+    if isinstance(taper, Taper) and not shape.designs_chord:
+        blade = shape.blade
+        over = taper.on(blade).excess({"chord": blade.chord})
+        worst = int(np.argmax(over))
+        if over[worst] > TOLD:
+            place = blade.r[worst] / blade.tip_radius
+            problem = f"is broken by the fixed blade, whose chord grows towards r/R = {place:.3g}"
+            remedy = "give design.blade: optimized, a place outboard of that, or another blade"
+            raise InputError(problem, remedy, key="limits.taper_from", value=taper.bound)
+
+
+def redundant_limits(case: Case, shape: Shape) -> Iterator[str]:
+    """Yield which limits are of no effect, since others are kept only where they are too."""
+    limits, generator = _bounds(case), case.generator
+    torque, power, electrical, speed, tip = (
+        limits.get(name, np.inf)
+        for name in ("torque", "power", "electrical_power", "rotor_speed", "tip_speed")
+    )
+    smallest, largest = _radii(shape)
+    share = generator.largest_efficiency
+    implied = [
+        ("electrical_power", share * power, electrical, "W", "power"),
+        ("power", torque * speed, power, "W", "torque with limits.rotor_speed"),
+        ("tip_speed", speed * largest, tip, "m/s", "rotor_speed"),
+        ("rotor_speed", tip / smallest, speed, "rad/s", "tip_speed"),
+    ]
+    if generator.proportional and share * power > electrical:
+        implied.append(("power", electrical / share, power, "W", "electrical_power"))
+    for name, most, bound, unit, others in implied:
+        if most <= bound < np.inf:
+            yield (
+                f"limits.{name} = {bound:g} {unit} is of no effect: limits.{others} allows "
+                f"{most:.4g} {unit} at most"
+            )
+
+
+def _given(case: Case) -> dict[str, Limit]:
+    return {limit.name: limit for limit in case.limits.given}
+
+
+def _bounds(case: Case) -> dict[str, float]:
+    """Return the upper bounds of the case's limits over time, in SI units, by name."""
+    found = {name: limit.upper for name, limit in _given(case).items() if limit.place == "time"}
+    torque = case.control.torque_limit
+    return found | ({"torque": torque} if torque is not None else {})
+
+
+def _radii(shape: Shape) -> tuple[float, float]:
+    """Return the smallest and the largest radius of the disc, m."""
+    radius = shape.blade.rotor_radius
+    low, high = shape.radius_bounds or (radius, radius)
+    return float(low), float(high)
