@@ -130,6 +130,9 @@ def _run(
                 finished = _optimize_and_judge(world, out, log, start, records)
             told = {"wall_seconds": time.perf_counter() - began, "digest": made_of}
             summary = finished.model_copy(update=told)
+        except InputError as error:
+            summary = summary.model_copy(update={"message": str(error)})
+            raise
         except sqlite3.Error as error:
             reason = f"OpenMDAO's recorder: {error}"
             if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL:
@@ -174,7 +177,9 @@ def _optimize_and_judge(
         bound = bounding_optimum(world, optimum, result.point.blade)
         checks = judge(world, bound, log.reference, result, flights)
         log.save(result.point, world)
-    gains = worths(world, result, log.scratch) if result.outcome.success else {}
+    gains = {}
+    if result.outcome.success:
+        gains = worths(world, result, [each.at_nodes for each in flights], log.scratch)
     finished = summarize(world, bound, start, breaks, result, flights, checks, remedy, gains)
     if held:
         message = f"{refused}; the folder holds {held}, which is better than the end"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -14,22 +15,29 @@ from hkt_mdo.solve.multipliers import State, gain, multipliers
 
 MORE = 1e-2  # of the limit, of which the worth is told
 STEP = 1e-5  # of the limit, by which it is changed: a law saturates steeply
+FAR = 0.05  # distance from its bound, over it, from which a limit is worth nothing
 
 
-def worths(physics: Physics, result: Optimized, scratch: str = "") -> dict[str, float]:
+def worths(
+    physics: Physics, result: Optimized, nodes: Collection[dict], scratch: str = ""
+) -> dict[str, float]:
     """Return by how much the objective (J) of an optimum grows with one per cent more of a limit.
 
     For each limit over time that has an upper bound, by name: from the multipliers of the optimum
-    and the problem with a little more of the limit, at the same design. `scratch`: where OpenMDAO
-    puts its own files.
+    and the problem with a little more of the limit, at the same design. `nodes` has what limits
+    take at the nodes of each scenario; `scratch`: where OpenMDAO puts its own files.
     """
     limits = [each for each in physics.limits if each.place == "time" and np.isfinite(each.upper)]
-    if not limits:
-        return {}
+    far = {each.name: all(np.all(each.excess(known) < -FAR) for known in nodes) for each in limits}
+    if all(far.values()):
+        return dict.fromkeys(far, 0.0)
     optimum = State.of(result.problem.driver)
     found = multipliers(result.problem.driver, optimum)
-    changed = ((each.name, _with_more(physics, result, each, scratch)) for each in limits)
-    return {name: MORE / STEP * gain(optimum, found, state) for name, state in changed}
+
+    def worth(limit):
+        return MORE / STEP * gain(optimum, found, _with_more(physics, result, limit, scratch))
+
+    return {each.name: 0.0 if far[each.name] else worth(each) for each in limits}
 
 
 def _with_more(physics, result, limit, scratch) -> State:
