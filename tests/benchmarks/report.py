@@ -59,6 +59,7 @@ Start-up: {", ".join(f"`{name}` {seconds(value)}" for name, value in start.items
 def parts(found):
     """Return the section on the other parts of a run, as ratios to what cannot be avoided."""
     times, cold = found["test_parts_of_a_run"]["times"], found["test_over_the_imports"]["times"]
+    runs = found["test_with_limits"]["times"]
     rows = [
         ("search for the steady optimum and start, 60 segments", times["start"], times),
         *(
@@ -81,6 +82,10 @@ Over the optimization of the same case (set-up of the problem and driver).
 `hkt run cases/sine_limited_quadratic.yaml` from a cold start, figures included, takes
 **{cold["run"] / cold["imports"]:.1f} times** as long as `python -c "import openmdao.api, dymos"`
 ({seconds(cold["run"])} against {seconds(cold["imports"])}).
+
+Limits: the whole run of `limits/all_oloc` (power, speed, thrust, stress, cavitation) takes
+**{runs["limits"] / runs["none"]:.1f} times** as long as `sine_limited_oloc`
+({seconds(runs["limits"])} against {seconds(runs["none"])}).
 """
 
 
@@ -105,18 +110,19 @@ The exponent is that of the evaluation over the last step of each table.
 ![Growth](images/growth.png)
 """
     for what in ("segments", "stations"):
-        of = found[f"test_growth[{what}]"]
-        rows = [
-            (
-                row[what],
-                *(seconds(row[name]) for name in ("evaluation", "iteration", "setup")),
-                f"{row['memory_MB']:.0f} MB",
-                row["nonzeros"],
-            )
-            for row in of["rows"]
-        ]
-        header = (what, "evaluation", "iteration", "set-up", "memory", "nonzeros of the totals")
-        text += f"\n{table(header, rows)}\nExponent {of['slope']:.2f}.\n"
+        for limits, word in (("none", ""), ("limits", "With the limits of `limits/all_oloc`:\n\n")):
+            of = found[f"test_growth[{what}-{limits}]"]
+            rows = [
+                (
+                    row[what],
+                    *(seconds(row[name]) for name in ("evaluation", "iteration", "setup")),
+                    f"{row['memory_MB']:.0f} MB",
+                    row["nonzeros"],
+                )
+                for row in of["rows"]
+            ]
+            header = (what, "evaluation", "iteration", "set-up", "memory", "nonzeros of the totals")
+            text += f"\n{word}{table(header, rows)}\nExponent {of['slope']:.2f}.\n"
     return f"""{text}
 Set-up and its memory grow faster than linearly at thousands of segments: Dymos makes the patterns
 of a control's continuity dense before it takes their nonzeros. That is once, not in an iteration.
@@ -202,7 +208,7 @@ def figure(found, path):
 
     sheet = Figure(figsize=(8.0, 3.4), layout="constrained")
     for ax, what in zip(sheet.subplots(1, 2), ("segments", "stations"), strict=True):
-        rows = found[f"test_growth[{what}]"]["rows"]
+        rows = found[f"test_growth[{what}-none]"]["rows"]
         sizes = [row[what] for row in rows]
         for key, label, unit in (
             ("evaluation", "evaluation, ms", 1e3),

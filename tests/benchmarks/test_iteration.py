@@ -16,6 +16,9 @@ from hkt_mdo.problem import build as builder
 
 SEGMENTS = (30, 100, 300, 1000, 3000)
 STATIONS = (9, 20, 50, 100)
+LIMITS = (
+    "{power: 5 kW, rotor_speed: 11 rad/s, thrust: 6.5 kN, stress: 100 MPa, cavitation: {depth: 3}}"
+)
 
 
 class BareHydrodynamics(om.ExplicitComponent):
@@ -112,7 +115,7 @@ def peak_memory():
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
 
 
-def measure(segments, stations):
+def measure(segments, stations, limits="{}"):
     """Return cost and memory of a few NLP iterations; run in a process of its own."""
     places = np.round(np.linspace(0.2, 0.999, stations), 6).tolist()
     case = case_of(
@@ -120,6 +123,7 @@ def measure(segments, stations):
         rotor=f"{{stations: {places}}}",
         driver="{max_iterations: 12}",
         start="{method: blade}",
+        limits=limits,
     )
     problem, ended, seconds = optimize(*start_of(case, cold=True))
     driver = problem.driver
@@ -143,16 +147,18 @@ def measure(segments, stations):
     }
 
 
+@pytest.mark.parametrize("limits", ["{}", LIMITS], ids=["none", "limits"])
 @pytest.mark.parametrize(
     ("what", "sizes"),
     [("segments", [(n, 9) for n in SEGMENTS]), ("stations", [(60, n) for n in STATIONS])],
     ids=["segments", "stations"],
 )
-def test_growth(benchmark, full, what, sizes, tmp_path):
-    """Time and memory of an iteration grow no faster than their number."""
+def test_growth(benchmark, full, what, sizes, limits, tmp_path):
+    """Time and memory of an iteration grow no faster than their number, with limits or without."""
 
     def run(size):
-        code = f"from test_iteration import *; print(json.dumps(measure{size}))"
+        arguments = (*size, limits)
+        code = f"from test_iteration import *; print(json.dumps(measure{arguments}))"
         return json.loads(
             subprocess.check_output(
                 [sys.executable, "-W", "ignore", "-c", code],
@@ -164,9 +170,9 @@ def test_growth(benchmark, full, what, sizes, tmp_path):
     if full:
         rows = benchmark.pedantic(lambda: [run(size) for size in sizes], rounds=1, iterations=1)
     elif what == "segments":
-        rows = [run((4, 9)), measure(8, 9)]
+        rows = [run((4, 9)), measure(8, 9, limits)]
     else:
-        rows = [measure(4, 9), measure(4, 12)]
+        rows = [measure(4, 9, limits), measure(4, 12, limits)]
     benchmark.extra_info["rows"] = rows
     first, last = rows[-2], rows[-1]  # where the constant part of the cost matters least
     slope = np.log(last["evaluation"] / first["evaluation"]) / np.log(last[what] / first[what])

@@ -11,8 +11,10 @@ from pathlib import Path
 import pytest
 
 from cases import OPEN_LOOP, QUADRATIC, TimedBEM, case_of, integrate, optimize, start_of
+from hkt_mdo.case import load_case
 from hkt_mdo.cli import main
 from hkt_mdo.problem import build as problem
+from hkt_mdo.run.run import run_case
 
 ROOT = Path(__file__).parents[2]
 
@@ -62,6 +64,20 @@ def test_parts_of_a_run(benchmark, full, in_turns):
     parts = {"start": lambda: start_of(case), "optimization": lambda: optimize(*prepared)}
     times = in_turns(parts, rounds=5 if full else 1)
     assert in_turns.results["optimization"][1].success
+    benchmark.extra_info["times"] = times
+
+
+def test_with_limits(benchmark, full, in_turns, tmp_path):
+    """A run under all limits takes at most a few times as long as one under the torque limit."""
+    files = {"none": "sine_limited_oloc.yaml", "limits": "limits/all_oloc.yaml"}
+    changes = [] if full else ["phase={duration: 5, segments: 5}", "limits={power: 6 kW}"]
+
+    def run(name):
+        case = load_case(ROOT / "cases" / files[name], changes)
+        return run_case(case, tmp_path / name, force=True, figures=False, records=False)
+
+    times = in_turns({name: lambda name=name: run(name) for name in files}, rounds=3 if full else 1)
+    assert all(found.success for found in in_turns.results.values())
     benchmark.extra_info["times"] = times
 
 
