@@ -23,7 +23,15 @@ from hkt_mdo.results.folder import write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.run.batch import run_batch
-from hkt_mdo.studies.common import CODESIGN, LAWS, case_file, markdown_table, percent, with_blade
+from hkt_mdo.studies.common import (
+    CODESIGN,
+    LAWS,
+    LIMITED,
+    case_file,
+    markdown_table,
+    percent,
+    with_blade,
+)
 from hkt_mdo.studies.faults import faults
 from hkt_mdo.studies.features import features
 from hkt_mdo.studies.fuzz import fuzz
@@ -130,7 +138,15 @@ def _starts(study):
     case, no false success (more than 0.05 % below). The start tries steady-optimal blades beside
     the random one and mostly prefers those; the next part does not.
     """
-    return _from_random_blades(study, "quasi_steady")
+    return _from_random_blades(study, "quasi_steady", CODESIGN, OPTIMIZERS)
+
+
+def _limits(study):
+    """Start the cases under limits (`cases/limits`) from random blades, with IPOPT.
+
+    Goals: 95 % success, at most 0.02 % below the best energy of the case, no false success.
+    """
+    return _from_random_blades(study, "quasi_steady", LIMITED, OPTIMIZERS[:1])
 
 
 def _blades(study):
@@ -138,13 +154,13 @@ def _blades(study):
 
     No goal; it shows what the quasi-steady start is worth.
     """
-    return _from_random_blades(study, "blade")
+    return _from_random_blades(study, "blade", CODESIGN, OPTIMIZERS)
 
 
-def _from_random_blades(study, method):
+def _from_random_blades(study, method, names, optimizers):
     plan = {}
-    for place, name in enumerate(CODESIGN):
-        for optimizer in OPTIMIZERS:
+    for place, name in enumerate(names):
+        for optimizer in optimizers:
             settings = [f"driver.optimizer={optimizer}", f"start.method={method}"]
             case = case_file(study.cases, name, settings)
             for i in range(study.count):
@@ -383,6 +399,7 @@ def _told(rows, found):
 PARTS = {
     "starts": ("From random blades", _starts, 30),
     "blades": ("From random blades, without the quasi-steady start", _blades, 30),
+    "limits": ("Under limits, from random blades", _limits, 20),
     "sweep": ("Under change", _sweep, 30),
     "features": ("Features of the flow", features, 300),
     "physics": ("Against physics", _against_physics, 1),
