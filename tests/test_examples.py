@@ -13,6 +13,7 @@ from hkt_mdo.files.cases import find_case
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.problem.physics import complete, physics
 from hkt_mdo.run.run import run_case
+from hkt_mdo.studies.common import LIMITED
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = ROOT / "cases" / "examples"
@@ -32,6 +33,40 @@ def test_example_is_whole_and_says_what_it_is(path):
     speed = world.inflow.speed_at(np.linspace(0.0, case.phase.duration, 2001))
     assert np.all(speed > 0.0)
     assert f"{path.stem}.yaml" in (ROOT / "docs" / "examples.md").read_text(encoding="utf-8")
+
+
+LIMITED_CASES = sorted((ROOT / "cases" / "limits").glob("*.yaml"))
+
+
+@pytest.mark.parametrize("path", LIMITED_CASES, ids=lambda path: path.stem)
+def test_case_under_limits_says_which(path):
+    case = load_case(path)
+    world = physics(case)
+    first = path.read_text(encoding="utf-8").partition("\n")[0]
+    given = {limit.name for limit in case.limits.given}
+    assert given
+    assert given <= {limit.name for limit in world.limits}
+    if path.stem.startswith("rm1"):
+        assert given == {"power", "thrust", "cavitation"}
+        return
+    assert f"limits/{path.stem}" in LIMITED
+    assert case.control.torque_limit == 700.0
+    limit, _, law = path.stem.rpartition("_")
+    assert {"oloc": "open-loop", "quadratic": "Quadratic"}[law].lower() in first.lower()
+    assert given == (
+        {"power", "rotor_speed", "thrust", "stress", "cavitation"} if limit == "all" else {limit}
+    )
+    assert load_case(path.stem).limits == case.limits
+
+
+@pytest.mark.slow
+def test_all_limits_hold_and_the_worth_of_each_is_told(solve):
+    summary = solve("limits/all_oloc", "phase.segments=40", "phase.duration=20").summary
+    assert summary.success, summary.message
+    for entry in summary.limits.values():
+        assert entry.value <= entry.limit * (1.0 + 1e-4)
+        assert entry.binding or entry.worth < 1.0
+    assert {"power", "thrust"} <= {name for name, each in summary.limits.items() if each.binding}
 
 
 def test_shipped_cases_go_by_their_names_unless_a_file_has_that_name(tmp_path, monkeypatch):
