@@ -81,6 +81,9 @@ class CheckEntry(_Entry):
     _text = "{name}: {value:.4g}, limit {limit:.4g}. {detail}"
 
 
+_TOLERATED = 0.01  # per cent by which a limit that is kept may be exceeded between the nodes
+
+
 class LimitEntry(_Entry):
     """A limit: the largest value that occurs, the limit, and whether it is reached.
 
@@ -106,7 +109,8 @@ class LimitEntry(_Entry):
         if self.value is None or not self.limit:
             return ""
         left = 100.0 * (self.limit - self.value) / abs(self.limit)
-        word = f"margin {left:z.2f} %" if left > -0.005 else f"exceeded by {-left:.2f} %"
+        kept = left > -_TOLERATED
+        word = f"margin {max(left, 0.0):.2f} %" if kept else f"exceeded by {-left:.2f} %"
         if not self.binding:
             return word
         told = [word, "binding"]
