@@ -58,4 +58,4 @@ def measured(value: float | None, unit: str, digits: int = 5) -> str:
         return turning(value, digits)
     if plain in _PREFIXED and abs(value) >= 1e3:
         return quantity(value, plain, digits)
-    return f"{value:.{digits}g} {plain}".rstrip()
+    return f"{number(value, digits)} {plain}".rstrip()
