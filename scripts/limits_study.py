@@ -7,6 +7,7 @@ Finished results are used again.
 
 import argparse
 import os
+import textwrap
 from functools import partial
 from pathlib import Path
 
@@ -111,6 +112,7 @@ def page(found):
     return "\n".join(
         [
             HEAD,
+            *in_short(found, free),
             *optimum_without(found["free/oloc"]),
             *costs(found, free),
             *worths(found),
@@ -122,6 +124,35 @@ def page(found):
             *turbine(found["cases/rm1_turbulent"]),
         ]
     )
+
+
+def in_short(found, free):
+    """Yield the answers in a few sentences."""
+    under = {key: energy(found[f"cases/{key}"]) for key in ("power_oloc", "power_quadratic")}
+    alone = {
+        limit: change(energy(found[f"cases/{limit}_oloc"]), free["oloc"], 1) for limit in LIMITS
+    }
+    gains = [
+        change(energy(found[f"cases/{limit}_oloc"]), energy(found[f"sequential/{limit}"]))
+        for limit in SEQUENTIAL
+    ]
+    electrical = [found[f"losses/{name}"].summary for name in ("captured", "electrical")]
+    ratios = [f"{each.tip_speed_ratio.mean:.1f}" for each in electrical]
+    delivered = change(*(each.electrical_energy_J for each in reversed(electrical)), 1)
+    laws = change(under["power_quadratic"], under["power_oloc"], 1)
+    for text in (
+        f"- What a limit costs open loop: 100 MPa {alone['stress']}, 6 kN of thrust "
+        f"{alone['thrust']}, 9 rad/s {alone['rotor_speed']}, no cavitation at 3 m "
+        f"{alone['cavitation']}, 5 kW {alone['power']}; all together {alone['all']}.",
+        f"- With 5 kW quadratic feedback has {laws} of the energy of open loop; without this limit "
+        f"{change(free['quadratic'], free['oloc'], 3)}.",
+        f"- Co-design gains {gains[0]} (power), {gains[1]} (speed) and {gains[2]} (thrust) over a "
+        "blade that was designed without the limit.",
+        f"- With losses in the windings the best tip speed ratio rises from {ratios[0]} to "
+        f"{ratios[1]}, and designing for what is delivered gains {delivered}.",
+    ):
+        yield textwrap.fill(text, 100, subsequent_indent="  ")
+    yield ""
 
 
 def energy(solution):

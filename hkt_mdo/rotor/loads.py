@@ -41,18 +41,16 @@ class Load(NamedTuple):
     """A load over q at n tip speed ratios and m places along the blade, at the radii r[m].
 
     exact[n, m] is the load, values[n, m] a smooth one at or above it (over the outline, for stress;
-    else the same). The derivatives of values are by_tip_speed_ratio and by_rotor_radius[n, m],
-    by_chord and by_twist[n, m, n_stations], as in `Envelope`; they are empty unless requested.
-    Loads of the whole blade have one place.
+    else the same). Loads of the whole blade have one place. slopes takes share[n, m] and returns
+    the derivatives of the sums of share times values over the places, at constant share: by tip
+    speed ratio, chord, twist and rotor radius, as an `Envelope` has them; None unless derivatives
+    are requested.
     """
 
     r: np.ndarray
     exact: np.ndarray
     values: np.ndarray
-    by_tip_speed_ratio: np.ndarray = np.empty(0)
-    by_chord: np.ndarray = np.empty(0)
-    by_twist: np.ndarray = np.empty(0)
-    by_rotor_radius: np.ndarray = np.empty(0)
+    slopes: Callable[[np.ndarray], tuple[np.ndarray, ...]] | None = None
 
     @property
     def largest(self):
@@ -72,15 +70,8 @@ class Load(NamedTuple):
             values, share, _ = norm(
                 np.where(np.real(self.values) > 0.0, self.values, 0.0), exponent
             )
-        if not self.by_chord.size:
-            return Envelope(values, *(np.empty(0),) * 4)
-        by_chord, by_twist = (
-            np.einsum("np,npi->ni", share, each) for each in (self.by_chord, self.by_twist)
-        )
-        by_ratio, by_radius = (
-            np.sum(share * each, axis=1) for each in (self.by_tip_speed_ratio, self.by_rotor_radius)
-        )
-        return Envelope(values, by_ratio, by_chord, by_twist, by_radius)
+        slopes = (np.empty(0),) * 4 if self.slopes is None else self.slopes(share)
+        return Envelope(values, *slopes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,14 +207,12 @@ def _about_chord(flapwise, edgewise, twist):
 def _by_flow(flow, blade, normal, tangential):
     """Return derivatives by tip speed ratio, chord and twist through the loads of the stations.
 
-    normal and tangential[n_points, n_places, n_stations] are the derivatives by both loads.
+    normal and tangential[n_points, n_stations] are the derivatives by both loads.
     """
-    by = (
-        normal * flow.derivatives[1, place, :, None]
-        + tangential * flow.derivatives[0, place, :, None]
+    by_ratio, by_chord, by_twist = (
+        normal * flow.derivatives[1, place] + tangential * flow.derivatives[0, place]
         for place in range(3)
     )
-    by_ratio, by_chord, by_twist = by
     return np.sum(by_ratio, axis=-1) / np.cos(blade.cone), by_chord, by_twist
 
 
@@ -252,9 +241,12 @@ def _whole(blade, flow, weights, power):
     values, r = (flow.normal_load @ weights)[:, None], np.array([blade.hub_radius])
     if not flow.derivatives.size:
         return Load(r, values, values)
-    normal = np.broadcast_to(weights, (len(values), 1, weights.size))
-    by = _by_flow(flow, blade, normal, np.zeros(normal.shape))
-    return Load(r, values, values, *by, _by_radius(blade, values, by[1], power))
+
+    def slopes(share):
+        by = _by_flow(flow, blade, share * weights, np.zeros(flow.normal_load.shape))
+        return *by, _by_radius(blade, (share * values)[:, 0], by[1], power)
+
+    return Load(r, values, values, slopes)
 
 
 def _stress(model, blade, flow, ratio):
@@ -279,19 +271,25 @@ def _stress(model, blade, flow, ratio):
     if not flow.derivatives.size:
         return Load(r, exact, values)
 
-    by_weak, by_strong = bending.by_weak, bending.by_strong
-    by_flapwise = by_weak * np.cos(twist) - by_strong * np.sin(twist)
-    by_edgewise = by_weak * np.sin(twist) + by_strong * np.cos(twist)
     arms = cosine**2 * moment_weights(blade, r).T
-    by = _by_flow(flow, blade, by_flapwise[..., None] * arms, by_edgewise[..., None] * arms)
-    by_ratio = by[0] + 2.0 / ratio[:, None] * (by_flapwise * rate * sine * bend + tension)
-    local = -(3.0 * bending.smooth + 2.0 * tension) / chord
-    by_places = (by_flapwise * rate * sine)[..., None] * by_bend
-    by_places = by_places + (rate * cosine / (area * chord**2))[..., None] * by_pull
-    by_chord = by[1] + by_places @ weights + local[..., None] * weights
-    by_twist = by[2] + (by_weak * strong - by_strong * weak)[..., None] * weights
-    by_radius = _by_radius(blade, values, by_chord, 0)
-    return Load(r, exact, values, by_ratio, by_chord, by_twist, by_radius)
+    by_rate = rate * cosine / (area * chord**2)
+
+    def slopes(share):
+        by_weak, by_strong = share * bending.by_weak, share * bending.by_strong
+        by_flapwise = by_weak * np.cos(twist) - by_strong * np.sin(twist)
+        by_edgewise = by_weak * np.sin(twist) + by_strong * np.cos(twist)
+        by_ratio, by_chord, by_twist = _by_flow(flow, blade, by_flapwise @ arms, by_edgewise @ arms)
+        tensile = share * tension
+        centrifugal = by_flapwise * rate * sine
+        by_ratio = by_ratio + 2.0 / ratio * np.sum(centrifugal * bend + tensile, axis=1)
+        by_places = centrifugal @ by_bend + (share * by_rate) @ by_pull
+        by_places = by_places - (3.0 * share * bending.smooth + 2.0 * tensile) / chord
+        by_chord = by_chord + by_places @ weights
+        by_twist = by_twist + (by_weak * strong - by_strong * weak) @ weights
+        by_radius = _by_radius(blade, np.sum(share * values, axis=1), by_chord, 0)
+        return by_ratio, by_chord, by_twist, by_radius
+
+    return Load(r, exact, values, slopes)
 
 
 def _outboard(blade, area, r, chord):
@@ -325,7 +323,7 @@ def _cavitation(model, blade, flow, ratio):
     if np.any(np.real(height) >= settings.depth):
         raise ValueError("the blade reaches out of the water: the depth is less than its radius")
     pressure = settings.available_pressure(height, model.water_density)
-    suction, slopes = settings.suction(flow.angle_of_attack)
+    suction, by_angle = settings.suction(flow.angle_of_attack)
     speed = flow.relative_speed
     scale = settings.margin * cosine**2 / pressure
 
@@ -337,16 +335,21 @@ def _cavitation(model, blade, flow, ratio):
         return Load(r, values, values)
     _, _, angle, relative = flow.derivatives[:, :3]
     angle = angle - np.array([0.0, 0.0, 1.0])[:, None, None]  # of attack
-    by = (
-        flat(scale * speed * (slopes * speed * by_angle + 2.0 * suction * by_speed))
-        for by_angle, by_speed in zip(angle, relative, strict=True)
-    )
-    by_ratio, by_chord, by_twist = by
-    stations = np.tile(np.eye(blade.r.size), (2, 1))
-    by_chord, by_twist = by_chord[..., None] * stations, by_twist[..., None] * stations
+    by = [
+        flat(scale * speed * (by_angle * speed * by_attack + 2.0 * suction * by_speed))
+        for by_attack, by_speed in zip(angle, relative, strict=True)
+    ]
     lift = model.water_density * settings.gravity * np.tile(height / pressure, 2)
-    by_radius = _by_radius(blade, values, by_chord, 0) + values * lift / blade.rotor_radius
-    return Load(r, values, values, by_ratio / cosine, by_chord, by_twist, by_radius)
+
+    def slopes(share):
+        both = [(share * each).reshape(len(share), 2, -1).sum(axis=1) for each in by]
+        by_ratio, by_chord, by_twist = both
+        weighted = share * values
+        by_radius = _by_radius(blade, np.sum(weighted, axis=1), by_chord, 0)
+        by_radius = by_radius + weighted @ lift / blade.rotor_radius
+        return np.sum(by_ratio, axis=1) / cosine, by_chord, by_twist, by_radius
+
+    return Load(r, values, values, slopes)
 
 
 _LOADS = {
