@@ -141,11 +141,11 @@ def in_short(found, free):
     delivered = change(*(each.electrical_energy_J for each in reversed(electrical)), 1)
     laws = change(under["power_quadratic"], under["power_oloc"], 1)
     for text in (
-        f"- What a limit does to the energy of open loop: 100 MPa {alone['stress']}, 6 kN of thrust "
-        f"{alone['thrust']}, 9 rad/s {alone['rotor_speed']}, no cavitation at 3 m "
+        f"- What a limit does to the energy of open loop: 100 MPa {alone['stress']}, 6 kN of "
+        f"thrust {alone['thrust']}, 9 rad/s {alone['rotor_speed']}, no cavitation at 3 m "
         f"{alone['cavitation']}, 5 kW {alone['power']}; all together {alone['all']}.",
-        f"- With 5 kW the energy of quadratic feedback is {laws} against open loop; without this limit "
-        f"{change(free['quadratic'], free['oloc'], 3)}.",
+        f"- With 5 kW the energy of quadratic feedback is {laws} against open loop; without this "
+        f"limit {change(free['quadratic'], free['oloc'], 3)}.",
         f"- Co-design gains {gains[0]} (power), {gains[1]} (speed) and {gains[2]} (thrust) over a "
         "blade that was designed without the limit.",
         f"- With losses in the windings the best tip speed ratio rises from {ratios[0]} to "
