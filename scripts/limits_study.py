@@ -239,6 +239,10 @@ def costs(found, free):
     yield "3 m. The cost is against the same law without the limit. A law that has no way to keep"
     yield "a limit but by its blade pays for it: K₂ω² cannot hold a power, and its blade is made"
     yield "for the fastest flow."
+    yield "With a limit of the power it has several optima, in which it works at its torque limit"
+    yield "most of the time: from random blades up to 0.8 % more than here was found with 5 kW"
+    yield "([verification.md](verification.md), `hkt verify limits`). Those rows are verified, but"
+    yield "not the best."
     yield ""
 
 

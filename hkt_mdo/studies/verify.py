@@ -227,6 +227,8 @@ def _run_and_tell(study, plan):
         for optimizer in OPTIMIZERS:
             runs = [run for run, (*_, own) in plan.items() if group in (own, None)]
             runs = [run for run in runs if f"/{optimizer}/" in run]
+            if not runs:
+                continue
             good = [run for run in runs if run in below]
             iterations = [found[run].summary.iterations for run in good]
             furthest = most = "-"
