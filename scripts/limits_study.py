@@ -20,15 +20,17 @@ from hkt_mdo.case import load_case
 from hkt_mdo.results import style
 from hkt_mdo.results.words import measured
 from hkt_mdo.run.batch import run_batch
-from hkt_mdo.studies.common import with_blade
+from hkt_mdo.studies.common import markdown_table, percent, with_blade
 
 ROOT = Path(__file__).parent.parent
 LIMITS = ("power", "rotor_speed", "thrust", "stress", "cavitation", "all")
 LAWS = {"oloc": "open loop", "quadratic": "quadratic feedback"}
 BRANCHES = ("overspeed", "underspeed")
 BRANCHED = ("power", "rotor_speed", "all")  # where both branches are optimized
-THRUSTS = np.linspace(3.5, 7.3, 16)  # kN
-STRESSES = np.geomspace(30.0, 3000.0, 16)  # MPa
+FRONTS = {  # unit, and values by the names of their runs
+    "thrust": ("kN", {f"{value:.2f}": value for value in np.linspace(3.5, 7.3, 16)}),
+    "stress": ("MPa", {f"{value:.0f}": value for value in np.geomspace(30.0, 3000.0, 16)}),
+}
 SEQUENTIAL = ("power", "rotor_speed", "thrust")
 LOSSES = "{rated_torque: 700, rated_speed: 7.5, copper_loss: 500, friction_loss: 50, iron_loss: 50}"
 LOADS = ("thrust", "root_moment", "stress", "cavitation")
@@ -85,12 +87,10 @@ def plan():
             name = f"branches/{limit}_{branch}"
             runs[name] = f"limits/{limit}_oloc.yaml", [f"start.branch={branch}"]
     runs["cases/rm1_turbulent"] = "limits/rm1_turbulent_limits.yaml", []
-    for thrust in THRUSTS:
-        name = f"thrust/{thrust:.2f}"
-        runs[name] = "sine_limited_oloc.yaml", [f"limits.thrust={thrust:.4f} kN"]
-    for stress in STRESSES:
-        name = f"stress/{stress:.0f}"
-        runs[name] = "sine_limited_oloc.yaml", [f"limits.stress={stress:.4f} MPa"]
+    for part, (unit, values) in FRONTS.items():
+        for name, value in values.items():
+            bound = f"limits.{part}={value:.4f} {unit}"
+            runs[f"{part}/{name}"] = "sine_limited_oloc.yaml", [bound]
     for objective in ("captured", "electrical"):
         changes = [f"generator={LOSSES}", f"objective={objective}"]
         runs[f"losses/{objective}"] = "sine_oloc.yaml", changes
@@ -169,9 +169,8 @@ def told(value, digits=2):
 
 def change(value, reference, digits=2):
     """Return a relative difference in per cent as text."""
-    if value is None or reference is None:
-        return "-"
-    return f"{100.0 * (value / reference - 1.0):+.{digits}f} %"
+    difference = percent(value, reference)
+    return "-" if difference is None else f"{difference:+.{digits}f} %"
 
 
 def loads(solution):
@@ -186,9 +185,11 @@ def fastest(solution):
     return f"{solution.summary.loads['rotor_speed'].value * 30.0 / np.pi:.0f} rpm"
 
 
-def row(*cells):
-    """Return a row of a table."""
-    return f"| {' | '.join(str(each) for each in cells)} |"
+def section(title, before, header, rows, after):
+    """Return the lines of a section: its title, words before and after its table."""
+    before, after = (textwrap.fill(" ".join(words), 100) for words in (before, after))
+    lines = [f"## {title}", before, "\n".join(markdown_table(header, rows)), after]
+    return [each for line in lines if line for each in (line, "")]
 
 
 def binding(solution):
@@ -202,56 +203,57 @@ def binding(solution):
 
 
 def optimum_without(solution):
-    """Yield what the paper's optimum has to withstand."""
-    yield "## What is left of the paper's optimum"
-    yield ""
-    yield "The optimum of `sine_limited_oloc`, which knows the torque limit alone, has along its"
-    yield "integration, by direct BEM:"
-    yield ""
-    yield row("energy", "thrust, moment, stress", "tip deflection", "fastest")
-    yield row(*["---"] * 4)
+    """Return what the paper's optimum has to withstand."""
     bent = f"{solution.summary.tip_deflection_m:.2g} m"
-    yield row(f"{energy(solution):.2f} kJ", loads(solution), bent, fastest(solution))
-    yield ""
-    yield "The deflection is that of a linear beam and no prediction where it is large. In what"
-    yield "follows, suction is in shares of what a section stands: above 1 it cavitates. It is told"
-    yield "where the depth of the hub is given."
-    yield ""
+    told = f"{energy(solution):.2f} kJ", loads(solution), bent, fastest(solution)
+    return section(
+        "What is left of the paper's optimum",
+        (
+            "The optimum of `sine_limited_oloc`, which knows the torque limit alone, has along its",
+            "integration, by direct BEM:",
+        ),
+        ("energy", "thrust, moment, stress", "tip deflection", "fastest"),
+        [told],
+        (
+            "The deflection is that of a linear beam and no prediction where it is large. In what",
+            "follows, suction is in shares of what a section stands: above 1 it cavitates. It is",
+            "told where the depth of the hub is given.",
+        ),
+    )
 
 
 def costs(found, free):
-    """Yield what each limit costs under both laws."""
-    yield "## What each limit costs"
-    yield ""
-    yield row("limit", "law", "energy, kJ", "cost", "thrust, moment, stress, suction", "fastest")
-    yield row(*["---"] * 6)
+    """Return what each limit costs under both laws."""
+    rows = []
     for limit in ("none", *LIMITS):
         for law, word in LAWS.items():
             solution = found[f"free/{law}" if limit == "none" else f"cases/{limit}_{law}"]
             value = energy(solution)
             if value is None:
-                yield row(limit, word, "no success", "", "", "")
+                rows.append((limit, word, "no success", "", "", ""))
                 continue
             cost = change(value, free[law])
-            yield row(limit, word, told(value), cost, loads(solution), fastest(solution))
-    yield ""
-    yield "The limits are 5 kW, 9 rad/s (all: 11), 6 kN (all: 6.5), 100 MPa, and no cavitation at"
-    yield "3 m. The cost is against the same law without the limit. A law that has no way to keep"
-    yield "a limit but by its blade pays for it: K₂ω² cannot hold a power, and its blade is made"
-    yield "for the fastest flow."
-    yield "With a limit of the power it has several optima, in which it works at its torque limit"
-    yield "most of the time: from random blades up to 0.8 % more than here was found with 5 kW"
-    yield "([verification.md](verification.md), `hkt verify limits`). Those rows are verified, but"
-    yield "not the best."
-    yield ""
+            rows.append((limit, word, told(value), cost, loads(solution), fastest(solution)))
+    return section(
+        "What each limit costs",
+        (),
+        ("limit", "law", "energy, kJ", "cost", "thrust, moment, stress, suction", "fastest"),
+        rows,
+        (
+            "The limits are 5 kW, 9 rad/s (all: 11), 6 kN (all: 6.5), 100 MPa, and no cavitation",
+            "at 3 m. The cost is against the same law without the limit. A law that has no way to",
+            "keep a limit but by its blade pays for it: K₂ω² cannot hold a power, and its blade is",
+            "made for the fastest flow. With a limit of the power it has several optima, in which",
+            "it works at its torque limit most of the time: from random blades up to 0.8 % more",
+            "than here was found with 5 kW ([verification.md](verification.md), `hkt verify",
+            "limits`). Those rows are verified, but not the best.",
+        ),
+    )
 
 
 def worths(found):
-    """Yield which limits bind, when, and what one per cent more of each would give."""
-    yield "## What one per cent more would give"
-    yield ""
-    yield row("case", "limit", "binds", "of the time", "1 % more gives", "of the energy")
-    yield row(*["---"] * 6)
+    """Return which limits bind, when, and what one per cent more of each would give."""
+    rows = []
     for limit in LIMITS:
         for law in LAWS:
             solution = found[f"cases/{limit}_{law}"]
@@ -264,46 +266,45 @@ def worths(found):
                 share = f"{100.0 * each.share_of_time:.1f} %"
                 gain = f"{1e-1 * each.worth / energy(solution):.3f} %"
                 worth = measured(each.worth, "J", 3)
-                yield row(f"{limit}_{law}", name, at, share, worth, gain)
-    yield ""
-    yield "The worth follows from the multipliers of the optimum, to first order; optimizing again"
-    yield "with the larger limit confirms it within ten per cent (`tests/run/test_worth.py`)."
-    yield ""
+                rows.append((f"{limit}_{law}", name, at, share, worth, gain))
+    return section(
+        "What one per cent more would give",
+        (),
+        ("case", "limit", "binds", "of the time", "1 % more gives", "of the energy"),
+        rows,
+        (
+            "The worth follows from the multipliers of the optimum, to first order;",
+            "optimizing again",
+            "with the larger limit confirms it within ten per cent (`tests/run/test_worth.py`).",
+        ),
+    )
 
 
 def fronts_text(found, free):
     """Yield the fronts of energy against thrust and against stress."""
-    for part, values, unit in (("thrust", THRUSTS, "kN"), ("stress", STRESSES, "MPa")):
-        yield f"## Energy against {part}"
-        yield ""
-        yield row(
-            f"{part}, {unit}",
-            "energy, kJ",
-            "cost",
-            "binding (1 % more gives, J)",
-            "tip speed ratio",
-        )
-        yield row(*["---"] * 5)
-        for value in values:
-            name = f"{value:.2f}" if part == "thrust" else f"{value:.0f}"
+    for part, (unit, values) in FRONTS.items():
+        rows = []
+        for name in values:
             solution = found[f"{part}/{name}"]
             captured = energy(solution)
             if captured is None:
-                yield row(name, "no success", "", "", "")
+                rows.append((name, "no success", "", "", ""))
                 continue
             ratio = solution.summary.tip_speed_ratio.mean
             cost = change(captured, free["oloc"])
-            yield row(name, told(captured), cost, binding(solution), f"{ratio:.2f}")
-        yield ""
+            rows.append((name, told(captured), cost, binding(solution), f"{ratio:.2f}"))
+        head = "energy, kJ", "cost", "binding (1 % more gives, J)", "tip speed ratio"
+        yield from section(f"Energy against {part}", (), (f"{part}, {unit}", *head), rows, ())
     yield f"![Energy against thrust and stress]({IMAGE})"
     yield ""
 
 
-def front(ax, found, part, values, unit):
+def front(ax, found, part):
     """Draw the energy, kJ, over the limits of one front."""
-    names = [f"{value:.2f}" if part == "thrust" else f"{value:.0f}" for value in values]
-    energies = [energy(found[f"{part}/{name}"]) or np.nan for name in names]
-    ax.plot(values, energies, label="open loop, verified", **style.line(0) | style.marker(0, 4.0))
+    unit, values = FRONTS[part]
+    energies = [energy(found[f"{part}/{name}"]) or np.nan for name in values]
+    look = style.line(0) | style.marker(0, 4.0)
+    ax.plot([*values.values()], energies, label="open loop, verified", **look)
     look = style.REFERENCE | {"linestyle": "-.", "label": "without this limit"}
     ax.axhline(energy(found["free/oloc"]), **look)
     if part == "stress":
@@ -313,116 +314,116 @@ def front(ax, found, part, values, unit):
 
 def fronts(found, path):
     """Draw both fronts."""
-    parts = ("thrust", THRUSTS, "kN"), ("stress", STRESSES, "MPa")
-    plots = [
-        partial(front, found=found, part=part, values=values, unit=unit)
-        for part, values, unit in parts
-    ]
+    plots = [partial(front, found=found, part=part) for part in FRONTS]
     style.save({path.stem: style.figure_of(6.2, 6.4, plots, share=False)}, path.parent)
 
 
 def branches_text(found):
-    """Yield both branches of the limits that have them."""
-    yield "## Overspeed and underspeed"
-    yield ""
-    yield "Open loop, each branch optimized from its own start (`start.branch`) and verified:"
-    yield ""
-    yield row("limit", "branch", "energy, kJ", "thrust, moment, stress, suction", "fastest")
-    yield row(*["---"] * 5)
+    """Return both branches of the limits that have them."""
+    rows = []
     for limit in BRANCHED:
         for branch in BRANCHES:
             solution = found[f"branches/{limit}_{branch}"]
             value = energy(solution)
             if value is None:
-                yield row(limit, branch, "no success (see below)", "", "")
+                rows.append((limit, branch, "no success (see below)", "", ""))
                 continue
-            yield row(limit, branch, told(value), loads(solution), fastest(solution))
-    yield ""
+            rows.append((limit, branch, told(value), loads(solution), fastest(solution)))
     slow, fast = sorted(each.objective_J for each in found["cases/all_oloc"].summary.branches)
-    yield "With a limit of the power, overspeed has the larger thrust, and underspeed is close to"
-    yield "stall: as an open loop it is unstable (docs/theory.md). Under all limits the slow branch"
-    yield f"is {100.0 * (1.0 - slow / fast):.0f} % below the fast one in quasi-steady operation."
-    slow = found["branches/all_underspeed"]
-    if slow is None:
-        yield "It is not verified: the independent integration does not get through it."
-    yield ""
+    lost = found["branches/all_underspeed"] is None
+    return section(
+        "Overspeed and underspeed",
+        ("Open loop, each branch optimized from its own start (`start.branch`) and verified:",),
+        ("limit", "branch", "energy, kJ", "thrust, moment, stress, suction", "fastest"),
+        rows,
+        (
+            "With a limit of the power, overspeed has the larger thrust, and underspeed is",
+            "close to",
+            "stall: as an open loop it is unstable (docs/theory.md). Under all limits the",
+            "slow branch",
+            f"is {100.0 * (1.0 - slow / fast):.0f} % below the fast one in quasi-steady operation.",
+            *["It is not verified: the independent integration does not get through it."] * lost,
+        ),
+    )
 
 
 def sequential_text(found):
-    """Yield what designing the blade first costs."""
-    yield "## Blade first, controller second"
-    yield ""
-    yield "The blade of the optimum without the limit, its operation optimized under the limit:"
-    yield ""
-    yield row("limit", "blade kept, kJ", "co-design, kJ", "co-design gains")
-    yield row(*["---"] * 4)
+    """Return what designing the blade first costs."""
+    rows = []
     for limit in SEQUENTIAL:
         kept, both = energy(found[f"sequential/{limit}"]), energy(found[f"cases/{limit}_oloc"])
-        yield row(limit, told(kept), told(both), change(both, kept))
-    yield ""
+        rows.append((limit, told(kept), told(both), change(both, kept)))
     stress = found["free/oloc"].summary.loads["stress"].value / 1e8
-    yield f"Strength is left out: in that blade the stress is {stress:.0f} times 100 MPa."
-    yield ""
+    return section(
+        "Blade first, controller second",
+        ("The blade of the optimum without the limit, its operation optimized under the limit:",),
+        ("limit", "blade kept, kJ", "co-design, kJ", "co-design gains"),
+        rows,
+        [f"Strength is left out: in that blade the stress is {stress:.0f} times 100 MPa."],
+    )
 
 
 def losses_text(found):
-    """Yield what a generator's losses do to the design."""
-    yield "## Losses of the generator"
-    yield ""
-    yield f"`sine_oloc` with `generator: {LOSSES}`:"
-    yield ""
-    yield row("objective", "captured, kJ", "electrical, kJ", "tip speed ratio")
-    yield row(*["---"] * 4)
-    pair = []
+    """Return what a generator's losses do to the design."""
+    rows, pair = [], []
     for objective in ("captured", "electrical"):
         solution = found[f"losses/{objective}"]
         summary = solution.summary
         pair.append(summary.electrical_energy_J)
-        ratio = f"{summary.tip_speed_ratio.mean:.2f}"
         delivered = told(summary.electrical_energy_J / 1e3 if solution.success else None)
-        yield row(objective, told(energy(solution)), delivered, ratio)
-    yield ""
-    yield f"Designing for what is delivered gains {change(pair[1], pair[0])}: a faster rotor needs"
-    yield "less torque for its power, and copper losses grow with the torque squared."
-    yield ""
+        ratio = f"{summary.tip_speed_ratio.mean:.2f}"
+        rows.append((objective, told(energy(solution)), delivered, ratio))
+    return section(
+        "Losses of the generator",
+        (f"`sine_oloc` with `generator: {LOSSES}`:",),
+        ("objective", "captured, kJ", "electrical, kJ", "tip speed ratio"),
+        rows,
+        (
+            f"Designing for what is delivered gains {change(pair[1], pair[0])}: a faster",
+            "rotor needs",
+            "less torque for its power, and copper losses grow with the torque squared.",
+        ),
+    )
 
 
 def agreement(found):
-    """Yield whether both optimizers find the same."""
-    yield "## Two optimizers"
-    yield ""
-    yield row("case", "IPOPT, J", "SLSQP, J", "difference")
-    yield row(*["---"] * 4)
+    """Return whether both optimizers find the same."""
+    rows = []
     for limit in LIMITS:
         name = f"{limit}_quadratic"
         values = [energy(found[f"{folder}/{name}"]) for folder in ("cases", "SLSQP")]
         cells = [told(None if each is None else 1e3 * each, 1) for each in values]
-        known = None not in values
-        yield row(name, *cells, f"{values[1] / values[0] - 1.0:+.1e}" if known else "-")
-    yield ""
-    yield "The open loops have meshes of several hundred segments, for which SLSQP's dense matrices"
-    yield "take minutes an optimization: they are left out."
-    yield ""
+        over = "-" if None in values else f"{values[1] / values[0] - 1.0:+.1e}"
+        rows.append((name, *cells, over))
+    return section(
+        "Two optimizers",
+        (),
+        ("case", "IPOPT, J", "SLSQP, J", "difference"),
+        rows,
+        (
+            "The open loops have meshes of several hundred segments, for which SLSQP's dense",
+            "matrices",
+            "take minutes an optimization: they are left out.",
+        ),
+    )
 
 
 def turbine(solution):
-    """Yield RM1 under limits in turbulence."""
-    yield "## RM1 in turbulence"
-    yield ""
-    value = energy(solution)
+    """Return RM1 under limits in turbulence."""
+    value, title = energy(solution), "RM1 in turbulence"
     if value is None:
-        yield f"No success: {solution.summary.message if solution else 'not run'}"
-        return
-    yield f"`limits/rm1_turbulent_limits.yaml` captures {value / 1e3:.2f} MJ in ten minutes."
-    yield ""
-    yield row("limit", "value", "bound", "of the time", "1 % more gives")
-    yield row(*["---"] * 5)
+        return [f"## {title}", "", "No success."]
+    rows = []
     for name, each in solution.summary.limits.items():
         if each.share_of_time is None:
             continue
         cells = (measured(number, each.unit, 4) for number in (each.value, each.limit))
         gain = "-" if each.worth is None else measured(each.worth, "J", 3)
-        yield row(name, *cells, f"{100.0 * each.share_of_time:.1f} %", gain)
+        rows.append((name, *cells, f"{100.0 * each.share_of_time:.1f} %", gain))
+    told = f"`limits/rm1_turbulent_limits.yaml` captures {value / 1e3:.2f} MJ in ten minutes."
+    return section(
+        title, [told], ("limit", "value", "bound", "of the time", "1 % more gives"), rows, ()
+    )
 
 
 if __name__ == "__main__":

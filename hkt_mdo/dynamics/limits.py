@@ -17,6 +17,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.sections import Quantity, Section
 
+BETWEEN = 1e-4  # by which a limit that is kept may be exceeded between the nodes, relatively
 ALLOWABLE = "allowable"  # in place of a number: what the material allows
 SLOWED = 0.02  # share of its speed that a rotor may lose and still recover from
 TYPICAL = 0.05  # torque coefficient to which a recovery torque is compared
@@ -68,6 +69,11 @@ class Limit(Section):
         Of `DesignBounds` and `Taper` also the "span" of the blade.
         """
         return "time" if SERIES.keys() & set(self.inputs) else "design"
+
+    @property
+    def caps_series(self) -> bool:
+        """Whether it is an upper bound on what changes over time."""
+        return bool(self.place == "time" and np.isfinite(self.upper))
 
     @property
     def upper(self) -> Any:

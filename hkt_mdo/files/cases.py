@@ -15,10 +15,7 @@ def find_case(path: str | Path) -> Path:
     """Return the path of a case file; ``sine_oloc`` or ``river_gust.yaml`` may be a shipped one."""
     path = Path(path)
     if path.name == str(path) and not path.exists():
-        for folder in (
-            shipped_cases(),
-            *(shipped_cases() / name for name in ("examples", "limits")),
-        ):
+        for folder in (shipped_cases() / inner for inner in ("", "examples", "limits")):
             for name in (path.name, f"{path.name}.yaml"):
                 if name.endswith(".yaml") and (folder / name).is_file():
                     return folder / name

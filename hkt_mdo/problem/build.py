@@ -140,10 +140,7 @@ def _scales(physics, setup):
     speed = float(np.mean(operation.rotor_speed))
     limit = physics.torque_limit
     if limit is not None:
-        own = (
-            np.min(share) for (name, _), share in setup.shares.items() if name == TorqueLimit.name
-        )
-        limit *= min(own, default=1.0)
+        limit *= min(np.min(setup.share(TorqueLimit(), each)) for each in physics.scenarios)
     return Scales(speed, torque, torque / inertia, limit)
 
 
@@ -286,7 +283,7 @@ def _add_limit(
     if np.isfinite(limit.upper):
         bounds["upper"] = np.full(nodes.size, limit.upper)
         if limit.place == "time":
-            shares = setup.shares.get((limit.name, scenario.name), np.ones(scenario.segments))
+            shares = setup.share(limit, scenario)
             less = np.repeat(1.0 - shares, scenario.nodes_per_segment)[nodes] * abs(limit.upper)
             bounds["upper"] = limit.upper - less
             if bounds["lower"] is not None:

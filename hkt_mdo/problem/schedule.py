@@ -305,8 +305,7 @@ def _kept(physics: Physics) -> tuple[Limit, ...]:
             return False
         return limit.constrains(control) or (physics.law is None and isinstance(limit, TorqueLimit))
 
-    limits = (each for each in physics.limits if each.place == "time" and np.isfinite(each.upper))
-    return tuple(filter(constrains, limits))
+    return tuple(each for each in physics.limits if each.caps_series and constrains(each))
 
 
 def quasi_steady(physics: Physics, optimum: SteadyOptimum, slowed: float = SLOWED) -> QuasiSteady:

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hkt_mdo.dynamics.limits import SLOWED
+from hkt_mdo.dynamics.limits import SLOWED, Limit
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.schedule import needed, quasi_steady, schedules, start_of
 from hkt_mdo.problem.start import StartingPoint, starting_point
 from hkt_mdo.rotor import bem
@@ -103,6 +104,10 @@ class Setup:
     moves: MoveLimits = MoveLimits()
     slowed: float = 0.0
     shares: dict = field(default_factory=dict)
+
+    def share(self, limit: Limit, scenario: Scenario) -> np.ndarray:
+        """Return the share of a limit that is asked in each segment of a scenario; 1: all."""
+        return self.shares.get((limit.name, scenario.name), np.ones(scenario.segments))
 
 
 def steady_optimum(physics: Physics, blade: Blade) -> SteadyOptimum:

@@ -155,7 +155,7 @@ class Solution:
         """Limits that the case gives of what changes over time, that of the torque first."""
         torque = TorqueLimit(bound=self.case.control.torque_limit)
         given = (torque, *self.case.limits.given)
-        return tuple(each for each in given if each.place == "time" and np.isfinite(each.upper))
+        return tuple(each for each in given if each.caps_series)
 
     def limit_shares(self, table: str = "simulation") -> dict[str, np.ndarray]:
         """Return each limit's value over its bound, (n_times,), by its name: 1 is the limit.

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from pydantic_core import PydanticCustomError
 
 from hkt_mdo.case import Case
+from hkt_mdo.dynamics.limits import BETWEEN
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import dotted
 from hkt_mdo.results.words import bent, energy, measured
@@ -81,9 +82,6 @@ class CheckEntry(_Entry):
     _text = "{name}: {value:.4g}, limit {limit:.4g}. {detail}"
 
 
-_TOLERATED = 0.01  # per cent by which a limit that is kept may be exceeded between the nodes
-
-
 class LimitEntry(_Entry):
     """A limit: the largest value that occurs, the limit, and whether it is reached.
 
@@ -109,7 +107,7 @@ class LimitEntry(_Entry):
         if self.value is None or not self.limit:
             return ""
         left = 100.0 * (self.limit - self.value) / abs(self.limit)
-        kept = left > -_TOLERATED
+        kept = left > -100.0 * BETWEEN
         word = f"margin {max(left, 0.0):.2f} %" if kept else f"exceeded by {-left:.2f} %"
         if not self.binding:
             return word

@@ -16,6 +16,7 @@ import openmdao.api as om
 from scipy.integrate import simpson
 
 from hkt_mdo.dynamics.limits import (
+    BETWEEN,
     LEAST,
     SLOWED,
     TYPICAL,
@@ -52,7 +53,7 @@ FLOW_ERROR, MESH_ERROR = 1e-4, 1e-5
 STORED = 0.01  # share of the captured energy that the rotor may have stored
 RECOVERY_ERROR = 0.2  # of the least recovery torque, which is a small difference of torques
 BELOW_START = 2e-3  # what the rotor's inertia and its distance from stall may cost
-BOUND_MARGIN, NODE_VIOLATION, BETWEEN_VIOLATION = 1e-5, 1e-6, 1e-4
+BOUND_MARGIN, NODE_VIOLATION = 1e-5, 1e-6
 CUT_BETWEEN = 1e-3  # of a torque's polynomial, which the generator cuts at its limit
 SAMPLES = 20  # a segment, of the integration and between the nodes
 
@@ -371,7 +372,7 @@ def _of_limit(physics, limit, result, flights):
         worst = int(np.argmax(over))
         when = f"at t = {flight.trajectory['time'][worst]:.2f} s"
         # an optimization has loads from tables, which are as exact as this asks
-        most = BETWEEN_VIOLATION if LOADS.keys() & set(limit.inputs) else NODE_VIOLATION
+        most = BETWEEN if LOADS.keys() & set(limit.inputs) else NODE_VIOLATION
         yield f"{limit.name}_at_nodes{suffix}", max(over[worst], 0.0), most, when
         if limit.constrains(physics.case.control):
             over, when = flight.between_nodes(limit)
@@ -382,7 +383,7 @@ def _of_limit(physics, limit, result, flights):
 
 def most_between(limit: Limit) -> float:
     """Return by how much a limit may be exceeded between the nodes, relatively."""
-    return CUT_BETWEEN if isinstance(limit, TorqueLimit) else BETWEEN_VIOLATION
+    return CUT_BETWEEN if isinstance(limit, TorqueLimit) else BETWEEN
 
 
 def designed(physics: Physics, point: StartingPoint) -> dict[str, np.ndarray]:

@@ -258,14 +258,15 @@ def _lowered(physics, setup, result, flights) -> Setup | None:
         most = most_between(limit)
         for flight in flights:
             over, _ = flight.between_nodes(limit)
-            key = limit.name, flight.scenario.name
-            share = shares.get(key, np.ones(flight.scenario.segments))
+            share = setup.share(limit, flight.scenario)
             # where it has not helped, or the limit is exceeded by much, no lower limit mends it
             mends = (share > 1.0 - MOST_LOWERED) & (over < MOST_EXCEEDED)
             over = np.where(mends, over, 0.0)
             if np.max(over) > most:
                 exceeded = True
-                shares[key] = share * (1.0 - np.where(over > 0.5 * most, over, 0.0))
+                shares[limit.name, flight.scenario.name] = share * (
+                    1.0 - np.where(over > 0.5 * most, over, 0.0)
+                )
     nodes = curve_nodes(physics, result.point)
     return replace(setup, start=result.point, nodes=nodes, shares=shares) if exceeded else None
 

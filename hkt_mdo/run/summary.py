@@ -171,27 +171,23 @@ def _gap(over, turning):
 
 def _limit(limit, flights, worths):
     """Return the largest value of a limit, at the nodes and in the integration, and its bound."""
-    values = [
-        np.max(limit.told(quantities))
-        for flight in flights
-        for quantities in (flight.at_nodes, flight.flown)
-    ]
-    value, bound = float(max(values)), float(limit.upper)
-    near = ENVELOPE if limit.name in LOADS else BINDING
-    binding = bool(value >= bound - near * abs(bound))
+    flown = [limit.told(flight.flown) for flight in flights]
+    at_nodes = [limit.told(flight.at_nodes) for flight in flights]
+    value, bound = float(max(map(np.max, flown + at_nodes))), float(limit.upper)
+    least = bound - (ENVELOPE if limit.name in LOADS else BINDING) * abs(bound)
+    binding = value >= least
     entry = {"value": value, "limit": bound, "unit": limit.unit or "", "binding": binding}
     if limit.place != "time":
         return entry
-    flown = [(limit.told(flight.flown), flight.flown["time"]) for flight in flights]
-    along, time = max(flown, key=lambda each: np.max(each[0]))
+    times = [flight.flown["time"] for flight in flights]
+    worst = max(range(len(flights)), key=lambda i: np.max(flown[i]))
     binds = [
-        trapezoid(np.where(values >= bound - near * abs(bound), 1.0, 0.0), time) / time[-1]
-        for values, time in flown
+        trapezoid(np.where(along >= least, 1.0, 0.0), time) / time[-1]
+        for along, time in zip(flown, times, strict=True)
     ]
-    weights = [flight.scenario.weight for flight in flights]
     return entry | {
-        "time_s": time[np.argmax(along)],
-        "share_of_time": np.average(binds, weights=weights),
+        "time_s": times[worst][np.argmax(flown[worst])],
+        "share_of_time": np.average(binds, weights=[each.scenario.weight for each in flights]),
         "worth": worths.get(limit.name),
     }
 

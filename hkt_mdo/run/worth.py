@@ -27,7 +27,7 @@ def worths(
     and the problem with a little more of the limit, at the same design. `nodes` has what limits
     take at the nodes of each scenario; `scratch`: where OpenMDAO puts its own files.
     """
-    limits = [each for each in physics.limits if each.place == "time" and np.isfinite(each.upper)]
+    limits = [each for each in physics.limits if each.caps_series]
     far = {each.name: all(np.all(each.excess(known) < -FAR) for known in nodes) for each in limits}
     if all(far.values()):
         return dict.fromkeys(far, 0.0)
@@ -48,12 +48,10 @@ def _with_more(physics, result, limit, scratch) -> State:
         law = physics.law.model_copy(update={"torque_limit": most})
         physics = replace(physics, law=law, torque_limit=most)
     else:
-        shares = dict(setup.shares)
-        for scenario in physics.scenarios:
-            key = limit.name, scenario.name
-            share = shares.get(key, np.ones(scenario.segments))
-            shares[key] = share + STEP
-        setup = replace(setup, shares=shares)
+        more = {
+            (limit.name, each.name): setup.share(limit, each) + STEP for each in physics.scenarios
+        }
+        setup = replace(setup, shares=setup.shares | more)
     problem = assemble(physics, setup, work_dir=scratch)
     problem.final_setup()
     design = result.problem.driver.get_design_var_values(driver_scaling=False)
