@@ -108,7 +108,14 @@ class Kinds:
 
 
 BUILT_IN = Kinds(
-    laws=(laws.OpenLoop, laws.LinearFeedback, laws.QuadraticFeedback),
+    laws=(
+        laws.OpenLoop,
+        laws.LinearFeedback,
+        laws.QuadraticFeedback,
+        laws.PowerLawFeedback,
+        laws.RatedFeedback,
+        laws.CurveFeedback,
+    ),
     profiles=(
         flows.ConstantInflow,
         flows.StepInflow,

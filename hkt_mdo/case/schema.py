@@ -19,8 +19,8 @@ from hkt_mdo.case.messages import TAGS, translate
 from hkt_mdo.case.turbine import Fluid, Rotor, Site, own_keys
 from hkt_mdo.dynamics.flows import Inflow, SumInflow
 from hkt_mdo.dynamics.generator import Generator
-from hkt_mdo.dynamics.laws import FeedbackLaw, Law
-from hkt_mdo.dynamics.limits import Limit
+from hkt_mdo.dynamics.laws import FeedbackLaw, Law, RatedFeedback
+from hkt_mdo.dynamics.limits import ElectricalPowerLimit, Limit, PowerLimit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, Objective
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.cases import find_case
@@ -115,6 +115,19 @@ class Case(Section):
             problem = f"bounds a gain that the law {control.law} does not have"
             remedy = "leave design.gain_bounds out, or choose a feedback law"
             raise refusal(problem, remedy, key="design.gain_bounds", value=list(design.gain_bounds))
+        if design.gain_bounds is not None and len(control.gain_units) != 1:
+            problem = f"bounds one gain, and the law {control.law} has {len(control.gain_units)}"
+            remedy = "leave design.gain_bounds out"
+            raise refusal(problem, remedy, key="design.gain_bounds", value=list(design.gain_bounds))
+        limited = {each.name for each in self.limits.given}
+        if (
+            isinstance(control, RatedFeedback)
+            and control.power is None
+            and not limited & {PowerLimit.name, ElectricalPowerLimit.name}
+        ):
+            problem = "is missing in a case without a limit of the power, which would choose it"
+            remedy = "give it or limits.power, or control.law: quadratic, which needs none"
+            raise refusal(problem, remedy, key="control.power", value=None)
         if self.phase.final_speed == "initial" and isinstance(control, FeedbackLaw):
             problem = f"is for open loop: the law {control.law} decides the speed"
             remedy = "give free, or control.law: open_loop"

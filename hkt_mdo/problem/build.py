@@ -166,7 +166,9 @@ def _add_design(model, physics, setup, bounds):
     for i, units in enumerate(physics.gain_units):
         name, (low, high) = f"gain_{i}", bounds["gain"]
         design.add_output(name, start.gains[i], units=units, desc="feedback gain")
-        model.add_design_var(name, lower=low[i], upper=high[i], ref=abs(start.gains[i]))
+        if low[i] < high[i]:
+            ref = physics.law.sizes(start.gains)[i]
+            model.add_design_var(name, lower=low[i], upper=high[i], ref=ref)
 
 
 def _add_rotor(model, physics, setup):

@@ -49,6 +49,7 @@ class MoveLimits:
         chord, twist = shape.control(start.blade)
         radius = np.full(int(shape.radius_bounds is not None), start.blade.rotor_radius)
         own = physics.case.design.gain_bounds or (-np.inf, np.inf)
+        moves = physics.law.moves if physics.law else lambda *_: (gains, gains)
         return {
             "rotor_speed": (self.slower * np.min(speed), self.faster * np.max(speed)),
             "chord_control": _within(chord / self.chord, chord * self.chord, shape.chord_bounds),
@@ -56,7 +57,7 @@ class MoveLimits:
             "rotor_radius": _within(
                 radius / self.radius, radius * self.radius, shape.radius_bounds or own
             ),
-            "gain": _within(*np.sort((gains / self.gain, gains * self.gain), axis=0), own),
+            "gain": _within(*moves(gains, self.gain), own),
         }
 
     def reached(self, physics: Physics, start: StartingPoint, end: StartingPoint) -> bool:

@@ -98,7 +98,7 @@ def _with_gains(problem, blade, polar, gains, bounds):
     few = replace(problem, inflow_speed=problem.inflow_speed[::4], weights=problem.weights[::4])
     ideal = replace(few, law=None, torque_limit=law.torque_limit).operate(table)
     fitted = law.fit(ideal.rotor_speed, ideal.hydrodynamic_torque)
-    tried = np.clip(np.linspace(0.6, 1.1, 11)[:, None] * fitted, *bounds)
+    tried = [np.clip(law.eased(fitted, share), *bounds) for share in np.linspace(0.6, 1.1, 11)]
     gains = max(tried, key=lambda each: _worth(few.operate(table, each)))
     return StartingPoint(blade, gains, problem.operate(table, gains))
 
@@ -115,19 +115,24 @@ class CoDesign:
         own = shape.chord_bounds, shape.twist_bounds, shape.radius_bounds or (0.0, 0.0)
         self._own = np.repeat([*own, gain_bounds], sizes, axis=0).T
         self._is_twist = np.repeat([False, True, False, False], sizes)
-        self._factor = np.repeat([CHORD_MOVE, 1.0, RADIUS_MOVE, GAIN_MOVE], sizes)
+        self._factor = np.repeat([CHORD_MOVE, 1.0, RADIUS_MOVE, 1.0], sizes)
 
     def vector(self, point):
         """Return the unknowns of a starting point, and their units."""
         radius = [point.blade.rotor_radius] * self._resized
         x = np.concatenate((*self.shape.control(point.blade), radius, point.gains))
         x = np.clip(x, *self._own)
-        return x, np.where(self._is_twist, TWIST_UNIT, np.abs(x))
+        units = np.where(self._is_twist, TWIST_UNIT, np.abs(x))
+        if self.problem.law is not None:
+            units[self._ends[-1] :] = self.problem.law.sizes(self.gains(x))
+        return x, units
 
     def bounds(self, x):
         """Return the lower and upper limits of moves from x, within the design's own bounds."""
         ends = np.sort((x / self._factor, x * self._factor), axis=0)
         ends = np.where(self._is_twist, (x - TWIST_MOVE, x + TWIST_MOVE), ends)
+        if self.problem.law is not None:
+            ends[:, self._ends[-1] :] = self.problem.law.moves(self.gains(x), GAIN_MOVE)
         return np.clip(ends, *self._own)
 
     def blade(self, x):

@@ -18,7 +18,7 @@ from hkt_mdo.case import Case
 from hkt_mdo.dynamics.limits import BETWEEN
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import dotted
-from hkt_mdo.results.words import bent, energy, measured
+from hkt_mdo.results.words import amounts, bent, energy, measured
 
 BLADE = ("r_m", "chord_m", "twist_deg", "start_chord_m", "start_twist_deg")
 """Fields that hold one value for each blade station."""
@@ -207,7 +207,7 @@ class Summary(_Entry, Mapping[str, Any]):
     gain: float | list[float] | None = _shown(
         "gain, {law} feedback", "{gains}", lambda case: case.control.law != "open_loop"
     )
-    gain_units: list[str] | None = None
+    gain_units: list[str | None] | None = None
     tip_speed_ratio: Span | None = _shown(
         "tip speed ratio",
         "{tip_speed_ratio.min:.3f} to {tip_speed_ratio.max:.3f}, mean {tip_speed_ratio.mean:.3f}",
@@ -332,14 +332,11 @@ class Summary(_Entry, Mapping[str, Any]):
         best = found if simulated is None else simulated
         generated, electrical = self.generator_energy_J, self.electrical_energy_J
         gains = self.gain if isinstance(self.gain, list) else [self.gain]
-        # OpenMDAO's N*m*s**2 is printed as N m s^2; an older summary may lack the units
-        units = [unit.replace("**", "^").replace("*", " ") for unit in self.gain_units or ()]
-        pairs = zip(gains, units + [""] * len(gains), strict=False)
         limit = case.control.torque_limit
         return {
             "case": case.name,
             "law": case.control.law,
-            "gains": ", ".join(_format("{0:.5g} {1}", pair, {}) for pair in pairs),
+            "gains": "-" if self.gain is None else amounts(gains, self.gain_units or ()),
             "control_torque_max": measured(self.control_torque_max_Nm, "N*m"),
             "torque_limit": "no limit" if limit is None else self._torque_limit(limit),
             "success": "yes" if self.success else "no",

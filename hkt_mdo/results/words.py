@@ -1,6 +1,8 @@
 """Quantities as people read them: kilojoules, kilowatts, rpm beside rad/s."""
 
+from itertools import groupby, zip_longest
 from math import pi
+from operator import itemgetter
 
 _PREFIXED = "W", "J", "N", "Pa", "N m"  # units that take k, M and G
 
@@ -47,6 +49,16 @@ def turning(speed: float, digits: int = 4) -> str:
 def plain_unit(unit: str) -> str:
     """Return a unit as it is read: N m s^2/rad^2 for N*m*s**2/rad**2."""
     return unit.replace("**", "^").replace("*", " ")
+
+
+def amounts(values, units, digits: int = 5) -> str:
+    """Return numbers with their units, each unit once after the numbers that share it.
+
+    A unit may be None or missing, for a plain number.
+    """
+    shared = groupby(zip_longest(values, units), key=itemgetter(1))
+    rows = ((", ".join(number(each, digits) for each, _ in row), unit) for unit, row in shared)
+    return "; ".join(f"{row} {plain_unit(unit or '')}".rstrip() for row, unit in rows)
 
 
 def measured(value: float | None, unit: str, digits: int = 5) -> str:

@@ -12,7 +12,7 @@ from hkt_mdo.files.polar import read_polars
 from hkt_mdo.problem.build import make_driver
 from hkt_mdo.problem.physics import START_EXCESS, physics
 from hkt_mdo.problem.turbine import POLAR
-from hkt_mdo.results.words import bent, measured, number, plain_unit, quantity, turning
+from hkt_mdo.results.words import amounts, bent, measured, number, quantity, turning
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.run import loads
 from hkt_mdo.run.findings import Findings, figure_data, problem_size
@@ -207,8 +207,7 @@ def _control(found: Findings, warn) -> dict[str, str]:
     if law is not None:
         if limit is not None:
             rows["torque limit"] += f", approached smoothly (smoothing {control.smoothing:g})"
-        pairs = zip(found.start.gains, law.gain_units, strict=True)
-        gains = ", ".join(f"{number(gain)} {plain_unit(unit)}" for gain, unit in pairs)
+        gains = amounts(found.start.gains, law.gain_units, digits=4)
         own = law.starting_gains() is None
         how = "suits the starting blade; the run finds its own" if own else "as the case says"
         rows["gain at the start"] = f"{gains}: {how}"

@@ -145,7 +145,7 @@ class Findings:
         self.working = float(ratios.min()), float(ratios.max())
 
         gains = self.start.gains
-        law = physics.law and physics.law.model_copy(update={"gain": tuple(gains)})
+        law = physics.law and physics.law.beginning_with(gains)
         constant = _one_flow(replace(coarse, law=law), ConstantInflow(speed=self.mean))
         steady = find_start(constant, self.best, improve=False).operation
         self.steady_speed = self.time_constant = None

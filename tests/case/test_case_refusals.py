@@ -68,7 +68,12 @@ SECTIONS = [
 ]
 CONTROLS = [
     ("{law: quadratc}", "control.law", "quadratc", "did you mean quadratic?"),
-    ("mixed", "control.law", "mixed", "open_loop, linear, quadratic; one of your own needs --ext"),
+    (
+        "mixed",
+        "control.law",
+        "mixed",
+        "open_loop, linear, quadratic, power_law, rated, curve; one of your own needs --ext",
+    ),
     ("{law: open_loop, gain: 3}", "control.gain", "3", "known here: law, torque_limit, unknown"),
     (
         "open_loop\ndesign: {gain_bounds: [1, 2]}",
@@ -81,6 +86,34 @@ CONTROLS = [
         "control.gain",
         "3",
         "within the bounds",
+    ),
+    (
+        "power_law\ndesign: {gain_bounds: [1, 2]}",
+        "design.gain_bounds",
+        "[1.0, 2.0]",
+        "bounds one gain, and the law power_law has 2; leave",
+    ),
+    ("rated", "control.power", "null", "give it or limits.power, or control.law: quadratic"),
+    (
+        "{law: rated, gain: 3}\nlimits: {power: 5e3}",
+        "control.gain",
+        "3",
+        "control.power; give both",
+    ),
+    ("{law: power_law, gain: 30}", "control.gain", "30", "control.exponent; give both"),
+    ("{law: curve, knots: 1}", "control.knots", "1", "at least 2"),
+    ("{law: curve, knots: 2, knot_speeds: [3, 4]}", "control.knot_torques", "null", "or neither"),
+    (
+        "{law: curve, knots: 3, knot_speeds: [3, 4], knot_torques: [5, 6, 7]}",
+        "control.knot_speeds",
+        "[3.0, 4.0]",
+        "has 2 numbers for 3 knots; give one for each",
+    ),
+    (
+        "{law: curve, knots: 2, knot_speeds: [4, 3], knot_torques: [5, 6]}",
+        "control.knot_speeds",
+        "[4.0, 3.0]",
+        "do not rise; give them from the slowest",
     ),
 ]
 FLOWS = [

@@ -147,7 +147,7 @@ def test_the_table_of_linear_feedback_without_limit(linear_result_folder: Path) 
 @pytest.mark.parametrize(
     ("changes", "label", "text"),
     [
-        ({"gain": [1.0, 2.5]}, "gain, quadratic feedback", "1 N m s^2/rad^2, 2.5"),
+        ({"gain": [1.0, 2.5]}, "gain, quadratic feedback", "1 N m s^2/rad^2; 2.5"),
         ({"gain_units": None}, "gain, quadratic feedback", "10.98"),
         ({"gain": None}, "gain, quadratic feedback", "-"),
         ({"simulated_energy_J": None}, "share of quasi-steady bound", "99.981 %"),

@@ -1,0 +1,200 @@
+"""Laws for the whole range of the flow: their closed forms, and how near open loop they come."""
+
+from dataclasses import replace
+
+import numpy as np
+import openmdao.api as om
+import pytest
+from openmdao.utils.assert_utils import assert_check_partials
+from scipy.interpolate import CubicSpline
+
+from hkt_mdo.dynamics.generator import Generator
+from hkt_mdo.dynamics.laws import CurveFeedback, PowerLawFeedback, RatedFeedback
+from hkt_mdo.dynamics.quasi_steady import QuasiSteady
+from hkt_mdo.dynamics.rotor_ode import FeedbackComp
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.torque_curve import TorqueSpline
+
+SPEED = np.linspace(2.0, 16.0, 40)
+KNOTS = np.array([4.0, 6.0, 7.0, 9.0, 12.0])
+TORQUES = np.array([150.0, 330.0, 400.0, 300.0, 250.0])
+
+TIME = np.linspace(0.0, 60.0, 241)
+FLOW = 1.5 + 0.5 * np.sin(0.25 * TIME)
+LOSSES = Generator(rated_torque=600.0, copper_loss=900.0)
+SPLINE = TorqueSpline(np.linspace(2.0, 18.0, 161))
+
+
+def quasi_steady(law=None, **options):
+    weights = np.full(TIME.size, TIME[1])
+    weights[[0, -1]] *= 0.5
+    return QuasiSteady(FLOW, weights, 1000.0, 1.4, SPLINE, law, **options)
+
+
+@pytest.fixture(scope="module")
+def table(blade, polar):
+    return bem.rotor_coefficients(blade, polar, SPLINE.nodes).torque
+
+
+# The curve
+
+
+def test_a_curve_is_a_natural_spline_of_the_logarithms():
+    law = CurveFeedback(knots=5)
+    spline = CubicSpline(np.log(KNOTS), np.log(TORQUES), bc_type="natural")
+    inside = np.linspace(4.0, 12.0, 50)
+    found = law.torque(inside, np.append(KNOTS, TORQUES))
+    np.testing.assert_allclose(found, np.exp(spline(np.log(inside))), rtol=1e-12)
+    np.testing.assert_allclose(law.torque(KNOTS, np.append(KNOTS, TORQUES)), TORQUES, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("end", "beyond"), [(0, [0.5, 3.0]), (-1, [13.0, 40.0])])
+def test_a_curve_goes_on_as_a_power_of_the_speed(end, beyond):
+    law, gains = CurveFeedback(knots=5), np.append(KNOTS, TORQUES)
+    exponent = law.torque_by_speed(KNOTS[[end]], gains) * KNOTS[end] / TORQUES[end]
+    expected = TORQUES[end] * (np.array(beyond) / KNOTS[end]) ** exponent
+    np.testing.assert_allclose(law.torque(np.array(beyond), gains), expected, rtol=1e-11)
+
+
+@pytest.mark.parametrize("exponent", [2.0, 0.0, -1.0])
+def test_a_curve_holds_every_power_of_the_speed_exactly(exponent):
+    law = CurveFeedback(knots=4)
+    gains = law.fit(KNOTS, 30.0 * KNOTS**exponent)
+    np.testing.assert_allclose(law.torque(SPEED, gains), 30.0 * SPEED**exponent, rtol=1e-10)
+
+
+def test_knots_lie_where_a_fitted_curve_bends():
+    speed = np.linspace(5.0, 12.0, 200)
+    knots = CurveFeedback(knots=8).fit(speed, np.minimum(7.0 * speed**2, 3600.0 / speed))[:8]
+    assert knots[0] < speed[0]
+    assert knots[-1] > speed[-1]
+    corner = (3600.0 / 7.0) ** (1.0 / 3.0)
+    nearest = np.argmin(np.abs(np.log(knots[:-1] * knots[1:]) / 2.0 - np.log(corner)))
+    assert np.diff(np.log(knots))[nearest] < 0.7 * np.mean(np.diff(np.log(knots)))
+
+
+def test_a_single_speed_leaves_a_range_for_the_knots():
+    gains = CurveFeedback(knots=3).fit(np.full(5, 8.0), np.full(5, 400.0))
+    assert np.all(np.diff(gains[:3]) > 0.5)
+    assert CurveFeedback(knots=3).torque(8.0, gains) == pytest.approx(400.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("places", ["held", "designed"])
+def test_knots_keep_their_order_however_far_they_move(places):
+    law, gains = CurveFeedback(knots=5, places=places), np.append(KNOTS, TORQUES)
+    low, high = law.moves(gains, np.inf)
+    assert np.all(low <= gains)
+    assert np.all(gains <= high)
+    assert np.all(high[:4] < low[1:5])
+    if places == "held":
+        np.testing.assert_array_equal(low[:5], high[:5])
+
+
+# Closed forms
+
+
+def test_rated_feedback_is_quadratic_below_and_of_constant_power_above():
+    law, gains = RatedFeedback(smoothing=1e-6), np.array([8.0, 5000.0])
+    corner = (5000.0 / 8.0) ** (1.0 / 3.0)
+    slow, fast = np.linspace(1.0, 0.9 * corner, 9), np.linspace(1.1 * corner, 30.0, 9)
+    np.testing.assert_allclose(law.torque(slow, gains), 8.0 * slow**2, rtol=1e-5)
+    np.testing.assert_allclose(law.torque(fast, gains), 5000.0 / fast, rtol=1e-5)
+
+
+def test_rated_feedback_never_exceeds_its_power():
+    law, gains = RatedFeedback(power=5000.0), np.array([8.0])
+    power = law.torque(SPEED, gains) * SPEED
+    assert np.all(power < 5000.0)
+    assert np.max(power) > 0.999 * 5000.0
+    corner = np.array([(5000.0 / 8.0) ** (1.0 / 3.0)])
+    expected = 8.0 * corner**2 * (1.0 - 0.25 * np.sqrt(law.smoothing))  # as eq. 4 at its limit
+    np.testing.assert_allclose(law.torque(corner, gains), expected, rtol=1e-4)
+    assert law.torque(0.0, gains) == 0.0
+
+
+@pytest.mark.parametrize("limit", [None, 400.0])
+def test_rated_feedback_in_steady_flow_meets_its_corners(table, limit):
+    """K w^2 = Q in slow flow; in fast flow Q w = P, on the fast side, and never above the limit."""
+    law = RatedFeedback(power=3000.0, torque_limit=limit, smoothing=1e-8)
+    operation = quasi_steady(law).operate(table, [8.0])
+    assert operation.running
+    torque, speed = operation.hydrodynamic_torque, operation.rotor_speed
+    most = np.inf if limit is None else limit
+    expected = np.minimum(np.minimum(8.0 * speed**2, 3000.0 / speed), most)
+    np.testing.assert_allclose(torque, expected, rtol=1e-3)
+    assert np.ptp(np.argmin((8.0 * speed**2, 3000.0 / speed), axis=0)) == 1  # both occur
+
+
+@pytest.mark.parametrize(
+    ("law", "gains"),
+    [
+        (PowerLawFeedback(), [30.0, 1.4]),
+        (PowerLawFeedback(exponent=-1.0), [4000.0]),
+        (RatedFeedback(power=4000.0), [7.0]),
+    ],
+)
+def test_a_fit_recovers_the_gains_of_its_own_torque(law, gains):
+    speed = np.linspace(4.0, 8.0, 30)
+    np.testing.assert_allclose(law.fit(speed, law.torque(speed, np.array(gains))), gains, rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("law", "gains"),
+    [
+        (PowerLawFeedback(), [30.0, 1.4]),
+        (RatedFeedback(smoothing=1e-6), [7.0, 4000.0]),
+        (CurveFeedback(knots=5), [*KNOTS, *TORQUES]),
+    ],
+)
+def test_eased_gains_demand_a_share(law, gains):
+    gains, speed = np.array(gains), np.array([5.0, 6.0])
+    share = law.demand(speed, law.eased(gains, 0.7)) / law.demand(speed, gains)
+    np.testing.assert_allclose(share, 0.7, rtol=1e-3)
+
+
+# Against open loop
+
+
+def test_a_curve_reaches_open_loop_as_its_knots_grow(table):
+    """Without limits the best torque is a smooth function of the speed, and a curve converges.
+
+    Losses in the windings make it no power of the speed. Energy lost is of second order in the
+    torque's error, which is of fourth order in the distance of the knots, but near the ends of a
+    natural spline of second.
+    """
+    ideal = quasi_steady(generator=LOSSES).operate(table)
+    lost, counts = [], (2, 4, 8)
+    for knots in counts:
+        law = CurveFeedback(knots=knots)
+        gains = law.fit(ideal.rotor_speed, ideal.hydrodynamic_torque)
+        found = quasi_steady(law, generator=LOSSES).operate(table, gains)
+        lost.append(1.0 - found.delivered / ideal.delivered)
+    assert np.all(np.array(lost) > 0.0)
+    order = -np.diff(np.log(lost)) / np.log(np.divide(counts[1:], counts[:-1]))
+    assert np.all(order > 4.0)
+
+
+# Derivatives
+
+
+@pytest.mark.parametrize("limit", [None, 350.0])
+@pytest.mark.parametrize(
+    ("kind", "gains"),
+    [
+        (PowerLawFeedback, [30.0, 1.4]),
+        (RatedFeedback, [7.0, 3000.0]),
+        (CurveFeedback, [*KNOTS, *TORQUES]),
+    ],
+)
+def test_partials(kind, gains, limit):
+    options = {"knots": 5} if kind is CurveFeedback else {}
+    problem = om.Problem(reports=False)
+    component = FeedbackComp(num_nodes=40, law=kind(torque_limit=limit, **options))
+    problem.model.add_subsystem("law", component, promotes=["*"])
+    problem.setup(force_alloc_complex=True)
+    problem.set_val("rotor_speed", SPEED)
+    for i, gain in enumerate(gains):
+        problem.set_val(f"gain_{i}", gain)
+    problem.run_model()
+    data = problem.check_partials(method="cs", compact_print=True, out_stream=None)
+    assert_check_partials(data, atol=1e-9, rtol=1e-11)
