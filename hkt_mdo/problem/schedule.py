@@ -359,11 +359,15 @@ def schedules(
         found.append(improved(open_loop, free, best, found))
         starts.append(StartingPoint(found[-1].blade, np.empty(0), starts[0].operation))
     if law is not None:
-        own = [_along(steady, start, "") for start in candidates(few, gains)]
-        fitted = [_along(steady, _fitted(steady, few, each), "") for each in found] * improve
+        own, fitted = [], [_along(steady, _fitted(steady, few, each), "") for each in found]
+        if len(law.gain_units) == 1 or gains is not None or not improve:
+            own, fitted = (
+                [_along(steady, start, "") for start in candidates(few, gains)],
+                fitted * improve,
+            )
         tried += len(own) + len(fitted)
         found = []
-        for each in (max(own, key=_worth), *fitted):
+        for each in (*sorted(own, key=_worth)[-1:], *fitted):
             found.append(improved(steady, few, each, found))
     found = [replace(each, branch=_side(steady, each), tried=tried) for each in found]
     found.sort(key=_worth, reverse=True)
