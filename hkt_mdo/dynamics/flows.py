@@ -82,7 +82,7 @@ class Inflow(Section):
         return np.unique(np.concatenate(found))
 
     def _looks(self, duration: float) -> Iterator[np.ndarray]:
-        """Yield rising times, s, sixteen in the shortest period, in blocks that share their ends."""
+        """Yield rising times, s, sixteen in the shortest period, in blocks with common ends."""
         ends = self.pieces(duration)
         count = max(CHECKS_PER_PIECE, FEWEST_CHECKS // (ends.size - 1))
         share = np.arange(count) / count
@@ -97,7 +97,8 @@ class Inflow(Section):
         """
         from scipy.optimize import brentq
 
-        speed *= 1.0 + 1e-12  # a peak that just reaches it does not exceed it
+        speed *= 1.0 + 1e-15  # a peak that just reaches it does not exceed it
+
         def excess(time):
             return float(self.speed_at(time)) - speed
 

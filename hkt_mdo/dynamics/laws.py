@@ -31,7 +31,7 @@ def _by_each(of, gains):
 
 
 class Law(Section):
-    """What every control law has: its name, a limit on the control torque u, and a cut-out speed."""
+    """What every control law has: its name, a limit on the torque u, and a cut-out speed."""
 
     law: str
     """The control law."""

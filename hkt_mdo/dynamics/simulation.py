@@ -289,9 +289,9 @@ class _Motion:
 
         energy, J, is what has been captured before. None if Newton's method does not converge.
         """
-        unit = energy + 0.01 * self.duration * power_scale(
-            self.plant.density, self.plant.blade.rotor_radius, float(self.inflow.speed_at(self.begin))
-        )
+        flow = float(self.inflow.speed_at(self.begin))
+        power = power_scale(self.plant.density, self.plant.blade.rotor_radius, flow)
+        unit = energy + 0.01 * self.duration * power
         path = None
         while edges.size <= MOST_STEPS:
             step = np.diff(edges)[:, None]

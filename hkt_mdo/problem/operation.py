@@ -9,7 +9,7 @@ import numpy as np
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.scenario import Scenario
 
-MOST_INTERVALS = 100  # each is a phase of the problem, which takes a second or so to set up
+MOST_INTERVALS = 200  # each is a phase of the problem, with its share of the set-up
 
 
 def in_operation(
@@ -19,15 +19,15 @@ def in_operation(
 
     `whole` has the flow over the whole time. Above the speed `cut_out` (m/s) the machine stands
     still. Each interval in which the flow is slower is a scenario, of segments as long as those of
-    the case. One that is shorter than a segment, or than the flow takes to pass a rotor's `diameter`
-    (m), is standstill too: a rotor and its wake need that long to come into balance. A flow that is
-    nowhere faster is left as it is. Raises InputError if no time of operation is left.
+    the case. One that is shorter than a segment, or than the flow takes to pass the rotor's
+    `diameter` (m), is standstill too: a rotor and its wake need that long to come into balance. A
+    flow that is nowhere faster is left as it is. Raises InputError if no time of operation is left.
     """
     if cut_out is None:
         return (whole,), ()
     mesh, total = whole.mesh, whole.duration
     spans = whole.inflow.spans_below(cut_out, total)
-    lengths, segment = np.diff(spans)[:, 0], total / mesh.segments
+    lengths, segment = np.diff(spans).ravel(), total / mesh.segments
     if np.sum(lengths) == total:
         return (whole,), (f"control.cut_out = {cut_out:g} m/s is of no effect: no flow is faster",)
     shortest = max(segment, diameter / cut_out)

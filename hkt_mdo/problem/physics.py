@@ -59,9 +59,10 @@ class Physics:
     `case` is complete: its time span and segments are numbers. `shape` has the blade as given and
     what of it is designed; `polar` is one for all stations, or one a station. section_area (over
     chord squared) and thickness (over chord) are one number, or one a station. There is usually one
-    scenario; with a cut-out speed, one for each interval of operation. `law` None: open loop. `messages` tell what was converted, repaired or left out,
-    `warnings` what was hardly meant. `torque_limit` (N*m) is None, and `law` has none, also where
-    the case gives one that no blade can reach in its flow.
+    scenario; with a cut-out speed, one for each interval of operation. `law` None: open loop.
+    `messages` tell what was converted, repaired or left out, `warnings` what was hardly meant.
+    `torque_limit` (N*m) is None, and `law` has none, also where the case gives one that no blade
+    can reach in its flow.
     """
 
     case: Case

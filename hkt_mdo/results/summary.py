@@ -169,12 +169,14 @@ class OperationEntry(_Entry):
     """When a machine with a cut-out speed operates: [begin, end] of each interval.
 
     Elsewhere it stands still, for `standstill_s` in all; `mean_power_W` is the objective over the
-    whole time, standstill included.
+    whole time, standstill included. An interval begins with a rotor that turns: `run_up_J` is what
+    the rotor's kinetic energy is then, over all intervals that follow a standstill.
     """
 
     intervals_s: list[tuple[float, float]]
     standstill_s: float
     mean_power_W: _Number = None
+    run_up_J: _Number = None
 
     def told(self, duration: float | None) -> str:
         """Return the entry as text; the duration is that of the case, s."""
@@ -184,6 +186,8 @@ class OperationEntry(_Entry):
         text += measured(self.standstill_s, "s") + share
         if self.mean_power_W is not None:
             text += f"; on average over all of it {measured(self.mean_power_W, 'W')}"
+        if self.run_up_J:
+            text += f"; not counted: {measured(self.run_up_J, 'J', 3)} for running up again"
         return text
 
 

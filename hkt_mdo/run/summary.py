@@ -89,7 +89,7 @@ def summarize(
             if physics.objective.closes and physics.case.phase.final_speed != "initial"
             else physics.objective_bound(bound),
         },
-        "operation": _operation(physics, flights, objective if turning else None),
+        "operation": _operation(physics, flights, result.inertia, objective if turning else None),
         "limits": {
             limit.name: _limit(limit, flights, worths)
             for limit in physics.limits
@@ -143,15 +143,20 @@ def summarize(
     return Summary.parse(to_json(values))
 
 
-def _operation(physics, flights, objective):
+def _operation(physics, flights, inertia, objective):
     """Return the intervals of operation; None where a machine never stands still."""
     duration = physics.case.phase.duration
-    spans = [each.scenario.edges[[0, -1]] for each in flights]
+    spans = np.array([each.scenario.edges[[0, -1]] for each in flights])
     still = duration - float(np.sum(np.diff(spans)))
     if physics.case.control.cut_out is None or still <= 0.0:
         return None
-    power = None if objective is None else objective / duration
-    return {"intervals_s": spans, "standstill_s": still, "mean_power_W": power}
+    speeds = np.array([each.trajectory["rotor_speed"][0] for each in flights])
+    return {
+        "intervals_s": spans,
+        "standstill_s": still,
+        "mean_power_W": None if objective is None else objective / duration,
+        "run_up_J": 0.5 * inertia * np.sum(speeds[spans[:, 0] > 0.0] ** 2),
+    }
 
 
 def _outside_table(generator, flights):
