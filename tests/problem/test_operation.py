@@ -1,4 +1,4 @@
-"""Intervals of operation below a cut-out speed: closed forms, what they leave as it is, refusals."""
+"""Intervals of operation below a cut-out speed: closed forms, what stays as it is, refusals."""
 
 import numpy as np
 import pytest
