@@ -245,9 +245,9 @@ def _versions():
 
 def write_tables(out, physics, result, flights):
     """Write the trajectories, the integrations, the loads, the blade and its power curve as CSV."""
-    for inflow, group in groupby(flights, key=lambda flight: flight.scenario.inflow):
+    for _, group in groupby(flights, key=lambda flight: id(flight.scenario.inflow)):
         several = list(group)  # intervals of one flow have one table, without the time between them
-        suffix = "" if inflow is physics.inflow else f"_{several[0].scenario.name}"
+        suffix = "" if several[0] is flights[0] else f"_{several[0].scenario.name}"
         for name, values in (
             ("trajectory", [x.trajectory | x.loads_at_nodes | x.rates_at_nodes for x in several]),
             ("simulation", [flight.told for flight in several]),
