@@ -47,16 +47,18 @@ class Passing:
 
     @classmethod
     def of(cls, inflow, edges):
-        """Sample an inflow by Gauss's rule, four points in segments with edges (s) from 0 to T.
+        """Sample an inflow by Gauss's rule, four points in segments with rising edges, s.
 
-        The ramps at both ends are segments of their own. The segments resolve the flow.
+        The ramps at both ends are segments of their own. The segments resolve the flow. Times are
+        those since the first edge.
         """
         ends = np.array([0.0, 0.5 * RAMP, RAMP])
-        edges = np.union1d(np.union1d(edges, ends), edges[-1] - ends)
+        edges = np.union1d(np.union1d(edges, edges[0] + ends), edges[-1] - ends)
         places, weights = np.polynomial.legendre.leggauss(4)
         half = 0.5 * np.diff(edges)[:, None]
         time = ((edges[:-1, None] + half) + half * places).ravel()
-        return cls(time, (half * weights).ravel(), inflow.speed_at(time), inflow.rate_at(time))
+        flow = inflow.speed_at(time), inflow.rate_at(time)
+        return cls(time - edges[0], (half * weights).ravel(), *flow)
 
 
 def certificate(best, passing, density, rotor_radius, law=None, torque_limit=None):

@@ -7,6 +7,7 @@ of your own is a subclass of `Inflow` (docs/architecture.md).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -68,26 +69,65 @@ class Inflow(Section):
         cutoff = self.highest_frequency
         return ((-np.inf, np.inf, 1.0 / cutoff),) if cutoff else ()
 
-    def pieces(self, duration: float) -> np.ndarray:
-        """Return times, s, rising from 0 to a duration, between which the flow is smooth.
+    def pieces(self, last: float, first: float = 0.0) -> np.ndarray:
+        """Return times, s, rising from the first to the last, between which the flow is smooth.
 
         They are no farther apart than the shortest period there, and features begin and end there.
         """
-        found = [np.array([0.0, duration])]
+        found = [np.array([first, last])]
         for begin, end, period in self.features:
-            begin, end = np.clip((begin, end), 0.0, duration)
+            begin, end = np.clip((begin, end), first, last)
             if end > begin:
                 found.append(np.linspace(begin, end, int(np.ceil((end - begin) / period)) + 1))
         return np.unique(np.concatenate(found))
 
+    def _looks(self, duration: float) -> Iterator[np.ndarray]:
+        """Yield rising times, s, sixteen in the shortest period, in blocks with common ends."""
+        ends = self.pieces(duration)
+        count = max(CHECKS_PER_PIECE, FEWEST_CHECKS // (ends.size - 1))
+        share = np.arange(count) / count
+        for first in range(0, ends.size - 1, PIECES_AT_ONCE):
+            some = ends[first : first + PIECES_AT_ONCE + 1]
+            yield np.append(some[:-1, None] + share * np.diff(some)[:, None], some[-1])
+
+    def spans_below(self, speed: float, duration: float) -> np.ndarray:
+        """Return the time spans within a duration (s) in which the flow is at most a speed (m/s).
+
+        Rows [begin, end], s; between them the flow is faster. The ends are exact to rounding.
+        """
+        from scipy.optimize import brentq
+
+        speed *= 1.0 + 1e-15  # a peak that just reaches it does not exceed it
+
+        def excess(time):
+            return float(self.speed_at(time)) - speed
+
+        found = []
+        for time in self._looks(duration):
+            over = np.asarray(self.speed_at(time)) - speed
+            # a peak between two looks, below the tangents there, may be faster alone
+            rate, step = self.rate_at(time), np.diff(time)
+            reach = np.minimum(over[:-1] + rate[:-1] * step, over[1:] - rate[1:] * step)
+            hidden = (np.maximum(over[:-1], over[1:]) <= 0.0) & (reach > 0.0)
+            for place in np.flatnonzero(hidden & (rate[:-1] > 0.0) & (rate[1:] < 0.0)):
+                peak = brentq(self.rate_at, time[place], time[place + 1], xtol=1e-15)
+                if excess(peak) > 0.0:
+                    found += [(time[place], peak), (peak, time[place + 1])]
+            crossed = (over[:-1] > 0.0) != (over[1:] > 0.0)
+            found += [(time[place], time[place + 1]) for place in np.flatnonzero(crossed)]
+        crossings = sorted(brentq(excess, *ends, xtol=1e-15) for ends in found)
+        begins = [0.0] if excess(0.0) <= 0.0 else []
+        ends = [duration] if excess(duration) <= 0.0 else []
+        return np.array([*begins, *crossings, *ends]).reshape(-1, 2)
+
     def cubes(self, edges: np.ndarray) -> np.ndarray:
-        """Return the integral of v³ between consecutive edges, m³/s², edges rising from 0 (s).
+        """Return the integral of v³ between consecutive edges, m³/s², of rising edges (s).
 
         By adaptive quadrature in each of the flow's `pieces`.
         """
         from scipy.integrate import quad_vec
 
-        ends = np.union1d(edges, self.pieces(edges[-1]))
+        ends = np.union1d(edges, self.pieces(edges[-1], edges[0]))
         step, whole = np.diff(ends), np.zeros(ends.size)
         found = quad_vec(lambda share: self.speed_at(ends[:-1] + share * step) ** 3, 0.0, 1.0)
         whole[1:] = np.cumsum(step * found[0])
@@ -102,12 +142,7 @@ class Inflow(Section):
             problem = f"is longer than the record of the flow, {self.last_time:.6g} s"
             remedy = "give phase.duration: null for the whole record, or a shorter one"
             raise InputError(problem, remedy, key="phase.duration", value=duration)
-        ends = self.pieces(duration)
-        count = max(CHECKS_PER_PIECE, FEWEST_CHECKS // (ends.size - 1))
-        share = np.linspace(0.0, 1.0, count + 1)
-        for first in range(0, ends.size - 1, PIECES_AT_ONCE):
-            some = ends[first : first + PIECES_AT_ONCE + 1, None]
-            time = (some[:-1] + share * np.diff(some, axis=0)).ravel()
+        for time in self._looks(duration):
             speed = np.asarray(self.speed_at(time))
             low = int(np.argmin(speed))
             if not speed[low] > 0.0:

@@ -39,12 +39,15 @@ def _by_each(of, gains):
 
 
 class Law(Section):
-    """What every control law has: its name, and a limit on the control torque u."""
+    """What every control law has: its name, a limit on the torque u, and a cut-out speed."""
 
     law: str
     """The control law."""
     torque_limit: Annotated[float, Quantity("N*m", gt=0)] | None = None
     """Largest control torque u_max; null: no limit."""
+    cut_out: Annotated[float, Quantity("m/s", gt=0)] | None = None
+    """Speed of the flow above which the machine stands still: there is no energy then, and no limit
+    is asked for (docs/theory.md); null: it never does."""
     gain_units: ClassVar[tuple[str, ...]] = ()
 
 

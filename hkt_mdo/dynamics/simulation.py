@@ -182,21 +182,26 @@ def simulate(
     samples: int | np.ndarray = 601,
     max_step: float | None = None,
     tolerance: float = 1e-9,
+    begin: float = 0.0,
 ) -> Simulation:
     """Integrate I dw/dt = Q(w, v(t)) - u(t, w) (paper eq. 6) and the three energies.
 
     No step passes an end of the flow's `pieces`, and the flow is looked at sixteen times in each,
     so that no gust is stepped over. controller(time, speed) is the torque, N*m, for arrays of one
     shape; it is smooth between its `ends` (s), if it has such. Speeds are in rad/s, times in s.
-    `samples` is a number of points that are returned, or their times from 0 to the duration, which
-    shrink if the rotor stops; `max_step` None is a hundredth of the duration; `tolerance` is the
-    largest error of a step, relative to the speed and to the energy so far. Raises InputError if
-    the integration fails, which is not the same as a rotor that stops.
+    The run lasts for the duration from `begin` on. `samples` is a number of points that are
+    returned, or their times from its begin to its end, which shrink if the rotor stops; `max_step`
+    None is a hundredth of the duration; `tolerance` is the largest error of a step, relative to the
+    speed and to the energy so far. Raises InputError if the integration fails, which is not the
+    same as a rotor that stops.
     """
-    motion = _Motion(plant, inflow, controller, duration, tolerance)
+    motion = _Motion(plant, inflow, controller, begin, duration, tolerance)
     path, energies, stopped = motion.march(float(initial_speed), max_step or duration / 100.0)
     end = float(path.x[-1])
-    time = np.linspace(0.0, end, samples) if isinstance(samples, int) else samples * end / duration
+    if isinstance(samples, int):
+        time = np.linspace(begin, end, samples)
+    else:
+        time = begin + (samples - begin) * (end - begin) / duration
     speed, flow = path(time), inflow.speed_at(time)
     return Simulation(
         time,
@@ -218,6 +223,7 @@ class _Motion:
     plant: Plant
     inflow: Inflow
     controller: Callable
+    begin: float
     duration: float
     tolerance: float
 
@@ -252,11 +258,11 @@ class _Motion:
 
     def _mesh(self, longest):
         """Return the longest steps: none passes an end of the controller's or flow's pieces."""
-        ends = np.union1d(getattr(self.controller, "ends", ()), self.inflow.pieces(self.duration))
-        near = 1e-9 * self.duration
-        inside = ends[(ends > near) & (ends < self.duration - near)]
-        inside = inside[np.diff(inside, prepend=0.0) > near]
-        ends = np.concatenate(([0.0], inside, [self.duration]))
+        begin, end, near = self.begin, self.begin + self.duration, 1e-9 * self.duration
+        ends = np.union1d(getattr(self.controller, "ends", ()), self.inflow.pieces(end, begin))
+        inside = ends[(ends > begin + near) & (ends < end - near)]
+        inside = inside[np.diff(inside, prepend=begin) > near]
+        ends = np.concatenate(([begin], inside, [end]))
         return divided(ends, np.maximum(np.ceil(np.diff(ends) / longest - 1e-6), 1).astype(int))
 
     def _divided_by_flow(self, edges):
@@ -283,9 +289,9 @@ class _Motion:
 
         energy, J, is what has been captured before. None if Newton's method does not converge.
         """
-        unit = energy + 0.01 * self.duration * power_scale(
-            self.plant.density, self.plant.blade.rotor_radius, float(self.inflow.speed_at(0.0))
-        )
+        flow = float(self.inflow.speed_at(self.begin))
+        power = power_scale(self.plant.density, self.plant.blade.rotor_radius, flow)
+        unit = energy + 0.01 * self.duration * power
         path = None
         while edges.size <= MOST_STEPS:
             step = np.diff(edges)[:, None]

@@ -25,6 +25,7 @@ from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.dynamics.trajectory import LOADS, RATES, quantities
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.contradictions import redundant_limits, refuse_contradictions
+from hkt_mdo.problem.operation import in_operation
 from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
 from hkt_mdo.problem.turbine import Turbine, build_turbine
 from hkt_mdo.rotor import bem, ccblade
@@ -58,9 +59,10 @@ class Physics:
     `case` is complete: its time span and segments are numbers. `shape` has the blade as given and
     what of it is designed; `polar` is one for all stations, or one a station. section_area (over
     chord squared) and thickness (over chord) are one number, or one a station. There is usually one
-    scenario. `law` None: open loop. `messages` tell what was converted, repaired or left out,
-    `warnings` what was hardly meant. `torque_limit` (N*m) is None, and `law` has none, also where
-    the case gives one that no blade can reach in its flow.
+    scenario; with a cut-out speed, one for each interval of operation. `law` None: open loop.
+    `messages` tell what was converted, repaired or left out, `warnings` what was hardly meant.
+    `torque_limit` (N*m) is None, and `law` has none, also where the case gives one that no blade
+    can reach in its flow.
     """
 
     case: Case
@@ -293,19 +295,23 @@ def physics(case: Case) -> Physics:
     for duration in (inflow.length, case.phase.duration):
         if duration is not None:
             inflow.check(duration)
-    scenario = Scenario(inflow, case.phase)
-    fastest = float(np.max(inflow.speed_at(scenario.samples)))
+    whole = Scenario(inflow, case.phase)
+    fastest = float(np.max(inflow.speed_at(whole.samples)))
     if fastest > FASTEST:
         problem = f"reaches {fastest:.3g} m/s"
         raise InputError(problem, f"give speeds of at most {FASTEST:g} m/s", key="inflow")
-    scenario = scenario.resolved()
-    speed, weights = inflow.speed_at(scenario.samples), scenario.sample_weights
+    whole = whole.resolved()
+    speed, weights = inflow.speed_at(whole.samples), whole.sample_weights
+    if control.cut_out is not None:
+        fastest = min(fastest, control.cut_out)
+        speed = np.minimum(speed, fastest)
     # the speed at which most energy passes; only a local Reynolds number asks for it
     speed = float(weights @ speed**4 / (weights @ speed**3))
     turbine = build_turbine(case.rotor, case.fluid, speed)
     shape = build_shape(case, turbine.blade, several_sections=np.ndim(turbine.thickness) > 0)
+    scenarios, told = in_operation(whole, control.cut_out, 2.0 * turbine.blade.rotor_radius)
     refuse_contradictions(case, shape, fastest)
-    messages = (*turbine.messages, *inflow.messages, *redundant_limits(case, shape))
+    messages = (*turbine.messages, *inflow.messages, *told, *redundant_limits(case, shape))
     limit = control.torque_limit
     radius = max(shape.blade.rotor_radius, *(shape.radius_bounds or (0.0,)))
     most = MOST_TORQUE * float(torque_scale(case.fluid.density, radius, fastest))
@@ -319,12 +325,12 @@ def physics(case: Case) -> Physics:
         turbine.polar,
         turbine.section_area,
         turbine.thickness,
-        (scenario,),
+        scenarios,
         control if isinstance(control, FeedbackLaw) else None,
         _limits(case, shape, control.torque_limit),
         case.objective,
         messages,
-        tuple(_doubts(case, float(np.mean(inflow.speed_at(scenario.samples))))),
+        tuple(_doubts(case, float(np.mean(inflow.speed_at(whole.samples))))),
         control.torque_limit,
         _load_model(case, turbine, shape),
     )

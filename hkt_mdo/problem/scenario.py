@@ -27,9 +27,9 @@ RESOLVED = 5e-6  # sum of the errors of the segments' quadratures of v³, over t
 class Scenario:
     """A flow over a time span, on a mesh.
 
-    `mesh` is complete: duration and segments are numbers. `edges` (s) are the ends of the segments;
-    None: they are equal. `weight` is that of the scenario's energies in those of the problem,
-    `name` that of its Dymos phase.
+    `mesh` is that of a complete case: duration and segments are numbers. `edges` (s) are the ends
+    of the segments, in the time of the flow; None: they are equal, from 0 to the duration. `weight`
+    is that of the scenario's energies in those of the problem, `name` that of its Dymos phase.
     """
 
     inflow: Inflow
@@ -47,6 +47,11 @@ class Scenario:
     def segments(self) -> int:
         """Number of segments."""
         return self.edges.size - 1
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last of the edges, s."""
+        return float(self.edges[-1] - self.edges[0])
 
     def within(self, share: np.ndarray) -> np.ndarray:
         """Return times, s, at shares (0 to 1) of the length of every segment, one after another."""
@@ -89,7 +94,7 @@ class Scenario:
     @property
     def sample_weights(self) -> np.ndarray:
         """Trapezoidal weights of `samples`, s, without the scenario's own weight."""
-        step = np.diff(self.samples, prepend=0.0, append=self.edges[-1])
+        step = np.diff(self.samples, prepend=self.edges[0], append=self.edges[-1])
         return 0.5 * (step[:-1] + step[1:])
 
     @cached_property

@@ -77,8 +77,17 @@ def _series(
             look = style.line(index)
             if name:
                 look |= _few_markers(index, len(chosen), table[column].size)
-            ax.plot(table[COLUMNS[x]], scale * table[column], label=label, **look)
+            across, along = _broken(solution, table, COLUMNS[x], scale * table[column])
+            ax.plot(across, along, label=label, **look)
     return ax
+
+
+def _broken(
+    solution: Solution, table: dict[str, np.ndarray], x: str, y: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return a column of a table and values beside it, for a line that breaks at a standstill."""
+    time = table["time_s"]
+    return solution.across_gaps(time, table[x]), solution.across_gaps(time, y)
 
 
 def _few_markers(index: int, count: int, size: int) -> dict[str, Any]:
@@ -134,7 +143,8 @@ def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:
                 look |= _few_markers(index, len(chosen), share.size)
             words = limit.replace("_", " ")
             label = f"{name}: {words}" if name else words
-            ax.plot(getattr(solution, table)["time_s"], share, label=label, **look)
+            across, along = _broken(solution, getattr(solution, table), "time_s", share)
+            ax.plot(across, along, label=label, **look)
             drawn += 1
     ax.axhline(1.0, label="limit", **style.REFERENCE)
     return style.finish(ax, "time (s)", "value over its limit (-)")
@@ -173,7 +183,8 @@ def plot_power_schedule(solutions: Solutions, ax: Axes | None = None) -> Axes:
         if table and not np.allclose(table["electrical_power_W"], table["generator_power_W"]):
             look = {"color": style.COLORS[index % len(style.COLORS)], "linewidth": 0.9}
             power = scale * table["electrical_power_W"]
-            ax.plot(table["inflow_speed_m_s"], power, linestyle=(0, (1, 2)), label=label, **look)
+            across, along = _broken(solution, table, "inflow_speed_m_s", power)
+            ax.plot(across, along, linestyle=(0, (1, 2)), label=label, **look)
             label = "_"  # one entry in the legend is enough
     _draw_levels(("generator_power", "electrical_power"), scale, solutions, ax)
     style.widen(ax)

@@ -150,6 +150,16 @@ class Solution:
         """What was converted, repaired or left out of the case's files, a printable line each."""
         return tuple(printable(note) for note in self.summary.get("notes") or ())
 
+    def across_gaps(self, time: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Return values (n_times,) with NaN wherever the machine stood still between two times.
+
+        So that a line through them breaks there; `time` is the table's.
+        """
+        operation = self.summary.operation
+        spans = np.reshape(operation.intervals_s if operation else [], (-1, 2))
+        between = 0.5 * (spans[:-1, 1] + spans[1:, 0])
+        return np.insert(values, np.searchsorted(time, between), np.nan)
+
     @property
     def limits(self) -> tuple[Limit, ...]:
         """Limits that the case gives of what changes over time, that of the torque first."""

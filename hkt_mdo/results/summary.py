@@ -165,6 +165,32 @@ class ObjectiveEntry(_Entry):
         return "-" if self.simulated_J is None else energy(self.simulated_J)
 
 
+class OperationEntry(_Entry):
+    """When a machine with a cut-out speed operates: [begin, end] of each interval.
+
+    Elsewhere it stands still, for `standstill_s` in all; `mean_power_W` is the objective over the
+    whole time, standstill included. An interval begins with a rotor that turns: `run_up_J` is what
+    the rotor's kinetic energy is then, over all intervals that follow a standstill.
+    """
+
+    intervals_s: list[tuple[float, float]]
+    standstill_s: float
+    mean_power_W: _Number = None
+    run_up_J: _Number = None
+
+    def told(self, duration: float | None) -> str:
+        """Return the entry as text; the duration is that of the case, s."""
+        count = len(self.intervals_s)
+        share = "" if not duration else f" ({100.0 * self.standstill_s / duration:.3g} %)"
+        text = f"in {count} interval{'s' * (count != 1)}, standstill for "
+        text += measured(self.standstill_s, "s") + share
+        if self.mean_power_W is not None:
+            text += f"; on average over all of it {measured(self.mean_power_W, 'W')}"
+        if self.run_up_J:
+            text += f"; not counted: {measured(self.run_up_J, 'J', 3)} for running up again"
+        return text
+
+
 class Summary(_Entry, Mapping[str, Any]):
     """Figures of merit of a run; None for what is not known, as after an interruption.
 
@@ -221,6 +247,8 @@ class Summary(_Entry, Mapping[str, Any]):
     control_torque_max_Nm: _Number = _shown(
         "largest control torque", "{control_torque_max} ({torque_limit})"
     )
+    operation: OperationEntry | None = None
+    """Intervals of operation; None where the machine never stands still."""
     limits: dict[str, LimitEntry] | None = None
     loads: dict[str, LoadEntry] | None = None
     """Largest loads: thrust, root moment of one blade, stress in a blade, and, where the depth of
@@ -313,6 +341,8 @@ class Summary(_Entry, Mapping[str, Any]):
                 rows.append((_format(row["label"], (), values), text))
         if self.objective is not None and self.objective.kind != "captured":
             rows.append((f"objective, {self.objective.kind}", str(self.objective)))
+        if self.operation is not None:
+            rows.append(("operation", self.operation.told(case.phase.duration)))
         limits, loads = self.limits or {}, self.loads or {}
         for name, entry in limits.items():
             if name != "control_torque":  # has a row of its own

@@ -36,7 +36,7 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
         return None
     known = law if type(law) in (LinearFeedback, QuadraticFeedback) else None
     free = limit is None and (known is None or isinstance(known, QuadraticFeedback))
-    if free or any(each.mesh.duration < 10.0 * RAMP for each in physics.scenarios):
+    if free or any(each.duration < 10.0 * RAMP for each in physics.scenarios):
         return bound  # which quadratic feedback reaches
     best = _best_power(physics, optimum)
 

@@ -154,10 +154,10 @@ def _flow(found: Findings, by_default: bool, warn) -> dict[str, str]:
         period = quantity(1.0 / cutoff, "s", 3)
         changes = f"up to {cutoff:.3g} Hz, a period of {period}"
         sampled = any(hasattr(part, "cutoff") for part in getattr(flow, "parts", (flow,)))
-        error = float(np.sum(found.physics.scenarios[0].flow_errors))
+        error = max(float(np.sum(each.flow_errors)) for each in found.physics.scenarios)
         if error > FLOW_ERROR:
             warn(
-                f"{found.physics.scenarios[0].segments} segments leave the integral of v³ "
+                f"{_segments(found)} segments leave the integral of v³ "
                 f"uncertain by {error:.1g}, more than {FLOW_ERROR:g}: give a shorter phase.duration"
                 + (", or a lower cutoff" if sampled else "")
             )
@@ -189,13 +189,17 @@ def _flow(found: Findings, by_default: bool, warn) -> dict[str, str]:
     }
 
 
+def _segments(found: Findings) -> int:
+    return sum(each.segments for each in found.physics.scenarios)
+
+
 def _control(found: Findings, warn) -> dict[str, str]:
     """Tell the law; warn of a torque limit and of a gain that were hardly meant."""
     control, law, limit = found.case.control, found.physics.law, found.physics.torque_limit
     rows = {"law": _first_line(control) or control.law, "torque limit": "none"}
     if limit is not None:
         rows["torque limit"] = quantity(limit, "N m")
-        fastest = float(found.speed.max())
+        fastest = found.fastest
         speed = found.best.tip_speed_ratio * fastest / found.plant.blade.rotor_radius
         if not found.above_rated:
             warn(
@@ -276,7 +280,7 @@ def _optimization(found: Findings, package: str, warn) -> dict[str, str]:
     """Tell the size of the problem and its bounds; warn of those that the start breaks."""
     phase, hydro, driver = found.case.phase, found.case.hydrodynamics, found.case.driver
     size, length = problem_size(found.physics, found.best), phase.duration / phase.segments
-    segments, periods = found.physics.scenarios[0].segments, ""
+    segments, periods = _segments(found), ""
     if segments > phase.segments:
         periods = f", divided into {segments} where the flow changes fast"
     elif found.cutoff:
@@ -292,7 +296,7 @@ def _optimization(found: Findings, package: str, warn) -> dict[str, str]:
     if found.physics.has_curve:
         torque = "as a curve over the tip speed ratio, one for each blade"
     rows = {
-        "segments": f"{phase.segments} of {quantity(length, 's', 3)}{periods}, "
+        "segments": f"{min(segments, phase.segments)} of {quantity(length, 's', 3)}{periods}, "
         f"{phase.transcription} of order {phase.order}: {size.nodes} nodes",
         "unknowns": _sizes(size.unknowns),
         "constraints": _sizes(size.constraints),

@@ -10,8 +10,10 @@ from scipy.signal import periodogram
 
 from hkt_mdo.dynamics.flows import ConstantInflow
 from hkt_mdo.dynamics.simulation import Plant
+from hkt_mdo.dynamics.trajectory import SERIES
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import BEM, Physics
+from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup, find_start
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.results.words import number
@@ -22,11 +24,11 @@ from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.shape import spline_basis
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum, best_operation
+from hkt_mdo.run.judge import energy_bound
 from hkt_mdo.run.words import powers, span
 
 MARGIN = 0.7, 1.3  # times the best tip speed ratio: where a rotor may come while it is designed
 MOST_INSTANTS = 2**17  # at which the flow is looked at
-MOST_START_SEGMENTS = 2000  # in which the starting blade's operation is looked at
 TRIAL_SEGMENTS = 20, 200  # of the two problems that are built to count and to time
 
 
@@ -95,7 +97,7 @@ class Findings:
 
     - `time`, `speed` (n,): even instants of the whole duration and the flow then, with its `mean`,
       `deviation` and `cutoff` (highest frequency, 0 where it is steady); `passing` is the mean
-      kinetic power through the rotor's disc.
+      kinetic power through the rotor's disc, `fastest` the largest speed in operation.
     - `plant`: the rotor with the starting blade, as it would be simulated; `given`: the blade of
       the file, which splines may have left; `best`: its largest power coefficient.
     - `start`: its quasi-steady operation under the control law, if it is `running`; `at_start`: the
@@ -119,6 +121,7 @@ class Findings:
         self.time = np.linspace(0.0, duration, instants)
         self.speed = np.asarray(inflow.speed_at(self.time))
         self.mean = self.average(self.speed)
+        self.fastest = min(float(self.speed.max()), case.control.cut_out or np.inf)
         self.deviation = float(np.sqrt(self.average((self.speed - self.mean) ** 2)))
         self.passing = self.average(power_scale(physics.density, blade.rotor_radius, self.speed))
 
@@ -130,14 +133,17 @@ class Findings:
         self.rated_speed = self.rated(self.best.tip_speed_ratio)
         self.above_rated = self.average(np.where(self.speed > self.rated_speed, 1.0, 0.0))
 
-        coarse = _one_flow(physics, segments=min(case.phase.segments, MOST_START_SEGMENTS))
-        self.start = find_start(coarse, self.best, improve=False)
-        (self.at_start,) = coarse.on_start(self.start)
+        self.start = find_start(physics, self.best, improve=False)
+        several = physics.on_start(self.start)
+        self.at_start = several[0] | {
+            name: np.concatenate([each[name] for each in several])
+            for name in SERIES.keys() & several[0].keys()
+        }
         self.running = self.start.operation.running
         if self.running:
             loads = [each for each in physics.loads.names if each not in self.at_start]
             self.at_start |= physics.loads_along(self.start.blade, self.at_start, tuple(loads))
-        most = max(self.best.power_coefficient, 1e-9) * self.passing * duration
+        most = max(energy_bound(physics, self.best), 1e-9)
         self.captured = float(self.start.operation.energy / most)
         ratios = np.array(MARGIN) * self.best.tip_speed_ratio
         if self.running:
@@ -146,7 +152,7 @@ class Findings:
 
         gains = self.start.gains
         law = physics.law and physics.law.beginning_with(gains)
-        constant = _one_flow(replace(coarse, law=law), ConstantInflow(speed=self.mean))
+        constant = _one_flow(replace(physics, law=law), ConstantInflow(speed=self.mean))
         steady = find_start(constant, self.best, improve=False).operation
         self.steady_speed = self.time_constant = None
         if steady.running:
@@ -165,7 +171,7 @@ class Findings:
         self.met, self.table, self.unsolved, self.share = self.stations[-4:]
         cosine = np.cos(blade.cone)
         ratio = np.array(self.working)[:, None] / cosine * blade.r / blade.tip_radius
-        flow = np.array([[self.speed.min()], [self.speed.max()]]) * cosine
+        flow = np.array([[self.speed.min()], [self.fastest]]) * cosine
         relative = blade.chord * flow * np.hypot(1.0, ratio)
         self.reynolds = relative / self.case.fluid.kinematic_viscosity
 
@@ -213,7 +219,7 @@ def _one_flow(physics: Physics, inflow=None, **mesh) -> Physics:
     """Return the physics with its first scenario alone, in another flow or on another mesh."""
     first = physics.scenarios[0]
     mesh = first.mesh.model_copy(update=mesh)
-    return replace(physics, scenarios=(replace(first, inflow=inflow or first.inflow, mesh=mesh),))
+    return replace(physics, scenarios=(Scenario(inflow or first.inflow, mesh),))
 
 
 class ProblemSize(NamedTuple):
@@ -230,29 +236,34 @@ class ProblemSize(NamedTuple):
 
 
 def problem_size(physics: Physics, best: SteadyOptimum) -> ProblemSize:
-    """Return the size of an optimization over the first scenario, and the time of one evaluation.
+    """Return the size of an optimization, and the time of one evaluation.
 
-    Two problems of 20 and 200 segments are built, or of all where that is fewer, and carried on:
-    unknowns, constraints and the time of an evaluation grow linearly in the segments; Dymos' set-up
-    does not, and would take longest.
+    Of one scenario, two problems of 20 and 200 segments are built, or of all where that is fewer,
+    and carried on: unknowns, constraints and the time of an evaluation grow linearly in the
+    segments; Dymos' set-up does not, and would take longest.
     """
-    segments = physics.scenarios[0].segments
+    segments = sum(each.segments for each in physics.scenarios)
+    nodes = physics.scenarios[0].nodes_per_segment * segments
+    if len(physics.scenarios) > 1:
+        unknowns, constraints, seconds = _trial(physics, best)
+        return ProblemSize(unknowns, constraints, nodes, seconds)
     few, many = (min(count, segments) for count in TRIAL_SEGMENTS)
-    (*small, quick), (*large, slow) = (_trial(physics, best, count) for count in (few, many))
+    spans = (physics.case.phase.duration * count / segments for count in (few, many))
+    parts = (
+        _one_flow(physics, segments=count, duration=span)
+        for count, span in zip((few, many), spans, strict=True)
+    )
+    (*small, quick), (*large, slow) = (_trial(part, best) for part in parts)
     share = (segments - many) / max(many - few, 1)
     unknowns, constraints = (
         {name: round(n + share * (n - before[name])) for name, n in after.items()}
         for before, after in zip(small, large, strict=True)
     )
-    nodes = physics.scenarios[0].nodes_per_segment * segments
     return ProblemSize(unknowns, constraints, nodes, slow + share * max(slow - quick, 0.0))
 
 
-def _trial(physics, best, segments) -> tuple[dict[str, int], dict[str, int], float]:
-    """Return unknowns and constraints by name of a problem of fewer segments, and its time, s."""
-    phase = physics.case.phase
-    duration = phase.duration * segments / physics.scenarios[0].segments
-    part = _one_flow(physics, segments=segments, duration=duration)
+def _trial(part: Physics, best) -> tuple[dict[str, int], dict[str, int], float]:
+    """Return unknowns and constraints by name of a problem at its start, and its time, s."""
     nodes = best.tip_speed_ratio * np.linspace(0.5, 1.6, 80)
     problem = assemble(part, Setup(find_start(part, best, improve=False), nodes))
     problem.final_setup()

@@ -202,9 +202,10 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
             scenario.inflow,
             controller,
             float(nodes["rotor_speed"][0]),
-            mesh.duration,
-            samples=np.append(scenario.within(np.arange(SAMPLES) / SAMPLES), mesh.duration),
+            scenario.duration,
+            samples=np.append(scenario.within(np.arange(SAMPLES) / SAMPLES), scenario.edges[-1]),
             max_step=mesh.duration / mesh.segments,
+            begin=float(scenario.edges[0]),
         )
         limited = bool(physics.load_names)
         flights.append(Flight(scenario, nodes, flown, controller, scalars, plant, loads, limited))
@@ -301,8 +302,8 @@ def _of_design(physics, optimum, reference, result, flights):
             yield name, energy / most - 1.0, BOUND_MARGIN, detail
     phase = physics.case.phase
     if phase.final_speed != "initial" and phase.stored_energy == "limited":
-        stored = total(flights, lambda flight: flight.simulation.kinetic_energy_change)
-        share = abs(stored) / max(abs(energy), 1e-9)
+        stored = total(flights, lambda flight: abs(flight.simulation.kinetic_energy_change))
+        share = stored / max(abs(energy), 1e-9)
         yield "stored_energy", share, STORED, "change of kinetic energy over captured energy"
     objective = energy
     if not isinstance(physics.objective, CapturedEnergy):

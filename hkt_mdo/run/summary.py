@@ -2,6 +2,7 @@
 
 import platform
 from importlib import metadata
+from itertools import groupby
 from types import MappingProxyType
 
 import numpy as np
@@ -65,6 +66,7 @@ def summarize(
             "kinetic_energy_change",
         )
     )
+    objective = total(flights, lambda flight: flight.objective(physics.objective))
     flown = [flight.told for flight in flights]
     values = {
         "case": physics.case.name,
@@ -82,11 +84,12 @@ def summarize(
         "objective": {
             "kind": physics.objective.kind,
             "value_J": result.objective,
-            "simulated_J": total(flights, lambda flight: flight.objective(physics.objective)),
+            "simulated_J": objective,
             "bound_J": None
             if physics.objective.closes and physics.case.phase.final_speed != "initial"
             else physics.objective_bound(bound),
         },
+        "operation": _operation(physics, flights, result.inertia, objective if turning else None),
         "limits": {
             limit.name: _limit(limit, flights, worths)
             for limit in physics.limits
@@ -140,6 +143,22 @@ def summarize(
     return Summary.parse(to_json(values))
 
 
+def _operation(physics, flights, inertia, objective):
+    """Return the intervals of operation; None where a machine never stands still."""
+    duration = physics.case.phase.duration
+    spans = np.array([each.scenario.edges[[0, -1]] for each in flights])
+    still = duration - float(np.sum(np.diff(spans)))
+    if physics.case.control.cut_out is None or still <= 0.0:
+        return None
+    speeds = np.array([each.trajectory["rotor_speed"][0] for each in flights])
+    return {
+        "intervals_s": spans,
+        "standstill_s": still,
+        "mean_power_W": None if objective is None else objective / duration,
+        "run_up_J": 0.5 * inertia * np.sum(speeds[spans[:, 0] > 0.0] ** 2),
+    }
+
+
 def _outside_table(generator, flights):
     """Yield by how much a trajectory leaves the generator's table."""
     worst = max(
@@ -181,13 +200,17 @@ def _limit(limit, flights, worths):
         return entry
     times = [flight.flown["time"] for flight in flights]
     worst = max(range(len(flights)), key=lambda i: np.max(flown[i]))
-    binds = [
-        trapezoid(np.where(along >= least, 1.0, 0.0), time) / time[-1]
-        for along, time in zip(flown, times, strict=True)
-    ]
+    weights = np.array([each.scenario.weight for each in flights])
+    spans = np.array([time[-1] - time[0] for time in times])
+    binds = np.array(
+        [
+            trapezoid(np.where(along >= least, 1.0, 0.0), time)
+            for along, time in zip(flown, times, strict=True)
+        ]
+    )
     return entry | {
         "time_s": times[worst][np.argmax(flown[worst])],
-        "share_of_time": np.average(binds, weights=[each.scenario.weight for each in flights]),
+        "share_of_time": weights @ binds / (weights @ spans),
         "worth": worths.get(limit.name),
     }
 
@@ -222,13 +245,18 @@ def _versions():
 
 def write_tables(out, physics, result, flights):
     """Write the trajectories, the integrations, the loads, the blade and its power curve as CSV."""
-    for flight in flights:
-        suffix = "" if flight is flights[0] else f"_{flight.scenario.name}"
+    for _, group in groupby(flights, key=lambda flight: id(flight.scenario.inflow)):
+        several = list(group)  # intervals of one flow have one table, without the time between them
+        suffix = "" if several[0] is flights[0] else f"_{several[0].scenario.name}"
         for name, values in (
-            ("trajectory", flight.trajectory | flight.loads_at_nodes | flight.rates_at_nodes),
-            ("simulation", flight.told),
+            ("trajectory", [x.trajectory | x.loads_at_nodes | x.rates_at_nodes for x in several]),
+            ("simulation", [flight.told for flight in several]),
         ):
-            table = {column: values[name] for name, column in COLUMNS.items() if name in values}
+            table = {
+                column: np.concatenate([each[name] for each in values])
+                for name, column in COLUMNS.items()
+                if name in values[0]
+            }
             write_csv(out / f"{name}{suffix}.csv", table, zip(*table.values(), strict=True))
     blade = result.point.blade
     flown = [flight.told for flight in flights]

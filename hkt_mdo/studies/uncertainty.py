@@ -118,12 +118,23 @@ class Design:
         start = float(self.solution.trajectory["rotor_speed_rad_s"][0])
         return start * float(inflow.speed_at(0.0) / self.physics.inflow.speed_at(0.0))
 
+    def _refuse_standstill(self, inflow: Inflow) -> None:
+        """Refuse, by InputError, a flow in which the machine does not operate throughout."""
+        cut_out, duration = self.physics.case.control.cut_out, self.physics.case.phase.duration
+        for flow in (inflow, self.physics.inflow) if cut_out is not None else ():
+            if np.sum(np.diff(flow.spans_below(cut_out, duration))) < duration:
+                problem = "lets the machine stand still in this flow or in that of its design, and "
+                problem += "a design is simulated through one interval of operation only"
+                remedy = "give a slower flow, or take a design that was made without cut_out"
+                raise InputError(problem, remedy, key="control.cut_out", value=cut_out)
+
     def fly(self, inflow: Inflow, initial_speed=None, tolerance=1e-9, refined=1) -> Simulation:
         """Integrate the design in a flow with direct BEM and a perfect, unfiltered sensor.
 
         `refined` tells how many times the longest step fits into a segment.
         """
         phase, law = self.physics.case.phase, self.law
+        self._refuse_standstill(inflow)
         if law is None:
             recorded = self.solution.trajectory
             torque = recorded["time_s"], recorded["control_torque_Nm"]

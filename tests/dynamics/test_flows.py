@@ -306,3 +306,47 @@ def test_a_fluctuation_may_exceed_its_own_mean_in_a_sum():
     with pytest.raises(InputError, match="it stands still or turns back"):
         section(weak).check(60.0)
     section(f"{{profile: sum, parts: [{{profile: constant, speed: 3}}, {weak}]}}").check(60.0)
+
+
+# Where a flow is at most a speed ------------------------------------------------------------------
+
+
+@each_profile
+def test_spans_below_end_where_the_flow_has_the_speed(inflow):
+    speed = float(np.quantile(inflow.speed_at(TIME), 0.7))
+    spans = inflow.spans_below(speed, 60.0)
+    assert np.all(np.diff(spans.ravel()) > 0.0)
+    assert np.all((spans >= 0.0) & (spans <= 60.0))
+    ends = spans[(spans > 0.0) & (spans < 60.0)]
+    np.testing.assert_allclose(inflow.speed_at(ends), speed, rtol=1e-12)
+    time = np.linspace(0.0, 60.0, 20_001)[1:-1]
+    inside = np.searchsorted(spans.ravel(), time) % 2 == 1
+    far = np.abs(inflow.speed_at(time) - speed) > 1e-9
+    assert np.array_equal(inside[far], (inflow.speed_at(time) < speed)[far])
+
+
+def test_spans_below_a_sine_are_those_of_the_arc_sine():
+    first = np.arcsin(0.5) / 0.25
+    half = np.pi / 0.25
+    expected = [[0.0, first], [half - first, 2.0 * half + first], [3.0 * half - first, 50.0]]
+    np.testing.assert_allclose(SINE.spans_below(1.6, 50.0), expected, rtol=1e-13)
+
+
+@pytest.mark.parametrize("excess", [1e-7, 1e-10])
+def test_a_peak_between_two_looks_is_found(excess):
+    """Near its peak, v = 1.7 - 0.1 (0.25 t)²: a tenth of a millisecond or less is a span."""
+    peak, reach = 0.5 * np.pi / 0.25, np.arccos(1.0 - excess / 0.2) / 0.25
+    spans = SINE.spans_below(1.7 - excess, 20.0)
+    expected = [[0.0, peak - reach], [peak + reach, 20.0]]
+    np.testing.assert_allclose(spans, expected, atol=1e-3 * reach)
+
+
+@pytest.mark.parametrize("speed", [1.7, 1.8])
+def test_a_flow_that_reaches_a_speed_or_not_is_below_it_throughout(speed):
+    assert np.array_equal(SINE.spans_below(speed, 60.0), [[0.0, 60.0]])
+
+
+def test_a_flow_that_is_always_faster_has_no_spans():
+    assert SINE.spans_below(1.299, 60.0).shape == (0, 2)
+    assert ConstantInflow(speed=1.3).spans_below(1.2, 60.0).shape == (0, 2)
+    assert np.array_equal(ConstantInflow(speed=1.3).spans_below(1.3, 9.0), [[0.0, 9.0]])

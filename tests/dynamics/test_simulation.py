@@ -305,3 +305,30 @@ def test_energies_and_speeds_are_those_of_scipy(plant, inertia, flow, control):
     assert run.energy == pytest.approx(1e4 * found.y[1, -1], rel=1e-8)
     assert run.generator_energy == pytest.approx(1e4 * found.y[2, -1], rel=1e-8)
     np.testing.assert_allclose(run.rotor_speed, found.y[0], rtol=1e-7)
+
+
+@pytest.mark.parametrize("law", [QuadraticFeedback(), None], ids=["feedback", "recorded"])
+def test_a_run_may_begin_at_any_time_of_the_flow(plant, law):
+    """From t = 7 s on, it is the run from 0 in a sine whose phase is 7 s later."""
+    begin, duration = 7.0, 10.0
+    later = SineInflow(phase=SineInflow().angular_frequency * begin)
+    time = np.repeat(np.linspace(0.0, duration, 21), 2)[1:-1]
+    recorded = 600.0 + 20.0 * np.sin(time)
+
+    def controller(shift):
+        if law is not None:
+            return FeedbackTorque(law, np.array([10.0]))
+        return RecordedTorque(time + shift, recorded)
+
+    samples = np.linspace(0.0, duration, 31)
+    options = {"max_step": 0.5}
+    there = simulate(plant, later, controller(0.0), 8.0, duration, samples, **options)
+    at = begin + samples
+    here = simulate(
+        plant, SineInflow(), controller(begin), 8.0, duration, at, begin=begin, **options
+    )
+    np.testing.assert_allclose(here.time, at, rtol=1e-14)
+    for name in ("rotor_speed", "inflow_speed", "control_torque", "hydrodynamic_torque"):
+        np.testing.assert_allclose(getattr(here, name), getattr(there, name), rtol=1e-8)
+    assert here.energy == pytest.approx(there.energy, rel=1e-9)
+    assert here.stopped_at is None

@@ -1,0 +1,140 @@
+"""Intervals of operation below a cut-out speed: closed forms, what stays as it is, refusals."""
+
+import numpy as np
+import pytest
+
+from hkt_mdo.case import load_case
+from hkt_mdo.dynamics.certificate import Passing
+from hkt_mdo.errors import InputError
+from hkt_mdo.problem.operation import MOST_INTERVALS
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.problem.setup import find_start
+from hkt_mdo.rotor.scales import power_scale
+from hkt_mdo.rotor.steady_optimum import best_operation
+
+FIRST, HALF = np.arcsin(0.5) / 0.25, np.pi / 0.25
+"""When the paper's sine reaches 1.6 m/s, and half its period (s)."""
+BELOW = np.array([[0.0, FIRST], [HALF - FIRST, 2.0 * HALF + FIRST], [3.0 * HALF - FIRST, 60.0]])
+BELOW[2, 1] = 4.0 * HALF + FIRST
+
+
+def world(cut_out=1.6, **sections):
+    """Return the physics of the paper's turbine with quadratic feedback; the flow is its sine."""
+    control = {"law": "quadratic", "cut_out": cut_out}
+    return physics(load_case({"inflow": "sine", "control": control} | sections))
+
+
+def passed(begin, end):
+    """Return the integral of (1.5 + 0.2 sin x/4)³ over time, m³/s², by its antiderivative."""
+
+    def primitive(time):
+        x, (a, b) = 0.25 * time, (1.5, 0.2)
+        squares = 0.5 * x - 0.25 * np.sin(2.0 * x)
+        cubes = np.cos(x) ** 3 / 3.0 - np.cos(x)
+        return (
+            a**3 * x - 3 * a * a * b * np.cos(x) + 3 * a * b * b * squares + b**3 * cubes
+        ) / 0.25
+
+    return primitive(end) - primitive(begin)
+
+
+# Theory -------------------------------------------------------------------------------------------
+
+
+def test_a_cut_sine_is_what_is_left_of_it():
+    found = world()
+    spans = [each.edges[[0, -1]] for each in found.scenarios]
+    np.testing.assert_allclose(spans, BELOW, rtol=1e-12)
+    for scenario, (begin, end) in zip(found.scenarios, BELOW, strict=True):
+        expected = passed(begin, end)
+        flow = scenario.inflow.speed_at
+        assert np.sum(scenario.inflow.cubes(scenario.edges)) == pytest.approx(expected, rel=1e-10)
+        nodes = scenario.node_weights @ flow(scenario.node_times) ** 3
+        assert nodes == pytest.approx(expected, rel=1e-5)
+        passing = Passing.of(scenario.inflow, scenario.edges)
+        assert passing.weights @ passing.speed**3 == pytest.approx(expected, rel=1e-5)
+        np.testing.assert_allclose(passing.time.min() + passing.time.max(), end - begin)
+        assert np.max(flow(scenario.samples)) <= 1.6 * (1.0 + 1e-11)
+
+
+def test_quasi_steady_energy_of_a_cut_sine():
+    """Quadratic feedback with its best gain has the largest power coefficient in every flow."""
+    found = world()
+    best = best_operation(found.blade, found.polar)
+    gain = power_scale(found.density, found.blade.rotor_radius, 1.0) * best.power_coefficient
+    gain *= (found.blade.rotor_radius / best.tip_speed_ratio) ** 3
+    found = world(control={"law": "quadratic", "cut_out": 1.6, "gain": gain})
+    start = find_start(found, best, improve=False)
+    expected = power_scale(found.density, found.blade.rotor_radius, 1.0) * best.power_coefficient
+    expected *= sum(passed(*span) for span in BELOW)
+    assert start.operation.energy == pytest.approx(expected, rel=1e-4)
+
+
+def test_a_limit_that_the_fast_flow_alone_breaks_is_kept():
+    limits = {"power": "6 kW"}
+    broken = []
+    for cut_out in (None, 1.6):
+        found = world(cut_out, limits=limits)
+        start = find_start(found, best_operation(found.blade, found.polar), improve=False)
+        broken.append(found.broken_limits(start))
+    assert broken == [["power"], []]
+
+
+def test_segments_are_as_long_as_those_of_the_case():
+    for count in (60, 120):
+        found = world(phase={"segments": count})
+        for scenario in found.scenarios:
+            lengths = np.diff(scenario.edges)
+            np.testing.assert_allclose(lengths, lengths[0])
+            assert 0.6 * 60.0 / count <= lengths[0] <= 60.0 / count
+
+
+@pytest.mark.parametrize("cut_out", [1.7, 2.0])
+def test_a_flow_that_is_nowhere_faster_is_left_as_it_is(cut_out):
+    (kept,), (whole,) = (world(each).scenarios for each in (cut_out, None))
+    assert kept.name == whole.name
+    assert np.array_equal(kept.edges, whole.edges)
+    assert np.array_equal(kept.sample_weights, whole.sample_weights)
+    assert "of no effect" in " ".join(world(cut_out).messages)
+
+
+# What is told and refused -------------------------------------------------------------------------
+
+
+def test_short_intervals_are_standstill_too():
+    """A rotor of 2.8 m needs 1.7 s in 1.65 m/s: the lulls of this flow last for 1 s."""
+    gust = {"profile": "gust", "mean": 1.7, "amplitude": -0.3, "time": 10.0, "width": 2.0}
+    dip = {"profile": "gust", "mean": 1.7, "amplitude": -0.3, "time": 30.0, "width": 20.0}
+    found = world(1.65, inflow={"profile": "sum", "parts": [dip, gust]})
+    (scenario,) = found.scenarios
+    # (1 - cos 2 pi s)² / 4 = 1/6 at the ends of the long one
+    share = np.arccos(1.0 - np.sqrt(4.0 / 6.0)) / (2.0 * np.pi)
+    np.testing.assert_allclose(scenario.edges[[0, -1]], [30 + 20 * share, 50 - 20 * share])
+    (told,) = [each for each in found.messages if "cut_out" in each]
+    still = 60.0 - 20.0 * (1.0 - 2.0 * share)
+    assert f"standstill for {still:.4g} s of 60 s" in told
+    assert f"in 1 interval; 1 interval more, of {2.0 * (1.0 - 2.0 * share):.3g} s together" in told
+
+
+@pytest.mark.parametrize(
+    ("cut_out", "sections", "words"),
+    [
+        (1.29, {}, "no time of operation: the flow has at least 1.3 m/s"),
+        (1.3001, {}, "slower than this for 0.253 s at a time"),
+        (1.2, {"inflow": {"profile": "constant", "speed": 1.3}}, "at least 1.3 m/s"),
+        (
+            1.5,
+            {
+                "inflow": {"profile": "sine", "angular_frequency": 1.0},
+                "phase": {"duration": 2e3, "segments": 2000},
+            },
+            f"{MOST_INTERVALS} are possible",
+        ),
+    ],
+)
+def test_refusals(cut_out, sections, words):
+    with pytest.raises(InputError, match=words) as caught:
+        world(cut_out, **sections)
+    assert caught.value.key == "control.cut_out"
+    assert caught.value.value == cut_out
+    assert "give a" in str(caught.value)

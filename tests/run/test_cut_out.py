@@ -1,0 +1,135 @@
+"""Runs of a machine that stands still in fast flow: closed forms, and the folder they leave."""
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+
+from hkt_mdo.case import load_case
+from hkt_mdo.errors import InputError
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.results.plots import plot_limits, plot_rotor_speed, plot_speed_schedule, save_figures
+from hkt_mdo.results.solution import Solution
+from hkt_mdo.rotor.scales import power_scale
+from hkt_mdo.rotor.steady_optimum import best_operation
+from hkt_mdo.run.check import check_case
+from hkt_mdo.run.run import run_case
+from hkt_mdo.studies.uncertainty import Design
+
+STEADY, GUST = 1.4, {"profile": "gust", "mean": 1.4, "amplitude": 0.4, "time": 6.0, "width": 8.0}
+CUT = 1.42
+CASE = {
+    "inflow": GUST,
+    "control": {"law": "quadratic", "cut_out": CUT},
+    "limits": {"power": "5 kW"},
+    "design": {"blade": "fixed"},
+    "phase": {"duration": 20.0, "segments": 40},
+}
+REACH = 8.0 * np.arccos(1.0 - np.sqrt(4.0 * (CUT - STEADY) / 0.4)) / (2.0 * np.pi)
+"""Time that the gust takes to reach the cut-out speed, s: (1 - cos 2 pi s)² / 4 = 0.02 / 0.4."""
+SPANS = np.array([[0.0, 6.0 + REACH], [14.0 - REACH, 20.0]])
+
+
+@pytest.fixture(scope="module")
+def solution(tmp_path_factory) -> Solution:
+    out = tmp_path_factory.mktemp("cut_out") / "result"
+    return run_case(load_case(CASE), out, figures=False, records=False)
+
+
+def test_energy_is_that_of_the_parts(solution):
+    """In steady flow with a gust cut out: the best power coefficient times what passes."""
+    assert solution.success, solution.message
+    world = physics(load_case(CASE))
+    best = best_operation(world.blade, world.polar)
+    share = np.linspace(0.0, REACH / 8.0, 2001)
+    rise = STEADY + 0.1 * (1.0 - np.cos(2.0 * np.pi * share)) ** 2
+    cubes = 12.0 * STEADY**3 + 2.0 * np.trapezoid(rise**3, 8.0 * share)
+    expected = power_scale(world.density, world.blade.rotor_radius, 1.0) * cubes
+    expected *= best.power_coefficient
+    assert solution.summary.simulated_energy_J == pytest.approx(expected, rel=2e-5)
+    assert solution.summary.energy_bound_J == pytest.approx(expected, rel=1e-6)
+
+
+def test_summary_tells_the_intervals(solution):
+    operation = solution.summary.operation
+    np.testing.assert_allclose(operation.intervals_s, SPANS, rtol=1e-12)
+    still = 8.0 - 2.0 * REACH
+    assert operation.standstill_s == pytest.approx(still, rel=1e-12)
+    energy = solution.summary.simulated_energy_J
+    assert operation.mean_power_W == pytest.approx(energy / 20.0, rel=1e-9)
+    again = solution.simulation["time_s"] >= SPANS[1, 0] - 1e-8
+    speed = solution.simulation["rotor_speed_rad_s"][again][0]
+    stored = 0.5 * solution.summary.inertia_kg_m2 * speed**2
+    assert operation.run_up_J == pytest.approx(stored, rel=1e-8)
+    told = dict(solution.summary.rows(solution.case))["operation"]
+    assert told.startswith(f"in 2 intervals, standstill for {still:.4g}")
+    assert f"({100.0 * still / 20.0:.3g} %)" in told
+    (note,) = [note for note in solution.notes if "cut_out" in note]
+    assert "standstill" in note
+    # the limit is broken in the gust alone, 5.7 kW, and the judges are asked in each interval
+    assert not solution.summary.limits["power"].binding
+    names = {check.name for check in solution.summary.checks}
+    for name in ("energy_error", "power_between_nodes", "power_at_nodes"):
+        assert {f"{name} (interval_1)", f"{name} (interval_2)"} <= names
+
+
+def test_tables_have_the_time_of_the_case_without_the_standstill(solution):
+    for table in (solution.trajectory, solution.simulation):
+        time, flow = table["time_s"], table["inflow_speed_m_s"]
+        assert np.all(np.diff(time) >= 0.0)
+        np.testing.assert_allclose(time[[0, -1]], [0.0, 20.0])
+        inside = (time >= SPANS[:, :1] - 1e-8) & (time <= SPANS[:, 1:] + 1e-8)
+        assert np.all(inside.any(axis=0))
+        np.testing.assert_allclose(flow, solution.case.inflow.speed_at(time), rtol=1e-8)
+        assert all(np.all(np.isfinite(column)) for column in table.values())
+    again = Solution.load(solution.folder)
+    assert np.array_equal(again.trajectory["time_s"], solution.trajectory["time_s"])
+
+
+def lines(ax: Axes) -> list[np.ndarray]:
+    """Return the times or speeds of each drawn line of a simulation."""
+    return [np.asarray(line.get_xdata()) for line in ax.lines if len(line.get_xdata()) > 200]
+
+
+def test_lines_break_at_the_standstill(solution, tmp_path):
+    for plot in (plot_rotor_speed, plot_limits, plot_speed_schedule):
+        (x,) = [each for each in lines(plot(solution)) if np.any(np.isnan(each))]
+        (gap,) = np.flatnonzero(np.isnan(x))
+        if plot is not plot_speed_schedule:
+            np.testing.assert_allclose(x[[gap - 1, gap + 1]], SPANS[[0, 1], [1, 0]], rtol=1e-8)
+    written = {path.stem for path in save_figures(solution, tmp_path)}
+    assert {"operation", "schedule", "limits", "power_curve"} <= written
+
+
+def test_the_case_can_be_checked_and_tells_the_size_of_the_whole_problem():
+    report = check_case(load_case(CASE))
+    world = report.findings.physics
+    nodes = sum(each.node_times.size for each in world.scenarios)
+    told = report.tables["Optimization"]
+    assert f"{nodes} nodes" in told["segments"]
+    assert f"{nodes} " not in told["unknowns"]
+    for scenario in world.scenarios:
+        assert f"{scenario.node_times.size} limit_power" in told["constraints"]
+    assert report.tables["Limits, and what the starting blade does"]["limits.power"].count("kept")
+    assert report.findings.at_start["inflow_speed"].max() == pytest.approx(CUT, rel=1e-9)
+    assert report.findings.captured == pytest.approx(1.0, abs=1e-4)
+
+
+def test_a_simulation_through_a_standstill_is_refused(solution):
+    design = Design.of(solution)
+    with pytest.raises(InputError, match="stand still") as caught:
+        design.fly(solution.case.inflow)
+    assert caught.value.key == "control.cut_out"
+
+
+@pytest.mark.parametrize("objective", ["captured", "electrical"])
+def test_open_loop_with_each_interval_judged_for_itself(solve_physics, objective):
+    control = {"law": "open_loop", "torque_limit": 540.0, "cut_out": CUT}
+    solved = solve_physics(CASE | {"control": control, "objective": objective})
+    checks = solved.checks()
+    assert all(check.passed for check in checks.values()), checks
+    assert len(solved.flights) == 2
+    for flight, (begin, end) in zip(solved.flights, SPANS, strict=True):
+        np.testing.assert_allclose(flight.trajectory["time"][[0, -1]], [begin, end], rtol=1e-12)
+        change = flight.simulation.kinetic_energy_change
+        if objective == "electrical":  # no interval may sell what its rotor has stored
+            assert abs(change) < 1e-6 * flight.simulation.energy
