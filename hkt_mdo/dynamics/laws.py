@@ -51,21 +51,37 @@ class OpenLoop(Law):
 
 
 class FeedbackLaw(Law):
-    """What every feedback law has: a gain that is optimized, and a smoothed saturation."""
+    """What every feedback law has: a gain that is optimized, and a smoothed saturation.
+
+    A law may have states, x' = `rates`: then `demand`, and what follows from it, takes their values
+    after the gains, each of the speed's shape.
+    """
+
+    states: ClassVar[dict[str, tuple[str, str]]] = {}
+    """Unit and description of each state, by its name."""
 
     smoothing: Annotated[float, Quantity(gt=0, le=1)] = 0.001
     """Smoothing nu of the saturation (paper, eq. 4); of no effect without a torque limit."""
 
-    def demand(self, speed, gains):
+    @property
+    def designed_gains(self):
+        """Which gains are designed; the others keep the values of the start."""
+        return (True,) * len(self.gain_units)
+
+    def in_flow(self, slowest, fastest):
+        """Return this law for a design flow between two speeds, m/s; most are the same for all."""
+        return self
+
+    def demand(self, speed, gains, *states):
         """Return the torque before saturation, N*m.
 
-        speed (rad/s, any shape) and gains[n_gains] (in `gain_units`) may be complex.
+        speed (rad/s, any shape), gains[n_gains] (in `gain_units`) and states may be complex.
         """
         raise NotImplementedError
 
-    def torque(self, speed, gains):
+    def torque(self, speed, gains, *states):
         """Return the generator torque, N*m; the parameters are those of `demand`."""
-        demand = self.demand(speed, gains)
+        demand = self.demand(speed, gains, *states)
         if self.torque_limit is None:
             return demand
         return smooth_saturation(demand, self.torque_limit, self.smoothing)
@@ -78,13 +94,36 @@ class FeedbackLaw(Law):
         columns = _by_each(lambda gains: self.demand(speed, gains), np.ones(len(self.gain_units)))
         return np.linalg.lstsq(columns.T, torque, rcond=None)[0]
 
-    def torque_by_speed(self, speed, gains):
-        """Return the torque's derivative by speed, N*m*s/rad, by complex step."""
-        return np.imag(self.torque(speed + 1j * STEP, gains)) / STEP
+    def rates(self, speed, inflow_speed, gains, *states):
+        """Return the rates of the states, a unit of each a second, at arrays of one shape.
 
-    def torque_by_gain(self, speed, gains):
+        inflow_speed (m/s) is for what a sensor of the flow tells; all may be complex.
+        """
+        return ()
+
+    def at_rest(self, torque, inflow_speed):
+        """Return the states of a rotor in equilibrium, its torque in N*m, the flow in m/s."""
+        return ()
+
+    def sensed(self, inflow_speed, random):
+        """Return the flow's speed, m/s, with the noise of its sensor, from NumPy's generator."""
+        return inflow_speed
+
+    def follow(self, inflow_speed, speed, torque, slope):
+        """Return the starting gains of a law with states, which follow an open loop's schedule.
+
+        inflow_speed (m/s), speed (rad/s), torque (N*m) and its slope dQ/dw (N*m*s/rad) are those of
+        the open loop at some instants.
+        """
+        raise NotImplementedError
+
+    def torque_by_speed(self, speed, gains, *states):
+        """Return the torque's derivative by speed, N*m*s/rad, by complex step."""
+        return np.imag(self.torque(speed + 1j * STEP, gains, *states)) / STEP
+
+    def torque_by_gain(self, speed, gains, *states):
         """Return the torque's derivative by each gain, shape (n_gains, *speed.shape)."""
-        return _by_each(lambda moved: self.torque(speed, moved), gains)
+        return _by_each(lambda moved: self.torque(speed, moved, *states), gains)
 
     def starting_gains(self):
         """Return the gains that the case gives to begin with; None: chosen by the start."""
