@@ -42,6 +42,7 @@ from hkt_mdo.dynamics.objectives import (
     GeneratorEnergy,
     Objective,
 )
+from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.errors import InputError
 from hkt_mdo.sections import Section
 
@@ -108,7 +109,7 @@ class Kinds:
 
 
 BUILT_IN = Kinds(
-    laws=(laws.OpenLoop, laws.LinearFeedback, laws.QuadraticFeedback),
+    laws=(laws.OpenLoop, laws.LinearFeedback, laws.QuadraticFeedback, Tracking),
     profiles=(
         flows.ConstantInflow,
         flows.StepInflow,

@@ -105,6 +105,10 @@ class FeedbackLaw(Law):
         """Return the states of a rotor in equilibrium, its torque in N*m, the flow in m/s."""
         return ()
 
+    def speed_at_rest(self, inflow_speed, gains):
+        """Return the speed, rad/s, at which a law with states holds a rotor in a flow, m/s."""
+        raise NotImplementedError
+
     def sensed(self, inflow_speed, random):
         """Return the flow's speed, m/s, with the noise of its sensor, from NumPy's generator."""
         return inflow_speed

@@ -97,6 +97,9 @@ class Tracking(FeedbackLaw):
     def at_rest(self, torque, inflow_speed):
         return torque, inflow_speed + self.bias
 
+    def speed_at_rest(self, inflow_speed, gains):
+        return self.reference(inflow_speed + self.bias, gains)
+
     def sensed(self, inflow_speed, random):
         return inflow_speed + self.noise * random.standard_normal(np.shape(inflow_speed))
 

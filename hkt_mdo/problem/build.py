@@ -12,10 +12,11 @@ import openmdao.api as om
 from dymos import Trajectory
 
 from hkt_mdo.case import Case
+from hkt_mdo.dynamics.laws import STEP
 from hkt_mdo.dynamics.limits import TYPICAL, DistanceFromStall, Limit, TorqueLimit, settled
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
-from hkt_mdo.dynamics.trajectory import LOADS, QUANTITIES, RATES, SERIES
+from hkt_mdo.dynamics.trajectory import LOADS, QUANTITIES, RATES
 from hkt_mdo.problem.components import (
     AboveComp,
     IntegralComp,
@@ -108,10 +109,11 @@ def assemble(
     _add_objective(model, physics, setup)
     problem.driver.declare_coloring(show_summary=False, show_sparsity=False)
     problem.setup()
-    for phase, scenario, operation in zip(
+    for phase, scenario, (speed, torque) in zip(
         phases, physics.scenarios, physics.split(setup.start.operation), strict=True
     ):
-        set_start(phase, scenario.samples, *operation)
+        states = physics.states_at_rest(torque, scenario.inflow.speed_at(scenario.samples))
+        set_start(phase, scenario.samples, speed, torque, states)
     return problem
 
 
@@ -141,7 +143,24 @@ def _scales(physics, setup):
     limit = physics.torque_limit
     if limit is not None:
         limit *= min(np.min(setup.share(TorqueLimit(), each)) for each in physics.scenarios)
-    return Scales(speed, torque, torque / inertia, limit)
+    return Scales(speed, torque, torque / inertia, limit, _state_scales(physics, setup.start))
+
+
+def _state_scales(physics, start):
+    """Return the reference magnitudes of the law's states and rates, by name.
+
+    A rate's is what it changes by if the speed and the states change by theirs.
+    """
+    found = physics.on_start(start)
+    names = "rotor_speed", "inflow_speed", *physics.states
+    speed, flow, *states = (np.concatenate([each[name] for each in found]) for name in names)
+    values, sizes = [speed, *states], [float(np.max(np.abs(each))) for each in (speed, *states)]
+    rates = np.zeros(len(states))
+    for i, size in enumerate(sizes):
+        moved = [each + 1j * STEP * size * (i == j) for j, each in enumerate(values)]
+        by = physics.law.rates(moved[0], flow, start.gains, *moved[1:]) if states else ()
+        rates += [float(np.max(np.abs(np.imag(each)))) / STEP for each in by]
+    return dict(zip(physics.states, zip(sizes[1:], rates, strict=True), strict=True))
 
 
 def _add_design(model, physics, setup, bounds):
@@ -166,7 +185,8 @@ def _add_design(model, physics, setup, bounds):
     for i, units in enumerate(physics.gain_units):
         name, (low, high) = f"gain_{i}", bounds["gain"]
         design.add_output(name, start.gains[i], units=units, desc="feedback gain")
-        model.add_design_var(name, lower=low[i], upper=high[i], ref=abs(start.gains[i]))
+        if physics.law.designed_gains[i]:
+            model.add_design_var(name, lower=low[i], upper=high[i], ref=abs(start.gains[i]))
 
 
 def _add_rotor(model, physics, setup):
@@ -289,7 +309,7 @@ def _add_limit(
             if bounds["lower"] is not None:
                 bounds["lower"] = limit.lower + less
         ref = ref or abs(limit.upper)
-    series = [name for name in limit.inputs if name in SERIES]
+    series = list(limit.series)
     if limit.inputs == (limit.name,) and series:  # a quantity of the trajectory itself
         for end, values in bounds.items():
             if np.ndim(values):
@@ -304,7 +324,7 @@ def _add_limit(
         gain_units=physics.gain_units,
     )
     gains = [f"gain_{i}" for i in range(len(physics.gain_units))] * ("gains" in limit.inputs)
-    scalars = [name for name in limit.inputs if name not in (*SERIES, "gains")]
+    scalars = [name for name in limit.inputs if name not in (*series, "gains")]
     model.add_subsystem(name, component, promotes_inputs=[*scalars, *gains])
     for quantity in series:
         source, target = _source(scenario, quantity), f"{name}.{quantity}"

@@ -119,7 +119,8 @@ class Flight:
         """All rates, along the integration."""
         flown = self.simulation
         acceleration = (flown.hydrodynamic_torque - flown.control_torque) / self.plant.inertia
-        return {"torque_rate": self.controller.rate(flown.time, flown.rotor_speed, acceleration)}
+        known = flown.time, flown.rotor_speed, acceleration, flown.inflow_speed, *flown.states
+        return {"torque_rate": self.controller.rate(*known)}
 
     @property
     def recorded(self) -> RecordedTorque | None:
@@ -205,6 +206,7 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
             mesh.duration,
             samples=np.append(scenario.within(np.arange(SAMPLES) / SAMPLES), mesh.duration),
             max_step=mesh.duration / mesh.segments,
+            initial_states=[nodes[name][0] for name in physics.states],
         )
         limited = bool(physics.load_names)
         flights.append(Flight(scenario, nodes, flown, controller, scalars, plant, loads, limited))
@@ -349,7 +351,7 @@ def short_of_recovery(physics: Physics, result: Optimized, flight: Flight) -> np
 
     def net(speed):
         driving = flight.plant.torque(speed, flown.inflow_speed)
-        return driving - physics.law.torque(speed, gains)
+        return driving - physics.law.torque(speed, gains, *flown.states)
 
     speed, radius = flown.rotor_speed, flight.scalars["rotor_radius"]
     unit = TYPICAL * torque_scale(physics.density, radius, flown.inflow_speed)
