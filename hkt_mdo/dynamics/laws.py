@@ -109,6 +109,10 @@ class FeedbackLaw(Law):
         """Return the speed, rad/s, at which a law with states holds a rotor in a flow, m/s."""
         raise NotImplementedError
 
+    def speed_at_rest_by_gain(self, inflow_speed, gains):
+        """Return the derivative of that speed by each gain, shape (n_gains, n_speeds)."""
+        return _by_each(lambda moved: self.speed_at_rest(inflow_speed, moved), gains)
+
     def sensed(self, inflow_speed, random):
         """Return the flow's speed, m/s, with the noise of its sensor, from NumPy's generator."""
         return inflow_speed
@@ -128,6 +132,19 @@ class FeedbackLaw(Law):
     def torque_by_gain(self, speed, gains, *states):
         """Return the torque's derivative by each gain, shape (n_gains, *speed.shape)."""
         return _by_each(lambda moved: self.torque(speed, moved, *states), gains)
+
+    def slopes(self, speed, inflow_speed, gains, *states):
+        """Return the derivatives of torque and rates by speed and states, [of, by, *shape].
+
+        By complex step; rows and columns begin with the torque (N*m) and the speed (rad/s).
+        """
+        columns, values = [], [speed, *states]
+        for place in range(len(values)):
+            moved = [each + 1j * STEP * (i == place) for i, each in enumerate(values)]
+            torque = self.torque(moved[0], gains, *moved[1:])
+            rates = self.rates(moved[0], inflow_speed, gains, *moved[1:])
+            columns.append(np.imag([torque, *rates]) / STEP)
+        return np.stack(columns, axis=1)
 
     def starting_gains(self):
         """Return the gains that the case gives to begin with; None: chosen by the start."""

@@ -131,10 +131,6 @@ class QuasiSteady:
         running = bool(np.all(torque > 0.0))
         return Operation(energy, speed, torque, running, delivered=delivered)
 
-    def slope(self, table, speed):
-        """Return dQ/dw at speeds[n_times], rad/s, N*m*s/rad."""
-        return self._driving(table, self.inflow_speed, speed)[1]
-
     def _power(self, torque, w):
         """Return the power that is made large at Q = u, and its derivatives by torque and speed."""
         if self.generator is None:

@@ -12,7 +12,6 @@ import openmdao.api as om
 from dymos import Trajectory
 
 from hkt_mdo.case import Case
-from hkt_mdo.dynamics.laws import STEP
 from hkt_mdo.dynamics.limits import TYPICAL, DistanceFromStall, Limit, TorqueLimit, settled
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
@@ -151,15 +150,14 @@ def _state_scales(physics, start):
 
     A rate's is what it changes by if the speed and the states change by theirs.
     """
+    if not physics.states:
+        return {}
     found = physics.on_start(start)
     names = "rotor_speed", "inflow_speed", *physics.states
     speed, flow, *states = (np.concatenate([each[name] for each in found]) for name in names)
-    values, sizes = [speed, *states], [float(np.max(np.abs(each))) for each in (speed, *states)]
-    rates = np.zeros(len(states))
-    for i, size in enumerate(sizes):
-        moved = [each + 1j * STEP * size * (i == j) for j, each in enumerate(values)]
-        by = physics.law.rates(moved[0], flow, start.gains, *moved[1:]) if states else ()
-        rates += [float(np.max(np.abs(np.imag(each)))) / STEP for each in by]
+    sizes = np.max(np.abs([speed, *states]), axis=1)
+    slopes = physics.law.slopes(speed, flow, start.gains, *states)[1:]
+    rates = np.max(np.abs(slopes), axis=2) @ sizes
     return dict(zip(physics.states, zip(sizes[1:], rates, strict=True), strict=True))
 
 

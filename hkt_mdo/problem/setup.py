@@ -150,15 +150,10 @@ def find_start(
     The search begins at `optimum`; `improve` False keeps blade and gains as given, None does as
     `start.method` says. `slowed` is the share of its speed that the rotor must be able to lose.
     `branch` is the one to start on where limits make several (`hkt_mdo.problem.schedule`), by
-    default that of `start.branch`. A law with states starts from the open loop's, its gains such
-    that the rotor follows that schedule.
+    default that of `start.branch`.
     """
     if improve is None:
         improve = physics.case.start.method == "quasi_steady"
-    if physics.states:
-        free = replace(physics, law=None)
-        start = find_start(free, optimum, improve=improve, branch=branch)
-        return _following(physics, optimum, start)
     problem = quasi_steady(physics, optimum, slowed)
     if needed(physics):
         found = schedules(physics, problem, optimum, improve=improve)
@@ -175,21 +170,6 @@ def find_start(
         improve=improve,
         gain_bounds=physics.case.design.gain_bounds or (-np.inf, np.inf),
     )
-
-
-def _following(physics: Physics, optimum: SteadyOptimum, start: StartingPoint) -> StartingPoint:
-    """Return the start of a law with states: an open loop's, with gains that follow its schedule.
-
-    Its operation is that of the gains.
-    """
-    law, blade, gains = physics.law, start.blade, physics.law.starting_gains()
-    problem = replace(quasi_steady(physics, optimum), rotor_radius=blade.rotor_radius)
-    table = bem.rotor_coefficients(blade, physics.polar, problem.spline.nodes).torque
-    if gains is None:
-        speed, torque = start.operation.rotor_speed, start.operation.hydrodynamic_torque
-        gains = law.follow(problem.inflow_speed, speed, torque, problem.slope(table, speed))
-    held = problem.held(table, law.speed_at_rest(problem.inflow_speed, gains))
-    return replace(start, gains=gains, operation=held)
 
 
 def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> np.ndarray:

@@ -292,6 +292,8 @@ def _of_design(physics, optimum, reference, result, flights):
         yield "mesh_error", result.mesh_error, MESH_ERROR, change
     else:
         yield from _recovery(physics, result, flights)
+    if physics.states:
+        yield _closed_loop(physics, result, flights)
     energy = total(flights, lambda flight: flight.simulation.energy)
     bound = energy_bound(physics, optimum)
     for name, most, word in (
@@ -358,6 +360,32 @@ def short_of_recovery(physics: Physics, result: Optimized, flight: Flight) -> np
     recovery = (net((1.0 - SLOWED) * speed) - net(speed)) / unit
     known = settled(flight.integrated | flight.scalars)
     return np.where(known, 1.0 - recovery / LEAST, -np.inf)
+
+
+def _closed_loop(physics, result, flights):
+    """Return how stable the loop of rotor and a law with states is: the largest growth, 1/s."""
+    found = [growth(physics.law, result.point.gains, flight) for flight in flights]
+    worst = [int(np.argmax(each)) for each in found]
+    value, when = max(
+        (each[place], flight.simulation.time[place])
+        for each, place, flight in zip(found, worst, flights, strict=True)
+    )
+    word = f"largest real part of the closed loop's eigenvalues, 1/s, at t = {when:.2f} s"
+    return "closed_loop", value, 0.0, word
+
+
+def growth(law, gains, flight: Flight) -> np.ndarray:
+    """Return the largest real part of the eigenvalues of rotor and law at each time, 1/s.
+
+    Of the equations of motion, linearized about the integration at the flow's speed as it is.
+    """
+    flown, plant, step = flight.simulation, flight.plant, 1e-5
+    speed, flow = flown.rotor_speed, flown.inflow_speed
+    faster, slower = (plant.torque((1.0 + sign * step) * speed, flow) for sign in (1.0, -1.0))
+    matrix = law.slopes(speed, flow, gains, *flown.states)
+    matrix[0] *= -1.0 / plant.inertia
+    matrix[0, 0] += (faster - slower) / (2.0 * step * speed * plant.inertia)
+    return np.max(np.linalg.eigvals(np.moveaxis(matrix, -1, 0)).real, axis=1)
 
 
 def _of_limit(physics, limit, result, flights):
@@ -446,6 +474,7 @@ TRY = {
     "flow_error": "try more phase.segments",
     "mesh_error": "try driver.optimizer=IPOPT, or more phase.segments",
     "distance_from_stall": "try hydrodynamics.torque=curve, or start.method=quasi_steady",
+    "closed_loop": "try a larger control.proportional_gain",
     "stored_energy": (
         "the captured energy counts what the rotor stores: try objective=generator, "
         "phase.final_speed=initial, or phase.stored_energy=allowed"
