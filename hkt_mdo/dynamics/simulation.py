@@ -159,6 +159,19 @@ class FeedbackTorque:
         moved = (x + 1j * STEP * rate for x, rate in zip(states, rates, strict=True))
         return np.imag(self(time, speed + 1j * STEP * acceleration, *moved)) / STEP
 
+    def linearized(self, plant, speed, flow, *states):
+        """Return the matrix of the motion linearized at points of shape (n,), [n, rate, value].
+
+        Rates and values are those of the rotor's speed, then of the law's states, while the flow
+        (m/s) keeps its speed; the slope of the flow's torque is by differences of direct BEM.
+        """
+        step = 1e-5 * speed
+        faster, slower = (plant.torque(speed + move, flow) for move in (step, -step))
+        slopes = self.law.slopes(speed, flow, self.gains, *states)
+        slopes[0] *= -1.0 / plant.inertia
+        slopes[0, 0] += (faster - slower) / (2.0 * step * plant.inertia)
+        return np.moveaxis(slopes, -1, 0)
+
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
@@ -203,8 +216,8 @@ def simulate(
     are integrated with the speed. Speeds are in rad/s, times in s.
     `samples` is a number of points that are returned, or their times from 0 to the duration, which
     shrink if the rotor stops; `max_step` None is a hundredth of the duration; `tolerance` is the
-    largest error of a step, relative to the speed, to a state and to the energy so far. Raises InputError if
-    the integration fails, which is not the same as a rotor that stops.
+    largest error of a step, relative to the speed, to a state and to the energy so far. Raises
+    InputError if the integration fails, which is not the same as a rotor that stops.
     """
     motion = _Motion(plant, inflow, controller, duration, tolerance)
     start = np.array([initial_speed, *initial_states], dtype=float)

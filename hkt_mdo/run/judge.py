@@ -293,7 +293,7 @@ def _of_design(physics, optimum, reference, result, flights):
     else:
         yield from _recovery(physics, result, flights)
     if physics.states:
-        yield _closed_loop(physics, result, flights)
+        yield _closed_loop(flights)
     energy = total(flights, lambda flight: flight.simulation.energy)
     bound = energy_bound(physics, optimum)
     for name, most, word in (
@@ -362,30 +362,17 @@ def short_of_recovery(physics: Physics, result: Optimized, flight: Flight) -> np
     return np.where(known, 1.0 - recovery / LEAST, -np.inf)
 
 
-def _closed_loop(physics, result, flights):
+def _closed_loop(flights):
     """Return how stable the loop of rotor and a law with states is: the largest growth, 1/s."""
-    found = [growth(physics.law, result.point.gains, flight) for flight in flights]
-    worst = [int(np.argmax(each)) for each in found]
-    value, when = max(
-        (each[place], flight.simulation.time[place])
-        for each, place, flight in zip(found, worst, flights, strict=True)
-    )
+    found = []
+    for flight in flights:
+        flown = flight.simulation
+        known = flight.plant, flown.rotor_speed, flown.inflow_speed, *flown.states
+        growth = np.linalg.eigvals(flight.controller.linearized(*known)).real.max(axis=1)
+        found.append((np.max(growth), flown.time[np.argmax(growth)]))
+    value, when = max(found)
     word = f"largest real part of the closed loop's eigenvalues, 1/s, at t = {when:.2f} s"
     return "closed_loop", value, 0.0, word
-
-
-def growth(law, gains, flight: Flight) -> np.ndarray:
-    """Return the largest real part of the eigenvalues of rotor and law at each time, 1/s.
-
-    Of the equations of motion, linearized about the integration at the flow's speed as it is.
-    """
-    flown, plant, step = flight.simulation, flight.plant, 1e-5
-    speed, flow = flown.rotor_speed, flown.inflow_speed
-    faster, slower = (plant.torque((1.0 + sign * step) * speed, flow) for sign in (1.0, -1.0))
-    matrix = law.slopes(speed, flow, gains, *flown.states)
-    matrix[0] *= -1.0 / plant.inertia
-    matrix[0, 0] += (faster - slower) / (2.0 * step * speed * plant.inertia)
-    return np.max(np.linalg.eigvals(np.moveaxis(matrix, -1, 0)).real, axis=1)
 
 
 def _of_limit(physics, limit, result, flights):
