@@ -128,8 +128,10 @@ class SteadyFlow:
 
     def excess(self, known: dict) -> np.ndarray:
         """Return by how much the limits are exceeded at most, relatively; -inf without limits."""
-        over = [each.excess(known) * np.ones(known["time"].size) for each in self.limits]
-        return np.max(over, axis=0, initial=-np.inf)
+        over = np.full(known["time"].size, -np.inf)
+        for limit in self.limits:
+            over = np.maximum(over, limit.excess(known))
+        return over
 
     def at(self, curves: Curves, ratio) -> tuple[np.ndarray, np.ndarray]:
         """Return the objective's rates, W, at tip speed ratios, and the excess of the limits."""

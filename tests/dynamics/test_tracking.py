@@ -1,4 +1,4 @@
-"""Control of the speed to a schedule: linear theory first, then its motion, then its derivatives."""
+"""Control of the speed to a schedule: linear theory, then the motion, then derivatives."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
-from hkt_mdo.dynamics.laws import QuadraticFeedback, smooth_saturation
+from hkt_mdo.dynamics.laws import smooth_saturation
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
 from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, simulate
 from hkt_mdo.dynamics.tracking import Tracking
@@ -19,6 +19,7 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import find_start
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.steady_optimum import best_operation
+from tests.conftest import CASES
 
 KNOTS, INERTIA = 5, 4.0
 LAW = Tracking(knots=KNOTS, flow_range=(1.2, 1.8))
@@ -40,6 +41,21 @@ def steady(law, plant, flow, ratio, kp=150.0, ki=600.0):
     return np.array([*ratio * knots / radius, kp, ki]), w, torque, (faster - slower) / (2.0 * h)
 
 
+def plant_of(world):
+    return Plant(world.blade, world.polar, INERTIA, world.density, bem.rotor_coefficients)
+
+
+def following(*overrides):
+    """Return physics, run and start of a blade as it is that follows its open loop's schedule."""
+    world = physics(load_case(CASES / "sine_oloc.yaml", overrides))
+    start = find_start(world, best_operation(world.blade, world.polar), improve=False)
+    speed, torque = start.operation.rotor_speed[0], start.operation.hydrodynamic_torque[0]
+    states = world.law.at_rest(torque, float(world.inflow.speed_at(0.0)))
+    loop, span = FeedbackTorque(world.law, start.gains), world.case.phase.duration
+    run = simulate(plant_of(world), world.inflow, loop, speed, span, 2001, initial_states=states)
+    return world, run, start
+
+
 # Linear theory ------------------------------------------------------------------------------------
 
 
@@ -54,8 +70,11 @@ def test_eigenvalues_are_those_of_a_proportional_integral_loop(plant, ratio):
     np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(expected), rtol=1e-5)
 
 
-def test_with_anti_windup_it_is_stable_where_the_proportional_part_exceeds_the_flows_slope():
-    """Stable if and only if kp du/dx > dQ/dw, x what is saturated, for every ki > 0."""
+def test_with_anti_windup_the_loop_is_stable_where_the_proportional_part_exceeds_the_flows_slope():
+    """With x saturated to u: where kp du/dx > dQ/dw, for every ki > 0; beyond it, as far as
+
+    kp du/dx > dQ/dw - I (1 - du/dx) ki / kp  and  kp du/dx > (1 - du/dx) dQ/dw.
+    """
     limit, rng = 700.0, np.random.default_rng(1)
     law, count = LAW.model_copy(update={"torque_limit": limit}), 400
     wanted, integral = rng.uniform(0.0, 1.2 * limit, count), rng.uniform(0.0, 700.0, count)
@@ -66,9 +85,11 @@ def test_with_anti_windup_it_is_stable_where_the_proportional_part_exceeds_the_f
     matrix[0, 0] += slope / INERTIA
     growth = np.linalg.eigvals(np.moveaxis(matrix, -1, 0)).real.max(axis=1)
     passed = np.imag(smooth_saturation(wanted + 1e-40j, limit, law.smoothing)) / 1e-40
-    stable = GAINS[-2] * passed > slope
+    own, lost = GAINS[-2] * passed, 1.0 - passed
+    stable = (own > slope - INERTIA * lost * GAINS[-1] / GAINS[-2]) & (own > lost * slope)
     assert 50 < np.sum(stable) < 350
     np.testing.assert_array_equal(growth < 0.0, stable)
+    assert np.all(growth[own > slope] < 0.0)
 
 
 def test_in_equilibrium_nothing_changes(plant):
@@ -107,51 +128,40 @@ def test_steady_flow_gives_the_open_loops_energy(plant, blade, polar):
 
 
 def test_slow_sine_and_a_quick_sensor_give_the_open_loops_energy():
-    """Of the same blade, kept, in quasi-steady operation; half of the flow is at the limit."""
+    """Of the same blade, kept, in quasi-steady operation."""
     overrides = ["design.blade=fixed", "inflow.angular_frequency=0.05", "phase.duration=125.66"]
-    world = physics(load_case("sine_limited_oloc", overrides))
+    world = physics(load_case(CASES / "sine_oloc.yaml", overrides))
     best = best_operation(world.blade, world.polar)
     ideal = find_start(world, best, improve=False).operation
-    control = "control={law: tracking, torque_limit: 700, knots: 20, lag: 0.01}"
-    world = physics(load_case("sine_limited_oloc", [*overrides, control]))
-    start = find_start(world, best, improve=False)
-    plant = Plant(world.blade, world.polar, INERTIA, world.density, bem.rotor_coefficients)
-    speed, torque = start.operation.rotor_speed[0], start.operation.hydrodynamic_torque[0]
-    states = world.law.at_rest(torque, 1.5)
-    loop = FeedbackTorque(world.law, start.gains)
-    run = simulate(plant, world.inflow, loop, speed, 125.66, initial_states=states)
+    world, run, _ = following(*overrides, "control={law: tracking, lag: 0.01}")
     assert run.energy == pytest.approx(ideal.energy, rel=1e-4)
-    assert np.max(run.control_torque) < 700.0
 
 
-def test_underspeed_schedule_is_held_where_a_static_law_stalls():
-    """The blade keeps 4 kW by turning slower as the flow quickens: speed is no function of torque.
+def test_underspeed_is_held_where_a_static_law_is_unstable():
+    """The blade keeps 4 kW by turning slower as the flow quickens, so its torque rises.
 
-    A static law with the same torque at the same speed lets the rotor stop.
+    A law of the speed alone that does so has u = P / w and falls where Q rises.
     """
-    overrides = ["design.blade=fixed", "limits.power=4 kW", "start.branch=underspeed"]
-    control = "control={law: tracking, knots: 20, lag: 0.02}"
-    world = physics(load_case("sine_oloc", [*overrides, control]))
-    best = best_operation(world.blade, world.polar)
-    start = find_start(world, best, improve=False)
+    limited = "limits.power=4 kW", "start.branch=underspeed", "design.blade=fixed"
+    world, run, start = following(*limited, "control={law: tracking, knots: 20, lag: 0.02}")
     assert start.branch == "underspeed"
-    plant = Plant(world.blade, world.polar, INERTIA, world.density, bem.rotor_coefficients)
-    speed, torque = start.operation.rotor_speed[0], start.operation.hydrodynamic_torque[0]
-    states = world.law.at_rest(torque, 1.5)
-    loop = FeedbackTorque(world.law, start.gains)
-    run = simulate(plant, world.inflow, loop, speed, 60.0, 2001, initial_states=states)
-    limited = run.inflow_speed > 1.6
     assert np.max(run.control_torque * run.rotor_speed) < 4100.0
-    slower = np.corrcoef(run.inflow_speed[limited], run.rotor_speed[limited])[0, 1]
-    assert slower < -0.9
+    quick = run.inflow_speed > 1.6
+    assert np.corrcoef(run.inflow_speed[quick], run.rotor_speed[quick])[0, 1] < -0.9
     assert run.energy == pytest.approx(start.operation.energy, rel=2e-3)
+    plant, loop = plant_of(world), FeedbackTorque(world.law, start.gains)
+    matrix = loop.linearized(plant, run.rotor_speed, run.inflow_speed, *run.states)
+    assert np.max(np.linalg.eigvals(matrix).real) < 0.0
     fast = np.argmax(run.inflow_speed)
     flow, w, u = run.inflow_speed[fast], run.rotor_speed[fast], run.hydrodynamic_torque[fast]
-    growth = np.linalg.eigvals(loop.linearized(plant, *np.array([[w], [flow]]), *run.states[:, [fast]]))
-    assert np.max(growth.real) < 0.0
-    static = FeedbackTorque(QuadraticFeedback(), np.array([u / w**2]))
-    stalled = simulate(plant, ConstantInflow(speed=flow), static, 0.99 * w, 60.0)
-    assert stalled.stopped_at is not None or stalled.rotor_speed[-1] < 0.8 * w
+
+    def static(_, speed):
+        return np.minimum(u * w / speed, 1.5 * u)
+
+    for begin, end in ((0.99, 0.8), (1.01, 1.2)):  # away from the equilibrium, on both sides
+        lost = simulate(plant, ConstantInflow(speed=flow), static, begin * w, 20.0)
+        assert (lost.rotor_speed[-1] / w < end) == (end < 1.0)
+        assert abs(lost.rotor_speed[-1] / w - 1.0) > 0.2
 
 
 def test_motion_is_that_of_scipys_radau(plant):
@@ -209,15 +219,19 @@ def test_rate_of_the_torque_is_along_the_motion(plant):
 
 def test_a_schedule_has_one_speed_a_knot():
     with pytest.raises(InputError, match="has 2 speeds for 8 knots") as told:
-        load_case("sine_oloc", ["control={law: tracking, schedule: [7, 8]}"])
+        load_case(CASES / "sine_oloc.yaml", ["control={law: tracking, schedule: [7, 8]}"])
     assert told.value.key == "control.schedule"
 
 
 def test_knots_span_the_design_flow():
-    world = physics(load_case("sine_oloc", ["control=tracking"]))
+    world = physics(load_case(CASES / "sine_oloc.yaml", ["control=tracking"]))
     np.testing.assert_allclose(world.law.flow_range, (1.3, 1.7), rtol=1e-4)
     again = physics(world.case)
     assert again.law == world.law
-    still = physics(load_case("sine_oloc", ["control=tracking", "inflow={profile: constant}"]))
+    still = physics(
+        load_case(
+            CASES / "sine_oloc.yaml", ["control=tracking", "inflow={profile: constant, speed: 1.5}"]
+        )
+    )
     assert still.law.flow_range[0] < still.law.flow_range[1]
     assert replace(world, law=None).states == {}
