@@ -42,6 +42,7 @@ from hkt_mdo.dynamics.objectives import (
     GeneratorEnergy,
     Objective,
 )
+from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.errors import InputError
 from hkt_mdo.sections import Section
 
@@ -115,6 +116,7 @@ BUILT_IN = Kinds(
         laws.PowerLawFeedback,
         laws.RatedFeedback,
         laws.CurveFeedback,
+        Tracking,
     ),
     profiles=(
         flows.ConstantInflow,

@@ -62,22 +62,33 @@ class OpenLoop(Law):
 
 
 class FeedbackLaw(Law):
-    """What every feedback law has: a gain that is optimized, and a smoothed saturation."""
+    """What every feedback law has: a gain that is optimized, and a smoothed saturation.
+
+    A law may have states, x' = `rates`: then `demand`, and what follows from it, takes their values
+    after the gains, each of the speed's shape.
+    """
+
+    states: ClassVar[dict[str, tuple[str, str]]] = {}
+    """Unit and description of each state, by its name."""
 
     smoothing: Annotated[float, Quantity(gt=0, le=1)] = 0.001
     """Smoothing nu of the saturation (paper, eq. 4); of no effect without a torque limit."""
     _begins: tuple[float, ...] | None = PrivateAttr(None)  # gains
 
-    def demand(self, speed, gains):
+    def in_flow(self, slowest, fastest):
+        """Return this law for a design flow between two speeds, m/s; most are the same for all."""
+        return self
+
+    def demand(self, speed, gains, *states):
         """Return the torque before saturation, N*m.
 
-        speed (rad/s, any shape) and gains[n_gains] (in `gain_units`) may be complex.
+        speed (rad/s, any shape), gains[n_gains] (in `gain_units`) and states may be complex.
         """
         raise NotImplementedError
 
-    def torque(self, speed, gains):
+    def torque(self, speed, gains, *states):
         """Return the generator torque, N*m; the parameters are those of `demand`."""
-        demand = self.demand(speed, gains)
+        demand = self.demand(speed, gains, *states)
         if self.torque_limit is None:
             return demand
         return smooth_saturation(demand, self.torque_limit, self.smoothing)
@@ -105,13 +116,57 @@ class FeedbackLaw(Law):
         """Return the gains that demand a share of the torque of some others, where they can."""
         return share * gains
 
-    def torque_by_speed(self, speed, gains):
-        """Return the torque's derivative by speed, N*m*s/rad, by complex step."""
-        return np.imag(self.torque(speed + 1j * STEP, gains)) / STEP
+    def rates(self, speed, inflow_speed, gains, *states):
+        """Return the rates of the states, a unit of each a second, at arrays of one shape.
 
-    def torque_by_gain(self, speed, gains):
+        inflow_speed (m/s) is for what a sensor of the flow tells; all may be complex.
+        """
+        return ()
+
+    def at_rest(self, torque, inflow_speed):
+        """Return the states of a rotor in equilibrium, its torque in N*m, the flow in m/s."""
+        return ()
+
+    def speed_at_rest(self, inflow_speed, gains):
+        """Return the speed, rad/s, at which a law with states holds a rotor in a flow, m/s."""
+        raise NotImplementedError
+
+    def speed_at_rest_by_gain(self, inflow_speed, gains):
+        """Return the derivative of that speed by each gain, shape (n_gains, n_speeds)."""
+        return _by_each(lambda moved: self.speed_at_rest(inflow_speed, moved), gains)
+
+    def sensed(self, inflow_speed, random):
+        """Return the flow's speed, m/s, with the noise of its sensor, from NumPy's generator."""
+        return inflow_speed
+
+    def follow(self, inflow_speed, speed, torque, slope):
+        """Return the starting gains of a law with states, which follow an open loop's schedule.
+
+        inflow_speed (m/s), speed (rad/s), torque (N*m) and its slope dQ/dw (N*m*s/rad) are those of
+        the open loop at some instants.
+        """
+        raise NotImplementedError
+
+    def torque_by_speed(self, speed, gains, *states):
+        """Return the torque's derivative by speed, N*m*s/rad, by complex step."""
+        return np.imag(self.torque(speed + 1j * STEP, gains, *states)) / STEP
+
+    def torque_by_gain(self, speed, gains, *states):
         """Return the torque's derivative by each gain, shape (n_gains, *speed.shape)."""
-        return _by_each(lambda moved: self.torque(speed, moved), gains)
+        return _by_each(lambda moved: self.torque(speed, moved, *states), gains)
+
+    def slopes(self, speed, inflow_speed, gains, *states):
+        """Return the derivatives of torque and rates by speed and states, [of, by, *shape].
+
+        By complex step; rows and columns begin with the torque (N*m) and the speed (rad/s).
+        """
+        columns, values = [], [speed, *states]
+        for place in range(len(values)):
+            moved = [each + 1j * STEP * (i == place) for i, each in enumerate(values)]
+            torque = self.torque(moved[0], gains, *moved[1:])
+            rates = self.rates(moved[0], inflow_speed, gains, *moved[1:])
+            columns.append(np.imag([torque, *rates]) / STEP)
+        return np.stack(columns, axis=1)
 
     def starting_gains(self):
         """Return the gains that the case gives to begin with; None: chosen by the start."""

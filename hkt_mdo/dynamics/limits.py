@@ -63,12 +63,17 @@ class Limit(Section):
         return self
 
     @property
+    def series(self) -> dict[str, tuple[str | None, str]]:
+        """Unit and description of its inputs that change over time."""
+        return {name: SERIES[name] for name in self.inputs if name in SERIES}
+
+    @property
     def place(self) -> str:
         """What its value is an array over: the "time", or the "design" if only scalars are in it.
 
         Of `DesignBounds` and `Taper` also the "span" of the blade.
         """
-        return "time" if SERIES.keys() & set(self.inputs) else "design"
+        return "time" if self.series else "design"
 
     @property
     def caps_series(self) -> bool:
@@ -355,20 +360,11 @@ class DistanceFromStall(Limit):
     other, so an optimizer would go to that edge and beyond. N(w) = I dw/dt is what the flow's
     changes ask for, and no stall. `least` is a share of a typical torque, TYPICAL 0.5 rho pi R³ v²:
     close to stall a rotor recovers slowly and the problem is badly conditioned. Q is that of the
-    torque curve.
+    torque curve. Of a law with states, u is that with its states as they are.
     """
 
     name: ClassVar[str] = "distance_from_stall"
     unit: ClassVar[str | None] = "N*m"
-    inputs: ClassVar[tuple[str, ...]] = (
-        "rotor_speed",
-        "inflow_speed",
-        "torque_coefficient_table",
-        "density",
-        "rotor_radius",
-        "gains",
-    )
-
     lower: ClassVar[float] = 0.0  # what is asked for is subtracted from the value
 
     law: Any
@@ -376,15 +372,33 @@ class DistanceFromStall(Limit):
     slowed: float = SLOWED
     least: float = LEAST
 
+    @property
+    def inputs(self):
+        """What it takes, and the states of the law."""
+        flow = "rotor_speed", "inflow_speed", "torque_coefficient_table", "density", "rotor_radius"
+        return (*flow, "gains", *self.law.states)
+
+    @property
+    def series(self):
+        """Also the states of the law."""
+        return super().series | self.law.states
+
     def value(
-        self, rotor_speed, inflow_speed, torque_coefficient_table, density, rotor_radius, gains
+        self,
+        rotor_speed,
+        inflow_speed,
+        torque_coefficient_table,
+        density,
+        rotor_radius,
+        gains,
+        **states,
     ):
         unit = torque_scale(density, rotor_radius, inflow_speed)
 
         def net(speed):
             ratio = speed * rotor_radius / inflow_speed
             driving, _ = self.spline.values(torque_coefficient_table, ratio)
-            return unit * driving - self.law.torque(speed, gains)
+            return unit * driving - self.law.torque(speed, gains, *states.values())
 
         recovery = net((1.0 - self.slowed) * rotor_speed) - net(rotor_speed)
         return recovery - self.least * TYPICAL * unit
@@ -399,6 +413,7 @@ class DistanceFromStall(Limit):
         bases = self.spline.basis(slowed * radius / flow) - self.spline.basis(speed * radius / flow)
         unit = torque_scale(quantities["density"], radius, flow)
         found["torque_coefficient_table"] = unit[:, None] * bases
-        by_gain = self.law.torque_by_gain(speed, gains) - self.law.torque_by_gain(slowed, gains)
-        found["gains"] = by_gain.T
+        states = [quantities[name] for name in self.law.states]
+        here, there = (self.law.torque_by_gain(w, gains, *states) for w in (speed, slowed))
+        found["gains"] = (here - there).T
         return found

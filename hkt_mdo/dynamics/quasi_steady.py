@@ -123,6 +123,14 @@ class QuasiSteady:
         energy, delivered = energies
         return Operation(energy, w, torque, running, margin, gradient, delivered)
 
+    def held(self, table, speed):
+        """Return the `Operation` of a rotor that a controller holds at speeds[n_times], rad/s."""
+        torque = self._driving(table, self.inflow_speed, speed)[0]
+        energy = float(self.weights @ (torque * speed))
+        delivered = float(self.weights @ self._power(torque, speed)[0])
+        running = bool(np.all(torque > 0.0))
+        return Operation(energy, speed, torque, running, delivered=delivered)
+
     def _power(self, torque, w):
         """Return the power that is made large at Q = u, and its derivatives by torque and speed."""
         if self.generator is None:

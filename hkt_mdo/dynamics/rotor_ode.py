@@ -59,9 +59,12 @@ class RotorODE(om.Group):
 class _NodeComp(om.ExplicitComponent):
     """Outputs at the nodes of a phase by a formula of inputs there and of scalars.
 
-    `needs` names the inputs of each output. `formula(**inputs)` returns the outputs by name and
-    must accept complex numbers: its derivatives are taken by complex step.
+    `needs` names the inputs of each output; those in `over_time` are arrays.
+    `formula(**inputs)` returns the outputs by name and must accept complex numbers: its derivatives
+    are taken by complex step.
     """
+
+    over_time = OVER_TIME
 
     @property
     def _needed(self):
@@ -73,14 +76,14 @@ class _NodeComp(om.ExplicitComponent):
     def setup(self):
         shape = (self.options["num_nodes"],)
         for name in self._needed:
-            if name in OVER_TIME:
-                units, text = OVER_TIME[name]
+            if name in self.over_time:
+                units, text = self.over_time[name]
                 tags = ["dymos.targets:time"] if name == "time" else None
                 self.add_input(name, shape=shape, units=units, desc=text, tags=tags)
             else:
                 self._add_fixed(name)
         for name in self.needs:
-            units, text = OVER_TIME[name]
+            units, text = self.over_time[name]
             self.add_output(name, shape=shape, units=units, desc=text)
 
     def _add_fixed(self, name, val=1.0):
@@ -91,7 +94,7 @@ class _NodeComp(om.ExplicitComponent):
         rows = np.arange(self.options["num_nodes"])
         for output, names in self.needs.items():
             for name in names:
-                diagonal = {"rows": rows, "cols": rows} if name in OVER_TIME else {}
+                diagonal = {"rows": rows, "cols": rows} if name in self.over_time else {}
                 self.declare_partials(output, name, **diagonal)
 
     def compute(self, inputs, outputs):
@@ -105,7 +108,7 @@ class _NodeComp(om.ExplicitComponent):
             for output, names in self.needs.items():
                 if name in names:
                     by = np.imag(moved[output]) / STEP
-                    partials[output, name] = by if name in OVER_TIME else by[:, None]
+                    partials[output, name] = by if name in self.over_time else by[:, None]
 
 
 class InflowComp(_NodeComp):
@@ -214,26 +217,42 @@ class HydrodynamicsComp(_NodeComp):
 
 
 class FeedbackComp(_NodeComp):
-    """A feedback law at the nodes of a phase; gain_0, gain_1, … are in the law's units."""
+    """A feedback law at the nodes of a phase; gain_0, gain_1, … are in the law's units.
+
+    Outputs: the control torque and, of each state of the law, its rate, `<state>_rate`.
+    """
 
     def initialize(self):
         super().initialize()
         self.options.declare("law", types=FeedbackLaw, recordable=False)
 
     @property
+    def over_time(self):
+        """Also the states of the law, and their rates."""
+        states = self.options["law"].states
+        rates = {f"{name}_rate": (f"{unit}/s", text) for name, (unit, text) in states.items()}
+        return OVER_TIME | states | rates
+
+    @property
     def needs(self):
-        """The rotor's speed and every gain."""
-        gains = (f"gain_{i}" for i in range(len(self.options["law"].gain_units)))
-        return {"control_torque": ("rotor_speed", *gains)}
+        """The rotor's speed, the law's states and every gain; of rates, the flow's speed too."""
+        law = self.options["law"]
+        given = *law.states, *(f"gain_{i}" for i in range(len(law.gain_units)))
+        rates = {f"{name}_rate": ("rotor_speed", "inflow_speed", *given) for name in law.states}
+        return {"control_torque": ("rotor_speed", *given)} | rates
 
     def _add_fixed(self, name, val=1.0):
         units = self.options["law"].gain_units[int(name.removeprefix("gain_"))]
         tags = ["dymos.static_target"]
         self.add_input(name, val=val, units=units, desc="feedback gain", tags=tags)
 
-    def formula(self, rotor_speed, **gains):
-        values = np.array([gain[0] for gain in gains.values()])
-        return {"control_torque": self.options["law"].torque(rotor_speed, values)}
+    def formula(self, rotor_speed, inflow_speed=None, **given):
+        law = self.options["law"]
+        states = [given.pop(name) for name in law.states]
+        gains = np.array([gain[0] for gain in given.values()])
+        found = {"control_torque": law.torque(rotor_speed, gains, *states)}
+        rates = law.rates(rotor_speed, inflow_speed, gains, *states)
+        return found | {f"{name}_rate": x for name, x in zip(law.states, rates, strict=True)}
 
 
 class ShaftComp(_NodeComp):

@@ -6,7 +6,7 @@ section IV.8) solves the steps of a window together by Newton's method, so that 
 see arrays, and divides them until their estimated errors are within the tolerance.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
-from hkt_mdo.dynamics.laws import FeedbackLaw
+from hkt_mdo.dynamics.laws import STEP, FeedbackLaw
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
@@ -51,10 +51,12 @@ _STAGE_ERROR = _ERROR[1:] @ np.linalg.inv(_MATRIX)
 
 
 def _through(edges, places, values):
-    """Return the polynomials through values[piece, place] at places (0 to 1) of each piece."""
-    powers = np.linalg.solve(np.vander(places), values.T)
-    step = np.diff(edges)
-    return PPoly(powers / step ** np.arange(places.size)[::-1, None], edges)
+    """Return the polynomials through values[piece, place, ...] at places (0 to 1) of pieces."""
+    values = np.moveaxis(values, 1, 0)
+    powers = np.linalg.solve(np.vander(places), values.reshape(places.size, -1))
+    step = np.diff(edges) ** np.arange(places.size)[::-1, None]
+    step = step.reshape(step.shape + (1,) * (values.ndim - 2))
+    return PPoly(powers.reshape(values.shape) / step, edges)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +130,7 @@ class RecordedTorque:
             torque = torque + self.stiffness * (speed - self._held(time))
         return torque
 
-    def rate(self, time, _speed, acceleration):
+    def rate(self, time, _speed, acceleration, *_):
         """Return the rate of the torque before it is cut, N*m/s; acceleration in rad/s**2."""
         rate = self.unlimited_rate(time)
         if self.stiffness:
@@ -143,13 +145,32 @@ class FeedbackTorque:
     law: FeedbackLaw
     gains: np.ndarray
 
-    def __call__(self, _time, speed):
-        """Return the torque, N*m, at speeds, rad/s."""
-        return self.law.torque(speed, self.gains)
+    def __call__(self, _time, speed, *states):
+        """Return the torque, N*m, at speeds, rad/s, and values of the law's states."""
+        return self.law.torque(speed, self.gains, *states)
 
-    def rate(self, _time, speed, acceleration):
+    def rates(self, speed, flow, *states):
+        """Return the rates of the law's states; the flow in m/s."""
+        return self.law.rates(speed, flow, self.gains, *states)
+
+    def rate(self, time, speed, acceleration, flow=None, *states):
         """Return the rate of the torque, N*m/s, where the speed (rad/s) changes, rad/s**2."""
-        return self.law.torque_by_speed(speed, self.gains) * acceleration
+        rates = self.rates(speed, flow, *states)
+        moved = (x + 1j * STEP * rate for x, rate in zip(states, rates, strict=True))
+        return np.imag(self(time, speed + 1j * STEP * acceleration, *moved)) / STEP
+
+    def linearized(self, plant, speed, flow, *states):
+        """Return the matrix of the motion linearized at points of shape (n,), [n, rate, value].
+
+        Rates and values are those of the rotor's speed, then of the law's states, while the flow
+        (m/s) keeps its speed; the slope of the flow's torque is by differences of direct BEM.
+        """
+        step = 1e-5 * speed
+        faster, slower = (plant.torque(speed + move, flow) for move in (step, -step))
+        slopes = self.law.slopes(speed, flow, self.gains, *states)
+        slopes[0] *= -1.0 / plant.inertia
+        slopes[0, 0] += (faster - slower) / (2.0 * step * plant.inertia)
+        return np.moveaxis(slopes, -1, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +178,8 @@ class Simulation:
     """An integrated trajectory, sampled at `time`, in SI units.
 
     Energies are integrals over the whole run. stopped_at is the time at which the rotor came to
-    rest, None if it kept turning; speed_at gives its speed at any times of the run.
+    rest, None if it kept turning; speed_at gives its speed at any times of the run. states has a
+    row for each state of the control law.
     """
 
     time: np.ndarray
@@ -171,6 +193,7 @@ class Simulation:
     kinetic_energy_change: float
     stopped_at: float | None
     speed_at: Callable
+    states: np.ndarray
 
 
 def simulate(
@@ -183,36 +206,41 @@ def simulate(
     max_step: float | None = None,
     tolerance: float = 1e-9,
     begin: float = 0.0,
+    initial_states: Sequence[float] = (),
 ) -> Simulation:
     """Integrate I dw/dt = Q(w, v(t)) - u(t, w) (paper eq. 6) and the three energies.
 
     No step passes an end of the flow's `pieces`, and the flow is looked at sixteen times in each,
     so that no gust is stepped over. controller(time, speed) is the torque, N*m, for arrays of one
-    shape; it is smooth between its `ends` (s), if it has such. Speeds are in rad/s, times in s.
+    shape; it is smooth between its `ends` (s), if it has such. A controller with states takes their
+    values too, and has their `rates`, like `FeedbackTorque`; they begin with `initial_states` and
+    are integrated with the speed. Speeds are in rad/s, times in s.
     The run lasts for the duration from `begin` on. `samples` is a number of points that are
     returned, or their times from its begin to its end, which shrink if the rotor stops; `max_step`
     None is a hundredth of the duration; `tolerance` is the largest error of a step, relative to the
-    speed and to the energy so far. Raises InputError if the integration fails, which is not the
-    same as a rotor that stops.
+    speed, to a state and to the energy so far. Raises InputError if the integration fails, which is
+    not the same as a rotor that stops.
     """
     motion = _Motion(plant, inflow, controller, begin, duration, tolerance)
-    path, energies, stopped = motion.march(float(initial_speed), max_step or duration / 100.0)
+    start = np.array([initial_speed, *initial_states], dtype=float)
+    path, energies, stopped = motion.march(start, max_step or duration / 100.0)
     end = float(path.x[-1])
     if isinstance(samples, int):
         time = np.linspace(begin, end, samples)
     else:
         time = begin + (samples - begin) * (end - begin) / duration
-    speed, flow = path(time), inflow.speed_at(time)
+    (speed, *states), flow = path(time).T, inflow.speed_at(time)
     return Simulation(
         time,
         flow,
         speed,
         plant.torque(speed, flow),
-        np.asarray(controller(time, speed), dtype=float) * np.ones(time.size),
+        np.asarray(controller(time, speed, *states), dtype=float) * np.ones(time.size),
         *map(float, energies),
-        0.5 * plant.inertia * float(path(end) ** 2 - initial_speed**2),
+        0.5 * plant.inertia * float(path(end)[0] ** 2 - initial_speed**2),
         end if stopped else None,
-        lambda at: path(np.minimum(at, end)),
+        lambda at: path(np.minimum(at, end))[..., 0],
+        np.array(states),
     )
 
 
@@ -227,15 +255,18 @@ class _Motion:
     duration: float
     tolerance: float
 
-    def march(self, speed, longest):
-        """Return the speed over time (`PPoly`), the energies, and whether the rotor stops."""
+    def march(self, start, longest):
+        """Return the motion over time (`PPoly`), the energies, and whether the rotor stops.
+
+        The motion is the speed and, where the controller has states, their values: (n_values,).
+        """
         edges, count, failures, stop = self._mesh(longest), WINDOW, 0, None
         paths, energies, most = [], np.zeros(3), FAILURES + edges.size
         while edges.size > 1 and stop is None:
             window = edges[: count + 1]
-            found = self._solve(self._divided_by_flow(window), speed, energies[0])
+            found = self._solve(self._divided_by_flow(window), start, energies[0])
             if found and (stop := self._standstill(found[0])) is not None:
-                found = self._solve(stop, speed, energies[0])
+                found = self._solve(stop, start, energies[0])
             if found is None:
                 failures, stop = failures + 1, None
                 if failures > most or edges[1] - edges[0] < 1e-14 * self.duration:
@@ -250,7 +281,7 @@ class _Motion:
             path, work = found
             paths.append(path)
             energies += work
-            speed = float(path(path.x[-1]))
+            start = path(path.x[-1])
             edges, count = edges[window.size - 1 :], 2 * min(count, WINDOW // 2)
         ends = np.concatenate([*(each.x[:-1] for each in paths), paths[-1].x[-1:]])
         whole = PPoly(np.concatenate([each.c for each in paths], axis=1), ends)
@@ -279,13 +310,35 @@ class _Motion:
             edges = divided(edges, 1 + coarse)
         return edges
 
-    def _torques(self, time, speed, flow):
+    def _torques(self, time, values, flow):
         """Return hydrodynamic and control torque, N*m, at arrays of one shape."""
+        speed, *states = np.moveaxis(values, -1, 0)
         driving = self.plant.torque(speed.ravel(), flow.ravel()).reshape(speed.shape)
-        return driving, self.controller(time, speed) * np.ones(speed.shape)
+        return driving, self.controller(time, speed, *states) * np.ones(speed.shape)
 
-    def _solve(self, edges, speed, energy):
-        """Return speed (`PPoly`) and energies over some steps, divided until they are accurate.
+    def _rates(self, values, flow, driving, control):
+        """Return the rates of the speed and the controller's states, of the shape of values."""
+        speed, *states = np.moveaxis(values, -1, 0)
+        rates = self.controller.rates(speed, flow, *states) if states else ()
+        return np.stack(((driving - control) / self.plant.inertia, *rates), axis=-1)
+
+    def _slope(self, time, values, flow, driving, rates):
+        """Return the derivatives of the rates by the values, [..., rate, value], by differences."""
+        size, found = _size(values), np.empty((*values.shape, values.shape[-1]))
+        for i in range(values.shape[-1]):
+            step = 1e-6 * size[..., i]
+            moved = values.copy()
+            moved[..., i] += step
+            if i:  # a state of the controller: the flow's torque is the same
+                speed, *states = np.moveaxis(moved, -1, 0)
+                torques = driving, self.controller(time, speed, *states) * np.ones(speed.shape)
+            else:
+                torques = self._torques(time, moved, flow)
+            found[..., i] = (self._rates(moved, flow, *torques) - rates) / step[..., None]
+        return found
+
+    def _solve(self, edges, start, energy):
+        """Return motion (`PPoly`) and energies over some steps, divided until they are accurate.
 
         energy, J, is what has been captured before. None if Newton's method does not converge.
         """
@@ -300,50 +353,62 @@ class _Motion:
             flow = self.inflow.speed_at(time)
             if not np.all(flow > 0.0):
                 return None
-            guess = speed * flow / flow[0, 0] if path is None else path(time)
-            found = self._newton(speed, step, time[:, 1:], flow[:, 1:], guess[:, 1:])
+            if path is None:
+                guess = np.repeat(start, time.size).reshape(-1, *time.shape)
+                guess[0] *= flow / flow[0, 0]
+                guess = np.moveaxis(guess, 0, -1)
+            else:
+                guess = path(time)
+            found = self._newton(start, step, time[:, 1:], flow[:, 1:], guess[:, 1:])
             if found is None:
                 return None
             stages, driving, control, slope = found
-            start = np.append(speed, stages[:-1, -1])[:, None]
-            first = self._torques(time[:, :1], start, flow[:, :1])
-            path = _through(edges, _NODES, np.hstack((start, stages)))
-            off = step * _ERROR[0] * (first[0] - first[1]) / self.plant.inertia
-            off = off[:, 0] + (stages - start) @ _STAGE_ERROR
-            off /= (1.0 - step * _ERROR[0] * slope)[:, 0]
-            power = np.hstack((first[0] * start, driving * stages))
+            begin = np.concatenate((start[None], stages[:-1, -1]))[:, None]
+            first = self._torques(time[:, :1], begin, flow[:, :1])
+            path = _through(edges, _NODES, np.concatenate((begin, stages), axis=1))
+            off = _ERROR[0] * step * self._rates(begin, flow[:, :1], *first)[:, 0]
+            off = off + np.einsum("nia,i->na", stages - begin, _STAGE_ERROR)
+            filtered = np.eye(start.size) - step[:, :, None] * _ERROR[0] * slope[:, 0]
+            off = np.linalg.solve(filtered, off[..., None])[..., 0]
+            speed = np.concatenate((begin, stages), axis=1)[..., 0]
+            power = np.hstack((first[0], driving)) * speed
             share = np.abs(step[:, 0] * (power @ _ERROR)) / unit
-            share = np.maximum(share, np.abs(off) / _size(stages[:, -1])) / self.tolerance
+            relative = np.max(np.abs(off) / _size(stages)[:, -1], axis=1)
+            share = np.maximum(share, relative) / self.tolerance
             if np.all(share <= 1.0):
-                electrical = self.plant.generator.electrical_power(control, stages)
-                powers = driving * stages, control * stages, electrical
+                turning = stages[..., 0]
+                electrical = self.plant.generator.electrical_power(control, turning)
+                powers = driving * turning, control * turning, electrical
                 return path, np.array([np.sum(step * _MATRIX[-1] * each) for each in powers])
             parts = np.nan_to_num(np.ceil((2.0 * share) ** (1.0 / (STAGES + 1))), nan=8.0)
             edges = divided(edges, np.where(share <= 1.0, 1, np.clip(parts, 2, 8)).astype(int))
         return None
 
-    def _newton(self, speed, step, time, flow, stages):
-        """Return speeds at the stages, both torques and the slope of dw/dt there; None if lost."""
-        change, inertia = np.inf, self.plant.inertia
+    def _newton(self, start, step, time, flow, stages):
+        """Return values at the stages, both torques and the slope of the rates; None if lost."""
+        change, n = np.inf, start.size
         enough = max(0.01 * self.tolerance, 1e-12)
         for _ in range(MOST_ITERATIONS):
             size = _size(stages)
             driving, control = self._torques(time, stages, flow)
+            rates = self._rates(stages, flow, driving, control)
             if change > 1e-4:
-                faster = self._torques(time, stages + 1e-6 * size, flow)
-                slope = (faster[0] - faster[1] - driving + control) / (1e-6 * size * inertia)
+                slope = self._slope(time, stages, flow, driving, rates)
                 if not np.all(np.isfinite(slope)):
                     return None
-                system = np.eye(STAGES) - step[:, :, None] * _MATRIX * slope[:, None, :]
+                # rows and columns of the system: the values of the first stage, of the second, …
+                system = np.einsum("n,ij,njab->niajb", step[:, 0], _MATRIX, slope)
+                system = np.eye(STAGES * n) - system.reshape(-1, STAGES * n, STAGES * n)
                 inverse = np.linalg.inv(system)
-                gain = np.sum(inverse, axis=2)  # of the stages by the speed at the step's start
-            start = np.append(speed, stages[:-1, -1])[:, None]
-            miss = start + step * ((driving - control) / inertia @ _MATRIX.T) - stages
-            own = np.einsum("nij,nj->ni", inverse, miss)
-            carried = [0.0]  # change of the speed from step to step
-            for shift, factor in zip(own[:, -1].tolist(), gain[:, -1].tolist(), strict=True):
-                carried.append(shift + factor * carried[-1])
-            correction = own + gain * np.array(carried[:-1])[:, None]
+                # of the stages by the values at the step's start
+                gain = inverse.reshape(-1, STAGES, n, STAGES, n).sum(axis=3)
+            begin = np.concatenate((start[None], stages[:-1, -1]))[:, None]
+            miss = begin + step[..., None] * np.einsum("ij,nja->nia", _MATRIX, rates) - stages
+            own = np.einsum("nij,nj->ni", inverse, miss.reshape(-1, STAGES * n)).reshape(miss.shape)
+            carried = [np.zeros(n)]  # change of the values from step to step
+            for shift, factor in zip(own[:, -1], gain[:, -1], strict=True):
+                carried.append(shift + factor @ carried[-1])
+            correction = own + np.einsum("niab,nb->nia", gain, np.array(carried[:-1]))
             stages = stages + correction
             change = np.max(np.abs(correction) / size)
             if change <= enough:
@@ -356,7 +421,7 @@ class _Motion:
         """Return the steps up to where the rotor comes to rest; None if it does not."""
 
         def excess(time):
-            ratio = path(time) * self.plant.blade.rotor_radius / self.inflow.speed_at(time)
+            ratio = path(time)[..., 0] * self.plant.blade.rotor_radius / self.inflow.speed_at(time)
             return ratio - SLOWEST_RATIO
 
         turning = excess(path.x) > 0.0
@@ -367,9 +432,14 @@ class _Motion:
         return np.append(until, brentq(excess, until[-1], path.x[crossed[0] + 1], xtol=1e-15))
 
 
-def _size(speed):
-    """Return the magnitude, rad/s, to which errors of a speed are compared."""
-    return np.maximum(np.abs(speed), 1e-3)
+def _size(values):
+    """Return the magnitudes to which errors of the speed, and of states, are compared.
+
+    A state may pass through zero: it is compared to its largest value.
+    """
+    size = np.maximum(np.abs(values), 1e-3)
+    size[..., 1:] = np.max(size[..., 1:], axis=tuple(range(values.ndim - 1)))
+    return size
 
 
 def divided(edges, parts):

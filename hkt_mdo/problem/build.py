@@ -15,7 +15,7 @@ from hkt_mdo.case import Case
 from hkt_mdo.dynamics.limits import TYPICAL, DistanceFromStall, Limit, TorqueLimit, settled
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
-from hkt_mdo.dynamics.trajectory import LOADS, QUANTITIES, RATES, SERIES
+from hkt_mdo.dynamics.trajectory import LOADS, QUANTITIES, RATES
 from hkt_mdo.problem.components import (
     AboveComp,
     IntegralComp,
@@ -108,10 +108,11 @@ def assemble(
     _add_objective(model, physics, setup)
     problem.driver.declare_coloring(show_summary=False, show_sparsity=False)
     problem.setup()
-    for phase, scenario, operation in zip(
+    for phase, scenario, (speed, torque) in zip(
         phases, physics.scenarios, physics.split(setup.start.operation), strict=True
     ):
-        set_start(phase, scenario.samples, *operation)
+        states = physics.states_at_rest(torque, scenario.inflow.speed_at(scenario.samples))
+        set_start(phase, scenario.samples, speed, torque, states)
     return problem
 
 
@@ -141,7 +142,23 @@ def _scales(physics, setup):
     limit = physics.torque_limit
     if limit is not None:
         limit *= min(np.min(setup.share(TorqueLimit(), each)) for each in physics.scenarios)
-    return Scales(speed, torque, torque / inertia, limit)
+    return Scales(speed, torque, torque / inertia, limit, _state_scales(physics, setup.start))
+
+
+def _state_scales(physics, start):
+    """Return the reference magnitudes of the law's states and rates, by name.
+
+    A rate's is what it changes by if the speed and the states change by theirs.
+    """
+    if not physics.states:
+        return {}
+    found = physics.on_start(start)
+    names = "rotor_speed", "inflow_speed", *physics.states
+    speed, flow, *states = (np.concatenate([each[name] for each in found]) for name in names)
+    sizes = np.max(np.abs([speed, *states]), axis=1)
+    slopes = physics.law.slopes(speed, flow, start.gains, *states)[1:]
+    rates = np.max(np.abs(slopes), axis=2) @ sizes
+    return dict(zip(physics.states, zip(sizes[1:], rates, strict=True), strict=True))
 
 
 def _add_design(model, physics, setup, bounds):
@@ -291,7 +308,7 @@ def _add_limit(
             if bounds["lower"] is not None:
                 bounds["lower"] = limit.lower + less
         ref = ref or abs(limit.upper)
-    series = [name for name in limit.inputs if name in SERIES]
+    series = list(limit.series)
     if limit.inputs == (limit.name,) and series:  # a quantity of the trajectory itself
         for end, values in bounds.items():
             if np.ndim(values):
@@ -306,7 +323,7 @@ def _add_limit(
         gain_units=physics.gain_units,
     )
     gains = [f"gain_{i}" for i in range(len(physics.gain_units))] * ("gains" in limit.inputs)
-    scalars = [name for name in limit.inputs if name not in (*SERIES, "gains")]
+    scalars = [name for name in limit.inputs if name not in (*series, "gains")]
     model.add_subsystem(name, component, promotes_inputs=[*scalars, *gains])
     for quantity in series:
         source, target = _source(scenario, quantity), f"{name}.{quantity}"

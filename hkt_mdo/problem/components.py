@@ -5,7 +5,7 @@ import openmdao.api as om
 
 from hkt_mdo.dynamics.limits import STEP, Limit
 from hkt_mdo.dynamics.rotor_ode import FIXED
-from hkt_mdo.dynamics.trajectory import LOADS, QUANTITIES, RATES, SERIES
+from hkt_mdo.dynamics.trajectory import LOADS, QUANTITIES, RATES
 from hkt_mdo.rotor.loads import COEFFICIENT_UNITS
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
@@ -122,7 +122,7 @@ class TorqueRateComp(om.ExplicitComponent):
 class LimitComp(om.ExplicitComponent):
     """The value of a limit at some nodes of a phase.
 
-    Inputs: what the limit names, quantities of the trajectory[num_nodes, 1] and scalars of the
+    Inputs: what the limit names, its `series`[num_nodes, 1] and scalars of the
     design; torque_coefficient_table[n_nodes] and one scalar gain_0, gain_1, … where it asks for
     them; chord[num_nodes] of a limit along the span. Output value[num_nodes] in the limit's unit.
     """
@@ -136,8 +136,8 @@ class LimitComp(om.ExplicitComponent):
     def setup(self):
         limit, n = self.options["limit"], self.options["num_nodes"]
         for name in limit.inputs:
-            if name in SERIES:
-                units, text = SERIES[name]
+            if name in limit.series:
+                units, text = limit.series[name]
                 self.add_input(name, shape=(n, 1), units=units, desc=text)
             elif name in SCALARS:
                 units, text = SCALARS[name]
@@ -155,7 +155,7 @@ class LimitComp(om.ExplicitComponent):
     def setup_partials(self):
         rows = np.arange(self.options["num_nodes"])
         for name in self.options["limit"].inputs:
-            if name in SERIES:
+            if name in self.options["limit"].series:
                 self.declare_partials("value", name, rows=rows, cols=rows)
             else:
                 self.declare_partials("value", "gain_*" if name == "gains" else name)
@@ -167,7 +167,7 @@ class LimitComp(om.ExplicitComponent):
             if name == "gains":
                 count = len(self.options["gain_units"])
                 found[name] = np.array([inputs[f"gain_{i}"][0] for i in range(count)])
-            elif name in SERIES:
+            elif name in self.options["limit"].series:
                 found[name] = inputs[name][:, 0]
             else:
                 found[name] = inputs[name][0] if name in SCALARS else inputs[name]
@@ -181,7 +181,7 @@ class LimitComp(om.ExplicitComponent):
             if name == "gains":
                 for i, column in enumerate(by.T):
                     partials["value", f"gain_{i}"] = column[:, None]
-            elif name in SERIES:
+            elif name in self.options["limit"].series:
                 partials["value", name] = by
             else:
                 partials["value", name] = by.reshape(self.options["num_nodes"], -1)

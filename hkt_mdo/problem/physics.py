@@ -156,6 +156,16 @@ class Physics:
         return self.law.gain_units if self.law else ()
 
     @property
+    def states(self) -> dict[str, tuple[str, str]]:
+        """Unit and description of each state of the control law, by its name."""
+        return self.law.states if self.law else {}
+
+    def states_at_rest(self, torque, inflow_speed) -> dict[str, np.ndarray]:
+        """Return the states of the control law in equilibrium, by name; SI units."""
+        found = self.law.at_rest(torque, inflow_speed) if self.law else ()
+        return dict(zip(self.states, found, strict=True))
+
+    @property
     def several_sections(self) -> bool:
         """Whether the stations have polars of their own, which are rougher together than one."""
         return isinstance(self.polar, tuple)
@@ -179,7 +189,8 @@ class Physics:
         """Return the quantities of a quasi-steady starting point, one dict a scenario.
 
         Those of `hkt_mdo.dynamics.trajectory.SERIES`, of loads those that the case limits, and the
-        scalars that limits and objectives may take; the control torque balances the flow's.
+        scalars that limits and objectives may take; the control torque balances the flow's, and
+        states of the control law are in equilibrium.
         """
         scalars = self.scalars(point.blade, self.mass_and_inertia(point.blade)[1])
         found = []
@@ -191,7 +202,7 @@ class Physics:
             known = quantities(time, flow, speed, torque, torque, radius, self.generator)
             known |= self.loads_along(point.blade, known, self.load_names)
             known["torque_rate"] = np.gradient(torque, time)
-            found.append(known | scalars)
+            found.append(known | scalars | self.states_at_rest(torque, flow))
         return found
 
     def scalars(self, blade: Blade, inertia: float) -> dict[str, Any]:
@@ -305,6 +316,9 @@ def physics(case: Case) -> Physics:
     if control.cut_out is not None:
         fastest = min(fastest, control.cut_out)
         speed = np.minimum(speed, fastest)
+    if isinstance(control, FeedbackLaw):
+        control = control.in_flow(float(np.min(speed)), float(np.max(speed)))
+        case = case.model_copy(update={"control": control})
     # the speed at which most energy passes; only a local Reynolds number asks for it
     speed = float(weights @ speed**4 / (weights @ speed**3))
     turbine = build_turbine(case.rotor, case.fluid, speed)

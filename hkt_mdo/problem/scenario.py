@@ -248,6 +248,13 @@ def add_phase(trajectory, scenario, law, unknown, ode_options, parameters, scale
             defect_ref=scales.acceleration,
             **speed,
         )
+    for name, (unit, _) in (law.states if law else {}).items():
+        ref, rate = scales.states[name]
+        source = f"{name}_rate"
+        phase.add_state(
+            name, rate_source=source, targets=[name], units=unit, ref=ref, defect_ref=rate
+        )
+        phase.add_boundary_constraint(source, loc="initial", equals=0.0, ref=rate)
     if law is None and unknown == "torque":
         limits = {"lower": 0.0, "upper": scales.torque_limit}
         _add_control(phase, "control_torque", ref=scales.torque, **limits)
@@ -286,20 +293,26 @@ class Scales:
     """Reference magnitudes of one problem, from its start: every `ref` of its phases.
 
     rotor_speed (rad/s), torque (N*m), acceleration (rad/s**2): a typical torque over the inertia.
-    torque_limit (N*m or None) bounds the torque where that is the open loop's unknown.
+    torque_limit (N*m or None) bounds the torque where that is the open loop's unknown. states has
+    those of each state of the control law, and of its rate.
     """
 
     rotor_speed: float
     torque: float
     acceleration: float
     torque_limit: float | None
+    states: dict[str, tuple[float, float]]
 
 
-def set_start(phase, time, rotor_speed, torque):
-    """Set a phase's time span and the start of its unknowns from samples, SI units, (n_times,)."""
+def set_start(phase, time, rotor_speed, torque, states):
+    """Set a phase's time span and the start of its unknowns from samples, SI units, (n_times,).
+
+    states has those of the control law by name.
+    """
     phase.set_time_val(initial=time[0], duration=time[-1] - time[0], units="s")
     controls = phase.control_options, phase.set_control_val
     for names, setter in (controls, (phase.state_options, phase.set_state_val)):
-        for name, values in (("rotor_speed", rotor_speed), ("control_torque", torque)):
+        start = {"rotor_speed": rotor_speed, "control_torque": torque} | states
+        for name, values in start.items():
             if name in names:
                 setter(name, values, time_vals=time, interpolation_kind="cubic")

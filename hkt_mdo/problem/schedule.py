@@ -128,8 +128,10 @@ class SteadyFlow:
 
     def excess(self, known: dict) -> np.ndarray:
         """Return by how much the limits are exceeded at most, relatively; -inf without limits."""
-        over = [each.excess(known) * np.ones(known["time"].size) for each in self.limits]
-        return np.max(over, axis=0, initial=-np.inf)
+        over = np.full(known["time"].size, -np.inf)
+        for limit in self.limits:
+            over = np.maximum(over, limit.excess(known))
+        return over
 
     def at(self, curves: Curves, ratio) -> tuple[np.ndarray, np.ndarray]:
         """Return the objective's rates, W, at tip speed ratios, and the excess of the limits."""
@@ -205,18 +207,44 @@ class Schedule:
 
 
 class Joint:
-    """Objective and constraints over one vector: the design's unknowns, then the ratios."""
+    """Objective and constraints over one vector: the design's unknowns, then the ratios.
+
+    Under a law with states there are none of these: the ratios follow from its gains.
+    """
 
     def __init__(self, steady: SteadyFlow, design: CoDesign, slowed: float):
         self.steady, self.design, self.slowed = steady, design, slowed
+
+    def vector(self, schedule):
+        """Return the unknowns of a schedule, their units, and how far they may move."""
+        x, units = self.design.vector(schedule)
+        ratio = schedule.ratio[: 0 if self.steady.physics.states else None]
+        moves = ratio / RATIO_MOVE, ratio * RATIO_MOVE
+        ends = zip(self.design.bounds(x), moves, strict=True)
+        low, high = (np.concatenate(each) for each in ends)
+        return np.r_[x, ratio], np.r_[units, ratio], low, high
+
+    def split(self, z):
+        """Return the design's unknowns, the ratios, and their slopes by all unknowns."""
+        steady, law, n = self.steady, self.steady.physics.law, self.steady.speeds.size
+        if not steady.physics.states:
+            return z[:-n], z[-n:], np.eye(n, z.size, z.size - n)
+        gains, radius = self.design.gains(z), self.design.blade(z).rotor_radius
+        speed = law.speed_at_rest(steady.speeds, gains)
+        by = np.zeros((n, z.size))
+        by[:, z.size - gains.size :] = law.speed_at_rest_by_gain(steady.speeds, gains).T
+        stations = np.zeros((1, self.design.blade(z).r.size))
+        by_radius = self.design.by_unknowns(stations, stations, np.ones(1))
+        by[:, : z.size - gains.size] = speed[:, None] / radius * by_radius
+        return z, speed * radius / steady.speeds, by * (radius / steady.speeds)[:, None]
 
     def values(self, z):
         """Return objective, equalities = 0 and inequalities >= 0, each with its slopes."""
         steady, design = self.steady, self.design
         physics, law, n = steady.physics, steady.physics.law, steady.speeds.size
-        x, ratio = z[:-n], z[-n:]
+        x, ratio, own = self.split(z)
         gains, curves = design.gains(x), steady.curves(design.blade(x), design)
-        here = self._with_slopes(curves, x, ratio)
+        here = self._with_slopes(curves, x, ratio, own)
 
         def chained(function, at=here):
             """Return a function of the known quantities and its slopes, by complex step."""
@@ -243,25 +271,24 @@ class Joint:
         equal, above = [nothing], [nothing]
         for limit in steady.limits:
             above.append(chained(partial(_room, limit)))
-        if law is not None:
-            slowed = self._with_slopes(curves, x, ratio, 1.0 - self.slowed)
+        if law is not None and not physics.states:
+            share = 1.0 - self.slowed
+            slowed = self._with_slopes(curves, x, share * ratio, share * own)
             for rows, at, least in ((equal, here, 0.0), (above, slowed, SAFE)):
                 value, by = chained(net, at)
                 by[:, x.size - gains.size : x.size] += by_gains(at)
                 rows.append((value - least, by))
         return *objective, *_stacked(equal), *_stacked(above)
 
-    def _with_slopes(self, curves, x, ratio, share=1.0):
-        """Return the coefficients at a share of the ratios, and their slopes by all unknowns."""
-        steady, design, n = self.steady, self.design, ratio.size
-        blade, stations = curves.blade, np.zeros((1, curves.blade.r.size))
-        values = steady.coefficients(curves, share * ratio)
-        gains = np.zeros((1, design.gains(x).size))
+    def _with_slopes(self, curves, x, ratio, own):
+        """Return the coefficients at ratios, and their slopes by all unknowns; own: the ratios'."""
+        steady, design, blade = self.steady, self.design, curves.blade
+        values, stations = steady.coefficients(curves, ratio), np.zeros((1, blade.r.size))
+        others = np.zeros((1, own.shape[1] - x.size + design.gains(x).size))
 
         def designed(*by):
-            return np.hstack((design.by_unknowns(*by), gains, np.zeros((1, n))))
+            return np.hstack((design.by_unknowns(*by), others))
 
-        own = np.hstack((np.zeros((n, x.size)), share * np.eye(n)))
         slopes = {"ratio": own, "rotor_radius": designed(stations, stations, np.ones(1))}
         rotor = steady.physics.case.rotor
         _, inertia, _, by_chord = mass_and_inertia(
@@ -270,9 +297,9 @@ class Joint:
         by_radius = np.array([3.0 * inertia / blade.rotor_radius])
         slopes["inertia"] = designed(by_chord[None], stations, by_radius)
         for name, table in curves.values.items():
-            by = np.zeros((n, x.size + n))
-            by[:, : x.size - gains.size] = steady.spline.basis(share * ratio) @ curves.slopes[name]
-            slope = steady.spline.values(table, share * ratio)[1]
+            by = np.zeros(own.shape)
+            by[:, : own.shape[1] - others.size] = steady.spline.basis(ratio) @ curves.slopes[name]
+            slope = steady.spline.values(table, ratio)[1]
             slopes[name] = by + slope[:, None] * own
         return values, slopes
 
@@ -289,8 +316,8 @@ def _room(limit, known):
 
 
 def needed(physics: Physics) -> bool:
-    """Tell whether a case has limits for which a start needs a schedule: others than torque's."""
-    return any(not isinstance(each, TorqueLimit) for each in _kept(physics))
+    """Tell whether a start needs a schedule: for limits but torque's, or a law that follows it."""
+    return bool(physics.states) or any(not isinstance(e, TorqueLimit) for e in _kept(physics))
 
 
 def _kept(physics: Physics) -> tuple[Limit, ...]:
@@ -303,7 +330,8 @@ def _kept(physics: Physics) -> tuple[Limit, ...]:
     def constrains(limit):  # a torque limit is held by a law's saturation
         if RATES.keys() & set(limit.inputs):
             return False
-        return limit.constrains(control) or (physics.law is None and isinstance(limit, TorqueLimit))
+        saturates = physics.law is not None and not physics.states
+        return limit.constrains(control) or (isinstance(limit, TorqueLimit) and not saturates)
 
     return tuple(each for each in physics.limits if each.caps_series and constrains(each))
 
@@ -359,12 +387,11 @@ def schedules(
         found.append(improved(open_loop, free, best, found))
         starts.append(StartingPoint(found[-1].blade, np.empty(0), starts[0].operation))
     if law is not None:
-        own, fitted = [], [_along(steady, _fitted(steady, few, each), "") for each in found]
-        if len(law.gain_units) == 1 or gains is not None or not improve:
-            own, fitted = (
-                [_along(steady, start, "") for start in candidates(few, gains)],
-                fitted * improve,
-            )
+        # what has several gains, or follows a schedule, is near the best where it is fitted
+        several = improve and gains is None and len(law.gain_units) > 1
+        alone = bool(physics.states) or several
+        own = [] if alone else [_along(steady, start, "") for start in candidates(few, gains)]
+        fitted = [_begun(steady, few, each) for each in found] if improve or alone else []
         tried += len(own) + len(fitted)
         found = []
         for each in (*sorted(own, key=_worth)[-1:], *fitted):
@@ -376,6 +403,13 @@ def schedules(
     return (found[0], *others)
 
 
+def _begun(steady, problem, schedule) -> Schedule:
+    """Return a law's schedule with the blade of an open loop's, as near to that as it comes."""
+    if steady.physics.states:
+        return _following(steady, schedule)
+    return _along(steady, _fitted(steady, problem, schedule), "")
+
+
 def _fitted(steady, problem, schedule) -> StartingPoint:
     """Return a law's starting point whose gains are fitted to the schedule of an open loop."""
     physics, curves = steady.physics, steady.curves(schedule.blade)
@@ -384,6 +418,21 @@ def _fitted(steady, problem, schedule) -> StartingPoint:
     gains = np.clip(gains, *(physics.case.design.gain_bounds or (-np.inf, np.inf)))
     problem = replace(problem, rotor_radius=schedule.blade.rotor_radius)
     return StartingPoint(schedule.blade, gains, problem.operate(curves.values["torque"], gains))
+
+
+def _following(steady, schedule) -> Schedule:
+    """Return the schedule of a law with states whose gains follow that of an open loop."""
+    law, curves, speeds = steady.physics.law, steady.curves(schedule.blade), steady.speeds
+    gains, unit = law.starting_gains(), schedule.blade.rotor_radius / speeds
+    if gains is None:
+        known = steady.known(steady.coefficients(curves, schedule.ratio))
+        slope = steady.spline.values(curves.values["torque"], schedule.ratio)[1] * unit
+        slope *= torque_scale(known["density"], known["rotor_radius"], speeds)
+        gains = law.follow(speeds, known["rotor_speed"], known["hydrodynamic_torque"], slope)
+    ratio = law.speed_at_rest(speeds, gains) * unit
+    rate, over = steady.at(curves, ratio)
+    value, excess = float(steady.weights @ rate), float(np.max(over))
+    return replace(schedule, gains=gains, ratio=ratio, objective=value, excess=excess)
 
 
 def _side(steady, schedule) -> str:
@@ -403,7 +452,12 @@ def start_of(physics: Physics, problem: QuasiSteady, found: tuple[Schedule, ...]
     curves, flow = steady.curves(best.blade), problem.inflow_speed
     if physics.law is not None:
         whole = replace(problem, rotor_radius=best.blade.rotor_radius)
-        operation = whole.operate(curves.values["torque"], best.gains)
+        if physics.states:
+            operation = whole.held(
+                curves.values["torque"], physics.law.speed_at_rest(flow, best.gains)
+            )
+        else:
+            operation = whole.operate(curves.values["torque"], best.gains)
     else:
         coarse = SteadyFlow.of(physics, problem.spline).speeds
         guide = np.interp(steady.speeds, coarse, best.ratio)
@@ -442,18 +496,15 @@ def _improve(joint: Joint, best: Schedule, rival: float = -np.inf) -> Schedule:
     Limits that it exceeds by much are tightened in steps: each round begins near what it asks for.
     A schedule that remains far behind the objective of a rival is given up.
     """
-    design, n = joint.design, joint.steady.speeds.size
+    design = joint.design
     slack = best.excess if np.isfinite(best.excess) else 1.0
     for _ in range(ROUNDS):
         slack = TIGHTENED * slack if slack > LOOSE else 0.0
-        x, units = design.vector(best)
-        center, units = np.r_[x, best.ratio], np.r_[units, best.ratio]
-        moves = best.ratio / RATIO_MOVE, best.ratio * RATIO_MOVE
-        ends = zip(design.bounds(x), moves, strict=True)
-        low, high = (np.concatenate(each) / units for each in ends)
+        center, units, low, high = joint.vector(best)
         reference = max(abs(best.objective), 1e-9)
+        low, high = low / units, high / units
         z = _solve(joint, center / units, low, high, units, reference, slack) * units
-        x, ratio = z[:-n], z[-n:]
+        x, ratio, _ = joint.split(z)
         value, _, equal, _, above, _ = joint.values(z)
         excess = float(max(np.max(-above, initial=-np.inf), np.max(np.abs(equal), initial=-np.inf)))
         better = replace(
@@ -492,7 +543,7 @@ def _solve(joint, start, low, high, units, objective, slack):
 
     scale = -100.0 / objective
     constraints = [{"type": "ineq"} | of(4, slack)]
-    if joint.steady.physics.law is not None:
+    if joint.steady.physics.law is not None and not joint.steady.physics.states:
         constraints.append({"type": "eq"} | of(2))
     return minimize(
         lambda z: scale * at(tuple(z))[0],

@@ -157,7 +157,11 @@ class Findings:
         self.steady_speed = self.time_constant = None
         if steady.running:
             self.steady_speed = float(steady.rotor_speed[0])
-            slope = float(law.torque_by_speed(steady.rotor_speed[:1], gains)[0]) if law else 0.0
+            slope = 0.0
+            if law:
+                speed, torque = steady.rotor_speed[:1], steady.hydrodynamic_torque[:1]
+                states = law.at_rest(torque, np.array([self.mean]))
+                slope = float(law.torque_by_speed(speed, gains, *states)[0])
             self.time_constant = self.relaxation(self.steady_speed, self.mean, slope)
         self._meet()
 

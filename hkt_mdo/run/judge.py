@@ -119,7 +119,8 @@ class Flight:
         """All rates, along the integration."""
         flown = self.simulation
         acceleration = (flown.hydrodynamic_torque - flown.control_torque) / self.plant.inertia
-        return {"torque_rate": self.controller.rate(flown.time, flown.rotor_speed, acceleration)}
+        known = flown.time, flown.rotor_speed, acceleration, flown.inflow_speed, *flown.states
+        return {"torque_rate": self.controller.rate(*known)}
 
     @property
     def recorded(self) -> RecordedTorque | None:
@@ -206,6 +207,7 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
             samples=np.append(scenario.within(np.arange(SAMPLES) / SAMPLES), scenario.edges[-1]),
             max_step=mesh.duration / mesh.segments,
             begin=float(scenario.edges[0]),
+            initial_states=[nodes[name][0] for name in physics.states],
         )
         limited = bool(physics.load_names)
         flights.append(Flight(scenario, nodes, flown, controller, scalars, plant, loads, limited))
@@ -291,6 +293,8 @@ def _of_design(physics, optimum, reference, result, flights):
         yield "mesh_error", result.mesh_error, MESH_ERROR, change
     else:
         yield from _recovery(physics, result, flights)
+    if physics.states:
+        yield _closed_loop(flights)
     energy = total(flights, lambda flight: flight.simulation.energy)
     bound = energy_bound(physics, optimum)
     for name, most, word in (
@@ -350,13 +354,26 @@ def short_of_recovery(physics: Physics, result: Optimized, flight: Flight) -> np
 
     def net(speed):
         driving = flight.plant.torque(speed, flown.inflow_speed)
-        return driving - physics.law.torque(speed, gains)
+        return driving - physics.law.torque(speed, gains, *flown.states)
 
     speed, radius = flown.rotor_speed, flight.scalars["rotor_radius"]
     unit = TYPICAL * torque_scale(physics.density, radius, flown.inflow_speed)
     recovery = (net((1.0 - SLOWED) * speed) - net(speed)) / unit
     known = settled(flight.integrated | flight.scalars)
     return np.where(known, 1.0 - recovery / LEAST, -np.inf)
+
+
+def _closed_loop(flights):
+    """Return how stable the loop of rotor and a law with states is: the largest growth, 1/s."""
+    found = []
+    for flight in flights:
+        flown = flight.simulation
+        known = flight.plant, flown.rotor_speed, flown.inflow_speed, *flown.states
+        growth = np.linalg.eigvals(flight.controller.linearized(*known)).real.max(axis=1)
+        found.append((np.max(growth), flown.time[np.argmax(growth)]))
+    value, when = max(found)
+    word = f"largest real part of the closed loop's eigenvalues, 1/s, at t = {when:.2f} s"
+    return "closed_loop", value, 0.0, word
 
 
 def _of_limit(physics, limit, result, flights):
@@ -445,6 +462,7 @@ TRY = {
     "flow_error": "try more phase.segments",
     "mesh_error": "try driver.optimizer=IPOPT, or more phase.segments",
     "distance_from_stall": "try hydrodynamics.torque=curve, or start.method=quasi_steady",
+    "closed_loop": "try a larger control.proportional_gain",
     "stored_energy": (
         "the captured energy counts what the rotor stores: try objective=generator, "
         "phase.final_speed=initial, or phase.stored_energy=allowed"

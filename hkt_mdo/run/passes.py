@@ -302,7 +302,7 @@ def collect(physics: Physics, setup: Setup, problem, outcome) -> Optimized:
         setup,
         _point(physics, problem),
         tuple(
-            {name: _series(problem, scenario, name) for name in QUANTITIES}
+            {name: _series(problem, scenario, name) for name in (*QUANTITIES, *physics.states)}
             for scenario in physics.scenarios
         ),
         *(

@@ -2,7 +2,8 @@
 
 Blade and controller are held. Open loop replays its recorded torque. A feedback law is run as the
 digital controller that it would be: every sample time it reads F[w + n], where n is Gaussian and F
-a second-order Butterworth low-pass, and holds its torque until the next.
+a second-order Butterworth low-pass, and holds its torque until the next. A law with states advances
+them by a sample as well; what it hears of the flow has the noise of its own sensor.
 """
 
 from dataclasses import dataclass
@@ -14,7 +15,14 @@ from scipy.interpolate import CubicSpline
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.laws import FeedbackLaw
-from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant, RecordedTorque, Simulation, simulate
+from hkt_mdo.dynamics.simulation import (
+    SLOWEST_RATIO,
+    FeedbackTorque,
+    Plant,
+    RecordedTorque,
+    Simulation,
+    simulate,
+)
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import BEM, Physics, complete, physics
 from hkt_mdo.results.solution import Solution
@@ -140,13 +148,19 @@ class Design:
             torque = recorded["time_s"], recorded["control_torque_Nm"]
             controller = RecordedTorque(*torque, self.physics.torque_limit)
         else:
-
-            def controller(_, speed):
-                return law.torque(speed, self.gains)
-
+            controller = FeedbackTorque(law, self.gains)
         speed, samples = initial_speed or self.initial_speed(inflow), 20 * phase.segments + 1
         step, end = phase.duration / phase.segments / refined, phase.duration
-        return simulate(self.plant, inflow, controller, speed, end, samples, step, tolerance)
+        about = speed, end, samples, step, tolerance, self.initial_states(inflow, speed)
+        return simulate(self.plant, inflow, controller, *about)
+
+    def initial_states(self, inflow, speed):
+        """Return the states of the law in equilibrium with the first flow and speed (rad/s)."""
+        if self.law is None:
+            return ()
+        flow = inflow.speed_at(np.zeros(1))
+        states = self.law.at_rest(self.plant.torque(np.array([speed]), flow), flow)
+        return [float(each[0]) for each in states]
 
 
 def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed: int) -> Ensemble:
@@ -170,7 +184,8 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
     period = duration / n_samples
     substeps = max(int(np.ceil(period / (LONGEST_STEP * plant.inertia / slope))), 1)
     step = period / substeps
-    speed = np.full(repeats, design.initial_speed(inflow))
+    law, speed = design.law, np.full(repeats, design.initial_speed(inflow))
+    states = [np.full(repeats, each) for each in design.initial_states(inflow, speed[0])]
     low_pass = memory = None
     if sensor.cutoff is not None:
         low_pass = signal.butter(2, sensor.cutoff, fs=1.0 / period)
@@ -185,7 +200,10 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
         measured = speed + deviation * random.standard_normal((1, repeats))
         if low_pass is not None:
             measured, memory = signal.lfilter(*low_pass, measured, axis=0, zi=memory)
-        control = design.law.torque(np.maximum(measured[0], 0.0), design.gains)
+        measured = np.maximum(measured[0], 0.0)
+        control = law.torque(measured, design.gains, *states)
+        told = law.sensed(np.full(repeats, flows[k, 0]), random)
+        states = _advanced(law, measured, told, design.gains, states, period)
         record[:, k] = speed[0], control[0], torque(speed[:1], flows[k, 0])[0]
         for j in range(substeps):
             flow = flows[k, 2 * j : 2 * j + 3]
@@ -230,6 +248,19 @@ class _Torque:
         ratio = speed * self.radius / flow
         exact = self._coefficient(ratio)
         return float(np.max(np.abs(self.curve(ratio) - exact)) / np.max(np.abs(exact)))
+
+
+def _advanced(law, speed, flow, gains, states, period):
+    """Return the states of a law a sample later, what its sensors tell held, by implicit Euler.
+
+    Linearized at the states, it is stable at any sample time.
+    """
+    if not states:
+        return states
+    slopes = np.moveaxis(law.slopes(speed, flow, gains, *states)[1:, 1:], -1, 0)
+    rates = np.stack(law.rates(speed, flow, gains, *states), axis=-1)
+    change = np.linalg.solve(np.eye(len(states)) - period * slopes, period * rates[..., None])
+    return [each + change[:, i, 0] for i, each in enumerate(states)]
 
 
 def _runge_kutta(torque, speed, control, flow, step):

@@ -1,0 +1,126 @@
+"""Control of the rotor's speed to a schedule over the flow's speed, which a sensor tells."""
+
+from functools import lru_cache
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import AfterValidator, Field, Strict, model_validator
+
+from hkt_mdo.dynamics.laws import FeedbackLaw
+from hkt_mdo.rotor.torque_curve import TorqueSpline
+from hkt_mdo.sections import Quantity, ordered, refusal
+
+RESET = 0.2  # s, kp / ki of a controller that the start chooses
+STIFFER = 2.0  # kp of it, over the largest of Q/w and dQ/dw along the schedule
+NARROWEST = 0.02  # width of a flow's range over its middle, at least, over which knots are placed
+
+_FlowSpeed = Annotated[float, Quantity("m/s", gt=0)]
+
+
+class Tracking(FeedbackLaw):
+    """Proportional-integral control of the speed to a schedule over the flow's speed.
+
+    u = sat(kp (w - w_ref(s)) + z),  z' = (u - z) ki / kp,  s' = (v + bias - s) / lag
+
+    While u is not saturated, z' = ki (w - w_ref): z is the integral part. At the torque limit the
+    same formula is anti-windup by back-calculation with the time kp / ki: z approaches the limit.
+    In equilibrium z = u = Q and w = w_ref. The loop is stable where kp du/dx > dQ/dw, x what is
+    saturated (docs/theory.md): it holds a rotor at less than the speed of its largest power or
+    torque too, which no law of the rotor's speed alone can. s is what the sensor tells of the
+    flow's speed; w_ref is a natural cubic spline, linear beyond its knots.
+    """
+
+    law: Literal["tracking"] = "tracking"
+    """The control law."""
+    knots: Annotated[int, Strict(), Field(ge=2, le=40)] = 8
+    """Number of flow speeds at which the schedule's speed is designed, equally spaced."""
+    flow_range: Annotated[tuple[_FlowSpeed, _FlowSpeed], AfterValidator(ordered)] | None = None
+    """Flow speeds of the first and the last knot; null: the slowest and the fastest of `inflow`."""
+    schedule: tuple[Annotated[float, Quantity("rad/s", gt=0)], ...] | None = None
+    """Rotor speeds at the knots at the start; null: those of the start's open loop."""
+    proportional_gain: Annotated[float, Quantity("N*m*s/rad", gt=0)] | None = None
+    """Gain kp; null: twice the largest of Q/w and dQ/dw along the start's schedule."""
+    integral_gain: Annotated[float, Quantity("N*m/rad", gt=0)] | None = None
+    """Gain ki; null: kp / 0.2 s."""
+    design_gains: bool = False
+    """Whether kp and ki are designed, as the schedule is, and the above are only their start. An
+    optimization has no noise: it finds them larger than a noisy sensor allows."""
+    lag: Annotated[float, Quantity("s", ge=0.001)] = 0.1
+    """Time constant with which the sensor follows the flow's speed."""
+    bias: Annotated[float, Quantity("m/s")] = 0.0
+    """What the sensor tells too much, in the optimization too."""
+    noise: Annotated[float, Quantity("m/s", ge=0)] = 0.0
+    """Standard deviation of a sample of the sensor; in noisy simulations only."""
+
+    states: ClassVar[dict[str, tuple[str, str]]] = {
+        "integral_torque": ("N*m", "integral part of the control torque"),
+        "sensed_flow": ("m/s", "inflow speed as the sensor tells it"),
+    }
+    gain_units = property(  # type: ignore[assignment]
+        lambda self: ("rad/s",) * self.knots + ("N*m*s/rad", "N*m/rad")
+    )
+
+    @model_validator(mode="after")
+    def _check_schedule(self):
+        if self.schedule is not None and len(self.schedule) != self.knots:
+            problem = f"has {len(self.schedule)} speeds for {self.knots} knots"
+            raise refusal(problem, "give one a knot", key="schedule", value=list(self.schedule))
+        return self
+
+    def in_flow(self, slowest, fastest):
+        if self.flow_range is not None:
+            return self
+        middle, half = 0.5 * (slowest + fastest), 0.5 * (fastest - slowest)
+        half = max(half, 0.5 * NARROWEST * middle)
+        return self.model_copy(update={"flow_range": (middle - half, middle + half)})
+
+    def reference(self, flow, gains):
+        """Return the schedule's speed, rad/s, at told flow speeds, m/s; both may be complex."""
+        spline = _spline(self.flow_range, self.knots)
+        if np.ndim(flow) == 0:
+            return spline.values(gains[: self.knots], np.atleast_1d(flow))[0][0]
+        values, _ = spline.values(gains[: self.knots], np.ravel(flow))
+        return values.reshape(np.shape(flow))
+
+    def demand(self, speed, gains, integral_torque, sensed_flow):
+        """Return kp (w - w_ref(s)) + z, N*m; arguments of one shape, which may be complex."""
+        return gains[-2] * (speed - self.reference(sensed_flow, gains)) + integral_torque
+
+    def rates(self, speed, inflow_speed, gains, integral_torque, sensed_flow):
+        torque = self.torque(speed, gains, integral_torque, sensed_flow)
+        reset = (torque - integral_torque) * gains[-1] / gains[-2]
+        return reset, (inflow_speed + self.bias - sensed_flow) / self.lag
+
+    def at_rest(self, torque, inflow_speed):
+        return torque, inflow_speed + self.bias
+
+    def speed_at_rest(self, inflow_speed, gains):
+        return self.reference(inflow_speed + self.bias, gains)
+
+    def sensed(self, inflow_speed, random):
+        return inflow_speed + self.noise * random.standard_normal(np.shape(inflow_speed))
+
+    def moves(self, gains, factor):
+        ends = super().moves(gains, factor)
+        if not self.design_gains:
+            ends[:, self.knots :] = gains[self.knots :]
+        return ends
+
+    def follow(self, inflow_speed, speed, torque, slope):
+        sensed, least = inflow_speed + self.bias, max(np.max(torque / speed), np.max(slope))
+        kp = self.proportional_gain or STIFFER * least
+        ki = self.integral_gain or kp / RESET
+        if self.schedule is not None:
+            return np.array([*self.schedule, kp, ki])
+        spline = _spline(self.flow_range, self.knots)
+        # where no flow tells a knot, its speed is in proportion to the flow
+        schedule = spline.nodes * np.sum(speed) / np.sum(sensed)
+        basis = spline.basis(sensed)
+        schedule = schedule + np.linalg.lstsq(basis, speed - basis @ schedule, rcond=1e-6)[0]
+        return np.array([*schedule, kp, ki])
+
+
+@lru_cache(maxsize=8)
+def _spline(flow_range, knots):
+    """Return the spline of a schedule over the flow's speed, m/s."""
+    return TorqueSpline(np.linspace(*flow_range, knots))

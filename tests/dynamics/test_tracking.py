@@ -1,0 +1,237 @@
+"""Control of the speed to a schedule: linear theory, then the motion, then derivatives."""
+
+from dataclasses import replace
+
+import numpy as np
+import openmdao.api as om
+import pytest
+from openmdao.utils.assert_utils import assert_check_partials
+from scipy.integrate import solve_ivp
+
+from hkt_mdo.case import load_case
+from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
+from hkt_mdo.dynamics.laws import smooth_saturation
+from hkt_mdo.dynamics.rotor_ode import FeedbackComp
+from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, simulate
+from hkt_mdo.dynamics.tracking import Tracking
+from hkt_mdo.errors import InputError
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.problem.setup import find_start
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.steady_optimum import best_operation
+from tests.conftest import CASES
+
+KNOTS, INERTIA = 5, 4.0
+LAW = Tracking(knots=KNOTS, flow_range=(1.2, 1.8))
+SPEEDS = np.linspace(6.0, 9.0, KNOTS)
+GAINS = np.array([*SPEEDS, 150.0, 600.0])
+
+
+@pytest.fixture(scope="module")
+def plant(blade, polar):
+    return Plant(blade, polar, INERTIA, 1000.0, bem.rotor_coefficients)
+
+
+def steady(law, plant, flow, ratio, kp=150.0, ki=600.0):
+    """Return gains that hold a tip speed ratio, the speed there, the torque and its slope."""
+    radius = plant.blade.rotor_radius
+    knots = np.linspace(*law.flow_range, law.knots)
+    w, v, h = np.array([ratio * flow / radius]), np.array([flow]), 1e-4
+    torque, faster, slower = (float(plant.torque(w + move, v)[0]) for move in (0.0, h, -h))
+    return np.array([*ratio * knots / radius, kp, ki]), w, torque, (faster - slower) / (2.0 * h)
+
+
+def plant_of(world):
+    return Plant(world.blade, world.polar, INERTIA, world.density, bem.rotor_coefficients)
+
+
+def following(*overrides):
+    """Return physics, run and start of a blade as it is that follows its open loop's schedule."""
+    world = physics(load_case(CASES / "sine_oloc.yaml", overrides))
+    start = find_start(world, best_operation(world.blade, world.polar), improve=False)
+    speed, torque = start.operation.rotor_speed[0], start.operation.hydrodynamic_torque[0]
+    states = world.law.at_rest(torque, float(world.inflow.speed_at(0.0)))
+    loop, span = FeedbackTorque(world.law, start.gains), world.case.phase.duration
+    run = simulate(plant_of(world), world.inflow, loop, speed, span, 2001, initial_states=states)
+    return world, run, start
+
+
+# Linear theory ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ratio", [4.0, 7.0, 9.0])
+def test_eigenvalues_are_those_of_a_proportional_integral_loop(plant, ratio):
+    """I s² + (kp - dQ/dw) s + ki = 0, and the sensor's -1/lag (no torque limit)."""
+    gains, speed, torque, slope = steady(LAW, plant, 1.5, ratio)
+    states = [np.array([each]) for each in LAW.at_rest(torque, 1.5)]
+    flow, loop = np.array([1.5]), FeedbackTorque(LAW, gains)
+    found = np.linalg.eigvals(loop.linearized(plant, speed, flow, *states)[0])
+    expected = np.r_[np.roots([INERTIA, gains[-2] - slope, gains[-1]]), -1.0 / LAW.lag]
+    np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(expected), rtol=1e-5)
+
+
+def test_with_anti_windup_the_loop_is_stable_where_the_proportional_part_exceeds_the_flows_slope():
+    """With x saturated to u: where kp du/dx > dQ/dw, for every ki > 0; beyond it, as far as
+
+    kp du/dx > dQ/dw - I (1 - du/dx) ki / kp  and  kp du/dx > (1 - du/dx) dQ/dw.
+    """
+    limit, rng = 700.0, np.random.default_rng(1)
+    law, count = LAW.model_copy(update={"torque_limit": limit}), 400
+    wanted, integral = rng.uniform(0.0, 1.2 * limit, count), rng.uniform(0.0, 700.0, count)
+    reference, slope = law.reference(np.full(count, 1.5), GAINS), rng.uniform(-200.0, 200.0, count)
+    speed = reference + (wanted - integral) / GAINS[-2]
+    matrix = law.slopes(speed, 1.5, GAINS, integral, np.full(count, 1.5))
+    matrix[0] *= -1.0 / INERTIA
+    matrix[0, 0] += slope / INERTIA
+    growth = np.linalg.eigvals(np.moveaxis(matrix, -1, 0)).real.max(axis=1)
+    passed = np.imag(smooth_saturation(wanted + 1e-40j, limit, law.smoothing)) / 1e-40
+    own, lost = GAINS[-2] * passed, 1.0 - passed
+    stable = (own > slope - INERTIA * lost * GAINS[-1] / GAINS[-2]) & (own > lost * slope)
+    assert 50 < np.sum(stable) < 350
+    np.testing.assert_array_equal(growth < 0.0, stable)
+    assert np.all(growth[own > slope] < 0.0)
+
+
+def test_in_equilibrium_nothing_changes(plant):
+    for law in (LAW, LAW.model_copy(update={"bias": 0.1})):
+        speed = law.speed_at_rest(np.array([1.3, 1.6]), GAINS)
+        np.testing.assert_allclose(speed, law.reference(np.array([1.3, 1.6]) + law.bias, GAINS))
+        torque = np.array([400.0, 500.0])
+        states = law.at_rest(torque, np.array([1.3, 1.6]))
+        np.testing.assert_allclose(law.torque(speed, GAINS, *states), torque, rtol=1e-14)
+        rates = law.rates(speed, np.array([1.3, 1.6]), GAINS, *states)
+        np.testing.assert_allclose(rates, 0.0, atol=1e-10)
+
+
+def test_schedule_is_its_knots_and_a_straight_line_where_they_are():
+    knots = np.linspace(1.2, 1.8, KNOTS)
+    np.testing.assert_allclose(LAW.reference(knots, GAINS), SPEEDS, rtol=1e-13)
+    beyond = np.array([1.0, 1.41, 2.0])
+    np.testing.assert_allclose(LAW.reference(beyond, GAINS), 5.0 * beyond, rtol=1e-12)
+
+
+# Motion -------------------------------------------------------------------------------------------
+
+
+def test_steady_flow_gives_the_open_loops_energy(plant, blade, polar):
+    """Begun off its equilibrium, the rotor ends at the best tip speed ratio: power P v³."""
+    best = best_operation(blade, polar)
+    gains, speed, torque, _ = steady(LAW, plant, 1.5, best.tip_speed_ratio)
+    loop, flow = FeedbackTorque(LAW, gains), ConstantInflow(speed=1.5)
+    states = np.array(LAW.at_rest(torque, 1.5))
+    run = simulate(plant, flow, loop, speed[0] - 0.5, 20.0, initial_states=0.9 * states)
+    assert run.rotor_speed[-1] == pytest.approx(speed[0], rel=1e-9)
+    ideal = 0.5 * 1000.0 * np.pi * blade.rotor_radius**2 * best.power_coefficient * 1.5**3
+    assert run.hydrodynamic_torque[-1] * run.rotor_speed[-1] == pytest.approx(ideal, rel=1e-9)
+    assert run.control_torque[-1] == pytest.approx(torque, rel=1e-9)
+    np.testing.assert_allclose(run.states[:, -1], states, rtol=1e-9)
+
+
+def test_slow_sine_and_a_quick_sensor_give_the_open_loops_energy():
+    """Of the same blade, kept, in quasi-steady operation."""
+    overrides = ["design.blade=fixed", "inflow.angular_frequency=0.05", "phase.duration=125.66"]
+    world = physics(load_case(CASES / "sine_oloc.yaml", overrides))
+    best = best_operation(world.blade, world.polar)
+    ideal = find_start(world, best, improve=False).operation
+    world, run, _ = following(*overrides, "control={law: tracking, lag: 0.01}")
+    assert run.energy == pytest.approx(ideal.energy, rel=1e-4)
+
+
+def test_underspeed_is_held_where_a_static_law_is_unstable():
+    """The blade keeps 4 kW by turning slower as the flow quickens, so its torque rises.
+
+    A law of the speed alone that does so has u = P / w and falls where Q rises.
+    """
+    limited = "limits.power=4 kW", "start.branch=underspeed", "design.blade=fixed"
+    world, run, start = following(*limited, "control={law: tracking, knots: 20, lag: 0.02}")
+    assert start.branch == "underspeed"
+    assert np.max(run.control_torque * run.rotor_speed) < 4100.0
+    quick = run.inflow_speed > 1.6
+    assert np.corrcoef(run.inflow_speed[quick], run.rotor_speed[quick])[0, 1] < -0.9
+    assert run.energy == pytest.approx(start.operation.energy, rel=2e-3)
+    plant, loop = plant_of(world), FeedbackTorque(world.law, start.gains)
+    matrix = loop.linearized(plant, run.rotor_speed, run.inflow_speed, *run.states)
+    assert np.max(np.linalg.eigvals(matrix).real) < 0.0
+    fast = np.argmax(run.inflow_speed)
+    flow, w, u = run.inflow_speed[fast], run.rotor_speed[fast], run.hydrodynamic_torque[fast]
+
+    def static(_, speed):
+        return np.minimum(u * w / speed, 1.5 * u)
+
+    for begin, end in ((0.99, 0.8), (1.01, 1.2)):  # away from the equilibrium, on both sides
+        lost = simulate(plant, ConstantInflow(speed=flow), static, begin * w, 20.0)
+        assert (lost.rotor_speed[-1] / w < end) == (end < 1.0)
+        assert abs(lost.rotor_speed[-1] / w - 1.0) > 0.2
+
+
+def test_motion_is_that_of_scipys_radau(plant):
+    law = LAW.model_copy(update={"torque_limit": 600.0, "bias": 0.03})
+    loop, flow, start = FeedbackTorque(law, GAINS), SineInflow(), [7.0, 300.0, 1.4]
+    run = simulate(plant, flow, loop, start[0], 20.0, 201, 1.0, initial_states=start[1:])
+
+    def rates(time, values):
+        w, v = np.array([values[0]]), np.atleast_1d(flow.speed_at(time))
+        u = law.torque(w, GAINS, *values[1:, None])
+        driving = plant.torque(w, v)
+        others = law.rates(w, v, GAINS, *values[1:, None])
+        return np.concatenate([(driving - u) / INERTIA, *others])
+
+    exact = solve_ivp(rates, (0.0, 20.0), start, "Radau", run.time, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(run.rotor_speed, exact.y[0], rtol=1e-7)
+    np.testing.assert_allclose(run.states, exact.y[1:], rtol=1e-7)
+
+
+# Derivatives, and the case ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("limit", [None, 500.0])
+def test_partials_by_complex_step(limit):
+    law, n = LAW.model_copy(update={"torque_limit": limit}), 7
+    problem = om.Problem(reports=False)
+    problem.model.add_subsystem("law", FeedbackComp(num_nodes=n, law=law), promotes=["*"])
+    problem.setup(force_alloc_complex=True)
+    rng = np.random.default_rng(2)
+    values = {
+        "rotor_speed": rng.uniform(6.0, 9.0, n),
+        "inflow_speed": rng.uniform(1.1, 1.9, n),
+        "integral_torque": rng.uniform(200.0, 600.0, n),
+        "sensed_flow": rng.uniform(1.1, 1.9, n),
+    }
+    for name, value in values.items():
+        problem.set_val(name, value)
+    for i, gain in enumerate(GAINS):
+        problem.set_val(f"gain_{i}", gain)
+    problem.run_model()
+    data = problem.check_partials(method="cs", out_stream=None)
+    assert_check_partials(data, atol=1e-9, rtol=1e-9)
+    expected = law.torque(values["rotor_speed"], GAINS, *list(values.values())[2:])
+    np.testing.assert_allclose(problem.get_val("control_torque"), expected, rtol=1e-14)
+
+
+def test_rate_of_the_torque_is_along_the_motion(plant):
+    loop = FeedbackTorque(LAW, GAINS)
+    run = simulate(plant, SineInflow(), loop, 7.0, 5.0, 5001, initial_states=(300.0, 1.4))
+    acceleration = (run.hydrodynamic_torque - run.control_torque) / INERTIA
+    rate = loop.rate(run.time, run.rotor_speed, acceleration, run.inflow_speed, *run.states)
+    expected = np.gradient(run.control_torque, run.time)
+    np.testing.assert_allclose(rate[5:-5], expected[5:-5], rtol=1e-3, atol=1.0)
+
+
+def test_a_schedule_has_one_speed_a_knot():
+    with pytest.raises(InputError, match="has 2 speeds for 8 knots") as told:
+        load_case(CASES / "sine_oloc.yaml", ["control={law: tracking, schedule: [7, 8]}"])
+    assert told.value.key == "control.schedule"
+
+
+def test_knots_span_the_design_flow():
+    world = physics(load_case(CASES / "sine_oloc.yaml", ["control=tracking"]))
+    np.testing.assert_allclose(world.law.flow_range, (1.3, 1.7), rtol=1e-4)
+    again = physics(world.case)
+    assert again.law == world.law
+    still = physics(
+        load_case(
+            CASES / "sine_oloc.yaml", ["control=tracking", "inflow={profile: constant, speed: 1.5}"]
+        )
+    )
+    assert still.law.flow_range[0] < still.law.flow_range[1]
+    assert replace(world, law=None).states == {}
