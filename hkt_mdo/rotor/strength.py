@@ -5,14 +5,18 @@ towards the upper (suction) side, both from the centroid of its material; see do
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from hkt_mdo.rotor.outline import Outline, SecondMoments
+from hkt_mdo.rotor.thickness import over_thickness
 
 PLACES = 64  # about; with them the largest stress is within 1e-3 of that between all places
 EXPONENT = 400.0  # of the norms that are smooth instead of the largest; see `norm`
+PARTS = 32  # between two sections, in which sections of a designed thickness are tabulated
 POINT_ERROR = 2e-4  # how much the points of an outline that are kept may stand out too far
 
 
@@ -125,6 +129,61 @@ class Structure:
         return (across * np.cos(twist) - along * np.sin(twist)) / d
 
 
+@dataclass(frozen=True, eq=False)
+class StructureByThickness:
+    """The structure of sections whose thickness over chord is designed, linear between stations.
+
+    numbers is a spline over the thickness: area, xx, yy, xy and the coordinates of the points, as
+    `Structure` has them. density (kg/m³) and modulus (Pa) are the material's.
+    """
+
+    numbers: CubicSpline
+    density: float
+    modulus: float | None = None
+
+    @classmethod
+    def of(cls, thickness, outlines, density, modulus=None, wall=None):
+        """Return the structure of sections of a thickness[n_sections], which increases.
+
+        Outlines between them are splines through theirs, at equal fractions of the chord, as are
+        walls between the sections' walls (over the chord; None: solid sections).
+        """
+        parts = [np.linspace(*ends, PARTS + 1) for ends in pairwise(thickness)]
+        at = np.unique(np.concatenate(parts))
+        x, upper, lower = np.moveaxis([each.resampled() for each in outlines], 1, 0)
+        along = over_thickness(thickness, np.stack((x, upper, lower), axis=1))(at)
+        walls = [None] * at.size if wall is None else over_thickness(thickness, wall)(at)
+        sections = [
+            material_section(Outline(np.r_[x[::-1], x], np.r_[upper[::-1], lower]), own)
+            for (x, upper, lower), own in zip(along, walls, strict=True)
+        ]
+        numbers = np.array([(area, *moments) for area, moments, _ in sections])
+        points = _governing([points for _, _, points in sections], same=True)
+        table = np.hstack((numbers, points.reshape(at.size, -1)))
+        return cls(CubicSpline(at, table), float(density), modulus)
+
+    def with_section(self, thickness, area, second_moments=None):
+        """Return the structure with another area and `SecondMoments` of the sections.
+
+        As `Structure.with_section`, with values[n_sections] at the sections' thickness.
+        """
+        at = self.numbers.x
+        table = self.numbers(at)
+        table[:, 0] = over_thickness(thickness, area)(at)
+        if second_moments is not None:
+            table[:, 1:4] = over_thickness(thickness, np.transpose(second_moments))(at)
+        return replace(self, numbers=CubicSpline(at, table))
+
+    def at(self, thickness):
+        """Return the `Structure` of places with a thickness[n_places], which may be complex."""
+        real, step = np.real(thickness), np.imag(thickness)
+        table = self.numbers(real)
+        if np.iscomplexobj(thickness):
+            table = table + 1j * step[:, None] * self.numbers(real, 1)
+        points = table[:, 4:].reshape(table.shape[0], -1, 2)
+        return Structure(*table[:, :4].T, points, self.density, self.modulus)
+
+
 def place_weights(n_stations):
     """Return the matrix (n_places, n_stations) from values at stations to those at places.
 
@@ -181,11 +240,12 @@ def _about(area, moments, apart):
     return moments.xx + area * y * y, moments.yy + area * x * x, moments.xy + area * x * y
 
 
-def _governing(shapes):
+def _governing(shapes, same=False):
     """Return the few points of each outline that can have the largest stress.
 
     In every direction of the stress' gradient their reach, of either sign, is that of the whole
-    outline or up to `POINT_ERROR` more. The same directions are taken in all outlines.
+    outline or up to `POINT_ERROR` more. The same directions are taken in all outlines; with `same`,
+    the same points, where outlines have points at the same fractions of the chord.
     """
     size = np.max([np.max(np.abs(points), axis=0) for points in shapes], axis=0)
     angle = np.linspace(0.0, np.pi, 721)[:-1]
@@ -195,8 +255,11 @@ def _governing(shapes):
     farthest = np.array([each.argmax(axis=0) for each in reaches])
     kept, covered = [], np.zeros(reach.shape)
     while (least := np.min(covered / reach)) < 1.0 - POINT_ERROR:
-        worst = np.argmin(np.min(covered / reach, axis=0))
-        points = [shape[index] for shape, index in zip(shapes, farthest[:, worst], strict=True)]
+        if same:
+            indices = [farthest.ravel()[np.argmin(covered / reach)]] * len(shapes)
+        else:
+            indices = farthest[:, np.argmin(np.min(covered / reach, axis=0))]
+        points = [shape[index] for shape, index in zip(shapes, indices, strict=True)]
         kept.append(np.array(points))
         covered = np.maximum(covered, np.abs(kept[-1] @ directions))
     return np.stack(kept, axis=1) / least
