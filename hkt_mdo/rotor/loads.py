@@ -24,8 +24,6 @@ from hkt_mdo.rotor.strength import (
 UNITS = {"thrust": "N", "root_moment": "N*m", "stress": "Pa", "cavitation": None}
 COEFFICIENT_UNITS = {"thrust": "m**2", "root_moment": "m**3", "stress": None, "cavitation": "1/Pa"}
 
-STEP = 1e-30  # of a derivative by complex step
-
 # Three points are exact for (linear chord)² times linear shape times r², a quintic.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 _SHARES, _WEIGHTS = 0.5 * (_POINTS + 1.0)[:, None], 0.5 * _WEIGHTS[:, None]
@@ -152,11 +150,12 @@ class LoadModel:
         flow = bem.sections(blade, self.polar, ratio / np.cos(blade.cone), derivatives)
         return {name: _LOADS[name](self, blade, flow, ratio) for name in names}
 
-    def _structure(self, blade, step=0.0):
-        """Return the structure of a blade, by whose thickness a complex step may be taken."""
+    def _structure(self, blade):
+        """Return the structure of a blade, and its rate by the thickness where that is designed."""
         if isinstance(self.structure, Structure):
-            return self.structure
-        return self.structure.at(place_weights(blade.r.size) @ blade.thickness + step)
+            return self.structure, None
+        thickness = place_weights(blade.r.size) @ blade.thickness
+        return self.structure.at(thickness), self.structure.at(thickness, 1)
 
     def flapwise_moment(self, blade, tip_speed_ratio, r):
         """Return the moment that bends a blade flapwise at radii r over q, m³, (n_points, n_r).
@@ -182,7 +181,7 @@ class LoadModel:
         ratio = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
         flow = bem.sections(blade, self.polar, ratio / np.cos(blade.cone))
         weights = place_weights(blade.r.size)
-        structure = self._structure(blade)
+        structure, _ = self._structure(blade)
         edges = np.concatenate(([blade.hub_radius], weights @ blade.r, [blade.tip_radius]))
         r = (edges[:-1] + _SHARES * np.diff(edges)).ravel()
 
@@ -268,7 +267,7 @@ def _whole(blade, flow, weights, power):
 
 
 def _stress(model, blade, flow, ratio):
-    structure, weights = model._structure(blade), place_weights(blade.r.size)
+    (structure, change), weights = model._structure(blade), place_weights(blade.r.size)
     r, chord, twist = weights @ blade.r, weights @ blade.chord, weights @ blade.twist
     if structure.n_stations not in (None, blade.r.size):
         raise ValueError(f"the structure is not that of {blade.r.size} stations")
@@ -283,7 +282,8 @@ def _stress(model, blade, flow, ratio):
     flapwise, edgewise = _moments(blade, flow, r)
     flapwise = flapwise + rate * sine * bend
     weak, strong = _about_chord(flapwise, edgewise, twist)
-    bending = structure.bending(weak, strong, chord, model.exponent)
+    wanted = change if flow.derivatives.size else None
+    bending = structure.bending(weak, strong, chord, model.exponent, wanted)
     tension = rate * cosine * pull / (area * chord**2)
     exact, values = bending.largest + np.real(tension), bending.smooth + tension
     if not flow.derivatives.size:
@@ -308,11 +308,8 @@ def _stress(model, blade, flow, ratio):
         by_places = by_places - (3.0 * share * bending.smooth + 2.0 * tensile) / chord
         by_chord = by_chord + by_places @ weights
         by_twist = by_twist + (by_weak * strong - by_strong * weak) @ weights
-        if isinstance(model.structure, StructureByThickness):
-            moved = model._structure(blade, 1j * STEP)
-            bent = moved.bending(weak, strong, chord, model.exponent).smooth
-            grown = np.imag(moved.area) / STEP
-            by_places = share * np.imag(bent) / STEP + (by_area - tensile / area) * grown
+        if change is not None:
+            by_places = share * bending.by_change + (by_area - tensile / area) * change.area
             by_thickness = by_thickness + by_places @ weights
         by_radius = _by_radius(blade, np.sum(share * values, axis=1), by_chord, 0)
         return by_ratio, by_chord, by_twist, by_thickness, by_radius

@@ -24,13 +24,15 @@ class Bending(NamedTuple):
     """Largest bending stress of sections (Pa), each of shape (n_points, n_places).
 
     largest is over the outline; smooth, never below it, a norm over it with the derivatives by_weak
-    and by_strong by both moments (1/m³).
+    and by_strong by both moments (1/m³), and by_change by the sections where a change of them is
+    given.
     """
 
     largest: np.ndarray
     smooth: np.ndarray
     by_weak: np.ndarray
     by_strong: np.ndarray
+    by_change: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,22 +100,37 @@ class Structure:
         }
         return replace(self, **spread, n_stations=counts.pop() if counts else None)
 
-    def bending(self, weak, strong, chord, exponent=EXPONENT):
+    def bending(self, weak, strong, chord, exponent=EXPONENT, change=None):
         """Return the `Bending` stress by moments weak and strong[n_points, n_places] (N m).
 
         weak is the moment of forces towards +y, strong of forces towards -x; chord[n_places] in m,
-        exponent that of the `norm` over the outline. The stress is x u + y v with
+        exponent that of the `norm` over the outline, change the rate of the structure by what
+        `by_change` is the derivative by. The stress is x u + y v with
 
             u = (xx strong + xy weak) / d,  v = -(yy weak + xy strong) / d,  d = (xx yy - xy²) c³.
         """
         d = (self.xx * self.yy - self.xy**2) * chord**3
-        u = (self.xx * strong + self.xy * weak) / d
-        v = -(self.yy * weak + self.xy * strong) / d
+        u, v = self._gradient(weak, strong, d)
         x, y = self.points[..., 0], self.points[..., 1]
         smooth, share, largest = norm(x * u[..., None] + y * v[..., None], exponent)
         by_u, by_v = np.sum(share * x, axis=-1), np.sum(share * y, axis=-1)
         by_weak = (self.xy * by_u - self.yy * by_v) / d
-        return Bending(largest, smooth, by_weak, (self.xx * by_u - self.xy * by_v) / d)
+        by_strong, by_change = (self.xx * by_u - self.xy * by_v) / d, None
+        if change is not None:
+            u_d, v_d = change._gradient(weak, strong, d)
+            grown = self.xx * change.yy + change.xx * self.yy - 2.0 * self.xy * change.xy
+            grown = grown / (self.xx * self.yy - self.xy**2)
+            by_change = by_u * (u_d - u * grown) + by_v * (v_d - v * grown)
+            by_change = by_change + u * np.einsum("...p,...p", share, change.points[..., 0])
+            by_change = by_change + v * np.einsum("...p,...p", share, change.points[..., 1])
+        return Bending(largest, smooth, by_weak, by_strong, by_change)
+
+    def _gradient(self, weak, strong, d):
+        """Return the stress' gradients u and v along x and y; see `bending`."""
+        return (
+            (self.xx * strong + self.xy * weak) / d,
+            -(self.yy * weak + self.xy * strong) / d,
+        )
 
     def curvature(self, weak, strong, chord, twist):
         """Return the curvature (1/m) of a blade out of the rotor plane; see `bending`.
@@ -174,12 +191,9 @@ class StructureByThickness:
             table[:, 1:4] = over_thickness(thickness, np.transpose(second_moments))(at)
         return replace(self, numbers=CubicSpline(at, table))
 
-    def at(self, thickness):
-        """Return the `Structure` of places with a thickness[n_places], which may be complex."""
-        real, step = np.real(thickness), np.imag(thickness)
-        table = self.numbers(real)
-        if np.iscomplexobj(thickness):
-            table = table + 1j * step[:, None] * self.numbers(real, 1)
+    def at(self, thickness, order=0):
+        """Return the `Structure` of places with a thickness[n_places], or its rate by it."""
+        table = self.numbers(thickness, order)
         points = table[:, 4:].reshape(table.shape[0], -1, 2)
         return Structure(*table[:, :4].T, points, self.density, self.modulus)
 
