@@ -1,4 +1,4 @@
-"""Sections over their thickness: theory, the derivatives of BEM and of loads, the steady optimum."""
+"""Sections over their thickness: theory, derivatives of BEM and loads, the steady optimum."""
 
 from dataclasses import replace
 
