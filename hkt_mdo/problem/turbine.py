@@ -72,14 +72,12 @@ def build_turbine(
     shape = table.r, table.chord, table.twist + set_angle
     blade = Blade(*shape, hub_radius, tip_radius, count, float(cone))
     named = _named_sections(rotor, table)
-    sections, blended = _sections(rotor, table, named)
     if design is not None and design.thickness_points:
-        family = _by_thickness(rotor, design, named)
-        thickness = np.array([each.thickness for each in sections])
-        blade = replace(blade, thickness=np.clip(thickness, *family[0].bounds))
-        polar, area, structure = family
-        messages = (*read, *messages, *blended)
-        return Turbine(blade, polar, area, blade.thickness, structure, messages)
+        polar, area, structure = _by_thickness(rotor, design, named)
+        thickness = np.clip(_starting_thickness(rotor, table, named), *polar.bounds)
+        blade = replace(blade, thickness=thickness)
+        return Turbine(blade, polar, area, thickness, structure, (*read, *messages))
+    sections, blended = _sections(rotor, table, named)
     families, thickness, area, *_ = zip(*sections, strict=True)
     if rotor.reynolds == "local":
         families = families if len(families) > 1 else families * stations.size
@@ -213,6 +211,16 @@ def _by_thickness(rotor, design, named):
     if _given(rotor, sections):
         structure = structure.with_section(thickness, area, moments)
     return ByThickness.of(thickness, polars, bounds), over_thickness(thickness, area), structure
+
+
+def _starting_thickness(rotor, table, named) -> np.ndarray:
+    """Return the thickness of the stations where it is designed, half way if no file says it."""
+    if table.thickness is not None:
+        return table.thickness
+    if table.section is None:
+        ends = [named[name].thickness for name in _in_order(named)]
+        return np.full(table.r.size, 0.5 * (ends[0] + ends[-1]))
+    return np.array([each.thickness for each in _sections(rotor, table, named)[0]])
 
 
 def _given(rotor, sections) -> bool:
