@@ -163,7 +163,7 @@ class Physics:
     @property
     def several_sections(self) -> bool:
         """Whether the stations have polars of their own, which are rougher together than one."""
-        return isinstance(self.polar, tuple)
+        return isinstance(self.polar, tuple | ByThickness)
 
     @property
     def has_curve(self) -> bool:

@@ -180,10 +180,7 @@ def _sections(rotor, table, named) -> tuple[list[_Section], tuple[str, ...]]:
 
 
 def _by_thickness(rotor, design, named):
-    """Return polars, area and structure of the sections over their thickness; refuse what has none.
-
-    The messages of files stay those of the sections.
-    """
+    """Return polars, area and structure over the thickness; refuse sections without an order."""
     if len(named) < 2:
         problem, remedy = "needs several sections, of different thickness", "give rotor.sections"
         raise InputError(problem, remedy, key="design.thickness_points")

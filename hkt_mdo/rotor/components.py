@@ -16,6 +16,7 @@ QUANTITIES = {
     "thickness": {"desc": "thickness over chord at the stations, where it is designed"},
     "rotor_radius": {"units": "m", "desc": "radius of the swept disc"},
 }
+SIZES = "chord", "thickness"
 
 
 def rotor_inputs(blade):
@@ -213,19 +214,21 @@ class InertiaComp(om.ExplicitComponent):
 
     def setup(self):
         blade = self.options["blade"]
-        for name in rotor_inputs(blade):
-            if name == "twist":
-                continue
+        for name in (*self._sizes, "rotor_radius"):
             self.add_input(name, val=getattr(blade, name), **QUANTITIES[name])
         self.add_output("mass", units="kg", desc="mass of the blades")
         self.add_output("inertia", units="kg*m**2", desc="inertia of the rotor about its axis")
         self.declare_partials("*", "*")
 
+    @property
+    def _sizes(self):
+        """Names of what decides the sections' areas."""
+        return [name for name in rotor_inputs(self.options["blade"]) if name in SIZES]
+
     def _evaluate(self, inputs):
         """Return the results at the start's radius, and the ratio of the radius to the start's."""
-        options, start = self.options, self.options["blade"]
-        designed = [name for name in rotor_inputs(start) if name in ("chord", "thickness")]
-        blade = replace(start, **{name: inputs[name] for name in designed})
+        options = self.options
+        blade = replace(options["blade"], **{name: inputs[name] for name in self._sizes})
         found = mass_and_inertia(blade, options["section_area"], options["density"])
         return found, inputs["rotor_radius"][0] / blade.rotor_radius
 
@@ -236,10 +239,9 @@ class InertiaComp(om.ExplicitComponent):
 
     def compute_partials(self, inputs, partials):
         found, stretch = self._evaluate(inputs)
-        start = self.options["blade"]
+        radius = self.options["blade"].rotor_radius
         for power, name in ((1, "mass"), (3, "inertia")):
-            for by in rotor_inputs(start):
-                if by in ("chord", "thickness"):
-                    partials[name, by] = getattr(found, f"{name}_by_{by}") * stretch**power
-            slope = power * getattr(found, name) * stretch ** (power - 1) / start.rotor_radius
+            for by in self._sizes:
+                partials[name, by] = getattr(found, f"{name}_by_{by}") * stretch**power
+            slope = power * getattr(found, name) * stretch ** (power - 1) / radius
             partials[name, "rotor_radius"] = slope
