@@ -5,7 +5,8 @@ python scripts/make_example_data.py
 
 Afterwards python scripts/polar_suction.py adds the polars' smallest pressures.
 
-Writes naca63424_*.csv, naca4415_*.csv, cylinder_*.csv and river_blade.csv. First a shipped polar is
+Writes naca63424_*.csv, naca4415_*.csv, cylinder_*.csv and river_blade.csv, and the other outlines
+of cases/examples/designed_thickness.yaml. First a shipped polar is
 computed again; if it differs, NeuralFoil is another one and nothing is written. For every polar the
 confidence that NeuralFoil has in itself is printed. hkt_mdo/files/data/README.md says what all this
 is for. rm1_blade.csv is a published table and not made here.
@@ -21,6 +22,7 @@ from scipy.interpolate import CubicSpline
 from hkt_mdo.files.shipped import data_path, read_table
 
 DATA = Path(__file__).parent.parent / "hkt_mdo" / "files" / "data"
+EXAMPLES = Path(__file__).parent.parent / "cases" / "examples" / "files"
 ALPHA = np.arange(-16.0, 24.5, 0.5)  # deg
 REYNOLDS = {
     "naca63424": ("Re1e6", "Re3e6", "Re1e7"),
@@ -74,13 +76,13 @@ def wrap(x, thickness, mean, slope):
     return np.vstack((upper[::-1], lower[1:]))
 
 
-def naca4415():
-    """Return the outline of NACA 4415 in closed form (NACA report 460, 1933).
+def naca44(thickness):
+    """Return the outline of a NACA 44xx of a thickness in closed form (NACA report 460, 1933).
 
     y_t = 5 t (0.2969 √x - 0.1260 x - 0.3516 x² + 0.2843 x³ - 0.1036 x⁴), the last coefficient the
     one that closes the trailing edge; the mean line is two parabolas that meet at x = 0.4.
     """
-    camber, place, thickness = 0.04, 0.4, 0.15
+    camber, place = 0.04, 0.4
     x = cosine(INTERVALS)
     half = np.polynomial.Polynomial((0.0, -0.1260, -0.3516, 0.2843, -0.1036))(x)
     half = 5.0 * thickness * (0.2969 * np.sqrt(x) + half)
@@ -192,8 +194,12 @@ def main():
     write(out / "cylinder_coordinates.csv", outline_header, outline, (6, 6))
     write(out / "cylinder_polar.csv", polar_header, table, (6, 6, 6, 6))
 
+    for percent in (12, 18, 24):
+        path = EXAMPLES / f"naca44{percent}.csv"
+        write(path, outline_header, naca44(0.01 * percent).round(6), (6, 6))
+
     polars = {}
-    for name, outline in (("naca63424", naca63424()), ("naca4415", naca4415())):
+    for name, outline in (("naca63424", naca63424()), ("naca4415", naca44(0.15))):
         outline = outline.round(6)
         write(out / f"{name}_coordinates.csv", outline_header, outline, (6, 6))
         for reynolds in REYNOLDS[name]:

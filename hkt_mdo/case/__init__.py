@@ -6,7 +6,7 @@ text with a unit, such as ``1400 mm``, which is converted. Whatever is wrong wit
 one `InputError`.
 """
 
-from hkt_mdo.case.design import Phase
+from hkt_mdo.case.design import Design, Phase
 from hkt_mdo.case.document import case_json_schema, case_markdown, commented_case
 from hkt_mdo.case.kinds import known_kinds
 from hkt_mdo.case.schema import Case, case_class, load_case, read_case
@@ -14,6 +14,7 @@ from hkt_mdo.case.turbine import Fluid, Rotor
 
 __all__ = [
     "Case",
+    "Design",
     "Fluid",
     "Phase",
     "Rotor",

@@ -16,6 +16,10 @@ _Gains = Annotated[
     tuple[Annotated[float, Quantity(ge=0)], Annotated[float, Quantity(gt=0)]],
     AfterValidator(ordered),
 ]
+_Thicknesses = Annotated[
+    tuple[Annotated[float, Quantity(gt=0, le=1)], Annotated[float, Quantity(gt=0, le=1)]],
+    AfterValidator(ordered),
+]
 _Points = Annotated[int, Strict(), Field(ge=2, le=200)]
 
 
@@ -34,6 +38,13 @@ class Design(Section):
     each station if there are 20 or fewer of one section, else 8 control points."""
     twist_points: _Points | None = None
     """Number of control points of the twist along the span, as `chord_points`."""
+    thickness_points: _Points | None = None
+    """Number of control points of the sections' thickness over chord along the span, as
+    `chord_points`; null: the thickness is not designed. Lift, drag, suction, outline and wall are
+    splines over the thickness through those of `rotor.sections`."""
+    thickness_bounds: _Thicknesses | None = None
+    """Bounds on the thickness over chord, [lower, upper], within the sections'; null: from the
+    thinnest to the thickest."""
     set_angle_bounds: _Angles | None = None
     """Bounds on the set angle of a fixed blade, [lower, upper]; null: it is not designed. A twist
     that is designed includes the set angle."""
@@ -46,11 +57,16 @@ class Design(Section):
 
     @model_validator(mode="after")
     def _check_designed(self) -> Design:
-        points = [name for name in ("chord_points", "twist_points") if getattr(self, name)]
+        names = ("chord_points", "twist_points", "thickness_points")
+        points = [name for name in names if getattr(self, name)]
         if self.blade == "fixed" and points:
             problem = "gives the control points of a blade that is fixed"
             remedy = "give design.blade: optimized, or leave it out"
             raise refusal(problem, remedy, key=points[0], value=getattr(self, points[0]))
+        if self.thickness_bounds is not None and self.thickness_points is None:
+            problem, remedy = "bounds a thickness that is not designed", "give thickness_points"
+            value = list(self.thickness_bounds)
+            raise refusal(problem, remedy, key="thickness_bounds", value=value)
         bounds = self.set_angle_bounds
         if self.blade == "optimized" and bounds is not None:
             problem = "bounds a set angle, which the designed twist includes already"

@@ -319,8 +319,11 @@ class Taper(Limit):
         return {"chord": by}
 
 
+SPANWISE = "chord", "twist", "thickness"
+
+
 class DesignBounds(Limit):
-    """Bounds of the case on a design variable: chord, twist, set angle, radius or gains."""
+    """Bounds of the case on a design variable: shape of the blade, set angle, radius or gains."""
 
     quantity: str
     """Name of the design variable."""
@@ -331,7 +334,7 @@ class DesignBounds(Limit):
     inputs = property(lambda self: (self.quantity,))  # type: ignore[assignment]
     lower = property(lambda self: self.bounds[0])  # type: ignore[assignment]
     upper = property(lambda self: self.bounds[1])
-    place = property(lambda self: "span" if self.quantity in ("chord", "twist") else "design")
+    place = property(lambda self: "span" if self.quantity in SPANWISE else "design")
 
 
 def settled(known):

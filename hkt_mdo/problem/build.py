@@ -28,8 +28,14 @@ from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.problem.scenario import Scales, Scenario, add_phase, set_start
 from hkt_mdo.problem.setup import Setup, curve_nodes, find_start, steady_optimum
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.components import QUANTITIES as ROTOR_INPUTS
-from hkt_mdo.rotor.components import AngleComp, InertiaComp, LoadTable, ShapeComp, TorqueTable
+from hkt_mdo.rotor.components import (
+    AngleComp,
+    InertiaComp,
+    LoadTable,
+    ShapeComp,
+    TorqueTable,
+    rotor_inputs,
+)
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.stall import SLOWER, stall_fence
 from hkt_mdo.rotor.steady_optimum import best_operation
@@ -38,12 +44,13 @@ from hkt_mdo.solve import drivers
 from hkt_mdo.solve.threads import one_thread
 from hkt_mdo.solve.totals import Substitution
 
-TWIST_UNIT = np.deg2rad(5.0)  # typical change of a twist
+TWIST_UNIT, THICKNESS_UNIT = np.deg2rad(5.0), 0.03  # typical changes of twist and thickness
 ANGLE_UNIT = np.deg2rad(5.0)  # and of an angle of attack
 DESIGNED = {
     "rotor_radius": "radius of the swept disc",
     "chord_control": "what makes the chord: at the stations, or control points of a spline",
     "twist_control": "what makes the twist: at the stations, control points, or the set angle",
+    "thickness_control": "what makes the thickness over chord: at the stations, or control points",
 }
 # IPOPT's barrier is a sum over the bounds and so over the segments; the objective is not. Where it
 # outweighs the objective, the iterates leave the start for the middle of all bounds.
@@ -162,21 +169,21 @@ def _state_scales(physics, start):
 
 
 def _add_design(model, physics, setup, bounds):
-    """Add what is designed, or held: radius, control points of chord and twist, gains, water."""
-    start, shape = setup.start, physics.shape
-    chord, twist = shape.control(start.blade)  # within the bounds, but for the last digit
-    chord, twist = np.clip(chord, *shape.chord_bounds), np.clip(twist, *shape.twist_bounds)
+    """Add what is designed, or held: radius, control points of the shape, gains, water."""
+    start = setup.start
+    chord, twist, thickness = physics.shape.within(start.blade)  # but for the last digit, they are
     radius = start.blade.rotor_radius
     design = model.add_subsystem("design", om.IndepVarComp(), promotes=["*"])
     for name, value, units, ref in (
         ("rotor_radius", np.atleast_1d(radius), "m", radius),
         ("chord_control", chord, "m", chord),
         ("twist_control", twist, "rad", TWIST_UNIT),
+        ("thickness_control", thickness, None, THICKNESS_UNIT),
     ):
         if not value.size:
             continue
         design.add_output(name, value, units=units, desc=DESIGNED[name])
-        if name != "rotor_radius" or shape.radius_bounds is not None:
+        if name != "rotor_radius" or physics.shape.radius_bounds is not None:
             low, high = bounds[name]
             model.add_design_var(name, lower=low, upper=high, ref=ref, units=units)
     design.add_output("density", physics.density, units="kg/m**3", desc="density of the water")
@@ -343,7 +350,9 @@ def _add_attached(model, physics, setup):
     model.add_design_var("lowest_ratio", lower=0.5 * lowest, upper=2.0 * lowest, ref=lowest)
     about = {"blade": blade, "polar": physics.polar, "stations": fence.stations}
     component = AngleComp(**about, slowed=SLOWER)
-    model.add_subsystem("sections", component, promotes_inputs=[*ROTOR_INPUTS, "lowest_ratio"])
+    model.add_subsystem(
+        "sections", component, promotes_inputs=[*rotor_inputs(blade), "lowest_ratio"]
+    )
     model.add_constraint("sections.angle_of_attack", upper=fence.highest, ref=ANGLE_UNIT)
     for scenario in physics.scenarios:
         name, n = f"above_{scenario.name}", scenario.node_times.size

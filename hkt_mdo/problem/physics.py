@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.flows import Inflow
@@ -38,6 +39,7 @@ from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.shape import Shape
 from hkt_mdo.rotor.stall import SLOWER, stall_fence
 from hkt_mdo.rotor.suction import require_suction, section_suction
+from hkt_mdo.rotor.thickness import ByThickness, as_built
 
 BEM = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficients}
 DURATION = 60.0  # s, of a flow that has no end of its own
@@ -58,7 +60,8 @@ class Physics:
 
     `case` is complete: its time span and segments are numbers. `shape` has the blade as given and
     what of it is designed; `polar` is one for all stations, or one a station. section_area (over
-    chord squared) and thickness (over chord) are one number, or one a station. There is usually one
+    chord squared) and thickness (over chord) are one number, or one a station. Where thickness is
+    designed, polar and section_area follow it, and thickness is the start's. There is usually one
     scenario; with a cut-out speed, one for each interval of operation. `law` None: open loop.
     `messages` tell what was converted, repaired or left out, `warnings` what was hardly meant.
     `torque_limit` (N*m) is None, and `law` has none, also where the case gives one that no blade
@@ -67,8 +70,8 @@ class Physics:
 
     case: Case
     shape: Shape
-    polar: Polar | tuple[Polar, ...] | LocalReynolds
-    section_area: float | np.ndarray
+    polar: Polar | tuple[Polar, ...] | LocalReynolds | ByThickness
+    section_area: float | np.ndarray | CubicSpline
     thickness: float | np.ndarray
     scenarios: tuple[Scenario, ...]
     law: FeedbackLaw | None
@@ -78,6 +81,10 @@ class Physics:
     warnings: tuple[str, ...] = ()
     torque_limit: float | None = None
     loads: LoadModel = None  # type: ignore[assignment]
+
+    def built(self, blade: Blade) -> Any:
+        """Return the polars of a blade, as `polar`, at its thickness where that is designed."""
+        return as_built(self.polar, blade)
 
     @property
     def load_names(self) -> tuple[str, ...]:
@@ -168,7 +175,7 @@ class Physics:
     @property
     def several_sections(self) -> bool:
         """Whether the stations have polars of their own, which are rougher together than one."""
-        return isinstance(self.polar, tuple)
+        return isinstance(self.polar, tuple | ByThickness)
 
     @property
     def has_curve(self) -> bool:
@@ -321,8 +328,13 @@ def physics(case: Case) -> Physics:
         case = case.model_copy(update={"control": control})
     # the speed at which most energy passes; only a local Reynolds number asks for it
     speed = float(weights @ speed**4 / (weights @ speed**3))
-    turbine = build_turbine(case.rotor, case.fluid, speed)
-    shape = build_shape(case, turbine.blade, several_sections=np.ndim(turbine.thickness) > 0)
+    turbine = build_turbine(case.rotor, case.fluid, speed, case.design)
+    shape = build_shape(
+        case,
+        turbine.blade,
+        several_sections=np.ndim(turbine.thickness) > 0,
+        thickness_bounds=getattr(turbine.polar, "bounds", (0.0, 1.0)),
+    )
     scenarios, told = in_operation(whole, control.cut_out, 2.0 * turbine.blade.rotor_radius)
     refuse_contradictions(case, shape, fastest)
     messages = (*turbine.messages, *inflow.messages, *told, *redundant_limits(case, shape))
@@ -359,7 +371,12 @@ def _load_model(case: Case, turbine: Turbine, shape: Shape) -> LoadModel:
         problem = "limits a load, which takes a curve over the tip speed ratio"
         remedy = "give hydrodynamics.torque: curve and rotor.reynolds: invariant"
         raise InputError(problem, remedy, key=f"limits.{next(iter(limited))}")
+    thick = isinstance(turbine.polar, ByThickness)
+    if thick and (direct or case.hydrodynamics.bem != "vectorized"):
+        problem = "takes hydrodynamics.torque: curve and hydrodynamics.bem: vectorized"
+        raise InputError(problem, "give these", key="design.thickness_points")
     polars = turbine.polar if isinstance(turbine.polar, tuple) else (turbine.polar,)
+    polars = turbine.polar.sections if thick else polars
     asked = limited.get("cavitation", CavitationLimit())
     depth = case.site.hub_depth if asked.depth is None else asked.depth
     if "cavitation" in limited:
@@ -375,7 +392,8 @@ def _load_model(case: Case, turbine: Turbine, shape: Shape) -> LoadModel:
     told = not local and all(each.suction is not None for each in polars)
     cavitation = None
     if depth is not None and told:
-        cavitation = Cavitation(partial(section_suction, turbine.polar), depth, asked.margin)
+        suction = turbine.polar.suction_at if thick else partial(section_suction, turbine.polar)
+        cavitation = Cavitation(suction, depth, asked.margin)
     return LoadModel(turbine.polar, case.fluid.density, turbine.structure, cavitation)
 
 
@@ -401,7 +419,9 @@ def _doubts(case: Case, mean: float) -> Iterator[str]:
         )
 
 
-def build_shape(case: Case, blade: Blade, *, several_sections: bool = False) -> Shape:
+def build_shape(
+    case: Case, blade: Blade, *, several_sections: bool = False, thickness_bounds=(0.0, 1.0)
+) -> Shape:
     """Return what of a case's blade is designed."""
     design, cosine = case.design, np.cos(blade.cone)
     radius_bounds = None
@@ -423,6 +443,8 @@ def build_shape(case: Case, blade: Blade, *, several_sections: bool = False) -> 
         tuple(np.deg2rad(design.twist_bounds)),
         radius_bounds,
         several_sections=several_sections,
+        thickness_points=design.thickness_points,
+        thickness_bounds=thickness_bounds,
     )
 
 
@@ -431,6 +453,8 @@ def _limits(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit
     bounds = {}
     if case.design.blade == "optimized":
         bounds |= {"chord": shape.chord_bounds, "twist": shape.twist_bounds}
+        if shape.designs_thickness:
+            bounds["thickness"] = shape.thickness_bounds
     elif case.design.set_angle_bounds is not None:
         bounds["set_angle"] = shape.twist_bounds
     bounds |= {"radius": shape.radius_bounds, "gain": case.design.gain_bounds}

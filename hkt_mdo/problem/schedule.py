@@ -94,15 +94,15 @@ class SteadyFlow:
         found = bem.rotor_coefficients(blade, physics.polar, nodes, derivatives=design is not None)
         values, slopes = {"torque": found.torque}, {}
         if design is not None:
-            by = found.torque_by_chord, found.torque_by_twist, found.torque_by_rotor_radius
-            slopes["torque"] = design.by_unknowns(*by)
+            by = found.torque_by_chord, found.torque_by_twist, found.torque_by_thickness
+            slopes["torque"] = design.by_unknowns(*by, found.torque_by_rotor_radius)
         names, derivatives = physics.load_names, design is not None
         for name, load in physics.loads.coefficients(blade, nodes, derivatives, names).items():
             envelope = load.envelope(physics.loads.exponent)
             values[name] = envelope.values
             if derivatives:
-                by = envelope.by_chord, envelope.by_twist, envelope.by_rotor_radius
-                slopes[name] = design.by_unknowns(*by)
+                by = envelope.by_chord, envelope.by_twist, envelope.by_thickness
+                slopes[name] = design.by_unknowns(*by, envelope.by_rotor_radius)
         return Curves(blade, values, slopes)
 
     def coefficients(self, curves: Curves, ratio) -> dict:
@@ -234,7 +234,7 @@ class Joint:
         by = np.zeros((n, z.size))
         by[:, z.size - gains.size :] = law.speed_at_rest_by_gain(steady.speeds, gains).T
         stations = np.zeros((1, self.design.blade(z).r.size))
-        by_radius = self.design.by_unknowns(stations, stations, np.ones(1))
+        by_radius = self.design.by_unknowns(*3 * (stations,), np.ones(1))
         by[:, : z.size - gains.size] = speed[:, None] / radius * by_radius
         return z, speed * radius / steady.speeds, by * (radius / steady.speeds)[:, None]
 
@@ -289,13 +289,12 @@ class Joint:
         def designed(*by):
             return np.hstack((design.by_unknowns(*by), others))
 
-        slopes = {"ratio": own, "rotor_radius": designed(stations, stations, np.ones(1))}
+        slopes = {"ratio": own, "rotor_radius": designed(*3 * (stations,), np.ones(1))}
         rotor = steady.physics.case.rotor
-        _, inertia, _, by_chord = mass_and_inertia(
-            blade, steady.physics.section_area, rotor.blade_material.density
-        )
-        by_radius = np.array([3.0 * inertia / blade.rotor_radius])
-        slopes["inertia"] = designed(by_chord[None], stations, by_radius)
+        found = mass_and_inertia(blade, steady.physics.section_area, rotor.blade_material.density)
+        by = found.inertia_by_chord[None], stations, found.inertia_by_thickness[None]
+        by_radius = np.array([3.0 * found.inertia / blade.rotor_radius])
+        slopes["inertia"] = designed(*by, by_radius)
         for name, table in curves.values.items():
             by = np.zeros(own.shape)
             by[:, : own.shape[1] - others.size] = steady.spline.basis(ratio) @ curves.slopes[name]

@@ -29,7 +29,8 @@ class MoveLimits:
     """How far from its start an optimization may go before it has to start anew from there.
 
     Rotor speed between `slower` and `faster` times the start's range; chord, disc radius and gain
-    by factors, twist by an angle (rad). Wherever the case's own bounds are tighter, they hold.
+    by factors, twist by an angle (rad), thickness by a difference (over chord). Wherever the case's
+    own bounds are tighter, they hold.
     """
 
     slower: float = 0.6
@@ -38,15 +39,16 @@ class MoveLimits:
     twist: float = np.inf
     radius: float = 1.2
     gain: float = 5.0
+    thickness: float = np.inf
 
     def bounds(self, physics: Physics, start: StartingPoint) -> dict[str, tuple]:
         """Return (lower, upper) of what the optimizer changes, and of the rotor speed.
 
-        rotor_speed (rad/s), chord_control (m), twist_control (rad), rotor_radius (m) and gain; what
-        is not designed has no entries.
+        rotor_speed (rad/s), chord_control (m), twist_control (rad), thickness_control (over chord),
+        rotor_radius (m) and gain; what is not designed has no entries.
         """
         speed, gains, shape = start.operation.rotor_speed, start.gains, physics.shape
-        chord, twist = shape.control(start.blade)
+        chord, twist, thick = shape.control(start.blade)
         radius = np.full(int(shape.radius_bounds is not None), start.blade.rotor_radius)
         own = physics.case.design.gain_bounds or (-np.inf, np.inf)
         moves = physics.law.moves if physics.law else lambda *_: (gains, gains)
@@ -54,6 +56,9 @@ class MoveLimits:
             "rotor_speed": (self.slower * np.min(speed), self.faster * np.max(speed)),
             "chord_control": _within(chord / self.chord, chord * self.chord, shape.chord_bounds),
             "twist_control": _within(twist - self.twist, twist + self.twist, shape.twist_bounds),
+            "thickness_control": _within(
+                thick - self.thickness, thick + self.thickness, shape.thickness_bounds
+            ),
             "rotor_radius": _within(
                 radius / self.radius, radius * self.radius, shape.radius_bounds or own
             ),
@@ -62,12 +67,13 @@ class MoveLimits:
 
     def reached(self, physics: Physics, start: StartingPoint, end: StartingPoint) -> bool:
         """Tell whether an optimum ended at a limit that is set around its start only."""
-        own = MoveLimits(0.0, *[np.inf] * 5).bounds(physics, start)
-        chord, twist = physics.shape.control(end.blade)
+        own = MoveLimits(0.0, *[np.inf] * 6).bounds(physics, start)
+        chord, twist, thick = physics.shape.control(end.blade)
         ends = {
             "rotor_speed": end.operation.rotor_speed,
             "chord_control": chord,
             "twist_control": twist,
+            "thickness_control": thick,
             "rotor_radius": np.array([end.blade.rotor_radius]),
             "gain": end.gains,
         }
@@ -85,7 +91,7 @@ def _within(low, high, bounds):
     return np.clip(low, *bounds), np.clip(high, *bounds)
 
 
-NARROW = MoveLimits(slower=0.8, faster=1.25, chord=1.3, twist=np.deg2rad(3.0), gain=1.3)
+NARROW = MoveLimits(0.8, 1.25, chord=1.3, twist=np.deg2rad(3.0), gain=1.3, thickness=0.02)
 """For an optimization that has lost its way."""
 
 

@@ -16,8 +16,9 @@ from hkt_mdo.rotor.steady_optimum import best_blade
 # upwards, each search beginning at the blade found before.
 RATIOS = np.geomspace(0.93, 0.75, 3), np.geomspace(1.04, 2.0, 7)
 # A start moves within these limits, which are re-centred until they are inactive.
-CHORD_MOVE, RADIUS_MOVE, GAIN_MOVE, TWIST_MOVE = 1.3, 1.1, 1.2, np.deg2rad(3.0)
-TWIST_UNIT = np.deg2rad(5.0)  # typical change of a twist
+CHORD_MOVE, RADIUS_MOVE, GAIN_MOVE = 1.3, 1.1, 1.2
+TWIST_MOVE, THICKNESS_MOVE = np.deg2rad(3.0), 0.02
+TWIST_UNIT, THICKNESS_UNIT = np.deg2rad(5.0), 0.03  # typical changes
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,25 +105,31 @@ def _with_gains(problem, blade, polar, gains, bounds):
 
 
 class CoDesign:
-    """Operation over one vector of unknowns: control of chord and twist, disc radius, gains."""
+    """Operation over one vector of unknowns: control of the shape, disc radius, gains.
+
+    The shape's are those of chord, twist and thickness.
+    """
 
     def __init__(self, problem, shape, polar, gain_bounds):
         self.problem, self.shape, self.polar = problem, shape, polar
         self._resized = shape.radius_bounds is not None
         n_gains = 0 if problem.law is None else len(problem.law.gain_units)
-        sizes = [shape.chord_basis.shape[1], shape.twist_basis.shape[1], self._resized, n_gains]
-        self._ends = np.cumsum(sizes[:3])
-        own = shape.chord_bounds, shape.twist_bounds, shape.radius_bounds or (0.0, 0.0)
-        self._own = np.repeat([*own, gain_bounds], sizes, axis=0).T
-        self._is_twist = np.repeat([False, True, False, False], sizes)
-        self._factor = np.repeat([CHORD_MOVE, 1.0, RADIUS_MOVE, 1.0], sizes)
+        sizes = [*shape.points.values(), self._resized, n_gains]
+        self._ends = np.cumsum(sizes[:-1])
+        own = shape.chord_bounds, shape.twist_bounds, shape.thickness_bounds
+        own = *own, shape.radius_bounds or (0.0, 0.0), gain_bounds
+        self._own = np.repeat(own, sizes, axis=0).T
+        # moves are by factors, or by steps
+        self._factor = np.repeat([CHORD_MOVE, 1.0, 1.0, RADIUS_MOVE, 1.0], sizes)
+        self._step = np.repeat([0.0, TWIST_MOVE, THICKNESS_MOVE, 0.0, 0.0], sizes)
+        self._unit = np.repeat([0.0, TWIST_UNIT, THICKNESS_UNIT, 0.0, 0.0], sizes)
 
     def vector(self, point):
         """Return the unknowns of a starting point, and their units."""
         radius = [point.blade.rotor_radius] * self._resized
         x = np.concatenate((*self.shape.control(point.blade), radius, point.gains))
         x = np.clip(x, *self._own)
-        units = np.where(self._is_twist, TWIST_UNIT, np.abs(x))
+        units = np.where(self._unit > 0.0, self._unit, np.abs(x))
         if self.problem.law is not None:
             units[self._ends[-1] :] = self.problem.law.sizes(self.gains(x))
         return x, units
@@ -130,29 +137,31 @@ class CoDesign:
     def bounds(self, x):
         """Return the lower and upper limits of moves from x, within the design's own bounds."""
         ends = np.sort((x / self._factor, x * self._factor), axis=0)
-        ends = np.where(self._is_twist, (x - TWIST_MOVE, x + TWIST_MOVE), ends)
+        ends = np.where(self._step > 0.0, (x - self._step, x + self._step), ends)
         if self.problem.law is not None:
             ends[:, self._ends[-1] :] = self.problem.law.moves(self.gains(x), GAIN_MOVE)
         return np.clip(ends, *self._own)
 
     def blade(self, x):
         """Return the blade of some unknowns."""
-        chord, twist, radius, _ = np.split(x, self._ends)
-        return self.shape.at(chord, twist, radius[0] if self._resized else None)
+        *control, radius, _ = np.split(x, self._ends)
+        return self.shape.at(*control, radius[0] if self._resized else None)
 
     def gains(self, x):
         """Return the gains among the unknowns."""
         return x[self._ends[-1] :]
 
-    def by_unknowns(self, by_chord, by_twist, by_radius):
+    def by_unknowns(self, by_chord, by_twist, by_thickness, by_radius):
         """Return derivatives by the unknowns, gains aside, from those by the stations' shape.
 
-        They are of shape (n, n_stations), (n, n_stations) and (n,), the last by the disc's radius.
+        They are of shape (n, n_stations) each and (n,), the last by the disc's radius.
         """
         shape = self.shape
         if not shape.designs_chord:  # the chord is scaled with the disc
             by_radius = by_radius + by_chord @ shape.chord_offset / shape.blade.rotor_radius
-        parts = by_chord @ shape.chord_basis, by_twist @ shape.twist_basis
+        parts = [by_chord @ shape.chord_basis, by_twist @ shape.twist_basis]
+        if shape.designs_thickness:
+            parts.append(by_thickness @ shape.thickness_basis)
         return np.hstack((*parts, by_radius[:, None][:, : self._resized]))
 
     def evaluate(self, x):
@@ -163,7 +172,8 @@ class CoDesign:
         state = problem.operate(found.torque, gains)
         by_table, by_gain, by_radius = np.split(state.gradient, [found.torque.size, -1], axis=1)
         by_radius = by_radius[:, 0] + by_table @ found.torque_by_rotor_radius
-        parts = by_table @ found.torque_by_chord, by_table @ found.torque_by_twist, by_radius
+        by_shape = found.torque_by_chord, found.torque_by_twist, found.torque_by_thickness
+        parts = *(by_table @ each for each in by_shape), by_radius
         return StartingPoint(blade, gains, state), np.hstack((self.by_unknowns(*parts), by_gain))
 
     def room(self, point):
@@ -185,7 +195,7 @@ class CoDesign:
             slopes[:, ends[0] : ends[1]] = -by_twist[:, None] * shape.twist_basis[fence.stations]
             if self._resized:  # only the chord over the radius matters
                 by_radius = by_chord * blade.chord[fence.stations] / blade.rotor_radius
-                slopes[:, ends[1] : ends[2]] = by_radius[:, None]
+                slopes[:, ends[2] : ends[3]] = by_radius[:, None]
             return (fence.highest - angle) / TWIST_UNIT, slopes / TWIST_UNIT
 
         return at

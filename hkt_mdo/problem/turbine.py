@@ -4,8 +4,9 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
-from hkt_mdo.case import Fluid, Rotor
+from hkt_mdo.case import Design, Fluid, Rotor
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.blade_table import BladeTable
@@ -14,22 +15,27 @@ from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.outline import Outline, SecondMoments
 from hkt_mdo.rotor.reynolds import LocalReynolds
-from hkt_mdo.rotor.strength import Structure, material_section
+from hkt_mdo.rotor.strength import Structure, StructureByThickness, material_section
+from hkt_mdo.rotor.thickness import ByThickness, over_thickness
 
 HUB, BLADES = 0.125, 3  # hub over tip radius, blade count: where neither case nor file says
 POLAR, OUTLINE = "naca63815_Re2e5", "naca63815"
+ROUNDED = 1e-3  # by which a bound may leave the sections' thickness, as files round it
 
 
 class Turbine(NamedTuple):
-    """What a rotor section describes; arrays, and tuples of polars, are over the stations."""
+    """What a rotor section describes; arrays, and tuples of polars, are over the stations.
+
+    Where the thickness is designed, polar, section_area and structure are functions of it.
+    """
 
     blade: Blade
-    polar: Polar | tuple[Polar, ...] | LocalReynolds
-    section_area: float | np.ndarray
+    polar: Polar | tuple[Polar, ...] | LocalReynolds | ByThickness
+    section_area: float | np.ndarray | CubicSpline
     """Area of the section's material over chord squared."""
     thickness: float | np.ndarray
     """Largest thickness over chord."""
-    structure: Structure
+    structure: Structure | StructureByThickness
     messages: tuple[str, ...]
     """What was converted, extrapolated or left out."""
 
@@ -48,11 +54,13 @@ class _Section(NamedTuple):
     moments: SecondMoments | None = None
 
 
-def build_turbine(rotor: Rotor, fluid: Fluid, flow_speed: float) -> Turbine:
+def build_turbine(
+    rotor: Rotor, fluid: Fluid, flow_speed: float, design: Design | None = None
+) -> Turbine:
     """Read the files of a rotor section and return its turbine.
 
-    Local Reynolds numbers are those at flow_speed, m/s. Raises InputError if a file is broken, or
-    what they say does not fit together.
+    Local Reynolds numbers are those at flow_speed, m/s; `design` None: the thickness is not
+    designed. Raises InputError if a file is broken, or what they say does not fit together.
     """
     table, tip_radius, hub_radius = _blade_table(rotor)
     stations, messages = _stations(rotor, table, tip_radius, hub_radius)
@@ -63,7 +71,13 @@ def build_turbine(rotor: Rotor, fluid: Fluid, flow_speed: float) -> Turbine:
     count = rotor.blade_count or table.blade_count or BLADES
     shape = table.r, table.chord, table.twist + set_angle
     blade = Blade(*shape, hub_radius, tip_radius, count, float(cone))
-    sections, blended = _sections(rotor, table)
+    named = _named_sections(rotor, table)
+    if design is not None and design.thickness_points:
+        polar, area, structure = _by_thickness(rotor, design, named)
+        thickness = np.clip(_starting_thickness(rotor, table, named), *polar.bounds)
+        blade = replace(blade, thickness=thickness)
+        return Turbine(blade, polar, area, thickness, structure, (*read, *messages))
+    sections, blended = _sections(rotor, table, named)
     families, thickness, area, *_ = zip(*sections, strict=True)
     if rotor.reynolds == "local":
         families = families if len(families) > 1 else families * stations.size
@@ -157,13 +171,59 @@ def _at_stations(table: BladeTable, r: np.ndarray) -> BladeTable:
     return replace(table, r=r, section=section, section_position=None, **columns)
 
 
-def _sections(rotor, table) -> tuple[list[_Section], tuple[str, ...]]:
+def _sections(rotor, table, named) -> tuple[list[_Section], tuple[str, ...]]:
     """Return the one section of the blade, or that of every station; and messages."""
-    named = _named_sections(rotor, table)
     if len(named) == 1:
         return list(named.values()), ()
     pairs, messages = _pairs(rotor, table, named)
     return [_mixed(named[inner], named[outer], share) for inner, outer, share in pairs], messages
+
+
+def _by_thickness(rotor, design, named):
+    """Return polars, area and structure over the thickness; refuse sections without an order."""
+    if len(named) < 2:
+        problem, remedy = "needs several sections, of different thickness", "give rotor.sections"
+        raise InputError(problem, remedy, key="design.thickness_points")
+    if rotor.reynolds == "local":
+        problem = "is designed, which local Reynolds numbers do not allow"
+        remedy = "give rotor.reynolds: invariant, or leave out design.thickness_points"
+        raise InputError(problem, remedy, key="design.thickness_points")
+    sections = [named[name] for name in _in_order(named)]
+    thickness = np.array([each.thickness for each in sections])
+    low, high = float(thickness[0]), float(thickness[-1])
+    bounds = design.thickness_bounds or (low, high)
+    if bounds[0] < low - ROUNDED or bounds[1] > high + ROUNDED:
+        problem = f"reach beyond the sections, whose thickness is {low:.4g} to {high:.4g}"
+        remedy = "narrow the bounds, or give rotor.sections that are thinner or thicker"
+        raise InputError(problem, remedy, key="design.thickness_bounds", value=list(bounds))
+    bounds = tuple(float(each) for each in np.clip(bounds, low, high))
+    polars = [_invariant(each.polars, rotor.reynolds_number) for each in sections]
+    material, walls = rotor.blade_material, None
+    if sections[0].wall is not None:
+        walls = np.array([each.wall for each in sections])
+    outlines, area = [each.outline for each in sections], np.array([s.area for s in sections])
+    properties = material.density, material.modulus
+    structure = StructureByThickness.of(thickness, outlines, *properties, walls)
+    moments = sections[0].moments and SecondMoments(*np.transpose([s.moments for s in sections]))
+    if _given(rotor, sections):
+        structure = structure.with_section(thickness, area, moments)
+    return ByThickness.of(thickness, polars, bounds), over_thickness(thickness, area), structure
+
+
+def _starting_thickness(rotor, table, named) -> np.ndarray:
+    """Return the thickness of the stations where it is designed, half way if no file says it."""
+    if table.thickness is not None:
+        return table.thickness
+    if table.section is None:
+        ends = [named[name].thickness for name in _in_order(named)]
+        return np.full(table.r.size, 0.5 * (ends[0] + ends[-1]))
+    return np.array([each.thickness for each in _sections(rotor, table, named)[0]])
+
+
+def _given(rotor, sections) -> bool:
+    """Tell whether area or second moments of the sections are not those of solid outlines."""
+    own = any(each.area is not None for each in rotor.sections)
+    return own or sections[0].wall is not None or sections[0].moments is not None
 
 
 def _structure(rotor, sections, area) -> Structure:
@@ -181,10 +241,7 @@ def _structure(rotor, sections, area) -> Structure:
         (outlines,) = outlines
     material = rotor.blade_material
     structure = Structure.of(outlines, material.density, material.modulus, walls)
-    own = any(each.area is not None for each in rotor.sections)
-    if walls is None and moments is None and not own:
-        return structure
-    return structure.with_section(area, moments)
+    return structure.with_section(area, moments) if _given(rotor, sections) else structure
 
 
 def _named_sections(rotor, table) -> dict[str, _Section]:
@@ -286,11 +343,8 @@ def _pairs(rotor, table, named):
         problem = f"says neither thickness nor section of its rows, but there are {len(named)}"
         remedy = "add a column t_over_c or section"
         raise InputError(f"{problem} sections", remedy, file=rotor.blade)
-    by_thickness = sorted(named, key=lambda name: named[name].thickness)
+    by_thickness = _in_order(named)
     values = np.array([named[name].thickness for name in by_thickness])
-    if np.any(np.diff(values) <= 0.0):
-        problem, remedy = "has two sections of one thickness", "keep one of them"
-        raise InputError(problem, remedy, key="rotor.sections")
     beyond = (table.thickness < values[0] - 1e-3) | (table.thickness > values[-1] + 1e-3)
     text = (
         f"{np.count_nonzero(beyond)} stations are thinner or thicker than every section "
@@ -301,6 +355,15 @@ def _pairs(rotor, table, named):
     places = zip(inner, place, strict=True)
     pairs = [(by_thickness[i], by_thickness[i + 1], float(at - i)) for i, at in places]
     return pairs, (text,) if np.any(beyond) else ()
+
+
+def _in_order(named) -> list[str]:
+    """Return the names of sections from the thinnest to the thickest."""
+    names = sorted(named, key=lambda name: named[name].thickness)
+    if np.any(np.diff([named[name].thickness for name in names]) <= 0.0):
+        problem, remedy = "has two sections of one thickness", "keep one of them"
+        raise InputError(problem, remedy, key="rotor.sections")
+    return names
 
 
 def _invariant(family: PolarFamily, number: float | None) -> Polar:

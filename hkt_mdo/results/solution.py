@@ -62,6 +62,7 @@ TABLES: dict[str, dict[str, tuple[str | None, str]]] = {
         "r_m": ("m", "distance of the station from the axis, along the blade"),
         "chord_m": ("m", "chord"),
         "twist_deg": ("deg", "twist, including the set angle"),
+        "thickness_over_chord": (None, "thickness over chord, where it is designed"),
         "start_chord_m": ("m", "chord of the blade at the start"),
         "start_twist_deg": ("deg", "twist of the blade at the start, including the set angle"),
     },

@@ -20,8 +20,11 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import dotted
 from hkt_mdo.results.words import amounts, bent, energy, measured
 
-BLADE = ("r_m", "chord_m", "twist_deg", "start_chord_m", "start_twist_deg")
-"""Fields that hold one value for each blade station."""
+BLADE = (
+    *("r_m", "chord_m", "twist_deg", "thickness_over_chord"),
+    *("start_chord_m", "start_twist_deg"),
+)
+"""Fields that hold one value for each blade station; thickness where it is designed."""
 
 
 def printable(text: str) -> str:
@@ -273,6 +276,7 @@ class Summary(_Entry, Mapping[str, Any]):
     r_m: _Column = None
     chord_m: _Column = None
     twist_deg: _Column = None
+    thickness_over_chord: _Column = None
     start_chord_m: _Column = None
     start_twist_deg: _Column = None
 

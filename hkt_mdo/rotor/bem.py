@@ -27,6 +27,7 @@ import numpy as np
 from hkt_mdo.compiled import compiled
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.thickness import ByThickness
 
 PHI_MIN = 1e-6  # rad, CCBlade's distance from the singular points phi = 0 and pi
 
@@ -45,8 +46,9 @@ MOST_KNOTS = 1024  # on the curve of a station; 50 to 60 are usual
 # The terms of no root: s = 0; see `_terms`
 _NOTHING = (0.0,) * 4, (0.0,) * 6, (0.0,) * 5
 
-# Rows of `Sections.derivatives`
-INPUTS = ("tip_speed_ratio", "chord", "twist", "log_reynolds")
+# Rows of `Sections.derivatives`; the last is what the polars follow besides: the logarithm of the
+# Reynolds number (`LocalReynolds`) or the thickness (`ByThickness`)
+INPUTS = ("tip_speed_ratio", "chord", "twist", "followed")
 
 
 class Sections(NamedTuple):
@@ -60,7 +62,7 @@ class Sections(NamedTuple):
     inflow angle beyond 90 degrees, 3 for a negative inflow angle (propeller brake) and -1 for no
     root. derivatives are those of the tangential load, the normal load, the inflow angle and the
     relative speed with respect to `INPUTS`, shape (4, 4, n_points, n_stations), empty unless
-    requested; all but the last are at a constant Reynolds number.
+    requested; all but the last are at a constant Reynolds number and thickness.
     """
 
     inflow_angle: np.ndarray
@@ -80,7 +82,8 @@ class Coefficients(NamedTuple):
 
     torque = Q / (0.5 rho V² pi R³), power = P / (0.5 rho V³ pi R²), thrust = T / (0.5 rho V² pi
     R²), R the radius of the disc, each of shape (n,). Derivatives are empty unless requested:
-    torque_by_tip_speed_ratio (n,); torque_by_chord (1/m) and torque_by_twist (1/rad) of shape
+    torque_by_tip_speed_ratio (n,); torque_by_chord (1/m), torque_by_twist (1/rad) and
+    torque_by_thickness (over the chord; zero where polars do not follow it) of shape
     (n, n_stations); torque_by_rotor_radius (1/m, shape (n,)), where hub, stations and tip move with
     the disc at constant chord and twist; torque_by_log_reynolds (n,), where the Reynolds numbers of
     all stations grow by one factor, as with the speed of the flow.
@@ -94,6 +97,7 @@ class Coefficients(NamedTuple):
     torque_by_twist: np.ndarray = np.empty(0)
     torque_by_rotor_radius: np.ndarray = np.empty(0)
     torque_by_log_reynolds: np.ndarray = np.empty(0)
+    torque_by_thickness: np.ndarray = np.empty(0)
 
 
 @compiled(error_model="numpy")
@@ -176,11 +180,11 @@ def _terms(phi, chord, twist, r, hub_radius, tip_radius, blade_count, polar):
 
 
 @compiled(error_model="numpy")
-def _derivatives(terms, tip_speed_ratio, chord, r, tip_radius, by_reynolds, out):
+def _derivatives(terms, tip_speed_ratio, chord, r, tip_radius, by_followed, out):
     """Fill out[n_outputs, n_inputs]: total derivatives at a root, by `INPUTS`; see `Sections`.
 
-    dphi/dx = -f_x / f_phi by the implicit function theorem. by_reynolds holds the derivatives of
-    the tangential and the normal force coefficient by the logarithm of the Reynolds number.
+    dphi/dx = -f_x / f_phi by the implicit function theorem. by_followed holds the derivatives of
+    the tangential and the normal force coefficient by what the polars follow.
     """
     (s, c, s_phi, c_phi), forces, (k, m, k_unit, m_unit, s_k) = terms
     lambda_r = tip_speed_ratio * r / tip_radius
@@ -196,7 +200,7 @@ def _derivatives(terms, tip_speed_ratio, chord, r, tip_radius, by_reynolds, out)
         elif i == 2:
             tangential_x, normal_x = -forces[4], -forces[5]
         else:
-            tangential_x, normal_x = by_reynolds
+            tangential_x, normal_x = by_followed
         s_x = s_k * (k_unit * normal_x + k * by_chord)
         m_x = m_unit * tangential_x + m * by_chord
         phi_x = -(s_x + m_x / lambda_r + f_ratio) / f_phi
@@ -411,9 +415,11 @@ def _solve(
     """Solve all stations at all points. Arrays are station-major, so that writes are in order.
 
     Station j has the polar section[j] or, where mixture is not empty, the polars from section[j] on
-    times the weights mixture[0, j, i], whose derivatives by ln(Re) are mixture[1, j, i].
+    times the weights mixture[0, j, i], whose derivatives by what they follow are mixture[1, j, i];
+    mixture[:, j, 0] where all points have the same.
     """
     n_points, n_stations, n_mixed = tip_speed_ratio.size, r.size, mixture.shape[3]
+    last = mixture.shape[2] - 1
     if not np.min(tip_speed_ratio) > 0.0:
         raise ValueError("tip speed ratios must be positive")
     if not (hub_radius < np.min(r) and np.max(r) < tip_radius):
@@ -423,15 +429,16 @@ def _solve(
     derivatives = np.zeros((n_outputs, n_inputs, n_stations, n_points))
     gradient = np.empty((n_outputs, n_inputs))
     knots, n_knots = np.empty((7, MOST_KNOTS)), 0
-    mixed, by_reynolds = np.empty_like(polars[0]), (0.0, 0.0)
+    mixed, by_followed = np.empty_like(polars[0]), (0.0, 0.0)
     for j in range(n_stations):
         station_polars = polars[section[j] : section[j] + max(n_mixed, 1)]
         polar = mixed if n_mixed else station_polars[0]
         station = chord[j], twist[j], r[j], hub_radius, tip_radius, blade_count, polar
         for i in range(n_points):
             lambda_r = tip_speed_ratio[i] * r[j] / tip_radius
-            if n_mixed:
+            if n_mixed and i <= last:
                 _mix(station_polars, mixture[0, j, i], mixed)
+            if last > 0:
                 n_knots = _curve(lambda_r, station, knots)
             elif i == 0:  # one curve serves all points
                 n_knots = _curve(np.min(tip_speed_ratio) * r[j] / tip_radius, station, knots)
@@ -439,9 +446,10 @@ def _solve(
             branch[j, i] = _store(phi, terms, lambda_r, chord[j], twist[j], (j, i), state)
             if n_inputs and branch[j, i] >= 0:
                 if n_mixed:
-                    by_reynolds = _mixed_force(phi, twist[j], station_polars, mixture[1, j, i])
+                    slopes = mixture[1, j, min(i, last)]
+                    by_followed = _mixed_force(phi, twist[j], station_polars, slopes)
                 _derivatives(
-                    terms, tip_speed_ratio[i], chord[j], r[j], tip_radius, by_reynolds, gradient
+                    terms, tip_speed_ratio[i], chord[j], r[j], tip_radius, by_followed, gradient
                 )
                 derivatives[:, :, j, i] = gradient
     return state, branch, derivatives
@@ -463,7 +471,7 @@ def _arguments(blade, polar, blade_ratio=()):
     n, mixture = blade.r.size, np.empty((2, 0, 0, 0))
     if isinstance(polar, Polar):
         stations = ((polar,),) * n
-    elif isinstance(polar, LocalReynolds):
+    elif isinstance(polar, LocalReynolds | ByThickness):
         stations = polar.polars * n if len(polar.polars) == 1 else polar.polars
         mixture = polar.mixture(blade, blade_ratio)
     else:
@@ -490,9 +498,10 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False):
     """Solve every station of a blade at every tip speed ratio; return the `Sections`.
 
     Stations lie strictly between hub and tip, in any order; the polar is one for all stations, a
-    sequence of one for each, or a `LocalReynolds`. tip_speed_ratio[n_points] is positive. Here, and
-    in the derivatives, it is Omega R / V with R along the blade, which for coned blades is larger
-    than the tip speed ratio of the disc. Raises ValueError where one of these does not hold.
+    sequence of one for each, a `LocalReynolds` or a `ByThickness`. tip_speed_ratio[n_points] is
+    positive. Here, and in the derivatives, it is Omega R / V with R along the blade, which for
+    coned blades is larger than the tip speed ratio of the disc. Raises ValueError where one of
+    these does not hold.
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
     n_inputs = len(INPUTS) if derivatives else 0
@@ -539,9 +548,9 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
     cosine = float(np.cos(blade.cone))
-    local = isinstance(polar, LocalReynolds)
+    local, thick = (isinstance(polar, each) for each in (LocalReynolds, ByThickness))
     # Only the derivatives of the tangential load by tip speed ratio, chord and twist are needed.
-    n_inputs = (len(INPUTS) if local else 3) if derivatives else 0
+    n_inputs = (len(INPUTS) if local or thick else 3) if derivatives else 0
     state, branch, gradient = _solve(
         points / cosine, *_arguments(blade, polar, points / cosine), 1, n_inputs
     )
@@ -560,13 +569,14 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     by_ratio = weights @ gradient[0, 0] / cosine
     by_chord, by_twist = (gradient[0, 1:3] * weights[:, None]).transpose(0, 2, 1)
     by_radius = -(by_chord @ blade.chord) / blade.rotor_radius
-    by_reynolds = np.zeros(points.size)
+    by_reynolds, by_thickness = np.zeros(points.size), np.zeros(by_chord.shape)
+    if thick:
+        by_thickness = (gradient[0, 3] * weights[:, None]).T
     if local:  # chord and tip speed ratio change the Reynolds number too; the radius does not
         by_number = (gradient[0, 3] * weights[:, None]).T
         squared = (points[:, None] / cosine * blade.r / blade.tip_radius) ** 2
         by_ratio = by_ratio + np.sum(by_number * squared / (1.0 + squared), axis=1) / points
         by_chord = by_chord + by_number / blade.chord
         by_reynolds = np.sum(by_number, axis=1)
-    return Coefficients(
-        torque, torque * points, thrust, by_ratio, by_chord, by_twist, by_radius, by_reynolds
-    )
+    by = by_ratio, by_chord, by_twist, by_radius, by_reynolds, by_thickness
+    return Coefficients(torque, torque * points, thrust, *by)

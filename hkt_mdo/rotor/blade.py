@@ -11,7 +11,7 @@ class Blade:
 
     Stations r increase strictly between hub and tip, twist is the angle between the section's chord
     and the rotor plane, set angle included, and cone the angle of the blades to that plane; radii
-    are measured along the blade.
+    are measured along the blade. thickness, over the chord, is None where it is not designed.
     """
 
     r: np.ndarray
@@ -21,15 +21,21 @@ class Blade:
     tip_radius: float
     blade_count: int
     cone: float = 0.0
+    thickness: np.ndarray | None = None
 
     @property
     def rotor_radius(self):
         """Radius of the swept disc, tip_radius cos(cone), m."""
         return self.tip_radius * float(np.cos(self.cone))
 
-    def with_shape(self, chord, twist):
-        """Return the blade with another chord (m) and twist (rad), each of shape (n_stations,)."""
-        return replace(self, chord=np.array(chord, dtype=float), twist=np.array(twist, dtype=float))
+    def with_shape(self, chord, twist, thickness=None):
+        """Return the blade with another chord (m) and twist (rad), each of shape (n_stations,).
+
+        With another thickness over chord too, if one is given.
+        """
+        chord, twist = np.array(chord, dtype=float), np.array(twist, dtype=float)
+        thickness = self.thickness if thickness is None else np.array(thickness, dtype=float)
+        return replace(self, chord=chord, twist=twist, thickness=thickness)
 
     def with_rotor_radius(self, rotor_radius):
         """Return the blade with hub, stations and tip moved to another disc radius (m).

@@ -33,6 +33,7 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
         torque_by_twist=np.rad2deg(by["dtheta"]),
         torque_by_rotor_radius=-(by["dchord"] @ blade.chord) / blade.rotor_radius,
         torque_by_log_reynolds=np.zeros(points.size),
+        torque_by_thickness=np.zeros(by["dchord"].shape),
     )
 
 

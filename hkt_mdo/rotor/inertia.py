@@ -1,20 +1,39 @@
 """Mass and rotational inertia of solid blades (paper Sec. II-B)."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 # Three points are exact for (linear chord)² times linear shape times r², a quintic.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
+class RotorMass(NamedTuple):
+    """Mass (kg) and inertia (kg*m**2) of a rotor and their gradients, each (n_stations,).
+
+    By the chord (per m) and by the thickness over chord, zero where section areas do not follow it.
+    """
+
+    mass: float
+    inertia: float
+    mass_by_chord: np.ndarray
+    inertia_by_chord: np.ndarray
+    mass_by_thickness: np.ndarray
+    inertia_by_thickness: np.ndarray
+
+
 def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
-    """Return the rotor's mass and inertia, and their gradients with respect to chord.
+    """Return the `RotorMass` of solid blades.
 
     The area of a section is A = section_area chord². Chord and section_area are linear between
     stations, and constant from the first station to the hub and from the last to the tip:
     m = B rho integral of A dr, I = B rho integral of A (r cos(cone))² dr + hub inertia, both exact.
-    section_area, the area of the outline over chord squared, is one number or one a station;
-    density is in kg/m**3, inertia in kg*m**2, gradients[n_stations] are per metre of chord.
+    section_area, the area of the outline over chord squared, is one number, one a station, or a
+    spline of it over the blade's thickness; density is in kg/m**3.
     """
+    by_thickness = 0.0
+    if callable(section_area):
+        by_thickness, section_area = section_area(blade.thickness, 1), section_area(blade.thickness)
     edges = np.concatenate(([blade.hub_radius], blade.r, [blade.tip_radius]))
 
     def carried(values):
@@ -26,13 +45,12 @@ def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
     share = 0.5 * (_POINTS + 1.0)[:, None]
     local_r = (inner + share * width) * np.cos(blade.cone)
     local_c = chord[:-1] + share * np.diff(chord)
-    area = _WEIGHTS[:, None] * 0.5 * width * blade.blade_count * density
-    area = area * (shape[:-1] + share * np.diff(shape))
+    unit = _WEIGHTS[:, None] * 0.5 * width * blade.blade_count * density
+    area = unit * (shape[:-1] + share * np.diff(shape))
     mass = np.sum(area * local_c**2)
     inertia = np.sum(area * local_c**2 * local_r**2) + hub_inertia
 
-    def gradient(weight):
-        inside = 2.0 * weight * local_c
+    def gradient(inside):
         by_edge = np.zeros(edges.size, dtype=inside.dtype)
         by_edge[:-1] += np.sum(inside * (1.0 - share), axis=0)
         by_edge[1:] += np.sum(inside * share, axis=0)
@@ -40,4 +58,12 @@ def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
         by_edge[-2] += by_edge[-1]
         return by_edge[1:-1]
 
-    return mass, inertia, gradient(area), gradient(area * local_r**2)
+    by_area = unit * local_c**2
+    return RotorMass(
+        mass,
+        inertia,
+        gradient(2.0 * area * local_c),
+        gradient(2.0 * (area * local_r**2) * local_c),
+        gradient(by_area) * by_thickness,
+        gradient(by_area * local_r**2) * by_thickness,
+    )

@@ -12,7 +12,13 @@ import numpy as np
 
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.reynolds import LocalReynolds
-from hkt_mdo.rotor.strength import EXPONENT, Structure, norm, place_weights
+from hkt_mdo.rotor.strength import (
+    EXPONENT,
+    Structure,
+    StructureByThickness,
+    norm,
+    place_weights,
+)
 
 # Unit of each load, and of its coefficient, the load over q (Pa)
 UNITS = {"thrust": "N", "root_moment": "N*m", "stress": "Pa", "cavitation": None}
@@ -27,13 +33,15 @@ class Envelope(NamedTuple):
     """A load's smooth largest value along the blade at n tip speed ratios, never below the largest.
 
     values, by_tip_speed_ratio and by_rotor_radius (per m; hub, stations and tip move at constant
-    chord and twist) have the shape (n,), by_chord (per m) and by_twist (per rad) (n, n_stations).
+    chord and twist) have the shape (n,), by_chord (per m), by_twist (per rad) and by_thickness
+    (over the chord) (n, n_stations).
     """
 
     values: np.ndarray
     by_tip_speed_ratio: np.ndarray
     by_chord: np.ndarray
     by_twist: np.ndarray
+    by_thickness: np.ndarray
     by_rotor_radius: np.ndarray
 
 
@@ -43,8 +51,8 @@ class Load(NamedTuple):
     exact[n, m] is the load, values[n, m] a smooth one at or above it (over the outline, for stress;
     else the same). Loads of the whole blade have one place. slopes takes share[n, m] and returns
     the derivatives of the sums of share times values over the places, at constant share: by tip
-    speed ratio, chord, twist and rotor radius, as an `Envelope` has them; None unless derivatives
-    are requested.
+    speed ratio, chord, twist, thickness and rotor radius, as an `Envelope` has them; None unless
+    derivatives are requested.
     """
 
     r: np.ndarray
@@ -70,7 +78,7 @@ class Load(NamedTuple):
             values, share, _ = norm(
                 np.where(np.real(self.values) > 0.0, self.values, 0.0), exponent
             )
-        slopes = (np.empty(0),) * 4 if self.slopes is None else self.slopes(share)
+        slopes = (np.empty(0),) * 5 if self.slopes is None else self.slopes(share)
         return Envelope(values, *slopes)
 
 
@@ -79,11 +87,12 @@ class Cavitation:
     """What decides whether a section's pressure reaches that of vapour, at the top of the turn.
 
     suction takes angles of attack[n_points, n_stations] (rad) and returns the largest -Cp of the
-    upper and the lower surface, [2, n_points, n_stations], and its slopes by the angle. depth is
-    that of the hub (m), margin a factor on the suction; pressures in Pa, gravity in m/s².
+    upper and the lower surface, [2, n_points, n_stations], and its slopes by the angle; where the
+    polars follow the thickness it is `ByThickness.suction_at`. depth is that of the hub (m), margin
+    a factor on the suction; pressures in Pa, gravity in m/s².
     """
 
-    suction: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+    suction: Callable[..., tuple[np.ndarray, ...]]
     depth: float
     margin: float = 1.1
     atmospheric_pressure: float = 101325.0
@@ -108,7 +117,7 @@ class LoadModel:
 
     polar: object
     water_density: float = 1000.0
-    structure: Structure | None = None
+    structure: Structure | StructureByThickness | None = None
     cavitation: Cavitation | None = None
     exponent: float = EXPONENT
 
@@ -141,6 +150,13 @@ class LoadModel:
         flow = bem.sections(blade, self.polar, ratio / np.cos(blade.cone), derivatives)
         return {name: _LOADS[name](self, blade, flow, ratio) for name in names}
 
+    def _structure(self, blade):
+        """Return the structure of a blade, and its rate by the thickness where that is designed."""
+        if isinstance(self.structure, Structure):
+            return self.structure, None
+        thickness = place_weights(blade.r.size) @ blade.thickness
+        return self.structure.at(thickness), self.structure.at(thickness, 1)
+
     def flapwise_moment(self, blade, tip_speed_ratio, r):
         """Return the moment that bends a blade flapwise at radii r over q, m³, (n_points, n_r).
 
@@ -162,9 +178,10 @@ class LoadModel:
         """
         if self.structure is None:
             raise ValueError("deflections need a structure")
-        structure, ratio = self.structure, np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
+        ratio = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
         flow = bem.sections(blade, self.polar, ratio / np.cos(blade.cone))
         weights = place_weights(blade.r.size)
+        structure, _ = self._structure(blade)
         edges = np.concatenate(([blade.hub_radius], weights @ blade.r, [blade.tip_radius]))
         r = (edges[:-1] + _SHARES * np.diff(edges)).ravel()
 
@@ -205,15 +222,15 @@ def _about_chord(flapwise, edgewise, twist):
 
 
 def _by_flow(flow, blade, normal, tangential):
-    """Return derivatives by tip speed ratio, chord and twist through the loads of the stations.
+    """Return derivatives by ratio, chord, twist and thickness through the loads of the stations.
 
     normal and tangential[n_points, n_stations] are the derivatives by both loads.
     """
-    by_ratio, by_chord, by_twist = (
+    by_ratio, *by_shape = (
         normal * flow.derivatives[1, place] + tangential * flow.derivatives[0, place]
-        for place in range(3)
+        for place in range(len(bem.INPUTS))
     )
-    return np.sum(by_ratio, axis=-1) / np.cos(blade.cone), by_chord, by_twist
+    return np.sum(by_ratio, axis=-1) / np.cos(blade.cone), *by_shape
 
 
 def _by_radius(blade, values, by_chord, power):
@@ -250,14 +267,14 @@ def _whole(blade, flow, weights, power):
 
 
 def _stress(model, blade, flow, ratio):
-    structure, weights = model.structure, place_weights(blade.r.size)
+    (structure, change), weights = model._structure(blade), place_weights(blade.r.size)
     r, chord, twist = weights @ blade.r, weights @ blade.chord, weights @ blade.twist
     if structure.n_stations not in (None, blade.r.size):
         raise ValueError(f"the structure is not that of {blade.r.size} stations")
     area = np.broadcast_to(structure.area, r.size)
-    (pull, second), slopes = _outboard(blade, area, r, chord)
+    (pull, second), *slopes = _outboard(blade, area, r, chord)
     bend = second - r * pull  # the centrifugal force of coned blades bends them, too
-    by_pull, by_bend = slopes[0], slopes[1] - r[:, None] * slopes[0]
+    by_pull, by_bend = zip(*((by[0], by[1] - r[:, None] * by[0]) for by in slopes), strict=True)
 
     cosine, sine = np.cos(blade.cone), np.sin(blade.cone)
     rate = 2.0 * structure.density / (model.water_density * blade.rotor_radius**2)
@@ -265,7 +282,8 @@ def _stress(model, blade, flow, ratio):
     flapwise, edgewise = _moments(blade, flow, r)
     flapwise = flapwise + rate * sine * bend
     weak, strong = _about_chord(flapwise, edgewise, twist)
-    bending = structure.bending(weak, strong, chord, model.exponent)
+    wanted = change if flow.derivatives.size else None
+    bending = structure.bending(weak, strong, chord, model.exponent, wanted)
     tension = rate * cosine * pull / (area * chord**2)
     exact, values = bending.largest + np.real(tension), bending.smooth + tension
     if not flow.derivatives.size:
@@ -278,16 +296,23 @@ def _stress(model, blade, flow, ratio):
         by_weak, by_strong = share * bending.by_weak, share * bending.by_strong
         by_flapwise = by_weak * np.cos(twist) - by_strong * np.sin(twist)
         by_edgewise = by_weak * np.sin(twist) + by_strong * np.cos(twist)
-        by_ratio, by_chord, by_twist = _by_flow(flow, blade, by_flapwise @ arms, by_edgewise @ arms)
+        by_loads = by_flapwise @ arms, by_edgewise @ arms
+        by_ratio, by_chord, by_twist, by_thickness = _by_flow(flow, blade, *by_loads)
         tensile = share * tension
         centrifugal = by_flapwise * rate * sine
         by_ratio = by_ratio + 2.0 / ratio * np.sum(centrifugal * bend + tensile, axis=1)
-        by_places = centrifugal @ by_bend + (share * by_rate) @ by_pull
+        by_places, by_area = (
+            centrifugal @ bent + (share * by_rate) @ pulled
+            for bent, pulled in zip(by_bend, by_pull, strict=True)
+        )
         by_places = by_places - (3.0 * share * bending.smooth + 2.0 * tensile) / chord
         by_chord = by_chord + by_places @ weights
         by_twist = by_twist + (by_weak * strong - by_strong * weak) @ weights
+        if change is not None:
+            by_places = share * bending.by_change + (by_area - tensile / area) * change.area
+            by_thickness = by_thickness + by_places @ weights
         by_radius = _by_radius(blade, np.sum(share * values, axis=1), by_chord, 0)
-        return by_ratio, by_chord, by_twist, by_radius
+        return by_ratio, by_chord, by_twist, by_thickness, by_radius
 
     return Load(r, exact, values, slopes)
 
@@ -296,7 +321,8 @@ def _outboard(blade, area, r, chord):
     """Return the integrals of A s ds and A s² ds from every place to the tip, and their slopes.
 
     A = area chord², both linear between the places r and constant from the last to the tip. Shapes
-    are (2, n_places), and (2, n_places, n_places) for the derivatives by the chord at the places.
+    are (2, n_places), and (2, n_places, n_places) for the derivatives by the chord and by the area
+    at the places.
     """
     n = r.size
 
@@ -307,14 +333,18 @@ def _outboard(blade, area, r, chord):
     s, local = between(r, blade.tip_radius), between(chord, chord[-1])
     width = np.diff(np.concatenate((r, [blade.tip_radius])))
     weight = _WEIGHTS * width * between(area, area[-1]) * s
-    weight = np.stack((weight, weight * s))
+    weight, unit = (np.stack((each, each * s)) for each in (weight, _WEIGHTS * width * s))
     found = np.cumsum(np.sum(weight * local**2, axis=1)[:, ::-1], axis=1)[:, ::-1]
-    inner = np.sum(2.0 * weight * local * (1.0 - _SHARES), axis=1)  # by the inner end's chord
-    outer = np.sum(2.0 * weight * local * _SHARES, axis=1)
-    slopes = np.triu(np.ones((n, n))) * inner[:, None]
-    slopes[:, :, 1:] += np.triu(np.ones((n, n - 1)), 0) * outer[:, None, :-1]
-    slopes[:, :, -1] += outer[:, None, -1]
-    return found, slopes
+
+    def slopes(by):
+        inner = np.sum(by * (1.0 - _SHARES), axis=1)  # by the value at the inner end
+        outer = np.sum(by * _SHARES, axis=1)
+        slopes = np.triu(np.ones((n, n))) * inner[:, None]
+        slopes[:, :, 1:] += np.triu(np.ones((n, n - 1)), 0) * outer[:, None, :-1]
+        slopes[:, :, -1] += outer[:, None, -1]
+        return slopes
+
+    return found, slopes(2.0 * weight * local), slopes(unit * local**2)
 
 
 def _cavitation(model, blade, flow, ratio):
@@ -323,7 +353,8 @@ def _cavitation(model, blade, flow, ratio):
     if np.any(np.real(height) >= settings.depth):
         raise ValueError("the blade reaches out of the water: the depth is less than its radius")
     pressure = settings.available_pressure(height, model.water_density)
-    suction, by_angle = settings.suction(flow.angle_of_attack)
+    thickness = () if blade.thickness is None else (blade.thickness,)
+    suction, by_angle, *by_section = settings.suction(flow.angle_of_attack, *thickness)
     speed = flow.relative_speed
     scale = settings.margin * cosine**2 / pressure
 
@@ -333,21 +364,23 @@ def _cavitation(model, blade, flow, ratio):
     values, r = flat(scale * suction * speed**2), np.tile(blade.r, 2)
     if not flow.derivatives.size:
         return Load(r, values, values)
-    _, _, angle, relative = flow.derivatives[:, :3]
-    angle = angle - np.array([0.0, 0.0, 1.0])[:, None, None]  # of attack
+    _, _, angle, relative = flow.derivatives
+    angle = angle - np.array([0.0, 0.0, 1.0, 0.0])[:, None, None]  # of attack
     by = [
         flat(scale * speed * (by_angle * speed * by_attack + 2.0 * suction * by_speed))
         for by_attack, by_speed in zip(angle, relative, strict=True)
     ]
+    for each in by_section:
+        by[-1] = by[-1] + flat(scale * speed**2 * each)
     lift = model.water_density * settings.gravity * np.tile(height / pressure, 2)
 
     def slopes(share):
         both = [(share * each).reshape(len(share), 2, -1).sum(axis=1) for each in by]
-        by_ratio, by_chord, by_twist = both
+        by_ratio, by_chord, by_twist, by_thickness = both
         weighted = share * values
         by_radius = _by_radius(blade, np.sum(weighted, axis=1), by_chord, 0)
         by_radius = by_radius + weighted @ lift / blade.rotor_radius
-        return np.sum(by_ratio, axis=1) / cosine, by_chord, by_twist, by_radius
+        return np.sum(by_ratio, axis=1) / cosine, by_chord, by_twist, by_thickness, by_radius
 
     return Load(r, values, values, slopes)
 

@@ -1,6 +1,6 @@
-"""The designed part of a blade: chord and twist at the stations, or splines of few points."""
+"""The designed part of a blade: what it has at its stations, or splines of few points."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -34,14 +34,16 @@ class Shape:
 
         chord = stretch (chord_offset + chord_basis @ chord_control),
         twist = twist_offset + twist_basis @ twist_control,
+        thickness over chord = thickness_basis @ thickness_control,
 
     where stretch is the rotor's radius over that of the given blade if the chord is not designed
     (the whole blade is then scaled), and one if it is.
 
-    The blade is as given, or the nearest one to it where chord and twist are splines. Bases have
+    The blade is as given, or the nearest one to it where these are splines; its thickness is None
+    where it is not designed. Bases have
     the shape (n_stations, n_control), without columns where nothing is designed. Bounds (m, rad)
     are those of the control points, and so of the blade; radius_bounds (m) those of the disc's
-    radius, None if it is not designed.
+    radius, None if it is not designed. Thickness is only designed along with chord and twist.
     """
 
     blade: Blade
@@ -52,6 +54,8 @@ class Shape:
     chord_bounds: tuple[float, float]
     twist_bounds: tuple[float, float]
     radius_bounds: tuple[float, float] | None = None
+    thickness_basis: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    thickness_bounds: tuple[float, float] = (0.0, 1.0)
 
     @classmethod
     def designed(
@@ -64,25 +68,37 @@ class Shape:
         radius_bounds=None,
         *,
         several_sections=False,
+        thickness_points=None,
+        thickness_bounds=(0.0, 1.0),
     ):
         """Design chord and twist by numbers of control points, or directly at the stations.
 
         They are designed at the stations if there are no fewer control points than stations. None:
         at the stations if there are `FREE_STATIONS` or fewer with one section, else by `POINTS`
-        control points.
+        control points. thickness_points None: the thickness, over chord, is not designed.
         """
         n = blade.r.size
         usual = n if n <= FREE_STATIONS and not several_sections else POINTS
         points = [usual if each is None else each for each in (chord_points, twist_points)]
+        points += [thickness_points] if thickness_points else []
         ends = blade.hub_radius, blade.tip_radius
-        chord, twist = (
+        chord, twist, *thickness = (
             np.eye(n) if each >= n else spline_basis(each, blade.r, *ends) for each in points
         )
         bounds = chord_bounds, twist_bounds, radius_bounds
-        family = cls(blade, np.zeros(n), chord, np.zeros(n), twist, *bounds)
+        family = cls(
+            blade,
+            *(np.zeros(n), chord),
+            *(np.zeros(n), twist),
+            *bounds,
+            thickness[0] if thickness else np.empty((n, 0)),
+            thickness_bounds,
+        )
         if min(points) >= n:
             return family  # with exactly the blade as given
-        return replace(family, blade=family.at(*family.control(blade)))
+        chord, twist, thickness = family.control(blade)
+        thickness = np.clip(thickness, *thickness_bounds)
+        return replace(family, blade=family.at(chord, twist, thickness))
 
     @classmethod
     def fixed(cls, blade, set_angle=0.0, set_angle_bounds=None, radius_bounds=None):
@@ -99,9 +115,20 @@ class Shape:
         return self.chord_basis.shape[1] > 0
 
     @property
+    def bases(self):
+        """The bases by the name of what is designed; that of the thickness may be empty."""
+        names = "chord", "twist", "thickness"
+        return {name: getattr(self, f"{name}_basis") for name in names}
+
+    @property
     def points(self):
-        """Number of control points, or of stations designed, of chord and twist, by name."""
-        return {"chord": self.chord_basis.shape[1], "twist": self.twist_basis.shape[1]}
+        """Number of control points, or of stations designed, by the name of what is designed."""
+        return {name: basis.shape[1] for name, basis in self.bases.items()}
+
+    @property
+    def designs_thickness(self):
+        """Whether the thickness is designed."""
+        return self.points["thickness"] > 0
 
     @property
     def designs_set_angle(self):
@@ -113,29 +140,47 @@ class Shape:
         return 1.0 if self.designs_chord else rotor_radius / self.blade.rotor_radius
 
     def control(self, blade):
-        """Return the control points (m, rad) whose blade is nearest to one, by least squares."""
+        """Return the control points of chord (m), twist (rad) and thickness of the nearest blade.
+
+        By least squares; empty for what is not designed.
+        """
         found = []
         for basis, rest in (
             (self.chord_basis, blade.chord - self.chord_offset),
             (self.twist_basis, blade.twist - self.twist_offset),
+            (self.thickness_basis, blade.thickness if self.designs_thickness else None),
         ):
+            if rest is None:
+                found.append(np.empty(0))
+                continue
             direct = basis.shape[0] == basis.shape[1]  # the stations themselves
             found.append(rest if direct else np.linalg.lstsq(basis, rest, rcond=None)[0])
         return tuple(found)
 
-    def chord_and_twist(self, chord_control, twist_control):
-        """Return chord (m) and twist (rad) at the stations, at the radius of the given blade."""
-        chord = self.chord_offset + self.chord_basis @ chord_control
-        return chord, self.twist_offset + self.twist_basis @ twist_control
+    def stations(self, chord_control, twist_control, thickness_control=()):
+        """Return chord (m), twist (rad) and, if it is designed, thickness at the stations.
 
-    def at(self, chord_control, twist_control, rotor_radius=None):
-        """Return the blade of control points (m, rad) and a radius of the disc (m)."""
+        At the radius of the given blade.
+        """
+        chord = self.chord_offset + self.chord_basis @ chord_control
+        twist = self.twist_offset + self.twist_basis @ twist_control
+        if not self.designs_thickness:
+            return chord, twist
+        return chord, twist, self.thickness_basis @ thickness_control
+
+    def at(self, chord_control, twist_control, thickness_control=(), rotor_radius=None):
+        """Return the blade of control points (m, rad, over chord) and a radius of the disc (m)."""
         radius = self.blade.rotor_radius if rotor_radius is None else rotor_radius
-        chord, twist = self.chord_and_twist(chord_control, twist_control)
-        return self.blade.with_rotor_radius(radius).with_shape(chord * self.stretch(radius), twist)
+        chord, *others = self.stations(chord_control, twist_control, thickness_control)
+        blade = self.blade.with_rotor_radius(radius)
+        return blade.with_shape(chord * self.stretch(radius), *others)
+
+    def within(self, blade):
+        """Return the control points nearest to a blade, each within its bounds."""
+        bounds = self.chord_bounds, self.twist_bounds, self.thickness_bounds
+        control = zip(self.control(blade), bounds, strict=True)
+        return tuple(np.clip(each, *ends) for each, ends in control)
 
     def nearest(self, blade):
         """Return the blade of this family, within its bounds, nearest to one, of its radius."""
-        chord, twist = self.control(blade)
-        chord, twist = np.clip(chord, *self.chord_bounds), np.clip(twist, *self.twist_bounds)
-        return self.at(chord, twist, blade.rotor_radius)
+        return self.at(*self.within(blade), blade.rotor_radius)

@@ -20,13 +20,16 @@ from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.best_section import best_sections
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.thickness import ByThickness
 
 GRID = (24, 49)  # chords and twists of the search where polars follow the Reynolds number
 SCAN = (12, 25)  # the same at many tip speed ratios, to find the best of them
 FINER = 13  # tip speed ratios around a peak
 RATIOS = np.geomspace(2.0, 16.0, 12)  # tip speed ratios among which the best is sought
 PEAKS = 2  # of the power over them that are refined
-CHORD_MOVE, TWIST_MOVE = 0.3, 0.1  # first trust region of the local search: share of chord, rad
+# first trust region of the local search: share of chord, rad, over chord
+CHORD_MOVE, TWIST_MOVE, THICKNESS_MOVE = 0.3, 0.1, 0.02
+THICKNESSES = 5  # of the search, between the bounds, where polars follow the thickness
 MOST_STEPS = 60  # of the local search
 WORTHWHILE = 1e-10  # gain in power coefficient for which the search begins again
 
@@ -44,9 +47,10 @@ def best_blade(
 ):
     """Return the `SteadyOptimum` over chord and twist at one tip speed ratio.
 
-    The blade gives stations, hub, tip, blade count and cone; bounds are in m and rad. From `start`,
-    a blade, the nearest local optimum is taken; None: the search covers the whole range of chord
-    and twist. A local search ends where the power coefficient changes by less than the tolerance.
+    Also over the thickness, within the bounds of polars that follow it. The blade gives stations,
+    hub, tip, blade count and cone; bounds are in m and rad. From `start`, a blade, the nearest
+    local optimum is taken; None: the search covers the whole range of chord and twist. A local
+    search ends where the power coefficient changes by less than the tolerance.
     """
     bounds = chord_bounds, twist_bounds
     if start is None:
@@ -105,10 +109,10 @@ def best_operation(blade, polar):
 
 def best_set_angle(shape, blade, polar):
     """Return the `SteadyOptimum` over a `Shape`'s set angle at the radius of a blade."""
-    chord, _ = shape.control(blade)
+    chord, _, none = shape.control(blade)
 
     def at(angle):
-        return best_operation(shape.at(chord, np.array([angle]), blade.rotor_radius), polar)
+        return best_operation(shape.at(chord, np.array([angle]), none, blade.rotor_radius), polar)
 
     angles = np.linspace(*shape.twist_bounds, 25)
     peak = int(np.argmax([at(angle).power_coefficient for angle in angles]))
@@ -123,11 +127,19 @@ def _power(blade, polar, ratio):
 def _candidates(blade, polar, ratios, chord_bounds, twist_bounds, grid=GRID):
     """Return a blade near the best one for each tip speed ratio, found globally.
 
-    By `best_sections`. Where polars follow the Reynolds number, or where BEM takes another root of
-    a section than the best, the best of a grid of chord (geometric) and twist.
+    By `best_sections`; where polars follow the thickness, at `THICKNESSES` of them, the best of
+    which each station has. Where polars follow the Reynolds number, or where BEM takes another root
+    of a section than the best, the best of a grid of chord (geometric) and twist.
     """
     points = np.array(ratios) / np.cos(blade.cone)
     bounds = chord_bounds, twist_bounds
+    if isinstance(polar, ByThickness):
+        tried = np.linspace(*polar.bounds, THICKNESSES)
+        found = [_candidates(blade, one, ratios, *bounds, grid) for one in polar.at(tried)]
+        return [
+            _best_stations(each, polar, point, tried)
+            for point, *each in zip(points, *found, strict=True)
+        ]
     if isinstance(polar, LocalReynolds):
         chord, twist = np.empty((2, points.size, blade.r.size))
         unreached = np.ones(chord.shape, dtype=bool)
@@ -151,25 +163,44 @@ def _candidates(blade, polar, ratios, chord_bounds, twist_bounds, grid=GRID):
     return [blade.with_shape(*each) for each in zip(chord, twist, strict=True)]
 
 
+def _best_stations(blades, polar, point, thickness):
+    """Return the blade that has at each station the best of some blades' of constant thickness."""
+    each = np.stack(
+        [(b.chord, b.twist, np.full(b.r.size, t)) for b, t in zip(blades, thickness, strict=True)]
+    )
+    loads = [
+        bem.sections(blade.with_shape(*shape), polar, point).tangential_load[0]
+        for blade, shape in zip(blades, each, strict=True)
+    ]
+    best, stations = np.argmax(loads, axis=0), np.arange(blades[0].r.size)
+    return blades[0].with_shape(*each[best, :, stations].T)
+
+
 def _loads(blade, polar, point):
-    """Return the tangential loads of the stations, and their derivatives by chord and twist."""
+    """Return the tangential loads of the stations, and their derivatives by their shape."""
     found = bem.sections(blade, polar, point, derivatives=True)
-    _, by_chord, by_twist, by_reynolds = found.derivatives[0, :, 0]
+    _, *by_shape, by_followed = found.derivatives[0, :, 0]
     if isinstance(polar, LocalReynolds):
-        by_chord = by_chord + by_reynolds / blade.chord
-    return found.tangential_load[0], np.stack((by_chord, by_twist))
+        by_shape[0] = by_shape[0] + by_followed / blade.chord
+    if isinstance(polar, ByThickness):
+        by_shape.append(by_followed)
+    return found.tangential_load[0], np.stack(by_shape)
 
 
 def _climb(start, polar, ratio, chord_bounds, twist_bounds, tolerance=1e-14):
-    """Return the local optimum over chord and twist next to a blade.
+    """Return the local optimum over chord, twist and maybe thickness next to a blade.
 
     Newton's method, for all stations at once and each within bounds and a trust region of its own:
     stations do not depend on each other, so a difference of gradients has every second derivative.
     """
     weights, point = bem.torque_weights(start), ratio / np.cos(start.cone)
-    bounds = np.array([chord_bounds, twist_bounds]).T[:, :, None]
-    x = np.clip(np.stack((start.chord, start.twist)), *bounds)
-    unit = np.stack((CHORD_MOVE * x[0], np.full(x[0].size, TWIST_MOVE)))
+    bounds, x = [chord_bounds, twist_bounds], [start.chord, start.twist]
+    if isinstance(polar, ByThickness):
+        bounds, x = [*bounds, polar.bounds], [*x, start.thickness]
+    bounds = np.array(bounds).T[:, :, None]
+    x = np.clip(np.stack(x), *bounds)
+    unit = np.repeat([[1.0], [TWIST_MOVE], [THICKNESS_MOVE]][: len(x)], x[0].size, axis=1)
+    unit[0] = CHORD_MOVE * x[0]
 
     def at(x):
         return _loads(start.with_shape(*x), polar, point)
@@ -178,7 +209,7 @@ def _climb(start, polar, ratio, chord_bounds, twist_bounds, tolerance=1e-14):
     radius = np.ones(load.size)
     for _ in range(MOST_STEPS):
         # second derivatives by one-sided differences, in trust region units from here on
-        moved = [at(x + each[:, None] * 1e-5 * unit)[1] for each in np.eye(2)]
+        moved = [at(x + each[:, None] * 1e-5 * unit)[1] for each in np.eye(len(x))]
         bend = np.stack([(each - slope) * unit for each in moved]) / 1e-5
         step = _newton_step(slope * unit, bend, (bounds - x) / unit, radius) * unit
         if ratio * weights @ np.abs(np.sum(slope * step, axis=0)) <= tolerance:
@@ -193,15 +224,15 @@ def _climb(start, polar, ratio, chord_bounds, twist_bounds, tolerance=1e-14):
 
 
 def _newton_step(slope, bend, room, radius):
-    """Return steps[2, n] that raise n functions of two variables with slope[2, n].
+    """Return steps[m, n] that raise n functions of m variables with slope[m, n].
 
     The step is Newton's with the absolute values of the eigenvalues of the second derivatives
-    bend[2, 2, n]; it stays in room[lower and upper, 2, n] and within the radius. A variable at a
+    bend[m, m, n]; it stays in room[lower and upper, m, n] and within the radius. A variable at a
     bound that its slope points beyond stays there.
     """
     free = ~(((slope > 0.0) & (room[1] <= 0.0)) | ((slope < 0.0) & (room[0] >= 0.0)))
     slope = np.where(free, slope, 0.0)
-    bend = np.where(free & free[:, None] | np.eye(2, dtype=bool)[:, :, None], bend, 0.0)
+    bend = np.where(free & free[:, None] | np.eye(len(slope), dtype=bool)[:, :, None], bend, 0.0)
     sizes, axes = np.linalg.eigh(0.5 * np.moveaxis(bend + bend.swapaxes(0, 1), -1, 0))
     along = np.einsum("nij,in->nj", axes, slope) / np.maximum(np.abs(sizes), 1e-30)
     step = np.einsum("nij,nj->in", axes, along)

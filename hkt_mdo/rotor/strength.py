@@ -5,14 +5,18 @@ towards the upper (suction) side, both from the centroid of its material; see do
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from hkt_mdo.rotor.outline import Outline, SecondMoments
+from hkt_mdo.rotor.thickness import over_thickness
 
 PLACES = 64  # about; with them the largest stress is within 1e-3 of that between all places
 EXPONENT = 400.0  # of the norms that are smooth instead of the largest; see `norm`
+PARTS = 32  # between two sections, in which sections of a designed thickness are tabulated
 POINT_ERROR = 2e-4  # how much the points of an outline that are kept may stand out too far
 
 
@@ -20,13 +24,15 @@ class Bending(NamedTuple):
     """Largest bending stress of sections (Pa), each of shape (n_points, n_places).
 
     largest is over the outline; smooth, never below it, a norm over it with the derivatives by_weak
-    and by_strong by both moments (1/m³).
+    and by_strong by both moments (1/m³), and by_change by the sections where a change of them is
+    given.
     """
 
     largest: np.ndarray
     smooth: np.ndarray
     by_weak: np.ndarray
     by_strong: np.ndarray
+    by_change: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,22 +100,37 @@ class Structure:
         }
         return replace(self, **spread, n_stations=counts.pop() if counts else None)
 
-    def bending(self, weak, strong, chord, exponent=EXPONENT):
+    def bending(self, weak, strong, chord, exponent=EXPONENT, change=None):
         """Return the `Bending` stress by moments weak and strong[n_points, n_places] (N m).
 
         weak is the moment of forces towards +y, strong of forces towards -x; chord[n_places] in m,
-        exponent that of the `norm` over the outline. The stress is x u + y v with
+        exponent that of the `norm` over the outline, change the rate of the structure by what
+        `by_change` is the derivative by. The stress is x u + y v with
 
             u = (xx strong + xy weak) / d,  v = -(yy weak + xy strong) / d,  d = (xx yy - xy²) c³.
         """
         d = (self.xx * self.yy - self.xy**2) * chord**3
-        u = (self.xx * strong + self.xy * weak) / d
-        v = -(self.yy * weak + self.xy * strong) / d
+        u, v = self._gradient(weak, strong, d)
         x, y = self.points[..., 0], self.points[..., 1]
         smooth, share, largest = norm(x * u[..., None] + y * v[..., None], exponent)
         by_u, by_v = np.sum(share * x, axis=-1), np.sum(share * y, axis=-1)
         by_weak = (self.xy * by_u - self.yy * by_v) / d
-        return Bending(largest, smooth, by_weak, (self.xx * by_u - self.xy * by_v) / d)
+        by_strong, by_change = (self.xx * by_u - self.xy * by_v) / d, None
+        if change is not None:
+            u_d, v_d = change._gradient(weak, strong, d)
+            grown = self.xx * change.yy + change.xx * self.yy - 2.0 * self.xy * change.xy
+            grown = grown / (self.xx * self.yy - self.xy**2)
+            by_change = by_u * (u_d - u * grown) + by_v * (v_d - v * grown)
+            by_change = by_change + u * np.einsum("...p,...p", share, change.points[..., 0])
+            by_change = by_change + v * np.einsum("...p,...p", share, change.points[..., 1])
+        return Bending(largest, smooth, by_weak, by_strong, by_change)
+
+    def _gradient(self, weak, strong, d):
+        """Return the stress' gradients u and v along x and y; see `bending`."""
+        return (
+            (self.xx * strong + self.xy * weak) / d,
+            -(self.yy * weak + self.xy * strong) / d,
+        )
 
     def curvature(self, weak, strong, chord, twist):
         """Return the curvature (1/m) of a blade out of the rotor plane; see `bending`.
@@ -123,6 +144,58 @@ class Structure:
         across = self.yy * weak + self.xy * strong
         along = self.xx * strong + self.xy * weak
         return (across * np.cos(twist) - along * np.sin(twist)) / d
+
+
+@dataclass(frozen=True, eq=False)
+class StructureByThickness:
+    """The structure of sections whose thickness over chord is designed, linear between stations.
+
+    numbers is a spline over the thickness: area, xx, yy, xy and the coordinates of the points, as
+    `Structure` has them. density (kg/m³) and modulus (Pa) are the material's.
+    """
+
+    numbers: CubicSpline
+    density: float
+    modulus: float | None = None
+
+    @classmethod
+    def of(cls, thickness, outlines, density, modulus=None, wall=None):
+        """Return the structure of sections of a thickness[n_sections], which increases.
+
+        Outlines between them are splines through theirs, at equal fractions of the chord, as are
+        walls between the sections' walls (over the chord; None: solid sections).
+        """
+        parts = [np.linspace(*ends, PARTS + 1) for ends in pairwise(thickness)]
+        at = np.unique(np.concatenate(parts))
+        x, upper, lower = np.moveaxis([each.resampled() for each in outlines], 1, 0)
+        along = over_thickness(thickness, np.stack((x, upper, lower), axis=1))(at)
+        walls = [None] * at.size if wall is None else over_thickness(thickness, wall)(at)
+        sections = [
+            material_section(Outline(np.r_[x[::-1], x], np.r_[upper[::-1], lower]), own)
+            for (x, upper, lower), own in zip(along, walls, strict=True)
+        ]
+        numbers = np.array([(area, *moments) for area, moments, _ in sections])
+        points = _governing([points for _, _, points in sections], same=True)
+        table = np.hstack((numbers, points.reshape(at.size, -1)))
+        return cls(CubicSpline(at, table), float(density), modulus)
+
+    def with_section(self, thickness, area, second_moments=None):
+        """Return the structure with another area and `SecondMoments` of the sections.
+
+        As `Structure.with_section`, with values[n_sections] at the sections' thickness.
+        """
+        at = self.numbers.x
+        table = self.numbers(at)
+        table[:, 0] = over_thickness(thickness, area)(at)
+        if second_moments is not None:
+            table[:, 1:4] = over_thickness(thickness, np.transpose(second_moments))(at)
+        return replace(self, numbers=CubicSpline(at, table))
+
+    def at(self, thickness, order=0):
+        """Return the `Structure` of places with a thickness[n_places], or its rate by it."""
+        table = self.numbers(thickness, order)
+        points = table[:, 4:].reshape(table.shape[0], -1, 2)
+        return Structure(*table[:, :4].T, points, self.density, self.modulus)
 
 
 def place_weights(n_stations):
@@ -181,11 +254,12 @@ def _about(area, moments, apart):
     return moments.xx + area * y * y, moments.yy + area * x * x, moments.xy + area * x * y
 
 
-def _governing(shapes):
+def _governing(shapes, same=False):
     """Return the few points of each outline that can have the largest stress.
 
     In every direction of the stress' gradient their reach, of either sign, is that of the whole
-    outline or up to `POINT_ERROR` more. The same directions are taken in all outlines.
+    outline or up to `POINT_ERROR` more. The same directions are taken in all outlines; with `same`,
+    the same points, where outlines have points at the same fractions of the chord.
     """
     size = np.max([np.max(np.abs(points), axis=0) for points in shapes], axis=0)
     angle = np.linspace(0.0, np.pi, 721)[:-1]
@@ -195,8 +269,11 @@ def _governing(shapes):
     farthest = np.array([each.argmax(axis=0) for each in reaches])
     kept, covered = [], np.zeros(reach.shape)
     while (least := np.min(covered / reach)) < 1.0 - POINT_ERROR:
-        worst = np.argmin(np.min(covered / reach, axis=0))
-        points = [shape[index] for shape, index in zip(shapes, farthest[:, worst], strict=True)]
+        if same:
+            indices = [farthest.ravel()[np.argmin(covered / reach)]] * len(shapes)
+        else:
+            indices = farthest[:, np.argmin(np.min(covered / reach, axis=0))]
+        points = [shape[index] for shape, index in zip(shapes, indices, strict=True)]
         kept.append(np.array(points))
         covered = np.maximum(covered, np.abs(kept[-1] @ directions))
     return np.stack(kept, axis=1) / least

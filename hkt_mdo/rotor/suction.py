@@ -93,7 +93,8 @@ def section_suction(polar, angle_of_attack):
 
     `polar` is one `Polar` or a sequence of one for each station, angle_of_attack[n_points,
     n_stations] is in rad; the first axis has the upper and the lower surface, slopes are per rad.
-    Raises InputError where a polar has no suction.
+    Of polars that follow the thickness: `ByThickness.suction_at`. Raises InputError where a polar
+    has no suction.
     """
     n_stations = np.shape(angle_of_attack)[-1]
     polars = polar if isinstance(polar, tuple | list) else (polar,) * n_stations

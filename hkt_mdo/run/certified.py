@@ -26,11 +26,13 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
     """Return an upper bound on the captured energy under the case's law and torque limit, J.
 
     `bound` is the quasi-steady one, which it never exceeds. Of a law that is not the package's own,
-    only the torque limit is regarded. None where polars follow the Reynolds number or the radius is
-    designed, or the best tip speed ratio is near `HIGHEST`.
+    only the torque limit is regarded. None where polars follow the Reynolds number, the radius or
+    the thickness is designed, or the best tip speed ratio is near `HIGHEST`.
     """
     shape, law, limit = physics.shape, physics.law, physics.torque_limit
     if isinstance(physics.polar, LocalReynolds) or shape.radius_bounds is not None:
+        return None
+    if shape.designs_thickness:
         return None
     if optimum.tip_speed_ratio > 0.8 * HIGHEST:
         return None
@@ -81,7 +83,7 @@ def _best_power(physics, optimum):
         ).load
         power = ratios * (load @ bem.torque_weights(blade))
     elif shape.designs_set_angle:
-        chord, _ = shape.control(blade)
+        chord, *_ = shape.control(blade)
         angles = np.linspace(*shape.twist_bounds, ANGLES)
         curves = [_power(physics, shape.at(chord, [angle]), ratios) for angle in angles]
         # what a parabola adds between two angles
@@ -111,9 +113,9 @@ def _inertia_of_heavy(physics, optimum):
     blade, rotor, best = physics.blade, physics.case.rotor, optimum.blade
     bounds, twist_bounds = physics.shape.chord_bounds, physics.shape.twist_bounds
     unit = np.ones(blade.r.size)
-    *_, slope = mass_and_inertia(
+    slope = mass_and_inertia(
         blade.with_shape(unit, unit), physics.section_area, rotor.blade_material.density
-    )
+    ).inertia_by_chord
     lightest = physics.mass_and_inertia(blade.with_shape(bounds[0] * unit, unit))[1]
     prices = PRICES * optimum.power_coefficient / physics.mass_and_inertia(best)[1]
     ratios = optimum.tip_speed_ratio * np.linspace(0.25, 1.3, RATIOS)

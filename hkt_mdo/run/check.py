@@ -307,10 +307,12 @@ def _optimization(found: Findings, package: str, warn) -> dict[str, str]:
         "derivatives included",
     }
     point = found.start
-    control = dict(zip(("chord", "twist"), found.physics.shape.control(point.blade), strict=True))
+    control = found.physics.shape.control(point.blade)
+    control = dict(zip(found.physics.shape.points, control, strict=True))
     values = designed(found.physics, point) | control
-    metres, degrees = ("m", 1.0), ("deg", np.rad2deg(1.0))
-    in_case = {"chord": metres, "twist": degrees, "set_angle": degrees, "gain": ("", 1.0)}
+    metres, degrees, plain = ("m", 1.0), ("deg", np.rad2deg(1.0)), ("", 1.0)
+    in_case = {"chord": metres, "twist": degrees, "set_angle": degrees, "gain": plain}
+    in_case["thickness"] = plain
     in_case["radius"] = "m", 1.0 / np.cos(point.blade.cone)
     for limit in found.physics.limits:
         if not isinstance(limit, DesignBounds):

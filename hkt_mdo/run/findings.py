@@ -128,7 +128,7 @@ class Findings:
         self.given = build_turbine(case.rotor, case.fluid, self.mean).blade
         _, inertia = physics.mass_and_inertia(blade)
         solver = BEM[case.hydrodynamics.check]
-        self.plant = Plant(blade, physics.polar, inertia, physics.density, solver)
+        self.plant = Plant(blade, physics.built(blade), inertia, physics.density, solver)
         self.best = best_operation(blade, physics.polar)
         self.rated_speed = self.rated(self.best.tip_speed_ratio)
         self.above_rated = self.average(np.where(self.speed > self.rated_speed, 1.0, 0.0))
@@ -324,7 +324,7 @@ def _blade_data(found: Findings) -> dict:
         "twist_deg": np.rad2deg(blade.twist),
         "thickness_percent": 100.0 * np.broadcast_to(found.physics.thickness, blade.r.shape),
     }
-    chord, twist = shape.control(blade)
+    chord, twist, _ = shape.control(blade)
     for name, control, file in (
         ("chord_m", chord, given.chord),
         ("twist_deg", np.rad2deg(twist), np.rad2deg(given.twist)),

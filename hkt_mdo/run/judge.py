@@ -188,7 +188,8 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
     """Integrate the found design under the found controller with direct BEM, in each scenario."""
     blade, gains = result.point.blade, result.point.gains
     check = BEM[physics.case.hydrodynamics.check]
-    plant = Plant(blade, physics.polar, result.inertia, physics.density, check, physics.generator)
+    polar, water, generator = physics.built(blade), physics.density, physics.generator
+    plant = Plant(blade, polar, result.inertia, water, check, generator)
     scalars, flights = physics.scalars(blade, result.inertia), []
 
     def loads(known):
@@ -405,11 +406,12 @@ def most_between(limit: Limit) -> float:
 
 
 def designed(physics: Physics, point: StartingPoint) -> dict[str, np.ndarray]:
-    """Return what `DesignBounds` look at: chord, twist, set angle, radius and gains, SI units."""
-    _, angle = physics.shape.control(point.blade)
+    """Return what `DesignBounds` look at: the blade's shape, set angle, radius and gains, SI."""
+    _, angle, _ = physics.shape.control(point.blade)
     return {
         "chord": point.blade.chord,
         "twist": point.blade.twist,
+        "thickness": point.blade.thickness,
         "set_angle": angle,
         "radius": np.array([point.blade.rotor_radius]),
         "gain": point.gains,
@@ -437,7 +439,8 @@ def curve_errors(physics: Physics, result: Optimized) -> tuple[np.ndarray, np.nd
     probe = np.linspace(np.min(ratios), np.max(ratios), 201)
     if not result.curve.size:
         return probe, np.zeros(probe.size)
-    exact = bem.rotor_coefficients(result.point.blade, physics.polar, probe).torque
+    blade = result.point.blade
+    exact = bem.rotor_coefficients(blade, physics.built(blade), probe).torque
     curve = TorqueSpline(result.setup.nodes).basis(probe) @ result.curve
     return probe, np.abs(curve / exact - 1.0)
 

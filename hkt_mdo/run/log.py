@@ -82,6 +82,7 @@ class Log:
             {
                 "chord_m": point.blade.chord,
                 "twist_rad": point.blade.twist,
+                "thickness_over_chord": point.blade.thickness,
                 "rotor_radius_m": point.blade.rotor_radius,
                 "gains": point.gains,
                 "energy_J": point.operation.energy,
@@ -155,6 +156,8 @@ def read_iterate(out: Path, physics: Physics) -> tuple[Physics, StartingPoint | 
         return physics, None, 0.0, []
     stations = physics.blade.r.size
     sizes = {"chord_m": stations, "twist_rad": stations, "gains": len(physics.gain_units)}
+    if physics.shape.designs_thickness:
+        sizes["thickness_over_chord"] = stations
     sizes |= dict.fromkeys(("rotor_radius_m", "energy_J", "reference_energy_J"), 1)
     content = read_bytes(path, MAX_ITERATE_BYTES, "iterate of a run")
     try:
@@ -177,7 +180,8 @@ def read_iterate(out: Path, physics: Physics) -> tuple[Physics, StartingPoint | 
     if shape.radius_bounds is not None:
         radius = float(np.clip(values["rotor_radius_m"][0], *shape.radius_bounds))
     blade = physics.blade.with_rotor_radius(radius)
-    blade = shape.nearest(blade.with_shape(values["chord_m"], values["twist_rad"]))
+    found = values["chord_m"], values["twist_rad"], values.get("thickness_over_chord")
+    blade = shape.nearest(blade.with_shape(*found))
     over_time = values["rotor_speed_rad_s"], values["hydrodynamic_torque_Nm"]
     operation = Operation(float(values["energy_J"][0]), *over_time)
     history = list(zip(*table.values(), strict=True))

@@ -14,6 +14,7 @@ from hkt_mdo.problem.build import assemble, make_driver
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes, find_start
 from hkt_mdo.problem.start import StartingPoint
+from hkt_mdo.rotor.components import rotor_inputs
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.judge import (
     MESH_ERROR,
@@ -335,8 +336,9 @@ def _point(physics: Physics, problem) -> StartingPoint:
     speed, torque = (np.concatenate(values) for values in sampled.values())
     gains = [problem.get_val(f"gain_{i}")[0] for i in range(len(physics.gain_units))]
     blade = physics.blade.with_rotor_radius(float(problem.get_val("rotor_radius")[0]))
+    names = [name for name in rotor_inputs(blade) if name != "rotor_radius"]
     return StartingPoint(
-        blade.with_shape(problem.get_val("chord"), problem.get_val("twist")),
+        blade.with_shape(*map(problem.get_val, names)),
         np.array(gains, dtype=float),
         Operation(float(problem.get_val("energy")[0]), speed, torque),
     )

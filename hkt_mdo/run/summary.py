@@ -54,7 +54,7 @@ def summarize(
         for name in ("tip_speed_ratio", "control_torque")
     )
     working = max(float(np.min(ratios)), SLOWEST_RATIO), float(np.max(ratios))
-    met = Stations.of(blade, physics.polar, working).messages("found blade")
+    met = Stations.of(blade, physics.built(blade), working).messages("found blade")
     peak, bound = best_operation(blade, physics.polar), energy_bound(physics, optimum)
     by_name = {check.name: check.value for check in checks}
     gains = [float(gain) for gain in result.point.gains]
@@ -122,6 +122,7 @@ def summarize(
         "r_m": blade.r,
         "chord_m": blade.chord,
         "twist_deg": np.rad2deg(blade.twist),
+        "thickness_over_chord": blade.thickness,
         "start_chord_m": physics.blade.chord,
         "start_twist_deg": np.rad2deg(physics.blade.twist),
         "starting_energy_J": start.operation.energy,
@@ -301,6 +302,7 @@ def _write_blade(path, physics, blade):
         f"blade found by the case {physics.case.name}; the twist includes the set angle",
         f"to start from it, with the path of this file: rotor: {section}",
     )
-    thickness = np.broadcast_to(np.asarray(physics.thickness, dtype=float), blade.r.shape)
+    thickness = physics.thickness if blade.thickness is None else blade.thickness
+    thickness = np.broadcast_to(np.asarray(thickness, dtype=float), blade.r.shape)
     table = BladeTable(blade.r, blade.chord, blade.twist, thickness=thickness)
     write_blade_csv(path, table, remarks)

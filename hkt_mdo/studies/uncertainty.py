@@ -108,10 +108,11 @@ class Design:
             remedy = "run the case again, or resume it"
             raise InputError("holds no finished design", remedy, file=solution.folder)
         blade = world.blade.with_rotor_radius(summary.rotor_radius_m or world.blade.rotor_radius)
-        blade = blade.with_shape(summary.chord_m, np.deg2rad(summary.twist_deg))
+        twist = np.deg2rad(summary.twist_deg)
+        blade = blade.with_shape(summary.chord_m, twist, summary.thickness_over_chord)
         check = BEM[world.case.hydrodynamics.check]
         plant = Plant(
-            blade, world.polar, summary.inertia_kg_m2, world.density, check, world.generator
+            blade, world.built(blade), summary.inertia_kg_m2, world.density, check, world.generator
         )
         gains = np.atleast_1d([] if summary.gain is None else summary.gain)
         return cls(solution, world, plant, gains.astype(float))

@@ -1,7 +1,5 @@
 """Laws for the whole range of the flow: their closed forms, and how near open loop they come."""
 
-from dataclasses import replace
-
 import numpy as np
 import openmdao.api as om
 import pytest

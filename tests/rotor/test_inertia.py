@@ -21,7 +21,7 @@ def blade(chord, cone=0.0):
 
 
 def test_constant_chord_has_the_closed_form():
-    mass, inertia, _, _ = mass_and_inertia(blade(np.full(5, 0.2)), AREA, DENSITY, 0.7)
+    mass, inertia, *_ = mass_and_inertia(blade(np.full(5, 0.2)), AREA, DENSITY, 0.7)
     line = COUNT * DENSITY * AREA * 0.2**2
     assert mass == pytest.approx(line * (TIP - HUB), rel=1e-14)
     assert inertia == pytest.approx(line * (TIP**3 - HUB**3) / 3.0 + 0.7, rel=1e-14)
@@ -31,7 +31,7 @@ def test_tapered_blade_has_the_closed_form():
     """For chord = a + b r between first and last station, m and I are integrals of a polynomial."""
     a, b = 0.3, -0.12
     chord = a + b * R
-    mass, inertia, _, _ = mass_and_inertia(blade(chord), AREA, DENSITY)
+    mass, inertia, *_ = mass_and_inertia(blade(chord), AREA, DENSITY)
     square = np.polynomial.Polynomial([a, b]) ** 2
 
     def integral(power):
@@ -48,7 +48,7 @@ def test_tapered_blade_has_the_closed_form():
 def test_dimensions():
     """Mass grows with length cubed and inertia with its fifth power."""
     chord = np.array([0.2, 0.18, 0.15, 0.1, 0.08])
-    mass, inertia, _, _ = mass_and_inertia(blade(chord), AREA, DENSITY)
+    mass, inertia, *_ = mass_and_inertia(blade(chord), AREA, DENSITY)
     large = mass_and_inertia(
         Blade(2 * R, 2 * chord, np.zeros(5), 2 * HUB, 2 * TIP, COUNT), AREA, DENSITY
     )
@@ -67,7 +67,7 @@ def test_coned_blades_have_the_mass_of_plane_ones_and_cosine_squared_of_their_in
 def test_section_area_may_run_along_the_span():
     """With a constant chord, area linear in r gives polynomial integrals."""
     shape = 0.2 - 0.1 * R
-    mass, inertia, _, _ = mass_and_inertia(blade(np.full(5, 0.2)), shape, DENSITY)
+    mass, inertia, *_ = mass_and_inertia(blade(np.full(5, 0.2)), shape, DENSITY)
     line = np.polynomial.Polynomial([0.2, -0.1])
 
     def integral(power):

@@ -1,5 +1,7 @@
 """What of a blade is designed: splines, scaling, set angle, and the component's partials."""
 
+from dataclasses import replace
+
 import numpy as np
 import openmdao.api as om
 import pytest
@@ -44,14 +46,13 @@ def test_chord_stays_within_the_bounds_of_its_control_points(blade):
 def test_design_at_the_stations_is_the_blade_bit_by_bit(blade):
     shape = Shape.designed(blade, None, None, CHORDS, TWISTS)
     assert shape.blade is blade
-    chord, twist = shape.control(blade)
+    chord, twist, thickness = shape.control(blade)
+    assert thickness.size == 0
     np.testing.assert_array_equal(chord, blade.chord)
     np.testing.assert_array_equal(shape.at(chord, twist).twist, blade.twist)
 
 
 def test_many_stations_are_a_spline_unless_asked_otherwise(blade):
-    from dataclasses import replace
-
     r = np.linspace(0.2, 1.38, 30)
     many = replace(blade, r=r, chord=0.2 - 0.1 * r, twist=0.3 - 0.2 * r)
     assert Shape.designed(many, None, None, CHORDS, TWISTS).chord_basis.shape == (30, 8)
@@ -91,24 +92,44 @@ def test_the_set_angle_turns_the_whole_blade(blade):
     np.testing.assert_allclose(turned.twist - blade.twist, 0.15, rtol=1e-12)
 
 
+def thick(blade):
+    return replace(blade, thickness=np.linspace(0.26, 0.15, blade.r.size))
+
+
+def test_thickness_begins_within_its_bounds(blade):
+    bounds = {"thickness_points": 3, "thickness_bounds": (0.12, 0.24)}
+    made = Shape.designed(thick(blade), 5, 5, CHORDS, TWISTS, **bounds).blade
+    assert made.thickness.max() <= 0.24
+    free = Shape.designed(
+        thick(blade), None, None, CHORDS, TWISTS, **bounds | {"thickness_points": 99}
+    )
+    assert free.points == dict.fromkeys(("chord", "twist", "thickness"), blade.r.size)
+
+
 @pytest.mark.parametrize(
     "make",
     [
         lambda blade: Shape.designed(blade, None, None, CHORDS, TWISTS),
         lambda blade: Shape.designed(blade, 5, 4, CHORDS, TWISTS, (1.0, 2.0)),
         lambda blade: Shape.designed(blade, 5, None, CHORDS, TWISTS),
+        lambda blade: Shape.designed(
+            *(thick(blade), 5, None, CHORDS, TWISTS),
+            thickness_points=4,
+            thickness_bounds=(0.12, 0.24),
+        ),
         lambda blade: Shape.fixed(blade),
         lambda blade: Shape.fixed(blade, 0.1, (-0.2, 0.3), (1.0, 2.0)),
     ],
-    ids=["stations", "splines and radius", "chord spline", "fixed", "set angle and radius"],
+    ids=["stations", "splines and radius", "chord spline", "thickness", "fixed", "set angle"],
 )
 def test_component_is_the_shape_with_exact_partials(blade, make):
     shape = make(blade)
-    chord, twist = shape.control(blade)
+    chord, twist, thickness = shape.control(shape.blade)
     problem = om.Problem(reports=False)
     problem.model.add_subsystem("shape", ShapeComp(shape=shape), promotes=["*"])
     problem.setup(force_alloc_complex=True)
     values = {"chord_control": 1.1 * chord, "twist_control": twist + 0.02}
+    values |= {"thickness_control": thickness + 0.01}
     for name, value in values.items():
         if value.size:
             problem.set_val(name, value)
@@ -120,5 +141,7 @@ def test_component_is_the_shape_with_exact_partials(blade, make):
     made = shape.at(*values.values(), radius)
     np.testing.assert_allclose(problem.get_val("chord"), made.chord, rtol=1e-14)
     np.testing.assert_allclose(problem.get_val("twist"), made.twist, rtol=1e-14)
+    if shape.designs_thickness:
+        np.testing.assert_allclose(problem.get_val("thickness"), made.thickness, rtol=1e-14)
     found = problem.check_partials(method="cs", out_stream=None)
     assert_check_partials(found, atol=1e-12, rtol=1e-12)

@@ -1,0 +1,105 @@
+"""Polars that follow the thickness of their station, where that is designed."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from hkt_mdo.errors import InputError
+from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.suction import require_suction
+
+BETWEEN = 9  # thicknesses between two sections at which the curves' drag is looked at
+
+
+def over_thickness(thickness, values):
+    """Return the natural cubic spline of values[n_sections, ...] over the sections' thickness.
+
+    It is linear in the values and C²; of two sections, a straight line.
+    """
+    return CubicSpline(thickness, values, bc_type="natural")
+
+
+@dataclass(frozen=True, eq=False)
+class ByThickness:
+    """Polars of sections over their thickness; the blade says that of its stations.
+
+    Lift, drag and suction at an angle of attack are splines through the sections' (see
+    `over_thickness`). thickness[n_sections], over the chord, increases, with one of sections each;
+    bounds are the smallest and the largest thickness that a blade may have, within the sections'.
+    """
+
+    thickness: np.ndarray
+    sections: tuple[Polar, ...]
+    bounds: tuple[float, float]
+
+    @classmethod
+    def of(cls, thickness, sections, bounds):
+        """Return the family; InputError where a curve between the sections has no positive drag."""
+        family = cls(np.array(thickness, dtype=float), tuple(sections), tuple(bounds))
+        for inner, outer in zip(family.thickness[:-1], family.thickness[1:], strict=True):
+            between = np.linspace(inner, outer, BETWEEN + 2)[1:-1]
+            for at, polar in zip(between, family.at(between), strict=True):
+                if np.min(polar.coefficients[:, 4]) <= 0.0:
+                    raise InputError(
+                        f"the curve through the sections has no positive drag at a thickness of "
+                        f"{at:.3g}",
+                        "give a section there, or leave out those that differ too much",
+                        key="rotor.sections",
+                    )
+        return family
+
+    @property
+    def polars(self):
+        """The tables by station, one tuple for all, as `LocalReynolds` has them."""
+        return (self.sections,)
+
+    @cached_property
+    def _cardinal(self):
+        return over_thickness(self.thickness, np.eye(self.thickness.size))
+
+    def weights(self, thickness):
+        """Return the sections' weights at thickness[n] and their slopes, (2, n, n_sections)."""
+        return np.stack((self._cardinal(thickness), self._cardinal(thickness, 1)))
+
+    def mixture(self, blade, _blade_ratio=()):
+        """Return the weights at a blade's stations, the same at all points: axis 2 has length 1."""
+        return self.weights(blade.thickness)[:, :, None]
+
+    def at(self, thickness):
+        """Return a `Polar` for each of thickness[n]."""
+        return tuple(self._polar(weights) for weights in self.weights(thickness)[0])
+
+    def _polar(self, weights):
+        def mixed(name):
+            return np.tensordot(weights, np.stack([getattr(s, name) for s in self.sections]), 1)
+
+        known = all(each.suction is not None for each in self.sections)
+        return Polar(
+            mixed("coefficients"),
+            max(each.alpha_min for each in self.sections),
+            min(each.alpha_max for each in self.sections),
+            mixed("suction") if known else None,
+        )
+
+    def suction_at(self, angle_of_attack, thickness):
+        """Return -Cp min of both surfaces, its slopes by the angle (per rad) and by the thickness.
+
+        Each is [2, n_points, n_stations] for angle_of_attack[n_points, n_stations] (rad) and
+        thickness[n_stations]. Raises InputError where a section has no suction.
+        """
+        require_suction(self.sections)
+        found = [each.suction_at(angle_of_attack) for each in self.sections]
+        suction, by_angle = (np.stack(part, axis=-1) for part in zip(*found, strict=True))
+        weights, slopes = self.weights(thickness)
+        return (
+            np.sum(weights * suction, axis=-1),
+            np.sum(weights * by_angle, axis=-1),
+            np.sum(slopes * suction, axis=-1),
+        )
+
+
+def as_built(polar, blade):
+    """Return the polars of a blade: those at its thickness where polars follow the thickness."""
+    return polar.at(blade.thickness) if isinstance(polar, ByThickness) else polar

@@ -1,0 +1,110 @@
+"""Thickness as a design variable: derivatives of the problem and of its start, what is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hkt_mdo.case import load_case
+from hkt_mdo.errors import InputError
+from hkt_mdo.problem.build import build_problem
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.problem.schedule import Joint, SteadyFlow, quasi_steady
+from hkt_mdo.problem.start import CoDesign
+from hkt_mdo.rotor.steady_optimum import best_operation
+from hkt_mdo.rotor.torque_curve import TorqueSpline
+
+SECTIONS = [
+    {"polar": "naca4415_Re1e6", "thickness": 0.12},
+    {"polar": "naca63815_Re1e6", "outline": "naca63815"},
+    {"polar": "naca63424_Re1e6", "outline": "naca63424"},
+]
+
+
+def case(rotor=None, control="open_loop", limits=None, **others):
+    given = {
+        "inflow": "sine",
+        "control": {"law": control, "torque_limit": 700},
+        "rotor": {"sections": SECTIONS, "station_count": 8} | (rotor or {}),
+        "phase": {"segments": 10},
+        "limits": {"stress": "60 MPa", "cavitation": {"depth": 3}} if limits is None else limits,
+    }
+    design = {"thickness_points": 4, "chord_points": 5, "twist_points": 5}
+    given["design"] = design | others.pop("design", {})
+    return load_case(given | others)
+
+
+def test_the_start_has_the_thickness_of_the_file_within_the_bounds():
+    found = physics(case(design={"thickness_points": 8, "thickness_bounds": [0.14, 0.2]}))
+    percent = [24, 22.5, 20.7, 19.5, 18.7, 18.1, 17.6, 17.1, 16.6, 16.1, 15.6, 15.1, 14.6, 14.1]
+    r = np.linspace(0.2, 0.85, 14) * found.blade.tip_radius
+    inside = found.blade.r < r[-1]
+    expected = np.clip(0.01 * np.interp(found.blade.r, r, percent), 0.14, 0.2)
+    np.testing.assert_allclose(found.blade.thickness[inside], expected[inside], rtol=1e-12)
+    assert found.shape.designs_thickness
+    assert found.shape.thickness_bounds == (0.14, 0.2)
+
+
+@pytest.mark.parametrize("control", ["open_loop", "quadratic"])
+def test_partials_of_the_problem(control):
+    problem = build_problem(case(control=control), improve=False)
+    problem.run_model()
+    names = "shape", "inertia", "torque_table", "load_table"
+    found = problem.check_partials(
+        out_stream=None, form="central", step=1e-6, includes=list(names), compact_print=True
+    )
+    assert set(found) == set(names)
+    for component, partials in found.items():
+        assert any(by == "thickness" or component == "shape" for _, by in partials)
+        for pair, each in partials.items():
+            (error,) = (own for own in each["abs error"][:2] if own is not None)
+            assert error <= 2e-6 * max(each["magnitude"].fd, 1e-9), (component, pair)
+    assert problem.get_val("thickness").shape == (8,)
+    assert "thickness_control" in problem.model.get_design_vars()
+
+
+def test_derivatives_of_the_start_under_limits():
+    found = physics(case())
+    blade = found.blade
+    whole = quasi_steady(found, best_operation(blade, found.polar))
+    spline = TorqueSpline(whole.spline.nodes[::4])
+    steady = SteadyFlow.of(found, spline, 4)
+    few = replace(whole, inflow_speed=steady.speeds, weights=steady.weights, spline=spline)
+    design = CoDesign(few, found.shape, found.polar, (-np.inf, np.inf))
+    joint = Joint(steady, design, few.slowed)
+    x = np.concatenate([*found.shape.control(blade)])
+    z = np.r_[x, np.full(steady.speeds.size, 6.0)]
+    value, by, _, _, above, above_by = joint.values(z)
+    for k in (10, 11, 12, 13):  # the control points of the thickness
+        step = 1e-5 * np.eye(z.size)[k]
+        up, down = joint.values(z + step), joint.values(z - step)
+        assert by[k] == pytest.approx((up[0] - down[0]) / 2e-5, rel=1e-5, abs=1e-3 * abs(value))
+        expected = (up[4] - down[4]) / 2e-5
+        np.testing.assert_allclose(above_by[:, k], expected, rtol=1e-4, atol=1e-4)
+    assert above.size
+
+
+ONE = {"sections": [], "polar": "naca4415_Re1e6", "outline": "naca4415"}
+SAME = [SECTIONS[1], SECTIONS[1]]
+BOUNDS = {"thickness_bounds": [0.1, 0.2]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"rotor": ONE}, r"design.thickness_points: needs several sections.*give rotor.sections"),
+        ({"rotor": {"sections": SAME}}, "rotor.sections: has two sections of one thickness"),
+        ({"design": BOUNDS}, r"thickness_bounds = \[0.1, 0.2\]: reach beyond .* 0.12 to 0.2402"),
+        ({"rotor": {"reynolds": "local"}}, "design.thickness_points: .*rotor.reynolds: invariant"),
+        ({"limits": {}, "hydrodynamics": {"torque": "direct"}}, "torque: curve"),
+        ({"hydrodynamics": {"bem": "ccblade"}}, "bem: vectorized"),
+        ({"design": {"blade": "fixed"}}, "design.chord_points.* of a blade that is fixed"),
+        (
+            {"design": BOUNDS | {"thickness_points": None}},
+            "thickness_bounds.*bounds a thickness that is not designed",
+        ),
+    ],
+)
+def test_what_cannot_be_designed_is_refused(changes, message):
+    with pytest.raises(InputError, match=message):
+        physics(case(**changes))

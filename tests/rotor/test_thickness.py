@@ -1,0 +1,217 @@
+"""Sections over their thickness: theory, derivatives of BEM and loads, the steady optimum."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hkt_mdo.errors import InputError
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.airfoil import PolarFamily
+from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.rotor.loads import Cavitation, LoadModel
+from hkt_mdo.rotor.outline import Outline
+from hkt_mdo.rotor.steady_optimum import best_rotor
+from hkt_mdo.rotor.strength import Structure, StructureByThickness
+from hkt_mdo.rotor.suction import section_suction
+from hkt_mdo.rotor.thickness import ByThickness, as_built, over_thickness
+
+THICKNESS = np.array([0.12, 0.15, 0.24])
+RATIO = np.linspace(3.0, 11.0, 9)
+CHORDS, TWISTS = (0.01, 1.0), (-0.5, 0.5)
+METAL = 2700.0
+
+
+@pytest.fixture(scope="module")
+def sections():
+    names = "naca63815_Re1e6", "naca4415_Re1e6", "naca63424_Re1e6"
+    return tuple(PolarFamily.from_file(name).polars[0] for name in names)
+
+
+@pytest.fixture(scope="module")
+def family(sections):
+    return ByThickness.of(THICKNESS, sections, (0.12, 0.24))
+
+
+@pytest.fixture(scope="module")
+def thick(blade):
+    return replace(blade, thickness=np.linspace(0.235, 0.125, blade.r.size))
+
+
+def outlines():
+    base = Outline.from_file("naca63815")
+    return [base.stretched(each / base.thickness) for each in THICKNESS]
+
+
+def model_of(family, **changes):
+    structure = StructureByThickness.of(THICKNESS, outlines(), METAL)
+    return replace(
+        LoadModel(family, 1000.0, structure, Cavitation(family.suction_at, 3.0)), **changes
+    )
+
+
+def slope(function, size=1e-4):
+    """Return the derivative of a function at zero, by differences of fourth order."""
+    values = [function(k * size) for k in (-2, -1, 1, 2)]
+    return (values[0] - 8.0 * values[1] + 8.0 * values[2] - values[3]) / (12.0 * size)
+
+
+# Theory
+
+
+def test_a_curve_over_the_thickness_meets_its_sections_and_is_linear_where_they_are(family):
+    weights, slopes = family.weights(THICKNESS)
+    np.testing.assert_allclose(weights, np.eye(3), atol=1e-14)
+    at = np.linspace(0.12, 0.24, 41)
+    weights, slopes = family.weights(at)
+    np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-13)
+    np.testing.assert_allclose(weights @ THICKNESS, at, rtol=1e-13)
+    np.testing.assert_allclose(slopes @ THICKNESS, 1.0, rtol=1e-12)
+    second = family._cardinal(THICKNESS[1] + np.array([-1e-9, 1e-9]), 2)
+    np.testing.assert_allclose(second[0], second[1], rtol=1e-6)
+
+
+def test_two_sections_are_blended_in_proportion(sections):
+    family = ByThickness.of([0.12, 0.24], (sections[0], sections[2]), (0.12, 0.24))
+    (found,) = family.at(np.array([0.15]))
+    expected = sections[0].blend(sections[2], 0.25)
+    np.testing.assert_allclose(found.coefficients, expected.coefficients, atol=1e-13)
+    np.testing.assert_allclose(found.suction, expected.suction, atol=1e-12)
+
+
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_at_a_sections_thickness_the_rotor_is_that_of_the_section(thick, family, sections, place):
+    same = replace(thick, thickness=np.full(thick.r.size, THICKNESS[place]))
+    found = bem.rotor_coefficients(same, family, RATIO, derivatives=True)
+    single = bem.rotor_coefficients(same, sections[place], RATIO, derivatives=True)
+    for mine, its in zip(found[:-1], single[:-1], strict=True):
+        np.testing.assert_allclose(mine, its, rtol=1e-9, atol=1e-12)
+    angle = np.deg2rad(np.linspace(-5.0, 12.0, 30)).reshape(6, 5)
+    mine, its = (
+        family.suction_at(angle, same.thickness[:5]),
+        section_suction(sections[place], angle),
+    )
+    np.testing.assert_allclose(mine[0], its[0], rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(mine[1], its[1], rtol=1e-10, atol=1e-10)
+
+
+def test_a_blade_as_built_has_polars_of_its_thickness(thick, family):
+    built = as_built(family, thick)
+    assert isinstance(built, tuple)
+    mine = bem.sections(thick, family, RATIO)
+    its = bem.sections(thick, built, RATIO)
+    np.testing.assert_allclose(mine.normal_load, its.normal_load, rtol=1e-9, atol=1e-13)
+    assert as_built(built, thick) is built
+
+
+def test_ellipses_have_their_closed_forms_between_the_sections():
+    """Area π/4 t, second moments π/64 t³ and π/64 t over powers of the chord."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 1001)
+    ellipses = [Outline(0.5 + 0.5 * np.cos(angle), 0.5 * t * np.sin(angle)) for t in THICKNESS]
+    at = np.array([0.13, 0.18, 0.2, 0.24])
+    found = StructureByThickness.of(THICKNESS, ellipses, METAL).at(at)
+    np.testing.assert_allclose(found.area, np.pi / 4.0 * at, rtol=3e-4)
+    np.testing.assert_allclose(found.xx, np.pi / 64.0 * at**3, rtol=6e-4)
+    np.testing.assert_allclose(found.yy, np.pi / 64.0 * at, rtol=6e-4)
+    rate = StructureByThickness.of(THICKNESS, ellipses, METAL).at(at, 1)
+    np.testing.assert_allclose(rate.xx, 3.0 * np.pi / 64.0 * at**2, rtol=6e-4)
+
+
+@pytest.mark.parametrize("wall", [None, 0.02])
+def test_the_stress_at_a_sections_thickness_is_that_of_the_section(thick, family, wall):
+    walls = None if wall is None else np.full(3, wall)
+    structure = StructureByThickness.of(THICKNESS, outlines(), METAL, wall=walls)
+    same = replace(thick, thickness=np.full(thick.r.size, THICKNESS[1]))
+    found = model_of(family, structure=structure).coefficients(same, RATIO, names=("stress",))
+    single = Structure.of(outlines()[1], METAL, wall=wall)
+    model = LoadModel(as_built(family, same), 1000.0, single)
+    expected = model.coefficients(same, RATIO, names=("stress",))["stress"]
+    np.testing.assert_allclose(found["stress"].exact, expected.exact, rtol=2e-3)
+
+
+def test_sections_that_differ_too_much_are_refused():
+    names = "naca63815_Re1e6", "naca63424_Re1e6", "cylinder"
+    polars = [PolarFamily.from_file(name).polars[0] for name in names]
+    with pytest.raises(InputError, match=r"no positive drag at a thickness of 0\.1"):
+        ByThickness.of([0.15, 0.24, 0.3], polars, (0.15, 0.24))
+
+
+# Derivatives
+
+
+@pytest.mark.parametrize("cone", [0.0, 0.12])
+def test_derivatives_of_sections_by_thickness(thick, family, cone):
+    thick = replace(thick, cone=cone)
+    found = bem.sections(thick, family, RATIO, derivatives=True)
+
+    def at(step):
+        moved = bem.sections(replace(thick, thickness=thick.thickness + step), family, RATIO)
+        return np.stack(
+            (moved.tangential_load, moved.normal_load, moved.inflow_angle, moved.relative_speed)
+        )
+
+    expected = slope(at)
+    scale = np.abs(expected).max(axis=(1, 2), keepdims=True)
+    np.testing.assert_allclose(found.derivatives[:, 3] / scale, expected / scale, atol=1e-7)
+    torque = bem.rotor_coefficients(thick, family, RATIO, derivatives=True)
+    for station in (0, 4, 8):
+        one = np.eye(thick.r.size)[station]
+
+        def coefficient(step, one=one):
+            moved = replace(thick, thickness=thick.thickness + step * one)
+            return bem.rotor_coefficients(moved, family, RATIO).torque
+
+        mine = torque.torque_by_thickness[:, station]
+        np.testing.assert_allclose(mine, slope(coefficient), atol=1e-9)
+
+
+@pytest.mark.parametrize(("cone", "wall"), [(0.0, None), (0.12, None), (0.0, 0.02)])
+def test_derivatives_of_loads_by_thickness(thick, family, cone, wall):
+    thick = replace(thick, cone=cone)
+    walls = None if wall is None else np.full(3, wall)
+    structure = StructureByThickness.of(THICKNESS, outlines(), METAL, wall=walls)
+    model, n = model_of(family, structure=structure), thick.r.size
+    changes = np.vstack((np.eye(n)[[0, 3, 8]], np.random.default_rng(2).normal(size=n)))
+    found = model.coefficients(thick, RATIO, derivatives=True)
+    assert set(found) == {"thrust", "root_moment", "stress", "cavitation"}
+    for change in changes:
+
+        def at(step, name, change=change):
+            moved = replace(thick, thickness=thick.thickness + step * change)
+            return model.coefficients(moved, RATIO)[name].envelope().values
+
+        for name, load in found.items():
+            expected = slope(lambda step, name=name: at(step, name), 1e-5)
+            mine = load.envelope().by_thickness @ change
+            size = np.abs(load.envelope().values)
+            np.testing.assert_allclose(mine / size, expected / size, rtol=1e-5, atol=1e-5)
+
+
+def test_mass_and_inertia_follow_the_area(thick):
+    area = over_thickness(THICKNESS, np.array([0.08, 0.1, 0.16]))
+    found = mass_and_inertia(thick, area, METAL, 0.3)
+    as_given = mass_and_inertia(thick, area(thick.thickness), METAL, 0.3)
+    assert found[:2] == as_given[:2]
+    assert np.all(as_given.mass_by_thickness == 0.0)
+    change = np.random.default_rng(1).normal(size=thick.r.size)
+
+    def at(step):
+        moved = replace(thick, thickness=thick.thickness + step * change)
+        return np.array(mass_and_inertia(moved, area, METAL, 0.3)[:2])
+
+    mine = found.mass_by_thickness @ change, found.inertia_by_thickness @ change
+    np.testing.assert_allclose(mine, slope(at), rtol=1e-8)
+
+
+# The steady optimum
+
+
+def test_more_freedom_of_the_thickness_never_lowers_the_steady_optimum(thick, family, sections):
+    fixed = [best_rotor(thick, each, CHORDS, TWISTS).power_coefficient for each in sections]
+    narrow, wide = (
+        best_rotor(thick, replace(family, bounds=bounds), CHORDS, TWISTS)
+        for bounds in ((0.14, 0.2), (0.12, 0.24))
+    )
+    assert max(fixed) <= wide.power_coefficient + 1e-8
+    assert narrow.power_coefficient <= wide.power_coefficient + 1e-8
+    assert np.all((narrow.blade.thickness >= 0.14) & (narrow.blade.thickness <= 0.2))

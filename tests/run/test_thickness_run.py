@@ -1,0 +1,73 @@
+"""Runs with a designed thickness: a single section's result, more freedom, and reading back."""
+
+import numpy as np
+import pytest
+
+from hkt_mdo.case import load_case
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.run.run import run_case
+
+SECTIONS = [
+    {"polar": "naca4415_Re1e6", "thickness": 0.12},
+    {"polar": "naca63815_Re1e6", "outline": "naca63815", "thickness": 0.15},
+    {"polar": "naca63424_Re1e6", "outline": "naca63424"},
+]
+STATIONS = [0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.999]
+
+
+def run(folder, rotor, limits=None, **design):
+    points = {"chord_points": 4, "twist_points": 4} | design
+    case = load_case(
+        {
+            "inflow": "sine",
+            "control": {"law": "open_loop", "torque_limit": 700},
+            "rotor": {"stations": STATIONS} | rotor,
+            "design": points,
+            "limits": {"stress": "60 MPa"} if limits is None else limits,
+            "phase": {"segments": 30},
+        }
+    )
+    solution = run_case(case, folder, figures=False, records=False)
+    assert solution.success, solution.message
+    return solution.summary
+
+
+@pytest.fixture(scope="module")
+def designed(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("designed")
+    return folder, run(folder, {"sections": SECTIONS}, thickness_points=3)
+
+
+@pytest.fixture(scope="module")
+def single(tmp_path_factory):
+    rotor = {"polar": "naca63815_Re1e6", "outline": "naca63815"}
+    return run(tmp_path_factory.mktemp("single"), rotor)
+
+
+def test_freedom_of_the_thickness_only_gains(designed, single):
+    """Of the same stations and control points, with the single section among those given."""
+    _, found = designed
+    assert found.simulated_energy_J > (1.0 + 1e-4) * single.simulated_energy_J
+    assert found.limits["stress"].value <= 60e6 * (1.0 + 1e-3)
+
+
+def test_at_one_sections_thickness_the_run_is_that_of_the_section(tmp_path):
+    one = {"polar": "naca63815_Re1e6", "outline": "naca63815"}
+    single = run(tmp_path / "single", one, limits={})
+    bounds = {"thickness_points": 3, "thickness_bounds": [0.15, 0.150001]}
+    found = run(tmp_path / "family", {"sections": SECTIONS}, limits={}, **bounds)
+    assert found.simulated_energy_J == pytest.approx(single.simulated_energy_J, rel=1e-6)
+    np.testing.assert_allclose(found.chord_m, single.chord_m, rtol=0.02)
+    np.testing.assert_allclose(found.thickness_over_chord, 0.15, atol=2e-6)
+
+
+def test_the_blade_that_is_written_is_read_back_with_its_thickness(designed):
+    folder, found = designed
+    own = {"blade": str(folder / "blade.csv"), "set_angle": 0, "hub_radius_fraction": 0.125}
+    rotor = own | {"stations": STATIONS, "radius": 1.4, "sections": SECTIONS}
+    others = {"inflow": "sine", "control": "quadratic", "rotor": rotor}
+    again = physics(load_case(others | {"design": {"thickness_points": 7}}))
+    np.testing.assert_allclose(again.blade.thickness, found.thickness_over_chord, rtol=1e-9)
+    np.testing.assert_allclose(again.blade.chord, found.chord_m, rtol=1e-9)
+    fixed = physics(load_case(others | {"design": {"blade": "fixed"}}))
+    np.testing.assert_allclose(fixed.thickness, found.thickness_over_chord, rtol=1e-9)
