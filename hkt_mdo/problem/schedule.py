@@ -18,13 +18,13 @@ from hkt_mdo.dynamics.laws import STEP
 from hkt_mdo.dynamics.limits import SLOWED, TYPICAL, Limit, TorqueLimit
 from hkt_mdo.dynamics.quasi_steady import SAFE, Operation, QuasiSteady
 from hkt_mdo.dynamics.trajectory import RATES, quantities
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.physics import START_EXCESS, Physics
 from hkt_mdo.problem.start import CoDesign, StartingPoint, start_candidates
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.scales import torque_scale
-from hkt_mdo.rotor.steady_optimum import SteadyOptimum
+from hkt_mdo.rotor.steady_optimum import SteadyOptimum, best_blade
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 BRANCHES = {"overspeed": 1, "underspeed": -1}
@@ -35,22 +35,23 @@ RATIO_MOVE = 1.25  # factor within which tip speed ratios move before they are r
 VIOLATION = 1e-6  # relative excess of a limit that counts as none
 ROUNDS = 16
 TIGHTENED, LOOSE = 0.5, 0.05  # of an excess that is tightened in steps, and one that is not
+APART = 0.01  # relative difference between a ratio and that of the designed schedule
 SAME = 2e-3  # relative difference of the tip speed ratios of one optimum
 GAIN = 1e-7  # relative gain of the objective that is worth another round
 BEHIND, LAST = 0.01, 4.0  # of the best objective, and of the last gain: a schedule is given up
+SOLID = 0.35  # of the optimum's tip speed ratio: that of the blade for a constant torque
+SATURATED = 10.0  # demand over the limit of the torque at which a law's torque is constant
 
 
 @dataclass(frozen=True, eq=False)
 class Curves:
     """Coefficients of a blade over the tip speed ratio, by name: "torque" and loads.
 
-    values[n_nodes] are those at the nodes of a spline; slopes[n_nodes, n_unknowns] those by the
-    design's unknowns, empty where none are asked for.
+    values[n_nodes] are those at the nodes of a spline.
     """
 
     blade: Blade
     values: dict[str, np.ndarray]
-    slopes: dict[str, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,22 +89,14 @@ class SteadyFlow:
         """The limits that a schedule keeps."""
         return _kept(self.physics)
 
-    def curves(self, blade: Blade, design: CoDesign | None = None) -> Curves:
-        """Return the curves of a blade, and their slopes by the unknowns of a design if given."""
+    def curves(self, blade: Blade) -> Curves:
+        """Return the curves of a blade."""
         physics, nodes = self.physics, self.spline.nodes
-        found = bem.rotor_coefficients(blade, physics.polar, nodes, derivatives=design is not None)
-        values, slopes = {"torque": found.torque}, {}
-        if design is not None:
-            by = found.torque_by_chord, found.torque_by_twist, found.torque_by_rotor_radius
-            slopes["torque"] = design.by_unknowns(*by)
-        names, derivatives = physics.load_names, design is not None
-        for name, load in physics.loads.coefficients(blade, nodes, derivatives, names).items():
-            envelope = load.envelope(physics.loads.exponent)
-            values[name] = envelope.values
-            if derivatives:
-                by = envelope.by_chord, envelope.by_twist, envelope.by_rotor_radius
-                slopes[name] = design.by_unknowns(*by)
-        return Curves(blade, values, slopes)
+        values = {"torque": bem.rotor_coefficients(blade, physics.polar, nodes).torque}
+        loads = physics.loads.coefficients(blade, nodes, names=physics.load_names)
+        for name, load in loads.items():
+            values[name] = load.envelope(physics.loads.exponent).values
+        return Curves(blade, values)
 
     def coefficients(self, curves: Curves, ratio) -> dict:
         """Return what the quantities of steady operation follow from, at tip speed ratios."""
@@ -122,7 +115,8 @@ class SteadyFlow:
         both = torque, torque  # of the flow and of the generator
         found = quantities(np.zeros(flow.shape), flow, speed, *both, radius, physics.generator)
         for name in physics.load_names:
-            found[name] = 0.5 * physics.density * flow**2 * coefficients[name]
+            if name in coefficients:
+                found[name] = 0.5 * physics.density * flow**2 * coefficients[name]
         scalars = {"density": physics.density, "inertia": coefficients["inertia"]}
         return found | {"rotor_radius": radius} | scalars
 
@@ -215,65 +209,85 @@ class Joint:
         steady, design = self.steady, self.design
         physics, law, n = steady.physics, steady.physics.law, steady.speeds.size
         x, ratio = z[:-n], z[-n:]
-        gains, curves = design.gains(x), steady.curves(design.blade(x), design)
-        here = self._with_slopes(curves, x, ratio)
-
-        def chained(function, at=here):
-            """Return a function of the known quantities and its slopes, by complex step."""
-            values, slopes = at
-            total = 0.0
-            for name, by in slopes.items():
-                moved = steady.known(values | {name: values[name] + 1j * STEP})
-                total = total + (np.imag(function(moved)) / STEP * np.ones(n))[:, None] * by
-            return np.real(function(steady.known(values))) * np.ones(n), total
-
-        def net(known):  # torque that accelerates the rotor, over a typical one
-            unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])
-            torque = law.torque(known["rotor_speed"], gains)
-            return (known["hydrodynamic_torque"] - torque) / (TYPICAL * unit)
-
-        def by_gains(at):
-            known = steady.known(at[0])
-            unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])
-            return -law.torque_by_gain(known["rotor_speed"], gains).T / (TYPICAL * unit)[:, None]
-
-        rate, rate_by = chained(physics.objective.rate_of)
-        objective = float(steady.weights @ rate), steady.weights @ rate_by
+        here = self._coefficients(x, ratio, physics.load_names)
+        rooms = [partial(_room, limit) for limit in steady.limits]
+        (rate, rate_by), *above = self._chained([physics.objective.rate_of, *rooms], *here)
         nothing = np.empty(0), np.empty((0, z.size))
-        equal, above = [nothing], [nothing]
-        for limit in steady.limits:
-            above.append(chained(partial(_room, limit)))
+        equal, above = [nothing], [nothing, *above]
         if law is not None:
-            slowed = self._with_slopes(curves, x, ratio, 1.0 - self.slowed)
+            gains = design.gains(x)
+
+            def unit(known):
+                radius, flow = known["rotor_radius"], known["inflow_speed"]
+                return TYPICAL * torque_scale(known["density"], radius, flow)
+
+            def net(known):  # torque that accelerates the rotor, over a typical one
+                torque = law.torque(known["rotor_speed"], gains)
+                return (known["hydrodynamic_torque"] - torque) / unit(known)
+
+            slowed = self._coefficients(x, ratio, (), 1.0 - self.slowed)
             for rows, at, least in ((equal, here, 0.0), (above, slowed, SAFE)):
-                value, by = chained(net, at)
-                by[:, x.size - gains.size : x.size] += by_gains(at)
+                ((value, by),) = self._chained([net], *at)
+                known = steady.known(at[0])
+                by_gains = law.torque_by_gain(known["rotor_speed"], gains) / unit(known)
+                by[:, x.size - gains.size : x.size] -= by_gains.T
                 rows.append((value - least, by))
-        return *objective, *_stacked(equal), *_stacked(above)
+        weights = steady.weights
+        return float(weights @ rate), weights @ rate_by, *_stacked(equal), *_stacked(above)
 
-    def _with_slopes(self, curves, x, ratio, share=1.0):
-        """Return the coefficients at a share of the ratios, and their slopes by all unknowns."""
-        steady, design, n = self.steady, self.design, ratio.size
-        blade, stations = curves.blade, np.zeros((1, curves.blade.r.size))
-        values = steady.coefficients(curves, share * ratio)
-        gains = np.zeros((1, design.gains(x).size))
+    def _chained(self, functions, values, slopes):
+        """Return the values of functions of the known quantities, and their slopes.
 
-        def designed(*by):
-            return np.hstack((design.by_unknowns(*by), gains, np.zeros((1, n))))
+        `values` and `slopes` are those of coefficients; the step between is complex.
+        """
+        steady, ones = self.steady, np.ones(self.steady.speeds.size)
+        known = steady.known(values)
+        found = [np.real(each(known)) * ones for each in functions]
+        total = [0.0] * len(functions)
+        for name, by in slopes.items():
+            moved = steady.known(values | {name: values[name] + 1j * STEP})
+            for place, each in enumerate(functions):
+                total[place] += (np.imag(each(moved)) / STEP * ones)[:, None] * by
+        return list(zip(found, total, strict=True))
 
-        own = np.hstack((np.zeros((n, x.size)), share * np.eye(n)))
-        slopes = {"ratio": own, "rotor_radius": designed(stations, stations, np.ones(1))}
-        rotor = steady.physics.case.rotor
+    def _coefficients(self, x, ratio, names, share=1.0):
+        """Return torque, named loads and what else quantities follow from at a share of the ratios.
+
+        And their slopes by all unknowns.
+        """
+        steady, design, n, ratio = self.steady, self.design, ratio.size, share * ratio
+        physics, blade = steady.physics, design.blade(x)
+        rotor, n_gains = physics.case.rotor, design.gains(x).size
+        none, fixed = np.zeros((1, blade.r.size)), np.zeros((1, n))
+
+        def by_all(by_chord, by_twist, by_radius, by_ratio):
+            by = design.by_unknowns(by_chord, by_twist, by_radius)
+            return np.hstack((by, np.zeros((len(by), n_gains)), share * by_ratio))
+
         _, inertia, _, by_chord = mass_and_inertia(
-            blade, steady.physics.section_area, rotor.blade_material.density
+            blade, physics.section_area, rotor.blade_material.density
         )
         by_radius = np.array([3.0 * inertia / blade.rotor_radius])
-        slopes["inertia"] = designed(by_chord[None], stations, by_radius)
-        for name, table in curves.values.items():
-            by = np.zeros((n, x.size + n))
-            by[:, : x.size - gains.size] = steady.spline.basis(share * ratio) @ curves.slopes[name]
-            slope = steady.spline.values(table, share * ratio)[1]
-            slopes[name] = by + slope[:, None] * own
+        values = {
+            "ratio": ratio,
+            "rotor_radius": blade.rotor_radius,
+            "inertia": physics.mass_and_inertia(blade)[1],
+        }
+        slopes = {
+            "ratio": by_all(*2 * [none.repeat(n, axis=0)], np.zeros(n), np.eye(n)),
+            "rotor_radius": by_all(none, none, np.ones(1), fixed),
+            "inertia": by_all(by_chord[None], none, by_radius, fixed),
+        }
+        found = bem.rotor_coefficients(blade, physics.polar, ratio, derivatives=True)
+        by = found.torque_by_chord, found.torque_by_twist, found.torque_by_rotor_radius
+        values["torque"] = found.torque
+        slopes["torque"] = by_all(*by, np.diag(found.torque_by_tip_speed_ratio))
+        loads = physics.loads.coefficients(blade, ratio, True, names) if names else {}
+        for name, load in loads.items():
+            found = load.envelope(physics.loads.exponent)
+            by = found.by_chord, found.by_twist, found.by_rotor_radius
+            values[name] = found.values
+            slopes[name] = by_all(*by, np.diag(found.by_tip_speed_ratio))
         return values, slopes
 
 
@@ -360,10 +374,12 @@ def schedules(
         starts.append(StartingPoint(found[-1].blade, np.empty(0), starts[0].operation))
     if law is not None:
         own = [_along(steady, start, "") for start in candidates(few, gains)]
-        fitted = [_along(steady, _fitted(steady, few, each), "") for each in found] * improve
-        tried += len(own) + len(fitted)
+        others = [_along(steady, _fitted(steady, few, each), "") for each in found] * improve
+        if improve and law.torque_limit is not None and physics.shape.designs_chord:
+            others.append(_along(steady, _at_constant_torque(steady, few, optimum), ""))
+        tried += len(own) + len(others)
         found = []
-        for each in (max(own, key=_worth), *fitted):
+        for each in (max(own, key=_worth), *others):
             found.append(improved(steady, few, each, found))
     found = [replace(each, branch=_side(steady, each), tried=tried) for each in found]
     found.sort(key=_worth, reverse=True)
@@ -380,6 +396,25 @@ def _fitted(steady, problem, schedule) -> StartingPoint:
     gains = np.clip(gains, *(physics.case.design.gain_bounds or (-np.inf, np.inf)))
     problem = replace(problem, rotor_radius=schedule.blade.rotor_radius)
     return StartingPoint(schedule.blade, gains, problem.operate(curves.values["torque"], gains))
+
+
+def _at_constant_torque(steady, problem, optimum) -> StartingPoint:
+    """Return a law's starting point at its torque limit, with a solid blade for a slow rotor.
+
+    At a constant torque the power is proportional to the rotor speed, which varies little with the
+    flow if the torque falls steeply with the tip speed ratio: that of solid, slow blades does.
+    """
+    physics, law = steady.physics, steady.physics.law
+    shape, ratio = physics.shape, SOLID * optimum.tip_speed_ratio
+    bounds = shape.chord_bounds, shape.twist_bounds
+    blade = best_blade(shape.blade, physics.polar, ratio, *bounds, optimum.blade).blade
+    blade = shape.nearest(blade)
+    torque = steady.curves(blade).values["torque"]
+    held = replace(problem, law=None, torque_limit=law.torque_limit).operate(torque)
+    demand = np.full(held.rotor_speed.shape, SATURATED * law.torque_limit)
+    gains = law.fit(held.rotor_speed, demand)
+    gains = np.clip(gains, *(physics.case.design.gain_bounds or (-np.inf, np.inf)))
+    return StartingPoint(blade, gains, problem.operate(torque, gains))
 
 
 def _side(steady, schedule) -> str:
@@ -406,8 +441,10 @@ def start_of(physics: Physics, problem: QuasiSteady, found: tuple[Schedule, ...]
         sides = np.array([steady.ratios(curves, branch) for branch in BRANCHES])
         nearest = np.argmin(np.abs(sides - guide), axis=0)
         exact = sides[nearest, np.arange(guide.size)]
-        # where limits leave a single ratio, the search on a grid does not meet it
-        closed = steady.at(curves, exact)[1] > np.maximum(steady.at(curves, guide)[1], VIOLATION)
+        # where limits leave a single ratio, the search on a grid does not meet it, or another one
+        over, least = steady.at(curves, exact)[1], steady.at(curves, guide)[1]
+        far = np.abs(exact / guide - 1.0) > APART
+        closed = (over > np.maximum(least, VIOLATION)) | (far & (least <= START_EXCESS))
         ratio = np.interp(flow, steady.speeds, np.where(closed, guide, exact))
         known = steady.known(steady.coefficients(curves, ratio), flow)
         speed, torque = known["rotor_speed"], known["hydrodynamic_torque"]
