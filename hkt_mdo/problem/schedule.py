@@ -18,13 +18,13 @@ from hkt_mdo.dynamics.laws import STEP
 from hkt_mdo.dynamics.limits import SLOWED, TYPICAL, Limit, TorqueLimit
 from hkt_mdo.dynamics.quasi_steady import SAFE, Operation, QuasiSteady
 from hkt_mdo.dynamics.trajectory import RATES, quantities
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.physics import START_EXCESS, Physics
 from hkt_mdo.problem.start import CoDesign, StartingPoint, start_candidates
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.scales import torque_scale
-from hkt_mdo.rotor.steady_optimum import SteadyOptimum
+from hkt_mdo.rotor.steady_optimum import SteadyOptimum, best_blade
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 BRANCHES = {"overspeed": 1, "underspeed": -1}
@@ -35,22 +35,23 @@ RATIO_MOVE = 1.25  # factor within which tip speed ratios move before they are r
 VIOLATION = 1e-6  # relative excess of a limit that counts as none
 ROUNDS = 16
 TIGHTENED, LOOSE = 0.5, 0.05  # of an excess that is tightened in steps, and one that is not
+APART = 0.01  # relative difference between a ratio and that of the designed schedule
 SAME = 2e-3  # relative difference of the tip speed ratios of one optimum
 GAIN = 1e-7  # relative gain of the objective that is worth another round
 BEHIND, LAST = 0.01, 4.0  # of the best objective, and of the last gain: a schedule is given up
+SOLID = 0.35  # of the optimum's tip speed ratio: that of the blade for a constant torque
+SATURATED = 10.0  # demand over the limit of the torque at which a law's torque is constant
 
 
 @dataclass(frozen=True, eq=False)
 class Curves:
     """Coefficients of a blade over the tip speed ratio, by name: "torque" and loads.
 
-    values[n_nodes] are those at the nodes of a spline; slopes[n_nodes, n_unknowns] those by the
-    design's unknowns, empty where none are asked for.
+    values[n_nodes] are those at the nodes of a spline.
     """
 
     blade: Blade
     values: dict[str, np.ndarray]
-    slopes: dict[str, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,22 +89,14 @@ class SteadyFlow:
         """The limits that a schedule keeps."""
         return _kept(self.physics)
 
-    def curves(self, blade: Blade, design: CoDesign | None = None) -> Curves:
-        """Return the curves of a blade, and their slopes by the unknowns of a design if given."""
+    def curves(self, blade: Blade) -> Curves:
+        """Return the curves of a blade."""
         physics, nodes = self.physics, self.spline.nodes
-        found = bem.rotor_coefficients(blade, physics.polar, nodes, derivatives=design is not None)
-        values, slopes = {"torque": found.torque}, {}
-        if design is not None:
-            by = found.torque_by_chord, found.torque_by_twist, found.torque_by_thickness
-            slopes["torque"] = design.by_unknowns(*by, found.torque_by_rotor_radius)
-        names, derivatives = physics.load_names, design is not None
-        for name, load in physics.loads.coefficients(blade, nodes, derivatives, names).items():
-            envelope = load.envelope(physics.loads.exponent)
-            values[name] = envelope.values
-            if derivatives:
-                by = envelope.by_chord, envelope.by_twist, envelope.by_thickness
-                slopes[name] = design.by_unknowns(*by, envelope.by_rotor_radius)
-        return Curves(blade, values, slopes)
+        values = {"torque": bem.rotor_coefficients(blade, physics.polar, nodes).torque}
+        loads = physics.loads.coefficients(blade, nodes, names=physics.load_names)
+        for name, load in loads.items():
+            values[name] = load.envelope(physics.loads.exponent).values
+        return Curves(blade, values)
 
     def coefficients(self, curves: Curves, ratio) -> dict:
         """Return what the quantities of steady operation follow from, at tip speed ratios."""
@@ -122,7 +115,8 @@ class SteadyFlow:
         both = torque, torque  # of the flow and of the generator
         found = quantities(np.zeros(flow.shape), flow, speed, *both, radius, physics.generator)
         for name in physics.load_names:
-            found[name] = 0.5 * physics.density * flow**2 * coefficients[name]
+            if name in coefficients:
+                found[name] = 0.5 * physics.density * flow**2 * coefficients[name]
         scalars = {"density": physics.density, "inertia": coefficients["inertia"]}
         return found | {"rotor_radius": radius} | scalars
 
@@ -243,63 +237,83 @@ class Joint:
         steady, design = self.steady, self.design
         physics, law, n = steady.physics, steady.physics.law, steady.speeds.size
         x, ratio, own = self.split(z)
-        gains, curves = design.gains(x), steady.curves(design.blade(x), design)
-        here = self._with_slopes(curves, x, ratio, own)
-
-        def chained(function, at=here):
-            """Return a function of the known quantities and its slopes, by complex step."""
-            values, slopes = at
-            total = 0.0
-            for name, by in slopes.items():
-                moved = steady.known(values | {name: values[name] + 1j * STEP})
-                total = total + (np.imag(function(moved)) / STEP * np.ones(n))[:, None] * by
-            return np.real(function(steady.known(values))) * np.ones(n), total
-
-        def net(known):  # torque that accelerates the rotor, over a typical one
-            unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])
-            torque = law.torque(known["rotor_speed"], gains)
-            return (known["hydrodynamic_torque"] - torque) / (TYPICAL * unit)
-
-        def by_gains(at):
-            known = steady.known(at[0])
-            unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])
-            return -law.torque_by_gain(known["rotor_speed"], gains).T / (TYPICAL * unit)[:, None]
-
-        rate, rate_by = chained(physics.objective.rate_of)
-        objective = float(steady.weights @ rate), steady.weights @ rate_by
+        here = self._coefficients(x, ratio, own, physics.load_names)
+        rooms = [partial(_room, limit) for limit in steady.limits]
+        (rate, rate_by), *above = self._chained([physics.objective.rate_of, *rooms], *here)
         nothing = np.empty(0), np.empty((0, z.size))
-        equal, above = [nothing], [nothing]
-        for limit in steady.limits:
-            above.append(chained(partial(_room, limit)))
+        equal, above = [nothing], [nothing, *above]
         if law is not None and not physics.states:
-            share = 1.0 - self.slowed
-            slowed = self._with_slopes(curves, x, share * ratio, share * own)
+            gains, share = design.gains(x), 1.0 - self.slowed
+
+            def unit(known):
+                radius, flow = known["rotor_radius"], known["inflow_speed"]
+                return TYPICAL * torque_scale(known["density"], radius, flow)
+
+            def net(known):  # torque that accelerates the rotor, over a typical one
+                torque = law.torque(known["rotor_speed"], gains)
+                return (known["hydrodynamic_torque"] - torque) / unit(known)
+
+            slowed = self._coefficients(x, share * ratio, share * own, ())
             for rows, at, least in ((equal, here, 0.0), (above, slowed, SAFE)):
-                value, by = chained(net, at)
-                by[:, x.size - gains.size : x.size] += by_gains(at)
+                ((value, by),) = self._chained([net], *at)
+                known = steady.known(at[0])
+                by_gains = law.torque_by_gain(known["rotor_speed"], gains) / unit(known)
+                by[:, x.size - gains.size : x.size] -= by_gains.T
                 rows.append((value - least, by))
-        return *objective, *_stacked(equal), *_stacked(above)
+        weights = steady.weights
+        return float(weights @ rate), weights @ rate_by, *_stacked(equal), *_stacked(above)
 
-    def _with_slopes(self, curves, x, ratio, own):
-        """Return the coefficients at ratios, and their slopes by all unknowns; own: the ratios'."""
-        steady, design, blade = self.steady, self.design, curves.blade
-        values, stations = steady.coefficients(curves, ratio), np.zeros((1, blade.r.size))
-        others = np.zeros((1, own.shape[1] - x.size + design.gains(x).size))
+    def _chained(self, functions, values, slopes):
+        """Return the values of functions of the known quantities, and their slopes.
 
-        def designed(*by):
-            return np.hstack((design.by_unknowns(*by), others))
+        `values` and `slopes` are those of coefficients; the step between is complex.
+        """
+        steady, ones = self.steady, np.ones(self.steady.speeds.size)
+        known = steady.known(values)
+        found = [np.real(each(known)) * ones for each in functions]
+        total = [0.0] * len(functions)
+        for name, by in slopes.items():
+            moved = steady.known(values | {name: values[name] + 1j * STEP})
+            for place, each in enumerate(functions):
+                total[place] += (np.imag(each(moved)) / STEP * ones)[:, None] * by
+        return list(zip(found, total, strict=True))
 
-        slopes = {"ratio": own, "rotor_radius": designed(*3 * (stations,), np.ones(1))}
-        rotor = steady.physics.case.rotor
-        found = mass_and_inertia(blade, steady.physics.section_area, rotor.blade_material.density)
-        by = found.inertia_by_chord[None], stations, found.inertia_by_thickness[None]
-        by_radius = np.array([3.0 * found.inertia / blade.rotor_radius])
-        slopes["inertia"] = designed(*by, by_radius)
-        for name, table in curves.values.items():
-            by = np.zeros(own.shape)
-            by[:, : own.shape[1] - others.size] = steady.spline.basis(ratio) @ curves.slopes[name]
-            slope = steady.spline.values(table, ratio)[1]
-            slopes[name] = by + slope[:, None] * own
+    def _coefficients(self, x, ratio, own, names):
+        """Return torque, named loads and what else quantities follow from at tip speed ratios.
+
+        And their slopes by all unknowns; `own` has those of the ratios.
+        """
+        design, physics, blade = self.design, self.steady.physics, self.design.blade(x)
+        none, density = np.zeros((1, blade.r.size)), physics.case.rotor.blade_material.density
+
+        def by_all(by, by_ratio=0.0):  # by chord, twist, thickness and radius
+            by = design.by_unknowns(*by)
+            rest = np.zeros((len(by), own.shape[1] - by.shape[1]))
+            return np.hstack((by, rest)) + np.reshape(by_ratio, (-1, 1)) * own
+
+        mass = mass_and_inertia(blade, physics.section_area, density)
+        values = {
+            "ratio": ratio,
+            "rotor_radius": blade.rotor_radius,
+            "inertia": physics.mass_and_inertia(blade)[1],
+        }
+        by = mass.inertia_by_chord[None], none, mass.inertia_by_thickness[None]
+        slopes = {
+            "ratio": own,
+            "rotor_radius": by_all((*3 * [none], np.ones(1)))[:1],
+            "inertia": by_all((*by, np.array([3.0 * mass.inertia / blade.rotor_radius])))[:1],
+        }
+        found = bem.rotor_coefficients(blade, physics.polar, ratio, derivatives=True)
+        values["torque"] = found.torque
+        by = found.torque_by_chord, found.torque_by_twist, found.torque_by_thickness
+        by = *by, found.torque_by_rotor_radius
+        slopes["torque"] = by_all(by, found.torque_by_tip_speed_ratio)
+        loads = physics.loads.coefficients(blade, ratio, True, names) if names else {}
+        for name, load in loads.items():
+            found = load.envelope(physics.loads.exponent)
+            by = found.by_chord, found.by_twist, found.by_thickness, found.by_rotor_radius
+            values[name] = found.values
+            slopes[name] = by_all(by, found.by_tip_speed_ratio)
         return values, slopes
 
 
@@ -387,13 +401,14 @@ def schedules(
         starts.append(StartingPoint(found[-1].blade, np.empty(0), starts[0].operation))
     if law is not None:
         # what has several gains, or follows a schedule, is near the best where it is fitted
-        several = improve and gains is None and len(law.gain_units) > 1
-        alone = bool(physics.states) or several
+        alone = bool(physics.states) or (improve and gains is None and len(law.gain_units) > 1)
         own = [] if alone else [_along(steady, start, "") for start in candidates(few, gains)]
-        fitted = [_begun(steady, few, each) for each in found] if improve or alone else []
-        tried += len(own) + len(fitted)
+        begun = [_begun(steady, few, each) for each in found] if improve or alone else []
+        if improve and not alone and law.torque_limit is not None and physics.shape.designs_chord:
+            begun.append(_along(steady, _at_constant_torque(steady, few, optimum), ""))
+        tried += len(own) + len(begun)
         found = []
-        for each in (*sorted(own, key=_worth)[-1:], *fitted):
+        for each in (*sorted(own, key=_worth)[-1:], *begun):
             found.append(improved(steady, few, each, found))
     found = [replace(each, branch=_side(steady, each), tried=tried) for each in found]
     found.sort(key=_worth, reverse=True)
@@ -419,19 +434,23 @@ def _fitted(steady, problem, schedule) -> StartingPoint:
     return StartingPoint(schedule.blade, gains, problem.operate(curves.values["torque"], gains))
 
 
-def _following(steady, schedule) -> Schedule:
-    """Return the schedule of a law with states whose gains follow that of an open loop."""
-    law, curves, speeds = steady.physics.law, steady.curves(schedule.blade), steady.speeds
-    gains, unit = law.starting_gains(), schedule.blade.rotor_radius / speeds
-    if gains is None:
-        known = steady.known(steady.coefficients(curves, schedule.ratio))
-        slope = steady.spline.values(curves.values["torque"], schedule.ratio)[1] * unit
-        slope *= torque_scale(known["density"], known["rotor_radius"], speeds)
-        gains = law.follow(speeds, known["rotor_speed"], known["hydrodynamic_torque"], slope)
-    ratio = law.speed_at_rest(speeds, gains) * unit
-    rate, over = steady.at(curves, ratio)
-    value, excess = float(steady.weights @ rate), float(np.max(over))
-    return replace(schedule, gains=gains, ratio=ratio, objective=value, excess=excess)
+def _at_constant_torque(steady, problem, optimum) -> StartingPoint:
+    """Return a law's starting point at its torque limit, with a solid blade for a slow rotor.
+
+    At a constant torque the power is proportional to the rotor speed, which varies little with the
+    flow if the torque falls steeply with the tip speed ratio: that of solid, slow blades does.
+    """
+    physics, law = steady.physics, steady.physics.law
+    shape, ratio = physics.shape, SOLID * optimum.tip_speed_ratio
+    bounds = shape.chord_bounds, shape.twist_bounds
+    blade = best_blade(shape.blade, physics.polar, ratio, *bounds, optimum.blade).blade
+    blade = shape.nearest(blade)
+    torque = steady.curves(blade).values["torque"]
+    held = replace(problem, law=None, torque_limit=law.torque_limit).operate(torque)
+    demand = np.full(held.rotor_speed.shape, SATURATED * law.torque_limit)
+    gains = law.fit(held.rotor_speed, demand)
+    gains = np.clip(gains, *(physics.case.design.gain_bounds or (-np.inf, np.inf)))
+    return StartingPoint(blade, gains, problem.operate(torque, gains))
 
 
 def _side(steady, schedule) -> str:
@@ -463,8 +482,10 @@ def start_of(physics: Physics, problem: QuasiSteady, found: tuple[Schedule, ...]
         sides = np.array([steady.ratios(curves, branch) for branch in BRANCHES])
         nearest = np.argmin(np.abs(sides - guide), axis=0)
         exact = sides[nearest, np.arange(guide.size)]
-        # where limits leave a single ratio, the search on a grid does not meet it
-        closed = steady.at(curves, exact)[1] > np.maximum(steady.at(curves, guide)[1], VIOLATION)
+        # where limits leave a single ratio, the search on a grid does not meet it, or another one
+        over, least = steady.at(curves, exact)[1], steady.at(curves, guide)[1]
+        far = np.abs(exact / guide - 1.0) > APART
+        closed = (over > np.maximum(least, VIOLATION)) | (far & (least <= START_EXCESS))
         ratio = np.interp(flow, steady.speeds, np.where(closed, guide, exact))
         known = steady.known(steady.coefficients(curves, ratio), flow)
         speed, torque = known["rotor_speed"], known["hydrodynamic_torque"]
