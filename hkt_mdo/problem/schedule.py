@@ -235,7 +235,7 @@ class Joint:
     def values(self, z):
         """Return objective, equalities = 0 and inequalities >= 0, each with its slopes."""
         steady, design = self.steady, self.design
-        physics, law, n = steady.physics, steady.physics.law, steady.speeds.size
+        physics, law = steady.physics, steady.physics.law
         x, ratio, own = self.split(z)
         here = self._coefficients(x, ratio, own, physics.load_names)
         rooms = [partial(_room, limit) for limit in steady.limits]
@@ -422,6 +422,21 @@ def _begun(steady, problem, schedule) -> Schedule:
     if steady.physics.states:
         return _following(steady, schedule)
     return _along(steady, _fitted(steady, problem, schedule), "")
+
+
+def _following(steady, schedule) -> Schedule:
+    """Return the schedule of a law with states whose gains follow that of an open loop."""
+    law, curves, speeds = steady.physics.law, steady.curves(schedule.blade), steady.speeds
+    gains, unit = law.starting_gains(), schedule.blade.rotor_radius / speeds
+    if gains is None:
+        known = steady.known(steady.coefficients(curves, schedule.ratio))
+        slope = steady.spline.values(curves.values["torque"], schedule.ratio)[1] * unit
+        slope *= torque_scale(known["density"], known["rotor_radius"], speeds)
+        gains = law.follow(speeds, known["rotor_speed"], known["hydrodynamic_torque"], slope)
+    ratio = law.speed_at_rest(speeds, gains) * unit
+    rate, over = steady.at(curves, ratio)
+    value, excess = float(steady.weights @ rate), float(np.max(over))
+    return replace(schedule, gains=gains, ratio=ratio, objective=value, excess=excess)
 
 
 def _fitted(steady, problem, schedule) -> StartingPoint:
