@@ -304,7 +304,7 @@ def physics(case: Case) -> Physics:
     speed, weights = inflow.speed_at(whole.samples), whole.sample_weights
     if control.cut_out is not None:
         fastest = min(fastest, control.cut_out)
-        speed = np.minimum(speed, fastest)
+        speed = np.minimum(speed, control.cut_out)
     # the speed at which most energy passes; only a local Reynolds number asks for it
     speed = float(weights @ speed**4 / (weights @ speed**3))
     turbine = build_turbine(case.rotor, case.fluid, speed)
