@@ -322,7 +322,7 @@ def physics(case: Case) -> Physics:
     speed, weights = inflow.speed_at(whole.samples), whole.sample_weights
     if control.cut_out is not None:
         fastest = min(fastest, control.cut_out)
-        speed = np.minimum(speed, fastest)
+        speed = np.minimum(speed, control.cut_out)
     if isinstance(control, FeedbackLaw):
         control = control.in_flow(float(np.min(speed)), float(np.max(speed)))
         case = case.model_copy(update={"control": control})
