@@ -17,6 +17,7 @@ REACH = 1.05  # range of a curve's knots over that of the speeds that it is fitt
 LEAST_RANGE = 0.1  # and least half of it, of the speed's logarithm
 SPREAD, EVEN = 201, 0.5  # points of that range, and evenness of the knots
 APART = 1.01  # factor by which knots that move towards each other stay from their middle
+COARSEST = 4  # knots of the curve from whose optimum one of more knots starts
 FARTHEST = 1.2  # factor within which knots move at once: neighbours far apart make a wild curve
 STEP = 1e-40  # of complex-step differentiation: no difference is taken, so nothing cancels
 
@@ -115,6 +116,10 @@ class FeedbackLaw(Law):
     def eased(self, gains, share):
         """Return the gains that demand a share of the torque of some others, where they can."""
         return share * gains
+
+    def coarser(self):
+        """Return a law of fewer gains whose optimum is a start for this one; None: there is none."""
+        return None
 
     def rates(self, speed, inflow_speed, gains, *states):
         """Return the rates of the states, a unit of each a second, at arrays of one shape.
@@ -390,6 +395,13 @@ class CurveFeedback(FeedbackLaw):
 
     def eased(self, gains, share):
         return np.append(gains[: self.knots], share * gains[self.knots :])
+
+    def coarser(self):
+        if self.knots <= COARSEST:
+            return None
+        law = self.model_copy(update={"knots": COARSEST, "knot_speeds": None, "knot_torques": None})
+        law._begins = None
+        return law
 
 
 def _natural_spline(knots, points):

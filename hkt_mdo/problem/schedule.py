@@ -330,7 +330,8 @@ def _room(limit, known):
 
 def needed(physics: Physics) -> bool:
     """Tell whether a start needs a schedule: for limits but torque's, or a law that follows it."""
-    return bool(physics.states) or any(not isinstance(e, TorqueLimit) for e in _kept(physics))
+    follows = physics.law is not None and (physics.states or physics.law.coarser() is not None)
+    return bool(follows) or any(not isinstance(each, TorqueLimit) for each in _kept(physics))
 
 
 def _kept(physics: Physics) -> tuple[Limit, ...]:
@@ -393,8 +394,14 @@ def schedules(
         rival = max((each.objective for each in others if each.worth[0]), default=-np.inf)
         return _improve(Joint(flow, design, of.slowed), best, rival) if improve else best
 
-    starts, found, tried = candidates(free), [], 0
-    for branch in BRANCHES:
+    coarser = law.coarser() if law is not None and improve and gains is None else None
+    found, tried = [], 0
+    if coarser is not None:
+        simple = replace(physics, law=coarser), replace(problem, law=coarser)
+        found = list(schedules(*simple, optimum, improve=True))
+        tried = found[0].tried
+    starts = candidates(free) if coarser is None else []
+    for branch in BRANCHES if coarser is None else ():
         best = max((_along(open_loop, start, branch) for start in starts), key=_worth)
         tried += len(starts)
         found.append(improved(open_loop, free, best, found))
