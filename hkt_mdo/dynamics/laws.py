@@ -16,7 +16,6 @@ from hkt_mdo.sections import Quantity, Section, refusal
 REACH = 1.05  # range of a curve's knots over that of the speeds that it is fitted to
 LEAST_RANGE = 0.1  # and least half of it, of the speed's logarithm
 SPREAD, EVEN = 201, 0.5  # points of that range, and evenness of the knots
-APART = 1.01  # factor by which knots that move towards each other stay from their middle
 COARSEST = 4  # knots of the curve from whose optimum one of more knots starts
 FARTHEST = 1.2  # factor within which knots move at once: neighbours far apart make a wild curve
 STEP = 1e-40  # of complex-step differentiation: no difference is taken, so nothing cancels
@@ -314,10 +313,11 @@ class RatedFeedback(FeedbackLaw):
 
 
 class CurveFeedback(FeedbackLaw):
-    """A smooth curve of the torque over the speed through knots, which are designed.
+    """A smooth curve of the torque over the speed through knots, whose torques are designed.
 
     The logarithm of the torque is a natural cubic spline of the logarithm of the speed: between the
-    knots it may rise and fall; beyond them it is a power of the speed.
+    knots it may rise and fall; beyond them it is a power of the speed. The start places the knots,
+    and there they stay.
     """
 
     law: Literal["curve"] = "curve"
@@ -328,8 +328,6 @@ class CurveFeedback(FeedbackLaw):
     """Rotor speeds of the knots, rising, given with `knot_torques`; null: chosen by the start."""
     knot_torques: tuple[Annotated[float, Quantity("N*m", gt=0)], ...] | None = None
     """Torques of the knots at the start."""
-    places: Literal["designed", "held"] = "held"
-    """Whether the speeds of the knots are designed too, or held where the start has them."""
 
     @model_validator(mode="after")
     def _check_knots(self) -> CurveFeedback:
@@ -383,14 +381,8 @@ class CurveFeedback(FeedbackLaw):
         return np.interp(np.linspace(0.0, share[-1], self.knots), share, fine)
 
     def moves(self, gains, factor):
-        speeds = gains[: self.knots]
         low, high = super().moves(gains, factor if np.isinf(factor) else min(factor, FARTHEST))
-        if self.places == "held":
-            low[: self.knots] = high[: self.knots] = speeds
-            return np.array((low, high))
-        between = np.sqrt(speeds[1:] * speeds[:-1])
-        low[1 : self.knots] = np.maximum(low[1 : self.knots], between * APART)
-        high[: self.knots - 1] = np.minimum(high[: self.knots - 1], between / APART)
+        low[: self.knots] = high[: self.knots] = gains[: self.knots]
         return np.array((low, high))
 
     def eased(self, gains, share):
