@@ -294,6 +294,13 @@ def _source(scenario, name) -> str:
     return f"{next(made, scenario.path)}.{name}"
 
 
+def constraint_of(limit: Limit, place: int, scenario: Scenario) -> str:
+    """Return the name of the constraint that holds a limit in a scenario, the place-th of all."""
+    if limit.inputs == (limit.name,) and limit.name in SERIES:  # a quantity of the trajectory
+        return _source(scenario, limit.name)
+    return f"limit_{limit.name}{f'_{scenario.name}' * (place > 0)}.value"
+
+
 def _add_limit(
     model, physics, setup, limit: Limit, place: int, scenario: Scenario, scales: Scales
 ) -> None:
@@ -315,14 +322,14 @@ def _add_limit(
             if bounds["lower"] is not None:
                 bounds["lower"] = limit.lower + less
         ref = ref or abs(limit.upper)
-    series = list(limit.series)
-    if limit.inputs == (limit.name,) and series:  # a quantity of the trajectory itself
+    constraint = constraint_of(limit, place, scenario)
+    name, series = constraint.removesuffix(".value"), list(limit.series)
+    if name == constraint:
         for end, values in bounds.items():
             if np.ndim(values):
                 bounds[end] = values[:, None]
-        model.add_constraint(_source(scenario, limit.name), ref=ref, units=limit.unit, **bounds)
+        model.add_constraint(constraint, ref=ref, units=limit.unit, **bounds)
         return
-    name = f"limit_{limit.name}" + ("" if place == 0 else f"_{scenario.name}")
     component = LimitComp(
         num_nodes=nodes.size,
         limit=limit,
@@ -335,7 +342,7 @@ def _add_limit(
     for quantity in series:
         source, target = _source(scenario, quantity), f"{name}.{quantity}"
         model.connect(source, target, src_indices=om.slicer[nodes, :])
-    model.add_constraint(f"{name}.value", ref=ref, units=limit.unit, **bounds)
+    model.add_constraint(constraint, ref=ref, units=limit.unit, **bounds)
 
 
 def _add_attached(model, physics, setup):

@@ -39,7 +39,7 @@ APART = 0.01  # relative difference between a ratio and that of the designed sch
 SAME = 2e-3  # relative difference of the tip speed ratios of one optimum
 GAIN = 1e-7  # relative gain of the objective that is worth another round
 BEHIND, LAST = 0.01, 4.0  # of the best objective, and of the last gain: a schedule is given up
-SOLID = 0.35  # of the optimum's tip speed ratio: that of the blade for a constant torque
+SOLID = 0.45  # of the optimum's tip speed ratio: that of the blade for a constant torque
 SATURATED = 10.0  # demand over the limit of the torque at which a law's torque is constant
 
 
@@ -47,10 +47,11 @@ SATURATED = 10.0  # demand over the limit of the torque at which a law's torque 
 class Curves:
     """Coefficients of a blade over the tip speed ratio, by name: "torque" and loads.
 
-    values[n_nodes] are those at the nodes of a spline.
+    values[n_nodes] are those at the nodes of a spline. inertia in kg m².
     """
 
     blade: Blade
+    inertia: float
     values: dict[str, np.ndarray]
 
 
@@ -96,12 +97,12 @@ class SteadyFlow:
         loads = physics.loads.coefficients(blade, nodes, names=physics.load_names)
         for name, load in loads.items():
             values[name] = load.envelope(physics.loads.exponent).values
-        return Curves(blade, values)
+        return Curves(blade, physics.mass_and_inertia(blade)[1], values)
 
     def coefficients(self, curves: Curves, ratio) -> dict:
         """Return what the quantities of steady operation follow from, at tip speed ratios."""
-        blade, inertia = curves.blade, self.physics.mass_and_inertia(curves.blade)[1]
-        found = {"ratio": ratio, "rotor_radius": blade.rotor_radius, "inertia": inertia}
+        radius, inertia = curves.blade.rotor_radius, curves.inertia
+        found = {"ratio": ratio, "rotor_radius": radius, "inertia": inertia}
         for name, values in curves.values.items():
             found[name] = self.spline.values(values, ratio)[0]
         return found
@@ -132,17 +133,22 @@ class SteadyFlow:
         known = self.known(self.coefficients(curves, ratio))
         return self.physics.objective.rate_of(known), self.excess(known)
 
+    def at_nodes(self, curves: Curves) -> tuple[np.ndarray, np.ndarray]:
+        """Return what `at` does at all nodes of the spline, of shape (n, n_nodes)."""
+        nodes, n = self.spline.nodes, self.speeds.size
+        flow = np.repeat(self.speeds, nodes.size)
+        known = self.known(self.coefficients(curves, np.tile(nodes, n)), flow)
+        rate = self.physics.objective.rate_of(known)
+        return rate.reshape(n, -1), self.excess(known).reshape(n, -1)
+
     def ratios(self, curves: Curves, branch: str) -> np.ndarray:
         """Return the tip speed ratios of a branch of an open loop at the speeds of the flow.
 
         That of the largest rate where it keeps the limits; else the next one on the branch's side
         that does; where none does, that of the smallest excess.
         """
-        nodes, n = self.spline.nodes, self.speeds.size
-        flow = np.repeat(self.speeds, nodes.size)
-        known = self.known(self.coefficients(curves, np.tile(nodes, n)), flow)
-        rate = self.physics.objective.rate_of(known).reshape(n, -1)
-        over = self.excess(known).reshape(n, -1)
+        nodes = self.spline.nodes
+        rate, over = self.at_nodes(curves)
         peak = np.clip(np.argmax(rate, axis=1), 1, nodes.size - 2)
         found = self._largest(curves, nodes[peak - 1], nodes[peak + 1])
         order = np.arange(nodes.size)[:: BRANCHES[branch]]  # of the search, from either end
@@ -155,7 +161,7 @@ class SteadyFlow:
         inside = np.where(has, nodes[order[first]], nodes[order[least]])
         outside = np.where(has, before * BRANCHES[branch], inside)
         inside, outside = (np.where(broken, each, found) for each in (inside, outside))
-        for _ in range(50):  # bisection for the place where the limits begin to hold
+        for _ in range(30 * np.any(broken)):  # bisection to where the limits begin to hold
             middle = 0.5 * (inside + outside)
             broken = self.at(curves, middle)[1] > 0.0
             inside, outside = np.where(broken, inside, middle), np.where(broken, middle, outside)
@@ -164,7 +170,7 @@ class SteadyFlow:
     def _largest(self, curves, low, high):
         """Return the tip speed ratios of the largest rate between others (golden section)."""
         share = 0.5 * (np.sqrt(5.0) - 1.0)
-        for _ in range(45):
+        for _ in range(20):
             width = share * (high - low)
             left, right = high - width, low + width
             lower = self.at(curves, left)[0] > self.at(curves, right)[0]
@@ -479,8 +485,7 @@ def _side(steady, schedule) -> str:
     """Return the branch of a schedule: where its blade works in the fastest flow."""
     nodes = steady.spline.nodes
     flow = replace(steady, speeds=steady.speeds[-1:], weights=steady.weights[-1:])
-    curves = flow.curves(schedule.blade)
-    rate = [flow.at(curves, nodes[[i]])[0][0] for i in range(nodes.size)]
+    rate, _ = flow.at_nodes(flow.curves(schedule.blade))
     best = nodes[np.argmax(rate)]
     return "overspeed" if schedule.ratio[-1] >= best else "underspeed"
 

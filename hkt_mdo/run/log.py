@@ -21,7 +21,7 @@ from hkt_mdo.results.solution import Solution
 
 FEASIBLE = 1e-6  # largest scaled violation of an iterate that may be the best of a run
 RESUMABLE = 1e-2  # largest scaled violation of an iterate worth going on from
-SECONDS_BETWEEN_SAVES = 0.2
+SECONDS_BETWEEN_SAVES = 1.0
 EVALUATIONS_BETWEEN_POINTS = 5
 MAX_ITERATE_BYTES = 64 * 1024**2
 

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hkt_mdo.dynamics.limits import TorqueLimit
-from hkt_mdo.problem.build import assemble
+from hkt_mdo.problem.build import assemble, constraint_of
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.run.judge import Optimized
 from hkt_mdo.solve.multipliers import State, gain, multipliers
@@ -35,24 +34,33 @@ def worths(
     found = multipliers(result.problem.driver, optimum)
 
     def worth(limit):
-        return MORE / STEP * gain(optimum, found, _with_more(physics, result, limit, scratch))
+        if limit.constrains(physics.case.control):
+            changed = _with_more(physics, result.setup, limit, optimum)
+        else:  # the torque's, which a law or the bounds of a control hold
+            changed = _with_more_torque(physics, result, scratch)
+        return MORE / STEP * gain(optimum, found, changed)
 
     return {each.name: 0.0 if far[each.name] else worth(each) for each in limits}
 
 
-def _with_more(physics, result, limit, scratch) -> State:
-    """Return the state of the problem with a little more of a limit, at the same design."""
-    setup = result.setup
-    if isinstance(limit, TorqueLimit) and physics.law is not None:  # its law saturates there
-        most = (1.0 + STEP) * physics.torque_limit
-        law = physics.law.model_copy(update={"torque_limit": most})
-        physics = replace(physics, law=law, torque_limit=most)
-    else:
-        more = {
-            (limit.name, each.name): setup.share(limit, each) + STEP for each in physics.scenarios
-        }
-        setup = replace(setup, shares=setup.shares | more)
-    problem = assemble(physics, setup, work_dir=scratch)
+def _with_more(physics, setup, limit, optimum) -> State:
+    """Return an optimum's state with bounds that are a little wider for a limit."""
+    lower, upper = optimum.lower.copy(), optimum.upper.copy()
+    for place, scenario in enumerate(physics.scenarios):
+        rows = optimum.rows[constraint_of(limit, place, scenario)]
+        share = np.repeat(setup.share(limit, scenario), scenario.nodes_per_segment)
+        more = STEP * np.abs(upper[rows]) / share
+        upper[rows] += more
+        lower[rows] -= more
+    return replace(optimum, lower=lower, upper=upper)
+
+
+def _with_more_torque(physics, result, scratch) -> State:
+    """Return the state of the problem with a little more of the torque, at the same design."""
+    most = (1.0 + STEP) * physics.torque_limit
+    law = physics.law and physics.law.model_copy(update={"torque_limit": most})
+    physics = replace(physics, law=law, torque_limit=most)
+    problem = assemble(physics, result.setup, work_dir=scratch)
     problem.final_setup()
     design = result.problem.driver.get_design_var_values(driver_scaling=False)
     for name, value in design.items():

@@ -19,8 +19,9 @@ ROUNDING = 1e-9
 class State:
     """Where a driver's problem stands, scaled as for the optimizer (objective to be minimized).
 
-    values, lower and upper are those of the constraints, then of the design variables; scaler is
-    the objective's value over that in its own units.
+    values, lower and upper are those of the constraints, then of the design variables; rows has
+    those of each constraint, by its name in the driver; scaler is the objective's value over that
+    in its own units.
     """
 
     objective: float
@@ -28,6 +29,7 @@ class State:
     values: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
+    rows: dict[str, slice]
 
     @classmethod
     def of(cls, driver: ReportingDriver) -> State:
@@ -42,8 +44,17 @@ class State:
             values += [np.ravel(each) for each in found.values()]
             ends.append(driver._bounds(kind, found))
         lower, upper = (np.concatenate(each) for each in zip(*ends, strict=True))
-        scaler = float(objective[0] / unscaled[0])
-        return cls(float(objective[0]), scaler, np.concatenate(values), lower, upper)
+        sizes = [each.size for each in driver.get_constraint_values().values()]
+        last = np.cumsum(sizes, dtype=int)
+        rows = map(slice, last - sizes, last)
+        return cls(
+            float(objective[0]),
+            float(objective[0] / unscaled[0]),
+            np.concatenate(values),
+            lower,
+            upper,
+            dict(zip(driver._cons, rows, strict=True)),
+        )
 
 
 def multipliers(driver: ReportingDriver, state: State) -> np.ndarray:

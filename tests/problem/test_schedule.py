@@ -13,6 +13,7 @@ from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes, find_start, steady_optimum
 from hkt_mdo.problem.start import StartingPoint
+from hkt_mdo.studies.verify import random_start
 
 SINE = {"inflow": "sine"}
 BOUNDS = -np.inf, np.inf
@@ -92,6 +93,35 @@ def test_feedback_keeps_a_limit_at_a_loss(law):
     (known,) = case.on_start(found)
     assert np.max(known["generator_power"]) <= 5000.0 * (1.0 + 1e-4)
     assert case.objective_at(found) < world(power="5 kW").objective_at(start(power="5 kW"))
+
+
+def test_a_solid_blade_keeps_its_speed_at_a_constant_torque(monkeypatch):
+    case = world("quadratic", power="5 kW")
+    optimum = steady_optimum(case, case.blade)
+    problem = schedule.quasi_steady(case, optimum)
+    flow = schedule.SteadyFlow.of(case, problem.spline)
+    few = replace(problem, inflow_speed=flow.speeds, weights=flow.weights)
+    ranges = []
+    for solid in (schedule.SOLID, 0.6):
+        monkeypatch.setattr(schedule, "SOLID", solid)
+        operation = schedule._at_constant_torque(flow, few, optimum).operation
+        assert operation.running
+        assert np.allclose(operation.hydrodynamic_torque, 700.0, rtol=1e-4)
+        ranges.append(np.max(operation.rotor_speed) / np.min(operation.rotor_speed))
+    assert ranges[0] < ranges[1]
+
+
+@pytest.mark.slow
+def test_a_law_under_a_power_limit_reaches_one_optimum_from_any_blade():
+    """From most blades alone it comes to others, up to 0.6 % lower."""
+    given = load_case(
+        SINE | {"control": {"law": "quadratic", "torque_limit": 700.0}, "limits": {"power": "5 kW"}}
+    )
+    others = [physics(random_start(given, np.random.default_rng(seed))) for seed in (0, 1)]
+    found = [find_start(each, steady_optimum(each, each.blade)).branches[0] for each in others]
+    best = start("quadratic", power="5 kW").branches[0].objective
+    assert [each.objective for each in found] == pytest.approx([best, best], rel=1e-5)
+    assert best > 246.4e3
 
 
 # Derivatives
