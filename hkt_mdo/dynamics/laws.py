@@ -63,10 +63,12 @@ class FeedbackLaw(Law):
     smoothing: Annotated[float, Quantity(gt=0, le=1)] = 0.001
     """Smoothing nu of the saturation (paper, eq. 4); of no effect without a torque limit."""
 
-    @property
-    def designed_gains(self):
-        """Which gains are designed; the others keep the values of the start."""
-        return (True,) * len(self.gain_units)
+    def gain_range(self, gains):
+        """Return the law's own lower and upper bounds of the gains, equal of one that is held.
+
+        gains[n_gains] are those of the start.
+        """
+        return np.full(len(gains), -np.inf), np.full(len(gains), np.inf)
 
     def in_flow(self, slowest, fastest):
         """Return this law for a design flow between two speeds, m/s; most are the same for all."""

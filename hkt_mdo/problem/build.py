@@ -183,7 +183,7 @@ def _add_design(model, physics, setup, bounds):
     for i, units in enumerate(physics.gain_units):
         name, (low, high) = f"gain_{i}", bounds["gain"]
         design.add_output(name, start.gains[i], units=units, desc="feedback gain")
-        if physics.law.designed_gains[i]:
+        if low[i] < high[i]:
             model.add_design_var(name, lower=low[i], upper=high[i], ref=abs(start.gains[i]))
 
 

@@ -49,6 +49,9 @@ class MoveLimits:
         chord, twist = shape.control(start.blade)
         radius = np.full(int(shape.radius_bounds is not None), start.blade.rotor_radius)
         own = physics.case.design.gain_bounds or (-np.inf, np.inf)
+        moved = _within(*np.sort((gains / self.gain, gains * self.gain), axis=0), own)
+        if physics.law:
+            moved = tuple(np.clip(each, *physics.law.gain_range(gains)) for each in moved)
         return {
             "rotor_speed": (self.slower * np.min(speed), self.faster * np.max(speed)),
             "chord_control": _within(chord / self.chord, chord * self.chord, shape.chord_bounds),
@@ -56,7 +59,7 @@ class MoveLimits:
             "rotor_radius": _within(
                 radius / self.radius, radius * self.radius, shape.radius_bounds or own
             ),
-            "gain": _within(*np.sort((gains / self.gain, gains * self.gain), axis=0), own),
+            "gain": moved,
         }
 
     def reached(self, physics: Physics, start: StartingPoint, end: StartingPoint) -> bool:
