@@ -27,10 +27,10 @@ class Tracking(FeedbackLaw):
 
     While u is not saturated, z' = ki (w - w_ref): z is the integral part. At the torque limit the
     same formula is anti-windup by back-calculation with the time kp / ki: z approaches the limit.
-    In equilibrium z = u = Q and w = w_ref. The loop is stable where kp du/dx > dQ/dw, x what is
-    saturated (docs/theory.md): it holds a rotor at less than the speed of its largest power or
-    torque too, which no law of the rotor's speed alone can. s is what the sensor tells of the
-    flow's speed; w_ref is a natural cubic spline, linear beyond its knots.
+    In equilibrium z = u = Q and w = w_ref. The loop is stable where kp du/dx > dQ/dw, x being what
+    is saturated (docs/controllers.md): it also holds a rotor that turns slower in a faster flow,
+    which no law of the rotor's speed alone can. s is what the sensor tells of the flow's speed;
+    w_ref is a natural cubic spline, linear beyond its knots.
     """
 
     law: Literal["tracking"] = "tracking"

@@ -49,13 +49,16 @@ def test_a_fast_quiet_sensor_is_no_sensor(quadratic):
 
 
 def test_a_law_with_states_is_sampled_too(tracking):
-    """A fast quiet sensor is none; begun in equilibrium, a sampled loop stays there."""
-    flow = paper_flow(tracking, "B")
-    sensor = Sensor(snr=np.inf, rate=1000.0, cutoff=None)
-    sampled = fly_noisy(tracking, flow, sensor, repeats=1, seed=0)
-    assert sampled.energy[0] == pytest.approx(tracking.fly(flow).energy, rel=1e-5)
-    slow = fly_noisy(tracking, flow, Sensor(snr=np.inf, rate=50.0, cutoff=None), 1, 0)
-    assert slow.energy[0] == pytest.approx(tracking.fly(flow).energy, rel=1e-3)
+    """A fast quiet sensor is none. Held torque makes the loop unstable where kp T / I > 2, about."""
+    flow, exact = paper_flow(tracking, "B"), tracking.fly(paper_flow(tracking, "B"))
+    for rate, error in ((1000.0, 1e-5), (100.0, 1e-3)):
+        sampled = fly_noisy(tracking, flow, Sensor(np.inf, rate=rate, cutoff=None), 1, 0)
+        assert tracking.gains[-2] / tracking.plant.inertia / rate < 1.5
+        assert sampled.energy[0] == pytest.approx(exact.energy, rel=error)
+    assert tracking.gains[-2] / tracking.plant.inertia / 50.0 > 2.0
+    slow = fly_noisy(tracking, flow, Sensor(np.inf, rate=50.0, cutoff=None), 1, 0)
+    chatter = np.std(np.diff(slow.control_torque))
+    assert chatter > 100.0 * np.std(np.diff(sampled.control_torque))
 
 
 def test_noise_of_the_flows_sensor_passes_its_lag():
