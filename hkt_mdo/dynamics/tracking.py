@@ -7,7 +7,6 @@ import numpy as np
 from pydantic import AfterValidator, Field, Strict, model_validator
 
 from hkt_mdo.dynamics.laws import FeedbackLaw
-from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.sections import Quantity, ordered, refusal
 
 RESET = 0.2  # s, kp / ki of a controller that the start chooses
@@ -136,4 +135,6 @@ class Tracking(FeedbackLaw):
 @lru_cache(maxsize=8)
 def _spline(flow_range, knots):
     """Return the spline of a schedule over the flow's speed, m/s."""
+    from hkt_mdo.rotor.torque_curve import TorqueSpline  # a case is read without SciPy
+
     return TorqueSpline(np.linspace(*flow_range, knots))
