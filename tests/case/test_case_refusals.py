@@ -68,7 +68,12 @@ SECTIONS = [
 ]
 CONTROLS = [
     ("{law: quadratc}", "control.law", "quadratc", "did you mean quadratic?"),
-    ("mixed", "control.law", "mixed", "open_loop, linear, quadratic, tracking; one of your own needs --ext"),
+    (
+        "mixed",
+        "control.law",
+        "mixed",
+        "open_loop, linear, quadratic, tracking; one of your own needs --ext",
+    ),
     ("{law: open_loop, gain: 3}", "control.gain", "3", "known here: law, torque_limit, unknown"),
     (
         "open_loop\ndesign: {gain_bounds: [1, 2]}",

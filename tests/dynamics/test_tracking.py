@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
 from hkt_mdo.dynamics.laws import smooth_saturation
+from hkt_mdo.dynamics.limits import DistanceFromStall
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
 from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, simulate
 from hkt_mdo.dynamics.tracking import Tracking
@@ -19,6 +20,7 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import find_start
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.steady_optimum import best_operation
+from hkt_mdo.rotor.torque_curve import TorqueSpline
 from tests.conftest import CASES
 
 KNOTS, INERTIA = 5, 4.0
@@ -206,6 +208,33 @@ def test_partials_by_complex_step(limit):
     assert_check_partials(data, atol=1e-9, rtol=1e-9)
     expected = law.torque(values["rotor_speed"], GAINS, *list(values.values())[2:])
     np.testing.assert_allclose(problem.get_val("control_torque"), expected, rtol=1e-14)
+
+
+def test_partials_of_the_distance_from_stall():
+    """Its value also depends on the states of the law."""
+    law, w, v = LAW.model_copy(update={"torque_limit": 700.0}), np.full(3, 7.0), np.full(3, 1.5)
+    nodes = np.linspace(3.0, 11.0, 33)
+    limit = DistanceFromStall(law=law, spline=TorqueSpline(nodes))
+    known = {
+        "rotor_speed": w + np.arange(3.0),
+        "inflow_speed": v,
+        "torque_coefficient_table": 0.09 * np.exp(-((nodes - 6.0) ** 2) / 20.0),
+        "density": np.array([1000.0]),
+        "rotor_radius": np.array([1.4]),
+        "gains": GAINS,
+        "integral_torque": np.array([300.0, 400.0, 650.0]),
+        "sensed_flow": np.array([1.4, 1.5, 1.6]),
+    }
+    assert limit.inputs == tuple(known)
+    found = limit.partials(**known)
+    for name in ("integral_torque", "sensed_flow", "gains", "rotor_speed"):
+        scale = np.max(np.abs(known[name]))
+        for i in range(known[name].size):
+            move = 1e-6 * scale * (np.arange(known[name].size) == i)
+            ends = (limit.value(**known | {name: known[name] + sign * move}) for sign in (1, -1))
+            by = np.subtract(*ends) / (2e-6 * scale)
+            exact = found[name][:, i] if name == "gains" else found[name] * (np.arange(3) == i)
+            np.testing.assert_allclose(exact, by, rtol=1e-5, atol=1e-5)
 
 
 def test_rate_of_the_torque_is_along_the_motion(plant):
