@@ -115,6 +115,10 @@ class Case(Section):
             problem = f"bounds a gain that the law {control.law} does not have"
             remedy = "leave design.gain_bounds out, or choose a feedback law"
             raise refusal(problem, remedy, key="design.gain_bounds", value=list(design.gain_bounds))
+        if design.gain_bounds is not None and len(set(control.gain_units)) > 1:
+            problem = f"bounds gains of several units, {', '.join(sorted(set(control.gain_units)))}"
+            remedy = f"leave it out, and see what keys law {control.law} has"
+            raise refusal(problem, remedy, key="design.gain_bounds", value=list(design.gain_bounds))
         if self.phase.final_speed == "initial" and isinstance(control, FeedbackLaw):
             problem = f"is for open loop: the law {control.law} decides the speed"
             remedy = "give free, or control.law: open_loop"

@@ -87,6 +87,14 @@ CONTROLS = [
         "3",
         "within the bounds",
     ),
+    ("tracking\ndesign: {gain_bounds: [1, 2]}", "design.gain_bounds", "[1.0, 2.0]", "leave it out"),
+    ("{law: tracking, schedule: [7, 8]}", "control.schedule", "[7.0, 8.0]", "give one a knot"),
+    (
+        "{law: tracking, integral_gain: 9, integral_bounds: [1, 2]}",
+        "control.integral_gain",
+        "9",
+        "within the bounds",
+    ),
 ]
 FLOWS = [
     ("{mean: 1.5}", "inflow.profile", "", "is missing; give one of constant, step, sine"),

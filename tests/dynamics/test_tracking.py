@@ -15,7 +15,6 @@ from hkt_mdo.dynamics.limits import DistanceFromStall
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
 from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, simulate
 from hkt_mdo.dynamics.tracking import Tracking
-from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import find_start
 from hkt_mdo.rotor import bem
@@ -244,12 +243,6 @@ def test_rate_of_the_torque_is_along_the_motion(plant):
     rate = loop.rate(run.time, run.rotor_speed, acceleration, run.inflow_speed, *run.states)
     expected = np.gradient(run.control_torque, run.time)
     np.testing.assert_allclose(rate[5:-5], expected[5:-5], rtol=1e-3, atol=1.0)
-
-
-def test_a_schedule_has_one_speed_a_knot():
-    with pytest.raises(InputError, match="has 2 speeds for 8 knots") as told:
-        load_case(CASES / "sine_oloc.yaml", ["control={law: tracking, schedule: [7, 8]}"])
-    assert told.value.key == "control.schedule"
 
 
 def test_knots_span_the_design_flow():
