@@ -117,7 +117,7 @@ class FeedbackLaw(Law):
         return share * gains
 
     def coarser(self):
-        """Return a law of fewer gains whose optimum is a start for this one; None: there is none."""
+        """Return a law of fewer gains whose optimum is a start for this one, if any."""
         return None
 
     def rates(self, speed, inflow_speed, gains, *states):

@@ -7,7 +7,6 @@ import numpy as np
 from pydantic import AfterValidator, Field, Strict, model_validator
 
 from hkt_mdo.dynamics.laws import FeedbackLaw
-from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.sections import Quantity, ordered, refusal
 
 RESET = 0.2  # s, kp / ki of a controller that the start chooses
@@ -15,6 +14,9 @@ STIFFER = 2.0  # kp of it, over the largest of Q/w and dQ/dw along the schedule
 NARROWEST = 0.02  # width of a flow's range over its middle, at least, over which knots are placed
 
 _FlowSpeed = Annotated[float, Quantity("m/s", gt=0)]
+_Proportional = Annotated[float, Quantity("N*m*s/rad", gt=0)]
+_Integral = Annotated[float, Quantity("N*m/rad", gt=0)]
+_Ordered = AfterValidator(ordered)
 
 
 class Tracking(FeedbackLaw):
@@ -24,27 +26,29 @@ class Tracking(FeedbackLaw):
 
     While u is not saturated, z' = ki (w - w_ref): z is the integral part. At the torque limit the
     same formula is anti-windup by back-calculation with the time kp / ki: z approaches the limit.
-    In equilibrium z = u = Q and w = w_ref. The loop is stable where kp du/dx > dQ/dw, x what is
-    saturated (docs/theory.md): it holds a rotor at less than the speed of its largest power or
-    torque too, which no law of the rotor's speed alone can. s is what the sensor tells of the
-    flow's speed; w_ref is a natural cubic spline, linear beyond its knots.
+    In equilibrium z = u = Q and w = w_ref. The loop is stable where kp du/dx > dQ/dw, x being what
+    is saturated (docs/controllers.md): it also holds a rotor that turns slower in a faster flow,
+    which no law of the rotor's speed alone can. s is what the sensor tells of the flow's speed;
+    w_ref is a natural cubic spline, linear beyond its knots.
     """
 
     law: Literal["tracking"] = "tracking"
     """The control law."""
     knots: Annotated[int, Strict(), Field(ge=2, le=40)] = 8
     """Number of flow speeds at which the schedule's speed is designed, equally spaced."""
-    flow_range: Annotated[tuple[_FlowSpeed, _FlowSpeed], AfterValidator(ordered)] | None = None
+    flow_range: Annotated[tuple[_FlowSpeed, _FlowSpeed], _Ordered] | None = None
     """Flow speeds of the first and the last knot; null: the slowest and the fastest of `inflow`."""
     schedule: tuple[Annotated[float, Quantity("rad/s", gt=0)], ...] | None = None
     """Rotor speeds at the knots at the start; null: those of the start's open loop."""
-    proportional_gain: Annotated[float, Quantity("N*m*s/rad", gt=0)] | None = None
+    proportional_gain: _Proportional | None = None
     """Gain kp; null: twice the largest of Q/w and dQ/dw along the start's schedule."""
-    integral_gain: Annotated[float, Quantity("N*m/rad", gt=0)] | None = None
+    proportional_bounds: Annotated[tuple[_Proportional, _Proportional], _Ordered] | None = None
+    """Bounds between which kp is designed; null: it is held. An optimization has no noise: it often
+    ends at the upper bound."""
+    integral_gain: _Integral | None = None
     """Gain ki; null: kp / 0.2 s."""
-    design_gains: bool = False
-    """Whether kp and ki are designed, as the schedule is, and the above are only their start. An
-    optimization has no noise: it finds them larger than a noisy sensor allows."""
+    integral_bounds: Annotated[tuple[_Integral, _Integral], _Ordered] | None = None
+    """Bounds between which ki is designed; null: it is held."""
     lag: Annotated[float, Quantity("s", ge=0.001)] = 0.1
     """Time constant with which the sensor follows the flow's speed."""
     bias: Annotated[float, Quantity("m/s")] = 0.0
@@ -61,11 +65,25 @@ class Tracking(FeedbackLaw):
     )
 
     @model_validator(mode="after")
-    def _check_schedule(self):
+    def _check_start(self):
         if self.schedule is not None and len(self.schedule) != self.knots:
             problem = f"has {len(self.schedule)} speeds for {self.knots} knots"
             raise refusal(problem, "give one a knot", key="schedule", value=list(self.schedule))
+        for name in ("proportional", "integral"):
+            gain, bounds = getattr(self, f"{name}_gain"), getattr(self, f"{name}_bounds")
+            if None not in (gain, bounds) and not bounds[0] <= gain <= bounds[1]:
+                problem = f"lies outside control.{name}_bounds = [{bounds[0]:g}, {bounds[1]:g}]"
+                remedy = "the start must lie within the bounds: change one or the other"
+                raise refusal(problem, remedy, key=f"{name}_gain", value=gain)
         return self
+
+    def moves(self, gains, factor):
+        ends = super().moves(gains, factor)
+        own = self.proportional_bounds, self.integral_bounds
+        for place, bounds in zip((-2, -1), own, strict=True):
+            held = bounds or 2 * (gains[place],)
+            ends[:, place] = np.clip(ends[:, place], *held)
+        return ends
 
     def in_flow(self, slowest, fastest):
         if self.flow_range is not None:
@@ -108,8 +126,10 @@ class Tracking(FeedbackLaw):
 
     def follow(self, inflow_speed, speed, torque, slope):
         sensed, least = inflow_speed + self.bias, max(np.max(torque / speed), np.max(slope))
+        every = -np.inf, np.inf
         kp = self.proportional_gain or STIFFER * least
-        ki = self.integral_gain or kp / RESET
+        kp = np.clip(kp, *(self.proportional_bounds or every))
+        ki = np.clip(self.integral_gain or kp / RESET, *(self.integral_bounds or every))
         if self.schedule is not None:
             return np.array([*self.schedule, kp, ki])
         spline = _spline(self.flow_range, self.knots)
@@ -123,4 +143,6 @@ class Tracking(FeedbackLaw):
 @lru_cache(maxsize=8)
 def _spline(flow_range, knots):
     """Return the spline of a schedule over the flow's speed, m/s."""
+    from hkt_mdo.rotor.torque_curve import TorqueSpline  # a case is read without SciPy
+
     return TorqueSpline(np.linspace(*flow_range, knots))

@@ -296,7 +296,7 @@ def _source(scenario, name) -> str:
 
 def constraint_of(limit: Limit, place: int, scenario: Scenario) -> str:
     """Return the name of the constraint that holds a limit in a scenario, the place-th of all."""
-    if limit.inputs == (limit.name,) and limit.name in SERIES:  # a quantity of the trajectory
+    if limit.inputs == (limit.name,) and limit.series:  # a quantity of the trajectory
         return _source(scenario, limit.name)
     return f"limit_{limit.name}{f'_{scenario.name}' * (place > 0)}.value"
 

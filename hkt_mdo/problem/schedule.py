@@ -337,7 +337,12 @@ def _room(limit, known):
 def needed(physics: Physics) -> bool:
     """Tell whether a start needs a schedule: for limits but torque's, or a law that follows it."""
     follows = physics.law is not None and (physics.states or physics.law.coarser() is not None)
-    return bool(follows) or any(not isinstance(each, TorqueLimit) for each in _kept(physics))
+    return bool(follows) or _has_branches(physics)
+
+
+def _has_branches(physics: Physics) -> bool:
+    """Tell whether a case has limits that several schedules keep: others than torque's."""
+    return any(not isinstance(each, TorqueLimit) for each in _kept(physics))
 
 
 def _kept(physics: Physics) -> tuple[Limit, ...]:
@@ -517,7 +522,8 @@ def start_of(physics: Physics, problem: QuasiSteady, found: tuple[Schedule, ...]
         known = steady.known(steady.coefficients(curves, ratio), flow)
         speed, torque = known["rotor_speed"], known["hydrodynamic_torque"]
         operation = Operation(float(problem.weights @ (torque * speed)), speed, torque)
-    return StartingPoint(best.blade, best.gains, operation, found, best.tried)
+    branches = found if _has_branches(physics) else ()
+    return StartingPoint(best.blade, best.gains, operation, branches, best.tried)
 
 
 def _worth(schedule):

@@ -72,7 +72,7 @@ CONTROLS = [
         "mixed",
         "control.law",
         "mixed",
-        "open_loop, linear, quadratic, power_law, rated, curve; one of your own needs --ext",
+        "open_loop, linear, quadratic, power_law, rated, curve, tracking; one of your own needs --ext",
     ),
     ("{law: open_loop, gain: 3}", "control.gain", "3", "known here: law, torque_limit, unknown"),
     (
@@ -114,6 +114,19 @@ CONTROLS = [
         "control.knot_speeds",
         "[4.0, 3.0]",
         "do not rise; give them from the slowest",
+    ),
+    (
+        "tracking\ndesign: {gain_bounds: [1, 2]}",
+        "design.gain_bounds",
+        "[1.0, 2.0]",
+        "leave design.gain_bounds out",
+    ),
+    ("{law: tracking, schedule: [7, 8]}", "control.schedule", "[7.0, 8.0]", "give one a knot"),
+    (
+        "{law: tracking, integral_gain: 9, integral_bounds: [1, 2]}",
+        "control.integral_gain",
+        "9",
+        "within the bounds",
     ),
 ]
 FLOWS = [

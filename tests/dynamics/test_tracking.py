@@ -11,14 +11,15 @@ from scipy.integrate import solve_ivp
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
 from hkt_mdo.dynamics.laws import smooth_saturation
+from hkt_mdo.dynamics.limits import DistanceFromStall
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
 from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, simulate
 from hkt_mdo.dynamics.tracking import Tracking
-from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import find_start
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.steady_optimum import best_operation
+from hkt_mdo.rotor.torque_curve import TorqueSpline
 from tests.conftest import CASES
 
 KNOTS, INERTIA = 5, 4.0
@@ -208,6 +209,33 @@ def test_partials_by_complex_step(limit):
     np.testing.assert_allclose(problem.get_val("control_torque"), expected, rtol=1e-14)
 
 
+def test_partials_of_the_distance_from_stall():
+    """Its value also depends on the states of the law."""
+    law, w, v = LAW.model_copy(update={"torque_limit": 700.0}), np.full(3, 7.0), np.full(3, 1.5)
+    nodes = np.linspace(3.0, 11.0, 33)
+    limit = DistanceFromStall(law=law, spline=TorqueSpline(nodes))
+    known = {
+        "rotor_speed": w + np.arange(3.0),
+        "inflow_speed": v,
+        "torque_coefficient_table": 0.09 * np.exp(-((nodes - 6.0) ** 2) / 20.0),
+        "density": np.array([1000.0]),
+        "rotor_radius": np.array([1.4]),
+        "gains": GAINS,
+        "integral_torque": np.array([300.0, 400.0, 650.0]),
+        "sensed_flow": np.array([1.4, 1.5, 1.6]),
+    }
+    assert limit.inputs == tuple(known)
+    found = limit.partials(**known)
+    for name in ("integral_torque", "sensed_flow", "gains", "rotor_speed"):
+        scale = np.max(np.abs(known[name]))
+        for i in range(known[name].size):
+            move = 1e-6 * scale * (np.arange(known[name].size) == i)
+            ends = (limit.value(**known | {name: known[name] + sign * move}) for sign in (1, -1))
+            by = np.subtract(*ends) / (2e-6 * scale)
+            exact = found[name][:, i] if name == "gains" else found[name] * (np.arange(3) == i)
+            np.testing.assert_allclose(exact, by, rtol=1e-5, atol=1e-5)
+
+
 def test_rate_of_the_torque_is_along_the_motion(plant):
     loop = FeedbackTorque(LAW, GAINS)
     run = simulate(plant, SineInflow(), loop, 7.0, 5.0, 5001, initial_states=(300.0, 1.4))
@@ -215,12 +243,6 @@ def test_rate_of_the_torque_is_along_the_motion(plant):
     rate = loop.rate(run.time, run.rotor_speed, acceleration, run.inflow_speed, *run.states)
     expected = np.gradient(run.control_torque, run.time)
     np.testing.assert_allclose(rate[5:-5], expected[5:-5], rtol=1e-3, atol=1.0)
-
-
-def test_a_schedule_has_one_speed_a_knot():
-    with pytest.raises(InputError, match="has 2 speeds for 8 knots") as told:
-        load_case(CASES / "sine_oloc.yaml", ["control={law: tracking, schedule: [7, 8]}"])
-    assert told.value.key == "control.schedule"
 
 
 def test_knots_span_the_design_flow():

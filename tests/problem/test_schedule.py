@@ -127,16 +127,21 @@ def test_a_law_under_a_power_limit_reaches_one_optimum_from_any_blade():
 # Derivatives
 
 
-def test_slopes_of_objective_and_constraints():
-    limits = {"power": "5 kW", "stress": "300 MPa", "cavitation": 3}
-    case = world("quadratic", **limits)
+@pytest.mark.parametrize("law", ["quadratic", "tracking"])
+def test_slopes_of_objective_and_constraints(law):
+    data = {"power": "5 kW", "stress": "300 MPa", "cavitation": {"depth": 3}}
+    control = {"law": law, "torque_limit": 700.0}
+    design = {"radius_bounds": [1.2, 1.6]}
+    case = physics(load_case(SINE | {"control": control, "limits": data, "design": design}))
     problem = schedule.quasi_steady(case, steady_optimum(case, case.blade))
     spline = schedule.TorqueSpline(problem.spline.nodes[::10])
     flow = schedule.SteadyFlow.of(case, spline, 3)
     design = schedule.CoDesign(replace(problem, spline=spline), case.shape, case.polar, BOUNDS)
     joint = schedule.Joint(flow, design, 0.02)
-    x, units = design.vector(StartingPoint(case.blade, np.array([9.0]), None))
-    z, units = np.append(x, np.full(3, 7.0)), np.append(units, np.full(3, 7.0))
+    gains = np.array([*np.linspace(6.5, 8.5, 8), 150.0, 600.0] if law == "tracking" else [9.0])
+    x, units = design.vector(StartingPoint(case.blade, gains, None))
+    ratios = np.full(0 if law == "tracking" else 3, 7.0)
+    z, units = np.append(x, ratios), np.append(units, ratios)
 
     def values(share):
         objective, _, equal, _, above, _ = joint.values(share * units)

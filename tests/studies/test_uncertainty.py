@@ -1,17 +1,26 @@
 """Designs in other flows under a noisy sensor: known limits first, then the paper's."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import signal
 
 from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
+from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.errors import InputError
-from hkt_mdo.studies.uncertainty import Design, Sensor, flow_named, fly_noisy
+from hkt_mdo.studies.uncertainty import Design, Sensor, _advanced, flow_named, fly_noisy
 
 
 @pytest.fixture(scope="module")
 def quadratic(solve):
     return Design.of(solve("sine_limited_quadratic", "driver.optimizer=IPOPT"))
+
+
+@pytest.fixture(scope="module")
+def tracking(solve):
+    control = "control={law: tracking, torque_limit: 700}"
+    return Design.of(solve("sine_limited_oloc", "driver.optimizer=IPOPT", control))
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +46,41 @@ def test_a_fast_quiet_sensor_is_no_sensor(quadratic):
     assert noisy.noise_deviation == 0.0
     assert noisy.energy[0] == pytest.approx(quadratic.fly(inflow).energy, rel=1e-5)
     assert noisy.torque_error < 1e-6
+
+
+def test_a_law_with_states_is_sampled_too(tracking):
+    """A fast quiet sensor is none. A held torque makes the loop unstable where kp T / I > 2."""
+    flow, exact = paper_flow(tracking, "B"), tracking.fly(paper_flow(tracking, "B"))
+    for rate, error in ((1000.0, 1e-5), (100.0, 1e-3)):
+        sampled = fly_noisy(tracking, flow, Sensor(np.inf, rate=rate, cutoff=None), 1, 0)
+        assert tracking.gains[-2] / tracking.plant.inertia / rate < 1.5
+        assert sampled.energy[0] == pytest.approx(exact.energy, rel=error)
+    assert tracking.gains[-2] / tracking.plant.inertia / 50.0 > 2.0
+    slow = fly_noisy(tracking, flow, Sensor(np.inf, rate=50.0, cutoff=None), 1, 0)
+    chatter = np.std(np.diff(slow.control_torque))
+    assert chatter > 100.0 * np.std(np.diff(sampled.control_torque))
+
+
+def test_noise_of_the_flows_sensor_passes_its_lag():
+    """A first-order lag at samples T apart lets sqrt(T / (2 lag + T)) of white noise through."""
+    law, period, count = Tracking(flow_range=(1.0, 2.0), lag=0.2, noise=0.1), 0.01, 20_000
+    random, flow = np.random.default_rng(1), np.full(count, 1.5)
+    gains, states = np.array([*np.linspace(5.0, 10.0, 8), 150.0, 600.0]), [0.0 * flow, flow]
+    for _ in range(200):
+        told = law.sensed(flow, random)
+        states = _advanced(law, 5.0 * flow, told, gains, states, period)
+    expected = law.noise * np.sqrt(period / (2.0 * law.lag + period))
+    assert np.std(states[1]) == pytest.approx(expected, rel=0.02)
+    assert np.mean(states[1]) == pytest.approx(1.5, abs=1e-3)
+
+
+def test_noise_of_the_flows_sensor_costs_energy(tracking):
+    law = tracking.law.model_copy(update={"noise": 0.2})
+    noisy = replace(tracking, physics=replace(tracking.physics, law=law))
+    flow, sensor = paper_flow(tracking, "design"), Sensor(snr=np.inf, cutoff=None)
+    quiet, run = (fly_noisy(each, flow, sensor, 4, 1).energy for each in (tracking, noisy))
+    assert np.ptp(quiet) == 0.0
+    assert np.all((run < quiet) & (run > 0.98 * quiet))
 
 
 def test_a_steady_rotor_stays_steady(quadratic):
