@@ -118,12 +118,6 @@ class Tracking(FeedbackLaw):
     def sensed(self, inflow_speed, random):
         return inflow_speed + self.noise * random.standard_normal(np.shape(inflow_speed))
 
-    def moves(self, gains, factor):
-        ends = super().moves(gains, factor)
-        if not self.design_gains:
-            ends[:, self.knots :] = gains[self.knots :]
-        return ends
-
     def follow(self, inflow_speed, speed, torque, slope):
         sensed, least = inflow_speed + self.bias, max(np.max(torque / speed), np.max(slope))
         every = -np.inf, np.inf

@@ -72,7 +72,7 @@ CONTROLS = [
         "mixed",
         "control.law",
         "mixed",
-        "open_loop, linear, quadratic, power_law, rated, curve, tracking; one of your own needs --ext",
+        "quadratic, power_law, rated, curve, tracking; one of your own needs --ext",
     ),
     ("{law: open_loop, gain: 3}", "control.gain", "3", "known here: law, torque_limit, unknown"),
     (
