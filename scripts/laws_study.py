@@ -36,6 +36,7 @@ LAWS = {
     "curve, 4 knots": "law: curve, knots: 4",
     "curve, 6 knots": "law: curve, knots: 6",
     "curve, 8 knots": "law: curve, knots: 8",
+    "tracking": "law: tracking",
 }
 POWER = "power: 5 kW"
 EXTRA = "rotor_speed: 11 rad/s, stress: 100 MPa, cavitation: {depth: 3}"

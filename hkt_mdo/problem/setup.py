@@ -23,6 +23,8 @@ from hkt_mdo.rotor.steady_optimum import (
 )
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
+LOAD_ERROR = 5e-5  # of a load between the nodes of its curve, relatively
+
 
 @dataclass(frozen=True)
 class MoveLimits:
@@ -183,8 +185,9 @@ def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> 
     """Return tip speed ratios for the torque curve: dense where the start works, sparse beyond.
 
     The blade will change, so nodes are added until the curve of the start's blade is twenty times
-    as accurate as the case asks for: in and beside the intervals that need them, which are those
-    where a station changes from attached to stalled flow. `finer` halves every interval.
+    as accurate as the case asks for, and those of the limited loads are to `LOAD_ERROR`: in and
+    beside the intervals that need them, which are those where a station changes from attached to
+    stalled flow. `finer` halves every interval.
     """
     flow = np.concatenate([each.inflow.speed_at(each.samples) for each in physics.scenarios])
     # an optimizer that lost its way may have left the rotor standing somewhere
@@ -198,10 +201,12 @@ def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> 
     nodes = _graded(lowest, high + 0.06 * middle, spacing, 0.5 * low, 1.6 * high)
     for _ in range(6):
         centers = 0.5 * (nodes[1:] + nodes[:-1])
-        table = bem.rotor_coefficients(start.blade, physics.polar, nodes).torque
-        exact = bem.rotor_coefficients(start.blade, physics.polar, centers).torque
-        error = np.abs(TorqueSpline(nodes).basis(centers) @ table / exact - 1.0)
-        coarse = error > 0.05 * physics.case.hydrodynamics.tolerance
+        coarse = np.zeros(centers.size, dtype=bool)
+        pairs = zip(
+            *(_coefficients(physics, start.blade, x) for x in (nodes, centers)), strict=True
+        )
+        for (table, least), (exact, _) in pairs:
+            coarse |= np.abs(TorqueSpline(nodes).basis(centers) @ table / exact - 1.0) > least
         coarse &= (centers > low - 0.03 * middle) & (centers < high + 0.03 * middle)
         if not np.any(coarse):
             break
@@ -209,6 +214,17 @@ def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> 
         coarse = np.convolve(coarse, np.ones(3), mode="same") > 0.0
         nodes = np.sort(np.r_[nodes, centers[coarse]])
     return np.sort(np.r_[nodes, 0.5 * (nodes[1:] + nodes[:-1])]) if finer else nodes
+
+
+def _coefficients(physics, blade, ratios):
+    """Yield the coefficients of torque and of each limited load, and the error that each may have.
+
+    The torque's decides the energy; a load's only how far its limit is kept.
+    """
+    torque = bem.rotor_coefficients(blade, physics.polar, ratios).torque
+    yield torque, 0.05 * physics.case.hydrodynamics.tolerance
+    for load in physics.loads.coefficients(blade, ratios, names=physics.load_names).values():
+        yield load.envelope(physics.loads.exponent).values, LOAD_ERROR
 
 
 def _graded(low, high, spacing, lowest, highest):

@@ -152,8 +152,9 @@ class Design:
             controller = FeedbackTorque(law, self.gains)
         speed, samples = initial_speed or self.initial_speed(inflow), 20 * phase.segments + 1
         step, end = phase.duration / phase.segments / refined, phase.duration
-        about = speed, end, samples, step, tolerance, self.initial_states(inflow, speed)
-        return simulate(self.plant, inflow, controller, *about)
+        about = speed, end, samples, step, tolerance
+        states = self.initial_states(inflow, speed)
+        return simulate(self.plant, inflow, controller, *about, initial_states=states)
 
     def initial_states(self, inflow, speed):
         """Return the states of the law in equilibrium with the first flow and speed (rad/s)."""

@@ -74,7 +74,7 @@ CONTROLS = [
         "mixed",
         "quadratic, power_law, rated, curve, tracking; one of your own needs --ext",
     ),
-    ("{law: open_loop, gain: 3}", "control.gain", "3", "known here: law, torque_limit, unknown"),
+    ("{law: open_loop, gain: 3}", "control.gain", "3", "known here: law, torque_limit, cut_out"),
     (
         "open_loop\ndesign: {gain_bounds: [1, 2]}",
         "design.gain_bounds",
