@@ -427,7 +427,7 @@ def schedules(
         tried += len(own) + len(begun)
         found = []
         for each in (*sorted(own, key=_worth)[-1:], *begun):
-            found.append(improved(steady, few, each, found))
+            found.append(_met(steady, few, improved(steady, few, each, found)))
     found = [replace(each, branch=_side(steady, each), tried=tried) for each in found]
     found.sort(key=_worth, reverse=True)
     others = [each for each in found[1:] if each.branch != found[0].branch]
@@ -455,6 +455,21 @@ def _following(steady, schedule) -> Schedule:
     rate, over = steady.at(curves, ratio)
     value, excess = float(steady.weights @ rate), float(np.max(over))
     return replace(schedule, gains=gains, ratio=ratio, objective=value, excess=excess)
+
+
+def _met(steady, problem, schedule) -> Schedule:
+    """Return a law's schedule, or that which the rotor meets where it is another.
+
+    A law may have several equilibria in a flow: the rotor comes to the fastest, after a run-up.
+    """
+    if steady.physics.states:
+        return schedule
+    table = steady.curves(schedule.blade).values["torque"]
+    problem = replace(problem, rotor_radius=schedule.blade.rotor_radius)
+    operation = problem.operate(table, schedule.gains)
+    real = _along(steady, StartingPoint(schedule.blade, schedule.gains, operation), "")
+    same = operation.running and np.allclose(real.ratio, schedule.ratio, rtol=APART)
+    return schedule if same else real
 
 
 def _fitted(steady, problem, schedule) -> StartingPoint:

@@ -23,6 +23,7 @@ from hkt_mdo.rotor.steady_optimum import (
 )
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
+FAR_BEHIND = 0.05  # share of the objective by which a branch is no second choice
 LOAD_ERROR = 5e-5  # of a load between the nodes of its curve, relatively
 
 
@@ -179,6 +180,22 @@ def find_start(
         improve=improve,
         gain_bounds=physics.case.design.gain_bounds or (-np.inf, np.inf),
     )
+
+
+def other_branch(
+    physics: Physics, optimum: SteadyOptimum, start: StartingPoint
+) -> StartingPoint | None:
+    """Return the start on a starting point's other branch, None where there is none that is good.
+
+    That is one that keeps the limits and is not far behind, in a case that has chosen no branch.
+    """
+    if len(start.branches) < 2 or physics.case.start.branch:
+        return None
+    first, other, *_ = start.branches
+    kept, objective = other.worth
+    if not kept or objective < (1.0 - FAR_BEHIND) * first.objective:
+        return None
+    return start_of(physics, quasi_steady(physics, optimum), (other, first))
 
 
 def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> np.ndarray:

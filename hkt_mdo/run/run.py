@@ -26,16 +26,17 @@ from hkt_mdo.case import Case, load_case
 from hkt_mdo.dynamics.limits import LEAST, SLOWED
 from hkt_mdo.errors import InputError, interrupts_of_compiled_code
 from hkt_mdo.problem.build import build_problem, make_driver
-from hkt_mdo.problem.physics import START_EXCESS, Physics, physics
-from hkt_mdo.problem.setup import bounding_optimum, find_start, steady_optimum
+from hkt_mdo.problem.physics import Physics, physics
+from hkt_mdo.problem.setup import bounding_optimum, find_start, other_branch, steady_optimum
 from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.results.folder import check_folder, claim, locked, make_folder, write_json, write_text
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.results.summary import CheckEntry, Summary
+from hkt_mdo.results.summary import Summary
 from hkt_mdo.run.digest import digest
 from hkt_mdo.run.fallback import best_of, first_remedy, moving_reference
 from hkt_mdo.run.judge import BELOW_START, explain_all, judge
 from hkt_mdo.run.log import Log, Progress, read_iterate
+from hkt_mdo.run.none_found import none_found, starts
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.run.worth import worths
@@ -45,11 +46,6 @@ NOT_RUNNING = (
     "no blade and gain{within} were found on which the rotor runs unstalled throughout this flow, "
     "from {starts}: the problem may have no solution (try a larger control.torque_limit, another "
     "control.law, or wider design bounds)"
-)
-NONE_FOUND = (
-    "no design that keeps the limits was found from {starts}: the smallest violation was "
-    "{share:.3g} % of {key}, {where}; that there is none is not proven (try a looser {key}, or "
-    "wider design bounds)"
 )
 ROOM = "make room on the disk and give hkt run --resume"
 UNFINISHED = "interrupted before the end; hkt run --resume goes on from the last iterate"
@@ -158,16 +154,18 @@ def _optimize_and_judge(
     if start is None:
         start = find_start(world, optimum)
         log.reference = _reference(world, start)
-    first, breaks = world, world.start_breaks(start)
-    log.save(start, world)
-    world, result, flights = optimize(world, start, log)
-    if log.reference and result.setup.slowed > SLOWED:  # farther from stall than the start
-        kept = find_start(world, optimum, slowed=result.setup.slowed)
-        log.reference = min(log.reference, _reference(world, kept))
-    if result.objective < (1.0 - BELOW_START) * log.reference:
-        log.reference = min(log.reference, moving_reference(first, start, result, log))
-    bound = bounding_optimum(world, optimum, result.point.blade)
-    checks = judge(world, bound, log.reference, result, flights)
+    first, second = world, None
+    world, result, flights, bound, checks = _attempt(first, optimum, start, log)
+    if any(not each.passed for each in checks):
+        second = other_branch(first, optimum, start)
+    if second is not None:
+        reference, log.reference = log.reference, _reference(first, second)
+        again = _attempt(first, optimum, second, log)
+        if all(each.passed for each in again[-1]):
+            start, (world, result, flights, bound, checks) = second, again
+        else:
+            log.reference = reference
+    breaks = first.start_breaks(start)
     held, remedy = "", first_remedy(world, result)
     refused = explain_all(checks, remedy)
     if refused:
@@ -187,7 +185,7 @@ def _optimize_and_judge(
     if not (finished.success or start.operation.running):
         bounds = world.case.design.gain_bounds
         within = f" within design.gain_bounds = [{bounds[0]:g}, {bounds[1]:g}]" if bounds else ""
-        told = NOT_RUNNING.format(within=within, starts=_starts(start))
+        told = NOT_RUNNING.format(within=within, starts=starts(start))
     else:
         told = "" if finished.success else none_found(first, start, checks)
     if told:
@@ -201,33 +199,18 @@ def _optimize_and_judge(
     return finished
 
 
-def none_found(world: Physics, start: StartingPoint, checks: list[CheckEntry]) -> str:
-    """Return that no design was found that keeps the limits; empty where start or end keep them.
-
-    `world` is on the mesh of the start; `checks` are those of the end.
-    """
-    over = world.excesses(start)
-    at_end = {
-        name: max((c.value for c in checks if not c.passed and _is_of(c, name)), default=0.0)
-        for name in over
-    }
-    begun, ended = (max((share, name) for name, share in each.items()) for each in (over, at_end))
-    if begun[0] <= START_EXCESS or ended[0] <= 0.0:
-        return ""
-    places = (*begun, "by the best of them"), (*ended, "at the end of the optimization")
-    share, name, where = min(places)
-    key = {"control_torque": "control.torque_limit"}.get(name, f"limits.{name}")
-    return NONE_FOUND.format(starts=_starts(start), share=100.0 * share, key=key, where=where)
-
-
-def _is_of(check: CheckEntry, limit: str) -> bool:
-    """Tell whether a check is that of a limit."""
-    parts = ("at_nodes", "between_nodes", "bounds")
-    return check.name.partition(" (")[0] in [f"{limit}_{part}" for part in parts]
-
-
-def _starts(start: StartingPoint) -> str:
-    return f"{start.tried} start{'s' * (start.tried != 1)}"
+def _attempt(world, optimum, start, log):
+    """Optimize from a start; return physics, result, flights, steady optimum and checks."""
+    first = world
+    log.save(start, world)
+    world, result, flights = optimize(world, start, log)
+    if log.reference and result.setup.slowed > SLOWED:  # farther from stall than the start
+        kept = find_start(first, optimum, slowed=result.setup.slowed)
+        log.reference = min(log.reference, _reference(first, kept))
+    if result.objective < (1.0 - BELOW_START) * log.reference:
+        log.reference = min(log.reference, moving_reference(first, start, result, log))
+    bound = bounding_optimum(world, optimum, result.point.blade)
+    return world, result, flights, bound, judge(world, bound, log.reference, result, flights)
 
 
 def _reference(world: Physics, start: StartingPoint) -> float:

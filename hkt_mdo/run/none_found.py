@@ -1,0 +1,85 @@
+"""What is told where no design was found that keeps the limits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hkt_mdo.dynamics.laws import CurveFeedback, RatedFeedback
+from hkt_mdo.dynamics.limits import ElectricalPowerLimit, PowerLimit
+from hkt_mdo.dynamics.tracking import Tracking
+from hkt_mdo.problem.physics import START_EXCESS, Physics, physics
+from hkt_mdo.problem.setup import find_start, steady_optimum
+from hkt_mdo.problem.start import StartingPoint
+from hkt_mdo.results.summary import CheckEntry
+
+NONE_FOUND = (
+    "no design that keeps the limits was found from {starts}: the smallest violation was "
+    "{share:.3g} % of {key}, {where}; that there is none is not proven (try {law}a looser {key}, "
+    "or wider design bounds)"
+)
+LAWS = RatedFeedback, CurveFeedback, Tracking
+"""Laws that keep more limits than one gain can, the simplest first."""
+
+
+def none_found(world: Physics, start: StartingPoint, checks: list[CheckEntry]) -> str:
+    """Return that no design was found that keeps the limits; empty where start or end keep them.
+
+    `world` is on the mesh of the start; `checks` are those of the end.
+    """
+    over = world.excesses(start)
+    at_end = {
+        name: max((c.value for c in checks if not c.passed and _is_of(c, name)), default=0.0)
+        for name in over
+    }
+    begun, ended = (max((share, name) for name, share in each.items()) for each in (over, at_end))
+    if begun[0] <= START_EXCESS or ended[0] <= 0.0:
+        return ""
+    at_start = f"by the best of them, {_in_flow(world, start, begun[1])}"
+    share, name, where = min((*begun, at_start), (*ended, "at the end of the optimization"))
+    key = {"control_torque": "control.torque_limit"}.get(name, f"limits.{name}")
+    law = nearest_law(world)
+    law = law and f"control.law: {law}, which keeps them in quasi-steady operation, "
+    about = {"share": 100.0 * share, "key": key, "where": where, "law": law}
+    return NONE_FOUND.format(starts=starts(start), **about)
+
+
+def _in_flow(world, start, name) -> str:
+    """Return in which flow a starting point exceeds a limit most."""
+    (limit,) = (each for each in world.limits if each.name == name)
+    excesses = [(limit.excess(known), known["inflow_speed"]) for known in world.on_start(start)]
+    over, flow = max(excesses, key=lambda pair: np.max(pair[0]))
+    if over.size != flow.size:  # a limit on the design alone
+        return "in any flow"
+    return f"in a flow of {flow[np.argmax(over)]:.4g} m/s"
+
+
+def nearest_law(world: Physics) -> str:
+    """Return the name of the simplest other law whose start keeps the limits; empty if none does.
+
+    Open loop has no other: what it cannot keep, no law can.
+    """
+    if world.law is None:
+        return ""
+    case, optimum = world.case, steady_optimum(world, world.blade)
+    given = {"torque_limit": case.control.torque_limit, "cut_out": case.control.cut_out}
+    powers = any(isinstance(each, PowerLimit | ElectricalPowerLimit) for each in world.limits)
+    for kind in LAWS:
+        if isinstance(world.law, kind) or (kind is RatedFeedback and not powers):
+            continue
+        design = case.design.model_copy(update={"gain_bounds": None})
+        other = physics(case.model_copy(update={"control": kind(**given), "design": design}))
+        start = find_start(other, optimum)
+        if start.operation.running and max(other.excesses(start).values()) <= START_EXCESS:
+            return other.law.law
+    return ""
+
+
+def _is_of(check: CheckEntry, limit: str) -> bool:
+    """Tell whether a check is that of a limit."""
+    parts = ("at_nodes", "between_nodes", "bounds")
+    return check.name.partition(" (")[0] in [f"{limit}_{part}" for part in parts]
+
+
+def starts(start: StartingPoint) -> str:
+    """Return from how many starts a starting point was chosen, as text."""
+    return f"{start.tried} start{'s' * (start.tried != 1)}"
