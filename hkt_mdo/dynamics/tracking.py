@@ -11,6 +11,7 @@ from hkt_mdo.sections import Quantity, ordered, refusal
 
 RESET = 0.2  # s, kp / ki of a controller that the start chooses
 STIFFER = 2.0  # kp of it, over the largest of Q/w and dQ/dw along the schedule
+FARTHEST = 1.2  # factor within which the schedule moves at once, as the rotor follows it
 NARROWEST = 0.02  # width of a flow's range over its middle, at least, over which knots are placed
 
 _FlowSpeed = Annotated[float, Quantity("m/s", gt=0)]
@@ -78,7 +79,7 @@ class Tracking(FeedbackLaw):
         return self
 
     def moves(self, gains, factor):
-        ends = super().moves(gains, factor)
+        ends = super().moves(gains, factor if np.isinf(factor) else min(factor, FARTHEST))
         own = self.proportional_bounds, self.integral_bounds
         for place, bounds in zip((-2, -1), own, strict=True):
             held = bounds or 2 * (gains[place],)

@@ -189,7 +189,7 @@ def other_branch(
 
     That is one that keeps the limits and is not far behind, in a case that has chosen no branch.
     """
-    if len(start.branches) < 2 or physics.case.start.branch:
+    if len(start.branches) < 2 or physics.case.start.branch != "best":
         return None
     first, other, *_ = start.branches
     kept, objective = other.worth
