@@ -1,0 +1,65 @@
+"""Starts of the laws for the whole range: what theory says of them in quasi-steady operation."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from hkt_mdo.case import load_case
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.problem.setup import find_start, steady_optimum
+
+
+@cache
+def start(law, limits="{}", torque_limit=None):
+    control = {"law": law} if isinstance(law, str) else dict(law)
+    case = load_case(
+        {"inflow": "sine", "control": control | {"torque_limit": torque_limit}},
+        [f"limits={limits}"],
+    )
+    world = physics(case)
+    found = find_start(world, steady_optimum(world, world.blade))
+    return world, found, world.objective_at(found)
+
+
+def below(law, limits="{}", torque_limit=None):
+    """Return by which share a law's start falls short of open loop's."""
+    (_, _, ideal), (world, found, value) = (
+        start(each, limits, torque_limit) for each in ("open_loop", law)
+    )
+    assert found.operation.running
+    assert not world.broken_limits(found)
+    return 1.0 - value / ideal
+
+
+def test_without_limits_the_best_power_of_the_speed_is_the_second():
+    """The best tip speed ratio does not depend on the flow, so Q and u go with w^2."""
+    _, found, _ = start("power_law")
+    assert found.gains[1] == pytest.approx(2.0, abs=0.02)
+    assert below("power_law") < 1e-6
+
+
+def test_laws_with_constant_power_keep_a_limit_of_the_power_nearly_for_nothing():
+    """K w^2 loses eight per cent: its power goes with the cube of the speed."""
+    knots = (("law", "curve"), ("knots", 4))
+    assert below("rated", "{power: 5 kW}", 700.0) < 5e-4
+    assert below(knots, "{power: 5 kW}", 700.0) < 1e-3
+    assert below("power_law", "{power: 5 kW}", 700.0) > 0.02
+
+
+def test_constant_power_is_passed_on_the_fast_side():
+    world, found, _ = start("rated", "{power: 5 kW}", 700.0)
+    (known,) = world.on_start(found)
+    limited = known["generator_power"] > 0.999 * 5000.0
+    assert np.mean(limited) > 0.3
+    slopes = np.polyfit(known["rotor_speed"][limited], known["control_torque"][limited], 1)
+    assert slopes[0] < 0.0
+    assert np.min(known["tip_speed_ratio"][limited]) > np.min(known["tip_speed_ratio"])
+
+
+@pytest.mark.slow
+def test_a_largest_speed_is_approached_and_not_attained():
+    """At a speed limit open loop's torque rises at one speed, which no law of the speed can."""
+    few, many = ((("law", "curve"), ("knots", n)) for n in (4, 8))
+    lost = [below(law, "{rotor_speed: 9 rad/s}", 700.0) for law in (few, many)]
+    assert 1e-5 < lost[1] < lost[0]
