@@ -20,7 +20,7 @@ from traceback import extract_tb
 from types import ModuleType
 from typing import Any, get_args
 
-from hkt_mdo.dynamics import flows, laws, sampled
+from hkt_mdo.dynamics import flows, laws, sampled, wide_laws
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.limits import (
@@ -113,9 +113,9 @@ BUILT_IN = Kinds(
         laws.OpenLoop,
         laws.LinearFeedback,
         laws.QuadraticFeedback,
-        laws.PowerLawFeedback,
-        laws.RatedFeedback,
-        laws.CurveFeedback,
+        wide_laws.PowerLawFeedback,
+        wide_laws.RatedFeedback,
+        wide_laws.CurveFeedback,
         Tracking,
     ),
     profiles=(

@@ -19,7 +19,7 @@ from hkt_mdo.case.messages import TAGS, translate
 from hkt_mdo.case.turbine import Fluid, Rotor, Site, own_keys
 from hkt_mdo.dynamics.flows import Inflow, SumInflow
 from hkt_mdo.dynamics.generator import Generator
-from hkt_mdo.dynamics.laws import FeedbackLaw, Law, RatedFeedback
+from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.limits import ElectricalPowerLimit, Limit, PowerLimit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, Objective
 from hkt_mdo.errors import InputError

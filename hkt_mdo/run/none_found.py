@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hkt_mdo.dynamics.laws import CurveFeedback, RatedFeedback
 from hkt_mdo.dynamics.limits import ElectricalPowerLimit, PowerLimit
 from hkt_mdo.dynamics.tracking import Tracking
+from hkt_mdo.dynamics.wide_laws import CurveFeedback, RatedFeedback
 from hkt_mdo.problem.physics import START_EXCESS, Physics, physics
 from hkt_mdo.problem.setup import find_start, steady_optimum
 from hkt_mdo.problem.start import StartingPoint

@@ -7,9 +7,9 @@ from openmdao.utils.assert_utils import assert_check_partials
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.dynamics.generator import Generator
-from hkt_mdo.dynamics.laws import CurveFeedback, PowerLawFeedback, RatedFeedback
 from hkt_mdo.dynamics.quasi_steady import QuasiSteady
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
+from hkt_mdo.dynamics.wide_laws import CurveFeedback, PowerLawFeedback, RatedFeedback
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 

@@ -1,0 +1,228 @@
+"""Laws for the whole range of the flow: static, of several gains (docs/controllers.md)."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from hkt_mdo.dynamics.laws import FeedbackLaw
+from hkt_mdo.sections import Quantity, refusal
+
+REACH = 1.05  # range of a curve's knots over that of the speeds that it is fitted to
+LEAST_RANGE = 0.1  # and least half of it, of the speed's logarithm
+SPREAD, EVEN = 201, 0.5  # points of that range, and evenness of the knots
+COARSEST = 4  # knots of the curve from whose optimum one of more knots starts
+FARTHEST = 1.2  # factor within which knots move at once: neighbours far apart make a wild curve
+
+
+def _refuse_alone(law, other):
+    """Refuse a gain without the other parameter of a law, which would be designed."""
+    if law.gain is not None and getattr(law, other) is None:
+        problem, remedy = f"is given without control.{other}", "give both, or neither"
+        raise refusal(problem, remedy, key="gain", value=law.gain)
+
+
+class PowerLawFeedback(FeedbackLaw):
+    """A power of the speed, u = K (w / (1 rad/s))^p."""
+
+    law: Literal["power_law"] = "power_law"
+    """The control law."""
+    gain: Annotated[float, Quantity("N*m", gt=0)] | None = None
+    """Torque K at 1 rad/s at the start, given with `exponent`; null: chosen by the starting
+    point."""
+    exponent: Annotated[float, Quantity(ge=-5, le=20)] | None = None
+    """Exponent p; null: designed."""
+
+    @model_validator(mode="after")
+    def _check_start(self) -> PowerLawFeedback:
+        _refuse_alone(self, "exponent")
+        return self
+
+    @property
+    def gain_units(self):  # type: ignore[override]
+        """K, and p where it is designed."""
+        return ("N*m",) if self.exponent is not None else ("N*m", None)
+
+    def _exponent(self, gains):
+        return gains[1] if self.exponent is None else self.exponent
+
+    def demand(self, speed, gains):
+        return gains[0] * speed ** self._exponent(gains)
+
+    def fit(self, speed, torque):
+        logarithm = np.log(speed)
+        if self.exponent is not None or np.ptp(logarithm) < 1e-6:
+            exponent = 2.0 if self.exponent is None else self.exponent
+        else:
+            exponent = np.polyfit(logarithm, np.log(torque), 1)[0]
+        gain = np.exp(np.mean(np.log(torque) - exponent * logarithm))
+        return np.array([gain, exponent][: len(self.gain_units)])
+
+    def sizes(self, gains):
+        return np.where(np.arange(gains.size) == 0, np.abs(gains), 1.0)
+
+    def moves(self, gains, factor):
+        ends = super().moves(gains, factor)
+        ends[:, 1:] = gains[1:] + np.array([[1.0 - factor], [factor - 1.0]])
+        return ends
+
+    def eased(self, gains, share):
+        return np.append(share * gains[:1], gains[1:])
+
+
+class RatedFeedback(FeedbackLaw):
+    """Quadratic feedback up to a rated power, constant power by overspeed above it.
+
+    u = (a + b - sqrt((a - b)^2 + nu a b / 4)) / 2, a = K w^2, b = P / w, nu = `smoothing`: smoothly
+    the lesser of both, as far below their corner as the paper's saturation (eq. 4), which then
+    limits it to the torque limit.
+    """
+
+    law: Literal["rated"] = "rated"
+    """The control law."""
+    gain: Annotated[float, Quantity("N*m*s**2/rad**2", gt=0)] | None = None
+    """Gain K at the start, given with `power`; null: chosen by the starting point."""
+    power: Annotated[float, Quantity("W", gt=0)] | None = None
+    """Rated power P of the shaft; null: designed, where the case has a limit of the power."""
+
+    @model_validator(mode="after")
+    def _check_start(self) -> RatedFeedback:
+        _refuse_alone(self, "power")
+        return self
+
+    @property
+    def gain_units(self):  # type: ignore[override]
+        """K, and P where it is designed."""
+        return ("N*m*s**2/rad**2", "W")[: 1 + (self.power is None)]
+
+    def demand(self, speed, gains):
+        power = gains[1] if self.power is None else self.power
+        wanted = gains[0] * speed**3  # power of quadratic feedback
+        root = np.sqrt((wanted - power) ** 2 + 0.25 * self.smoothing * wanted * power)
+        least = (2.0 - 0.125 * self.smoothing) * power / (wanted + power + root)
+        return least * gains[0] * speed**2
+
+    def fit(self, speed, torque):
+        most = np.max(torque * speed)
+        power = most if self.power is None else self.power
+        below = torque * speed < 0.98 * min(power, most)
+        if self.torque_limit is not None:
+            below &= torque < 0.98 * self.torque_limit
+        if not below.any():
+            below = np.ones(speed.size, dtype=bool)
+        gain = torque[below] @ speed[below] ** 2 / np.sum(speed[below] ** 4)
+        return np.array([gain, power][: len(self.gain_units)])
+
+    def eased(self, gains, share):
+        return np.append(share * gains[:1], gains[1:])
+
+
+class CurveFeedback(FeedbackLaw):
+    """A smooth curve of the torque over the speed through knots, whose torques are designed.
+
+    The logarithm of the torque is a natural cubic spline of the logarithm of the speed: between the
+    knots it may rise and fall; beyond them it is a power of the speed. The start places the knots,
+    and there they stay.
+    """
+
+    law: Literal["curve"] = "curve"
+    """The control law."""
+    knots: Annotated[int, Field(strict=True, ge=2, le=40)] = 8
+    """Number of knots."""
+    knot_speeds: tuple[Annotated[float, Quantity("rad/s", gt=0)], ...] | None = None
+    """Rotor speeds of the knots, rising, given with `knot_torques`; null: chosen by the start."""
+    knot_torques: tuple[Annotated[float, Quantity("N*m", gt=0)], ...] | None = None
+    """Torques of the knots at the start."""
+
+    @model_validator(mode="after")
+    def _check_knots(self) -> CurveFeedback:
+        given = self.knot_speeds, self.knot_torques
+        for key, own, other in zip(
+            ("knot_speeds", "knot_torques"), given, given[::-1], strict=True
+        ):
+            if own is None and other is not None:
+                problem, remedy = "is missing", "give knot_speeds and knot_torques, or neither"
+                raise refusal(problem, remedy, key=key, value=None)
+            if own is not None and len(own) != self.knots:
+                problem = f"has {len(own)} numbers for {self.knots} knots"
+                raise refusal(problem, "give one for each knot", key=key, value=list(own))
+        if self.knot_speeds is not None and np.any(np.diff(self.knot_speeds) <= 0.0):
+            remedy = "give them from the slowest to the fastest"
+            raise refusal("do not rise", remedy, key="knot_speeds", value=list(self.knot_speeds))
+        return self
+
+    @property
+    def gain_units(self):  # type: ignore[override]
+        """The speeds of the knots, then their torques."""
+        return ("rad/s",) * self.knots + ("N*m",) * self.knots
+
+    def starting_gains(self):
+        if self._begins is None and self.knot_speeds is not None:
+            return np.array((*self.knot_speeds, *self.knot_torques), dtype=float)
+        return super().starting_gains()
+
+    def demand(self, speed, gains):
+        place, height = np.log(gains).reshape(2, -1)
+        return np.exp(_natural_spline(place, np.log(speed)) @ height)
+
+    def fit(self, speed, torque):
+        place = self._spread(np.log(speed), np.log(torque))
+        height = np.linalg.lstsq(_natural_spline(place, np.log(speed)), np.log(torque), rcond=None)[
+            0
+        ]
+        return np.exp(np.append(place, height))
+
+    def _spread(self, place, height):
+        """Return places for the knots, close together where a curve through points bends."""
+        low, high = np.min(place), np.max(place)
+        middle, half = 0.5 * (low + high), max(0.5 * (high - low), LEAST_RANGE)
+        fine = np.linspace(middle - REACH * half, middle + REACH * half, SPREAD)
+        order = np.argsort(place)
+        curve = np.interp(fine, place[order], height[order])
+        window = np.hanning(2 * (SPREAD // self.knots) + 1)
+        bend = np.convolve(np.abs(np.gradient(np.gradient(curve))), window, mode="same")
+        density = np.sqrt(bend / max(np.max(bend), 1e-12)) + EVEN
+        share = np.append(0.0, np.cumsum(0.5 * (density[1:] + density[:-1])))
+        return np.interp(np.linspace(0.0, share[-1], self.knots), share, fine)
+
+    def moves(self, gains, factor):
+        low, high = super().moves(gains, factor if np.isinf(factor) else min(factor, FARTHEST))
+        low[: self.knots] = high[: self.knots] = gains[: self.knots]
+        return np.array((low, high))
+
+    def eased(self, gains, share):
+        return np.append(gains[: self.knots], share * gains[self.knots :])
+
+    def coarser(self):
+        if self.knots <= COARSEST:
+            return None
+        law = self.model_copy(update={"knots": COARSEST, "knot_speeds": None, "knot_torques": None})
+        law._begins = None
+        return law
+
+
+def _natural_spline(knots, points):
+    """Return the matrix (*points.shape, n_knots) of the values at points by those at the knots.
+
+    A natural cubic spline, which goes on linearly beyond its knots. Both may be complex.
+    """
+    n, step = knots.size, np.diff(knots)
+    # second derivatives M by the values y: A M = B y
+    rates = (np.eye(n)[1:] - np.eye(n)[:-1]) / step[:, None]
+    bends = np.zeros((n, n), dtype=rates.dtype)
+    if n > 2:
+        inner = np.diag((step[1:] + step[:-1]) / 3.0)
+        inner = inner + np.diag(step[1:-1] / 6.0, 1) + np.diag(step[1:-1] / 6.0, -1)
+        bends[1:-1] = np.linalg.solve(inner, np.diff(rates, axis=0))
+    place = np.clip(np.searchsorted(knots.real, np.real(points)) - 1, 0, n - 2)
+    here, width = points - knots[place], step[place]
+    beyond = (np.real(here) < 0.0) | (np.real(here) > np.real(width))
+    inside = np.where(np.real(here) < 0.0, 0.0 * here, np.where(beyond, width, here))
+    left, right = bends[place], bends[place + 1]
+    t, w = inside[..., None], width[..., None]
+    slope = rates[place] - w / 6.0 * (2.0 * left + right)
+    values = np.eye(n)[place] + slope * t + left * t**2 / 2.0 + (right - left) / w * t**3 / 6.0
+    end = slope + left * t + (right - left) / w * t**2 / 2.0
+    return values + end * (here - inside)[..., None]
