@@ -22,6 +22,7 @@ from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.limits import ElectricalPowerLimit, Limit, PowerLimit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, Objective
+from hkt_mdo.dynamics.wide_laws import RatedFeedback
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.cases import find_case
 from hkt_mdo.files.shipped import shipped_rotor
