@@ -11,7 +11,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.problem import schedule
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.problem.setup import Setup, curve_nodes, find_start, steady_optimum
+from hkt_mdo.problem.setup import Setup, curve_nodes, find_start, other_branch, steady_optimum
 from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.studies.verify import random_start
 
@@ -51,6 +51,19 @@ def test_power_is_kept_by_turning_faster_or_slower():
         order = np.argsort(known["inflow_speed"])
         change = np.diff(known["tip_speed_ratio"][order[[0, -1]]])
         assert change[0] * sign > 1.0
+
+
+def test_a_refused_optimum_may_be_sought_on_the_other_branch():
+    case, first = world(power="5 kW"), start(power="5 kW")
+    optimum = steady_optimum(case, case.blade)
+    other = other_branch(case, optimum, first)
+    assert {other.branch, first.branch} == {"overspeed", "underspeed"}
+    assert not case.broken_limits(other)
+    assert case.objective_at(other) == pytest.approx(case.objective_at(first), rel=1e-3)
+    assert other_branch(case, optimum, start()) is None  # without limits there is one branch
+    chosen = case.case.model_copy(update={"start": case.case.start.model_copy(
+        update={"branch": "overspeed"})})  # fmt: skip
+    assert other_branch(replace(case, case=chosen), optimum, first) is None
 
 
 def test_speed_is_kept_by_the_better_of_two_optima():
