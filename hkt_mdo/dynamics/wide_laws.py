@@ -64,7 +64,7 @@ class PowerLawFeedback(FeedbackLaw):
         return np.where(np.arange(gains.size) == 0, np.abs(gains), 1.0)
 
     def moves(self, gains, factor):
-        ends = super().moves(gains, factor)
+        ends = super().moves(gains, factor**4)  # at 1 rad/s, far from where the rotor turns
         ends[:, 1:] = gains[1:] + np.array([[1.0 - factor], [factor - 1.0]])
         return ends
 
