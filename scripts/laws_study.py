@@ -82,6 +82,9 @@ def main():
     parser.add_argument("--seeds", type=int, default=19, help="flows that no design has seen")
     parser.add_argument("--flows", nargs="*", default=list(FLOWS), choices=FLOWS)
     parser.add_argument("--limits", nargs="*", default=list(LIMITS), choices=LIMITS)
+    parser.add_argument(
+        "--skip", nargs="*", default=[], help="pairs that are left out, FLOW/LIMITS"
+    )
     arguments = parser.parse_args()
     out = arguments.out
 
@@ -90,7 +93,8 @@ def main():
         found = run_batch(cases, arguments.jobs, partial(print, flush=True), records=False)
         return dict(zip(plan, found.values(), strict=True))
 
-    part = product(arguments.flows, arguments.limits)
+    pairs = product(arguments.flows, arguments.limits)
+    part = [pair for pair in pairs if "/".join(pair) not in arguments.skip]
     plan = {key: case(*key) for key in ((*each, law) for each in part for law in laws(each[1]))}
     found = {(*key, "designed"): each for key, each in run(plan).items()}
     kept = {}

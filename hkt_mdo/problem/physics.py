@@ -325,7 +325,6 @@ def physics(case: Case) -> Physics:
         speed = np.minimum(speed, control.cut_out)
     if isinstance(control, FeedbackLaw):
         control = control.in_flow(float(np.min(speed)), float(np.max(speed)))
-        case = case.model_copy(update={"control": control})
     # the speed at which most energy passes; only a local Reynolds number asks for it
     speed = float(weights @ speed**4 / (weights @ speed**3))
     turbine = build_turbine(case.rotor, case.fluid, speed, case.design)
