@@ -138,6 +138,7 @@ def test_slow_sine_and_a_quick_sensor_give_the_open_loops_energy():
     assert run.energy == pytest.approx(ideal.energy, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_underspeed_is_held_where_a_static_law_is_unstable():
     """The blade keeps 4 kW by turning slower as the flow quickens, so its torque rises.
 

@@ -39,6 +39,7 @@ def test_without_limits_the_best_power_of_the_speed_is_the_second():
     assert below("power_law") < 1e-6
 
 
+@pytest.mark.slow
 def test_laws_with_constant_power_keep_a_limit_of_the_power_nearly_for_nothing():
     """K w^2 loses eight per cent: its power goes with the cube of the speed."""
     knots = (("law", "curve"), ("knots", 4))

@@ -44,6 +44,7 @@ def single(tmp_path_factory):
     return run(tmp_path_factory.mktemp("single"), rotor)
 
 
+@pytest.mark.slow
 def test_freedom_of_the_thickness_only_gains(designed, single):
     """Of the same stations and control points, with the single section among those given."""
     _, found = designed

@@ -48,6 +48,7 @@ def test_a_fast_quiet_sensor_is_no_sensor(quadratic):
     assert noisy.torque_error < 1e-6
 
 
+@pytest.mark.slow
 def test_a_law_with_states_is_sampled_too(tracking):
     """A fast quiet sensor is none. A held torque makes the loop unstable where kp T / I > 2."""
     flow, exact = paper_flow(tracking, "B"), tracking.fly(paper_flow(tracking, "B"))
