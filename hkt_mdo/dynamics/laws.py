@@ -65,6 +65,8 @@ class FeedbackLaw(Law):
 
     states: ClassVar[dict[str, tuple[str, str]]] = {}
     """Unit and description of each state, by its name."""
+    farthest: ClassVar[float] = np.inf
+    """Largest finite factor by which gains move at once."""
 
     smoothing: Annotated[float, Quantity(gt=0, le=1)] = 0.001
     """Smoothing nu of the saturation (paper, eq. 4); of no effect without a torque limit."""
@@ -105,6 +107,8 @@ class FeedbackLaw(Law):
 
         As far as a factor, maybe infinite, allows. A gain whose ends are equal is held.
         """
+        if np.isfinite(factor):
+            factor = min(factor, self.farthest)
         return np.sort((gains / factor, gains * factor), axis=0)
 
     def eased(self, gains, share):

@@ -11,7 +11,6 @@ from hkt_mdo.sections import Quantity, ordered, refusal
 
 RESET = 0.2  # s, kp / ki of a controller that the start chooses
 STIFFER = 2.0  # kp of it, over the largest of Q/w and dQ/dw along the schedule
-FARTHEST = 1.2  # factor within which the schedule moves at once, as the rotor follows it
 NARROWEST = 0.02  # width of a flow's range over its middle, at least, over which knots are placed
 
 _FlowSpeed = Annotated[float, Quantity("m/s", gt=0)]
@@ -61,6 +60,7 @@ class Tracking(FeedbackLaw):
         "integral_torque": ("N*m", "integral part of the control torque"),
         "sensed_flow": ("m/s", "inflow speed as the sensor tells it"),
     }
+    farthest: ClassVar[float] = 1.2  # factor; the rotor follows its schedule
     gain_units = property(  # type: ignore[assignment]
         lambda self: ("rad/s",) * self.knots + ("N*m*s/rad", "N*m/rad")
     )
@@ -79,7 +79,7 @@ class Tracking(FeedbackLaw):
         return self
 
     def moves(self, gains, factor):
-        ends = super().moves(gains, factor if np.isinf(factor) else min(factor, FARTHEST))
+        ends = super().moves(gains, factor)
         own = self.proportional_bounds, self.integral_bounds
         for place, bounds in zip((-2, -1), own, strict=True):
             held = bounds or 2 * (gains[place],)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -14,7 +14,6 @@ REACH = 1.05  # range of a curve's knots over that of the speeds that it is fitt
 LEAST_RANGE = 0.1  # and least half of it, of the speed's logarithm
 SPREAD, EVEN = 201, 0.5  # points of that range, and evenness of the knots
 COARSEST = 4  # knots of the curve from whose optimum one of more knots starts
-FARTHEST = 1.2  # factor within which knots move at once: neighbours far apart make a wild curve
 
 
 def _refuse_alone(law, other):
@@ -131,6 +130,7 @@ class CurveFeedback(FeedbackLaw):
     """The control law."""
     knots: Annotated[int, Field(strict=True, ge=2, le=40)] = 8
     """Number of knots."""
+    farthest: ClassVar[float] = 1.2  # factor; neighbours far apart make a wild curve
     knot_speeds: tuple[Annotated[float, Quantity("rad/s", gt=0)], ...] | None = None
     """Rotor speeds of the knots, rising, given with `knot_torques`; null: chosen by the start."""
     knot_torques: tuple[Annotated[float, Quantity("N*m", gt=0)], ...] | None = None
@@ -188,7 +188,7 @@ class CurveFeedback(FeedbackLaw):
         return np.interp(np.linspace(0.0, share[-1], self.knots), share, fine)
 
     def moves(self, gains, factor):
-        low, high = super().moves(gains, factor if np.isinf(factor) else min(factor, FARTHEST))
+        low, high = super().moves(gains, factor)
         low[: self.knots] = high[: self.knots] = gains[: self.knots]
         return np.array((low, high))
 

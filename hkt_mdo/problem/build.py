@@ -27,6 +27,7 @@ from hkt_mdo.problem.physics import BEM, Physics, complete
 from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.problem.scenario import Scales, Scenario, add_phase, set_start
 from hkt_mdo.problem.setup import Setup, curve_nodes, find_start, steady_optimum
+from hkt_mdo.problem.start import THICKNESS_UNIT, TWIST_UNIT
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.components import (
     AngleComp,
@@ -44,8 +45,7 @@ from hkt_mdo.solve import drivers
 from hkt_mdo.solve.threads import one_thread
 from hkt_mdo.solve.totals import Substitution
 
-TWIST_UNIT, THICKNESS_UNIT = np.deg2rad(5.0), 0.03  # typical changes of twist and thickness
-ANGLE_UNIT = np.deg2rad(5.0)  # and of an angle of attack
+ANGLE_UNIT = np.deg2rad(5.0)  # typical change of an angle of attack
 DESIGNED = {
     "rotor_radius": "radius of the swept disc",
     "chord_control": "what makes the chord: at the stations, or control points of a spline",

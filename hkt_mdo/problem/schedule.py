@@ -411,12 +411,13 @@ def schedules(
         simple = replace(physics, law=coarser), replace(problem, law=coarser)
         found = list(schedules(*simple, optimum, improve=True))
         tried = found[0].tried
-    starts = candidates(free) if coarser is None else []
-    for branch in BRANCHES if coarser is None else ():
-        best = max((_along(open_loop, start, branch) for start in starts), key=_worth)
-        tried += len(starts)
-        found.append(improved(open_loop, free, best, found))
-        starts.append(StartingPoint(found[-1].blade, np.empty(0), starts[0].operation))
+    else:
+        starts = candidates(free)
+        for branch in BRANCHES:
+            best = max((_along(open_loop, start, branch) for start in starts), key=_worth)
+            tried += len(starts)
+            found.append(improved(open_loop, free, best, found))
+            starts.append(StartingPoint(found[-1].blade, np.empty(0), starts[0].operation))
     if law is not None:
         # what has several gains, or follows a schedule, is near the best where it is fitted
         alone = bool(physics.states) or (improve and gains is None and len(law.gain_units) > 1)
