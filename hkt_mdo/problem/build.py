@@ -23,7 +23,7 @@ from hkt_mdo.problem.components import (
     LoadComp,
     TorqueRateComp,
 )
-from hkt_mdo.problem.physics import BEM, Physics, complete
+from hkt_mdo.problem.physics import BEM, Physics
 from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.problem.scenario import Scales, Scenario, add_phase, set_start
 from hkt_mdo.problem.setup import Setup, curve_nodes, find_start, steady_optimum
@@ -53,8 +53,9 @@ DESIGNED = {
     "thickness_control": "what makes the thickness over chord: at the stations, or control points",
 }
 # IPOPT's barrier is a sum over the bounds and so over the segments; the objective is not. Where it
-# outweighs the objective, the iterates leave the start for the middle of all bounds.
-BARRIER = 0.06
+# outweighs what the optimum is better than the start, the iterates leave the start for the middle
+# of all bounds, and most iterations lead back.
+BARRIER = 6e-3
 NEAR = 0.2  # of a typical torque: the recovery below which a node is held to its distance
 FEWEST_NEAR = 20  # nodes, at least as many of which are held to their distance from stall
 
@@ -92,7 +93,7 @@ def assemble(
     `driver` None: the case's own; `work_dir`: where OpenMDAO puts its own files.
     """
     options = {"work_dir": work_dir} if work_dir else {}
-    driver = driver or make_driver(physics.case, cautious=physics.several_sections)
+    driver = driver or make_driver(physics)
     problem = om.Problem(driver=driver, reports=False, **options)
     model, bounds = problem.model, setup.moves.bounds(physics, setup.start)
     model.linear_solver = Substitution()
@@ -123,19 +124,16 @@ def assemble(
     return problem
 
 
-def make_driver(case: Case, progress=None, most=None, cautious=False) -> om.Driver:
-    """Return the driver of a case, which gives up after `most` iterations if that is fewer.
-
-    `cautious`: see `hkt_mdo.solve.drivers.make_driver`.
-    """
-    settings, segments = case.driver, complete(case).phase.segments
+def make_driver(physics: Physics, progress=None, most=None) -> om.Driver:
+    """Return the driver of a problem, which gives up after `most` iterations if that is fewer."""
+    settings = physics.case.driver
     return drivers.make_driver(
         settings.package,
         settings.optimizer,
         settings.tolerance,
         min(settings.max_iterations, most or settings.max_iterations),
-        mu_max=BARRIER / segments if segments > 100 else None,
-        cautious=cautious,
+        barrier=BARRIER / sum(each.segments for each in physics.scenarios),
+        cautious=physics.several_sections,
         progress=progress,
     )
 
@@ -301,13 +299,25 @@ def constraint_of(limit: Limit, place: int, scenario: Scenario) -> str:
     return f"limit_{limit.name}{f'_{scenario.name}' * (place > 0)}.value"
 
 
+def limited_nodes(limit: Limit, scenario: Scenario) -> np.ndarray:
+    """Return the nodes of a scenario at which a limit over time is held.
+
+    One where two segments meet: a limit that is held there twice has no definite multipliers. The
+    rate of the torque alone may differ from one segment to the other.
+    """
+    if RATES.keys() & set(limit.inputs):
+        return np.arange(scenario.node_times.size)
+    return scenario.distinct_nodes
+
+
 def _add_limit(
     model, physics, setup, limit: Limit, place: int, scenario: Scenario, scales: Scales
 ) -> None:
     """Constrain a limit at the nodes of a scenario's phase."""
     ref = None
-    sizes = {"time": scenario.node_times.size, "span": physics.blade.r.size}
-    nodes = np.arange(sizes.get(limit.place, 1))
+    nodes = np.arange(physics.blade.r.size if limit.place == "span" else 1)
+    if limit.place == "time":
+        nodes = limited_nodes(limit, scenario)
     if limit.name == DistanceFromStall.name:
         nodes, ref = _near_stall(physics, setup, limit, place, scenario), scales.torque
     elif limit.name in QUANTITIES and limit.unit == "N*m":
@@ -316,8 +326,7 @@ def _add_limit(
     if np.isfinite(limit.upper):
         bounds["upper"] = np.full(nodes.size, limit.upper)
         if limit.place == "time":
-            shares = setup.share(limit, scenario)
-            less = np.repeat(1.0 - shares, scenario.nodes_per_segment)[nodes] * abs(limit.upper)
+            less = (1.0 - setup.share_at(limit, scenario, nodes)) * abs(limit.upper)
             bounds["upper"] = limit.upper - less
             if bounds["lower"] is not None:
                 bounds["lower"] = limit.lower + less
@@ -325,10 +334,8 @@ def _add_limit(
     constraint = constraint_of(limit, place, scenario)
     name, series = constraint.removesuffix(".value"), list(limit.series)
     if name == constraint:
-        for end, values in bounds.items():
-            if np.ndim(values):
-                bounds[end] = values[:, None]
-        model.add_constraint(constraint, ref=ref, units=limit.unit, **bounds)
+        about = {"indices": nodes, "flat_indices": True} if limit.place == "time" else {}
+        model.add_constraint(constraint, ref=ref, units=limit.unit, **about, **bounds)
         return
     component = LimitComp(
         num_nodes=nodes.size,

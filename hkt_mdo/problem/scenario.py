@@ -117,6 +117,15 @@ class Scenario:
         """Times of the phase's nodes, s, in the order of its time series."""
         return self.within(0.5 * (self._places[0] + 1.0))
 
+    @cached_property
+    def distinct_nodes(self) -> np.ndarray:
+        """Places of the nodes without the first of each segment that has one before it.
+
+        That is at the same time as the last node of the segment before.
+        """
+        n = self.nodes_per_segment
+        return np.delete(np.arange(n * self.segments), n * np.arange(1, self.segments))
+
     @property
     def node_weights(self) -> np.ndarray:
         """Quadrature weights of the phase's nodes, s, without the scenario's own weight."""

@@ -119,6 +119,13 @@ class Setup:
         """Return the share of a limit that is asked in each segment of a scenario; 1: all."""
         return self.shares.get((limit.name, scenario.name), np.ones(scenario.segments))
 
+    def share_at(self, limit: Limit, scenario: Scenario, nodes: np.ndarray) -> np.ndarray:
+        """Return the share of a limit that is asked at some nodes: of two segments the smaller."""
+        share = self.share(limit, scenario)
+        by_node = np.repeat(share, scenario.nodes_per_segment).reshape(scenario.segments, -1)
+        by_node[:-1, -1] = np.minimum(share[:-1], share[1:])
+        return by_node.ravel()[nodes]
+
 
 def steady_optimum(physics: Physics, blade: Blade) -> SteadyOptimum:
     """Return the largest power coefficient: over the blade too, unless it is fixed."""

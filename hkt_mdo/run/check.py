@@ -52,7 +52,7 @@ def check_case(case: Case) -> CheckReport:
     that the case asks for is not installed.
     """
     world = physics(case)
-    package = make_driver(world.case).package
+    package = make_driver(world).package
     found, notes, warnings = Findings(world), list(world.messages), list(world.warnings)
     warn = warnings.append
     tables = {

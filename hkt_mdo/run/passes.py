@@ -275,7 +275,7 @@ def _lowered(physics, setup, result, flights) -> Setup | None:
 def _solve(physics: Physics, setup: Setup, log: Log) -> Optimized:
     """Run one optimization."""
     most = None if setup.moves == NARROW else FIRST_ITERATIONS
-    driver = make_driver(physics.case, log, most, physics.several_sections)
+    driver = make_driver(physics, log, most)
     problem = assemble(physics, setup, driver, log.scratch)
     log.add_recorders(problem)
     try:

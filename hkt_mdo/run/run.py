@@ -76,7 +76,7 @@ def run_case(
     """
     out = Path(out)
     world = physics(case)
-    make_driver(world.case)  # a missing package is told before anything is written
+    make_driver(world)  # a missing package is told before anything is written
     check_folder(out, force)
     out = out.absolute()  # the current folder is the process's, and another thread may change it
     with locked(out):
@@ -101,7 +101,7 @@ def resume_case(
     """
     out = Path(out).absolute()
     world = physics(load_case(out / "case.yaml", extensions=extensions))
-    make_driver(world.case)
+    make_driver(world)
     with locked(out):
         if (out / "summary.json").exists():
             solution = Solution.load(out, extensions=extensions)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hkt_mdo.problem.build import assemble, constraint_of
+from hkt_mdo.problem.build import assemble, constraint_of, limited_nodes
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.run.judge import Optimized
 from hkt_mdo.solve.multipliers import State, gain, multipliers
@@ -48,7 +48,7 @@ def _with_more(physics, setup, limit, optimum) -> State:
     lower, upper = optimum.lower.copy(), optimum.upper.copy()
     for place, scenario in enumerate(physics.scenarios):
         rows = optimum.rows[constraint_of(limit, place, scenario)]
-        share = np.repeat(setup.share(limit, scenario), scenario.nodes_per_segment)
+        share = setup.share_at(limit, scenario, limited_nodes(limit, scenario))
         more = STEP * np.abs(upper[rows]) / share
         upper[rows] += more
         lower[rows] -= more

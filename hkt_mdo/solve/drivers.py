@@ -50,16 +50,16 @@ def make_driver(
     tolerance: float = 1e-7,
     max_iterations: int = 1000,
     *,
-    mu_max: float | None = None,
+    barrier: float | None = None,
     cautious: bool = False,
     progress: Progress | None = None,
 ) -> ReportingDriver:
     """Return a driver for the optimizer, from the package asked for or the first one installed.
 
-    The tolerance is that of the scaled problem; `mu_max` bounds IPOPT's barrier parameter, which
-    others do not have. `cautious` keeps IPOPT near its start: every step must improve. `progress`
-    is called at each iteration of IPOPT in CasADi, after each evaluation elsewhere. Raises
-    InputError if optimizer or package is unknown or not installed.
+    The tolerance is that of the scaled problem; `barrier` is the first and the largest of IPOPT's
+    barrier parameters, which others do not have. `cautious` keeps IPOPT near its start: every step
+    must improve. `progress` is called at each iteration of IPOPT in CasADi, after each evaluation
+    elsewhere. Raises InputError if optimizer or package is unknown or not installed.
     """
     carrier = _carrier(package, optimizer)
     if carrier == "scipy":
@@ -68,8 +68,8 @@ def make_driver(
         driver.options["maxiter"] = max_iterations
         return driver
     settings = _settings(optimizer, float(tolerance), max_iterations)
-    if optimizer == "IPOPT" and mu_max is not None:
-        settings["mu_max"] = mu_max
+    if optimizer == "IPOPT" and barrier is not None:
+        settings |= {"mu_init": barrier, "mu_max": barrier}
     if optimizer == "IPOPT" and cautious:
         settings |= CAUTIOUS
     if carrier == "casadi":
@@ -102,6 +102,10 @@ def _settings(optimizer: str, tolerance: float, max_iterations: int) -> Settings
         # The start is feasible and near the optimum: stay near it, and near the constraints.
         "mu_init": 1e-3,
         "theta_max_fact": 1.0,
+        "bound_push": 1e-4,
+        "bound_frac": 1e-4,
+        "slack_bound_push": 1e-4,
+        "slack_bound_frac": 1e-4,
         "tol": tolerance,
         "constr_viol_tol": tolerance,
         "acceptable_iter": 0,  # the 'acceptable' level is looser than the tolerance asked for

@@ -430,8 +430,8 @@ def test_an_impossible_choice_is_refused(package, optimizer):
 
 
 def test_a_bound_on_the_barrier_reaches_ipopt_alone():
-    assert make_driver("casadi", mu_max=1e-5).opt_settings["mu_max"] == 1e-5
+    assert make_driver("casadi", barrier=1e-5).opt_settings["mu_max"] == 1e-5
     assert "mu_max" not in make_driver("casadi").opt_settings
-    driver = make_driver("scipy", "SLSQP", mu_max=1e-5)
+    driver = make_driver("scipy", "SLSQP", barrier=1e-5)
     hock_schittkowski_71(driver).run_driver()
     assert driver.outcome().success
