@@ -33,7 +33,7 @@ KNOTS, FINE = 32, 400  # flow speeds of a schedule that is designed, and of one 
 THINNED = 2  # nodes of the torque curve to one of the curves of loads
 RATIO_MOVE = 1.25  # factor within which tip speed ratios move before they are re-centred
 VIOLATION = 1e-6  # relative excess of a limit that counts as none
-ROUNDS = 16
+ROUNDS, MOST = 16, 40  # and iterations of one
 TIGHTENED, LOOSE = 0.5, 0.05  # of an excess that is tightened in steps, and one that is not
 APART = 0.01  # relative difference between a ratio and that of the designed schedule
 SAME = 2e-3  # relative difference of the tip speed ratios of one optimum
@@ -423,11 +423,13 @@ def schedules(
         alone = bool(physics.states) or (improve and gains is None and len(law.gain_units) > 1)
         own = [] if alone else [_along(steady, start, "") for start in candidates(few, gains)]
         begun = [_begun(steady, few, each) for each in found] if improve or alone else []
-        if improve and not alone and law.torque_limit is not None and physics.shape.designs_chord:
-            begun.append(_along(steady, _at_constant_torque(steady, few, optimum), ""))
         tried += len(own) + len(begun)
+        begun = [*sorted(own, key=_worth)[-1:], *begun]
+        if improve and not alone and law.torque_limit is not None and physics.shape.designs_chord:
+            begun.insert(0, _along(steady, _at_constant_torque(steady, few, optimum), ""))
+            tried += 1
         found = []
-        for each in (*sorted(own, key=_worth)[-1:], *begun):
+        for each in begun:
             found.append(_met(steady, few, improved(steady, few, each, found)))
     found = [replace(each, branch=_side(steady, each), tried=tried) for each in found]
     found.sort(key=_worth, reverse=True)
@@ -589,7 +591,7 @@ def _improve(joint: Joint, best: Schedule, rival: float = -np.inf) -> Schedule:
             break
         gained, missing = better.objective - best.objective, rival - better.objective
         best = better
-        if slack == 0.0 and missing > max(BEHIND * abs(rival), LAST * gained):
+        if missing > max(BEHIND * abs(rival), LAST * gained):
             break
     return best
 
@@ -621,5 +623,5 @@ def _solve(joint, start, low, high, units, objective, slack):
         method="SLSQP",
         bounds=Bounds(low, high),
         constraints=constraints,
-        options={"ftol": 1e-6, "maxiter": 100},
+        options={"ftol": 1e-6, "maxiter": MOST},
     ).x

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -171,15 +172,19 @@ def _mesh_error(physics, result, flights, near, coarser, branch) -> tuple[float,
     if physics.law is None:
         blade = result.point.blade
         known = replace(physics, shape=replace(physics.shape, blade=blade))
-        best = best_operation(blade, physics.polar)
-        ideal = find_start(known, best, improve=False, branch=branch)
-        values = np.array([*(coarser[-2:] or [physics.objective_at(ideal)]), result.objective])
+
+        @cache
+        def ideal():
+            best = best_operation(blade, physics.polar)
+            return find_start(known, best, improve=False, branch=branch)
+
+        values = np.array([*(coarser[-2:] or [physics.objective_at(ideal())]), result.objective])
         *before, error = np.abs(np.diff(values)) / max(abs(result.objective), 1e-9)
         if before and error < 0.5 * before[0]:
             error *= error / (before[0] - error)
-        steady = not known.broken_limits(ideal)  # a limited rate of the torque may forbid it
         if error > MESH_ERROR:
-            for marks, flight, best in zip(coarse, flights, known.on_start(ideal), strict=True):
+            steady = not known.broken_limits(ideal())  # a limited rate of the torque may forbid it
+            for marks, flight, best in zip(coarse, flights, known.on_start(ideal()), strict=True):
                 marks |= _switches(physics, flight)
                 if steady or not np.any(marks):
                     marks |= _falls_short(flight, best, result.energy)
