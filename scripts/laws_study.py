@@ -2,7 +2,7 @@
 
 python scripts/laws_study.py --out results/laws --table docs/laws.md
 
-Finished results are used again. About three hours on two cores; --flows and --limits take a part.
+Finished results are used again. About two hours on two cores; --flows and --limits take a part.
 """
 
 import argparse
@@ -47,7 +47,7 @@ LIMITS = {  # control.torque_limit, limits
     "and 6.5 kN": ("700", f"{POWER}, thrust: 6.5 kN"),
     "all": ("700", f"{POWER}, thrust: 6.5 kN, {EXTRA}"),
 }
-TURBULENCE = "profile: turbulence, length_scale: 4, cutoff: 0.5, duration: 120"
+TURBULENCE = "profile: turbulence, length_scale: 4, cutoff: 0.5, duration: 60"
 FLOWS = {
     "sine": "profile: sine",
     "step": "profile: step",
@@ -70,7 +70,7 @@ Written by `python scripts/laws_study.py`: the paper's rotor, blade and law desi
 (*designed*), or the law alone with the blade of open loop under the same limits (*kept*). Every
 energy is that of the integration with direct BEM, against open loop in the same flow, under the
 same limits. A run that its judges refused is in the tables as such; flows and limits that are not
-in them were not run. Turbulence is von Kármán's, of 1.5 m/s, 4 m and up to 0.5 Hz, for two minutes.
+in them were not run. Turbulence is von Kármán's, of 1.5 m/s, 4 m and up to 0.5 Hz, for a minute.
 """
 
 
