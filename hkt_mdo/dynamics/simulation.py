@@ -196,6 +196,16 @@ class Simulation:
     states: np.ndarray
 
 
+class IntegrationError(InputError):
+    """The equation of motion has no solution beyond a time, s."""
+
+    def __init__(self, time: float) -> None:
+        problem = f"the independent integration fails at t = {time:.6g} s"
+        remedy = "see that the flow is positive there, and the control law finite and continuous"
+        super().__init__(problem, remedy)
+        self.time = time
+
+
 def simulate(
     plant: Plant,
     inflow: Inflow,
@@ -218,8 +228,8 @@ def simulate(
     The run lasts for the duration from `begin` on. `samples` is a number of points that are
     returned, or their times from its begin to its end, which shrink if the rotor stops; `max_step`
     None is a hundredth of the duration; `tolerance` is the largest error of a step, relative to the
-    speed, to a state and to the energy so far. Raises InputError if the integration fails, which is
-    not the same as a rotor that stops.
+    speed, to a state and to the energy so far. Raises IntegrationError if the integration fails,
+    which is not the same as a rotor that stops.
     """
     motion = _Motion(plant, inflow, controller, begin, duration, tolerance)
     start = np.array([initial_speed, *initial_states], dtype=float)
@@ -270,9 +280,7 @@ class _Motion:
             if found is None:
                 failures, stop = failures + 1, None
                 if failures > most or edges[1] - edges[0] < 1e-14 * self.duration:
-                    problem = f"the independent integration fails at t = {edges[0]:.6g} s"
-                    remedy = "see that the flow is positive there, and the control law finite and"
-                    raise InputError(problem, f"{remedy} continuous")
+                    raise IntegrationError(float(edges[0]))
                 count = (window.size - 1) // 2
                 if not count:
                     edges = np.insert(edges, 1, 0.5 * (edges[0] + edges[1]))

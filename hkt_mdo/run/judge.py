@@ -7,7 +7,7 @@ curve nor collocation with it, the quasi-steady bound and every limit of the pro
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -29,6 +29,7 @@ from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.dynamics.simulation import (
     SLOWEST_RATIO,
     FeedbackTorque,
+    IntegrationError,
     Plant,
     RecordedTorque,
     Simulation,
@@ -199,20 +200,38 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
         mesh, law = scenario.mesh, physics.law
         controller = FeedbackTorque(law, gains) if law else None
         controller = controller or RecordedTorque.of(plant, nodes, physics.torque_limit)
-        flown = simulate(
+        flown = _flown(
             plant,
-            scenario.inflow,
+            scenario,
             controller,
             float(nodes["rotor_speed"][0]),
-            scenario.duration,
-            samples=np.append(scenario.within(np.arange(SAMPLES) / SAMPLES), scenario.edges[-1]),
             max_step=mesh.duration / mesh.segments,
-            begin=float(scenario.edges[0]),
             initial_states=[nodes[name][0] for name in physics.states],
         )
         limited = bool(physics.load_names)
         flights.append(Flight(scenario, nodes, flown, controller, scalars, plant, loads, limited))
     return tuple(flights)
+
+
+def _flown(plant, scenario, controller, initial_speed, **options) -> Simulation:
+    """Integrate a scenario; where that has no solution to the end, up to there, as to a stop."""
+    first, duration = float(scenario.edges[0]), scenario.duration
+    samples = np.append(scenario.within(np.arange(SAMPLES) / SAMPLES), scenario.edges[-1])
+
+    def until(duration, samples):
+        return simulate(
+            plant, scenario.inflow, controller, initial_speed, duration,
+            samples=samples, begin=first, **options,
+        )  # fmt: skip
+
+    try:
+        return until(duration, samples)
+    except IntegrationError as failed:  # what the controller does to the rotor has no end
+        share = (failed.time - first) / duration
+        if share <= 0.0:
+            raise
+        flown = until(share * duration, first + share * (samples - first))
+        return replace(flown, stopped_at=flown.stopped_at or failed.time)
 
 
 def is_false(flights: tuple[Flight, ...]) -> bool:
@@ -268,6 +287,8 @@ def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
         f"t = {edges[worst]:.6g} and {edges[worst + 1]:.6g} s",
     )
     word = "" if stopped is None else f"rotor stops at t = {stopped:.2f} s, not generating"
+    if stopped is not None and integrated["tip_speed_ratio"][-1] > 2.0 * SLOWEST_RATIO:
+        word = f"the rotor's motion has no solution after t = {stopped:.2f} s"
     yield "rotor_keeps_turning", float(stopped is not None), 0.0, word
     power = np.interp(time, integrated["time"], integrated["hydrodynamic_power"])
     off = time[np.argmax(np.abs(power - nodes["hydrodynamic_power"]))]

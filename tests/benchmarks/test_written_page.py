@@ -4,8 +4,9 @@ import pytest
 import report
 
 
-def test_page_takes_what_the_benchmarks_found(measured, tmp_path):
-    if len(measured) < 15:
+def test_page_takes_what_the_benchmarks_found(request, measured, tmp_path):
+    asked = {item.name for item in request.session.items if "benchmark" in item.fixturenames}
+    if len(measured) < 15 or not asked <= measured.keys():
         pytest.skip("needs the other benchmarks in the same process")
     report.write(measured, {}, tmp_path)
     page = (tmp_path / "performance.md").read_text(encoding="utf-8")

@@ -40,6 +40,14 @@ def test_nodes_fill_the_segments(transcription):
 
 
 @pytest.mark.parametrize("transcription", TRANSCRIPTIONS)
+def test_distinct_nodes_have_every_time_once(transcription):
+    made = scenario(transcription, 3)
+    time = made.node_times[made.distinct_nodes]
+    assert np.all(np.diff(time) > 0.1)
+    np.testing.assert_allclose(time, np.unique(made.node_times.round(9)), rtol=1e-9)
+
+
+@pytest.mark.parametrize("transcription", TRANSCRIPTIONS)
 @pytest.mark.parametrize("order", [3, 5])
 def test_rates_are_those_of_each_segments_polynomial(transcription, order):
     """Exact to the degree of the polynomial, on segments of unequal lengths; a ramp's is constant.

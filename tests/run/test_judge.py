@@ -9,11 +9,11 @@ import pytest
 from hkt_mdo.case import Phase, load_case
 from hkt_mdo.dynamics.flows import GustInflow, StepInflow, SumInflow
 from hkt_mdo.dynamics.limits import Limit, TipSpeedLimit, TorqueRateLimit
-from hkt_mdo.dynamics.simulation import RecordedTorque
+from hkt_mdo.dynamics.simulation import FeedbackTorque, RecordedTorque
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.results.summary import CheckEntry
-from hkt_mdo.run.judge import SAMPLES, explain
+from hkt_mdo.run.judge import SAMPLES, explain, fly
 from hkt_mdo.run.none_found import nearest_law, none_found
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.sections import Quantity
@@ -83,7 +83,9 @@ def not_converged(solved):
 
 
 def stopped(solved):
-    return with_flight(solved, simulation=replace(solved.flights[0].simulation, stopped_at=7.25))
+    flown = solved.flights[0].simulation
+    speed = flown.rotor_speed * (np.arange(flown.time.size) < flown.time.size - 1)
+    return with_flight(solved, simulation=replace(flown, stopped_at=7.25, rotor_speed=speed))
 
 
 def more_power_at_a_node(solved):
@@ -265,6 +267,25 @@ def test_one_judge_refuses(request, judge, whose, doctor, value, words):
 
 def test_every_judge_is_asked(feedback, open_loop):
     assert {name for name, *_ in REFUSALS} == {*feedback.checks(), *open_loop.checks()}
+
+
+def test_a_motion_without_an_end_is_refused(feedback, monkeypatch):
+    """A torque that jumps with the speed has no solution that any step could follow."""
+    (before,) = feedback.flights
+    jump = float(np.median(before.simulation.rotor_speed))
+    torque = FeedbackTorque.__call__
+
+    def jumping(self, time, speed, *states):
+        return torque(self, time, speed, *states) * np.where(speed < jump, 0.9, 1.1)
+
+    monkeypatch.setattr(FeedbackTorque, "__call__", jumping)
+    solved = replace(feedback, flights=fly(feedback.physics, feedback.result))
+    flown = solved.flights[0].simulation
+    assert 0.0 < flown.stopped_at < 15.0
+    assert flown.time[-1] == pytest.approx(flown.stopped_at)
+    refused = solved.checks()["rotor_keeps_turning"]
+    assert not refused.passed
+    assert "has no solution after t =" in refused.detail
 
 
 def test_a_limit_is_judged_at_and_between_the_nodes(feedback):
