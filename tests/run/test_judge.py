@@ -83,9 +83,7 @@ def not_converged(solved):
 
 
 def stopped(solved):
-    flown = solved.flights[0].simulation
-    speed = flown.rotor_speed * (np.arange(flown.time.size) < flown.time.size - 1)
-    return with_flight(solved, simulation=replace(flown, stopped_at=7.25, rotor_speed=speed))
+    return with_flight(solved, simulation=replace(solved.flights[0].simulation, stopped_at=7.25))
 
 
 def more_power_at_a_node(solved):
@@ -215,7 +213,13 @@ def larger_gain(solved):
 # judge, whose result, how it is doctored, value, and the words of its explanation
 REFUSALS = [
     ("optimizer", "feedback", not_converged, 1.0, ["did not converge", "Restoration_Failed"]),
-    ("rotor_keeps_turning", "feedback", stopped, 1.0, ["stops at t = 7.25 s", "torque_limit"]),
+    (
+        "rotor_keeps_turning",
+        "feedback",
+        stopped,
+        1.0,
+        ["no solution after t = 7.25 s", "torque_limit"],
+    ),
     ("energy_error", "feedback", more_power_at_a_node, 1e-3, ["at t = 5.50 s", "phase.segments"]),
     ("max_speed_error", "feedback", faster_at_a_node, 0.0196, ["at t = 5.50 s", "phase.segments"]),
     ("flow_error", "feedback", coarse_mesh, 0.02, ["between t = 3 and 4 s", "phase.segments"]),
@@ -269,14 +273,17 @@ def test_every_judge_is_asked(feedback, open_loop):
     assert {name for name, *_ in REFUSALS} == {*feedback.checks(), *open_loop.checks()}
 
 
-def test_a_motion_without_an_end_is_refused(feedback, monkeypatch):
+@pytest.mark.parametrize(
+    ("above", "below", "words"), [(1.1, 0.9, "has no solution after"), (5.0, 5.0, "rotor stops at")]
+)
+def test_a_motion_that_ends_is_refused(feedback, monkeypatch, above, below, words):
     """A torque that jumps with the speed has no solution that any step could follow."""
     (before,) = feedback.flights
     jump = float(np.median(before.simulation.rotor_speed))
     torque = FeedbackTorque.__call__
 
     def jumping(self, time, speed, *states):
-        return torque(self, time, speed, *states) * np.where(speed < jump, 0.9, 1.1)
+        return torque(self, time, speed, *states) * np.where(speed < jump, below, above)
 
     monkeypatch.setattr(FeedbackTorque, "__call__", jumping)
     solved = replace(feedback, flights=fly(feedback.physics, feedback.result))
@@ -285,7 +292,7 @@ def test_a_motion_without_an_end_is_refused(feedback, monkeypatch):
     assert flown.time[-1] == pytest.approx(flown.stopped_at)
     refused = solved.checks()["rotor_keeps_turning"]
     assert not refused.passed
-    assert "has no solution after t =" in refused.detail
+    assert f"{words} t = {flown.stopped_at:.2f} s" in refused.detail
 
 
 def test_a_limit_is_judged_at_and_between_the_nodes(feedback):
