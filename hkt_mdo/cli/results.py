@@ -22,6 +22,8 @@ _FLOW = (
 _SNR = "Signal-to-noise ratio of the speed sensor."
 _REFERENCE = "What is the signal: the speed's fluctuation about its mean, or the total speed."
 _RATE = "Samples of the sensor a second."
+_START = "Start from standstill, without torque, and let the law take over in operation."
+_STOP = "With --start-up: the time (s) from which the torque is at its limit, to stop the rotor."
 _CUTOFF = (
     "Frequency of the second-order Butterworth low-pass behind the sensor; 0: no filter. It delays "
     "the torque, at 0.5 Hz by half a second, which alone may stop a rotor."
@@ -96,8 +98,10 @@ def simulate(
     cutoff: Annotated[float, Option("--filter-cutoff", metavar="HZ", help=_CUTOFF)] = 0.5,
     repeats: Annotated[int, Option(min=1, max=100_000, help="Noisy runs.")] = 20,
     seed: Seed = 1,
+    start: Annotated[bool, Option("--start-up", help=_START)] = False,
+    stop: Annotated[float | None, Option("--shut-down", metavar="SECONDS", help=_STOP)] = None,
 ) -> None:
-    """Simulate a result in another flow, with sensor noise.
+    """Simulate a result in another flow, with sensor noise, or from standstill.
 
     Blade and controller of a finished result are held and simulated with direct BEM. Open loop
     replays its recorded torque; feedback reads a noisy, filtered speed sensor when --noise-snr is
@@ -119,6 +123,17 @@ def simulate(
     solution = read_result(result)
     inflow = flow_given(flow, solution.case)
     design = Design.of(solution)
+    if start or stop is not None:
+        if not start or snr is not None:
+            remedy = "give --start-up with --shut-down" if snr is None else "leave --noise-snr out"
+            raise InputError(
+                "is for a start from standstill, without noise", remedy, key="--start-up"
+            )
+        from hkt_mdo.studies.start_stop import start_and_stop
+
+        lines = start_and_stop(design, inflow, stop).told()
+        echo("\n  ".join((f"{solution.name} in flow {inflow.model_dump()}", *lines)))
+        return
     quiet = design.fly(inflow)
     energies = [(quiet.energy, "captured"), (quiet.generator_energy, "generated")]
     if not design.physics.generator.lossless:

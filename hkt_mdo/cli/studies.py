@@ -47,8 +47,8 @@ def paper(
 
 _PARTS = "All of them by default."
 _COUNT = (
-    "Starts a case (30; under limits 20), random mixtures of the sweep (30), flows with features "
-    "(300), examples a kind of file (1500), or tries a fault (12)."
+    "Starts a case (30; of limits and laws 20), random mixtures of the sweep (30), flows with "
+    "features (300), examples a kind of file (1500), or tries a fault (12)."
 )
 _BLADES = "Folder of turbines in windIO's format (*.yaml) for the part real, besides RM1."
 _REPORT = "Markdown file to write: the figures of all parts that the folder holds."
@@ -67,9 +67,10 @@ def verify(
     """Run the verification study, or parts of it.
 
     Parts: starts (random blades, with the program's own start), blades (random blades without it),
-    limits (random blades under limits), sweep (other sizes, flows, torque limits, polars), physics
-    (stationarity, energy balance, refinement), features (gusts and steps between the nodes), real
-    (blades of several sections), fuzz (mutilated files) and faults (killed, no disk, no folder, no
+    limits (random blades under limits), laws (random blades with laws for the whole range), sweep
+    (other sizes, flows, torque limits, polars), physics (stationarity, energy balance, refinement),
+    features (gusts and steps between the nodes), real (blades of several sections), fuzz (mutilated
+    files) and faults (killed, no disk, no folder, no
     home). It takes hours; what is finished is reused, so it can be interrupted.
     """
     from hkt_mdo.studies import verify as study

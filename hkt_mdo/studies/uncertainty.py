@@ -122,12 +122,12 @@ class Design:
         """The feedback law; None: open loop."""
         return self.physics.law
 
-    def initial_speed(self, inflow):
-        """Return a run's first speed in another flow: at the design's first tip speed ratio."""
+    def initial_speed(self, inflow, time=0.0):
+        """Return a speed for times (s) of another flow: at the design's first tip speed ratio."""
         start = float(self.solution.trajectory["rotor_speed_rad_s"][0])
-        return start * float(inflow.speed_at(0.0) / self.physics.inflow.speed_at(0.0))
+        return start * inflow.speed_at(time) / float(self.physics.inflow.speed_at(0.0))
 
-    def _refuse_standstill(self, inflow: Inflow) -> None:
+    def refuse_standstill(self, inflow: Inflow) -> None:
         """Refuse, by InputError, a flow in which the machine does not operate throughout."""
         cut_out, duration = self.physics.case.control.cut_out, self.physics.case.phase.duration
         for flow in (inflow, self.physics.inflow) if cut_out is not None else ():
@@ -143,7 +143,7 @@ class Design:
         `refined` tells how many times the longest step fits into a segment.
         """
         phase, law = self.physics.case.phase, self.law
-        self._refuse_standstill(inflow)
+        self.refuse_standstill(inflow)
         if law is None:
             recorded = self.solution.trajectory
             torque = recorded["time_s"], recorded["control_torque_Nm"]
@@ -156,11 +156,11 @@ class Design:
         states = self.initial_states(inflow, speed)
         return simulate(self.plant, inflow, controller, *about, initial_states=states)
 
-    def initial_states(self, inflow, speed):
-        """Return the states of the law in equilibrium with the first flow and speed (rad/s)."""
+    def initial_states(self, inflow, speed, time=0.0):
+        """Return the states of the law in equilibrium with a speed (rad/s) and the flow then."""
         if self.law is None:
             return ()
-        flow = inflow.speed_at(np.zeros(1))
+        flow = inflow.speed_at(np.array([time]))
         states = self.law.at_rest(self.plant.torque(np.array([speed]), flow), flow)
         return [float(each[0]) for each in states]
 

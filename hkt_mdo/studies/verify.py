@@ -41,6 +41,7 @@ from hkt_mdo.studies.uncertainty import Design
 OPTIMIZERS = ("IPOPT", "SLSQP")
 POLARS = tuple(POLAR_FAMILIES["naca63815"])
 PEAK_TORQUE_COEFFICIENT = 0.065  # of a good rotor: Cp 0.47 at a tip speed ratio of 7.2
+WHOLE_RANGE = ("power_law", "rated", *(f"curve, knots: {n}" for n in (4, 6, 8)), "tracking")
 FALSE_SUCCESS = 5e-4  # a success whose energy is this fraction below the best of its case is false
 
 
@@ -138,7 +139,7 @@ def _starts(study):
     case, no false success (more than 0.05 % below). The start tries steady-optimal blades beside
     the random one and mostly prefers those; the next part does not.
     """
-    return _from_random_blades(study, "quasi_steady", CODESIGN, OPTIMIZERS)
+    return _from_random_blades(study, "quasi_steady", _shipped(CODESIGN), OPTIMIZERS)
 
 
 def _limits(study):
@@ -146,7 +147,19 @@ def _limits(study):
 
     Goals: 95 % success, at most 0.02 % below the best energy of the case, no false success.
     """
-    return _from_random_blades(study, "quasi_steady", LIMITED, OPTIMIZERS[:1])
+    return _from_random_blades(study, "quasi_steady", _shipped(LIMITED), OPTIMIZERS[:1])
+
+
+def _laws(study):
+    """Start the laws for the whole range from random blades, with IPOPT: the sine, 700 N m, 5 kW.
+
+    Goals: 95 % success, at most 0.02 % below the best energy of the law, no false success.
+    """
+    problems = {
+        law: ("limits/power_oloc", [f"control={{law: {law}, torque_limit: 700}}"])
+        for law in WHOLE_RANGE
+    }
+    return _from_random_blades(study, "quasi_steady", problems, OPTIMIZERS[:1])
 
 
 def _blades(study):
@@ -154,15 +167,21 @@ def _blades(study):
 
     No goal; it shows what the quasi-steady start is worth.
     """
-    return _from_random_blades(study, "blade", CODESIGN, OPTIMIZERS)
+    return _from_random_blades(study, "blade", _shipped(CODESIGN), OPTIMIZERS)
 
 
-def _from_random_blades(study, method, names, optimizers):
+def _shipped(names):
+    """Return shipped cases as they are, for `_from_random_blades`."""
+    return {name: (name, []) for name in names}
+
+
+def _from_random_blades(study, method, problems, optimizers):
+    """Run problems, each a shipped case and overrides by its name, from random blades."""
     plan = {}
-    for place, name in enumerate(names):
+    for place, (name, (shipped, overrides)) in enumerate(problems.items()):
         for optimizer in optimizers:
-            settings = [f"driver.optimizer={optimizer}", f"start.method={method}"]
-            case = case_file(study.cases, name, settings)
+            settings = [*overrides, f"driver.optimizer={optimizer}", f"start.method={method}"]
+            case = case_file(study.cases, shipped, settings)
             for i in range(study.count):
                 start = random_start(case, np.random.default_rng([study.seed, place, i]))
                 plan[f"{method}/{optimizer}/{name}/{i:03d}"] = start, name, name
@@ -402,6 +421,7 @@ PARTS = {
     "starts": ("From random blades", _starts, 30),
     "blades": ("From random blades, without the quasi-steady start", _blades, 30),
     "limits": ("Under limits, from random blades", _limits, 20),
+    "laws": ("Laws for the whole range, from random blades", _laws, 20),
     "sweep": ("Under change", _sweep, 30),
     "features": ("Features of the flow", features, 300),
     "physics": ("Against physics", _against_physics, 1),

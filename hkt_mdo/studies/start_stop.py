@@ -1,0 +1,118 @@
+"""A finished feedback design from standstill into operation, and out of it again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from hkt_mdo.dynamics.flows import Inflow
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, FeedbackTorque, Simulation, simulate
+from hkt_mdo.errors import InputError
+from hkt_mdo.studies.uncertainty import Design
+
+SAMPLES = 4001
+FIRST = 2.0 * SLOWEST_RATIO  # tip speed ratio from which the rotor is let go
+
+
+@dataclass(frozen=True, eq=False)
+class StartStop:
+    """What happens from standstill on, in parts that follow each other.
+
+    run_up is without torque, from the flow's begin until `started_at` (s), when the rotor reaches
+    the tip speed ratio at which its design begins; None: it never does. There the law takes over:
+    operation, from `started_at` on. shut_down is at the limit of the torque, from the end of the
+    operation on. Parts that did not come about are None.
+    """
+
+    run_up: Simulation
+    started_at: float | None
+    operation: Simulation | None
+    shut_down: Simulation | None
+
+    def told(self) -> Iterator[str]:
+        """Yield a line for each part."""
+        up, down, speed = self.run_up, self.shut_down, self.run_up.rotor_speed
+        if self.started_at is None:
+            what = "does not start by itself: without torque"
+            yield f"the rotor {what} it comes to {_rpm(speed[-1])} in {up.time[-1]:.1f} s"
+            return
+        reached = _rpm(up.speed_at(self.started_at))
+        yield f"run-up: without torque to {reached} in {self.started_at:.2f} s"
+        if self.operation is None:
+            yield "operation: none, the shut-down is asked for before the run-up ends"
+            return
+        run, end = self.operation, float(self.operation.time[-1])
+        if run.stopped_at is not None:
+            yield f"operation: rotor stops at t = {run.stopped_at:.2f} s, not generating"
+            return
+        extremes = f"{_rpm(run.rotor_speed.min())} to {_rpm(run.rotor_speed.max())}"
+        yield f"operation: until t = {end:.2f} s at {extremes}, {run.energy / 1e3:.3f} kJ captured"
+        if down is None:
+            return
+        limit = f"{down.control_torque[0]:.4g} N m"
+        if down.stopped_at is not None:
+            yield f"shut-down: {limit} stop the rotor within {down.stopped_at - end:.2f} s"
+        else:
+            word = "do not stop the rotor, which needs a brake: it comes to"
+            yield f"shut-down: {limit} {word} {_rpm(down.rotor_speed[-1])}"
+
+
+def _rpm(speed) -> str:
+    return f"{float(speed) * 30.0 / np.pi:.1f} rpm"
+
+
+def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) -> StartStop:
+    """Start a design from standstill in a flow and, at the time `stop` (s), shut it down.
+
+    The run ends with the time span of the design's case. Raises InputError for an open loop, which
+    has a torque for every instant and none for a start, for a stop beyond the run, and for one
+    without a torque limit.
+    """
+    plant, law, duration = design.plant, design.law, design.physics.case.phase.duration
+    _check(design, duration, stop)
+    design.refuse_standstill(inflow)
+    radius = plant.blade.rotor_radius
+
+    def fly(controller, speed, begin, end, states=()):
+        about = speed, end - begin, SAMPLES, duration / design.physics.case.phase.segments
+        return simulate(plant, inflow, controller, *about, begin=begin, initial_states=states)
+
+    def missing(time):
+        return run_up.speed_at(time) - design.initial_speed(inflow, time)
+
+    first = FIRST * float(inflow.speed_at(0.0)) / radius
+    run_up = fly(lambda _, speed: 0.0 * speed, first, 0.0, duration)
+    fast = np.flatnonzero(missing(run_up.time) >= 0.0)
+    if not fast.size:
+        return StartStop(run_up, None, None, None)
+    start = brentq(missing, *run_up.time[fast[0] - 1 : fast[0] + 1])
+    end = duration if stop is None else stop
+    if start >= end:
+        return StartStop(run_up, start, None, None)
+    speed = float(run_up.speed_at(start))
+    states = design.initial_states(inflow, speed, start)
+    operation = fly(FeedbackTorque(law, design.gains), speed, start, end, states)
+    shut_down = None
+    if stop is not None and operation.stopped_at is None:
+        most = design.physics.torque_limit
+        last = float(operation.rotor_speed[-1])
+        shut_down = fly(lambda _, speed: most + 0.0 * speed, last, stop, duration)
+    return StartStop(run_up, start, operation, shut_down)
+
+
+def _check(design, duration, stop):
+    """Refuse what cannot be started or shut down."""
+    if design.law is None:
+        problem, remedy = "open loop has no torque for a start", "take a result with a feedback law"
+        raise InputError(problem, remedy, key="--start-up", file=design.solution.folder)
+    if stop is None:
+        return
+    if not 0.0 < stop < duration:
+        remedy = f"give a time before the end of the run, {duration:g} s"
+        raise InputError("is out of range", remedy, key="--shut-down", value=stop)
+    if design.physics.torque_limit is None:
+        problem = "there is no limit of the torque that could stop the rotor"
+        raise InputError(problem, "take a result with control.torque_limit", key="--shut-down")

@@ -1,0 +1,93 @@
+"""From standstill into operation and out of it, with the blade and law of a finished result."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hkt_mdo.cli import main
+from hkt_mdo.dynamics.flows import ConstantInflow
+from hkt_mdo.errors import InputError
+from hkt_mdo.studies.start_stop import FIRST, start_and_stop
+from hkt_mdo.studies.uncertainty import Design
+
+
+@pytest.fixture(scope="module")
+def solution(solve):
+    return solve("sine_limited_quadratic", "driver.optimizer=IPOPT")
+
+
+@pytest.fixture(scope="module")
+def design(solution):
+    return Design.of(solution)
+
+
+def test_after_a_start_the_rotor_works_as_if_it_had_never_stood(design):
+    """The law has one equilibrium in operation: what the rotor was before is forgotten."""
+    flow = design.physics.inflow
+    parts, never = start_and_stop(design, flow), design.fly(flow)
+    begin = parts.run_up.rotor_speed[0] * design.plant.blade.rotor_radius / flow.speed_at(0.0)
+    assert begin == pytest.approx(FIRST)
+    assert 0.05 < parts.started_at < 1.0
+    assert parts.operation.rotor_speed[0] == pytest.approx(parts.run_up.speed_at(parts.started_at))
+    late = parts.operation.time > parts.started_at + 2.0
+    time, speed = parts.operation.time[late], parts.operation.rotor_speed[late]
+    np.testing.assert_allclose(speed, never.speed_at(time), rtol=1e-7)
+    assert parts.shut_down is None
+
+
+def test_a_run_up_gains_what_the_flow_does(design):
+    """Without a torque the work of the flow is the kinetic energy."""
+    parts = start_and_stop(design, ConstantInflow(speed=1.5))
+    run = parts.run_up
+    assert run.generator_energy == 0.0
+    assert run.energy == pytest.approx(run.kinetic_energy_change, rel=1e-9)
+    reached = parts.operation.rotor_speed[0]
+    assert reached == pytest.approx(design.initial_speed(ConstantInflow(speed=1.5)))
+
+
+def test_the_limit_of_the_torque_stops_a_rotor_that_it_exceeds(design):
+    parts = start_and_stop(design, design.physics.inflow, stop=50.0)
+    assert parts.operation.time[-1] == pytest.approx(50.0)
+    assert 50.0 < parts.shut_down.stopped_at < 51.0
+    assert any("700 N m stop the rotor within" in line for line in parts.told())
+    weak = replace(design, physics=replace(design.physics, torque_limit=100.0))
+    parts = start_and_stop(weak, design.physics.inflow, stop=50.0)
+    assert parts.shut_down.stopped_at is None
+    assert any("needs a brake" in line for line in parts.told())
+
+
+def test_a_rotor_that_does_not_start_is_told(design):
+    heavy = replace(design, plant=replace(design.plant, inertia=1e6))
+    parts = start_and_stop(heavy, design.physics.inflow)
+    assert parts.started_at is None
+    assert parts.operation is None
+    (line,) = parts.told()
+    assert "does not start by itself" in line
+
+
+@pytest.mark.parametrize(
+    ("stop", "limit", "words"),
+    [(60.0, 700.0, "--shut-down = 60"), (5.0, None, "no limit of the torque")],
+)
+def test_an_impossible_stop_is_refused(design, stop, limit, words):
+    changed = replace(design, physics=replace(design.physics, torque_limit=limit))
+    with pytest.raises(InputError, match=words):
+        start_and_stop(changed, design.physics.inflow, stop)
+
+
+def test_open_loop_has_no_start(solve):
+    open_loop = Design.of(solve("sine_limited_oloc", "driver.optimizer=IPOPT"))
+    with pytest.raises(InputError, match="open loop has no torque for a start"):
+        start_and_stop(open_loop, open_loop.physics.inflow)
+
+
+def test_the_command_tells_each_part(solution, capsys):
+    folder = str(solution.folder)
+    assert main(["simulate", folder, "--start-up", "--shut-down", "50"]) == 0
+    told = capsys.readouterr().out
+    assert "run-up: without torque to" in told
+    assert "operation: until t = 50.00 s" in told
+    assert "shut-down: 700 N m stop the rotor" in told
+    assert main(["simulate", folder, "--shut-down", "50"]) == 2
+    assert "give --start-up with --shut-down" in capsys.readouterr().err
