@@ -420,3 +420,12 @@ class DistanceFromStall(Limit):
         here, there = (self.law.torque_by_gain(w, gains, *states) for w in (speed, slowed))
         found["gains"] = (here - there).T
         return found
+
+
+class FartherFromStall(DistanceFromStall):
+    """The same of a larger loss of speed, beside that which every result keeps.
+
+    A torque that bends as the speed falls may let a rotor recover from one and not from the other.
+    """
+
+    name: ClassVar[str] = "farther_from_stall"

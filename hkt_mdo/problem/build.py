@@ -12,7 +12,15 @@ import openmdao.api as om
 from dymos import Trajectory
 
 from hkt_mdo.case import Case
-from hkt_mdo.dynamics.limits import TYPICAL, DistanceFromStall, Limit, TorqueLimit, settled
+from hkt_mdo.dynamics.limits import (
+    SLOWED,
+    TYPICAL,
+    DistanceFromStall,
+    FartherFromStall,
+    Limit,
+    TorqueLimit,
+    settled,
+)
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
 from hkt_mdo.dynamics.trajectory import LOADS, QUANTITIES, RATES
@@ -253,10 +261,12 @@ def _close_cycle(model, scenario, scales):
 
 
 def _distance_from_stall(physics, setup):
-    """Return the distance from stall as a limit, where the setup asks for it."""
+    """Yield the distances from stall as limits, where the setup asks for them."""
     if setup.slowed and physics.has_curve:
-        spline = TorqueSpline(setup.nodes)
-        yield DistanceFromStall(law=physics.law, spline=spline, slowed=setup.slowed)
+        about = {"law": physics.law, "spline": TorqueSpline(setup.nodes)}
+        yield DistanceFromStall(**about)
+        if setup.slowed > SLOWED:
+            yield FartherFromStall(**about, slowed=setup.slowed)
 
 
 def _add_loads(model, physics, setup):
@@ -318,7 +328,7 @@ def _add_limit(
     nodes = np.arange(physics.blade.r.size if limit.place == "span" else 1)
     if limit.place == "time":
         nodes = limited_nodes(limit, scenario)
-    if limit.name == DistanceFromStall.name:
+    if isinstance(limit, DistanceFromStall):
         nodes, ref = _near_stall(physics, setup, limit, place, scenario), scales.torque
     elif limit.name in QUANTITIES and limit.unit == "N*m":
         ref = scales.torque

@@ -165,8 +165,10 @@ def _mesh_error(physics, result, flights, near, coarser, branch) -> tuple[float,
         radau = physics.law is not None and physics.case.phase.transcription == "radau"
         if radau or (coarser and np.mean(np.concatenate(coarse)) > 0.5):
             coarse = [np.zeros_like(marks) for marks in coarse]
+    unchanged = coarser and abs(result.objective / coarser[-1] - 1.0) < 0.1 * WORTHWHILE
     for marks, close, flight in zip(coarse, near, flights, strict=True):
-        marks |= close
+        if not unchanged:  # by the last division: what is close to stall then is so at the nodes
+            marks |= close
         for limit in _held(physics) if len(coarser) < FEW_DIVISIONS else ():
             marks |= flight.between_nodes(limit)[0] > most_between(limit)
     if physics.law is None:
