@@ -114,7 +114,7 @@ class Limit(Section):
     def excess(self, quantities: Any) -> np.ndarray:
         """Return how far the value leaves its bounds, over their size; at most 0 if it is kept."""
         value = np.atleast_1d(self.value_of(quantities))
-        ends = np.abs(np.r_[np.atleast_1d(self.lower), np.atleast_1d(self.upper)])
+        ends = np.abs(np.hstack((self.lower, self.upper)))
         size = np.max(ends[np.isfinite(ends)], initial=0.0) or np.max(np.abs(value)) or 1.0
         return np.asarray(np.maximum(self.lower - value, value - self.upper) / size)
 

@@ -34,6 +34,7 @@ THINNED = 2  # nodes of the torque curve to one of the curves of loads
 RATIO_MOVE = 1.25  # factor within which tip speed ratios move before they are re-centred
 VIOLATION = 1e-6  # relative excess of a limit that counts as none
 ROUNDS, MOST = 16, 40  # and iterations of one
+ROUGH = 12  # of one that is tightened only in part
 TIGHTENED, LOOSE = 0.5, 0.05  # of an excess that is tightened in steps, and one that is not
 APART = 0.01  # relative difference between a ratio and that of the designed schedule
 SAME = 2e-3  # relative difference of the tip speed ratios of one optimum
@@ -53,6 +54,11 @@ class Curves:
     blade: Blade
     inertia: float
     values: dict[str, np.ndarray]
+
+    @cached_property
+    def table(self) -> np.ndarray:
+        """The values of all, (n_nodes, n_names)."""
+        return np.stack(list(self.values.values()), axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,9 +109,8 @@ class SteadyFlow:
         """Return what the quantities of steady operation follow from, at tip speed ratios."""
         radius, inertia = curves.blade.rotor_radius, curves.inertia
         found = {"ratio": ratio, "rotor_radius": radius, "inertia": inertia}
-        for name, values in curves.values.items():
-            found[name] = self.spline.values(values, ratio)[0]
-        return found
+        all_values, _ = self.spline.values(curves.table, ratio)
+        return found | dict(zip(curves.values, all_values.T, strict=True))
 
     def known(self, coefficients: dict, flow=None) -> dict:
         """Return the quantities of a trajectory in steady operation, and the design's scalars."""
@@ -163,17 +168,21 @@ class SteadyFlow:
         inside, outside = (np.where(broken, each, found) for each in (inside, outside))
         for _ in range(30 * np.any(broken)):  # bisection to where the limits begin to hold
             middle = 0.5 * (inside + outside)
-            broken = self.at(curves, middle)[1] > 0.0
+            broken = self.excess(self.known(self.coefficients(curves, middle))) > 0.0
             inside, outside = np.where(broken, inside, middle), np.where(broken, middle, outside)
         return inside
 
     def _largest(self, curves, low, high):
         """Return the tip speed ratios of the largest rate between others (golden section)."""
         share = 0.5 * (np.sqrt(5.0) - 1.0)
+
+        def rate(ratio):
+            return self.physics.objective.rate_of(self.known(self.coefficients(curves, ratio)))
+
         for _ in range(20):
             width = share * (high - low)
             left, right = high - width, low + width
-            lower = self.at(curves, left)[0] > self.at(curves, right)[0]
+            lower = rate(left) > rate(right)
             low, high = np.where(lower, low, left), np.where(lower, right, high)
         return 0.5 * (low + high)
 
@@ -623,5 +632,5 @@ def _solve(joint, start, low, high, units, objective, slack):
         method="SLSQP",
         bounds=Bounds(low, high),
         constraints=constraints,
-        options={"ftol": 1e-6, "maxiter": MOST},
+        options={"ftol": 1e-6, "maxiter": ROUGH if slack else MOST},
     ).x

@@ -34,9 +34,12 @@ class TorqueSpline:
         return PPoly.construct_fast(self._cardinal.c @ table, self.nodes)
 
     def values(self, table, tip_speed_ratio):
-        """Return the spline's values and slopes (n_points,) for a table, without the matrices."""
+        """Return the spline's values and slopes (n_points,) for a table, without the matrices.
+
+        Of several tables, the columns of one array, those are (n_points, n_tables).
+        """
         points = np.asarray(tip_speed_ratio)
         inside = np.clip(points.real, self.nodes[0], self.nodes[-1])
-        curve = self.curve(table)
+        curve, beyond = self.curve(table), points - inside
         slope = curve(inside, 1)
-        return curve(inside) + slope * (points - inside), slope
+        return curve(inside) + (slope.T * beyond).T, slope
