@@ -335,7 +335,7 @@ def test_limits_and_objective_of_an_extension() -> None:
     assert "limits.tip_speed: at most 9 m/s; " in limits
     over = f"broken by {fastest - 9.0:.3g} m/s ({100.0 * (fastest / 9.0 - 1.0):.3g} %)"
     assert f" to {fastest:.4g} m/s: {over}" in limits
-    assert f"{found.physics.scenarios[0].node_times.size} limit_tip_speed" in told
+    assert f"{found.physics.scenarios[0].distinct_nodes.size} limit_tip_speed" in told
     assert any("limits.tip_speed is broken at the start" in line for line in report.warnings)
 
 

@@ -108,7 +108,7 @@ def test_the_case_can_be_checked_and_tells_the_size_of_the_whole_problem():
     assert f"{nodes} nodes" in told["segments"]
     assert f"{nodes} " not in told["unknowns"]
     for scenario in world.scenarios:
-        assert f"{scenario.node_times.size} limit_power" in told["constraints"]
+        assert f"{scenario.distinct_nodes.size} limit_power" in told["constraints"]
     assert report.tables["Limits, and what the starting blade does"]["limits.power"].count("kept")
     assert report.findings.at_start["inflow_speed"].max() == pytest.approx(CUT, rel=1e-9)
     assert report.findings.captured == pytest.approx(1.0, abs=1e-4)
