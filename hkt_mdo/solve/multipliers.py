@@ -84,7 +84,10 @@ def _totals(driver) -> csr_matrix:
     driver._prepare_totals(responses)
     if driver._sparse is not None:
         return driver._compute_sparse()
-    return csr_matrix(driver._compute_totals(responses, list(driver._designvars), "array"))
+    driver._total_jac = None  # an optimizer may have left one of another format
+    totals = csr_matrix(driver._compute_totals(responses, list(driver._designvars), "array"))
+    driver._total_jac = None
+    return totals
 
 
 def gain(optimum: State, multiplier: np.ndarray, changed: State) -> float:
