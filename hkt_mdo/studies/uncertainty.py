@@ -13,6 +13,7 @@ from scipy import signal
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.case import Case
+from hkt_mdo.compiled import compiled
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.simulation import (
@@ -207,10 +208,11 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
         told = law.sensed(np.full(repeats, flows[k, 0]), random)
         states = _advanced(law, measured, told, design.gains, states, period)
         record[:, k] = speed[0], control[0], torque(speed[:1], flows[k, 0])[0]
-        for j in range(substeps):
-            flow = flows[k, 2 * j : 2 * j + 3]
-            speed, captured = _runge_kutta(torque, speed, control, flow, step)
-            energy += captured
+        scale = torque_scale(plant.density, torque.radius, flows[k])
+        speed, captured = _runge_kutta(
+            speed, control, step, plant.inertia, scale, torque.radius / flows[k], *torque.spline
+        )
+        energy += captured
         if not np.all(np.isfinite(speed)):  # which is not the same as a rotor that stops
             problem = f"the integration of the noisy runs fails at t = {times[k]:.6g} s"
             raise InputError(problem, "see that the control law is finite there")
@@ -237,6 +239,7 @@ class _Torque:
         ratios = np.concatenate((np.arange(SLOWEST_RATIO, 2.0, 0.02), np.arange(2.0, 20.0, 0.004)))
         self.plant, self.radius = plant, plant.blade.rotor_radius
         self.curve = CubicSpline(ratios, self._coefficient(ratios))
+        self.spline = self.curve.x, self.curve.c
 
     def _coefficient(self, ratio):
         return self.plant.coefficients(self.plant.blade, self.plant.polar, ratio).torque
@@ -265,15 +268,34 @@ def _advanced(law, speed, flow, gains, states, period):
     return [each + change[:, i, 0] for i, each in enumerate(states)]
 
 
-def _runge_kutta(torque, speed, control, flow, step):
-    """Return the speed after a step with the control torque held, and the energy captured."""
-    at, pull, captured = speed, 0.0, 0.0
-    for place, weight, share in ((0, 1.0, 0.5), (1, 2.0, 0.5), (1, 2.0, 1.0), (2, 1.0, 0.0)):
-        driving = torque(at, flow[place])
-        pull += weight * (driving - control)
-        captured += weight * driving * at
-        at = speed + share * step * (driving - control) / torque.plant.inertia
-    return speed + step / 6.0 * pull / torque.plant.inertia, step / 6.0 * captured
+@compiled()
+def _runge_kutta(speed, control, step, inertia, scale, ratio_of_speed, nodes, coefficients):
+    """Return the speeds after some steps with the torques held, and the energies captured.
+
+    scale (N*m) and ratio_of_speed (s/rad) turn the torque coefficient and the speed into torque and
+    tip speed ratio, at both ends and in the middle of each step; nodes and coefficients are those
+    of the coefficient's spline.
+    """
+    places, weights, shares = (0, 1, 1, 2), (1.0, 2.0, 2.0, 1.0), (0.5, 0.5, 1.0, 0.0)
+    after, captured = np.empty_like(speed), np.zeros_like(speed)
+    for run in range(speed.size):
+        now = speed[run]
+        for first in range(0, scale.size - 2, 2):
+            at, pull = now, 0.0
+            for stage in range(4):
+                place = first + places[stage]
+                ratio = min(max(at * ratio_of_speed[place], nodes[0]), nodes[-1])
+                piece = min(np.searchsorted(nodes, ratio, side="right"), nodes.size - 1) - 1
+                off, value = ratio - nodes[piece], 0.0
+                for power in range(4):
+                    value = value * off + coefficients[power, piece]
+                driving = scale[place] * value
+                pull += weights[stage] * (driving - control[run])
+                captured[run] += step / 6.0 * weights[stage] * driving * at
+                at = now + shares[stage] * step * (driving - control[run]) / inertia
+            now += step / 6.0 * pull / inertia
+        after[run] = now
+    return after, captured
 
 
 def flow_given(text: str, case: Case) -> Inflow:
