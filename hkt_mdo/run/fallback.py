@@ -59,8 +59,9 @@ def moving_reference(physics: Physics, start: StartingPoint, ended: Optimized, l
     stands = as_it_stands(physics, start, ended, log)
     flights = fly(physics, stands)
     for flight in flights:
-        nodes = flight.at_nodes
-        over = [np.max(each.excess(nodes)) for each in physics.limits if each.place == "time"]
+        held = [each for each in physics.limits if each.place == "time"]
+        parts = flight.at_nodes, flight.flown  # a law with states meets others than at rest
+        over = [np.max(each.excess(known)) for each in held for known in parts]
         if flight.simulation.stopped_at is not None or max(over) > START_EXCESS:
             return 0.0
     return total(flights, lambda flight: flight.objective(physics.objective))

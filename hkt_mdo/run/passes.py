@@ -32,7 +32,7 @@ from hkt_mdo.run.judge import (
 )
 from hkt_mdo.run.log import Log
 
-MAX_PASSES = 12
+MAX_PASSES = 24
 # recovery of the start, over a typical torque, below which it is a constraint from the beginning
 NEAR_STALL = 0.022
 WORTHWHILE = 1e-6  # relative gain of the objective for which a move limit is re-centred again
