@@ -152,7 +152,7 @@ class BranchEntry(_Entry):
 
     def __str__(self) -> str:
         told = f"{energy(self.objective_J or 0.0)} in quasi-steady operation"
-        told += "" if self.kept else ", breaks limits"
+        told += "" if self.kept else ", given up before it kept the limits"
         return f"{told}, taken" if self.taken else told
 
 
