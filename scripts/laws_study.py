@@ -86,6 +86,9 @@ def main():
     parser.add_argument(
         "--skip", nargs="*", default=[], help="pairs that are left out, FLOW/LIMITS"
     )
+    parser.add_argument(
+        "--kept", nargs="*", default=list(FLOWS), choices=FLOWS, help="flows with open loop's blade"
+    )
     arguments = parser.parse_args()
     out = arguments.out
 
@@ -101,7 +104,8 @@ def main():
     kept = {}
     for (flow, limit, law), each in plan.items():
         best = found[flow, limit, "open loop", "designed"]
-        if law != "open loop" and best is not None and best.success:
+        asked = law != "open loop" and flow in arguments.kept
+        if asked and best is not None and best.success:
             blade = best.summary.chord_m, best.summary.twist_deg
             kept[flow, limit, law, "kept"] = with_blade(each, *blade, "fixed")
     found |= run(kept)
