@@ -84,7 +84,10 @@ def main():
     parser.add_argument("--flows", nargs="*", default=list(FLOWS), choices=FLOWS)
     parser.add_argument("--limits", nargs="*", default=list(LIMITS), choices=LIMITS)
     parser.add_argument(
-        "--skip", nargs="*", default=[], help="pairs that are left out, FLOW/LIMITS"
+        "--skip",
+        nargs="*",
+        default=[],
+        help="left out: FLOW/LIMITS; of kept blades FLOW/LIMITS/LAW",
     )
     parser.add_argument(
         "--kept", nargs="*", default=list(FLOWS), choices=FLOWS, help="flows with open loop's blade"
@@ -105,6 +108,7 @@ def main():
     for (flow, limit, law), each in plan.items():
         best = found[flow, limit, "open loop", "designed"]
         asked = law != "open loop" and flow in arguments.kept
+        asked &= f"{flow}/{limit}/{law}" not in arguments.skip
         if asked and best is not None and best.success:
             blade = best.summary.chord_m, best.summary.twist_deg
             kept[flow, limit, law, "kept"] = with_blade(each, *blade, "fixed")

@@ -182,7 +182,9 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
     deviation = sensor.deviation(quiet.speed_at(np.linspace(0.0, quiet.time[-1], 2001)))
     torque, plant, h = _Torque(design.plant), design.plant, 1e-4 * quiet.rotor_speed
     faster = plant.torque(quiet.rotor_speed + h, quiet.inflow_speed)
-    slope = float(np.max(np.abs((faster - quiet.hydrodynamic_torque) / h)))
+    slopes = np.abs((faster - quiet.hydrodynamic_torque) / h)
+    ratio = quiet.rotor_speed / quiet.inflow_speed
+    slope = float(np.max(slopes[ratio >= 0.5 * ratio[0]]))  # a rotor below is about to stop
     n_samples = round(duration * sensor.rate)
     period = duration / n_samples
     substeps = max(int(np.ceil(period / (LONGEST_STEP * plant.inertia / slope))), 1)
@@ -203,7 +205,7 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
         measured = speed + deviation * random.standard_normal((1, repeats))
         if low_pass is not None:
             measured, memory = signal.lfilter(*low_pass, measured, axis=0, zi=memory)
-        measured = np.maximum(measured[0], 0.0)
+        measured = np.maximum(measured[0], 0.1 * slowest[k])  # a law may divide by it
         control = law.torque(measured, design.gains, *states)
         told = law.sensed(np.full(repeats, flows[k, 0]), random)
         states = _advanced(law, measured, told, design.gains, states, period)
