@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.errors import InputError
+from hkt_mdo.problem.physics import physics
 from hkt_mdo.studies.uncertainty import Design, Sensor, _advanced, flow_named, fly_noisy
 
 
@@ -143,3 +145,14 @@ def test_wrong_questions_are_refused(quadratic, open_loop):
         flow_named("A", ConstantInflow(speed=1.3))
     with pytest.raises(InputError, match="unknown"):
         flow_named("D", quadratic.solution.case.inflow)
+
+
+def test_a_law_of_constant_power_stalls_under_noise_too(quadratic):
+    """What it asks for grows without bound as the rotor comes to rest; the sensor may tell zero."""
+    case = load_case({"inflow": "sine", "control": {"law": "power_law", "torque_limit": 700}})
+    asked = replace(quadratic, physics=physics(case), gains=np.array([5000.0, -1.0]))
+    flow = asked.physics.inflow
+    assert asked.fly(flow).stopped_at is not None
+    noisy = fly_noisy(asked, flow, Sensor(snr=20.0, reference="total", cutoff=None), 3, seed=1)
+    assert noisy.stalled == 3
+    assert np.all(noisy.stopped_at < 60.0)
