@@ -22,7 +22,17 @@ ALLOWED = {
     "results": {"case", "dynamics", "errors", "files"},
     "problem": {"case", "dynamics", "errors", "files", "rotor", "solve"},
     "run": {"case", "dynamics", "errors", "files", "problem", "results", "rotor", "solve"},
-    "studies": {"case", "dynamics", "errors", "files", "problem", "results", "rotor", "run"},
+    "studies": {
+        "case",
+        "compiled",
+        "dynamics",
+        "errors",
+        "files",
+        "problem",
+        "results",
+        "rotor",
+        "run",
+    },  # fmt: skip
     "cli": {"case", "errors", "files", "problem", "results", "rotor", "run", "studies"},
     "__init__": set(),
     "__main__": {"cli"},
