@@ -32,7 +32,7 @@ ALLOWED = {
         "results",
         "rotor",
         "run",
-    },  # fmt: skip
+    },
     "cli": {"case", "errors", "files", "problem", "results", "rotor", "run", "studies"},
     "__init__": set(),
     "__main__": {"cli"},
