@@ -132,15 +132,18 @@ def assemble(
     return problem
 
 
-def make_driver(physics: Physics, progress=None, most=None) -> om.Driver:
-    """Return the driver of a problem, which gives up after `most` iterations if that is fewer."""
-    settings = physics.case.driver
+def make_driver(physics: Physics, progress=None, most=None, near=True) -> om.Driver:
+    """Return the driver of a problem, which gives up after `most` iterations if that is fewer.
+
+    `near` tells that the start is near the optimum, so that an optimizer had better stay there.
+    """
+    settings, segments = physics.case.driver, sum(each.segments for each in physics.scenarios)
     return drivers.make_driver(
         settings.package,
         settings.optimizer,
         settings.tolerance,
         min(settings.max_iterations, most or settings.max_iterations),
-        barrier=BARRIER / sum(each.segments for each in physics.scenarios),
+        barrier=BARRIER / segments if near else None,
         cautious=physics.several_sections,
         progress=progress,
     )

@@ -44,6 +44,7 @@ FEW_DIVISIONS = 4  # after as many, a limit exceeded between the nodes is lowere
 MOST_LOWERED = 5e-3  # by which it is lowered at most
 MOST_EXCEEDED = 0.02  # beyond which lowering it does not help
 PARTS = 4  # of a segment in which a limit begins or ceases to bind
+FAR = 0.05  # relative excess of a limit from which a start is far from any optimum
 FIRST_ITERATIONS = 300  # after as many, an optimization has lost its way
 
 
@@ -61,8 +62,9 @@ def optimize(
     slowed = SLOWED if np.any(start.operation.margin < NEAR_STALL) else 0.0
     setup = Setup(start, curve_nodes(physics, start), slowed=slowed)
     objective, at_limit, coarser, ended = np.inf, False, [], None
+    is_near = max(physics.excesses(start).values(), default=0.0) < FAR
     for _ in range(MAX_PASSES):
-        solved, result = physics, _solve(physics, setup, log)
+        solved, result = physics, _solve(physics, setup, log, is_near)
         if not result.outcome.success:
             if setup.moves == NARROW:
                 return _coarser(ended, physics, objective) or (
@@ -279,10 +281,10 @@ def _lowered(physics, setup, result, flights) -> Setup | None:
     return replace(setup, start=result.point, nodes=nodes, shares=shares) if exceeded else None
 
 
-def _solve(physics: Physics, setup: Setup, log: Log) -> Optimized:
-    """Run one optimization."""
+def _solve(physics: Physics, setup: Setup, log: Log, near: bool) -> Optimized:
+    """Run one optimization; `near`: see `make_driver`."""
     most = None if setup.moves == NARROW else FIRST_ITERATIONS
-    driver = make_driver(physics, log, most)
+    driver = make_driver(physics, log, most, near)
     problem = assemble(physics, setup, driver, log.scratch)
     log.add_recorders(problem)
     try:

@@ -37,6 +37,9 @@ CAUTIOUS: Settings = {
     "mu_init": 1e-5,
 }
 
+PUSHES = "bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"
+PUSHED = 1e-4  # by which IPOPT moves a good start off its bounds, of their size
+
 REMEDIES = {
     "pyoptsparse": "conda install -c conda-forge pyoptsparse",
     "casadi": "pip install casadi",
@@ -56,10 +59,10 @@ def make_driver(
 ) -> ReportingDriver:
     """Return a driver for the optimizer, from the package asked for or the first one installed.
 
-    The tolerance is that of the scaled problem; `barrier` is the first and the largest of IPOPT's
-    barrier parameters, which others do not have. `cautious` keeps IPOPT near its start: every step
-    must improve. `progress` is called at each iteration of IPOPT in CasADi, after each evaluation
-    elsewhere. Raises InputError if optimizer or package is unknown or not installed.
+    The tolerance is that of the scaled problem; `barrier`, for a start that is near the optimum, is
+    the first and the largest of IPOPT's barrier parameters. `cautious` keeps IPOPT near its start:
+    every step must improve. `progress` is called at each iteration of IPOPT in CasADi, after each
+    evaluation elsewhere. Raises InputError if optimizer or package is unknown or not installed.
     """
     carrier = _carrier(package, optimizer)
     if carrier == "scipy":
@@ -69,7 +72,7 @@ def make_driver(
         return driver
     settings = _settings(optimizer, float(tolerance), max_iterations)
     if optimizer == "IPOPT" and barrier is not None:
-        settings |= {"mu_init": barrier, "mu_max": barrier}
+        settings |= {"mu_init": barrier, "mu_max": barrier} | dict.fromkeys(PUSHES, PUSHED)
     if optimizer == "IPOPT" and cautious:
         settings |= CAUTIOUS
     if carrier == "casadi":
@@ -102,10 +105,6 @@ def _settings(optimizer: str, tolerance: float, max_iterations: int) -> Settings
         # The start is feasible and near the optimum: stay near it, and near the constraints.
         "mu_init": 1e-3,
         "theta_max_fact": 1.0,
-        "bound_push": 1e-4,
-        "bound_frac": 1e-4,
-        "slack_bound_push": 1e-4,
-        "slack_bound_frac": 1e-4,
         "tol": tolerance,
         "constr_viol_tol": tolerance,
         "acceptable_iter": 0,  # the 'acceptable' level is looser than the tolerance asked for
