@@ -383,8 +383,9 @@ def answer(found, flights):
     if slow:
         sentences.append(
             "They break where open loop keeps its limits by underspeed, as it does with 5 kW and a "
-            "limit of the thrust: no law of the speed alone can be stable there, and the best, "
-            f"rated, loses {lost('rated', slow)}, tracking {lost('tracking', slow)}."
+            "limit of the thrust: no law of the speed alone can be stable there. There "
+            + ", ".join(f"{law} loses {lost(law, slow)}" for law in (*static, "tracking"))
+            + "."
         )
     sentences += [
         breaking(flights),
