@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, FeedbackTorque, Simulation, simulate
 from hkt_mdo.errors import InputError
+from hkt_mdo.results.words import turning
 from hkt_mdo.studies.uncertainty import Design
 
 SAMPLES = 4001
@@ -37,9 +38,9 @@ class StartStop:
         up, down, speed = self.run_up, self.shut_down, self.run_up.rotor_speed
         if self.started_at is None:
             what = "does not start by itself: without torque"
-            yield f"the rotor {what} it comes to {_rpm(speed[-1])} in {up.time[-1]:.1f} s"
+            yield f"the rotor {what} it comes to {turning(speed[-1])} in {up.time[-1]:.1f} s"
             return
-        reached = _rpm(up.speed_at(self.started_at))
+        reached = turning(up.speed_at(self.started_at))
         yield f"run-up: without torque to {reached} in {self.started_at:.2f} s"
         if self.operation is None:
             yield "operation: none, the shut-down is asked for before the run-up ends"
@@ -48,7 +49,7 @@ class StartStop:
         if run.stopped_at is not None:
             yield f"operation: rotor stops at t = {run.stopped_at:.2f} s, not generating"
             return
-        extremes = f"{_rpm(run.rotor_speed.min())} to {_rpm(run.rotor_speed.max())}"
+        extremes = f"{turning(run.rotor_speed.min())} to {turning(run.rotor_speed.max())}"
         yield f"operation: until t = {end:.2f} s at {extremes}, {run.energy / 1e3:.3f} kJ captured"
         if down is None:
             return
@@ -57,11 +58,7 @@ class StartStop:
             yield f"shut-down: {limit} stop the rotor within {down.stopped_at - end:.2f} s"
         else:
             word = "do not stop the rotor, which needs a brake: it comes to"
-            yield f"shut-down: {limit} {word} {_rpm(down.rotor_speed[-1])}"
-
-
-def _rpm(speed) -> str:
-    return f"{float(speed) * 30.0 / np.pi:.1f} rpm"
+            yield f"shut-down: {limit} {word} {turning(down.rotor_speed[-1])}"
 
 
 def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) -> StartStop:
