@@ -126,6 +126,10 @@ class SteadyFlow:
         scalars = {"density": physics.density, "inertia": coefficients["inertia"]}
         return found | {"rotor_radius": radius} | scalars
 
+    def met(self, curves: Curves, ratio, flow=None) -> dict:
+        """Return what `known` does of curves at tip speed ratios."""
+        return self.known(self.coefficients(curves, ratio), flow)
+
     def excess(self, known: dict) -> np.ndarray:
         """Return by how much the limits are exceeded at most, relatively; -inf without limits."""
         over = np.full(known["time"].size, -np.inf)
@@ -135,14 +139,14 @@ class SteadyFlow:
 
     def at(self, curves: Curves, ratio) -> tuple[np.ndarray, np.ndarray]:
         """Return the objective's rates, W, at tip speed ratios, and the excess of the limits."""
-        known = self.known(self.coefficients(curves, ratio))
+        known = self.met(curves, ratio)
         return self.physics.objective.rate_of(known), self.excess(known)
 
     def at_nodes(self, curves: Curves) -> tuple[np.ndarray, np.ndarray]:
         """Return what `at` does at all nodes of the spline, of shape (n, n_nodes)."""
         nodes, n = self.spline.nodes, self.speeds.size
         flow = np.repeat(self.speeds, nodes.size)
-        known = self.known(self.coefficients(curves, np.tile(nodes, n)), flow)
+        known = self.met(curves, np.tile(nodes, n), flow)
         rate = self.physics.objective.rate_of(known)
         return rate.reshape(n, -1), self.excess(known).reshape(n, -1)
 
@@ -168,7 +172,7 @@ class SteadyFlow:
         inside, outside = (np.where(broken, each, found) for each in (inside, outside))
         for _ in range(30 * np.any(broken)):  # bisection to where the limits begin to hold
             middle = 0.5 * (inside + outside)
-            broken = self.excess(self.known(self.coefficients(curves, middle))) > 0.0
+            broken = self.excess(self.met(curves, middle)) > 0.0
             inside, outside = np.where(broken, inside, middle), np.where(broken, middle, outside)
         return inside
 
@@ -177,7 +181,7 @@ class SteadyFlow:
         share = 0.5 * (np.sqrt(5.0) - 1.0)
 
         def rate(ratio):
-            return self.physics.objective.rate_of(self.known(self.coefficients(curves, ratio)))
+            return self.physics.objective.rate_of(self.met(curves, ratio))
 
         for _ in range(20):
             width = share * (high - low)
@@ -459,7 +463,7 @@ def _following(steady, schedule) -> Schedule:
     law, curves, speeds = steady.physics.law, steady.curves(schedule.blade), steady.speeds
     gains, unit = law.starting_gains(), schedule.blade.rotor_radius / speeds
     if gains is None:
-        known = steady.known(steady.coefficients(curves, schedule.ratio))
+        known = steady.met(curves, schedule.ratio)
         slope = steady.spline.values(curves.values["torque"], schedule.ratio)[1] * unit
         slope *= torque_scale(known["density"], known["rotor_radius"], speeds)
         gains = law.follow(speeds, known["rotor_speed"], known["hydrodynamic_torque"], slope)
@@ -487,7 +491,7 @@ def _met(steady, problem, schedule) -> Schedule:
 def _fitted(steady, problem, schedule) -> StartingPoint:
     """Return a law's starting point whose gains are fitted to the schedule of an open loop."""
     physics, curves = steady.physics, steady.curves(schedule.blade)
-    known = steady.known(steady.coefficients(curves, schedule.ratio))
+    known = steady.met(curves, schedule.ratio)
     gains = physics.law.fit(known["rotor_speed"], known["hydrodynamic_torque"])
     gains = np.clip(gains, *(physics.case.design.gain_bounds or (-np.inf, np.inf)))
     problem = replace(problem, rotor_radius=schedule.blade.rotor_radius)
@@ -546,7 +550,7 @@ def start_of(physics: Physics, problem: QuasiSteady, found: tuple[Schedule, ...]
         far = np.abs(exact / guide - 1.0) > APART
         closed = (over > np.maximum(least, VIOLATION)) | (far & (least <= START_EXCESS))
         ratio = np.interp(flow, steady.speeds, np.where(closed, guide, exact))
-        known = steady.known(steady.coefficients(curves, ratio), flow)
+        known = steady.met(curves, ratio, flow)
         speed, torque = known["rotor_speed"], known["hydrodynamic_torque"]
         operation = Operation(float(problem.weights @ (torque * speed)), speed, torque)
     branches = found if _has_branches(physics) else ()

@@ -212,7 +212,14 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
         record[:, k] = speed[0], control[0], torque(speed[:1], flows[k, 0])[0]
         scale = torque_scale(plant.density, torque.radius, flows[k])
         speed, captured = _runge_kutta(
-            speed, control, step, plant.inertia, scale, torque.radius / flows[k], *torque.spline
+            speed,
+            control,
+            step,
+            plant.inertia,
+            scale,
+            torque.radius / flows[k],
+            torque.curve.x,
+            torque.curve.c,
         )
         energy += captured
         if not np.all(np.isfinite(speed)):  # which is not the same as a rotor that stops
@@ -241,7 +248,6 @@ class _Torque:
         ratios = np.concatenate((np.arange(SLOWEST_RATIO, 2.0, 0.02), np.arange(2.0, 20.0, 0.004)))
         self.plant, self.radius = plant, plant.blade.rotor_radius
         self.curve = CubicSpline(ratios, self._coefficient(ratios))
-        self.spline = self.curve.x, self.curve.c
 
     def _coefficient(self, ratio):
         return self.plant.coefficients(self.plant.blade, self.plant.polar, ratio).torque
