@@ -15,7 +15,8 @@ test: $(STAMP)-test
 
 # what is slower: installed package, commands of the documentation, benchmarks in small; and lint
 check: $(STAMP)-test lint
-	$(BIN)/python -m pytest -n 2 --dist loadgroup -m slow
+	$(BIN)/python -m pytest -n 2 -m slow --ignore tests/benchmarks
+	$(BIN)/python -m pytest tests/benchmarks
 
 lint: $(STAMP)-dev
 	$(BIN)/ruff check .

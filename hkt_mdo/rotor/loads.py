@@ -119,7 +119,7 @@ class LoadModel:
     water_density: float = 1000.0
     structure: Structure | StructureByThickness | None = None
     cavitation: Cavitation | None = None
-    exponent: float = EXPONENT
+    exponent: int = EXPONENT
 
     @property
     def names(self):

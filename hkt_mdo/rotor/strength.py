@@ -11,11 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from hkt_mdo.compiled import compiled
 from hkt_mdo.rotor.outline import Outline, SecondMoments
 from hkt_mdo.rotor.thickness import over_thickness
 
 PLACES = 64  # about; with them the largest stress is within 1e-3 of that between all places
-EXPONENT = 400.0  # of the norms that are smooth instead of the largest; see `norm`
+EXPONENT = 400  # of the norms that are smooth instead of the largest; see `norm`
 PARTS = 32  # between two sections, in which sections of a designed thickness are tabulated
 POINT_ERROR = 2e-4  # how much the points of an outline that are kept may stand out too far
 
@@ -111,18 +112,15 @@ class Structure:
         """
         d = (self.xx * self.yy - self.xy**2) * chord**3
         u, v = self._gradient(weak, strong, d)
-        x, y = self.points[..., 0], self.points[..., 1]
-        smooth, share, largest = norm(x * u[..., None] + y * v[..., None], exponent)
-        by_u, by_v = np.sum(share * x, axis=-1), np.sum(share * y, axis=-1)
+        moved = None if change is None else change.points
+        smooth, largest, by_u, by_v, by_points = _around(u, v, self.points, moved, exponent)
         by_weak = (self.xy * by_u - self.yy * by_v) / d
         by_strong, by_change = (self.xx * by_u - self.xy * by_v) / d, None
         if change is not None:
             u_d, v_d = change._gradient(weak, strong, d)
             grown = self.xx * change.yy + change.xx * self.yy - 2.0 * self.xy * change.xy
             grown = grown / (self.xx * self.yy - self.xy**2)
-            by_change = by_u * (u_d - u * grown) + by_v * (v_d - v * grown)
-            by_change = by_change + u * np.einsum("...p,...p", share, change.points[..., 0])
-            by_change = by_change + v * np.einsum("...p,...p", share, change.points[..., 1])
+            by_change = by_points + by_u * (u_d - u * grown) + by_v * (v_d - v * grown)
         return Bending(largest, smooth, by_weak, by_strong, by_change)
 
     def _gradient(self, weak, strong, d):
@@ -213,21 +211,78 @@ def place_weights(n_stations):
 def norm(values, exponent=EXPONENT):
     """Return a smooth largest magnitude over the last axis, its derivatives, and the largest.
 
-    (sum |x|^p)^(1/p): homogeneous, never below the largest and at most n^(1/p) times it, for n
+    (sum |x|^p)^(1/p), p an integer: homogeneous, never below the largest and at most n^(1/p) times it, for n
     equal values.
     """
-    size = np.where(np.real(values) < 0.0, -values, values)
-    largest = np.max(np.real(size), axis=-1)
-    scale = np.where(largest > 0.0, largest, 1.0)
-    ratio = size / scale[..., None]
-    power = np.zeros(ratio.shape, dtype=ratio.dtype)
-    near = np.real(ratio) > np.exp(-40.0 / exponent)  # the others are below the last digit
-    power[near] = ratio[near] ** (exponent - 1.0)
-    total = np.sum(power * ratio, axis=-1)
-    total = np.where(largest > 0.0, total, 1.0)
-    share = power * (total ** (1.0 / exponent - 1.0))[..., None]
-    smooth = largest * total ** (1.0 / exponent)
-    return smooth, np.where(np.real(values) < 0.0, -share, share), largest
+    rows = np.ascontiguousarray(values).reshape(-1, np.shape(values)[-1])
+    smooth, share, largest = _norms(rows, exponent)
+    shape = np.shape(values)[:-1]
+    return smooth.reshape(shape), share.reshape(np.shape(values)), largest.reshape(shape)
+
+
+@compiled(error_model="numpy")
+def _norms(rows, exponent):
+    """Return the `norm` of every row."""
+    smooth, share = np.empty_like(rows[:, 0]), np.empty_like(rows)
+    largest = np.empty(len(rows))
+    for i, row in enumerate(rows):
+        smooth[i], largest[i] = _norm(row, share[i], exponent)
+    return smooth, share, largest
+
+
+@compiled(error_model="numpy")
+def _norm(values, share, exponent):
+    """Return a `norm` and the largest; fill the norm's derivatives, share."""
+    largest = 0.0
+    for value in values:
+        largest = max(largest, abs(value.real))
+    share[:] = 0.0
+    if largest == 0.0:
+        return 0.0 * values[0], largest
+    total, near = 0.0 * values[0], largest * np.exp(-40.0 / exponent)
+    for i, value in enumerate(values):
+        if abs(value.real) > near:  # the others are below the last digit
+            ratio = value / (largest if value.real > 0.0 else -largest)
+            power = ratio ** (exponent - 1.0)
+            total += power * ratio
+            share[i] = power if value.real > 0.0 else -power
+    share *= total ** (1.0 / exponent - 1.0)
+    return largest * total ** (1.0 / exponent), largest
+
+
+def _around(u, v, points, moved, exponent):
+    """Return what `Bending` needs of the stress x u + y v over the points of every outline.
+
+    u and v are [n_points, n_places]; points[n or 1, n_outline, 2] and their rates moved, or None,
+    as in `Structure`. Returned are the `norm`, the largest, and the norm's derivatives by u, by v
+    and by what moves the points, each [n_points, n_places].
+    """
+    shape = np.broadcast_shapes(np.shape(u), np.shape(v), points.shape[:-2])
+    rows = (np.broadcast_to(each, shape).reshape(-1, shape[-1]) for each in (u, v))
+    known = points.transpose(0, 2, 1), (points if moved is None else moved).transpose(0, 2, 1)
+    found, largest = _norms_around(*map(np.ascontiguousarray, (*rows, *known)), exponent)
+    return (each.reshape(shape) for each in (found[0], largest, *found[1:]))
+
+
+@compiled(error_model="numpy")
+def _norms_around(u, v, points, moved, exponent):
+    found, largest = np.empty((4, *u.shape), dtype=u.dtype), np.empty(u.shape)
+    values = np.empty(points.shape[2], dtype=u.dtype)
+    share = np.empty_like(values)
+    for i in range(u.shape[0]):
+        for j in range(u.shape[1]):
+            k, u_here, v_here = min(j, len(points) - 1), u[i, j], v[i, j]
+            for place in range(values.size):
+                values[place] = points[k, 0, place] * u_here + points[k, 1, place] * v_here
+            found[0, i, j], largest[i, j] = _norm(values, share, exponent)
+            by_u = by_v = by_points = 0.0 * u_here
+            for place in range(values.size):
+                each = share[place]
+                by_u += each * points[k, 0, place]
+                by_v += each * points[k, 1, place]
+                by_points += each * (moved[k, 0, place] * u_here + moved[k, 1, place] * v_here)
+            found[1, i, j], found[2, i, j], found[3, i, j] = by_u, by_v, by_points
+    return found, largest
 
 
 def material_section(outline, wall=None):

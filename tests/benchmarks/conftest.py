@@ -15,12 +15,10 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
-def pytest_collection_modifyitems(items):
-    for item in items:
-        if Path(__file__).parent in item.path.parents:
-            item.add_marker(pytest.mark.slow)
-            item.add_marker(pytest.mark.xdist_group("benchmarks"))
+def pytest_itemcollected(item):  # xdist reads the groups before other plugins may modify items
+    if Path(__file__).parent in item.path.parents:
+        item.add_marker(pytest.mark.slow)
+        item.add_marker(pytest.mark.xdist_group("benchmarks"))
 
 
 @pytest.fixture(autouse=True)
