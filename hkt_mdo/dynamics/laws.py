@@ -67,6 +67,8 @@ class FeedbackLaw(Law):
     """Unit and description of each state, by its name."""
     farthest: ClassVar[float] = np.inf
     """Largest finite factor by which gains move at once."""
+    estimates_flow: ClassVar[bool] = False
+    """Whether what a law with states hears of the flow is estimated from speed and torque."""
 
     smoothing: Annotated[float, Quantity(gt=0, le=1)] = 0.001
     """Smoothing nu of the saturation (paper, eq. 4); of no effect without a torque limit."""

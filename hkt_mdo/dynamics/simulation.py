@@ -140,22 +140,30 @@ class RecordedTorque:
 
 @dataclass(frozen=True, eq=False)
 class FeedbackTorque:
-    """The torque of a feedback law with its gains, in the law's units."""
+    """The torque of a feedback law with its gains, in the law's units.
+
+    estimate tells the law the flow's speed from the rotor's speed, the torque and the acceleration
+    (`FlowEstimate`); None: the law hears the speed that the flow has.
+    """
 
     law: FeedbackLaw
     gains: np.ndarray
+    estimate: Callable | None = None
 
     def __call__(self, _time, speed, *states):
         """Return the torque, N*m, at speeds, rad/s, and values of the law's states."""
         return self.law.torque(speed, self.gains, *states)
 
-    def rates(self, speed, flow, *states):
-        """Return the rates of the law's states; the flow in m/s."""
+    def rates(self, speed, flow, acceleration, *states):
+        """Return the rates of the law's states; flow in m/s, acceleration in rad/s**2."""
+        if self.estimate is not None:
+            torque = self.law.torque(speed, self.gains, *states)
+            flow = self.estimate(speed, torque, acceleration)
         return self.law.rates(speed, flow, self.gains, *states)
 
     def rate(self, time, speed, acceleration, flow=None, *states):
         """Return the rate of the torque, N*m/s, where the speed (rad/s) changes, rad/s**2."""
-        rates = self.rates(speed, flow, *states)
+        rates = self.rates(speed, flow, acceleration, *states)
         moved = (x + 1j * STEP * rate for x, rate in zip(states, rates, strict=True))
         return np.imag(self(time, speed + 1j * STEP * acceleration, *moved)) / STEP
 
@@ -327,8 +335,9 @@ class _Motion:
     def _rates(self, values, flow, driving, control):
         """Return the rates of the speed and the controller's states, of the shape of values."""
         speed, *states = np.moveaxis(values, -1, 0)
-        rates = self.controller.rates(speed, flow, *states) if states else ()
-        return np.stack(((driving - control) / self.plant.inertia, *rates), axis=-1)
+        acceleration = (driving - control) / self.plant.inertia
+        rates = self.controller.rates(speed, flow, acceleration, *states) if states else ()
+        return np.stack((acceleration, *rates), axis=-1)
 
     def _slope(self, time, values, flow, driving, rates):
         """Return the derivatives of the rates by the values, [..., rate, value], by differences."""

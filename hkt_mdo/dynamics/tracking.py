@@ -1,4 +1,4 @@
-"""Control of the rotor's speed to a schedule over the flow's speed, which a sensor tells."""
+"""Control of the rotor's speed to a schedule over the flow's speed, sensed or estimated."""
 
 from functools import lru_cache
 from typing import Annotated, ClassVar, Literal
@@ -30,6 +30,11 @@ class Tracking(FeedbackLaw):
     is saturated (docs/controllers.md): it also holds a rotor that turns slower in a faster flow,
     which no law of the rotor's speed alone can. s is what the sensor tells of the flow's speed;
     w_ref is a natural cubic spline, linear beyond its knots.
+
+    An estimate of v from speed and torque needs a model of the rotor. In an optimization that is
+    the rotor itself, and the estimate is exact but for its filter, the lag: designs are the same
+    with either. They differ where the rotor or the water are not those of the design, and in noise
+    (`hkt_mdo.dynamics.estimate`).
     """
 
     law: Literal["tracking"] = "tracking"
@@ -49,8 +54,10 @@ class Tracking(FeedbackLaw):
     """Gain ki; null: kp / 0.2 s."""
     integral_bounds: Annotated[tuple[_Integral, _Integral], _Ordered] | None = None
     """Bounds between which ki is designed; null: it is held."""
+    flow: Literal["sensed", "estimated"] = "sensed"
+    """Where the flow's speed is known from: a sensor, or the rotor's speed and torque."""
     lag: Annotated[float, Quantity("s", ge=0.001)] = 0.1
-    """Time constant with which the sensor follows the flow's speed."""
+    """Time constant with which the sensor, or the filter of the estimate, follows the flow."""
     bias: Annotated[float, Quantity("m/s")] = 0.0
     """What the sensor tells too much, in the optimization too."""
     noise: Annotated[float, Quantity("m/s", ge=0)] = 0.0
@@ -61,6 +68,7 @@ class Tracking(FeedbackLaw):
         "sensed_flow": ("m/s", "inflow speed as the sensor tells it"),
     }
     farthest: ClassVar[float] = 1.2  # factor; the rotor follows its schedule
+    estimates_flow = property(lambda self: self.flow == "estimated")  # type: ignore[assignment]
     gain_units = property(  # type: ignore[assignment]
         lambda self: ("rad/s",) * self.knots + ("N*m*s/rad", "N*m/rad")
     )
@@ -70,6 +78,10 @@ class Tracking(FeedbackLaw):
         if self.schedule is not None and len(self.schedule) != self.knots:
             problem = f"has {len(self.schedule)} speeds for {self.knots} knots"
             raise refusal(problem, "give one a knot", key="schedule", value=list(self.schedule))
+        for name in ("bias", "noise") if self.flow == "estimated" else ():
+            if value := getattr(self, name):
+                problem = "is a sensor's, and the flow's speed is estimated"
+                raise refusal(problem, "leave it out, or give flow: sensed", key=name, value=value)
         for name in ("proportional", "integral"):
             gain, bounds = getattr(self, f"{name}_gain"), getattr(self, f"{name}_bounds")
             if None not in (gain, bounds) and not bounds[0] <= gain <= bounds[1]:

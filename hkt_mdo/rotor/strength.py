@@ -211,8 +211,8 @@ def place_weights(n_stations):
 def norm(values, exponent=EXPONENT):
     """Return a smooth largest magnitude over the last axis, its derivatives, and the largest.
 
-    (sum |x|^p)^(1/p), p an integer: homogeneous, never below the largest and at most n^(1/p) times it, for n
-    equal values.
+    (sum |x|^p)^(1/p), p an integer: homogeneous, never below the largest and at most n^(1/p) times
+    it, for n equal values.
     """
     rows = np.ascontiguousarray(values).reshape(-1, np.shape(values)[-1])
     smooth, share, largest = _norms(rows, exponent)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from hkt_mdo.dynamics.flows import Inflow
-from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, FeedbackTorque, Simulation, simulate
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Simulation, simulate
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.words import turning
 from hkt_mdo.studies.uncertainty import Design
@@ -68,7 +68,7 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
     has a torque for every instant and none for a start, for a stop beyond the run, and for one
     without a torque limit.
     """
-    plant, law, duration = design.plant, design.law, design.physics.case.phase.duration
+    plant, duration = design.plant, design.physics.case.phase.duration
     _check(design, duration, stop)
     design.refuse_standstill(inflow)
     radius = plant.blade.rotor_radius
@@ -91,7 +91,7 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
         return StartStop(run_up, start, None, None)
     speed = float(run_up.speed_at(start))
     states = design.initial_states(inflow, speed, start)
-    operation = fly(FeedbackTorque(law, design.gains), speed, start, end, states)
+    operation = fly(design.controller, speed, start, end, states)
     shut_down = None
     if stop is not None and operation.stopped_at is None:
         most = design.physics.torque_limit

@@ -3,7 +3,8 @@
 Blade and controller are held. Open loop replays its recorded torque. A feedback law is run as the
 digital controller that it would be: every sample time it reads F[w + n], where n is Gaussian and F
 a second-order Butterworth low-pass, and holds its torque until the next. A law with states advances
-them by a sample as well; what it hears of the flow has the noise of its own sensor.
+them by a sample as well; what it hears of the flow has the noise of its own sensor, or is estimated
+from the torque and the two last speeds that were read.
 """
 
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from scipy.interpolate import CubicSpline
 
 from hkt_mdo.case import Case
 from hkt_mdo.compiled import compiled
+from hkt_mdo.dynamics.estimate import FlowEstimate
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.simulation import (
@@ -91,11 +93,15 @@ class Ensemble:
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """A finished design, ready to be simulated: its result, and its rotor and gains as built."""
+    """A finished design, ready to be simulated: its result, and its rotor and gains as built.
+
+    The plant may be replaced by another one; known is the plant that the controller knows of.
+    """
 
     solution: Solution
     physics: Physics
     plant: Plant
+    known: Plant
     gains: np.ndarray
 
     @classmethod
@@ -116,12 +122,20 @@ class Design:
             blade, world.built(blade), summary.inertia_kg_m2, world.density, check, world.generator
         )
         gains = np.atleast_1d([] if summary.gain is None else summary.gain)
-        return cls(solution, world, plant, gains.astype(float))
+        return cls(solution, world, plant, plant, gains.astype(float))
 
     @property
     def law(self) -> FeedbackLaw | None:
         """The feedback law; None: open loop."""
         return self.physics.law
+
+    @property
+    def controller(self) -> FeedbackTorque:
+        """The torque of the feedback law, which hears of the flow what it would as built."""
+        if self.law is None:
+            raise ValueError("open loop has no law")
+        estimate = FlowEstimate(self.known) if self.law.estimates_flow else None
+        return FeedbackTorque(self.law, self.gains, estimate)
 
     def initial_speed(self, inflow, time=0.0):
         """Return a speed for times (s) of another flow: at the design's first tip speed ratio."""
@@ -150,7 +164,7 @@ class Design:
             torque = recorded["time_s"], recorded["control_torque_Nm"]
             controller = RecordedTorque(*torque, self.physics.torque_limit)
         else:
-            controller = FeedbackTorque(law, self.gains)
+            controller = self.controller
         speed, samples = initial_speed or self.initial_speed(inflow), 20 * phase.segments + 1
         step, end = phase.duration / phase.segments / refined, phase.duration
         about = speed, end, samples, step, tolerance
@@ -190,6 +204,7 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
     substeps = max(int(np.ceil(period / (LONGEST_STEP * plant.inertia / slope))), 1)
     step = period / substeps
     law, speed = design.law, np.full(repeats, design.initial_speed(inflow))
+    estimate, before, control = design.controller.estimate, None, 0.0
     states = [np.full(repeats, each) for each in design.initial_states(inflow, speed[0])]
     low_pass = memory = None
     if sensor.cutoff is not None:
@@ -206,8 +221,10 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
         if low_pass is not None:
             measured, memory = signal.lfilter(*low_pass, measured, axis=0, zi=memory)
         measured = np.maximum(measured[0], 0.1 * slowest[k])  # a law may divide by it
-        control = law.torque(measured, design.gains, *states)
         told = law.sensed(np.full(repeats, flows[k, 0]), random)
+        if estimate is not None and before is not None:
+            told = estimate(measured, control, (measured - before) / period)
+        before, control = measured, law.torque(measured, design.gains, *states)
         states = _advanced(law, measured, told, design.gains, states, period)
         record[:, k] = speed[0], control[0], torque(speed[:1], flows[k, 0])[0]
         scale = torque_scale(plant.density, torque.radius, flows[k])

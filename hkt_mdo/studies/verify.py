@@ -357,7 +357,8 @@ def _perturbed(design):
                     shape = blade.with_shape(x["chord"], x["twist"])
                     inertia = design.physics.mass_and_inertia(shape)[1]
                     plant = replace(design.plant, blade=shape, inertia=inertia)
-                    yield f"{name}{sign:+.0f}_{i}", replace(design, plant=plant, gains=x["gain"])
+                    moved = {"plant": plant, "known": plant, "gains": x["gain"]}
+                    yield f"{name}{sign:+.0f}_{i}", replace(design, **moved)
 
 
 def _fly(design, **accuracy):

@@ -64,6 +64,20 @@ def test_a_law_with_states_is_sampled_too(tracking):
     assert chatter > 100.0 * np.std(np.diff(sampled.control_torque))
 
 
+def test_the_flow_is_estimated_from_speeds_and_torques_that_were_read(tracking):
+    """At fast samples as well as an exact sensor tells it; noise of the speed reaches it, too."""
+    law = tracking.law.model_copy(update={"flow": "estimated"})
+    estimating = replace(tracking, physics=replace(tracking.physics, law=law))
+    flow, sensor = paper_flow(tracking, "B"), Sensor(np.inf, rate=500.0, cutoff=None)
+    exact = estimating.fly(flow)
+    assert exact.energy == pytest.approx(tracking.fly(flow).energy, rel=1e-6)
+    quiet = fly_noisy(estimating, flow, sensor, 1, 0).energy[0]
+    assert quiet == pytest.approx(exact.energy, rel=1e-4)
+    loud = replace(sensor, snr=30.0, reference="total")
+    told, estimated = (fly_noisy(each, flow, loud, 4, 1).energy for each in (tracking, estimating))
+    assert np.all(estimated < told)
+
+
 def test_noise_of_the_flows_sensor_passes_its_lag():
     """A first-order lag at samples T apart lets sqrt(T / (2 lag + T)) of white noise through."""
     law, period, count = Tracking(flow_range=(1.0, 2.0), lag=0.2, noise=0.1), 0.01, 20_000

@@ -1,0 +1,57 @@
+"""The flow's speed as a controller estimates it from the rotor's speed and torque."""
+
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant
+from hkt_mdo.errors import InputError
+from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.scales import torque_scale
+
+
+class FlowEstimate:
+    """The speed of the flow in which a rotor has a torque, by a model of the rotor.
+
+    Q = u + I dw/dt, and Q / (w R)² falls with the tip speed ratio about that of the largest power.
+    As far as it does, one ratio belongs to each; a rotor in stall is taken to be at the end of that
+    range. `plant` is the rotor as the controller knows it: the estimate errs where the water, the
+    blade or the inertia are others. Raises InputError for polars that follow the Reynolds number:
+    then there is no curve over the tip speed ratio alone.
+    """
+
+    def __init__(self, plant: Plant) -> None:
+        if isinstance(plant.polar, LocalReynolds):
+            raise InputError(
+                "needs one torque curve, which a rotor has not whose polars follow the Reynolds "
+                "number",
+                "use flow: sensed, or rotor.reynolds: invariant",
+                key="control.flow",
+                value="estimated",
+            )
+        self.plant = plant
+
+    @cached_property
+    def _ratio_of(self):
+        """The tip speed ratio as a function of the torque coefficient over its square."""
+        ratio = np.concatenate((np.arange(SLOWEST_RATIO, 4.0, 0.02), np.arange(4.0, 20.0, 0.01)))
+        plant = self.plant
+        share = plant.coefficients(plant.blade, plant.polar, ratio).torque / ratio**2
+        best = int(np.argmax(share * ratio**3))
+        rising = np.flatnonzero(np.diff(share) >= 0.0)
+        first, last = np.searchsorted(rising, best) + np.array([-1, 0])
+        begin = rising[first] + 1 if first >= 0 else 0
+        kept = slice(begin, rising[last] + 1 if last < rising.size else None)
+        return PchipInterpolator(share[kept][::-1], ratio[kept][::-1])
+
+    def __call__(self, speed, torque, acceleration):
+        """Return the flow's speed, m/s, by the rotor's (rad/s), the control torque (N*m) and dw/dt.
+
+        The arguments are of one shape, the acceleration in rad/s**2.
+        """
+        tip = speed * self.plant.blade.rotor_radius
+        driving = torque + self.plant.inertia * acceleration
+        unit = torque_scale(self.plant.density, self.plant.blade.rotor_radius, tip)
+        share = np.clip(driving / unit, self._ratio_of.x[0], self._ratio_of.x[-1])
+        return tip / self._ratio_of(share)
