@@ -60,6 +60,7 @@ BLADES = "designed", "kept"
 UNSEEN = "turbulence 10 %"
 SENSOR = Sensor(cutoff=None, snr=50.0, reference="total")
 CHANGES = "density", "polar", "inertia"
+TRACKING, ESTIMATED = "tracking", "tracking, flow estimated"
 OPEN = "open loop", "designed"
 NEAR, LEAST = 0.1, 1e-4  # per cent of open loop's energy: a line of the figure, and its lower end
 IMAGE = "images/laws.png"
@@ -137,32 +138,38 @@ def case(flow, limit, law):
 
 def unseen(found, count, jobs):
     """Return what each verified design in turbulence does in other seeds, and with changes."""
-    tasks, flights = {}, {}
-    for key, solution in found.items():
-        limited = POWER in LIMITS[key[1]][1]
-        asked = key[0] == UNSEEN and limited and key[2] != "open loop" and key[3] == "designed"
+    tasks, flights, paths = {}, {}, {}
+    for (flow, limit, law, blade), solution in found.items():
+        limited = POWER in LIMITS[limit][1]
+        asked = flow == UNSEEN and limited and law != "open loop" and blade == "designed"
         if not (asked and good(solution)):
             continue
-        path = solution.folder / "unseen.json"
-        try:
-            flights[key] = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            flights[key] = {}
-        if flights[key].get("seeds") != count:
-            tasks[key] = partial(fly, solution.folder, count)
+        for each in (law, ESTIMATED) if law == TRACKING else (law,):
+            key, estimated = (flow, limit, each, blade), each == ESTIMATED
+            name = "unseen_estimated.json" if estimated else "unseen.json"
+            paths[key] = solution.folder / name
+            try:
+                flights[key] = json.loads(paths[key].read_text(encoding="utf-8"))
+            except (OSError, ValueError):
+                flights[key] = {}
+            if flights[key].get("seeds") != count:
+                tasks[key] = partial(fly, solution.folder, count, estimated)
 
     def ended(key, future):
         flights[key] = future.result()
-        write_json(found[key].folder / "unseen.json", flights[key])
+        write_json(paths[key], flights[key])
         print("unseen:", *key, flush=True)
 
     in_processes(tasks, jobs, ended)
     return flights
 
 
-def fly(folder, count):
+def fly(folder, count, estimated=False):
     """Return energies and the limits' excess of one design in flows that it has not seen."""
     design = Design.of(Solution.load(folder))
+    if estimated:  # the design is the same as with a sensor
+        law = design.law.model_copy(update={"flow": "estimated"})
+        design = replace(design, physics=replace(design.physics, law=law))
     inflow = design.physics.inflow
     seeds = range(inflow.seed + 1, inflow.seed + 1 + count)
     flows = [inflow.model_copy(update={"seed": seed}) for seed in seeds]
@@ -409,8 +416,9 @@ def breaking(flights):
     stalls = {}
     for (_, _, law, _), each in flights.items():
         stalls[law] = stalls.get(law, 0) + each["stopped"]
-    lag = [each["excess"][0] for key, each in flights.items() if key[2] == "tracking"]
-    static = [each["excess"] for key, each in flights.items() if key[2] != "tracking"]
+    lag = [each["excess"][0] for key, each in flights.items() if key[2] == TRACKING]
+    told = TRACKING, ESTIMATED
+    static = [each["excess"] for key, each in flights.items() if key[2] not in told]
     quiet, noisy = (100.0 * max(0.0, *ends) for ends in zip(*static, strict=True))
     fell = ", ".join(f"{law} in {count}" for law, count in stalls.items() if count)
     count = max(each["seeds"] for each in flights.values())

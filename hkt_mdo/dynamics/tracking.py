@@ -34,7 +34,7 @@ class Tracking(FeedbackLaw):
     An estimate of v from speed and torque needs a model of the rotor. In an optimization that is
     the rotor itself, and the estimate is exact but for its filter, the lag: designs are the same
     with either. They differ where the rotor or the water are not those of the design, and in noise
-    (`hkt_mdo.dynamics.estimate`).
+    (docs/controllers.md).
     """
 
     law: Literal["tracking"] = "tracking"
