@@ -166,7 +166,7 @@ def find_start(
 
     The search begins at `optimum`; `improve` False keeps blade and gains as given, None does as
     `start.method` says. `slowed` is the share of its speed that the rotor must be able to lose.
-    `branch` is the one to start on where limits make several (`hkt_mdo.problem.schedule`), by
+    `branch` is the one to start on where limits make several (`hkt_mdo.problem.steady_flow`), by
     default that of `start.branch`.
     """
     if improve is None:

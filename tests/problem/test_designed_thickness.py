@@ -8,9 +8,11 @@ import pytest
 from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.build import build_problem
+from hkt_mdo.problem.joint import Joint
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.problem.schedule import Joint, SteadyFlow, quasi_steady
+from hkt_mdo.problem.schedule import quasi_steady
 from hkt_mdo.problem.start import CoDesign
+from hkt_mdo.problem.steady_flow import SteadyFlow
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 

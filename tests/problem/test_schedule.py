@@ -1,4 +1,4 @@
-"""The start under limits: both branches, what is known of them, and exact slopes."""
+"""The start under limits: both branches, what is known of them, and partials of the loads."""
 
 from dataclasses import replace
 from functools import cache
@@ -12,11 +12,10 @@ from hkt_mdo.problem import schedule
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes, find_start, other_branch, steady_optimum
-from hkt_mdo.problem.start import StartingPoint
+from hkt_mdo.problem.steady_flow import SteadyFlow
 from hkt_mdo.studies.verify import random_start
 
 SINE = {"inflow": "sine"}
-BOUNDS = -np.inf, np.inf
 
 
 @cache
@@ -112,7 +111,7 @@ def test_a_solid_blade_keeps_its_speed_at_a_constant_torque(monkeypatch):
     case = world("quadratic", power="5 kW")
     optimum = steady_optimum(case, case.blade)
     problem = schedule.quasi_steady(case, optimum)
-    flow = schedule.SteadyFlow.of(case, problem.spline)
+    flow = SteadyFlow.of(case, problem.spline)
     few = replace(problem, inflow_speed=flow.speeds, weights=flow.weights)
     ranges = []
     for solid in (schedule.SOLID, 0.6):
@@ -138,34 +137,6 @@ def test_a_law_under_a_power_limit_reaches_one_optimum_from_any_blade():
 
 
 # Derivatives
-
-
-@pytest.mark.parametrize("law", ["quadratic", "tracking"])
-def test_slopes_of_objective_and_constraints(law):
-    data = {"power": "5 kW", "stress": "300 MPa", "cavitation": {"depth": 3}}
-    control = {"law": law, "torque_limit": 700.0}
-    design = {"radius_bounds": [1.2, 1.6]}
-    case = physics(load_case(SINE | {"control": control, "limits": data, "design": design}))
-    problem = schedule.quasi_steady(case, steady_optimum(case, case.blade))
-    spline = schedule.TorqueSpline(problem.spline.nodes[::10])
-    flow = schedule.SteadyFlow.of(case, spline, 3)
-    design = schedule.CoDesign(replace(problem, spline=spline), case.shape, case.polar, BOUNDS)
-    joint = schedule.Joint(flow, design, 0.02)
-    gains = np.array([*np.linspace(6.5, 8.5, 8), 150.0, 600.0] if law == "tracking" else [9.0])
-    x, units = design.vector(StartingPoint(case.blade, gains, None))
-    ratios = np.full(0 if law == "tracking" else 3, 7.0)
-    z, units = np.append(x, ratios), np.append(units, ratios)
-
-    def values(share):
-        objective, _, equal, _, above, _ = joint.values(share * units)
-        return np.concatenate(([objective / 1e5], equal, above))
-
-    _, objective_by, _, equal_by, _, above_by = joint.values(z)
-    slopes = np.vstack((objective_by / 1e5, equal_by, above_by)) * units
-    step, numeric = 1e-6, []
-    for unit in np.eye(z.size):
-        numeric.append((values(z / units + step * unit) - values(z / units - step * unit)) / 2e-6)
-    assert np.allclose(slopes, np.transpose(numeric), rtol=1e-5, atol=1e-5)
 
 
 @pytest.mark.slow
