@@ -14,7 +14,8 @@ from hkt_mdo.problem.physics import START_EXCESS, Physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.rotor.shape import POINTS
-from hkt_mdo.run.judge import BELOW_START, Flight, Optimized, fly, judge, total
+from hkt_mdo.run.flight import Flight, Optimized, fly, total
+from hkt_mdo.run.judge import BELOW_START, judge
 from hkt_mdo.run.log import Log
 from hkt_mdo.run.passes import collect
 

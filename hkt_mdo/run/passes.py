@@ -17,14 +17,12 @@ from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes, find_start
 from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.rotor.components import rotor_inputs
 from hkt_mdo.rotor.steady_optimum import best_operation
+from hkt_mdo.run.flight import Flight, Optimized, fly
 from hkt_mdo.run.judge import (
     MESH_ERROR,
     RECOVERY_ERROR,
     SPEED_ERROR,
-    Flight,
-    Optimized,
     curve_errors,
-    fly,
     is_false,
     most_between,
     recovers,

@@ -22,7 +22,8 @@ from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.rotor.strength import place_weights
 from hkt_mdo.run import loads
 from hkt_mdo.run.findings import Stations
-from hkt_mdo.run.judge import energy_bound, explain_all, total
+from hkt_mdo.run.flight import total
+from hkt_mdo.run.judge import energy_bound, explain_all
 
 # relative distance from its bound within which a limit counts as binding; that of a load, of whose
 # values along the blade the optimization has a smooth largest that is up to as much above them

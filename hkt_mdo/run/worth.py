@@ -9,7 +9,7 @@ import numpy as np
 
 from hkt_mdo.problem.build import assemble, constraint_of, limited_nodes
 from hkt_mdo.problem.physics import Physics
-from hkt_mdo.run.judge import Optimized
+from hkt_mdo.run.flight import Optimized
 from hkt_mdo.solve.multipliers import State, gain, multipliers
 
 MORE = 1e-2  # of the limit, of which the worth is told

@@ -15,7 +15,8 @@ from hkt_mdo.problem.setup import bounding_optimum, find_start, steady_optimum
 from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
-from hkt_mdo.run.judge import Flight, Optimized, judge
+from hkt_mdo.run.flight import Flight, Optimized
+from hkt_mdo.run.judge import judge
 from hkt_mdo.run.log import Log
 from hkt_mdo.run.passes import optimize
 

@@ -13,7 +13,8 @@ from hkt_mdo.dynamics.simulation import FeedbackTorque, RecordedTorque
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.results.summary import CheckEntry
-from hkt_mdo.run.judge import SAMPLES, explain, fly
+from hkt_mdo.run.flight import SAMPLES, fly
+from hkt_mdo.run.judge import explain
 from hkt_mdo.run.none_found import nearest_law, none_found
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.sections import Quantity

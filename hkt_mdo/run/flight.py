@@ -1,0 +1,214 @@
+"""The flights of a result: the found design, integrated independently in each scenario.
+
+The integration has the torque by direct BEM; it shares neither torque curve nor collocation with
+the result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import openmdao.api as om
+from scipy.integrate import simpson
+
+from hkt_mdo.dynamics.limits import Limit
+from hkt_mdo.dynamics.simulation import (
+    FeedbackTorque,
+    IntegrationError,
+    Plant,
+    RecordedTorque,
+    Simulation,
+    simulate,
+)
+from hkt_mdo.dynamics.trajectory import quantities
+from hkt_mdo.problem.physics import BEM, Physics
+from hkt_mdo.problem.scenario import Scenario
+from hkt_mdo.problem.setup import Setup
+from hkt_mdo.problem.start import StartingPoint
+from hkt_mdo.solve.drivers import Outcome
+
+SAMPLES = 20  # a segment, of the integration and between the nodes
+
+
+@dataclass(frozen=True, eq=False)
+class Optimized:
+    """An optimization's end; `trajectories` has the quantities at the nodes of each scenario."""
+
+    problem: om.Problem
+    outcome: Outcome
+    setup: Setup
+    point: StartingPoint
+    trajectories: tuple[dict[str, np.ndarray], ...]
+    energy: float
+    generator_energy: float
+    electrical_energy: float
+    objective: float
+    inertia: float
+    mass: float
+    curve: np.ndarray
+    mesh_error: float = 0.0
+    """Relative change of the objective on a finer mesh, as far as it is known."""
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """A scenario of a result: its collocated trajectory and the independent integration."""
+
+    scenario: Scenario
+    trajectory: dict[str, np.ndarray]
+    simulation: Simulation
+    controller: RecordedTorque | FeedbackTorque
+    scalars: dict[str, Any]
+    """What `Physics.scalars` has of the design."""
+    plant: Plant
+    loads: Callable[[dict], dict]
+    """Returns all loads that are known, of a trajectory's quantities, by direct BEM."""
+    limits_loads: bool
+    """Whether the case limits loads; without, they are computed for the tables only."""
+
+    @cached_property
+    def loads_at_nodes(self) -> dict[str, np.ndarray]:
+        """All loads that are known, at the nodes."""
+        return self.loads(self.trajectory)
+
+    @cached_property
+    def loads_flown(self) -> dict[str, np.ndarray]:
+        """All loads that are known, along the integration."""
+        return self.loads(self.integrated)
+
+    @property
+    def told(self) -> dict[str, Any]:
+        """What is told of the integration: its quantities, all loads, rates and the scalars."""
+        return self.integrated | self.loads_flown | self.rates_flown | self.scalars
+
+    @property
+    def rates_at_nodes(self) -> dict[str, np.ndarray]:
+        """All rates, at the nodes: those of each segment's polynomial."""
+        return {"torque_rate": self.scenario.differentiation @ self.trajectory["control_torque"]}
+
+    @property
+    def rates_flown(self) -> dict[str, np.ndarray]:
+        """All rates, along the integration."""
+        flown = self.simulation
+        acceleration = (flown.hydrodynamic_torque - flown.control_torque) / self.plant.inertia
+        known = flown.time, flown.rotor_speed, acceleration, flown.inflow_speed, *flown.states
+        return {"torque_rate": self.controller.rate(*known)}
+
+    @property
+    def recorded(self) -> RecordedTorque | None:
+        """The open loop's torque history; None under feedback."""
+        return self.controller if isinstance(self.controller, RecordedTorque) else None
+
+    @cached_property
+    def at_nodes(self) -> dict[str, Any]:
+        """What limits take, at the nodes: the trajectory, its loads, rates and the scalars."""
+        loads = self.loads_at_nodes if self.limits_loads else {}
+        return self.trajectory | loads | self.rates_at_nodes | self.scalars
+
+    @cached_property
+    def flown(self) -> dict[str, Any]:
+        """What limits take, along the integration."""
+        loads = self.loads_flown if self.limits_loads else {}
+        return self.integrated | loads | self.rates_flown | self.scalars
+
+    @property
+    def integrated(self) -> dict[str, np.ndarray]:
+        """The quantities of the integration, by their names in a trajectory."""
+        names = "time inflow_speed rotor_speed hydrodynamic_torque control_torque".split()
+        flown = (getattr(self.simulation, name) for name in names)
+        return quantities(*flown, self.scalars["rotor_radius"], self.plant.generator)
+
+    @property
+    def energy_error(self) -> float:
+        """Relative difference of the collocated from the integrated energy."""
+        collocated = self.scenario.node_weights @ self.trajectory["hydrodynamic_power"]
+        flown = self.simulation.energy
+        return abs(float(collocated) / flown - 1.0) if flown > 0.0 else np.inf
+
+    @property
+    def speed_errors(self) -> np.ndarray:
+        """Relative differences of the integrated from the collocated speed at the nodes."""
+        nodes = self.trajectory
+        return np.abs(self.simulation.speed_at(nodes["time"]) / nodes["rotor_speed"] - 1.0)
+
+    def objective(self, objective) -> float:
+        """Return the integral of an objective over the integration, J."""
+        rate = objective.rate_of(self.integrated | self.scalars)
+        return float(simpson(rate, x=self.simulation.time))
+
+    def between_nodes(self, limit: Limit) -> tuple[np.ndarray, np.ndarray]:
+        """Return how far a limit is exceeded in each segment between its nodes, and when (s).
+
+        The open loop's torque and its rate are those of the collocation's polynomials, before the
+        generator's range cuts it; all else is that of the integration.
+        """
+        scenario, recorded = self.scenario, self.recorded
+        flown = self.flown
+        dense, over = flown["time"][1:], limit.excess(flown)[1:]
+        if recorded is not None and limit.inputs in (("control_torque",), ("torque_rate",)):
+            dense = scenario.within((np.arange(SAMPLES) + 0.5) / SAMPLES)
+            torque, rate = recorded.unlimited(dense), recorded.unlimited_rate(dense)
+            polynomial = limit.excess({"control_torque": torque, "torque_rate": rate})
+            # what holds the speed of an unstable rotor comes on top of the history
+            over = np.maximum(polynomial, over) if recorded.stiffness else polynomial
+        over = over.reshape(-1, SAMPLES)
+        worst, rows = np.argmax(over, axis=1), np.arange(scenario.segments)
+        return over[rows, worst], dense.reshape(-1, SAMPLES)[rows, worst]
+
+
+def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
+    """Integrate the found design under the found controller with direct BEM, in each scenario."""
+    blade, gains = result.point.blade, result.point.gains
+    check = BEM[physics.case.hydrodynamics.check]
+    polar, water, generator = physics.built(blade), physics.density, physics.generator
+    plant = Plant(blade, polar, result.inertia, water, check, generator)
+    scalars, flights = physics.scalars(blade, result.inertia), []
+
+    def loads(known):
+        return physics.loads_along(blade, known, physics.loads.names)
+
+    for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
+        mesh, law = scenario.mesh, physics.law
+        controller = FeedbackTorque(law, gains) if law else None
+        controller = controller or RecordedTorque.of(plant, nodes, physics.torque_limit)
+        flown = _flown(
+            plant,
+            scenario,
+            controller,
+            float(nodes["rotor_speed"][0]),
+            max_step=mesh.duration / mesh.segments,
+            initial_states=[nodes[name][0] for name in physics.states],
+        )
+        limited = bool(physics.load_names)
+        flights.append(Flight(scenario, nodes, flown, controller, scalars, plant, loads, limited))
+    return tuple(flights)
+
+
+def _flown(plant, scenario, controller, initial_speed, **options) -> Simulation:
+    """Integrate a scenario; where that has no solution to the end, up to there, as to a stop."""
+    first, duration = float(scenario.edges[0]), scenario.duration
+    samples = np.append(scenario.within(np.arange(SAMPLES) / SAMPLES), scenario.edges[-1])
+
+    def until(duration, samples):
+        return simulate(
+            plant, scenario.inflow, controller, initial_speed, duration,
+            samples=samples, begin=first, **options,
+        )  # fmt: skip
+
+    try:
+        return until(duration, samples)
+    except IntegrationError as failed:  # what the controller does to the rotor has no end
+        share = (failed.time - first) / duration
+        if share <= 0.0:
+            raise
+        flown = until(share * duration, first + share * (samples - first))
+        return replace(flown, stopped_at=flown.stopped_at or failed.time)
+
+
+def total(flights: tuple[Flight, ...], of) -> float:
+    """Return the weighted sum over the scenarios of something of each flight."""
+    return float(sum(flight.scenario.weight * of(flight) for flight in flights))
