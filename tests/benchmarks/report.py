@@ -91,8 +91,8 @@ Over the optimization of the same case (set-up of the problem and driver).
 Limits: `hkt run cases/limits/all_oloc.yaml` (power, speed, thrust, stress, cavitation) takes
 **{over("limits, process", "none, process")}** as `sine_limited_oloc` does, figures and records
 included; without them, in a process that has imported all,
-**{over("limits", "none")}**. Most of that is a third
-optimization, on a mesh of 297 segments: the rotor stores energy under the limit of the power.
+**{over("limits", "none")}**. The start under limits is a
+search of its own, and as the rotor stores energy under a limit of the power, it takes a finer mesh.
 """
 
 
