@@ -26,6 +26,8 @@ FINE = 400  # flow speeds of a schedule that is given
 THINNED = 2  # nodes of the torque curve to one of the curves of loads
 APART = 0.01  # relative difference between a ratio and that of the designed schedule
 SOLID = 0.45  # of the optimum's tip speed ratio: that of the blade for a constant torque
+JUMP = 2.0  # factor of the chord from one station to the next at which a solid part ends
+LONGER = 1e-5  # relative gain of the objective that makes a longer one worthwhile
 SATURATED = 10.0  # demand over the limit of the torque at which a law's torque is constant
 
 
@@ -105,6 +107,14 @@ def schedules(
         found = []
         for each in begun:
             found.append(_met(steady, few, improved(steady, few, each, found)))
+        best = max(found, key=_worth)
+        while improve and not alone and (longer := _longer_solid_part(steady, few, best)):
+            again = _met(steady, few, improved(steady, few, longer, found))
+            tried += 1
+            kept, value = best.worth
+            if again.worth <= (kept, value + LONGER * abs(value)):
+                break
+            found.append(best := again)
     found = [replace(each, branch=_side(steady, each), tried=tried) for each in found]
     found.sort(key=_worth, reverse=True)
     others = [each for each in found[1:] if each.branch != found[0].branch]
@@ -176,6 +186,26 @@ def _at_constant_torque(steady, problem, optimum) -> StartingPoint:
     gains = law.fit(held.rotor_speed, demand)
     gains = np.clip(gains, *(physics.case.design.gain_bounds or (-np.inf, np.inf)))
     return StartingPoint(blade, gains, problem.operate(torque, gains))
+
+
+def _longer_solid_part(steady, problem, schedule) -> Schedule | None:
+    """Return a law's schedule with the solid inner part of its blade a station longer, if any.
+
+    A rotor at a constant torque is solid inboard and slender outboard. How many of its stations are
+    solid is a choice between optima: none follows from another by small changes.
+    """
+    blade, shape = schedule.blade, steady.physics.shape
+    chord, twist = blade.chord.copy(), blade.twist.copy()
+    jump = chord[1:-2] / chord[2:-1]  # the last station may be as slender as its bounds allow
+    if not shape.designs_chord or np.max(jump, initial=0.0) < JUMP:
+        return None
+    last = 1 + int(np.argmax(jump))
+    chord[last + 1] = chord[last] ** 2 / chord[last - 1]
+    twist[last + 1] = 2.0 * twist[last] - twist[last - 1]
+    blade = shape.nearest(blade.with_shape(chord, twist, blade.thickness))
+    problem = replace(problem, rotor_radius=blade.rotor_radius)
+    operation = problem.operate(steady.curves(blade).values["torque"], schedule.gains)
+    return _along(steady, StartingPoint(blade, schedule.gains, operation), "")
 
 
 def _side(steady, schedule) -> str:
