@@ -356,50 +356,69 @@ def robustness(flights):
 
 
 def answer(found, flights):
-    """Return the answer in a few sentences."""
+    """Return the answer in a few sentences, then how many runs it rests on."""
     pairs = list(dict.fromkeys(key[:2] for key in found))
     free = [pair for pair in pairs if POWER not in LIMITS[pair[1]][1]]
     slow = [pair for pair in pairs if pair not in free and underspeed(found.get((*pair, *OPEN)))]
     fast = [pair for pair in pairs if pair not in (*free, *slow)]
 
-    def lost(law, pairs, blade="designed"):
-        """Return the smallest and the largest loss of a law, %."""
-        values = [below(found, *pair, law, blade) for pair in pairs]
-        values = [max(-each, 0.0) for each in values if each is not None]
-        return f"{min(values):.3f} to {max(values):.3f} %" if values else "no result"
+    def losses(law, pairs, blade="designed"):
+        """Return what a law loses, %, and the flow and the limits, the least first."""
+        values = [(below(found, *pair, law, blade), *pair) for pair in pairs]
+        return sorted((max(-value, 0.0), *where) for value, *where in values if value is not None)
 
-    def refused(law, blade="designed"):
-        runs = [key for key in found if key[2:] == (law, blade)]
-        return f"{sum(not good(found[key]) for key in runs)} of {len(runs)}"
+    def most(law, pairs, blade="designed"):
+        values = losses(law, pairs, blade)
+        return f"{values[-1][0]:.2g} %" if values else "no result"
+
+    def named(law):
+        return law.replace("curve, ", "a curve of ")
 
     area = {law: blade_area(found.get(("sine", "and 5 kW", law, "designed"))) for law in LAWS}
     static = [law for law in LAWS if law.startswith(("rated", "curve"))]
+    limits = {limit for _, limit in fast} - {limit for _, limit in slow}
+    of_limits = {
+        limit: [pair for pair in fast if pair[1] == limit] for limit in LIMITS if limit in limits
+    }
+    several = "; ".join(
+        f"{named(law)} "
+        + " and ".join(
+            f"{most(law, of_limits[each])} ({each.removeprefix('and ')})" for each in of_limits
+        )
+        for law in static
+    )
     sentences = [
-        f"Without a limit of the power, quadratic feedback loses {lost('quadratic', free)} against "
-        f"open loop, and linear feedback {lost('linear', free)}.",
-        f"With one, both collapse ({lost('quadratic', fast)} and {lost('linear', fast)}), while "
-        "laws that pass into constant power by overspeed come close to open loop: "
-        + ", ".join(f"{law} {lost(law, fast)}" for law in static)
-        + ", and tracking with its lag "
-        + f"{lost('tracking', fast)}.",
-        f"They want open loop's own blade (in the sine with 5 kW {area['rated']}·10⁻³ m² for "
-        f"rated, {area[OPEN[0]]} for open loop), and with just that blade rated loses "
-        f"{lost('rated', fast, 'kept')}, K₂ω² {lost('quadratic', fast, 'kept')}: its own is "
-        f"solid and slow, {area['quadratic']}.",
+        "Under a limit of the power, take a law that passes into constant power by overspeed: what "
+        f"each loses against open loop is at most: {several}; tracking, for its lag, loses up to "
+        f"{most(TRACKING, fast)}, quadratic feedback {most('quadratic', fast)} and linear "
+        f"feedback {most('linear', fast)}.",
+        f"Without such a limit quadratic feedback loses at most {most('quadratic', free)} and "
+        f"linear feedback {most('linear', free)}.",
+        f"Laws near open loop want its blade (in the sine with 5 kW {area['rated']}·10⁻³ m² for "
+        f"rated, {area[OPEN[0]]} for open loop), with which rated loses at most "
+        f"{most('rated', fast, 'kept')} and quadratic feedback {most('quadratic', fast, 'kept')}; "
+        f"quadratic feedback wants a solid and slow one of {area['quadratic']}·10⁻³ m².",
     ]
-    if slow:
+    least = [losses(law, slow)[0][0] for law in static if losses(law, slow)]
+    tracked = [each[0] for each in losses(TRACKING, slow)]
+    if least and tracked:
         sentences.append(
             "They break where open loop keeps its limits by underspeed, as it does with 5 kW and a "
-            "limit of the thrust: no law of the speed alone can be stable there. There "
-            + ", ".join(f"{law} loses {lost(law, slow)}" for law in (*static, "tracking"))
-            + "."
+            "limit of the thrust: no law of the speed alone can be stable there, and each loses "
+            f"{min(least):.2g} % or more, tracking {tracked[0]:.2g} to {tracked[-1]:.2g} %."
         )
-    sentences += [
-        breaking(flights),
-        f"{sum(map(good, found.values()))} of {len(found)} runs are verified; with the blade "
-        "designed, refused are " + ", ".join(f"{refused(law)} of {law}" for law in LAWS) + ".",
-    ]
-    return [textwrap.fill(" ".join(filter(None, sentences)), 100), ""]
+    sentences.append(breaking(flights))
+    refused = {}
+    for key, solution in found.items():
+        if key[3] == "designed" and not good(solution):
+            refused[key[2]] = refused.get(key[2], 0) + 1
+    told = ", ".join(f"{count} of {law}" for law, count in refused.items()) or "none"
+    runs = (
+        f"{sum(map(good, found.values()))} of {len(found)} runs are verified. With the blade "
+        f"designed, refused are {told}."
+    )
+    texts = " ".join(filter(None, sentences)), runs
+    return [line for text in texts for line in (textwrap.fill(text, 100), "")]
 
 
 def underspeed(solution):
@@ -420,13 +439,17 @@ def breaking(flights):
     told = TRACKING, ESTIMATED
     static = [each["excess"] for key, each in flights.items() if key[2] not in told]
     quiet, noisy = (100.0 * max(0.0, *ends) for ends in zip(*static, strict=True))
-    fell = ", ".join(f"{law} in {count}" for law, count in stalls.items() if count)
+    fell = ", ".join(
+        f"{law.replace('curve, ', 'a curve of ')} in {count}"
+        for law, count in stalls.items()
+        if count
+    )
     count = max(each["seeds"] for each in flights.values())
+    kept = "keep every limit" if quiet < 0.05 else f"exceed limits by up to {quiet:.1f} %"
     return (
-        f"In {count} other seeds of the turbulence (10 %) static laws exceed no limit by more than "
-        f"{quiet:.1f} %, with a noisy sensor by {noisy:.1f} %, and "
-        f"tracking by {100.0 * max(lag, default=0.0):.0f} %; some rotors stall, {fell} "
-        f"flights, of {count} for each set of limits."
+        f"In {count} other seeds of the turbulence (10 %) static laws {kept}, with a noisy sensor "
+        f"they exceed one by {noisy:.1f} %, tracking by {100.0 * max(lag, default=0.0):.0f} %; "
+        f"rotors stall under {fell} flights of {count} for each set of limits."
     )
 
 
