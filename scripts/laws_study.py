@@ -380,16 +380,16 @@ def answer(found, flights):
     of_limits = {
         limit: [pair for pair in fast if pair[1] == limit] for limit in LIMITS if limit in limits
     }
-    several = "; ".join(
-        f"{named(law)} "
+    several = ", ".join(
+        f"{named(law)} loses "
         + " and ".join(
             f"{most(law, of_limits[each])} ({each.removeprefix('and ')})" for each in of_limits
         )
         for law in static
     )
     sentences = [
-        "Under a limit of the power, take a law that passes into constant power by overspeed: what "
-        f"each loses against open loop is at most: {several}; tracking, for its lag, loses up to "
+        "Under a limit of the power, take a law that passes into constant power by overspeed: "
+        f"against open loop, {several} at most, tracking, for its lag, up to "
         f"{most(TRACKING, fast)}, quadratic feedback {most('quadratic', fast)} and linear "
         f"feedback {most('linear', fast)}.",
         f"Without such a limit quadratic feedback loses at most {most('quadratic', free)} and "
