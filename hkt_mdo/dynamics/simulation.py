@@ -213,6 +213,9 @@ class IntegrationError(InputError):
         super().__init__(problem, remedy)
         self.time = time
 
+    def __reduce__(self):  # from another process
+        return type(self), (self.time,)
+
 
 def simulate(
     plant: Plant,

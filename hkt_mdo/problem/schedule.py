@@ -78,7 +78,9 @@ def schedules(
 
     def improved(flow, of, best, others):
         design = CoDesign(of, physics.shape, physics.polar, gain_bounds)
-        rival = max((each.objective for each in others if each.worth[0]), default=-np.inf)
+        asked = physics.case.start.branch != "best"  # a branch that is asked for is not given up
+        rivals = () if asked else others
+        rival = max((each.objective for each in rivals if each.worth[0]), default=-np.inf)
         return improve_schedule(Joint(flow, design, of.slowed), best, rival) if improve else best
 
     coarser = law.coarser() if law is not None and improve and gains is None else None
@@ -88,12 +90,16 @@ def schedules(
         found = list(schedules(*simple, optimum, improve=True))
         tried = found[0].tried
     else:
-        starts = candidates(free)
+        given, *chosen = candidates(free)
+        others = []  # blades of other branches
         for branch in BRANCHES:
-            best = max((_along(open_loop, start, branch) for start in starts), key=_worth)
-            tried += len(starts)
-            found.append(improved(open_loop, free, best, found))
-            starts.append(StartingPoint(found[-1].blade, np.empty(0), starts[0].operation))
+            ended = []
+            for starts in filter(None, ([given], chosen, others)):  # each may have its own optimum
+                best = max((_along(open_loop, start, branch) for start in starts), key=_worth)
+                tried += len(starts)
+                ended.append(improved(open_loop, free, best, (*found, *ended)))
+            found.append(max(ended, key=_worth))
+            others.append(StartingPoint(found[-1].blade, np.empty(0), given.operation))
     if law is not None:
         # what has several gains, or follows a schedule, is near the best where it is fitted
         alone = bool(physics.states) or (improve and gains is None and len(law.gain_units) > 1)

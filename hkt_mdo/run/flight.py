@@ -32,6 +32,7 @@ from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.solve.drivers import Outcome
 
 SAMPLES = 20  # a segment, of the integration and between the nodes
+SHORTER, LEAST_SHARE = 0.9, 1e-3  # of the time to where a motion ends, and of the whole, at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,13 +200,18 @@ def _flown(plant, scenario, controller, initial_speed, **options) -> Simulation:
             samples=samples, begin=first, **options,
         )  # fmt: skip
 
-    try:
-        return until(duration, samples)
-    except IntegrationError as failed:  # what the controller does to the rotor has no end
-        share = (failed.time - first) / duration
-        if share <= 0.0:
-            raise
-        flown = until(share * duration, first + share * (samples - first))
+    share, failed = 1.0, None
+    while True:
+        try:
+            flown = until(share * duration, first + share * (samples - first))
+        except IntegrationError as error:  # what the controller does to the rotor has no end
+            share = (error.time - first) / duration * (1.0 if failed is None else SHORTER)
+            failed = failed or error
+            if share < LEAST_SHARE:
+                raise
+            continue
+        if failed is None:
+            return flown
         return replace(flown, stopped_at=flown.stopped_at or failed.time)
 
 

@@ -1,5 +1,6 @@
 """The independent integration: closed forms, energy balance, order, standstill; then SciPy's."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from hkt_mdo.dynamics.sampled import TurbulentInflow
 from hkt_mdo.dynamics.simulation import (
     SLOWEST_RATIO,
     FeedbackTorque,
+    IntegrationError,
     Plant,
     RecordedTorque,
     _Motion,
@@ -49,6 +51,12 @@ def test_speed_under_constant_torques_is_a_straight_line(blade, polar):
     angle = 6.0 * duration + 0.5 * rate * duration**2
     assert run.energy == pytest.approx(torque * angle, rel=1e-8)
     assert run.generator_energy == pytest.approx(control * angle, rel=1e-8)
+
+
+def test_a_motion_without_an_end_is_told_from_another_process():
+    """A run in a pool of processes hands its error on by pickling."""
+    error = pickle.loads(pickle.dumps(IntegrationError(7.5)))
+    assert (error.time, str(error)) == (7.5, str(IntegrationError(7.5)))
 
 
 def relaxing(blade, polar, rate):
