@@ -150,6 +150,18 @@ def test_the_solid_part_is_made_longer_while_that_is_better(monkeypatch):
     assert long.branches[0].objective > (1.0 + 1e-4) * short.branches[0].objective
 
 
+@pytest.mark.slow
+def test_a_given_blade_that_keeps_its_limit_best_at_first_does_not_lead_astray():
+    """This one's own search ends 0.7 % lower, with its tip turned the other way."""
+    given = load_case(
+        SINE
+        | {"control": {"law": "open_loop", "torque_limit": 700.0}, "limits": {"thrust": "6 kN"}}
+    )
+    other = physics(random_start(given, np.random.default_rng([0, 4, 12])))
+    found = find_start(other, steady_optimum(other, other.blade)).branches[0].objective
+    assert found == pytest.approx(start(thrust="6 kN").branches[0].objective, rel=1e-5)
+
+
 # Derivatives
 
 
