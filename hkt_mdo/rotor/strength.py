@@ -243,7 +243,7 @@ def _norm(values, share, exponent):
     for i, value in enumerate(values):
         if abs(value.real) > near:  # the others are below the last digit
             ratio = value / (largest if value.real > 0.0 else -largest)
-            power = ratio ** (exponent - 1.0)
+            power = ratio ** (exponent - 1)
             total += power * ratio
             share[i] = power if value.real > 0.0 else -power
     share *= total ** (1.0 / exponent - 1.0)
