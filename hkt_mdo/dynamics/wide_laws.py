@@ -16,6 +16,11 @@ SPREAD, EVEN = 201, 0.5  # points of that range, and evenness of the knots
 COARSEST = 4  # knots of the curve from whose optimum one of more knots starts
 
 
+def _positive(torque):
+    """Return torques, N*m, with a thousandth of the largest instead of what is less."""
+    return np.maximum(torque, 1e-3 * np.max(np.abs(torque)))
+
+
 def _refuse_alone(law, other):
     """Refuse a gain without the other parameter of a law, which would be designed."""
     if law.gain is not None and getattr(law, other) is None:
@@ -51,7 +56,7 @@ class PowerLawFeedback(FeedbackLaw):
         return gains[0] * speed ** self._exponent(gains)
 
     def fit(self, speed, torque):
-        logarithm = np.log(speed)
+        logarithm, torque = np.log(speed), _positive(torque)
         if self.exponent is not None or np.ptp(logarithm) < 1e-6:
             exponent = 2.0 if self.exponent is None else self.exponent
         else:
@@ -168,10 +173,9 @@ class CurveFeedback(FeedbackLaw):
         return np.exp(_natural_spline(place, np.log(speed)) @ height)
 
     def fit(self, speed, torque):
-        place = self._spread(np.log(speed), np.log(torque))
-        height = np.linalg.lstsq(_natural_spline(place, np.log(speed)), np.log(torque), rcond=None)[
-            0
-        ]
+        speed, torque = np.log(speed), np.log(_positive(torque))
+        place = self._spread(speed, torque)
+        height = np.linalg.lstsq(_natural_spline(place, speed), torque, rcond=None)[0]
         return np.exp(np.append(place, height))
 
     def _spread(self, place, height):

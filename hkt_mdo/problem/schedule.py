@@ -104,7 +104,8 @@ def schedules(
         # what has several gains, or follows a schedule, is near the best where it is fitted
         alone = bool(physics.states) or (improve and gains is None and len(law.gain_units) > 1)
         own = [] if alone else [_along(steady, start, "") for start in candidates(few, gains)]
-        begun = [_begun(steady, few, each) for each in found] if improve or alone else []
+        running = [each for each in found if each.excess < np.inf] or found[:1]
+        begun = [_begun(steady, few, each) for each in running] if improve or alone else []
         tried += len(own) + len(begun)
         begun = [*sorted(own, key=_worth)[-1:], *begun]
         if improve and not alone and law.torque_limit is not None and physics.shape.designs_chord:

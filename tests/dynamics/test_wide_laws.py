@@ -61,6 +61,13 @@ def test_a_curve_holds_every_power_of_the_speed_exactly(exponent):
     np.testing.assert_allclose(law.torque(SPEED, gains), 30.0 * SPEED**exponent, rtol=1e-10)
 
 
+def test_a_schedule_that_drives_the_rotor_is_fitted_without_its_sign():
+    """A torque below zero is no law's: the gains are finite all the same."""
+    speed, torque = np.linspace(5.0, 9.0, 20), np.linspace(-50.0, 600.0, 20)
+    for law in (PowerLawFeedback(), CurveFeedback(knots=4)):
+        assert np.all(np.isfinite(law.fit(speed, torque)))
+
+
 def test_knots_lie_where_a_fitted_curve_bends():
     speed = np.linspace(5.0, 12.0, 200)
     knots = CurveFeedback(knots=8).fit(speed, np.minimum(7.0 * speed**2, 3600.0 / speed))[:8]
