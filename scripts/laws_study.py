@@ -408,14 +408,17 @@ def answer(found, flights):
             f"{min(least):.2g} % or more, tracking {tracked[0]:.2g} to {tracked[-1]:.2g} %."
         )
     sentences.append(breaking(flights))
-    refused = {}
-    for key, solution in found.items():
-        if key[3] == "designed" and not good(solution):
-            refused[key[2]] = refused.get(key[2], 0) + 1
-    told = ", ".join(f"{count} of {law}" for law, count in refused.items()) or "none"
+
+    def refused(blade, place):
+        """Return how many runs with a blade were refused, by the law or the limits."""
+        runs = [key[place] for key in found if key[3] == blade and not good(found[key])]
+        counts = {each: runs.count(each) for each in dict.fromkeys(runs)}
+        return ", ".join(f"{count} of {each}" for each, count in counts.items()) or "none"
+
     runs = (
         f"{sum(map(good, found.values()))} of {len(found)} runs are verified. With the blade "
-        f"designed, refused are {told}."
+        f"designed, refused are {refused('designed', 2)}; with that of open loop, by the limits, "
+        f"{refused('kept', 1)}: an open loop keeps the limits with this blade, the laws do not."
     )
     texts = " ".join(filter(None, sentences)), runs
     return [line for text in texts for line in (textwrap.fill(text, 100), "")]
