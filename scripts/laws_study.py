@@ -409,16 +409,17 @@ def answer(found, flights):
         )
     sentences.append(breaking(flights))
 
-    def refused(blade, place):
+    def refused(blade, place, word):
         """Return how many runs with a blade were refused, by the law or the limits."""
         runs = [key[place] for key in found if key[3] == blade and not good(found[key])]
         counts = {each: runs.count(each) for each in dict.fromkeys(runs)}
-        return ", ".join(f"{count} of {each}" for each, count in counts.items()) or "none"
+        words = (f"{n} {word} {each.removeprefix('and ')}" for each, n in counts.items())
+        return ", ".join(words) or "none"
 
     runs = (
         f"{sum(map(good, found.values()))} of {len(found)} runs are verified. With the blade "
-        f"designed, refused are {refused('designed', 2)}; with that of open loop, by the limits, "
-        f"{refused('kept', 1)}: an open loop keeps the limits with this blade, the laws do not."
+        f"designed, refused are {refused('designed', 2, 'of')}; with that of open loop, "
+        f"{refused('kept', 1, 'under')}: an open loop keeps the limits with this blade, the laws do not."
     )
     texts = " ".join(filter(None, sentences)), runs
     return [line for text in texts for line in (textwrap.fill(text, 100), "")]
