@@ -419,7 +419,8 @@ def answer(found, flights):
     runs = (
         f"{sum(map(good, found.values()))} of {len(found)} runs are verified. With the blade "
         f"designed, refused are {refused('designed', 2, 'of')}; with that of open loop, "
-        f"{refused('kept', 1, 'under')}: an open loop keeps the limits with this blade, the laws do not."
+        f"{refused('kept', 1, 'under')}: an open loop keeps the limits with this blade, the laws "
+        "do not."
     )
     texts = " ".join(filter(None, sentences)), runs
     return [line for text in texts for line in (textwrap.fill(text, 100), "")]
