@@ -371,9 +371,6 @@ def answer(found, flights):
         values = losses(law, pairs, blade)
         return f"{values[-1][0]:.2g} %" if values else "no result"
 
-    def named(law):
-        return law.replace("curve, ", "a curve of ")
-
     area = {law: blade_area(found.get(("sine", "and 5 kW", law, "designed"))) for law in LAWS}
     static = [law for law in LAWS if law.startswith(("rated", "curve"))]
     limits = {limit for _, limit in fast} - {limit for _, limit in slow}
@@ -426,6 +423,11 @@ def answer(found, flights):
     return [line for text in texts for line in (textwrap.fill(text, 100), "")]
 
 
+def named(law):
+    """Return a law's name as a sentence has it."""
+    return law.replace("curve, ", "a curve of ")
+
+
 def underspeed(solution):
     """Tell whether a verified run keeps its limit of the power by turning slower."""
     if not good(solution) or not solution.summary.limits["power"].binding:
@@ -444,11 +446,7 @@ def breaking(flights):
     told = TRACKING, ESTIMATED
     static = [each["excess"] for key, each in flights.items() if key[2] not in told]
     quiet, noisy = (100.0 * max(0.0, *ends) for ends in zip(*static, strict=True))
-    fell = ", ".join(
-        f"{law.replace('curve, ', 'a curve of ')} in {count}"
-        for law, count in stalls.items()
-        if count
-    )
+    fell = ", ".join(f"{named(law)} in {count}" for law, count in stalls.items() if count)
     count = max(each["seeds"] for each in flights.values())
     kept = "keep every limit" if quiet < 0.05 else f"exceed limits by up to {quiet:.1f} %"
     return (

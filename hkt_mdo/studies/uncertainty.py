@@ -8,6 +8,7 @@ from the torque and the two last speeds that were read.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import signal
@@ -129,7 +130,7 @@ class Design:
         """The feedback law; None: open loop."""
         return self.physics.law
 
-    @property
+    @cached_property
     def controller(self) -> FeedbackTorque:
         """The torque of the feedback law, which hears of the flow what it would as built."""
         if self.law is None:

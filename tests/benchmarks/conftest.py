@@ -15,10 +15,9 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 
-def pytest_itemcollected(item):  # xdist reads the groups before other plugins may modify items
+def pytest_itemcollected(item):
     if Path(__file__).parent in item.path.parents:
         item.add_marker(pytest.mark.slow)
-        item.add_marker(pytest.mark.xdist_group("benchmarks"))
 
 
 @pytest.fixture(autouse=True)
