@@ -11,9 +11,8 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import PrivateAttr
 
+from hkt_mdo.dynamics.slopes import STEP
 from hkt_mdo.sections import Quantity, Section
-
-STEP = 1e-40  # of complex-step differentiation: no difference is taken, so nothing cancels
 
 
 def smooth_saturation(torque, limit, smoothing):

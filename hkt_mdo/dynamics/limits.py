@@ -6,14 +6,16 @@ knows the formula. A limit of your own is a subclass of `Limit` (docs/architectu
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import PrivateAttr, model_validator
 
-from hkt_mdo.dynamics.laws import STEP, Law, OpenLoop
-from hkt_mdo.dynamics.trajectory import SERIES
+from hkt_mdo.dynamics.laws import Law, OpenLoop
+from hkt_mdo.dynamics.slopes import slope
 from hkt_mdo.errors import InputError
+from hkt_mdo.quantities import QUANTITIES, is_over_time
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.sections import Quantity, Section
 
@@ -28,14 +30,13 @@ LEAST = 5e-3  # recovery over a typical torque that a trajectory keeps; closer t
 class Limit(Section):
     """A quantity that must stay between `lower` and `upper`.
 
-    `value` takes the quantities that `inputs` names as keyword arguments and must accept complex
-    numbers, for its derivatives are taken by complex step. The quantities are those of the
-    trajectory and its loads (`hkt_mdo.dynamics.trajectory`), arrays of shape (n_times,), and the
-    scalars rotor_radius (m), density (kg/m**3) and inertia (kg*m**2). `Taper` alone takes the chord
-    (m) at the stations.
-
     A limit that a case may give under `limits` has a `name`, a `unit` and usually one field,
-    `bound`, a `Quantity`: then `limits: {name: 15 m/s}` is short for `{name: {bound: 15 m/s}}`.
+    `bound`, a `Quantity`: then ``limits: {name: 15 m/s}`` is short for ``{name: {bound: 15 m/s}}``.
+
+    `value` takes the quantities that `inputs` names (`hkt_mdo.quantities`) as keyword arguments:
+    arrays (n_times,) over time, (n_stations,) along the span, numbers of the design. It must accept
+    complex numbers, for its derivatives are taken by complex step. With an input over time it
+    returns (n_times,), else a number or an array of any size.
     """
 
     name: ClassVar[str] = ""
@@ -65,20 +66,25 @@ class Limit(Section):
     @property
     def series(self) -> dict[str, tuple[str | None, str]]:
         """Unit and description of its inputs that change over time."""
-        return {name: SERIES[name] for name in self.inputs if name in SERIES}
+        known = (QUANTITIES[name] for name in self.inputs if is_over_time(name))
+        return {each.name: (each.unit, each.text) for each in known}
 
     @property
     def place(self) -> str:
-        """What its value is an array over: the "time", or the "design" if only scalars are in it.
-
-        Of `DesignBounds` and `Taper` also the "span" of the blade.
-        """
-        return "time" if self.series else "design"
+        """What its value is an array over: the "time", the "span" of the blade, or the "design"."""
+        if self.series:
+            return "time"
+        along = any(name in QUANTITIES and QUANTITIES[name].over == "span" for name in self.inputs)
+        return "span" if along else "design"
 
     @property
     def caps_series(self) -> bool:
         """Whether it is an upper bound on what changes over time."""
         return bool(self.place == "time" and np.isfinite(self.upper))
+
+    def is_of(self, names: Collection[str]) -> bool:
+        """Tell whether one of its inputs is among some quantities."""
+        return bool(set(names) & set(self.inputs))
 
     @property
     def upper(self) -> Any:
@@ -100,10 +106,21 @@ class Limit(Section):
         return not self.bounded
 
     def partials(self, **quantities: Any) -> dict[str, np.ndarray]:
-        """Return the value's derivative by each input, shape (n_times,), by complex step."""
+        """Return the value's derivatives by each input, by complex step.
+
+        Parameters
+        ----------
+        **quantities
+            The inputs, by name, as `value` takes them.
+
+        Returns
+        -------
+        dict of array
+            By an input over time, where the value at an instant follows from the input then, of
+            shape (n_times,); by any other, (size of the value, size of the input).
+        """
         return {
-            name: np.imag(self.value(**quantities | {name: quantities[name] + 1j * STEP})) / STEP
-            for name in self.inputs
+            name: slope(self.value, quantities, name, name in self.series) for name in self.inputs
         }
 
     def told(self, quantities: Any) -> np.ndarray:
@@ -287,7 +304,6 @@ class Taper(Limit):
     name: ClassVar[str] = "taper_from"
     inputs: ClassVar[tuple[str, ...]] = ("chord",)
     upper: ClassVar[float] = 1.0  # type: ignore[assignment]
-    place: ClassVar[str] = "span"  # type: ignore[assignment]
 
     bound: Annotated[float, Quantity(ge=0, lt=1)]
     """Distance from the axis over the tip radius from which the chord does not grow outwards."""
@@ -311,12 +327,6 @@ class Taper(Limit):
 
     def value(self, chord):
         return np.append(0.0, self._asked * chord[1:] / chord[:-1])
-
-    def partials(self, chord):
-        by, inner = np.zeros((chord.size, chord.size)), np.arange(chord.size - 1)
-        by[inner + 1, inner + 1] = self._asked / chord[:-1]
-        by[inner + 1, inner] = -self._asked * chord[1:] / chord[:-1] ** 2
-        return {"chord": by}
 
 
 SPANWISE = "chord", "twist", "thickness"
@@ -407,8 +417,12 @@ class DistanceFromStall(Limit):
         return recovery - self.least * TYPICAL * unit
 
     def partials(self, **quantities):
-        found = super().partials(**quantities)
-        # table and gains are arrays of their own: a column by each of their values
+        arrays = "torque_coefficient_table", "gains"  # whose derivatives are known
+        found = {
+            name: slope(self.value, quantities, name, name in self.series)
+            for name in self.inputs
+            if name not in arrays
+        }
         speed, flow, radius = (
             quantities[n] for n in ("rotor_speed", "inflow_speed", "rotor_radius")
         )

@@ -1,9 +1,9 @@
-"""Objectives: what the optimization makes as large as it can, an integral over the trajectory.
+"""Objectives: what the optimization makes as large, or as small, as it can.
 
 An objective of your own is a subclass of `Objective` (docs/architecture.md).
 """
 
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -11,27 +11,59 @@ from hkt_mdo.sections import Section
 
 
 class Objective(Section):
-    """The integral over time of a rate, J, which is made as large as possible.
+    """The integral over time of a rate, or a value of the design.
 
-    `rate` takes the quantities that `inputs` names as keyword arguments, as `Limit.value` does, and
-    must accept complex numbers, too.
+    Either `rate` or `value` is given. Both take the quantities that `inputs` names
+    (`hkt_mdo.quantities`) as keyword arguments, as `Limit.value` does, and must accept complex
+    numbers, too. Over several scenarios the mean of a rate is taken as `robustness` says.
     """
 
     kind: str
-    """What is maximized."""
+    """What is optimized."""
     inputs: ClassVar[tuple[str, ...]] = ()
+    unit: ClassVar[str | None] = "J"
+    """Unit of the integral of the rate, or of the value."""
+    maximize: ClassVar[bool] = True
+    """Whether it is made as large as possible; else as small."""
     closes: ClassVar[bool] = False
     """Whether it could sell the rotor's kinetic energy, so that the cycle of an open loop is closed
     by default: the rotor ends at its initial speed."""
 
-    def rate(self, **quantities):
-        """Return the rate, W, shape (n_times,)."""
+    def rate(self, **quantities: Any) -> Any:
+        """Return the rate, `unit` a second, shape (n_times,)."""
         raise NotImplementedError
 
-    def rate_of(self, quantities):
-        """Return the rate, W, shape (n_times,), from a trajectory and the design's scalars."""
+    def value(self, **quantities: Any) -> Any:
+        """Return the value of the design, a number in `unit`."""
+        raise NotImplementedError
+
+    @property
+    def is_rate(self) -> bool:
+        """Whether it is the integral of a rate."""
+        return type(self).rate is not Objective.rate
+
+    @property
+    def is_energy(self) -> bool:
+        """Whether it is an energy that is made as large as possible."""
+        return self.is_rate and self.maximize and self.unit == "J"
+
+    @property
+    def sign(self) -> float:
+        """1 where a larger objective is better, -1 where a smaller one is."""
+        return 1.0 if self.maximize else -1.0
+
+    def rate_of(self, quantities: Any) -> np.ndarray:
+        """Return the rate, shape (n_times,), from a trajectory and what is known of the design."""
         rate = self.rate(**{name: quantities[name] for name in self.inputs})
-        return rate * np.ones(quantities["time"].size)
+        return rate * np.ones(np.shape(quantities["time"]))
+
+    def value_of(self, quantities: Any) -> float:
+        """Return the value of the design from what is known of it."""
+        return float(np.real(self.value(**{name: quantities[name] for name in self.inputs})))
+
+    def behind(self, objective: float, reference: float) -> float:
+        """Return by which share of a reference an objective is worse; negative if it is better."""
+        return self.sign * (reference - objective) / max(abs(reference), 1e-300)
 
     def bound(self, captured: float) -> float | None:
         """Return an upper bound, J, over a closed cycle if it `closes`; None: none is known.

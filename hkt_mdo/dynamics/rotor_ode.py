@@ -4,23 +4,25 @@ import numpy as np
 import openmdao.api as om
 
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
-from hkt_mdo.dynamics.laws import STEP, FeedbackLaw
-from hkt_mdo.dynamics.trajectory import QUANTITIES
+from hkt_mdo.dynamics.laws import FeedbackLaw
+from hkt_mdo.dynamics.slopes import STEP
+from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
 
-OVER_TIME = QUANTITIES | {
-    "rotor_acceleration": ("rad/s**2", "rate of the rotor's angular speed"),
-    "torque_coefficient": (None, "Q / (0.5 rho V^2 pi R^3)"),
+_INNER = {
+    "rotor_acceleration": {"units": "rad/s**2", "desc": "rate of the rotor's angular speed"},
+    "torque_coefficient": {"units": None, "desc": "Q / (0.5 rho V^2 pi R^3)"},
+    "torque_coefficient_table": {
+        "units": None,
+        "desc": "torque coefficient at the nodes of the curve",
+    },
 }
-FIXED = {
-    "density": ("kg/m**3", "density of the water"),
-    "rotor_radius": ("m", "radius of the swept disc"),
-    "inertia": ("kg*m**2", "moment of inertia about the shaft"),
-    "torque_coefficient_table": (None, "torque coefficient at the nodes of the curve"),
-    "chord": ("m", "chord at the stations"),
-    "twist": ("rad", "twist at the stations"),
-}
+"""Units and description of what the equation has besides the quantities of the registry."""
+
+
+def _meta(name):
+    return _INNER[name] if name in _INNER else QUANTITIES[name].meta
 
 
 class RotorODE(om.Group):
@@ -64,7 +66,7 @@ class _NodeComp(om.ExplicitComponent):
     are taken by complex step.
     """
 
-    over_time = OVER_TIME
+    over_time = (*TRAJECTORY, "rotor_acceleration", "torque_coefficient")
 
     @property
     def _needed(self):
@@ -77,18 +79,18 @@ class _NodeComp(om.ExplicitComponent):
         shape = (self.options["num_nodes"],)
         for name in self._needed:
             if name in self.over_time:
-                units, text = self.over_time[name]
                 tags = ["dymos.targets:time"] if name == "time" else None
-                self.add_input(name, shape=shape, units=units, desc=text, tags=tags)
+                self.add_input(name, shape=shape, tags=tags, **self._meta(name))
             else:
                 self._add_fixed(name)
         for name in self.needs:
-            units, text = self.over_time[name]
-            self.add_output(name, shape=shape, units=units, desc=text)
+            self.add_output(name, shape=shape, **self._meta(name))
+
+    def _meta(self, name):
+        return _meta(name)
 
     def _add_fixed(self, name, val=1.0):
-        units, text = FIXED[name]
-        self.add_input(name, val=val, units=units, desc=text, tags=["dymos.static_target"])
+        self.add_input(name, val=val, tags=["dymos.static_target"], **_meta(name))
 
     def setup_partials(self):
         rows = np.arange(self.options["num_nodes"])
@@ -230,8 +232,14 @@ class FeedbackComp(_NodeComp):
     def over_time(self):
         """Also the states of the law, and their rates."""
         states = self.options["law"].states
-        rates = {f"{name}_rate": (f"{unit}/s", text) for name, (unit, text) in states.items()}
-        return OVER_TIME | states | rates
+        return (*super().over_time, *states, *(f"{name}_rate" for name in states))
+
+    def _meta(self, name):
+        states, state = self.options["law"].states, name.removesuffix("_rate")
+        if state not in states:
+            return super()._meta(name)
+        unit, text = states[state]
+        return {"units": unit if name == state else f"{unit}/s", "desc": text}
 
     @property
     def needs(self):

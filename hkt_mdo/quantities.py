@@ -1,0 +1,153 @@
+"""The quantities that limits, objectives, tables and figures name, each described once.
+
+A quantity is known over time, along the span, of the design, or of the whole result. Everything
+that names one looks it up here: units, column headers, where it is in the OpenMDAO model, and what
+a limit or an objective of one's own may take.
+"""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+from typing import Literal
+
+_SUFFIXES = {None: "", "N*m": "_Nm", "N*m/s": "_Nm_s", "m/s": "_m_s", "rad/s": "_rad_s"}
+
+
+@dataclass(frozen=True)
+class Described:
+    """A quantity: its name, unit, meaning, and what it is known over.
+
+    Attributes
+    ----------
+    name
+        Name in the model, and of the argument of `Limit.value` and `Objective.rate`.
+    unit
+        SI unit as OpenMDAO writes it; None for a plain number.
+    text
+        Meaning, in words.
+    over
+        ``time``: shape (n_times,); ``span``: (n_stations,); ``design`` and ``result``: a number.
+    source
+        What provides it: the ``trajectory`` (the rotor's ODE), ``loads`` and ``rates`` (which follow
+        from a trajectory), the ``rotor``, or the ``integrals`` over all scenarios.
+    per_pressure
+        Unit of a load over the dynamic pressure 0.5 rho v² of the flow.
+    """
+
+    name: str
+    unit: str | None
+    text: str
+    over: Literal["time", "span", "design", "result"]
+    source: Literal["trajectory", "loads", "rates", "rotor", "integrals"]
+    per_pressure: str | None = None
+
+    @property
+    def column(self) -> str:
+        """Header of its column in the tables of a result."""
+        return self.name + _SUFFIXES.get(self.unit, f"_{self.unit}")
+
+    @property
+    def meta(self) -> dict[str, str | None]:
+        """Units and description, as OpenMDAO's `add_input` takes them."""
+        return {"units": self.unit, "desc": self.text}
+
+
+_ALL = (
+    Described("time", "s", "time since the start", "time", "trajectory"),
+    Described(
+        "inflow_speed", "m/s", "undisturbed flow speed at the rotor", "time", "trajectory"
+    ),
+    Described("rotor_speed", "rad/s", "angular speed of the rotor", "time", "trajectory"),
+    Described("tip_speed_ratio", None, "tip speed over inflow speed", "time", "trajectory"),
+    Described(
+        "hydrodynamic_torque", "N*m", "torque of the flow on the rotor", "time", "trajectory"
+    ),
+    Described("control_torque", "N*m", "generator torque on the rotor", "time", "trajectory"),
+    Described("hydrodynamic_power", "W", "power captured from the flow", "time", "trajectory"),
+    Described("generator_power", "W", "power taken by the generator", "time", "trajectory"),
+    Described(
+        "electrical_power",
+        "W",
+        "power delivered by the generator, less its losses",
+        "time",
+        "trajectory",
+    ),
+    Described(
+        "thrust", "N", "thrust of the flow on the rotor, along its axis", "time", "loads", "m**2"
+    ),
+    Described(
+        "root_moment",
+        "N*m",
+        "flapwise moment of one blade at the hub's radius",
+        "time",
+        "loads",
+        "m**3",
+    ),
+    Described("stress", "Pa", "largest stress in a blade", "time", "loads"),
+    Described(
+        "cavitation",
+        None,
+        "largest suction, times its margin, over the pressure above vapour's",
+        "time",
+        "loads",
+        "1/Pa",
+    ),
+    Described("torque_rate", "N*m/s", "rate of the control torque", "time", "rates"),
+    Described("chord", "m", "chord at the stations", "span", "rotor"),
+    Described("twist", "rad", "twist at the stations, set angle included", "span", "rotor"),
+    Described("thickness", None, "thickness over chord at the stations", "span", "rotor"),
+    Described("rotor_radius", "m", "radius of the swept disc", "design", "rotor"),
+    Described("density", "kg/m**3", "density of the water", "design", "rotor"),
+    Described("inertia", "kg*m**2", "moment of inertia about the shaft", "design", "rotor"),
+    Described("mass", "kg", "mass of the blades", "design", "rotor"),
+    Described("blade_area", "m**2", "planform area of all blades", "design", "rotor"),
+    Described("energy", "J", "energy captured from the flow", "result", "integrals"),
+    Described("generator_energy", "J", "energy taken by the generator", "result", "integrals"),
+    Described(
+        "electrical_energy",
+        "J",
+        "energy delivered by the generator, less its losses",
+        "result",
+        "integrals",
+    ),
+)
+
+QUANTITIES: dict[str, Described] = {entry.name: entry for entry in _ALL}
+"""Every quantity by its name."""
+
+
+def names(over: str = "", source: str = "") -> tuple[str, ...]:
+    """Return the names of the quantities that are known over something, or provided by something.
+
+    Parameters
+    ----------
+    over, source
+        As in `Described`; empty for any.
+
+    Returns
+    -------
+    tuple of str
+        The names, in the order of the registry.
+    """
+    return tuple(
+        entry.name for entry in _ALL if over in ("", entry.over) and source in ("", entry.source)
+    )
+
+
+OVER_TIME = names(over="time")
+TRAJECTORY = names(source="trajectory")
+LOADS = names(source="loads")
+RATES = names(source="rates")
+
+
+def is_over_time(name: str) -> bool:
+    """Tell whether a name is that of a quantity over time."""
+    return name in QUANTITIES and QUANTITIES[name].over == "time"
+
+
+def nearest(name: str) -> str:
+    """Return a remedy for an unknown name: the nearest ones and all of them."""
+    close = difflib.get_close_matches(name, QUANTITIES, n=1)
+    guess = f"did you mean {close[0]}? " if close else ""
+    return f"{guess}known: {', '.join(QUANTITIES)}"
