@@ -1,4 +1,4 @@
-"""The kinds that a case may name: control laws, flow profiles, limits and objectives.
+"""The kinds that a case may name: laws, flow profiles, limits, objectives and aggregates.
 
 Besides those of the package there are extensions: Python files, modules or classes, given to
 `load_case` or to `hkt --extend`, and modules or classes of installed packages that declare them as
@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib.util
 import re
 import sys
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache
@@ -18,11 +19,16 @@ from importlib import metadata
 from pathlib import Path
 from traceback import extract_tb
 from types import ModuleType
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
+from pydantic import Field, create_model
+
+from hkt_mdo import quantities
 from hkt_mdo.dynamics import flows, laws, sampled, wide_laws
+from hkt_mdo.dynamics.aggregates import Aggregate, Expected
 from hkt_mdo.dynamics.flows import Inflow
-from hkt_mdo.dynamics.laws import Law
+from hkt_mdo.dynamics.formulas import Formula
+from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.limits import (
     CavitationLimit,
     ElectricalPowerLimit,
@@ -52,11 +58,14 @@ _SORTS: dict[type[Section], tuple[str, str]] = {
     Inflow: ("profiles", "profile"),
     Limit: ("limits", "name"),
     Objective: ("objectives", "kind"),
+    Aggregate: ("aggregates", "measure"),
 }
 """Base class of each sort of kind: where `Kinds` has it, the attribute with the kind's name."""
 
 _TAKEN = {"given", "torque", *dir(Section)}
-_BASES = "FeedbackLaw, Inflow, Limit or Objective"
+_BASES = "FeedbackLaw, Inflow, Limit, Objective or Aggregate"
+_FORMULAS = {"demand": FeedbackLaw, "speed_at": Inflow, "value": Aggregate}
+"""Method that a class of some base must have."""
 
 Extension = str | Path | ModuleType | type
 
@@ -69,6 +78,7 @@ class Kinds:
     profiles: tuple[type[Inflow], ...]
     limits: tuple[type[Limit], ...]
     objectives: tuple[type[Objective], ...]
+    aggregates: tuple[type[Aggregate], ...]
     extensions: tuple[str | type, ...] = ()
 
     def extended(self, extensions: Iterable[Extension]) -> Kinds:
@@ -86,26 +96,69 @@ class Kinds:
         return kinds
 
     def _with(self, kind: Any, source: str) -> Kinds:
-        """Return these kinds and one more; refuse it if it has no name or one that is taken."""
+        """Return these kinds and one more; refuse one that does not keep the contract of a kind."""
         sort, attribute = _sort(kind)
         name, known = kind_name(kind), getattr(self, sort, ())
         if kind in known:
             return self
-        if not sort:
-            problem, remedy = "is no law, profile, limit or objective", f"derive it from {_BASES}"
-        elif not name:
-            problem, remedy = "has no name", f"declare {attribute} as in docs/architecture.md"
-        elif sort != "limits" and not get_args(kind.model_fields[attribute].annotation):
-            problem = f"has its {attribute} declared as any text"
-            remedy = f'write {attribute}: Literal["{name}"] = "{name}"'
-        elif sort == "limits" and (not re.fullmatch("[a-zA-Z]\\w*", name) or name in _TAKEN):
-            problem, remedy = f"has the name {name}, which no key can have", "give it another"
-        elif name in map(kind_name, known):
-            problem = f"has the name {name} of another kind"
-            remedy = f"give its {attribute} another"
-        else:
-            return replace(self, **{sort: (*known, kind)})
-        raise InputError(problem, remedy, file=source, key=kind.__name__)
+        slip = _slip(kind, sort, attribute, name)
+        if not slip and name in map(kind_name, known):
+            slip = f"has the name {name} of another kind", f"give its {attribute} another"
+        if slip:
+            raise InputError(*slip, file=source, key=kind.__name__)
+        if sort != "limits" and attribute not in kind.model_fields:
+            kind = _with_tag(kind, attribute, name)
+        return replace(self, **{sort: (*known, kind)})
+
+
+def _slip(kind: Any, sort: str, attribute: str, name: str) -> tuple[str, str] | None:
+    """Return what a class lacks to be a kind, and the remedy; None if nothing."""
+    if not sort:
+        return "is no law, profile, limit, objective or aggregate", f"derive it from {_BASES}"
+    if not name:
+        return "has no name", f'write {attribute}: ClassVar[str] = "a_name"'
+    field = kind.model_fields.get(attribute)
+    if field and not get_args(field.annotation):
+        problem = f"has its {attribute} declared as any text"
+        return problem, f'write {attribute}: ClassVar[str] = "{name}"'
+    if sort == "limits" and (not re.fullmatch("[a-zA-Z]\\w*", name) or name in _TAKEN):
+        return f"has the name {name}, which no key can have", "give it another"
+    for method, base in _FORMULAS.items():
+        if issubclass(kind, base) and getattr(kind, method) is getattr(base, method):
+            return f"has no method {method}", f"write {method} as in docs/architecture.md"
+    return _slip_of_formula(kind) if issubclass(kind, Formula) else None
+
+
+def _slip_of_formula(kind: Any) -> tuple[str, str] | None:
+    """Return what is wrong with the inputs or methods of a limit or objective; None if nothing."""
+    inputs = kind.inputs
+    if isinstance(inputs, property):
+        return None
+    if isinstance(inputs, str) or not inputs or not all(isinstance(each, str) for each in inputs):
+        problem = "names no inputs: the quantities that it is a formula of"
+        return problem, 'write inputs: ClassVar[tuple[str, ...]] = ("rotor_speed",), or others'
+    for name in inputs:
+        if name not in quantities.QUANTITIES:
+            return f"takes the unknown quantity {name}", quantities.nearest(name)
+    own_value = kind.value is not Formula.value
+    if issubclass(kind, Objective):
+        if kind.rate is Objective.rate and not own_value:
+            remedy = "write one of them as in docs/architecture.md"
+            return "has neither a rate over time nor a value of the design", remedy
+        if own_value and any(map(quantities.is_over_time, inputs)):
+            problem = "has a value of the design, but takes a quantity over time"
+            return problem, "write a rate instead, which is integrated"
+    elif not own_value and len(inputs) > 1:
+        return "takes several quantities and has no method value", "write value"
+    return None
+
+
+def _with_tag(kind: Any, attribute: str, name: str) -> Any:
+    """Return a class whose name is a field that a case may give, of one whose name is none."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of the name that becomes a field
+        tag: Any = (Literal[name], Field(name, description=(kind.__doc__ or "").strip()))
+        return create_model(kind.__name__, __base__=kind, __doc__=kind.__doc__, **{attribute: tag})
 
 
 BUILT_IN = Kinds(
@@ -141,6 +194,7 @@ BUILT_IN = Kinds(
         Taper,
     ),
     objectives=(CapturedEnergy, GeneratorEnergy, ElectricalEnergy),
+    aggregates=(Expected,),
 )
 """The kinds of the package."""
 

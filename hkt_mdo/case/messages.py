@@ -15,7 +15,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import dotted
 from hkt_mdo.sections import Section
 
-TAGS = {"inflow": "profile", "control": "law", "objective": "kind"}
+TAGS = {"inflow": "profile", "control": "law", "objective": "kind", "robustness": "measure"}
 """The sections of a case that name a kind, and the key that names it."""
 
 _SECTION = (
@@ -150,7 +150,7 @@ def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, d
         case "literal_error":
             problem, remedy = "unknown", _suggest(given, place.choices)
     section, _, name = key.rpartition(".")
-    if problem.startswith("unknown") and (section == "limits" or name in TAGS.values()):
+    if problem.startswith("unknown") and (section.endswith("limits") or name in TAGS.values()):
         remedy += "; one of your own needs --extend FILE"
     return key, problem, remedy, found
 

@@ -7,16 +7,24 @@ from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Union
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 
 import yaml
-from pydantic import Field, SerializeAsAny, ValidationError, create_model, model_validator
+from pydantic import (
+    Field,
+    SerializeAsAny,
+    Strict,
+    ValidationError,
+    create_model,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, Phase, Start
 from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kinds
 from hkt_mdo.case.messages import TAGS, translate
 from hkt_mdo.case.turbine import Fluid, Rotor, Site, own_keys
+from hkt_mdo.dynamics.aggregates import Aggregate, Expected
 from hkt_mdo.dynamics.flows import Inflow, SumInflow
 from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law
@@ -50,6 +58,29 @@ class Limits(Section):
         return tuple(value for value in values if isinstance(value, Limit))
 
 
+class FlowScenario(Section):
+    """One of several flows, for which one blade and one controller are designed.
+
+    What it does not say it takes from the case.
+    """
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z]\w*$", max_length=40)] | None = None
+    """Name of the scenario and of its tables: letters, digits and `_`; null: `flow_1`, and so
+    on."""
+    inflow: SerializeAsAny[Inflow] | None = None
+    """Inflow speed over time; null: that of the case."""
+    weight: Annotated[float, Quantity(ge=0)] = 1.0
+    """Share of time, over the sum of all weights. A scenario of weight 0 counts in no energy, and
+    its limits hold."""
+    duration: Annotated[float, Quantity("s", gt=0, le=3.2e7)] | None = None
+    """Duration; null: `phase.duration`, or that of the flow's record, or 60 s."""
+    segments: Annotated[int, Strict(), Field(ge=2, le=20000)] | None = None
+    """Number of collocation segments; null: as `phase.segments`."""
+    limits: SerializeAsAny[Limits] = Limits()
+    """Limits that hold in this scenario besides those of the case, or in place of those that the
+    case gives under the same names."""
+
+
 class Case(Section):
     """One experiment: a turbine in a flow under a control law, and how it is optimized."""
 
@@ -69,13 +100,22 @@ class Case(Section):
     limits: SerializeAsAny[Limits] = Limits()
     generator: Generator = Generator()
 
+    scenarios: SerializeAsAny[tuple[FlowScenario, ...]] = Field((), max_length=200)
+    """Several flows, for which one blade and one controller are designed; feedback laws share their
+    gains, an open loop has a trajectory in each. None: one, that of `inflow`."""
+    robustness: SerializeAsAny[Aggregate] = Expected()
+    """What unites the scenarios' mean powers to one objective; `measure` says which."""
+
     objective: SerializeAsAny[Objective] = CapturedEnergy()
-    """What is maximized; `kind` says which."""
+    """What is optimized; `kind` says which."""
     design: Design = Design()
     phase: Phase = Phase()
     start: Start = Start()
     hydrodynamics: Hydrodynamics = Hydrodynamics()
     driver: Driver = Driver()
+
+    version: Literal[1] = 1
+    """Version of the keys."""
 
     kinds: ClassVar[Kinds] = BUILT_IN
     """What cases of this class may name."""
@@ -94,6 +134,7 @@ class Case(Section):
         """
         if not isinstance(data, dict):
             return data
+        data = _scenarios_spelled_out(data)
         for key, tag in TAGS.items():
             if isinstance(data.get(key), str):
                 data = data | {key: {tag: data[key]}}
@@ -120,6 +161,7 @@ class Case(Section):
             problem = f"bounds one gain, and the law {control.law} has {len(control.gain_units)}"
             remedy = "leave design.gain_bounds out"
             raise refusal(problem, remedy, key="design.gain_bounds", value=list(design.gain_bounds))
+        self._check_scenarios()
         limited = {each.name for each in self.limits.given}
         if (
             isinstance(control, RatedFeedback)
@@ -155,6 +197,29 @@ class Case(Section):
                 raise refusal(problem, remedy, key=key, value=value)
         return self
 
+    def _check_scenarios(self) -> None:
+        """Refuse scenarios that share a name, weigh nothing, or limit what they do not own."""
+        names = [each.name for each in self.scenarios]
+        for number, scenario in enumerate(self.scenarios):
+            key = f"scenarios[{number}]"
+            if scenario.name in names[:number]:
+                problem, remedy = "is the name of two scenarios", "give each its own"
+                raise refusal(problem, remedy, key=f"{key}.name", value=scenario.name)
+            if scenario.limits.torque is not None:
+                problem = "is the controller's, which all scenarios share"
+                remedy = "give control.torque_limit"
+                value = scenario.limits.torque
+                raise refusal(problem, remedy, key=f"{key}.limits.torque", value=value)
+            for limit in scenario.limits.given:
+                if limit.place != "time":
+                    problem = "is a limit of the design, which all scenarios share"
+                    remedy = f"give it as limits.{limit.name}"
+                    raise refusal(problem, remedy, key=f"{key}.limits.{limit.name}", value="...")
+        if self.scenarios and not any(each.weight > 0.0 for each in self.scenarios):
+            problem, remedy = "weigh nothing together", "give one of them a weight above 0"
+            weights = [each.weight for each in self.scenarios]
+            raise refusal(problem, remedy, key="scenarios", value=weights)
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the values and the extensions: another process makes the class again."""
         again = partial(load_case, check_files=False, extensions=self.extensions)
@@ -179,6 +244,7 @@ class Case(Section):
         data = self.model_dump(mode="json")
         own = own_keys(data["rotor"])
         data["rotor"] |= {key: [] if key == "sections" else None for key in own}
+        data["scenarios"] = [_without_nulls(each) for each in data["scenarios"]]
         return data, own
 
     def with_overrides(self, *overrides: str) -> Case:
@@ -189,6 +255,33 @@ class Case(Section):
         """
         data, _ = self._without_own()
         return _make_case(data, overrides, self.kinds, file=f"case {self.name}")
+
+
+def _without_nulls(section: dict[str, Any]) -> dict[str, Any]:
+    """Return a section of a case without keys that are null, nor in the sections below."""
+    return {
+        key: _without_nulls(value) if isinstance(value, dict) else value
+        for key, value in section.items()
+        if value is not None
+    }
+
+
+def _scenarios_spelled_out(data: dict[str, Any]) -> dict[str, Any]:
+    """Return a case's data with names and flows of its scenarios; the case's flow is the first."""
+    given = data.get("scenarios")
+    if not isinstance(given, list | tuple) or not all(isinstance(each, dict) for each in given):
+        return data
+    scenarios = []
+    for number, scenario in enumerate(given, start=1):
+        spelled = dict(scenario)
+        if spelled.get("name") is None:
+            spelled["name"] = f"flow_{number}"
+        if isinstance(spelled.get("inflow"), str):
+            spelled["inflow"] = {TAGS["inflow"]: spelled["inflow"]}
+        scenarios.append(spelled)
+    data = data | {"scenarios": scenarios}
+    first = scenarios[0].get("inflow") if scenarios else None
+    return data if first is None else {"inflow": first} | data
 
 
 def _torque_limit_moved(data: dict[str, Any]) -> dict[str, Any]:
@@ -227,8 +320,21 @@ def case_class(kinds: Kinds) -> type[Case]:
         for each in kinds.limits
     }
     section = _subclass(Limits, **limits)
+    flow: Any = Annotated[Union[*profiles, total], Field(discriminator="profile")]
+    about = FlowScenario.model_fields["inflow"].description
+    scenario = _subclass(
+        FlowScenario,
+        inflow=(flow | None, Field(None, description=about)),
+        limits=(
+            section,
+            Field(section(), description=FlowScenario.model_fields["limits"].description),
+        ),
+    )
+    several = _BaseCase.model_fields["scenarios"].description
     made = _subclass(
         Case,
+        scenarios=(tuple[scenario, ...], Field((), max_length=200, description=several)),
+        robustness=_choice("robustness", kinds.aggregates),
         inflow=_choice("inflow", [*profiles, total]),
         control=_choice("control", kinds.laws),
         limits=(section, Field(section(), description=Limits.__doc__)),

@@ -11,7 +11,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import PrivateAttr
 
-from hkt_mdo.dynamics.slopes import STEP
+from hkt_mdo.dynamics.formulas import STEP
 from hkt_mdo.sections import Quantity, Section
 
 

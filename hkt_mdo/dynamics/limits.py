@@ -6,16 +6,15 @@ knows the formula. A limit of your own is a subclass of `Limit` (docs/architectu
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import PrivateAttr, model_validator
 
+from hkt_mdo.dynamics.formulas import Formula, slope
 from hkt_mdo.dynamics.laws import Law, OpenLoop
-from hkt_mdo.dynamics.slopes import slope
 from hkt_mdo.errors import InputError
-from hkt_mdo.quantities import QUANTITIES, is_over_time
+from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.sections import Quantity, Section
 
@@ -27,7 +26,7 @@ QUICK, LAG = 0.05, 5.0  # see `settled`
 LEAST = 5e-3  # recovery over a typical torque that a trajectory keeps; closer to stall it is slow
 
 
-class Limit(Section):
+class Limit(Formula):
     """A quantity that must stay between `lower` and `upper`.
 
     A limit that a case may give under `limits` has a `name`, a `unit` and usually one field,
@@ -40,8 +39,6 @@ class Limit(Section):
     """
 
     name: ClassVar[str] = ""
-    unit: ClassVar[str | None] = None
-    inputs: ClassVar[tuple[str, ...]] = ()
     lower: ClassVar[Any] = -np.inf
     bounded: ClassVar[bool] = False
     """Whether the bounds of the optimizer's own variables hold it, so that it is no constraint."""
@@ -64,12 +61,6 @@ class Limit(Section):
         return self
 
     @property
-    def series(self) -> dict[str, tuple[str | None, str]]:
-        """Unit and description of its inputs that change over time."""
-        known = (QUANTITIES[name] for name in self.inputs if is_over_time(name))
-        return {each.name: (each.unit, each.text) for each in known}
-
-    @property
     def place(self) -> str:
         """What its value is an array over: the "time", the "span" of the blade, or the "design"."""
         if self.series:
@@ -82,46 +73,15 @@ class Limit(Section):
         """Whether it is an upper bound on what changes over time."""
         return bool(self.place == "time" and np.isfinite(self.upper))
 
-    def is_of(self, names: Collection[str]) -> bool:
-        """Tell whether one of its inputs is among some quantities."""
-        return bool(set(names) & set(self.inputs))
-
     @property
     def upper(self) -> Any:
         """Upper bound, in `unit`."""
         bound = getattr(self, "bound", None)
         return np.inf if bound is None else bound
 
-    def value(self, **quantities: Any) -> Any:
-        """Return the limited quantity, in `unit`; by default the one input itself."""
-        (only,) = quantities.values()
-        return only
-
-    def value_of(self, quantities: Any) -> Any:
-        """Return the value from a mapping that holds its inputs, maybe among other quantities."""
-        return self.value(**{name: quantities[name] for name in self.inputs})
-
     def constrains(self, control: Law) -> bool:
         """Tell whether the optimization needs a constraint to hold it under a control law."""
         return not self.bounded
-
-    def partials(self, **quantities: Any) -> dict[str, np.ndarray]:
-        """Return the value's derivatives by each input, by complex step.
-
-        Parameters
-        ----------
-        **quantities
-            The inputs, by name, as `value` takes them.
-
-        Returns
-        -------
-        dict of array
-            By an input over time, where the value at an instant follows from the input then, of
-            shape (n_times,); by any other, (size of the value, size of the input).
-        """
-        return {
-            name: slope(self.value, quantities, name, name in self.series) for name in self.inputs
-        }
 
     def told(self, quantities: Any) -> np.ndarray:
         """Return the value as it is told: its size where both signs are limited alike."""

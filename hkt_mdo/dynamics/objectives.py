@@ -7,20 +7,19 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from hkt_mdo.sections import Section
+from hkt_mdo.dynamics.formulas import Formula
 
 
-class Objective(Section):
+class Objective(Formula):
     """The integral over time of a rate, or a value of the design.
 
-    Either `rate` or `value` is given. Both take the quantities that `inputs` names
+    A subclass has either `rate` or `value`. Both take the quantities that `inputs` names
     (`hkt_mdo.quantities`) as keyword arguments, as `Limit.value` does, and must accept complex
     numbers, too. Over several scenarios the mean of a rate is taken as `robustness` says.
     """
 
     kind: str
     """What is optimized."""
-    inputs: ClassVar[tuple[str, ...]] = ()
     unit: ClassVar[str | None] = "J"
     """Unit of the integral of the rate, or of the value."""
     maximize: ClassVar[bool] = True
@@ -31,10 +30,6 @@ class Objective(Section):
 
     def rate(self, **quantities: Any) -> Any:
         """Return the rate, `unit` a second, shape (n_times,)."""
-        raise NotImplementedError
-
-    def value(self, **quantities: Any) -> Any:
-        """Return the value of the design, a number in `unit`."""
         raise NotImplementedError
 
     @property
@@ -56,10 +51,6 @@ class Objective(Section):
         """Return the rate, shape (n_times,), from a trajectory and what is known of the design."""
         rate = self.rate(**{name: quantities[name] for name in self.inputs})
         return rate * np.ones(np.shape(quantities["time"]))
-
-    def value_of(self, quantities: Any) -> float:
-        """Return the value of the design from what is known of it."""
-        return float(np.real(self.value(**{name: quantities[name] for name in self.inputs})))
 
     def behind(self, objective: float, reference: float) -> float:
         """Return by which share of a reference an objective is worse; negative if it is better."""

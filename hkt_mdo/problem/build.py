@@ -23,11 +23,12 @@ from hkt_mdo.dynamics.limits import (
 )
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
-from hkt_mdo.dynamics.trajectory import LOADS, QUANTITIES, RATES
 from hkt_mdo.problem.components import (
     AboveComp,
+    AggregateComp,
+    AreaComp,
+    FormulaComp,
     IntegralComp,
-    LimitComp,
     LoadComp,
     TorqueRateComp,
 )
@@ -36,6 +37,7 @@ from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.problem.scenario import Scales, Scenario, add_phase, set_start
 from hkt_mdo.problem.setup import Setup, curve_nodes, find_start, steady_optimum
 from hkt_mdo.problem.start import THICKNESS_UNIT, TWIST_UNIT
+from hkt_mdo.quantities import QUANTITIES, RATES, is_over_time
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.components import (
     AngleComp,
@@ -111,13 +113,14 @@ def assemble(
     phases = _add_phases(model, physics, hydrodynamics, parameters, scales, bounds["rotor_speed"])
     _add_loads(model, physics, setup)
     _add_rates(model, physics)
-    for limit in (*physics.limits, *_distance_from_stall(physics, setup)):
+    _add_energies(model, physics)
+    for limit in physics.design_limits:
         if limit.constrains(physics.case.control):
-            # a limit on the design alone is the same in all scenarios
-            met = physics.scenarios if limit.place == "time" else physics.scenarios[:1]
-            for place, scenario in enumerate(met):
-                _add_limit(model, physics, setup, limit, place, scenario, scales)
-    for scenario in physics.scenarios:
+            _add_design_limit(model, physics, setup, limit)
+    for number, scenario in enumerate(physics.scenarios):
+        for limit in (*physics.limits_in(scenario), *_distance_from_stall(physics, setup)):
+            if limit.constrains(physics.case.control):
+                _add_limit(model, physics, setup, limit, number, scales)
         if scenario.mesh.final_speed == "initial":
             _close_cycle(model, scenario, scales)
     _add_attached(model, physics, setup)
@@ -195,7 +198,10 @@ def _add_design(model, physics, setup, bounds):
         if name != "rotor_radius" or physics.shape.radius_bounds is not None:
             low, high = bounds[name]
             model.add_design_var(name, lower=low, upper=high, ref=ref, units=units)
-    design.add_output("density", physics.density, units="kg/m**3", desc="density of the water")
+    design.add_output("density", physics.density, **QUANTITIES["density"].meta)
+    if not thickness.size and physics.asks_for("thickness"):
+        given = np.broadcast_to(physics.thickness, start.blade.r.shape)
+        design.add_output("thickness", given, **QUANTITIES["thickness"].meta)
     for i, units in enumerate(physics.gain_units):
         name, (low, high) = f"gain_{i}", bounds["gain"]
         design.add_output(name, start.gains[i], units=units, desc="feedback gain")
@@ -218,6 +224,8 @@ def _add_rotor(model, physics, setup):
         hub_inertia=case.rotor.hub_inertia,
     )
     model.add_subsystem("inertia", inertia, promotes=["*"])
+    if physics.asks_for("blade_area"):
+        model.add_subsystem("planform", AreaComp(blade=blade), promotes=["*"])
     solver = {"polar": physics.polar, "coefficients": BEM[case.hydrodynamics.bem]}
     parameters = {"density": "kg/m**3", "inertia": "kg*m**2", "rotor_radius": "m"}
     if physics.has_curve:
@@ -290,7 +298,7 @@ def _add_loads(model, physics, setup):
 
 def _add_rates(model, physics):
     """Add the rate of the control torque, if the case limits it, at the nodes of every phase."""
-    if not any(RATES.keys() & set(limit.inputs) for limit in physics.limits):
+    if not any(map(physics.asks_for, RATES)):
         return
     for scenario in physics.scenarios:
         place = f"rates_{scenario.name}"
@@ -299,17 +307,17 @@ def _add_rates(model, physics):
 
 
 def _source(scenario, name) -> str:
-    """Return where the values over time of a quantity, a load or a rate are in the model."""
-    places = {"loads": LOADS, "rates": RATES}
-    made = (f"{place}_{scenario.name}" for place, names in places.items() if name in names)
-    return f"{next(made, scenario.path)}.{name}"
+    """Return where the values over time of a quantity, or of a law's state, are in the model."""
+    source = QUANTITIES[name].source if name in QUANTITIES else "trajectory"
+    home = scenario.path if source == "trajectory" else f"{source}_{scenario.name}"
+    return f"{home}.{name}"
 
 
-def constraint_of(limit: Limit, place: int, scenario: Scenario) -> str:
-    """Return the name of the constraint that holds a limit in a scenario, the place-th of all."""
-    if limit.inputs == (limit.name,) and limit.series:  # a quantity of the trajectory
-        return _source(scenario, limit.name)
-    return f"limit_{limit.name}{f'_{scenario.name}' * (place > 0)}.value"
+def constraint_of(limit: Limit, number: int, scenario: Scenario) -> str:
+    """Return the name of the constraint that holds a limit over time in the number-th scenario."""
+    if type(limit).value is Limit.value and len(limit.inputs) == 1:  # a quantity as it is
+        return _source(scenario, limit.inputs[0])
+    return f"limit_{limit.name}{f'_{scenario.name}' * (number > 0)}.value"
 
 
 def limited_nodes(limit: Limit, scenario: Scenario) -> np.ndarray:
@@ -318,51 +326,67 @@ def limited_nodes(limit: Limit, scenario: Scenario) -> np.ndarray:
     One where two segments meet: a limit that is held there twice has no definite multipliers. The
     rate of the torque alone may differ from one segment to the other.
     """
-    if RATES.keys() & set(limit.inputs):
-        return np.arange(scenario.node_times.size)
-    return scenario.distinct_nodes
+    return np.arange(scenario.node_times.size) if limit.is_of(RATES) else scenario.distinct_nodes
 
 
-def _add_limit(
-    model, physics, setup, limit: Limit, place: int, scenario: Scenario, scales: Scales
-) -> None:
-    """Constrain a limit at the nodes of a scenario's phase."""
-    ref = None
-    nodes = np.arange(physics.blade.r.size if limit.place == "span" else 1)
-    if limit.place == "time":
-        nodes = limited_nodes(limit, scenario)
+def _add_limit(model, physics, setup, limit: Limit, number: int, scales: Scales) -> None:
+    """Constrain a limit over time at the nodes of the phase of the number-th scenario."""
+    scenario, ref = physics.scenarios[number], None
+    nodes = limited_nodes(limit, scenario)
     if isinstance(limit, DistanceFromStall):
-        nodes, ref = _near_stall(physics, setup, limit, place, scenario), scales.torque
-    elif limit.name in QUANTITIES and limit.unit == "N*m":
+        nodes, ref = _near_stall(physics, setup, limit, number, scenario), scales.torque
+    elif limit.is_of(["control_torque"]) and limit.unit == "N*m":
         ref = scales.torque
     bounds = {"lower": limit.lower if np.isfinite(limit.lower) else None, "upper": None}
     if np.isfinite(limit.upper):
-        bounds["upper"] = np.full(nodes.size, limit.upper)
-        if limit.place == "time":
-            less = (1.0 - setup.share_at(limit, scenario, nodes)) * abs(limit.upper)
-            bounds["upper"] = limit.upper - less
-            if bounds["lower"] is not None:
-                bounds["lower"] = limit.lower + less
-        ref = ref or abs(limit.upper)
-    constraint = constraint_of(limit, place, scenario)
-    name, series = constraint.removesuffix(".value"), list(limit.series)
+        less = (1.0 - setup.share_at(limit, scenario, nodes)) * abs(limit.upper)
+        bounds["upper"] = limit.upper - less
+        if bounds["lower"] is not None:
+            bounds["lower"] = limit.lower + less
+    about = {"ref": ref or _size(limit), "units": limit.unit}
+    constraint = constraint_of(limit, number, scenario)
+    name = constraint.removesuffix(".value")
     if name == constraint:
-        about = {"indices": nodes, "flat_indices": True} if limit.place == "time" else {}
-        model.add_constraint(constraint, ref=ref, units=limit.unit, **about, **bounds)
-        return
-    component = LimitComp(
-        num_nodes=nodes.size,
-        limit=limit,
-        table_nodes=setup.nodes.size,
+        about |= {"indices": nodes, "flat_indices": True}
+    else:
+        _add_formula(model, physics, setup, name, limit, nodes.size, n_times=nodes.size)
+        for quantity in limit.series:
+            source = _source(scenario, quantity)
+            model.connect(source, f"{name}.{quantity}", src_indices=om.slicer[nodes, :])
+    model.add_constraint(constraint, **about, **bounds)
+
+
+def _add_design_limit(model, physics, setup, limit: Limit) -> None:
+    """Constrain a limit on what is known of the design or of the result."""
+    name, size = f"limit_{limit.name}", np.size(limit.value_of(physics.on_start(setup.start)[0]))
+    _add_formula(model, physics, setup, name, limit, size)
+    ends = {"lower": limit.lower, "upper": limit.upper}
+    bounds = {end: value if np.all(np.isfinite(value)) else None for end, value in ends.items()}
+    model.add_constraint(f"{name}.value", ref=_size(limit), units=limit.unit, **bounds)
+
+
+def _size(limit) -> float:
+    """Return the magnitude of a limit's bounds; 1 where they are none."""
+    ends = np.abs(np.hstack((limit.lower, limit.upper)))
+    return float(np.max(ends[np.isfinite(ends)], initial=0.0)) or 1.0
+
+
+def _add_formula(model, physics, setup, name, formula, size, outputs=(), **about) -> None:
+    """Add a formula, fed by the model with all but what it takes over time."""
+    component = FormulaComp(
+        formula=formula,
+        size=size,
+        n_stations=physics.blade.r.size,
+        n_table=setup.nodes.size,
         gain_units=physics.gain_units,
+        **about,
     )
-    gains = [f"gain_{i}" for i in range(len(physics.gain_units))] * ("gains" in limit.inputs)
-    scalars = [name for name in limit.inputs if name not in (*series, "gains")]
-    model.add_subsystem(name, component, promotes_inputs=[*scalars, *gains])
-    for quantity in series:
-        source, target = _source(scenario, quantity), f"{name}.{quantity}"
-        model.connect(source, target, src_indices=om.slicer[nodes, :])
-    model.add_constraint(constraint, ref=ref, units=limit.unit, **bounds)
+    gains = [f"gain_{i}" for i in range(len(physics.gain_units))] * ("gains" in formula.inputs)
+    series = {*formula.series, "gains"}
+    inputs = [each for each in formula.inputs if each not in series]
+    model.add_subsystem(
+        name, component, promotes_inputs=[*inputs, *gains], promotes_outputs=list(outputs)
+    )
 
 
 def _add_attached(model, physics, setup):
@@ -403,29 +427,80 @@ def _near_stall(physics, setup, limit, place, scenario):
     return np.flatnonzero(margin <= max(NEAR, np.sort(margin)[min(FEWEST_NEAR, margin.size - 1)]))
 
 
-def _add_objective(model, physics, setup):
-    """Add the energies and the objective: integrals over all scenarios."""
+def _add_integrals(model, physics, name, integrands, weights, **about):
+    """Add the integrals of some rates over all scenarios, fed by the model."""
+    component = IntegralComp(
+        weights=weights, integrands=integrands, n_stations=physics.blade.r.size, **about
+    )
+    needed = {each for integrand in integrands.values() for each in integrand.inputs}
+    fixed = sorted(each for each in needed if not is_over_time(each))
+    model.add_subsystem(name, component, promotes_inputs=fixed, promotes_outputs=["*"])
+    for scenario in physics.scenarios:
+        for quantity in sorted(filter(is_over_time, needed)):
+            target = f"{name}.{scenario.name}:{quantity}"
+            model.connect(_source(scenario, quantity), target)
+
+
+def _add_energies(model, physics):
+    """Add the energies of all scenarios together."""
     integrands = {
         "energy": CapturedEnergy(),
         "generator_energy": GeneratorEnergy(),
         "electrical_energy": ElectricalEnergy(),
-        "objective": physics.objective,
     }
     weights = {each.name: each.weight * each.node_weights for each in physics.scenarios}
-    component = IntegralComp(weights=weights, integrands=integrands)
-    model.add_subsystem("integrals", component, promotes_outputs=["*"])
-    needed = {name for each in integrands.values() for name in each.inputs}
-    scalars = [name for name in needed if name not in QUANTITIES]
-    model.promotes("integrals", inputs=scalars)
-    for scenario in physics.scenarios:
-        for name in needed & QUANTITIES.keys():
-            model.connect(f"{scenario.path}.{name}", f"integrals.{scenario.name}:{name}")
-    # designs differ by parts in a thousand: a tenth of the energy makes those visible to the
-    # tolerance; a start that stalls may capture nothing
+    _add_integrals(model, physics, "integrals", integrands, weights)
+
+
+def _add_objective(model, physics, setup):
+    """Add the objective: an aggregate of the scenarios' mean rates, or a value of the design."""
+    objective, reference = physics.objective, _objective_reference(physics, setup)
+    if objective.is_rate:
+        groups = list(physics.shares)
+        rows = {each.name: groups.index(each.group) for each in physics.scenarios}
+        weights = {each.name: each.node_weights / each.mesh.duration for each in physics.scenarios}
+        about = {"rows": rows, "mean": True}
+        _add_integrals(model, physics, "rates", {"mean_rate": objective}, weights, **about)
+        _add_aggregate(model, physics, setup, reference)
+    else:
+        outputs = [("value", "objective")]
+        _add_formula(model, physics, setup, "design_value", objective, 1, outputs)
+    model.add_objective("objective", ref=-objective.sign * reference, units=objective.unit)
+
+
+def _objective_reference(physics, setup) -> float:
+    """Return a reference magnitude of the objective, in its unit.
+
+    Designs differ by parts in a thousand: a tenth of the objective makes those visible to the
+    tolerance. A start that stalls may capture nothing.
+    """
+    if not physics.objective.is_energy:
+        return 0.1 * abs(physics.objective_at(setup.start)) or 1.0
     passing = sum(
         each.weight * float(each.sample_weights @ each.inflow.speed_at(each.samples) ** 3)
         for each in physics.scenarios
     )
     passing *= physics.density * setup.start.blade.rotor_radius**2
-    reference = 0.1 * max(setup.start.operation.energy, 0.05 * passing)
-    model.add_objective("objective", ref=-reference, units="J")
+    return 0.1 * max(setup.start.operation.energy, 0.05 * passing)
+
+
+def _add_aggregate(model, physics, setup, reference):
+    """Add what unites the scenarios, its unknowns and its rows."""
+    aggregate, shares = physics.aggregate, np.array(list(physics.shares.values()))
+    rates = physics.mean_rates(physics.on_start(setup.start))
+    unknowns = aggregate.best_unknowns(rates, shares)
+    n_rows = np.size(aggregate.rows(rates, shares, unknowns))
+    component = AggregateComp(
+        aggregate=aggregate,
+        shares=shares,
+        duration=physics.duration,
+        unit=physics.objective.unit,
+        n_rows=n_rows,
+    )
+    model.add_subsystem("aggregate", component, promotes=["*"])
+    scale = reference / physics.duration
+    if unknowns.size:
+        model.design.add_output("unknowns", unknowns, desc="unknowns of the aggregate")
+        model.add_design_var("unknowns", ref=scale)
+    if n_rows:
+        model.add_constraint("rows", lower=0.0, ref=scale)

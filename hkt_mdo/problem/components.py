@@ -1,16 +1,14 @@
-"""Limits and objectives as OpenMDAO components; the formulas are those of `hkt_mdo.dynamics`."""
+"""Loads, limits and objectives as OpenMDAO components; formulas are those of the kinds."""
 
 import numpy as np
 import openmdao.api as om
 
-from hkt_mdo.dynamics.limits import STEP, Limit
-from hkt_mdo.dynamics.rotor_ode import FIXED
-from hkt_mdo.dynamics.trajectory import LOADS, QUANTITIES, RATES
-from hkt_mdo.rotor.loads import COEFFICIENT_UNITS
+from hkt_mdo.dynamics.aggregates import Aggregate
+from hkt_mdo.dynamics.formulas import Formula, slope
+from hkt_mdo.quantities import QUANTITIES, is_over_time
+from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.planform import area_weights
 from hkt_mdo.rotor.torque_curve import TorqueSpline
-
-SCALARS = {name: FIXED[name] for name in ("rotor_radius", "density", "inertia")}
-"""Unit and description of what limits and objectives may take from the design."""
 
 
 class AboveComp(om.ExplicitComponent):
@@ -50,18 +48,15 @@ class LoadComp(om.ExplicitComponent):
     def setup(self):
         n, nodes = self.options["num_nodes"], self.options["spline"].nodes
         for name in ("rotor_speed", "inflow_speed"):
-            units, text = QUANTITIES[name]
-            self.add_input(name, shape=(n, 1), units=units, desc=text)
+            self.add_input(name, shape=(n, 1), **QUANTITIES[name].meta)
         for name in ("rotor_radius", "density"):
-            units, text = SCALARS[name]
-            self.add_input(name, units=units, desc=text)
+            self.add_input(name, **QUANTITIES[name].meta)
         rows = np.arange(n)
         for name in self.options["names"]:
-            units, text = LOADS[name]
-            table = f"{name}_table"
-            unit = COEFFICIENT_UNITS[name]
-            self.add_input(table, shape=nodes.shape, units=unit, desc=f"{name} over 0.5 rho v^2")
-            self.add_output(name, shape=(n, 1), units=units, desc=text)
+            load, table = QUANTITIES[name], f"{name}_table"
+            about = {"units": load.per_pressure, "desc": f"{name} over 0.5 rho v^2"}
+            self.add_input(table, shape=nodes.shape, **about)
+            self.add_output(name, shape=(n, 1), **load.meta)
             for scalar in ("rotor_radius", "density", table):
                 self.declare_partials(name, scalar)
             for each in ("rotor_speed", "inflow_speed"):
@@ -106,12 +101,8 @@ class TorqueRateComp(om.ExplicitComponent):
     def setup(self):
         matrix = self.options["matrix"].tocoo()
         shape = matrix.shape[0], 1
-        for add, known, name in (
-            (self.add_input, QUANTITIES, "control_torque"),
-            (self.add_output, RATES, "torque_rate"),
-        ):
-            units, text = known[name]
-            add(name, shape=shape, units=units, desc=text)
+        self.add_input("control_torque", shape=shape, **QUANTITIES["control_torque"].meta)
+        self.add_output("torque_rate", shape=shape, **QUANTITIES["torque_rate"].meta)
         rows, cols = matrix.coords
         self.declare_partials("*", "*", rows=rows, cols=cols, val=matrix.data)
 
@@ -119,72 +110,112 @@ class TorqueRateComp(om.ExplicitComponent):
         outputs["torque_rate"] = self.options["matrix"] @ inputs["control_torque"]
 
 
-class LimitComp(om.ExplicitComponent):
-    """The value of a limit at some nodes of a phase.
+class AreaComp(om.ExplicitComponent):
+    """Planform area of all blades, see `planform_area`.
 
-    Inputs: what the limit names, its `series`[num_nodes, 1] and scalars of the
-    design; torque_coefficient_table[n_nodes] and one scalar gain_0, gain_1, … where it asks for
-    them; chord[num_nodes] of a limit along the span. Output value[num_nodes] in the limit's unit.
+    Inputs chord[n_stations] (m), rotor_radius (m), with which the stations move; output
+    blade_area (m**2).
     """
 
     def initialize(self):
-        self.options.declare("num_nodes", types=int)
-        self.options.declare("limit", types=Limit, recordable=False)
-        self.options.declare("table_nodes", default=0, desc="number of nodes of the torque curve")
-        self.options.declare("gain_units", default=(), types=tuple)
+        self.options.declare("blade", types=Blade, recordable=False, desc="the blade at the start")
 
     def setup(self):
-        limit, n = self.options["limit"], self.options["num_nodes"]
-        for name in limit.inputs:
-            if name in limit.series:
-                units, text = limit.series[name]
-                self.add_input(name, shape=(n, 1), units=units, desc=text)
-            elif name in SCALARS:
-                units, text = SCALARS[name]
-                self.add_input(name, units=units, desc=text)
-            elif name == "chord":
-                self.add_input(name, shape=(n,), units="m", desc=FIXED[name][1])
-            elif name == "gains":
-                for i, units in enumerate(self.options["gain_units"]):
+        blade = self.options["blade"]
+        self._weights = area_weights(blade) / blade.rotor_radius
+        self.add_input("chord", shape=blade.r.shape, **QUANTITIES["chord"].meta)
+        self.add_input("rotor_radius", **QUANTITIES["rotor_radius"].meta)
+        self.add_output("blade_area", **QUANTITIES["blade_area"].meta)
+        self.declare_partials("*", "*")
+
+    def compute(self, inputs, outputs):
+        outputs["blade_area"] = inputs["rotor_radius"] * (self._weights @ inputs["chord"])
+
+    def compute_partials(self, inputs, partials):
+        partials["blade_area", "chord"] = inputs["rotor_radius"] * self._weights
+        partials["blade_area", "rotor_radius"] = self._weights @ inputs["chord"]
+
+
+def _add_known(component, name, place, n_times, n_stations):
+    """Add a quantity of the registry as a component's input."""
+    shapes = {"time": (n_times, 1), "span": (n_stations,)}
+    shape = shapes.get(QUANTITIES[name].over, (1,))
+    component.add_input(place, shape=shape, **QUANTITIES[name].meta)
+
+
+def _known(name, value):
+    """Return an input as formulas take it: an array over time or span, a number else."""
+    over = QUANTITIES[name].over
+    return value[:, 0] if over == "time" else value if over == "span" else value[0]
+
+
+class FormulaComp(om.ExplicitComponent):
+    """The value of a limit at some nodes of a phase, or that of a limit or objective of the design.
+
+    Inputs: what the formula names, its `series`[n_times, 1], quantities along the span
+    [n_stations] and of the design; torque_coefficient_table[n_nodes] and one scalar gain_0,
+    gain_1, … where it asks for them. Output value[size] in the formula's unit.
+    """
+
+    def initialize(self):
+        declare = self.options.declare
+        declare("formula", types=Formula, recordable=False)
+        declare("size", default=1, types=int, desc="of the value")
+        declare("n_times", default=1, types=int)
+        declare("n_stations", default=1, types=int)
+        declare("n_table", default=0, types=int, desc="number of nodes of the torque curve")
+        declare("gain_units", default=(), types=tuple)
+
+    def setup(self):
+        options, formula = self.options, self.options["formula"]
+        for name in formula.inputs:
+            if name == "gains":
+                for i, units in enumerate(options["gain_units"]):
                     self.add_input(f"gain_{i}", units=units, desc="feedback gain")
-            else:
-                size = self.options["table_nodes"]
-                self.add_input(name, shape=(size,), desc="torque coefficient of the curve")
-        self.add_output("value", shape=(n,), units=limit.unit, desc=type(limit).__doc__)
+            elif name == "torque_coefficient_table":
+                text = "torque coefficient of the curve"
+                self.add_input(name, shape=(options["n_table"],), desc=text)
+            elif name in QUANTITIES:
+                _add_known(self, name, name, options["n_times"], options["n_stations"])
+            else:  # a state of the control law
+                units, text = formula.series[name]
+                self.add_input(name, shape=(options["n_times"], 1), units=units, desc=text)
+        text = type(formula).__doc__
+        self.add_output("value", shape=(options["size"],), units=formula.unit, desc=text)
 
     def setup_partials(self):
-        rows = np.arange(self.options["num_nodes"])
-        for name in self.options["limit"].inputs:
-            if name in self.options["limit"].series:
+        rows = np.arange(self.options["size"])
+        for name in self.options["formula"].inputs:
+            if name in self.options["formula"].series:
                 self.declare_partials("value", name, rows=rows, cols=rows)
             else:
                 self.declare_partials("value", "gain_*" if name == "gains" else name)
 
     def _quantities(self, inputs):
-        """Return the limit's quantities: arrays over time, scalars, table and gains."""
-        found = {}
-        for name in self.options["limit"].inputs:
+        """Return what the formula takes: arrays over time and span, numbers, table and gains."""
+        given = {}
+        for name in self.options["formula"].inputs:
             if name == "gains":
                 count = len(self.options["gain_units"])
-                found[name] = np.array([inputs[f"gain_{i}"][0] for i in range(count)])
-            elif name in self.options["limit"].series:
-                found[name] = inputs[name][:, 0]
+                given[name] = np.array([inputs[f"gain_{i}"][0] for i in range(count)])
+            elif name == "torque_coefficient_table":
+                given[name] = inputs[name]
             else:
-                found[name] = inputs[name][0] if name in SCALARS else inputs[name]
-        return found
+                given[name] = _known(name, inputs[name]) if name in QUANTITIES else inputs[name][:, 0]
+        return given
 
     def compute(self, inputs, outputs):
-        outputs["value"] = self.options["limit"].value(**self._quantities(inputs))
+        outputs["value"] = self.options["formula"].value(**self._quantities(inputs))
 
     def compute_partials(self, inputs, partials):
-        for name, by in self.options["limit"].partials(**self._quantities(inputs)).items():
+        for name, by in self.options["formula"].partials(**self._quantities(inputs)).items():
             if name == "gains":
                 for i, column in enumerate(by.T):
                     partials["value", f"gain_{i}"] = column[:, None]
-            elif name in self.options["limit"].series:
+            elif name in self.options["formula"].series:
                 partials["value", name] = by
             else:
-                partials["value", name] = by.reshape(self.options["num_nodes"], -1)
+                partials["value", name] = by.reshape(self.options["size"], -1)
 
 
 class IntegralComp(om.ExplicitComponent):
@@ -194,63 +225,134 @@ class IntegralComp(om.ExplicitComponent):
     collocated state would be the same numbers. The sum needs no unknowns: the optimizer cannot
     trade energy against defects.
 
-    Inputs: `scenario:quantity`[num_nodes, 1] for each quantity of the trajectory that an integrand
-    names, and scalars of the design; outputs: the integral (J) of each integrand.
+    Inputs: `scenario:quantity`[num_nodes, 1] for each quantity over time that an integrand names,
+    others by their names; outputs: the integral of each integrand, in its unit, one for each row.
     """
 
     def initialize(self):
-        self.options.declare("weights", types=dict, desc="quadrature weights (s) by scenario")
-        self.options.declare(
-            "integrands", types=dict, desc="`Objective` by output", recordable=False
-        )
+        declare = self.options.declare
+        declare("weights", types=dict, desc="quadrature weights (s) by scenario")
+        declare("integrands", types=dict, desc="`Objective` by output", recordable=False)
+        declare("rows", default={}, types=dict, desc="row of each scenario; by default 0")
+        declare("mean", default=False, desc="whether the weights are shares, and outputs are rates")
+        declare("n_stations", default=1, types=int)
 
     def _places(self, integrand, scenario):
         """Return the input that holds each quantity of an integrand."""
         return {
-            name: f"{scenario}:{name}" if name in QUANTITIES else name for name in integrand.inputs
+            name: f"{scenario}:{name}" if is_over_time(name) else name for name in integrand.inputs
         }
 
     def setup(self):
-        declared = set()
-        for output, integrand in self.options["integrands"].items():
-            self.add_output(output, units="J", desc=type(integrand).__doc__)
-            for scenario, weights in self.options["weights"].items():
+        options, declared = self.options, set()
+        size = 1 + max(options["rows"].values(), default=0)
+        for output, integrand in options["integrands"].items():
+            unit = integrand.unit
+            if options["mean"]:
+                unit = f"({unit})/s" if unit else "1/s"
+            self.add_output(output, shape=(size,), units=unit, desc=type(integrand).__doc__)
+            for scenario, weights in options["weights"].items():
                 for name, place in self._places(integrand, scenario).items():
-                    if place in declared:
-                        continue
-                    declared.add(place)
-                    units, text = (QUANTITIES | SCALARS)[name]
-                    shape = (weights.size, 1) if name in QUANTITIES else (1,)
-                    self.add_input(place, shape=shape, units=units, desc=text)
+                    if place not in declared:
+                        declared.add(place)
+                        _add_known(self, name, place, weights.size, options["n_stations"])
 
     def setup_partials(self):
+        rows = self.options["rows"]
         for output, integrand in self.options["integrands"].items():
-            for scenario in self.options["weights"]:
-                self.declare_partials(output, list(self._places(integrand, scenario).values()))
+            for scenario, weights in self.options["weights"].items():
+                cols = np.arange(weights.size)
+                at = {"rows": np.full(cols.size, rows.get(scenario, 0)), "cols": cols}
+                for name, place in self._places(integrand, scenario).items():
+                    self.declare_partials(output, place, **(at if is_over_time(name) else {}))
 
     def compute(self, inputs, outputs):
+        rows = self.options["rows"]
         for output, integrand in self.options["integrands"].items():
-            outputs[output] = sum(
-                weights @ (integrand.rate(**values) * np.ones(weights.size))
-                for _, weights, values in self._each(integrand, inputs)
-            )
+            total = np.zeros(outputs[output].shape)
+            for scenario, _, weights, values in self._each(integrand, inputs):
+                rate = integrand.rate(**values) * np.ones(weights.size)
+                total[rows.get(scenario, 0)] += weights @ rate
+            outputs[output] = total
 
     def compute_partials(self, inputs, partials):
+        rows = self.options["rows"]
         for output, integrand in self.options["integrands"].items():
-            for name in integrand.inputs:
-                total = 0.0
-                for places, weights, values in self._each(integrand, inputs):
-                    moved = {**values, name: values[name] + 1j * STEP}
-                    by = weights * np.imag(integrand.rate(**moved)) / STEP
-                    total = total + by.sum() if name in SCALARS else by[None, :]
-                    partials[output, places[name]] = total
+            dense = {}
+            for scenario, places, weights, values in self._each(integrand, inputs):
+                for name, place in places.items():
+                    if is_over_time(name):
+                        by = slope(integrand.rate, values, name, diagonal=True)
+                        partials[output, place] = weights * by
+                        continue
+                    by = slope(integrand.rate, values, name, diagonal=False)
+                    total = np.zeros((self._size(output), by.shape[1]))
+                    total[rows.get(scenario, 0)] = weights @ (by * np.ones((weights.size, 1)))
+                    dense[place] = dense.get(place, 0.0) + total
+            for place, by in dense.items():
+                partials[output, place] = by
+
+    def _size(self, output):
+        return self._var_rel2meta[output]["size"]
 
     def _each(self, integrand, inputs):
-        """Yield the inputs' names, the weights and the quantities of each scenario."""
+        """Yield each scenario, its inputs' names, its weights and its quantities."""
         for scenario, weights in self.options["weights"].items():
             places = self._places(integrand, scenario)
-            values = {
-                name: inputs[place][:, 0] if name in QUANTITIES else inputs[place][0]
-                for name, place in places.items()
-            }
-            yield places, weights, values
+            values = {name: _known(name, inputs[place]) for name, place in places.items()}
+            yield scenario, places, weights, values
+
+
+class AggregateComp(om.ExplicitComponent):
+    """The objective: a duration times the aggregate of the scenarios' mean rates.
+
+    Inputs mean_rate[n_scenarios], unknowns[n_unknowns] where the aggregate has some; outputs
+    objective and, where the aggregate has some, rows[n_rows], which must not be negative.
+    """
+
+    def initialize(self):
+        declare = self.options.declare
+        declare("aggregate", types=Aggregate, recordable=False)
+        declare("shares", types=np.ndarray, desc="shares of time of the scenarios")
+        declare("duration", types=float, desc="s")
+        declare("unit", default=None, allow_none=True, desc="of the objective")
+        declare("n_rows", default=0, types=int)
+
+    def setup(self):
+        options, unit = self.options, self.options["unit"]
+        rate = f"({unit})/s" if unit else "1/s"
+        self.add_input("mean_rate", shape=options["shares"].shape, units=rate)
+        if options["aggregate"].n_unknowns:
+            self.add_input("unknowns", shape=(options["aggregate"].n_unknowns,), units=rate)
+        self.add_output("objective", units=unit, desc="what is optimized")
+        if options["n_rows"]:
+            self.add_output("rows", shape=(options["n_rows"],), units=rate)
+        self.declare_partials("*", "*")
+
+    def _given(self, inputs):
+        unknowns = inputs["unknowns"] if self.options["aggregate"].n_unknowns else np.empty(0)
+        return {"mean_rate": inputs["mean_rate"], "unknowns": unknowns}
+
+    def _functions(self):
+        """Return the function that gives each output, of mean rates and unknowns."""
+        aggregate, shares = self.options["aggregate"], self.options["shares"]
+        duration = self.options["duration"]
+        functions = {"objective": lambda mean_rate, unknowns: (
+            duration * aggregate.value(mean_rate, shares, unknowns)
+        )}
+        if self.options["n_rows"]:
+            functions["rows"] = lambda mean_rate, unknowns: aggregate.rows(
+                mean_rate, shares, unknowns
+            )
+        return functions
+
+    def compute(self, inputs, outputs):
+        for name, function in self._functions().items():
+            outputs[name] = function(**self._given(inputs))
+
+    def compute_partials(self, inputs, partials):
+        given = self._given(inputs)
+        for output, function in self._functions().items():
+            for name in given:
+                if given[name].size:
+                    partials[output, name] = slope(function, given, name, diagonal=False)

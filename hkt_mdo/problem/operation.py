@@ -45,6 +45,7 @@ def in_operation(
         problem = f"divides the operation into {count} intervals, and {MOST_INTERVALS} are possible"
         remedy = "give another one, a lower cutoff of the flow or a shorter phase.duration"
         raise InputError(problem, remedy, **place)
+    prefix = "" if whole.name == "phase" else f"{whole.name}_"
     still = total - float(np.sum(lengths[kept]))
     told = (
         f"control.cut_out = {cut_out:g} m/s: standstill for {still:.4g} s of {total:.6g} s "
@@ -58,7 +59,8 @@ def in_operation(
     scenarios = (
         replace(
             whole,
-            name=f"interval_{number}",
+            name=f"{prefix}interval_{number}",
+            interval_of=whole.name,
             edges=np.linspace(begin, end, max(int(np.ceil((end - begin) / segment - 1e-9)), 2) + 1),
         )
         for number, (begin, end) in enumerate(spans[kept], start=1)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.case import Case
+from hkt_mdo.dynamics.aggregates import Aggregate
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import FeedbackLaw
@@ -21,19 +22,26 @@ from hkt_mdo.dynamics.limits import (
     Limit,
     TorqueLimit,
 )
-from hkt_mdo.dynamics.objectives import ElectricalEnergy, Objective
+from hkt_mdo.dynamics.objectives import (
+    CapturedEnergy,
+    ElectricalEnergy,
+    GeneratorEnergy,
+    Objective,
+)
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
-from hkt_mdo.dynamics.trajectory import LOADS, RATES, quantities
+from hkt_mdo.dynamics.trajectory import quantities
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.contradictions import redundant_limits, refuse_contradictions
 from hkt_mdo.problem.operation import in_operation
 from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
 from hkt_mdo.problem.turbine import Turbine, build_turbine
+from hkt_mdo.quantities import LOADS, RATES, names
 from hkt_mdo.rotor import bem, ccblade
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.loads import Cavitation, LoadModel
+from hkt_mdo.rotor.planform import planform_area
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.shape import Shape
@@ -86,11 +94,76 @@ class Physics:
         """Return the polars of a blade, as `polar`, at its thickness where that is designed."""
         return as_built(self.polar, blade)
 
+    def limits_in(self, scenario: Scenario) -> tuple[Limit, ...]:
+        """Return the limits over time that hold in a scenario."""
+        if scenario.limits is not None:
+            return scenario.limits
+        return tuple(limit for limit in self.limits if limit.place == "time")
+
+    @property
+    def design_limits(self) -> tuple[Limit, ...]:
+        """The limits on what is known of the design or of the result."""
+        return tuple(limit for limit in self.limits if limit.place != "time")
+
+    @cached_property
+    def all_limits(self) -> tuple[Limit, ...]:
+        """The limits of the design, and those over time of all scenarios, each once."""
+        over_time = (limit for each in self.scenarios for limit in self.limits_in(each))
+        return *dict.fromkeys(over_time), *self.design_limits
+
+    def asks_for(self, name: str) -> bool:
+        """Tell whether the objective or a limit takes a quantity."""
+        return any(name in each.inputs for each in (*self.all_limits, self.objective))
+
     @property
     def load_names(self) -> tuple[str, ...]:
-        """Names of the loads that the case limits."""
-        used = {name for limit in self.limits for name in limit.inputs}
-        return tuple(name for name in LOADS if name in used)
+        """Names of the loads that limits and objective ask for."""
+        return tuple(filter(self.asks_for, LOADS))
+
+    @property
+    def aggregate(self) -> Aggregate:
+        """What unites the scenarios to one objective."""
+        return self.case.robustness
+
+    @property
+    def duration(self) -> float:
+        """Time for which the objective is told, s: that of the case."""
+        return self.case.phase.duration
+
+    @cached_property
+    def shares(self) -> dict[str, float]:
+        """Share of time of each scenario, by name; intervals of one scenario are one."""
+        return {each.group: each.share for each in self.scenarios}
+
+    def united(self, integrals: Iterable[float]) -> float:
+        """Return the objective that follows from its integrals over the scenarios, one for each.
+
+        Those of `scenarios`, in their order, over the time of each.
+        """
+        means = dict.fromkeys(self.shares, 0.0)
+        for scenario, integral in zip(self.scenarios, integrals, strict=True):
+            means[scenario.group] += integral / scenario.mesh.duration
+        rates, shares = (np.array(list(each.values())) for each in (means, self.shares))
+        return self.duration * self.aggregate.of(rates, shares)
+
+    def mean_rates(self, starts: list[dict]) -> np.ndarray:
+        """Return the mean rate of the objective in each scenario, of quantities over the samples.
+
+        Parameters
+        ----------
+        starts : list of dict
+            What `on_start` returns.
+
+        Returns
+        -------
+        array
+            (n_scenarios,), in the objective's unit a second.
+        """
+        means = dict.fromkeys(self.shares, 0.0)
+        for scenario, start in zip(self.scenarios, starts, strict=True):
+            integral = scenario.sample_weights @ self.objective.rate_of(start)
+            means[scenario.group] += float(integral) / scenario.mesh.duration
+        return np.array(list(means.values()))
 
     def loads_along(self, blade: Blade, known: dict, names: tuple[str, ...]) -> dict:
         """Return the largest loads along a blade at each time of a trajectory, SI units.
@@ -210,27 +283,53 @@ class Physics:
             known |= self.loads_along(point.blade, known, self.load_names)
             known["torque_rate"] = np.gradient(torque, time)
             found.append(known | scalars | self.states_at_rest(torque, flow))
-        return found
+        energies = self.energies([scenario.sample_weights for scenario in self.scenarios], found)
+        return [known | energies for known in found]
+
+    def energies(self, weights: Iterable[np.ndarray], known: Iterable[dict]) -> dict[str, float]:
+        """Return the energies of the result, J, from the powers in each scenario.
+
+        Parameters
+        ----------
+        weights : iterable of array
+            Quadrature weights of each scenario, s.
+        known : iterable of dict
+            Quantities over time of each scenario, at the times of its weights.
+        """
+        kinds = CapturedEnergy(), GeneratorEnergy(), ElectricalEnergy()
+        total = dict.fromkeys(names(over="result"), 0.0)
+        for scenario, own, values in zip(self.scenarios, weights, known, strict=True):
+            for name, kind in zip(total, kinds, strict=True):
+                total[name] += scenario.weight * float(own @ kind.rate_of(values))
+        return total
 
     def scalars(self, blade: Blade, inertia: float) -> dict[str, Any]:
-        """Return what limits and objectives may take besides quantities over time, SI units.
-
-        Besides scalars the chord, (n_stations,).
-        """
-        scalars = {"rotor_radius": blade.rotor_radius, "density": self.density, "inertia": inertia}
-        return scalars | {"chord": blade.chord}
+        """Return what is known of a design along the span and as numbers, by name; SI units."""
+        thickness = self.thickness if blade.thickness is None else blade.thickness
+        return {
+            "rotor_radius": blade.rotor_radius,
+            "density": self.density,
+            "inertia": inertia,
+            "mass": self.mass_and_inertia(blade)[0],
+            "blade_area": planform_area(blade),
+            "chord": blade.chord,
+            "twist": blade.twist,
+            "thickness": np.broadcast_to(thickness, blade.r.shape),
+        }
 
     def excesses(self, point) -> dict[str, float]:
         """Return by how much a starting point exceeds each limit, design bounds aside, by name.
 
         Relatively, at most 0 if it is kept.
         """
-        starts = self.on_start(point)
-        return {
-            limit.name: max(float(np.max(limit.excess(start))) for start in starts)
-            for limit in self.limits
-            if not isinstance(limit, DesignBounds)
-        }
+        starts = list(zip(self.scenarios, self.on_start(point), strict=True))
+        found: dict[str, float] = {}
+        for scenario, start in starts:
+            for limit in (*self.limits_in(scenario), *self.design_limits):
+                if not isinstance(limit, DesignBounds):
+                    over = float(np.max(limit.excess(start)))
+                    found[limit.name] = max(over, found.get(limit.name, -np.inf))
+        return found
 
     def broken_limits(self, point) -> list[str]:
         """Return the names of the limits, design bounds aside, that a starting point exceeds."""
@@ -251,12 +350,20 @@ class Physics:
         return bool(np.all(angle[fence.stations] <= fence.highest + NEAR_STALL))
 
     def objective_at(self, point) -> float:
-        """Return the objective of a quasi-steady starting point, J."""
-        total = 0.0
-        for scenario, start in zip(self.scenarios, self.on_start(point), strict=True):
-            energy = scenario.sample_weights @ self.objective.rate_of(start)
-            total += scenario.weight * float(energy)
-        return total
+        """Return the objective of a quasi-steady starting point, in its unit."""
+        starts = self.on_start(point)
+        if not self.objective.is_rate:
+            return float(self.objective.value_of(starts[0]))
+        shares = np.array(list(self.shares.values()))
+        return self.duration * self.aggregate.of(self.mean_rates(starts), shares)
+
+    @property
+    def start_objective(self) -> Objective:
+        """What the start makes as large as possible: the objective if that is an energy.
+
+        Else the captured energy: what makes a cost small would make the rotor stand still.
+        """
+        return self.objective if self.objective.is_energy else CapturedEnergy()
 
     def objective_bound(self, captured: float) -> float | None:
         """Return an upper bound on the objective, J, from one on the captured energy."""
@@ -275,12 +382,23 @@ class Physics:
 
 def complete(case: Case) -> Case:
     """Return a case whose time span and segments are numbers, taken from its flow if need be."""
-    phase, inflow = case.phase, case.inflow
+    phase = case.phase
     if None not in (phase.duration, phase.segments) and phase.final_speed != "auto":
         return case
+    duration, segments = _span(case.inflow, phase.duration, phase.segments)
+    final = phase.final_speed
+    if final == "auto":
+        sells = case.objective.closes and not isinstance(case.control, FeedbackLaw)
+        final = "initial" if sells else "free"
+    found = {"duration": duration, "segments": segments, "final_speed": final}
+    return case.model_copy(update={"phase": phase.model_copy(update=found)})
+
+
+def _span(inflow: Inflow, duration: float | None, segments: int | None) -> tuple[float, int]:
+    """Return the duration of a flow, s, and the number of segments, where they are not given."""
     if inflow.length is not None:
         inflow.check(inflow.length)
-    duration, segments = phase.duration or inflow.length or DURATION, phase.segments
+    duration = duration or inflow.length or DURATION
     if segments is None:
         lasting = (
             period for begin, end, period in inflow.features if begin <= 0.0 and end == np.inf
@@ -296,30 +414,53 @@ def complete(case: Case) -> Case:
         problem = f"has {periods:.3g} periods of the flow's highest frequency"
         remedy = f"give a shorter one or a slower flow: at most {MOST_PERIODS:.0e} periods"
         raise InputError(problem, remedy, key="phase.duration", value=duration)
-    final = phase.final_speed
-    if final == "auto":
-        sells = case.objective.closes and not isinstance(case.control, FeedbackLaw)
-        final = "initial" if sells else "free"
-    found = {"duration": duration, "segments": segments, "final_speed": final}
-    whole = phase.model_copy(update=found)
-    return case.model_copy(update={"phase": whole})
+    return duration, segments
+
+
+def _whole_scenarios(case: Case) -> list[Scenario]:
+    """Return the scenarios of a complete case, each over its whole time span."""
+    if not case.scenarios:
+        return [_checked(case, Scenario(case.inflow, case.phase))]
+    found, total = [], sum(each.weight for each in case.scenarios)
+    for number, own in enumerate(case.scenarios):
+        inflow, phase = own.inflow or case.inflow, case.phase
+        given = own.duration or (None if own.inflow else phase.duration), own.segments
+        try:
+            duration, segments = _span(inflow, *given)
+            mesh = phase.model_copy(update={"duration": duration, "segments": segments})
+            share = own.weight / total
+            weight = share * phase.duration / duration
+            limits = {limit.name: limit for limit in own.limits.given}
+            scenario = Scenario(inflow, mesh, weight, own.name, share=share, own_limits=limits)
+            found.append(_checked(case, scenario))
+        except InputError as error:
+            error.key = f"scenarios[{number}].{error.key}" if error.key else f"scenarios[{number}]"
+            raise
+    return found
+
+
+def _checked(case: Case, scenario: Scenario) -> Scenario:
+    """Return a scenario on a mesh that resolves its flow; refuse a flow that is none."""
+    inflow = scenario.inflow
+    for duration in (inflow.length, scenario.mesh.duration):
+        if duration is not None:
+            inflow.check(duration)
+    fastest = float(np.max(inflow.speed_at(scenario.samples)))
+    if fastest > FASTEST:
+        problem = f"reaches {fastest:.3g} m/s"
+        raise InputError(problem, f"give speeds of at most {FASTEST:g} m/s", key="inflow")
+    return scenario.resolved()
 
 
 def physics(case: Case) -> Physics:
     """Read the files that a case names; InputError if one is broken or does not fit the others."""
     case = complete(case)
-    inflow, control = case.inflow, case.control
+    control = case.control
     case.generator.check()
-    for duration in (inflow.length, case.phase.duration):
-        if duration is not None:
-            inflow.check(duration)
-    whole = Scenario(inflow, case.phase)
-    fastest = float(np.max(inflow.speed_at(whole.samples)))
-    if fastest > FASTEST:
-        problem = f"reaches {fastest:.3g} m/s"
-        raise InputError(problem, f"give speeds of at most {FASTEST:g} m/s", key="inflow")
-    whole = whole.resolved()
-    speed, weights = inflow.speed_at(whole.samples), whole.sample_weights
+    whole = _whole_scenarios(case)
+    speed = np.concatenate([each.inflow.speed_at(each.samples) for each in whole])
+    weights = np.concatenate([each.weight * each.sample_weights for each in whole])
+    fastest, mean = float(np.max(speed)), float(np.mean(speed))
     if control.cut_out is not None:
         fastest = min(fastest, control.cut_out)
         speed = np.minimum(speed, control.cut_out)
@@ -334,9 +475,14 @@ def physics(case: Case) -> Physics:
         several_sections=np.ndim(turbine.thickness) > 0,
         thickness_bounds=getattr(turbine.polar, "bounds", (0.0, 1.0)),
     )
-    scenarios, told = in_operation(whole, control.cut_out, 2.0 * turbine.blade.rotor_radius)
+    scenarios, told = [], []
+    for each in whole:
+        found, messages = in_operation(each, control.cut_out, 2.0 * turbine.blade.rotor_radius)
+        scenarios += found
+        told += messages
     refuse_contradictions(case, shape, fastest)
-    messages = (*turbine.messages, *inflow.messages, *told, *redundant_limits(case, shape))
+    flows = {message: None for each in whole for message in each.inflow.messages}
+    messages = (*turbine.messages, *flows, *dict.fromkeys(told), *redundant_limits(case, shape))
     limit = control.torque_limit
     radius = max(shape.blade.rotor_radius, *(shape.radius_bounds or (0.0,)))
     most = MOST_TORQUE * float(torque_scale(case.fluid.density, radius, fastest))
@@ -344,26 +490,42 @@ def physics(case: Case) -> Physics:
         text = f"control.torque_limit = {limit:g} N m is out of reach of any blade in this flow"
         messages += (f"{text}, at most {most:.3g} N m: it counts as none",)
         control = control.model_copy(update={"torque_limit": None})
+    limits = _limits(case, shape, control.torque_limit)
     return Physics(
         case,
         shape,
         turbine.polar,
         turbine.section_area,
         turbine.thickness,
-        scenarios,
+        tuple(_with_limits(each, limits, case, shape) for each in scenarios),
         control if isinstance(control, FeedbackLaw) else None,
-        _limits(case, shape, control.torque_limit),
+        limits,
         case.objective,
         messages,
-        tuple(_doubts(case, float(np.mean(inflow.speed_at(whole.samples))))),
+        tuple(_doubts(case, mean)),
         control.torque_limit,
         _load_model(case, turbine, shape),
     )
 
 
+def _with_limits(
+    scenario: Scenario, limits: tuple[Limit, ...], case: Case, shape: Shape
+) -> Scenario:
+    """Return a scenario with its limits over time: its own in place of the case's."""
+    if not scenario.own_limits:
+        return scenario
+    own = {
+        name: limit.on(shape.blade, case.rotor.blade_material)
+        for name, limit in scenario.own_limits.items()
+    }
+    common = {limit.name: limit for limit in limits if limit.place == "time"}
+    return replace(scenario, limits=tuple((common | own).values()), own_limits={})
+
+
 def _load_model(case: Case, turbine: Turbine, shape: Shape) -> LoadModel:
     """Return what the loads of a case's rotor follow from; refuse limits that it cannot tell."""
-    limited = {name: each for each in case.limits.given for name in each.inputs if name in LOADS}
+    given = [*case.limits.given, *(each for part in case.scenarios for each in part.limits.given)]
+    limited = {name: each for each in given for name in each.inputs if name in LOADS}
     direct = case.hydrodynamics.torque == "direct"
     local = isinstance(turbine.polar, LocalReynolds)
     if limited and (direct or local):
@@ -409,7 +571,7 @@ def _doubts(case: Case, mean: float) -> Iterator[str]:
             f"the flow's mean speed is {mean:.4g} m/s, faster than currents are: look at the unit "
             f"of its speeds, such as {mean:.4g} cm/s"
         )
-    rated = any(RATES.keys() & set(limit.inputs) for limit in case.limits.given)
+    rated = any(limit.is_of(RATES) for limit in case.limits.given)
     by_torque = getattr(case.control, "unknown", "speed") == "torque"
     if rated and by_torque and case.design.blade == "optimized":
         yield (

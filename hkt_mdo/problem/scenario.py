@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import dymos as dm
@@ -15,9 +15,10 @@ from scipy.sparse import block_diag, csr_array, diags_array, kron
 
 from hkt_mdo.case import Phase
 from hkt_mdo.dynamics.flows import Inflow
+from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.rotor_ode import RotorODE
 from hkt_mdo.dynamics.simulation import divided
-from hkt_mdo.dynamics.trajectory import QUANTITIES
+from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 
 MOST_SEGMENTS = 20_000
 RESOLVED = 5e-6  # sum of the errors of the segments' quadratures of v³, over the whole
@@ -30,6 +31,9 @@ class Scenario:
     `mesh` is that of a complete case: duration and segments are numbers. `edges` (s) are the ends
     of the segments, in the time of the flow; None: they are equal, from 0 to the duration. `weight`
     is that of the scenario's energies in those of the problem, `name` that of its Dymos phase.
+    `limits` are those that hold in it over time, None: the case's; `own_limits` those that its case
+    gives for it alone, as they are read. `share` is its share of time.
+    Intervals of one scenario, between which the machine stands still, have the same `group`.
     """
 
     inflow: Inflow
@@ -37,6 +41,15 @@ class Scenario:
     weight: float = 1.0
     name: str = "phase"
     edges: np.ndarray = None  # type: ignore[assignment]
+    limits: tuple[Limit, ...] | None = None
+    share: float = 1.0
+    interval_of: str = ""
+    own_limits: dict[str, Limit] = field(default_factory=dict)
+
+    @property
+    def group(self) -> str:
+        """Name of the scenario that it is, or is an interval of."""
+        return self.interval_of or self.name
 
     def __post_init__(self):
         if self.edges is None:
@@ -277,7 +290,7 @@ def add_phase(trajectory, scenario, law, unknown, ode_options, parameters, scale
             ref=scales.acceleration,
             units="rad/s**2",
         )
-    for name in QUANTITIES:
+    for name in TRAJECTORY:
         if name not in ("time", "rotor_speed"):
             phase.add_timeseries_output(name)
     return phase
@@ -288,7 +301,7 @@ def _add_control(phase, name, ref, **options):
     phase.add_control(
         name,
         targets=[name],
-        units=QUANTITIES[name][0],
+        units=QUANTITIES[name].unit,
         continuity=True,
         rate_continuity=True,
         rate_continuity_ref=ref,

@@ -11,7 +11,10 @@ from hkt_mdo.dynamics.flows import SineInflow
 from hkt_mdo.dynamics.laws import FeedbackLaw, LinearFeedback, QuadraticFeedback
 from hkt_mdo.dynamics.limits import DistanceFromStall, Limit, TorqueLimit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, GeneratorEnergy, Objective
-from hkt_mdo.problem.components import IntegralComp, LimitComp
+from hkt_mdo.dynamics.aggregates import Aggregate, Expected
+from hkt_mdo.problem.components import AggregateComp, AreaComp, FormulaComp, IntegralComp
+from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.planform import planform_area
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 N, RADIUS, DENSITY = 6, 1.4, 998.0
@@ -88,7 +91,9 @@ def test_distance_from_stall(law, gains, least):
     (speed, flow), spline = operation(), TorqueSpline(NODES)
     limit = DistanceFromStall(law=law, spline=spline, slowed=0.03, least=least)
     problem = checked(
-        LimitComp(num_nodes=N, limit=limit, table_nodes=41, gain_units=law.gain_units),
+        FormulaComp(
+            formula=limit, size=N, n_times=N, n_table=41, gain_units=law.gain_units
+        ),
         rotor_speed=speed,
         inflow_speed=flow,
         torque_coefficient_table=TABLE,
@@ -109,7 +114,7 @@ def test_a_limit_of_time_and_design():
     speed, _ = operation()
     power = np.linspace(2e3, 5e3, N)
     problem = checked(
-        LimitComp(num_nodes=N, limit=PowerPerInertia()),
+        FormulaComp(formula=PowerPerInertia(), size=N, n_times=N),
         generator_power=power,
         rotor_speed=speed,
         inertia=3.5,
@@ -135,14 +140,16 @@ class LargestInertia(Limit):
 def test_a_limit_of_the_design_alone():
     limit = LargestInertia()
     assert (limit.place, PowerPerInertia().place) == ("design", "time")
-    problem = checked(LimitComp(num_nodes=1, limit=limit), inertia=3.5)
+    problem = checked(FormulaComp(formula=limit), inertia=3.5)
     np.testing.assert_array_equal(problem.get_val("value"), [3.5])
     np.testing.assert_allclose(limit.excess({"inertia": 3.6}), [0.2])
 
 
 def test_a_limit_of_one_quantity():
     torque = np.linspace(-10.0, 700.0, N)
-    problem = checked(LimitComp(num_nodes=N, limit=TorqueLimit(bound=500.0)), control_torque=torque)
+    problem = checked(
+        FormulaComp(formula=TorqueLimit(bound=500.0), size=N, n_times=N), control_torque=torque
+    )
     np.testing.assert_array_equal(problem.get_val("value"), torque)
 
 
@@ -198,3 +205,107 @@ def test_integrals_are_weighted_sums_over_all_scenarios():
     }
     for name, value in expected.items():
         assert problem.get_val(name)[0] == pytest.approx(value, rel=1e-14), name
+
+
+class ThrustPerArea(Objective):
+    """A rate of a load and of the shape along the span."""
+
+    kind: str = "thrust_per_area"
+    unit: ClassVar[str] = "Pa*s"
+    maximize: ClassVar[bool] = False
+    inputs: ClassVar[tuple[str, ...]] = ("thrust", "chord", "blade_area")
+
+    def rate(self, thrust, chord, blade_area):
+        return thrust / blade_area * (1.0 + chord[0] * chord[-1])
+
+
+def test_a_rate_of_loads_span_and_design_is_a_mean_of_each_scenario():
+    weights = {"a_1": np.array([0.2, 0.3]), "b": np.array([0.6, 0.4]), "a_2": np.array([0.5])}
+    chord, thrust = np.array([0.2, 0.15, 0.1]), {"a_1": [3.0, 4.0], "b": [5.0, 6.0], "a_2": [7.0]}
+    component = IntegralComp(
+        weights=weights,
+        integrands={"mean_rate": ThrustPerArea()},
+        rows={"a_1": 0, "a_2": 0, "b": 1},
+        mean=True,
+        n_stations=3,
+    )
+    loads = {f"{name}:thrust": values for name, values in thrust.items()}
+    problem = checked(component, **loads, chord=chord, blade_area=0.5)
+    means = [0.2 * 3.0 + 0.3 * 4.0 + 0.5 * 7.0, 0.6 * 5.0 + 0.4 * 6.0]
+    expected = np.array(means) / 0.5 * (1.0 + 0.2 * 0.1)
+    np.testing.assert_allclose(problem.get_val("mean_rate"), expected, rtol=1e-14)
+
+
+class ShareAbove(Limit):
+    """A limit on a load that depends on the blade's twist at every station."""
+
+    name: ClassVar[str] = "share_above"
+    unit: ClassVar[str] = "N"
+    inputs: ClassVar[tuple[str, ...]] = ("thrust", "twist")
+
+    def value(self, thrust, twist):
+        return thrust * np.sum(twist**2)
+
+
+class LargestMeanChord(Limit):
+    """A limit whose one value follows from the chord at all stations."""
+
+    name: ClassVar[str] = "mean_chord"
+    unit: ClassVar[str] = "m"
+    inputs: ClassVar[tuple[str, ...]] = ("chord",)
+
+    def value(self, chord):
+        return np.mean(chord)
+
+
+def test_limits_along_the_span_and_over_time_with_it():
+    twist, thrust = np.array([0.3, 0.2, 0.1]), np.linspace(1e3, 2e3, N)
+    limit = ShareAbove()
+    component = FormulaComp(formula=limit, size=N, n_times=N, n_stations=3)
+    problem = checked(component, thrust=thrust, twist=twist)
+    np.testing.assert_allclose(problem.get_val("value"), thrust * 0.14, rtol=1e-14)
+    mean = LargestMeanChord()
+    assert (limit.place, mean.place) == ("time", "span")
+    problem = checked(FormulaComp(formula=mean, n_stations=3), chord=[0.3, 0.2, 0.4])
+    np.testing.assert_allclose(problem.get_val("value"), [0.3], rtol=1e-15)
+
+
+class Worst(Aggregate):
+    """The smallest mean rate, by its epigraph: the largest t at or below each of them."""
+
+    measure: str = "worst"
+    n_unknowns: ClassVar[int] = 1
+
+    def value(self, rates, shares, unknowns):
+        return unknowns[0]
+
+    def rows(self, rates, shares, unknowns):
+        return rates - unknowns[0]
+
+    def best_unknowns(self, rates, shares):
+        return np.array([np.min(rates)])
+
+
+def test_aggregates_of_mean_rates():
+    rates, shares = np.array([4e3, 2e3, 3e3]), np.array([0.5, 0.3, 0.2])
+    component = AggregateComp(aggregate=Expected(), shares=shares, duration=60.0, unit="J")
+    problem = checked(component, mean_rate=rates)
+    expected = 60.0 * (0.5 * 4e3 + 0.3 * 2e3 + 0.2 * 3e3)
+    np.testing.assert_allclose(problem.get_val("objective"), expected, rtol=1e-15)
+    worst = Worst()
+    component = AggregateComp(aggregate=worst, shares=shares, duration=60.0, unit="J", n_rows=3)
+    problem = checked(component, mean_rate=rates, unknowns=[1.5e3])
+    np.testing.assert_allclose(problem.get_val("objective"), 60.0 * 1.5e3)
+    np.testing.assert_allclose(problem.get_val("rows"), [2.5e3, 0.5e3, 1.5e3])
+    assert worst.of(rates, shares) == 2e3
+
+
+def test_the_planform_is_the_integral_of_the_chord():
+    """Of a trapezoid: (root + tip) / 2 times span; it grows with the radius of stations too."""
+    r = np.linspace(0.2, 1.4, 7)
+    chord = 0.3 - 0.1 * r
+    blade = Blade(r, chord, np.zeros(7), 0.2, 1.4, 3)
+    assert planform_area(blade) == pytest.approx(3 * 0.5 * (0.28 + 0.16) * 1.2, rel=1e-12)
+    problem = checked(AreaComp(blade=blade), chord=chord, rotor_radius=2.8)
+    twice = 2.0 * planform_area(blade)
+    np.testing.assert_allclose(problem.get_val("blade_area"), twice, rtol=1e-14)

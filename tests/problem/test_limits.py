@@ -14,7 +14,7 @@ from hkt_mdo.dynamics.limits import (
     TipSpeedLimit,
     TorqueRateLimit,
 )
-from hkt_mdo.problem.components import LimitComp, TorqueRateComp
+from hkt_mdo.problem.components import FormulaComp, TorqueRateComp
 from hkt_mdo.problem.physics import physics
 
 CASE = {"inflow": "sine", "control": "open_loop"}
@@ -132,7 +132,8 @@ def test_taper_is_asked_of_the_stations_outboard_of_a_place():
 def test_partials_against_complex_step(limit, given):
     problem = om.Problem(reports=False)
     size = next(iter(given.values())).size
-    problem.model.add_subsystem("limit", LimitComp(num_nodes=size, limit=limit), promotes=["*"])
+    component = FormulaComp(formula=limit, size=size, n_times=size, n_stations=size)
+    problem.model.add_subsystem("limit", component, promotes=["*"])
     problem.setup(force_alloc_complex=True)
     for name, value in given.items():
         problem.set_val(name, value)

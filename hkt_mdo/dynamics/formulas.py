@@ -1,0 +1,90 @@
+"""Formulas of named quantities, and their derivatives by complex step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from hkt_mdo.quantities import QUANTITIES, is_over_time
+from hkt_mdo.sections import Section
+
+STEP = 1e-40  # no difference is taken, so nothing cancels
+
+
+def slope(
+    function: Callable[..., Any], quantities: Mapping[str, Any], name: str, diagonal: bool
+) -> np.ndarray:
+    """Return the derivative of a function of named quantities by one of them.
+
+    Parameters
+    ----------
+    function : callable
+        Takes the quantities as keyword arguments, which may be complex.
+    quantities : mapping
+        Numbers or arrays, by name.
+    name : str
+        The quantity by which the derivative is taken.
+    diagonal : bool
+        Whether each entry of the value follows from the same entry of this quantity alone.
+
+    Returns
+    -------
+    array
+        Of the value's shape if diagonal, else (size of the value, size of the quantity).
+    """
+    given = np.asarray(quantities[name], dtype=float)
+    if diagonal:
+        value = function(**{**quantities, name: given + 1j * STEP})
+        return np.imag(value) / STEP * np.ones(given.shape)
+    units = np.eye(given.size).reshape(given.size, *given.shape)
+    columns = [
+        np.ravel(np.imag(function(**{**quantities, name: given + 1j * STEP * unit})) / STEP)
+        for unit in units
+    ]
+    return np.stack(columns, axis=1)
+
+
+class Formula(Section):
+    """What a limit and an objective are: a formula of the quantities that `inputs` names."""
+
+    inputs: ClassVar[tuple[str, ...]] = ()
+    unit: ClassVar[str | None] = None
+
+    def value(self, **quantities: Any) -> Any:
+        """Return the value of the formula, in `unit`; by default the one input itself."""
+        (only,) = quantities.values()
+        return only
+
+    @property
+    def series(self) -> dict[str, tuple[str | None, str]]:
+        """Unit and description of its inputs that change over time."""
+        known = (QUANTITIES[name] for name in self.inputs if is_over_time(name))
+        return {each.name: (each.unit, each.text) for each in known}
+
+    def is_of(self, names: Collection[str]) -> bool:
+        """Tell whether one of its inputs is among some quantities."""
+        return bool(set(names) & set(self.inputs))
+
+    def value_of(self, quantities: Any) -> Any:
+        """Return the value from a mapping that holds its inputs, maybe among other quantities."""
+        return self.value(**{name: quantities[name] for name in self.inputs})
+
+    def partials(self, **quantities: Any) -> dict[str, np.ndarray]:
+        """Return the value's derivatives by each input, by complex step.
+
+        Parameters
+        ----------
+        **quantities
+            The inputs, by name, as `value` takes them.
+
+        Returns
+        -------
+        dict of array
+            By an input over time, where the value at an instant follows from the input then, of
+            shape (n_times,); by any other, (size of the value, size of the input).
+        """
+        return {
+            name: slope(self.value, quantities, name, name in self.series) for name in self.inputs
+        }
