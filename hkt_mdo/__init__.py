@@ -16,6 +16,7 @@ _HOMES = {
     "Solution": "results.solution",
     "build_problem": "problem.build",
     "run_case": "run.run",
+    "Aggregate": "dynamics.aggregates",
     "FeedbackLaw": "dynamics.laws",
     "Inflow": "dynamics.flows",
     "Limit": "dynamics.limits",

@@ -34,6 +34,8 @@ def case_json_schema(extensions: Iterable[Extension] = ()) -> dict[str, Any]:
             if "description" in described:  # a paragraph on one line: editors keep line ends
                 paragraphs = described["description"].split("\n\n")
                 described["description"] = "\n\n".join(" ".join(p.split()) for p in paragraphs)
+    schema["required"].remove("inflow")  # a scenario may have it
+    schema["anyOf"] = [{"required": ["inflow"]}, {"required": ["scenarios"]}]
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
@@ -132,7 +134,7 @@ def case_markdown(extensions: Iterable[Extension] = ()) -> str:
         if not sections:
             contents.append(_bullet(key, value))
             continue
-        needed = ", required" if key in schema["required"] else ""
+        needed = ", required" if key in ("inflow", "control") else ""
         first = value["description"].partition("\n\n")[0]
         contents.append(f"- [`{key}`](#{key}){needed}: {first}")
         blocks += [f"## {key}", value["description"]]

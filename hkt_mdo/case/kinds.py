@@ -99,6 +99,8 @@ class Kinds:
         """Return these kinds and one more; refuse one that does not keep the contract of a kind."""
         sort, attribute = _sort(kind)
         name, known = kind_name(kind), getattr(self, sort, ())
+        if sort and sort != "limits" and name and attribute not in kind.model_fields:
+            kind = _with_tag(kind, attribute, name)
         if kind in known:
             return self
         slip = _slip(kind, sort, attribute, name)
@@ -106,8 +108,6 @@ class Kinds:
             slip = f"has the name {name} of another kind", f"give its {attribute} another"
         if slip:
             raise InputError(*slip, file=source, key=kind.__name__)
-        if sort != "limits" and attribute not in kind.model_fields:
-            kind = _with_tag(kind, attribute, name)
         return replace(self, **{sort: (*known, kind)})
 
 
@@ -153,6 +153,7 @@ def _slip_of_formula(kind: Any) -> tuple[str, str] | None:
     return None
 
 
+@cache
 def _with_tag(kind: Any, attribute: str, name: str) -> Any:
     """Return a class whose name is a field that a case may give, of one whose name is none."""
     with warnings.catch_warnings():

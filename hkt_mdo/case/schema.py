@@ -7,10 +7,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Union
 
 import yaml
 from pydantic import (
+    AfterValidator,
     Field,
     SerializeAsAny,
     Strict,
@@ -40,6 +41,15 @@ from hkt_mdo.sections import Quantity, Section, refusal
 
 STATION_COUNT = 40  # of a blade of splines: within 0.1 % of the energy at any number of them
 MAX_CASE_BYTES = 1024**2  # of a file that is read
+VERSION = 1  # of the keys of a case
+
+
+def _known_version(version: int) -> int:
+    """Return a version of the keys; refuse one that this program does not know."""
+    if not 1 <= version <= VERSION:
+        problem = f"is not known here: this program reads version {VERSION}"
+        raise refusal(problem, "install a newer hkt_mdo, or write the case for this one")
+    return version
 
 
 class Limits(Section):
@@ -114,8 +124,8 @@ class Case(Section):
     hydrodynamics: Hydrodynamics = Hydrodynamics()
     driver: Driver = Driver()
 
-    version: Literal[1] = 1
-    """Version of the keys."""
+    version: Annotated[int, Strict(), AfterValidator(_known_version)] = VERSION
+    """Version of the keys that the file is written with."""
 
     kinds: ClassVar[Kinds] = BUILT_IN
     """What cases of this class may name."""

@@ -269,11 +269,10 @@ class IntegralComp(om.ExplicitComponent):
     def compute(self, inputs, outputs):
         rows = self.options["rows"]
         for output, integrand in self.options["integrands"].items():
-            total = np.zeros(outputs[output].shape)
+            outputs[output] = 0.0
             for scenario, _, weights, values in self._each(integrand, inputs):
                 rate = integrand.rate(**values) * np.ones(weights.size)
-                total[rows.get(scenario, 0)] += weights @ rate
-            outputs[output] = total
+                outputs[output][rows.get(scenario, 0)] += weights @ rate
 
     def compute_partials(self, inputs, partials):
         rows = self.options["rows"]

@@ -133,7 +133,8 @@ class Physics:
     @cached_property
     def shares(self) -> dict[str, float]:
         """Share of time of each scenario, by name; intervals of one scenario are one."""
-        return {each.group: each.share for each in self.scenarios}
+        times = ((each.group, each.weight * each.mesh.duration) for each in self.scenarios)
+        return {group: time / self.duration for group, time in times}
 
     def united(self, integrals: Iterable[float]) -> float:
         """Return the objective that follows from its integrals over the scenarios, one for each.
@@ -428,10 +429,9 @@ def _whole_scenarios(case: Case) -> list[Scenario]:
         try:
             duration, segments = _span(inflow, *given)
             mesh = phase.model_copy(update={"duration": duration, "segments": segments})
-            share = own.weight / total
-            weight = share * phase.duration / duration
+            weight = own.weight / total * phase.duration / duration
             limits = {limit.name: limit for limit in own.limits.given}
-            scenario = Scenario(inflow, mesh, weight, own.name, share=share, own_limits=limits)
+            scenario = Scenario(inflow, mesh, weight, own.name, own_limits=limits)
             found.append(_checked(case, scenario))
         except InputError as error:
             error.key = f"scenarios[{number}].{error.key}" if error.key else f"scenarios[{number}]"

@@ -32,7 +32,7 @@ class Scenario:
     of the segments, in the time of the flow; None: they are equal, from 0 to the duration. `weight`
     is that of the scenario's energies in those of the problem, `name` that of its Dymos phase.
     `limits` are those that hold in it over time, None: the case's; `own_limits` those that its case
-    gives for it alone, as they are read. `share` is its share of time.
+    gives for it alone, as they are read.
     Intervals of one scenario, between which the machine stands still, have the same `group`.
     """
 
@@ -42,7 +42,6 @@ class Scenario:
     name: str = "phase"
     edges: np.ndarray = None  # type: ignore[assignment]
     limits: tuple[Limit, ...] | None = None
-    share: float = 1.0
     interval_of: str = ""
     own_limits: dict[str, Limit] = field(default_factory=dict)
 

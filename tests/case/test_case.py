@@ -281,9 +281,10 @@ def test_a_kind_without_keys_is_given_by_its_bare_name():
 def test_schema_documents_every_key_with_its_unit():
     schema = case_json_schema()
     json.dumps(schema)
-    assert schema["required"] == ["inflow", "control"]
+    assert schema["required"] == ["control"]
+    assert schema["anyOf"] == [{"required": ["inflow"]}, {"required": ["scenarios"]}]
     for whole in (schema, *schema["$defs"].values()):
-        section = whole.get("anyOf", [whole])[-1]  # a limit may be its bound alone
+        section = whole if "properties" in whole else whole["anyOf"][-1]  # a limit may be its bound
         assert section["additionalProperties"] is False
         for name, key in section["properties"].items():
             assert key.get("description") or key["$ref"], name

@@ -6,12 +6,12 @@ import sys
 import types
 from importlib import metadata
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import pytest
 from jsonschema import Draft202012Validator
 
-from hkt_mdo import Case, FeedbackLaw, Inflow, InputError, load_case
+from hkt_mdo import Aggregate, Case, FeedbackLaw, Inflow, InputError, Objective, load_case
 from hkt_mdo.case import case_class, known_kinds, read_case
 from hkt_mdo.case.kinds import ENTRY_POINTS, _installed, _load
 from hkt_mdo.dynamics.limits import Limit
@@ -52,6 +52,59 @@ class Taken(FeedbackLaw):
 
     law: Literal["linear"] = "linear"
     """The control law."""
+
+    def demand(self, speed, gains):
+        return 0.0 * speed
+
+
+class Formless(FeedbackLaw):
+    """A law without its formula."""
+
+    law: ClassVar[str] = "formless"
+
+
+class Unknown(Limit):
+    """A limit of a quantity that there is none of."""
+
+    name: ClassVar[str] = "unknown"
+    inputs: ClassVar[tuple[str, ...]] = ("rotor_sped",)
+
+
+class Two(Limit):
+    """A limit of two quantities that does not say of what they are."""
+
+    name: ClassVar[str] = "two"
+    inputs: ClassVar[tuple[str, ...]] = ("rotor_speed", "thrust")
+
+
+class OneText(Limit):
+    """A limit whose inputs are a text."""
+
+    name: ClassVar[str] = "text"
+    inputs: ClassVar[str] = "thrust"
+
+
+class Idle(Objective):
+    """An objective without a formula."""
+
+    kind: ClassVar[str] = "idle"
+    inputs: ClassVar[tuple[str, ...]] = ("thrust",)
+
+
+class Fleeting(Objective):
+    """A value of the design of what changes over time."""
+
+    kind: ClassVar[str] = "fleeting"
+    inputs: ClassVar[tuple[str, ...]] = ("thrust",)
+
+    def value(self, thrust):
+        return thrust[0]
+
+
+class Measureless(Aggregate):
+    """An aggregate without its formula."""
+
+    measure: ClassVar[str] = "none"
 
 
 class Given(Limit):
@@ -141,7 +194,7 @@ GOOD_HEAD = "from typing import Literal\nfrom hkt_mdo import FeedbackLaw\n"
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("", "e.py: defines no kind; write a subclass of FeedbackLaw, Inflow, Limit or Objective"),
+        ("", "e.py: defines no kind; write a subclass of FeedbackLaw, Inflow, Limit, Obj"),
         (GOOD_HEAD + "class Base(FeedbackLaw):\n    '''A base.'''\n", "defines no kind"),
         ("a = 1\n\nb = a / 0\n", "e.py: line 3: cannot be run: ZeroDivisionError: division by"),
         ("import json\njson.loads('{')\n", "e.py: line 2: cannot be run: JSONDecodeError"),
@@ -151,11 +204,11 @@ GOOD_HEAD = "from typing import Literal\nfrom hkt_mdo import FeedbackLaw\n"
         ("\0", "e.py: .*cannot be run: .*null bytes"),
         (
             GOOD_HEAD + "class A(FeedbackLaw):\n    law: Literal['linear'] = 'linear'\n",
-            "e.py: A: has the name linear of another kind; give its law another",
+            "e.py: A: has no method demand; write demand as in docs/architecture.md",
         ),
         (
             GOOD_HEAD + "class A(FeedbackLaw):\n    law: str = 'mine'\n",
-            r"""e.py: A: has its law .*; write law: Literal\["mine"\] = "mine" """.strip(),
+            r"""e.py: A: has its law .*; write law: ClassVar\[str\] = "mine" """.strip(),
         ),
     ],
 )
@@ -186,11 +239,18 @@ def test_what_is_no_python_file_is_told(name, told, tmp_path):
 @pytest.mark.parametrize(
     ("kind", "told"),
     [
-        (dict, "dict: dict: is no law, profile, limit or objective; derive it from FeedbackLaw"),
+        (dict, "dict: dict: is no law, profile, limit, objective or aggregate; derive it from Feed"),
         (Nameless, "Nameless: has no name"),
         (AnyName, "AnyName: has its profile declared as any text"),
         (Taken, "Taken: has the name linear of another kind"),
         (Given, "Given: has the name given, which no key can have"),
+        (Formless, "Formless: has no method demand; write demand as in docs/architecture.md"),
+        (Unknown, "Unknown: takes the unknown quantity rotor_sped; did you mean rotor_speed"),
+        (Two, "Two: takes several quantities and has no method value"),
+        (OneText, "OneText: names no inputs"),
+        (Idle, "Idle: has neither a rate over time nor a value of the design"),
+        (Fleeting, "Fleeting: has a value of the design, but takes a quantity over time"),
+        (Measureless, "Measureless: has no method value"),
         (types.ModuleType("empty"), "empty: defines no kind"),
         (3, "is no file, module or class"),
     ],

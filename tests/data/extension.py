@@ -1,10 +1,10 @@
-"""An extension with one kind of each sort, written against the public names alone."""
+"""An extension with kinds of each sort, written against the public names alone."""
 
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
-from hkt_mdo import FeedbackLaw, Inflow, Limit, Objective, Quantity
+from hkt_mdo import Aggregate, FeedbackLaw, Inflow, Limit, Objective, Quantity
 
 
 class TipAcceleration(Limit):
@@ -19,6 +19,84 @@ class TipAcceleration(Limit):
 
     def value(self, rotor_speed, rotor_radius):
         return rotor_speed**2 * rotor_radius
+
+
+class LargestMass(Limit):
+    """Largest mass of the blades: a quantity of the design."""
+
+    name: ClassVar[str] = "mass"
+    unit: ClassVar[str] = "kg"
+    inputs: ClassVar[tuple[str, ...]] = ("mass",)
+
+    bound: Annotated[float, Quantity("kg", gt=0)]
+    """Largest mass."""
+
+
+class LargestChord(Limit):
+    """Largest chord anywhere: a quantity along the span."""
+
+    name: ClassVar[str] = "chord"
+    unit: ClassVar[str] = "m"
+    inputs: ClassVar[tuple[str, ...]] = ("chord",)
+
+    bound: Annotated[float, Quantity("m", gt=0)]
+    """Largest chord."""
+
+
+class LeastEnergy(Limit):
+    """Least energy that the rotor captures: a quantity of the result."""
+
+    name: ClassVar[str] = "least_energy"
+    unit: ClassVar[str] = "J"
+    inputs: ClassVar[tuple[str, ...]] = ("energy",)
+    upper: ClassVar[float] = np.inf
+
+    bound: Annotated[float, Quantity("J", gt=0)]
+    """Least energy."""
+
+    @property
+    def lower(self):
+        return self.bound
+
+
+class MeanThrust(Objective):
+    """The integral of the thrust, made as small as possible: a load over time."""
+
+    kind: ClassVar[str] = "thrust"
+    unit: ClassVar[str] = "N*s"
+    maximize: ClassVar[bool] = False
+    inputs: ClassVar[tuple[str, ...]] = ("thrust",)
+
+    def rate(self, thrust):
+        return thrust
+
+
+class BladeMass(Objective):
+    """The mass of the blades, made as small as possible: a value of the design."""
+
+    kind: ClassVar[str] = "mass"
+    unit: ClassVar[str] = "kg"
+    maximize: ClassVar[bool] = False
+    inputs: ClassVar[tuple[str, ...]] = ("mass",)
+
+    def value(self, mass):
+        return mass
+
+
+class Worst(Aggregate):
+    """The smallest of the scenarios' mean rates, as the largest number at or below each of them."""
+
+    measure: ClassVar[str] = "worst"
+    n_unknowns: ClassVar[int] = 1
+
+    def value(self, rates, shares, unknowns):
+        return unknowns[0]
+
+    def rows(self, rates, shares, unknowns):
+        return rates - unknowns[0]
+
+    def best_unknowns(self, rates, shares):
+        return np.array([np.min(rates)])
 
 
 class PricedTorque(Objective):
