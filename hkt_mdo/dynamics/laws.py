@@ -6,7 +6,7 @@ formula; a law of your own is a subclass of `FeedbackLaw` (docs/controllers.md).
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import PrivateAttr
@@ -33,7 +33,11 @@ def _by_each(of, gains):
 
 
 class Law(Section):
-    """What every control law has: its name, a limit on the torque u, and a cut-out speed."""
+    """What every control law has: its name, a limit on the torque u, and a cut-out speed.
+
+    The rest of the program asks a law what it does and never which one it is. An open loop has no
+    gains and no states; its torque over time is chosen by the optimizer.
+    """
 
     law: str
     """The control law."""
@@ -43,6 +47,53 @@ class Law(Section):
     """Speed of the flow above which the machine stands still: there is no energy then, and no limit
     is asked for (docs/theory.md); null: it never does."""
     gain_units: ClassVar[tuple[str, ...]] = ()
+    """Units of the gains, which are optimized."""
+    states: ClassVar[dict[str, tuple[str, str]]] = {}
+    """Unit and description of each state of the controller, by its name."""
+    is_feedback: ClassVar[bool] = False
+    """Whether the torque follows from what the controller senses."""
+    chooses_speed: ClassVar[bool] = False
+    """Whether the optimizer chooses the rotor speed over time, and the torque follows from it."""
+    chooses_torque: ClassVar[bool] = False
+    """Whether the optimizer chooses the torque over time."""
+    estimates_flow: ClassVar[bool] = False
+    """Whether what a law with states hears of the flow is estimated from speed and torque."""
+
+    @property
+    def is_static(self) -> bool:
+        """Whether the torque follows from the rotor speed alone."""
+        return self.is_feedback and not self.states
+
+    def with_torque_limit(self, limit: float | None) -> Self:
+        """Return the same law with another limit of the torque, N*m; None: none."""
+        return self.model_copy(update={"torque_limit": limit})
+
+    def in_flow(self, slowest: float, fastest: float) -> Law:
+        """Return this law for a design flow between two speeds, m/s; most are the same for all."""
+        return self
+
+    def starting_gains(self) -> np.ndarray | None:
+        """Return the gains that the case gives to begin with; None: chosen by the start."""
+        return np.empty(0)
+
+    def sizes(self, gains):
+        """Return the typical change of each gain, positive, (n_gains,)."""
+        return np.abs(gains)
+
+    def moves(self, gains, factor):
+        """Return the lower and the upper ends, (n_gains,), of a search about some gains.
+
+        As far as a factor, maybe infinite, allows. A gain whose ends are equal is held.
+        """
+        return np.stack((gains, gains))
+
+    def coarser(self) -> Law | None:
+        """Return a law of fewer gains whose optimum is a start for this one, if any."""
+        return None
+
+    def at_rest(self, torque, inflow_speed):
+        """Return the states of a rotor in equilibrium, its torque in N*m, the flow in m/s."""
+        return ()
 
 
 class OpenLoop(Law):
@@ -53,29 +104,24 @@ class OpenLoop(Law):
     unknown: Literal["speed", "torque"] = "speed"
     """What the optimizer chooses over time: the rotor speed, from which the torque follows by
     inverse dynamics, or the torque itself, from which the speed follows by integration."""
+    chooses_speed = property(lambda self: self.unknown == "speed")  # type: ignore[assignment]
+    chooses_torque = property(lambda self: self.unknown == "torque")  # type: ignore[assignment]
 
 
 class FeedbackLaw(Law):
-    """What every feedback law has: a gain that is optimized, and a smoothed saturation.
+    """What every feedback law has: gains that are optimized, and a smoothed saturation.
 
     A law may have states, x' = `rates`: then `demand`, and what follows from it, takes their values
     after the gains, each of the speed's shape.
     """
 
-    states: ClassVar[dict[str, tuple[str, str]]] = {}
-    """Unit and description of each state, by its name."""
+    is_feedback: ClassVar[bool] = True
     farthest: ClassVar[float] = np.inf
     """Largest finite factor by which gains move at once."""
-    estimates_flow: ClassVar[bool] = False
-    """Whether what a law with states hears of the flow is estimated from speed and torque."""
 
     smoothing: Annotated[float, Quantity(gt=0, le=1)] = 0.001
     """Smoothing nu of the saturation (paper, eq. 4); of no effect without a torque limit."""
     _begins: tuple[float, ...] | None = PrivateAttr(None)  # gains
-
-    def in_flow(self, slowest, fastest):
-        """Return this law for a design flow between two speeds, m/s; most are the same for all."""
-        return self
 
     def demand(self, speed, gains, *states):
         """Return the torque before saturation, N*m.
@@ -99,15 +145,7 @@ class FeedbackLaw(Law):
         columns = _by_each(lambda gains: self.demand(speed, gains), np.ones(len(self.gain_units)))
         return np.linalg.lstsq(columns.T, torque, rcond=None)[0]
 
-    def sizes(self, gains):
-        """Return the typical change of each gain, positive, (n_gains,)."""
-        return np.abs(gains)
-
     def moves(self, gains, factor):
-        """Return the lower and the upper ends, (n_gains,), of a search about some gains.
-
-        As far as a factor, maybe infinite, allows. A gain whose ends are equal is held.
-        """
         if np.isfinite(factor):
             factor = min(factor, self.farthest)
         return np.sort((gains / factor, gains * factor), axis=0)
@@ -116,19 +154,11 @@ class FeedbackLaw(Law):
         """Return the gains that demand a share of the torque of some others, where they can."""
         return share * gains
 
-    def coarser(self):
-        """Return a law of fewer gains whose optimum is a start for this one, if any."""
-        return None
-
     def rates(self, speed, inflow_speed, gains, *states):
         """Return the rates of the states, a unit of each a second, at arrays of one shape.
 
         inflow_speed (m/s) is for what a sensor of the flow tells; all may be complex.
         """
-        return ()
-
-    def at_rest(self, torque, inflow_speed):
-        """Return the states of a rotor in equilibrium, its torque in N*m, the flow in m/s."""
         return ()
 
     def speed_at_rest(self, inflow_speed, gains):
@@ -173,7 +203,6 @@ class FeedbackLaw(Law):
         return np.stack(columns, axis=1)
 
     def starting_gains(self):
-        """Return the gains that the case gives to begin with; None: chosen by the start."""
         gain = getattr(self, "gain", None) if self._begins is None else self._begins
         return None if gain is None else np.atleast_1d(np.asarray(gain, dtype=float))
 

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import PrivateAttr, model_validator
 
 from hkt_mdo.dynamics.formulas import Formula, slope
-from hkt_mdo.dynamics.laws import Law, OpenLoop
+from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.scales import torque_scale
@@ -108,7 +108,7 @@ class TorqueLimit(Limit):
 
     def constrains(self, control):
         # a law saturates, and a torque that is a control has bounds
-        return isinstance(control, OpenLoop) and control.unknown == "speed"
+        return control.chooses_speed
 
 
 class TorqueRateLimit(Limit):
