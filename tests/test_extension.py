@@ -127,3 +127,65 @@ def test_a_result_is_read_only_with_its_extension(run):
         Solution.load(folder)
     again = Solution.load(folder, extensions=[EXTENSION])
     assert again.case == load_case(folder / "case.yaml", extensions=[EXTENSION])
+
+
+LEAST = {"least_energy": "140 kJ"}
+
+
+def test_a_load_is_made_as_small_as_the_energy_allows(run):
+    """A rate of a load over time, minimized, under a limit on the energy of the result."""
+    free = run()
+    least = run(objective="thrust", limits=LEAST)
+    assert least.success, least.message
+    assert least.summary["energy_J"] == pytest.approx(140e3, rel=1e-4)
+
+    def impulse(solution):
+        return np.trapezoid(solution.simulation["thrust_N"], solution.simulation["time_s"])
+
+    told = least.summary["objective"]
+    assert told["simulated"] == pytest.approx(impulse(least), rel=1e-4)
+    assert told["unit"] == "N*s"
+    # near the most energy, the last of it costs most thrust: 8 % less energy, more less thrust
+    assert impulse(least) / impulse(free) < 0.92 * 140e3 / free.summary["energy_J"]
+
+
+def test_a_value_of_the_design_is_made_as_small_as_the_energy_allows(run):
+    """The mass of the blades, minimized."""
+    free = run()
+    light = run(objective="mass", limits=LEAST)
+    assert light.success, light.message
+    assert light.summary["energy_J"] >= 140e3 * (1.0 - 1e-6)
+    assert light.summary["mass_kg"] < 0.8 * free.summary["mass_kg"]
+    assert light.summary["objective"]["simulated"] == pytest.approx(light.summary["mass_kg"])
+
+
+@pytest.mark.parametrize(
+    ("limits", "value"),
+    [
+        ({"mass": "2.5 kg"}, lambda summary: summary["mass_kg"] / 2.5),
+        ({"chord": "6 cm"}, lambda summary: np.max(summary["chord_m"]) / 0.06),
+    ],
+    ids=["design", "span"],
+)
+def test_limits_of_the_design_and_along_the_span_bind(run, limits, value):
+    free, held = run(), run(limits=limits)
+    assert held.success, held.message
+    assert value(free.summary) > 1.05
+    assert value(held.summary) == pytest.approx(1.0, abs=1e-5)
+    assert held.summary["energy_J"] < free.summary["energy_J"]
+
+
+def test_an_aggregate_unites_scenarios(run):
+    """The worst of two flows, by its epigraph: never below that of the mean's design."""
+    flows = [{"inflow": {"profile": "sine", "mean": mean}} for mean in (1.3, 1.5)]
+    fixed = {"control": {"law": "quadratic", "torque_limit": 500}, "scenarios": flows}
+    mean = run(**fixed)
+    worst = run(**fixed, robustness="worst")
+    for solution in (mean, worst):
+        assert solution.success, solution.message
+
+    def slowest(solution):
+        return min(each.simulated_energy_J for each in solution.summary.scenarios.values())
+
+    assert worst.summary["objective"]["simulated"] == pytest.approx(slowest(worst), rel=1e-6)
+    assert slowest(worst) >= slowest(mean) * (1.0 - 1e-6)
