@@ -4,7 +4,7 @@ PYTHON ?= python3
 BIN = $(VENV)/bin
 STAMP = $(VENV)/.installed
 
-.PHONY: run test check cases bench lint clean
+.PHONY: run test check fuzz cases bench lint clean
 
 run: $(STAMP)-run
 	$(BIN)/hkt run cases/sine_limited_quadratic.yaml --out results/sine_limited_quadratic --force
@@ -17,6 +17,10 @@ test: $(STAMP)-test
 check: $(STAMP)-test lint
 	$(BIN)/python -m pytest -n 2 -m slow --ignore tests/benchmarks
 	$(BIN)/python -m pytest tests/benchmarks
+
+# the properties among the tests with random seeds, ten times as often (about five minutes)
+fuzz: $(STAMP)-test
+	$(BIN)/python -m pytest -n 2 -m hypothesis --hypothesis-profile=random
 
 lint: $(STAMP)-dev
 	$(BIN)/ruff check .

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hkt_mdo.files.shipped import shipped_names
@@ -36,7 +36,6 @@ def rotors(draw, wild=True):
 
 
 ratios = st.lists(st.floats(0.1, 30.0), min_size=1, max_size=6).map(np.array)
-one_by_one = settings(max_examples=100, deadline=None, derandomize=True)
 
 
 def station_of(blade, polar, j):
@@ -163,7 +162,6 @@ def test_beyond_runaway_drag_rules(blade, polar):
 
 
 @given(rotor=rotors(), ratio=ratios)
-@one_by_one
 def test_every_section_with_drag_has_a_root(rotor, ratio):
     """With cd > 0 a root with 0 < phi < 180 degrees and W > 0 exists always (proof in docs/bem.md).
 
@@ -189,7 +187,6 @@ def test_every_section_with_drag_has_a_root(rotor, ratio):
 
 
 @given(rotor=rotors(wild=False), ratio=ratios)
-@one_by_one
 def test_first_root_is_taken(rotor, ratio):
     """No root lies at a smaller inflow angle: the residual is negative all the way."""
     blade, polar = rotor
@@ -239,7 +236,6 @@ def largest_jump(blade, polar, low, high):
 
 
 @given(rotor=rotors(), low=st.floats(0.1, 8.0), width=st.floats(0.5, 8.0))
-@one_by_one
 def test_torque_is_continuous_except_where_a_root_vanishes(rotor, low, width):
     blade, polar = rotor
     changes = [ratio for _, ratio in root_changes(blade, polar, low, low + width)]
