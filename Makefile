@@ -4,7 +4,7 @@ PYTHON ?= python3
 BIN = $(VENV)/bin
 STAMP = $(VENV)/.installed
 
-.PHONY: run test check fuzz cases bench lint clean
+.PHONY: run test check fuzz verify cases bench lint clean
 
 run: $(STAMP)-run
 	$(BIN)/hkt run cases/sine_limited_quadratic.yaml --out results/sine_limited_quadratic --force
@@ -30,6 +30,11 @@ lint: $(STAMP)-dev
 # all ten cases of the paper with both optimizers, side by side (about two minutes on two cores)
 cases: $(STAMP)-run
 	$(BIN)/python scripts/run_all_cases.py --out results/cases
+
+# the verification study or a PART of it, in hours; goes on where it was interrupted, and writes
+# docs/verification.md: make verify PART=limits COUNT=20 SEED=0
+verify: $(STAMP)-test
+	$(BIN)/python -m tests.verification $(PART) $(COUNT:%=--count %) $(SEED:%=--seed %)
 
 # speed and growth, against CCBlade, CasADi and SciPy; writes docs/performance.md (about ten minutes)
 bench: export OPENBLAS_NUM_THREADS = 1
