@@ -26,6 +26,7 @@ lint: $(STAMP)-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/numpydoc lint $$(find hkt_mdo -name '*.py')
 
 # all ten cases of the paper with both optimizers, side by side (about two minutes on two cores)
 cases: $(STAMP)-run

@@ -123,8 +123,7 @@ def test_no_function_has_many_parameters():
 def test_what_counts_as_code():
     text = '"""Doc."""\n\nx = (  # comment\n    1,\n\n)\n"""Attribute."""\n# no\ny = """a\n\nb"""\n'
     assert code_lines(text) == {3, 4, 6, 9, 10, 11}
-    tree = ast.parse(
-        'class A:\n    def f(self, a, *b, c, **d):\n        """D.\n\n        """\n        x'
-    )
+    method = 'def f(self, a, *b, c, **d):\n        """D.\n\n        """\n        x'
+    tree = ast.parse(f"class A:\n    {method}")
     ((function, owner, name),) = functions(tree)
     assert (length(function), parameters(function, owner), name) == (2, 4, "A.f")
