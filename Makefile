@@ -4,7 +4,7 @@ PYTHON ?= python3
 BIN = $(VENV)/bin
 STAMP = $(VENV)/.installed
 
-.PHONY: run test check fuzz verify cases bench lint clean
+.PHONY: run test check fuzz coverage verify cases bench lint clean
 
 run: $(STAMP)-run
 	$(BIN)/hkt run cases/sine_limited_quadratic.yaml --out results/sine_limited_quadratic --force
@@ -21,6 +21,14 @@ check: $(STAMP)-test lint
 # the properties among the tests with random seeds, ten times as often (about five minutes)
 fuzz: $(STAMP)-test
 	$(BIN)/python -m pytest -n 2 -m hypothesis --hypothesis-profile=random
+
+# branch coverage of every module by all tests but the slow ones; writes docs/coverage.md
+COVERED ?= -m "not slow"
+coverage: $(STAMP)-dev
+	mkdir -p results
+	$(BIN)/python -m pytest -n 2 $(COVERED) --cov=hkt_mdo --cov-branch \
+	    --cov-report=json:results/coverage.json
+	$(BIN)/python tests/coverage_page.py results/coverage.json 'pytest $(COVERED)'
 
 lint: $(STAMP)-dev
 	$(BIN)/ruff check .
