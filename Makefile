@@ -4,7 +4,7 @@ PYTHON ?= python3
 BIN = $(VENV)/bin
 STAMP = $(VENV)/.installed
 
-.PHONY: run test check cases bench lint clean
+.PHONY: run test check fuzz coverage verify cases bench lint clean
 
 run: $(STAMP)-run
 	$(BIN)/hkt run cases/sine_limited_quadratic.yaml --out results/sine_limited_quadratic --force
@@ -18,14 +18,32 @@ check: $(STAMP)-test lint
 	$(BIN)/python -m pytest -n 2 -m slow --ignore tests/benchmarks
 	$(BIN)/python -m pytest tests/benchmarks
 
+# the properties among the tests with random seeds, ten times as often (about five minutes)
+fuzz: $(STAMP)-test
+	$(BIN)/python -m pytest -n 2 -m hypothesis --hypothesis-profile=random
+
+# branch coverage of every module by all tests but the slow ones; writes docs/coverage.md
+COVERED ?= -m "not slow"
+coverage: $(STAMP)-dev
+	mkdir -p results
+	$(BIN)/python -m pytest -n 2 $(COVERED) --cov=hkt_mdo --cov-branch \
+	    --cov-report=json:results/coverage.json
+	$(BIN)/python tests/coverage_page.py results/coverage.json 'pytest $(COVERED)'
+
 lint: $(STAMP)-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/numpydoc lint $$(find hkt_mdo -name '*.py')
 
 # all ten cases of the paper with both optimizers, side by side (about two minutes on two cores)
 cases: $(STAMP)-run
 	$(BIN)/python scripts/run_all_cases.py --out results/cases
+
+# the verification study or a PART of it, in hours; goes on where it was interrupted, and writes
+# docs/verification.md: make verify PART=limits COUNT=20 SEED=0
+verify: $(STAMP)-test
+	$(BIN)/python -m tests.verification $(PART) $(COUNT:%=--count %) $(SEED:%=--seed %)
 
 # speed and growth, against CCBlade, CasADi and SciPy; writes docs/performance.md (about ten minutes)
 bench: export OPENBLAS_NUM_THREADS = 1

@@ -246,7 +246,7 @@ def costs(found, free):
             "keep a limit but by its blade pays for it: K₂ω² cannot hold a power, and its blade is",
             "made for the fastest flow. With a limit of the power it has several optima, in most",
             "of which it works at its torque limit nearly always; the start looks at both kinds,",
-            "and `hkt verify limits` at what random blades lead to",
+            "and `make verify PART=limits` at what random blades lead to",
             "([verification.md](verification.md)).",
         ),
     )

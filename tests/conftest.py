@@ -10,12 +10,26 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 
 from hkt_mdo.case import load_case, read_case
 from hkt_mdo.dynamics.trajectory import COLUMNS, LOADS
 from hkt_mdo.results.folder import write_csv, write_json
 
 CASES = Path(__file__).parent.parent / "cases"
+
+# `make test` tries the same examples on every machine, and no time decides; `make fuzz` others
+settings.register_profile(
+    "fixed",
+    derandomize=True,
+    database=None,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+)
+settings.register_profile(
+    "random", settings.get_profile("fixed"), derandomize=False, max_examples=1000, print_blob=True
+)
+settings.load_profile("fixed")
 
 
 def operate(time: np.ndarray, limit: float | None, law: str) -> dict[str, np.ndarray]:

@@ -81,9 +81,6 @@ def test_shipped_case_runs_by_its_bare_name(hkt, tmp_path):
     assert "own_files" in hkt("check", "own_files", "--no-figures")
 
 
-def test_page_paper_and_verification(hkt, tmp_path):
+def test_page_and_paper(hkt):
     assert hkt("schema", "--markdown").startswith("# The case file")
     assert "--cases" in hkt("paper", "--help")
-    printed = hkt("verify", "fuzz", "--count", "3", "--out", "study")
-    assert "| case | 3 |" in printed
-    assert (tmp_path / "study" / "fuzz.md").is_file()

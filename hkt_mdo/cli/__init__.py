@@ -38,7 +38,7 @@ app = typer.Typer(
 for _command in (
     *(run.run, case.check, case.n2),
     *(results.plot, results.show, results.simulate, results.compare),
-    *(studies.paper, studies.verify, case.schema, case.new, case.polar),
+    *(studies.paper, case.schema, case.new, case.polar),
 ):
     # the docstring is the help, and a line end within a paragraph is a blank
     _help = re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.getdoc(_command) or "")

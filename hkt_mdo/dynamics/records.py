@@ -27,6 +27,12 @@ FASTEST = 20.0
 SPIKE = 6.0
 """Least distance of a spike from the median of the samples around it, in units of their spread."""
 
+LONGEST = 1e10
+"""Length of a record, s, some 300 years, that none has: a later time is a slip."""
+
+SHORTEST = 1e-6
+"""Step, s, below which no flow is sampled."""
+
 UNEVEN = 0.05
 """Share of a step by which a sample may miss its even time."""
 
@@ -107,18 +113,24 @@ class _Record:
         return Record(time, smooth, step, cutoff, (summary, *self.messages))
 
     def check_order(self) -> None:
-        """Refuse a record that is too short, lacks a time, or whose times do not rise."""
+        """Refuse a record that is too short, lacks a time, or whose times do not rise plausibly."""
         raw, time = self.raw, self.raw.time
         if time.size < MIN_SAMPLES:
             problem = f"has {_count(time.size, 'sample')}"
             raise InputError(problem, f"give {MIN_SAMPLES} at least", file=raw.file)
         for row in np.flatnonzero(~np.isfinite(time))[:1]:
             raise raw.refuse("is no time", "give every sample its time", row, 0)
+        for row in np.flatnonzero(np.abs(time) > LONGEST)[:1]:
+            remedy = "mend it or the first time, or time_unit"
+            raise raw.refuse(f"is more than {LONGEST:g} s from the first time", remedy, row, 0)
         for row in np.flatnonzero(np.diff(time) <= 0.0)[:1]:
             after = "also the time of" if time[row + 1] == time[row] else "before"
             remedy = "sort the rows by time and keep one of each; if the clock was changed, give "
             remedy += "dates with their zone"
             raise raw.refuse(f"is {after} {raw.place(row)}", remedy, row + 1, 0)
+        if (step := float(np.median(np.diff(time)))) < SHORTEST:
+            problem = f"is where steps of {step:.3g} s begin, and {SHORTEST:g} s are the shortest"
+            raise raw.refuse(problem, "mend the times, or time_unit", 0, 0)
 
     def cut(self) -> None:
         """Take the rows from start to start + duration, times anew from 0."""
@@ -258,7 +270,7 @@ class _Record:
 def _grid(time: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     """Return the step of even samples with gaps, each one's place, and how far (s) it is off it."""
     steps = np.diff(time)
-    median = float(np.median(steps))
+    median = float(np.quantile(steps, 0.5, method="lower"))  # one of the steps
     # the mean of the steps without gaps, since times may be rounded: 0.03, 0.07, 0.10
     usual = float(np.mean(steps[np.abs(steps - median) <= 0.5 * median]))
     index = np.concatenate(([0.0], np.cumsum(np.maximum(np.rint(steps / usual), 1.0))))

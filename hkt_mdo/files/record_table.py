@@ -172,7 +172,7 @@ class Columns:
             raise InputError(problem, "leave time_unit out", file=self.file, key=key)
         if not dated:
             unit = self._unit(0, units[0], options)
-            with np.errstate(over="ignore"):  # infinite times are refused later, with their place
+            with np.errstate(over="ignore"):  # what is too large is refused later, with its place
                 time = (time - time[:1]) * TIME_UNITS[unit]
         unit, area = self._unit(1, units[1], options), options.area
         if (unit in DISCHARGE_UNITS) != (area is not None):
@@ -189,7 +189,9 @@ class Columns:
             factor = DISCHARGE_UNITS[unit] / area
             note = f"discharge in {unit} over the area of {area:g} m2 is the speed"
         messages = self.messages if unit == "m/s" else (*self.messages, note)
-        return replace(self, time=time, speed=self.speed * factor, messages=messages)
+        with np.errstate(over="ignore"):
+            speed = self.speed * factor
+        return replace(self, time=time, speed=speed, messages=messages)
 
     def _unit(self, column: int, said: str, options: RecordOptions) -> str:
         """Return a column's unit, which an option or the file says."""

@@ -1,1 +1,1 @@
-"""What runs many cases: the paper, verification, uncertainty."""
+"""What runs many cases: the paper, other flows and sensor noise."""

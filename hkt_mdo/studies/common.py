@@ -1,4 +1,4 @@
-"""What the paper's reproduction and the verification study share."""
+"""What the paper's reproduction and other studies share."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -11,12 +11,6 @@ LAWS = ("oloc", "linear", "quadratic")
 SCENARIOS = ("step", "sine", "sine_limited")
 CODESIGN = tuple(f"{scenario}_{law}" for scenario in SCENARIOS for law in LAWS)
 """The shipped cases in which blade and controller are designed together."""
-LIMITED = tuple(
-    f"limits/{limit}_{law}"
-    for limit in ("power", "rotor_speed", "thrust", "stress", "cavitation", "all")
-    for law in ("oloc", "quadratic")
-)
-"""The shipped cases of the paper's rotor under limits."""
 
 
 def case_file(folder: Path | None, name: str, overrides: Sequence[str] = ()) -> Case:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
@@ -19,6 +19,7 @@ from hkt_mdo.dynamics.laws import FeedbackLaw, LinearFeedback, OpenLoop, Quadrat
 from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import data_path, shipped_names
+from tests.properties import examples
 
 CASES = Path(__file__).parents[2] / "cases"
 LAWS = {"oloc": OpenLoop, "linear": LinearFeedback, "quadratic": QuadraticFeedback}
@@ -343,7 +344,7 @@ FLOW = st.dictionaries(
     ),
     max_size=4,
 )
-MANY = settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+MANY = examples(300)
 
 
 def read_or_refuse(text: str, overrides: tuple[str, ...] = ()) -> None:

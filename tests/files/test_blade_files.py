@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hkt_mdo.errors import InputError
@@ -14,6 +14,7 @@ from hkt_mdo.files.blade import read_blade, write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable, SectionTable
 from hkt_mdo.files.shipped import data_path
 from tests.files.broken.blades import AERODYN, CSV, WINDIO
+from tests.properties import examples
 
 TEMPLATE = """------- AERODYN v15.00.* BLADE DEFINITION INPUT FILE ---------
 A blade
@@ -123,7 +124,7 @@ def test_sections_are_blended_by_thickness():
     np.testing.assert_allclose([share for _, _, share in plain.blend([0.05, 0.7])], [0.05, 0.7])
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(
     data=st.lists(
         st.tuples(

@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from hkt_mdo.dynamics import records
@@ -14,6 +14,7 @@ from hkt_mdo.dynamics.records import low_pass, read_record, record_from
 from hkt_mdo.errors import InputError
 from hkt_mdo.files import record_table
 from tests.files.broken.records import ROWS, SOUND, SPEEDS, TIMES
+from tests.properties import examples
 
 STEP = 0.25
 TIME = STEP * np.arange(2400)
@@ -488,9 +489,41 @@ def test_limits(tmp_path, monkeypatch):
 
 
 def test_gaps_cost_no_memory_before_they_are_refused(tmp_path):
-    time = np.append(TIME, 1e15)
+    time = np.append(TIME, 9e9)
     message = refused(csv(tmp_path, time, np.append(SPEED, 1.5)), gaps="interpolate")
     assert "line 2402" in message
+
+
+@pytest.mark.parametrize(
+    ("time", "line", "problem"),
+    [
+        (np.append(TIME, 1e308), 2402, "= '1e+308 s since the first': is more than 1e+10 s"),
+        (1e307 * np.arange(17), 3, "= '1e+307 s since the first': is more than 1e+10 s"),
+        (1e307 * np.arange(-8.0, 9.0), 3, "is more than 1e+10 s from the first time"),
+        (5e-324 * np.arange(17), 2, "is where steps of 4.94e-324 s begin"),
+        (np.append(1e-9 * np.arange(16), 9e9), 2, "is where steps of 1e-09 s begin"),
+    ],
+)
+def test_times_that_no_record_has_are_refused(tmp_path, time, line, problem):
+    message = refused(csv(tmp_path, time, np.full(time.size, 1.5)), uneven="resample")
+    assert message.startswith(f"line {line}, column time_s")
+    assert problem in message
+    assert "time_unit" in message
+
+
+def test_the_longer_of_two_usual_steps_is_a_gap(tmp_path):
+    """No step is near the mean of the two in the middle."""
+    time = np.cumsum(np.repeat([0.0, 1.0, 100.0], [1, 8, 8]))
+    message = refused(csv(tmp_path, time, np.full(17, 1.5)))
+    assert message.startswith(
+        "line 11, column time_s = '108 s since the first': ends a gap of 99 s"
+    )
+
+
+def test_a_discharge_over_next_to_no_area_is_refused(tmp_path):
+    path = csv(tmp_path, speed=1e308 * SPEED / SPEED.max(), header="time_s,discharge_m3_s")
+    message = refused(path, area=1e-3, gaps="interpolate", spikes="keep")
+    assert "column discharge_m3_s = 'inf m/s': is faster than any river" in message
 
 
 CELLS = st.sampled_from(
@@ -498,7 +531,8 @@ CELLS = st.sampled_from(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
+@example([(39, 0, "1e308")], "interpolate", "replace", "resample")  # overflows over the usual step
 @given(
     st.lists(st.tuples(st.integers(0, 40), st.sampled_from([0, 1]), CELLS), max_size=6),
     st.sampled_from(["refuse", "interpolate"]),

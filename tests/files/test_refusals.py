@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from hkt_mdo.dynamics.records import read_record
@@ -13,6 +13,7 @@ from hkt_mdo.files.outline import read_outline
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.table import Csv, parse_number
 from tests.files.broken import blades, polars, records
+from tests.properties import examples
 
 BROKEN = (
     {f"blade {flaw}": (read_blade, *broken) for flaw, broken in blades.BROKEN.items()}
@@ -115,9 +116,7 @@ DAMAGE = st.lists(
 
 
 @pytest.mark.parametrize("name", SOUND)
-@settings(
-    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@examples(40)
 @given(damage=DAMAGE)
 def test_damage_is_read_or_refused(name, damage, tmp_path):
     read, content = SOUND[name]

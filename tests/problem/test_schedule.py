@@ -13,7 +13,7 @@ from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes, find_start, other_branch, steady_optimum
 from hkt_mdo.problem.steady_flow import SteadyFlow
-from hkt_mdo.studies.verify import random_start
+from tests.verification.study import random_start
 
 SINE = {"inflow": "sine"}
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from hkt_mdo.files.shipped import shipped_names
@@ -36,7 +36,6 @@ def rotors(draw, wild=True):
 
 
 ratios = st.lists(st.floats(0.1, 30.0), min_size=1, max_size=6).map(np.array)
-one_by_one = settings(max_examples=100, deadline=None, derandomize=True)
 
 
 def station_of(blade, polar, j):
@@ -163,7 +162,6 @@ def test_beyond_runaway_drag_rules(blade, polar):
 
 
 @given(rotor=rotors(), ratio=ratios)
-@one_by_one
 def test_every_section_with_drag_has_a_root(rotor, ratio):
     """With cd > 0 a root with 0 < phi < 180 degrees and W > 0 exists always (proof in docs/bem.md).
 
@@ -189,7 +187,6 @@ def test_every_section_with_drag_has_a_root(rotor, ratio):
 
 
 @given(rotor=rotors(wild=False), ratio=ratios)
-@one_by_one
 def test_first_root_is_taken(rotor, ratio):
     """No root lies at a smaller inflow angle: the residual is negative all the way."""
     blade, polar = rotor
@@ -225,7 +222,10 @@ def count_roots(blade, polar, j, ratio):
 
 
 def largest_jump(blade, polar, low, high):
-    """Return the largest jump of torque over the largest torque, found by bisection."""
+    """Return the largest jump of torque over the largest torque, and that of the inflow angle.
+
+    The former is found by bisection, and the latter (rad, of any section) is the one there.
+    """
     points = np.linspace(low, high, 61)
     torque = bem.rotor_coefficients(blade, polar, points).torque
     scale = np.abs(torque).max()
@@ -235,17 +235,29 @@ def largest_jump(blade, polar, low, high):
         points = np.array([low, 0.5 * (low + high), high])
         left, right = np.abs(np.diff(bem.rotor_coefficients(blade, polar, points).torque))
         low, high = points[:2] if left > right else points[1:]
-    return max(left, right) / scale
+    angles = bem.sections(blade, polar, np.array([low, high])).inflow_angle
+    return max(left, right) / scale, np.abs(np.diff(angles, axis=0)).max()
 
 
+FOLDED = Blade(np.array([0.89511]), np.array([1.15915]), np.array([1.192278]), 0.496532, 1.0, 5)
+"""Two turning points of its curve are 0.0014 rad apart with the polar of `POLARS[4]`."""
+
+
+@example(rotor=(FOLDED, POLARS[4]), low=1.0, width=8.0)
 @given(rotor=rotors(), low=st.floats(0.1, 8.0), width=st.floats(0.5, 8.0))
-@one_by_one
 def test_torque_is_continuous_except_where_a_root_vanishes(rotor, low, width):
+    """Turning points closer than `bem.FINEST` may be missed (docs/bem.md).
+
+    Between and around two of them, d apart, the curve is about a cubic: the first root then jumps
+    by 1.5 d.
+    """
     blade, polar = rotor
     changes = [ratio for _, ratio in root_changes(blade, polar, low, low + width)]
     for left, right in itertools.pairwise([low, *changes, low + width]):
         if right > left * (1.0 + 1e-7):
-            assert largest_jump(blade, polar, left * (1.0 + 1e-9), right * (1.0 - 1e-9)) < 1e-4
+            ends = left * (1.0 + 1e-9), right * (1.0 - 1e-9)
+            jump, angle = largest_jump(blade, polar, *ends)
+            assert jump < 1e-4 or angle < 1.5 * bem.FINEST
 
 
 def test_two_roots_vanish_where_the_torque_jumps(study):

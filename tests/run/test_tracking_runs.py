@@ -52,24 +52,41 @@ def test_an_unstable_loop_is_refused(solve_physics):
     assert refused.value > 0.0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("branch", "gains"),
-    [
-        ("overspeed", "torque_limit: 700"),
-        ("underspeed", "knots: 12, proportional_gain: 300, integral_gain: 6000"),
-    ],
-)
-def test_power_limit_is_kept_on_either_branch(solve, branch, gains):
-    """Within half a per cent of open loop; underspeed is what no law of the speed alone can."""
-    control = f"control={{law: tracking, {gains}}}"
-    power = "limits.power=5 kW", f"start.branch={branch}"
-    found, best = solve("sine_oloc", control, *power), solve("sine_oloc", *power)
-    assert found.success, found.summary.message
-    assert found.summary.simulated_energy_J == pytest.approx(
-        best.summary.simulated_energy_J, rel=5e-3
-    )
-    nodes = found.trajectory
+def energy(solution):
+    assert solution.success, solution.summary.message
+    return solution.summary.simulated_energy_J
+
+
+def along(solution):
+    """Return the correlation of the rotor's speed with the flow's, where that is fast."""
+    nodes = solution.trajectory
     fast = nodes["inflow_speed_m_s"] > 1.6
-    along = np.corrcoef(nodes["inflow_speed_m_s"][fast], nodes["rotor_speed_rad_s"][fast])[0, 1]
-    assert along > 0.9 if branch == "overspeed" else along < -0.5
+    return np.corrcoef(nodes["inflow_speed_m_s"][fast], nodes["rotor_speed_rad_s"][fast])[0, 1]
+
+
+@pytest.mark.slow
+def test_power_limit_is_kept_by_overspeed(solve):
+    """No better than open loop, and no worse than the same law on open loop's own blade.
+
+    There are several optima, 0.2 and 0.6 % below open loop, and the BLAS kernel decides which one
+    is found. That with open loop's blade is the same with all of them, and one of the designs here.
+    """
+    tracking = "control={law: tracking, torque_limit: 700}"
+    power = "limits.power=5 kW", "start.branch=overspeed"
+    best, found = solve("sine_oloc", *power), solve("sine_oloc", tracking, *power)
+    chord, twist = (best.blade[name].tolist() for name in ("chord_m", "twist_deg"))
+    fixed = f"rotor.chord={chord}", f"rotor.twist={twist}", "design.blade=fixed"
+    same_blade = solve("sine_oloc", tracking, *power, *fixed)
+    assert energy(same_blade) * (1.0 - 1e-5) <= energy(found) <= energy(best) * (1.0 + 1e-5)
+    assert np.max(found.simulation["generator_power_W"]) <= 5e3 * 1.001
+    assert along(found) > 0.9
+
+
+@pytest.mark.slow
+def test_power_limit_is_kept_by_underspeed(solve):
+    """Within half a per cent of open loop, which no law of the speed alone can."""
+    tracking = "control={law: tracking, knots: 12, proportional_gain: 300, integral_gain: 6000}"
+    power = "limits.power=5 kW", "start.branch=underspeed"
+    found, best = solve("sine_oloc", tracking, *power), solve("sine_oloc", *power)
+    assert energy(found) == pytest.approx(energy(best), rel=5e-3)
+    assert along(found) < -0.5

@@ -5,6 +5,7 @@ Runs that the folder already holds are reused. Goals are stated; nothing here ma
 """
 
 import json
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import version
@@ -26,18 +27,23 @@ from hkt_mdo.run.batch import run_batch
 from hkt_mdo.studies.common import (
     CODESIGN,
     LAWS,
-    LIMITED,
     case_file,
     markdown_table,
     percent,
     with_blade,
 )
-from hkt_mdo.studies.faults import faults
-from hkt_mdo.studies.features import features
-from hkt_mdo.studies.fuzz import fuzz
-from hkt_mdo.studies.real import real_cases
 from hkt_mdo.studies.uncertainty import Design
+from tests.verification.faults import faults
+from tests.verification.features import features
+from tests.verification.fuzz import fuzz
+from tests.verification.real import real_cases
 
+LIMITED = tuple(
+    f"limits/{limit}_{law}"
+    for limit in ("power", "rotor_speed", "thrust", "stress", "cavitation", "all")
+    for law in ("oloc", "quadratic")
+)
+"""The shipped cases of the paper's rotor under limits."""
 OPTIMIZERS = ("IPOPT", "SLSQP")
 POLARS = tuple(POLAR_FAMILIES["naca63815"])
 PEAK_TORQUE_COEFFICIENT = 0.065  # of a good rotor: Cp 0.47 at a tip speed ratio of 7.2
@@ -49,16 +55,14 @@ FALSE_SUCCESS = 5e-4  # a success whose energy is this fraction below the best o
 class Study:
     """Where a study's files are, how many runs a part makes, and how it runs cases.
 
-    `cases` is None for the shipped case files; `jobs` and `done` are those of `run_batch`.
+    `jobs` and `done` are those of `run_batch`.
     """
 
     out: Path
-    cases: Path | None
     count: int
     seed: int
     jobs: int | None
     done: Callable[[Path, str], None]
-    blades: Path | None = None  # a folder of windIO files, for the part on real blades
 
     def run(self, cases: Mapping[str, Case]) -> dict[str, Solution | None]:
         """Return the solutions of cases by their folders in `out`; None: could not be run."""
@@ -181,7 +185,7 @@ def _from_random_blades(study, method, problems, optimizers):
     for place, (name, (shipped, overrides)) in enumerate(problems.items()):
         for optimizer in optimizers:
             settings = [*overrides, f"driver.optimizer={optimizer}", f"start.method={method}"]
-            case = case_file(study.cases, shipped, settings)
+            case = case_file(None, shipped, settings)
             for i in range(study.count):
                 start = random_start(case, np.random.default_rng([study.seed, place, i]))
                 plan[f"{method}/{optimizer}/{name}/{i:03d}"] = start, name, name
@@ -207,7 +211,7 @@ def _sweep(study):
         for optimizer in OPTIMIZERS:
             settings = [*overrides, f"driver.optimizer={optimizer}", f"name={name}"]
             group = name.partition("_")[0].rstrip("0123456789")
-            case = case_file(study.cases, base, settings)
+            case = case_file(None, base, settings)
             plan[f"sweep/{optimizer}/{name}"] = case, f"sweep {name}", group
     told = _run_and_tell(study, plan)
     best = json.loads((study.out / "best.json").read_text(encoding="utf-8"))
@@ -297,7 +301,7 @@ def _against_physics(study):
             ("segments_x4", "phase.segments=240"),
             ("radau", "phase.transcription=radau", *short),
         ):
-            plan[f"physics/{variant}/{name}"] = case_file(study.cases, name, overrides)
+            plan[f"physics/{variant}/{name}"] = case_file(None, name, overrides)
     found = study.run(plan)
     rows = []
     for name in CODESIGN:
@@ -378,11 +382,11 @@ def _fly(design, **accuracy):
 def _real(study):
     """Design on from real blades of several sections at default settings, under the three laws.
 
-    Reference Model 1 and the windIO files of `--blades`, each with and without a torque limit, in
+    Reference Model 1 and the files of `tests/data/blades`, each with and without a torque limit, in
     the sine flow. Goal: every run succeeds, at no less energy than its start has. In brackets:
     sections of the start are closer to stall than a result may have them.
     """
-    plan = {f"real/{name}": case for name, case in real_cases(study.blades).items()}
+    plan = {f"real/{name}": case for name, case in real_cases().items()}
     found, rows = study.run(plan), []
     for run, solution in found.items():
         summary = solution and solution.summary
@@ -436,12 +440,10 @@ PARTS = {
 def run_part(
     part: str,
     out: Path,
-    cases: Path | None,
     count: int | None,
     seed: int,
     jobs: int | None,
     done: Callable[[Path, str], None],
-    blades: Path | None = None,
 ) -> str:
     """Run a part of the study and return its figures, which `out` keeps for the report.
 
@@ -451,11 +453,11 @@ def run_part(
     if part not in PARTS:
         raise InputError("unknown part", f"choose from {', '.join(PARTS)}", value=part)
     title, run, usual = PARTS[part]
-    study = Study(out, cases, count or usual, seed, jobs, done, blades)
+    study = Study(out, count or usual, seed, jobs, done)
     try:
         out.mkdir(parents=True, exist_ok=True)
         figures = "\n".join(run(study)).rstrip()
-        command = f"`hkt verify {part} --count {study.count} --seed {seed}`"
+        command = f"`make verify PART={part} COUNT={study.count} SEED={seed}`"
         text = f"## {title}\n\n{getdoc(run)}\n\n{command}\n\n{figures}\n"
         write_text(out / f"{part}.md", text)
     except OSError as error:
@@ -463,12 +465,16 @@ def run_part(
     return text
 
 
-def report(out: Path) -> str:
-    """Return the report of all parts that a study's folder holds figures of."""
-    files = [out / f"{name}.md" for name in PARTS]
+def report(out: Path, page: str = "") -> str:
+    """Return the page: the parts that a study's folder has, the others as the page has them."""
+    earlier = {text.partition("\n")[0]: text for text in re.split(r"(?m)^(?=## )", page)[1:]}
     head = (
-        "# Verification\n\nGenerated by `hkt verify --report docs/verification.md` with version "
+        "# Verification\n\nGenerated by `make verify` with version "
         f"{version('hkt_mdo')}; each section names its command. Nothing here is edited by hand.\n"
     )
-    parts = [path.read_text(encoding="utf-8") for path in files if path.exists()]
+    parts = []
+    for name, (title, *_) in PARTS.items():
+        file = out / f"{name}.md"
+        text = file.read_text(encoding="utf-8") if file.exists() else earlier.get(f"## {title}", "")
+        parts += [text.rstrip() + "\n"] if text else []
     return "\n".join([head, *parts])

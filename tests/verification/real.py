@@ -1,20 +1,20 @@
 """The part of the verification study that designs on from real blades of several sections."""
 
+from pathlib import Path
+
 from hkt_mdo.case import load_case
-from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.studies.common import LAWS
 
+BLADES = Path(__file__).parents[1] / "data" / "blades"
 RADIUS = 8.0  # m, of blades from files: those of wind turbines would need flows of the sea
 LOWERED = 0.042  # torque limit as a torque coefficient: about 0.8 of what an open loop asks for
 
 
-def real_cases(folder):
-    """Return cases with default settings by name: of RM1 and every windIO file of a folder."""
-    files = [] if folder is None else sorted(folder.glob("*.yaml"))
-    if folder is not None and not files:
-        raise InputError("holds no windIO files (*.yaml)", "give another folder", key="--blades")
+def real_cases():
+    """Return cases with default settings by name: of RM1 and every windIO file of `BLADES`."""
+    files = sorted(BLADES.glob("*.yaml"))
     rotors = {"rm1": {"blade": "rm1"}}
     rotors |= {file.stem: {"blade": str(file.resolve()), "radius": RADIUS} for file in files}
     cases = {}

@@ -27,7 +27,7 @@ def features(study) -> list[str]:
         overrides = [f"inflow={_flow(rng, width)}", f"phase.segments={SEGMENTS}"]
         overrides += [f"phase.duration={DURATION}", f"name=features{i:03d}"]
         overrides += [f"control.torque_limit={rng.uniform(400.0, 1200.0):.6g}"]
-        plan[f"features/{i:03d}_{law}"] = case_file(study.cases, f"sine_limited_{law}", overrides)
+        plan[f"features/{i:03d}_{law}"] = case_file(None, f"sine_limited_{law}", overrides)
     found = study.run(plan)
     rows, wrong = [], []
     groups = ("below 0.1", 0.0, 0.1), ("0.1 to 1", 0.1, 1.0), ("1 to 10", 1.0, np.inf)

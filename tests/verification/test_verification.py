@@ -13,7 +13,8 @@ from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.run.run import run_case
-from hkt_mdo.studies import faults, fuzz, verify
+from tests.verification import faults, fuzz, study
+from tests.verification.__main__ import main
 
 CASES = Path(__file__).parents[2] / "cases"
 
@@ -26,8 +27,8 @@ def test_random_starts_are_smooth_seeded_and_within_their_range():
     case = load_case(CASES / "sine_oloc.yaml")
     before = physics(case).blade
     for seed in range(50):
-        blade = physics(verify.random_start(case, np.random.default_rng(seed))).blade
-        again = physics(verify.random_start(case, np.random.default_rng(seed))).blade
+        blade = physics(study.random_start(case, np.random.default_rng(seed))).blade
+        again = physics(study.random_start(case, np.random.default_rng(seed))).blade
         np.testing.assert_array_equal(blade.chord, again.chord)
         factor, offset = blade.chord / before.chord, np.rad2deg(blade.twist - before.twist)
         assert np.all((factor > 0.599) & (factor < 1.601))
@@ -36,12 +37,12 @@ def test_random_starts_are_smooth_seeded_and_within_their_range():
 
 
 def test_the_sweep_is_as_wide_as_promised():
-    changes = verify.single_changes()
-    assert len(changes) * len(verify.LAWS) >= 60
+    changes = study.single_changes()
+    assert len(changes) * len(study.LAWS) >= 60
     for overrides in changes.values():
         load_case(CASES / "sine_limited_linear.yaml", overrides)
     for seed in range(200):
-        overrides = verify.random_change(np.random.default_rng(seed), "quadratic")
+        overrides = study.random_change(np.random.default_rng(seed), "quadratic")
         case = load_case(CASES / "sine_oloc.yaml", overrides)
         periods = case.phase.duration * case.inflow.angular_frequency / (2.0 * np.pi)
         assert case.phase.segments >= 8.0 * periods - 1.0
@@ -53,7 +54,7 @@ def test_the_sweep_is_as_wide_as_promised():
     ("seed", "law", "optimizer"), [(1, "linear", "IPOPT"), (2, "quadratic", "SLSQP")]
 )
 def test_a_random_mixture_succeeds(tmp_path, seed, law, optimizer):
-    overrides = verify.random_change(np.random.default_rng([0, seed]), law)
+    overrides = study.random_change(np.random.default_rng([0, seed]), law)
     case = load_case(CASES / "sine_oloc.yaml", [*overrides, f"driver.optimizer={optimizer}"])
     solution = run_case(case, tmp_path / "out", figures=False, records=False)
     assert solution.success, solution.message
@@ -72,7 +73,7 @@ def test_linear_feedback_keeps_its_distance_from_stall(tmp_path):
     case = load_case(CASES / "sine_limited_linear.yaml", [*overrides, "driver.optimizer=SLSQP"])
     solution = run_case(case, tmp_path / "out", figures=False, records=False)
     assert solution.success, solution.message
-    design = verify.Design.of(solution)
+    design = study.Design.of(solution)
     speed = (1.0 - SLOWED) * solution.simulation["rotor_speed_rad_s"]
     driving = design.plant.torque(speed, solution.simulation["inflow_speed_m_s"])
     assert np.min(driving / design.law.torque(speed, design.gains)) > 1.0 - 2e-3
@@ -83,18 +84,18 @@ def test_the_optimum_is_stationary(tmp_path, law):
     """No design variable, a little off, captures more under direct BEM."""
     case = load_case(CASES / f"sine_limited_{law}.yaml", ["phase.duration=20", "phase.segments=20"])
     solution = run_case(case, tmp_path / "out", figures=False, records=False)
-    design = verify.Design.of(solution)
-    reference = verify._fly(design).energy
+    design = study.Design.of(solution)
+    reference = study._fly(design).energy
     assert reference == pytest.approx(solution.summary["simulated_energy_J"], rel=1e-5)
-    changed = list(verify._perturbed(design))
+    changed = list(study._perturbed(design))
     assert len(changed) > 30
     for name, other in changed[::5]:
-        assert verify._fly(other).energy <= reference * (1.0 + 1e-5), name
+        assert study._fly(other).energy <= reference * (1.0 + 1e-5), name
     assert solution.summary["energy_balance_error"] < 1e-6
 
 
 def test_mutilated_files_are_accepted_or_refused(tmp_path):
-    text = verify.run_part("fuzz", tmp_path, CASES, 100, 1, None, silent)
+    text = study.run_part("fuzz", tmp_path, 100, 1, None, silent)
     rows = [line.split("|")[1:-1] for line in text.splitlines() if line.startswith("| ")][1:]
     assert [row[0].strip() for row in rows] == list(fuzz.READERS)
     assert all(int(row[4]) == 0 for row in rows), text
@@ -106,7 +107,7 @@ def test_disturbed_runs_lose_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(faults, "LAWS", ("quadratic",))
     quick = {key: each for key, each in faults.FAULTS.items() if key != "no home, no cache"}
     monkeypatch.setattr(faults, "FAULTS", quick)
-    text = verify.run_part("faults", tmp_path, CASES, 1, 1, 2, silent)
+    text = study.run_part("faults", tmp_path, 1, 1, 2, silent)
     rows = [line.split("|")[1:-1] for line in text.splitlines() if line.startswith("| ")][1:]
     assert [row[0].strip() for row in rows] == list(quick)
     assert all((int(row[1]), int(row[4])) == (1, 0) for row in rows), text
@@ -165,10 +166,10 @@ def test_successes_are_counted_by_group_and_optimizer(tmp_path, monkeypatch):
             )
         return found
 
-    monkeypatch.setattr(verify, "run_batch", run_batch)
+    monkeypatch.setattr(study, "run_batch", run_batch)
     earlier = {"sweep radius_0.4_linear": 2000.0, "of another study": 1.0}
     (tmp_path / "best.json").write_text(json.dumps(earlier))
-    text = verify.run_part("sweep", tmp_path, CASES, 3, 0, 1, silent)
+    text = study.run_part("sweep", tmp_path, 3, 0, 1, silent)
     for row in (
         "| limit | IPOPT | 12/12, 100.0 % | 0.00000 | 7 (7) | 0 |",
         "| limit | SLSQP | 12/12, 100.0 % | 1.00000 | 7 (7) | 1 |",
@@ -187,9 +188,23 @@ def test_successes_are_counted_by_group_and_optimizer(tmp_path, monkeypatch):
 
 def test_the_report_takes_what_there_is(tmp_path):
     with pytest.raises(InputError, match="unknown part"):
-        verify.run_part("luck", tmp_path, CASES, 1, 0, 1, silent)
-    (tmp_path / "sweep.md").write_text("## Under change\n")
-    report = verify.report(tmp_path)
-    assert report.startswith("# Verification")
-    assert "## Under change" in report
-    assert "## From" not in report
+        study.run_part("luck", tmp_path, 1, 0, 1, silent)
+    (tmp_path / "sweep.md").write_text("## Under change\n\nanew\n")
+    page = study.report(tmp_path, "# Old\n\n## Under change\n\nold\n\n## Real blades\n\nkept\n")
+    head, *parts = page.split("\n## ")
+    assert head.startswith("# Verification")
+    assert parts == ["Under change\n\nanew\n", "Real blades\n\nkept\n"]
+
+
+def test_the_page_is_as_the_study_writes_it(tmp_path):
+    page = (CASES.parent / "docs" / "verification.md").read_text(encoding="utf-8")
+    assert study.report(tmp_path, page) == page
+
+
+def test_a_part_is_a_command(tmp_path, capsys):
+    page = tmp_path / "page.md"
+    main(["fuzz", "--count", "3", "--out", str(tmp_path / "out"), "--page", str(page)])
+    assert "| case | 3 |" in capsys.readouterr().out
+    assert "PART=fuzz COUNT=3 SEED=0" in page.read_text(encoding="utf-8")
+    with pytest.raises(SystemExit, match="unknown part"):
+        main(["luck", "--out", str(tmp_path / "out")])
