@@ -55,9 +55,7 @@ class Described:
 
 _ALL = (
     Described("time", "s", "time since the start", "time", "trajectory"),
-    Described(
-        "inflow_speed", "m/s", "undisturbed flow speed at the rotor", "time", "trajectory"
-    ),
+    Described("inflow_speed", "m/s", "undisturbed flow speed at the rotor", "time", "trajectory"),
     Described("rotor_speed", "rad/s", "angular speed of the rotor", "time", "trajectory"),
     Described("tip_speed_ratio", None, "tip speed over inflow speed", "time", "trajectory"),
     Described(

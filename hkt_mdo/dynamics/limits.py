@@ -16,7 +16,7 @@ from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.scales import torque_scale
-from hkt_mdo.sections import Quantity, Section
+from hkt_mdo.sections import Quantity
 
 BETWEEN = 1e-4  # by which a limit that is kept may be exceeded between the nodes, relatively
 ALLOWABLE = "allowable"  # in place of a number: what the material allows

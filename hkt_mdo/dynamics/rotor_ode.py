@@ -3,9 +3,9 @@
 import numpy as np
 import openmdao.api as om
 
+from hkt_mdo.dynamics.formulas import STEP
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import FeedbackLaw
-from hkt_mdo.dynamics.formulas import STEP
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale

@@ -1,22 +1,32 @@
 """Independent integration of the rotor's equation of motion with direct BEM.
 
-Nothing here is shared with the optimization but the physics: no torque curve, no mesh. Radau IIA
-(five stages, order 9, L-stable; Hairer and Wanner, Solving Ordinary Differential Equations II,
-section IV.8) solves the steps of a window together by Newton's method, so that BEM, flow and law
-see arrays, and divides them until their estimated errors are within the tolerance.
+Nothing here is shared with the optimization but the physics: no torque curve, no mesh. The steps
+of a window are solved together (`hkt_mdo.dynamics.radau`), so that BEM, flow and law see arrays, and
+divided until their estimated errors are within the tolerance.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial import Legendre
 from scipy.interpolate import PPoly
 from scipy.optimize import brentq
 
 from hkt_mdo.dynamics.flows import Inflow
+from hkt_mdo.dynamics.formulas import STEP
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
-from hkt_mdo.dynamics.laws import STEP, FeedbackLaw
+from hkt_mdo.dynamics.laws import FeedbackLaw
+from hkt_mdo.dynamics.radau import (
+    ERROR,
+    MATRIX,
+    NODES,
+    STAGES,
+    divided,
+    magnitudes,
+    solve_stages,
+    step_errors,
+    through,
+)
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
@@ -24,39 +34,10 @@ from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import power_scale, torque_scale
 
 SLOWEST_RATIO = 0.05  # tip speed ratio at which a rotor counts as standing still
-STAGES = 5
 WINDOW, MOST_STEPS = 64, 5_000  # steps solved together, before and after they are divided
 FAILURES = 100  # of Newton's method, and one more a step, at most: a window that fails is halved
 PROBES = 16  # points at which the flow is looked at in a step, no longer than its shortest period
 FLOW_ERROR = 1e-6  # of the flow between the nodes of a step, above which the step is divided
-MOST_ITERATIONS = 12
-
-
-def _radau():
-    """Return the method's nodes (0 first), matrix and error weights."""
-    legendre = Legendre.basis(STAGES) - Legendre.basis(STAGES - 1)
-    nodes = 0.5 + 0.5 * np.sort(legendre.roots().real)
-    orders = np.arange(1.0, STAGES + 1.0)
-    powers = nodes[:, None] ** (orders - 1.0)
-    matrix = (nodes[:, None] ** orders / orders) @ np.linalg.inv(powers)
-    eigenvalues = np.linalg.eigvals(matrix)
-    first = eigenvalues[np.argmin(np.abs(eigenvalues.imag))].real
-    # less the embedded quadrature of order STAGES with the weight `first` at the step's start
-    error = np.linalg.solve(powers.T, 1.0 / orders - first * (orders == 1.0)) - matrix[-1]
-    return np.append(0.0, nodes), matrix, np.append(first, error)
-
-
-_NODES, _MATRIX, _ERROR = _radau()
-_STAGE_ERROR = _ERROR[1:] @ np.linalg.inv(_MATRIX)
-
-
-def _through(edges, places, values):
-    """Return the polynomials through values[piece, place, ...] at places (0 to 1) of pieces."""
-    values = np.moveaxis(values, 1, 0)
-    powers = np.linalg.solve(np.vander(places), values.reshape(places.size, -1))
-    step = np.diff(edges) ** np.arange(places.size)[::-1, None]
-    step = step.reshape(step.shape + (1,) * (values.ndim - 2))
-    return PPoly(powers.reshape(values.shape) / step, edges)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,14 +82,14 @@ class RecordedTorque:
         nodes, values = (np.reshape(each, (-1, count)) for each in (time, torque))
         place = (nodes[0] - nodes[0, 0]) / (nodes[0, -1] - nodes[0, 0])
         self.ends = np.append(nodes[:, 0], time[-1])
-        self.unlimited = _through(self.ends, place, values)
+        self.unlimited = through(self.ends, place, values)
         """The torque, N*m, before it is cut to the generator's range, as a function of time (s)."""
         self.unlimited_rate = self.unlimited.derivative()
         """Its rate, N*m/s."""
         self.limit = np.inf if limit is None else limit
         self.stiffness = stiffness
         if stiffness:
-            self._held = _through(self.ends, place, np.reshape(speed, nodes.shape))
+            self._held = through(self.ends, place, np.reshape(speed, nodes.shape))
             self._held_rate = self._held.derivative()
 
     @classmethod
@@ -319,10 +300,10 @@ class _Motion:
         """Halve the steps in which the flow is no polynomial through the nodes."""
         for _ in range(20):
             step = np.diff(edges)[:, None]
-            nodes = self.inflow.speed_at(edges[:-1, None] + step * _NODES)
+            nodes = self.inflow.speed_at(edges[:-1, None] + step * NODES)
             places = edges[:-1, None] + step * (np.arange(PROBES) + 0.5) / PROBES
             probes = self.inflow.speed_at(places)
-            off = np.max(np.abs(_through(edges, _NODES, nodes)(places) - probes), axis=1)
+            off = np.max(np.abs(through(edges, NODES, nodes)(places) - probes), axis=1)
             coarse = off > FLOW_ERROR * np.max(np.abs(probes), axis=1)
             if not np.any(coarse):
                 break
@@ -344,7 +325,7 @@ class _Motion:
 
     def _slope(self, time, values, flow, driving, rates):
         """Return the derivatives of the rates by the values, [..., rate, value], by differences."""
-        size, found = _size(values), np.empty((*values.shape, values.shape[-1]))
+        size, found = magnitudes(values), np.empty((*values.shape, values.shape[-1]))
         for i in range(values.shape[-1]):
             step = 1e-6 * size[..., i]
             moved = values.copy()
@@ -369,7 +350,7 @@ class _Motion:
         while edges.size <= MOST_STEPS:
             step = np.diff(edges)[:, None]
             # a controller may jump at the end of a segment: stay before it
-            time = edges[:-1, None] + step * np.minimum(_NODES, 1.0 - 1e-12)
+            time = edges[:-1, None] + step * np.minimum(NODES, 1.0 - 1e-12)
             flow = self.inflow.speed_at(time)
             if not np.all(flow > 0.0):
                 return None
@@ -379,63 +360,42 @@ class _Motion:
                 guess = np.moveaxis(guess, 0, -1)
             else:
                 guess = path(time)
-            found = self._newton(start, step, time[:, 1:], flow[:, 1:], guess[:, 1:])
+            found = self._stages(start, step, time[:, 1:], flow[:, 1:], guess[:, 1:])
             if found is None:
                 return None
-            stages, driving, control, slope = found
+            stages, slope, driving, control = found
             begin = np.concatenate((start[None], stages[:-1, -1]))[:, None]
             first = self._torques(time[:, :1], begin, flow[:, :1])
-            path = _through(edges, _NODES, np.concatenate((begin, stages), axis=1))
-            off = _ERROR[0] * step * self._rates(begin, flow[:, :1], *first)[:, 0]
-            off = off + np.einsum("nia,i->na", stages - begin, _STAGE_ERROR)
-            filtered = np.eye(start.size) - step[:, :, None] * _ERROR[0] * slope[:, 0]
-            off = np.linalg.solve(filtered, off[..., None])[..., 0]
+            path = through(edges, NODES, np.concatenate((begin, stages), axis=1))
+            rates = self._rates(begin, flow[:, :1], *first)[:, 0]
+            errors = step_errors(step, begin, stages, rates, slope)
             speed = np.concatenate((begin, stages), axis=1)[..., 0]
             power = np.hstack((first[0], driving)) * speed
-            share = np.abs(step[:, 0] * (power @ _ERROR)) / unit
-            relative = np.max(np.abs(off) / _size(stages)[:, -1], axis=1)
-            share = np.maximum(share, relative) / self.tolerance
+            share = np.abs(step[:, 0] * (power @ ERROR)) / unit
+            share = np.maximum(share, errors) / self.tolerance
             if np.all(share <= 1.0):
                 turning = stages[..., 0]
                 electrical = self.plant.generator.electrical_power(control, turning)
                 powers = driving * turning, control * turning, electrical
-                return path, np.array([np.sum(step * _MATRIX[-1] * each) for each in powers])
+                return path, np.array([np.sum(step * MATRIX[-1] * each) for each in powers])
             parts = np.nan_to_num(np.ceil((2.0 * share) ** (1.0 / (STAGES + 1))), nan=8.0)
             edges = divided(edges, np.where(share <= 1.0, 1, np.clip(parts, 2, 8)).astype(int))
         return None
 
-    def _newton(self, start, step, time, flow, stages):
-        """Return values at the stages, both torques and the slope of the rates; None if lost."""
-        change, n = np.inf, start.size
+    def _stages(self, start, step, time, flow, guess):
+        """Return values at the stages, the slope of the rates, and both torques; None if lost."""
+        torques: list = []
+
+        def rates_at(stages):
+            torques[:] = self._torques(time, stages, flow)
+            return self._rates(stages, flow, *torques)
+
+        def slope_at(stages, rates):
+            return self._slope(time, stages, flow, torques[0], rates)
+
         enough = max(0.01 * self.tolerance, 1e-12)
-        for _ in range(MOST_ITERATIONS):
-            size = _size(stages)
-            driving, control = self._torques(time, stages, flow)
-            rates = self._rates(stages, flow, driving, control)
-            if change > 1e-4:
-                slope = self._slope(time, stages, flow, driving, rates)
-                if not np.all(np.isfinite(slope)):
-                    return None
-                # rows and columns of the system: the values of the first stage, of the second, …
-                system = np.einsum("n,ij,njab->niajb", step[:, 0], _MATRIX, slope)
-                system = np.eye(STAGES * n) - system.reshape(-1, STAGES * n, STAGES * n)
-                inverse = np.linalg.inv(system)
-                # of the stages by the values at the step's start
-                gain = inverse.reshape(-1, STAGES, n, STAGES, n).sum(axis=3)
-            begin = np.concatenate((start[None], stages[:-1, -1]))[:, None]
-            miss = begin + step[..., None] * np.einsum("ij,nja->nia", _MATRIX, rates) - stages
-            own = np.einsum("nij,nj->ni", inverse, miss.reshape(-1, STAGES * n)).reshape(miss.shape)
-            carried = [np.zeros(n)]  # change of the values from step to step
-            for shift, factor in zip(own[:, -1], gain[:, -1], strict=True):
-                carried.append(shift + factor @ carried[-1])
-            correction = own + np.einsum("niab,nb->nia", gain, np.array(carried[:-1]))
-            stages = stages + correction
-            change = np.max(np.abs(correction) / size)
-            if change <= enough:
-                return stages, driving, control, slope
-            if not np.all(np.isfinite(stages)):
-                return None
-        return None
+        found = solve_stages(rates_at, slope_at, start, step, guess, enough)
+        return found and (*found, *torques)
 
     def _standstill(self, path):
         """Return the steps up to where the rotor comes to rest; None if it does not."""
@@ -450,20 +410,3 @@ class _Motion:
             return None
         until = path.x[: crossed[0] + 1]
         return np.append(until, brentq(excess, until[-1], path.x[crossed[0] + 1], xtol=1e-15))
-
-
-def _size(values):
-    """Return the magnitudes to which errors of the speed, and of states, are compared.
-
-    A state may pass through zero: it is compared to its largest value.
-    """
-    size = np.maximum(np.abs(values), 1e-3)
-    size[..., 1:] = np.max(size[..., 1:], axis=tuple(range(values.ndim - 1)))
-    return size
-
-
-def divided(edges, parts):
-    """Return the edges of pieces that are each divided into a number of equal parts."""
-    number = np.arange(np.sum(parts)) - np.repeat(np.cumsum(parts) - parts, parts)
-    left = np.repeat(edges[:-1], parts) + number * np.repeat(np.diff(edges) / parts, parts)
-    return np.append(left, edges[-1])

@@ -5,7 +5,9 @@ from hkt_mdo.dynamics.generator import LOSSLESS
 
 
 def _about(names):
-    return {name: (registry.QUANTITIES[name].unit, registry.QUANTITIES[name].text) for name in names}
+    return {
+        name: (registry.QUANTITIES[name].unit, registry.QUANTITIES[name].text) for name in names
+    }
 
 
 QUANTITIES = _about(registry.TRAJECTORY)

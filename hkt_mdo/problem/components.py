@@ -201,7 +201,9 @@ class FormulaComp(om.ExplicitComponent):
             elif name == "torque_coefficient_table":
                 given[name] = inputs[name]
             else:
-                given[name] = _known(name, inputs[name]) if name in QUANTITIES else inputs[name][:, 0]
+                given[name] = (
+                    _known(name, inputs[name]) if name in QUANTITIES else inputs[name][:, 0]
+                )
         return given
 
     def compute(self, inputs, outputs):
@@ -336,9 +338,11 @@ class AggregateComp(om.ExplicitComponent):
         """Return the function that gives each output, of mean rates and unknowns."""
         aggregate, shares = self.options["aggregate"], self.options["shares"]
         duration = self.options["duration"]
-        functions = {"objective": lambda mean_rate, unknowns: (
-            duration * aggregate.value(mean_rate, shares, unknowns)
-        )}
+        functions = {
+            "objective": lambda mean_rate, unknowns: (
+                duration * aggregate.value(mean_rate, shares, unknowns)
+            )
+        }
         if self.options["n_rows"]:
             functions["rows"] = lambda mean_rate, unknowns: aggregate.rows(
                 mean_rate, shares, unknowns

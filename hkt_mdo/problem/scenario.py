@@ -17,7 +17,7 @@ from hkt_mdo.case import Phase
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.rotor_ode import RotorODE
-from hkt_mdo.dynamics.simulation import divided
+from hkt_mdo.dynamics.radau import divided
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 
 MOST_SEGMENTS = 20_000

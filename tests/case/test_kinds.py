@@ -239,7 +239,10 @@ def test_what_is_no_python_file_is_told(name, told, tmp_path):
 @pytest.mark.parametrize(
     ("kind", "told"),
     [
-        (dict, "dict: dict: is no law, profile, limit, objective or aggregate; derive it from Feed"),
+        (
+            dict,
+            "dict: dict: is no law, profile, limit, objective or aggregate; derive it from Feed",
+        ),
         (Nameless, "Nameless: has no name"),
         (AnyName, "AnyName: has its profile declared as any text"),
         (Taken, "Taken: has the name linear of another kind"),

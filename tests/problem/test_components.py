@@ -91,9 +91,7 @@ def test_distance_from_stall(law, gains, least):
     (speed, flow), spline = operation(), TorqueSpline(NODES)
     limit = DistanceFromStall(law=law, spline=spline, slowed=0.03, least=least)
     problem = checked(
-        FormulaComp(
-            formula=limit, size=N, n_times=N, n_table=41, gain_units=law.gain_units
-        ),
+        FormulaComp(formula=limit, size=N, n_times=N, n_table=41, gain_units=law.gain_units),
         rotor_speed=speed,
         inflow_speed=flow,
         torque_coefficient_table=TABLE,
