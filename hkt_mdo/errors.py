@@ -7,8 +7,6 @@ import reprlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
-__all__ = ["InputError", "did_you_mean", "interrupts_of_compiled_code", "show"]
-
 LONGEST_VALUE = 60
 """Most characters of a value that a message repeats, so that it stays one line."""
 

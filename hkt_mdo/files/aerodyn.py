@@ -16,8 +16,6 @@ from hkt_mdo.files.blade_table import FEWEST_ROWS, MOST_ROWS, BladeTable, check_
 from hkt_mdo.files.polar_table import PolarTable, Source, check_reynolds, polar_table
 from hkt_mdo.files.table import Column, fortran_number, line_error, lines_of, number_columns
 
-__all__ = ["read_airfoil", "read_blade_definition"]
-
 # Airfoil tables -----------------------------------------------------------------------------------
 
 _SETTING = re.compile(r"""\s*(@?"[^"]*"|@?'[^']*'|\S+)\s+([A-Za-z]\w*)""")

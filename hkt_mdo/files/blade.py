@@ -18,8 +18,6 @@ from hkt_mdo.files.shipped import locate
 from hkt_mdo.files.table import Csv, line_error, lines_of, read_text
 from hkt_mdo.files.windio import read_windio
 
-__all__ = ["read_blade", "write_blade_csv"]
-
 _AERODYN = re.compile(
     r"^[-=! ]*AERODYN\b|^\s*\S+\s+NumBlNds\b|^\s*BlSpn\b", re.MULTILINE | re.IGNORECASE
 )

@@ -10,8 +10,6 @@ import numpy as np
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import Column
 
-__all__ = ["BladeTable", "SectionTable", "check_rows"]
-
 FEWEST_ROWS, MOST_ROWS = 2, 100_000
 """A blade needs two ends; more rows than the latter are a file of something else."""
 

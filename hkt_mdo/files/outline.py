@@ -12,8 +12,6 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import locate
 from hkt_mdo.files.table import Csv, line_error, lines_of, number_columns, parse_number, read_text
 
-__all__ = ["read_outline"]
-
 FEWEST_POINTS, MOST_POINTS = 10, 5000
 """Fewer points show no section; testing more for a crossing takes too long."""
 

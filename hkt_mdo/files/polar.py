@@ -15,8 +15,6 @@ from hkt_mdo.files.polar_table import SURFACES, PolarTable, Source, check_reynol
 from hkt_mdo.files.shipped import POLAR_FAMILIES, locate, shipped_names
 from hkt_mdo.files.table import Csv, line_error, lines_of, number_columns, parse_number, read_text
 
-__all__ = ["read_polars"]
-
 _FORMATS = "a CSV file alpha_deg,cl,cd, an AeroDyn airfoil table or an XFOIL polar"
 _CSV_WITH_MOMENT = "a CSV file alpha_deg,cl,cd,cm"
 _FLAGS = re.MULTILINE | re.IGNORECASE
@@ -125,6 +123,7 @@ def _read_csv(text: str, path: Path) -> list[PolarTable]:
 
 _XFOIL_BEGIN = re.compile(r"Calculated polar for\s*:", re.IGNORECASE)
 _XFOIL_REYNOLDS = re.compile(r"\bRe\s*=\s*([^\s=]+?)(?:\s*[eE]\s*([+-]?\d{1,3}))?(?=\s|$)")
+_COEFFICIENTS = "alpha", "cl", "cd", "cm", "cpmin"  # names of columns; the first three are needed
 _XFOIL_REMEDY = "give the file as XFOIL's PACC has written it"
 
 
@@ -157,18 +156,14 @@ def _read_xfoil_polar(part: list[tuple[int, str]], path: Path, where: str) -> Po
             names = [word.lower() for word in words]
         else:
             reynolds = _xfoil_reynolds(line, number, path) or reynolds
-    lacking = [name.upper() for name in ("alpha", "cl", "cd") if name not in names]
-    problem = "" if rows else "has no rows"
-    if reynolds is None:
-        problem = "lacks the line Mach = Re ="
-    if lacking:
-        problem = f"lacks the column {lacking[0]}"
-    if not names:
-        problem = "lacks the line of column names alpha CL CD"
-    if problem:
-        problem = f"the polar that begins here {problem}"
+    flaws = [] if names else ["lacks the line of column names alpha CL CD"]
+    flaws += [f"lacks the column {name.upper()}" for name in _COEFFICIENTS[:3] if name not in names]
+    flaws += ["lacks the line Mach = Re ="] if reynolds is None else []
+    flaws += [] if rows else ["has no rows"]
+    if flaws:
+        problem = f"the polar that begins here {flaws[0]}"
         raise line_error(path, part[0][0], problem, _XFOIL_REMEDY)
-    columns = number_columns(rows, names, path, ("alpha", "cl", "cd", "cm", "cpmin"))
+    columns = number_columns(rows, names, path, _COEFFICIENTS)
     pressure = columns.pop("cpmin", None)
     pressures = {"Cpmin": pressure.values} if pressure else None
     coefficients = [column.values for column in columns.values()]

@@ -11,8 +11,6 @@ import numpy as np
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import Column
 
-__all__ = ["PolarTable", "Source", "polar_table"]
-
 FEWEST_ROWS = 8
 """Fewest angles of a polar; fewer do not show where it stalls."""
 

@@ -17,8 +17,6 @@ import numpy as np
 from hkt_mdo.errors import InputError, did_you_mean
 from hkt_mdo.files.table import LONGEST_NAME, Csv, line_error, parse_number, read_text
 
-__all__ = ["DISCHARGE_UNITS", "SPEED_UNITS", "TIME_UNITS", "Columns", "RecordOptions", "read_csv"]
-
 MAX_BYTES = 256 * 1024**2
 """Largest file that is read, in bytes."""
 
@@ -183,7 +181,18 @@ class RecordOptions:
 
 
 def column_key(name: str) -> str:
-    """Return what a message calls a column."""
+    """Return what a message calls a column.
+
+    Parameters
+    ----------
+    name : str
+        Name of the column; may be empty.
+
+    Returns
+    -------
+    str
+        The key of an `InputError`.
+    """
     return f"column {name[:LONGEST_NAME] or '1'}"
 
 
@@ -254,7 +263,7 @@ class Columns:
             raise self._refuse_column(0, problem, "leave time_unit out")
         if not dated:
             unit = self._unit(0, units[0], options)
-            with np.errstate(over="ignore"):  # infinite times are refused later, with their place
+            with np.errstate(over="ignore"):  # what is too large is refused later, with its place
                 time = (time - time[:1]) * TIME_UNITS[unit]
         unit, area = self._unit(1, units[1], options), options.area
         if (unit in DISCHARGE_UNITS) != (area is not None):
@@ -271,7 +280,9 @@ class Columns:
             factor = DISCHARGE_UNITS[unit] / area
             note = f"discharge in {unit} over the area of {area:g} m2 is the speed"
         messages = self.messages if unit == "m/s" else (*self.messages, note)
-        return replace(self, time=time, speed=self.speed * factor, messages=messages)
+        with np.errstate(over="ignore"):
+            speed = self.speed * factor
+        return replace(self, time=time, speed=speed, messages=messages)
 
     def _unit(self, column: int, attribute: str, options: RecordOptions) -> str:
         """Return a column's unit, which an option, an attribute in the file or its name states."""
@@ -345,7 +356,20 @@ def choose(
 
 
 def check_length(count: int, file: str) -> None:
-    """Refuse a record of more than `MAX_ROWS` samples."""
+    """Refuse a record that is too long.
+
+    Parameters
+    ----------
+    count : int
+        Number of samples.
+    file : str
+        The file, for messages.
+
+    Raises
+    ------
+    InputError
+        If there are more than `MAX_ROWS` samples.
+    """
     if count > MAX_ROWS:
         remedy = "give a part of it, or every so many"
         raise InputError(f"has more than {MAX_ROWS:,} samples", remedy, file=file)

@@ -26,8 +26,6 @@ from hkt_mdo.files.record_table import (
 )
 from hkt_mdo.files.table import read_bytes
 
-__all__ = ["columns_from", "read_binary"]
-
 MAX_VALUES = 50_000_000
 """Largest number of values that are read of a profiler's record: samples times bins times two."""
 

@@ -12,16 +12,6 @@ from hkt_mdo.errors import InputError, did_you_mean
 from hkt_mdo.files.table import Csv, read_text
 from hkt_mdo.files.yaml_text import compose, plain
 
-__all__ = [
-    "MATERIALS",
-    "POLAR_FAMILIES",
-    "data_path",
-    "locate",
-    "read_table",
-    "shipped_names",
-    "shipped_rotor",
-]
-
 _FOLDER = Path(__file__).parent / "data"
 _TABLE = _FOLDER / "shipped.yaml"
 _SHIPPED: dict[str, dict[str, Any]] = plain(compose(read_text(_TABLE, "table"), _TABLE))
@@ -37,15 +27,7 @@ tension or compression, whichever is lower; without any factor of safety. Source
 `hkt_mdo/files/data/README.md`.
 """
 
-_POLARS = [polar for family in POLAR_FAMILIES.values() for polar in family]
-_FILES: dict[str, dict[str, str]] = {
-    "blade": {name: f"{name}_blade.csv" for name in _SHIPPED["blades"]},
-    "polar": {name: f"{name.replace('_', '_polar_')}.csv" for name in _POLARS}
-    | {"cylinder": "cylinder_polar.csv"},
-    "outline": {name: f"{name}_coordinates.csv" for name in (*POLAR_FAMILIES, "cylinder")},
-    "measurement": {"bahaj2007": "bahaj2007_measured_cp.csv"},
-    "reported": {"amini2023": "amini2023_reported.yaml"},
-}
+_FILES: dict[str, dict[str, str]] = _SHIPPED["files"]  # by kind and name
 
 
 def shipped_names(kind: str) -> tuple[str, ...]:

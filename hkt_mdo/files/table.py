@@ -15,8 +15,6 @@ import numpy as np
 
 from hkt_mdo.errors import InputError
 
-__all__ = ["Column", "Csv", "line_error", "parse_number", "read_bytes", "read_text"]
-
 MAX_TEXT_BYTES = 16 * 1024**2
 """Largest text file that is read where nothing else is said, in bytes."""
 
@@ -102,7 +100,18 @@ def read_text(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> str:
 
 
 def lines_of(text: str) -> list[str]:
-    r"""Return the lines of a text, whether they end with \n, \r\n or \r."""
+    r"""Return the lines of a text.
+
+    Parameters
+    ----------
+    text : str
+        A text whose lines end with \n, \r\n or \r.
+
+    Returns
+    -------
+    list of str
+        The lines without these ends.
+    """
     return re.split(r"\r\n|\r|\n", text)
 
 
@@ -153,7 +162,18 @@ def parse_number(text: str) -> float | None:
 
 
 def fortran_number(text: str) -> float | None:
-    """Return what `parse_number` does; an exponent may also be written with a d, as 1.0D+00."""
+    """Return the finite number that a text is, also with an exponent of Fortran.
+
+    Parameters
+    ----------
+    text : str
+        As of `parse_number`; the exponent may begin with a d, as in 1.0D+00.
+
+    Returns
+    -------
+    float or None
+        The number; None for all else.
+    """
     return parse_number(re.sub("[dD]", "e", text))
 
 

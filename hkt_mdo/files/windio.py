@@ -19,8 +19,6 @@ from hkt_mdo.files.polar_table import PolarTable, Source, polar_table
 from hkt_mdo.files.table import Column
 from hkt_mdo.files.yaml_text import Place, compose, places_column
 
-__all__ = ["read_windio"]
-
 DIAMETER_OFF = 0.02
 """How far the file's rotor diameter may be from that of its hub and blade, relatively."""
 

@@ -14,8 +14,6 @@ import yaml
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import Column, fortran_number
 
-__all__ = ["Dumper", "Place", "compose", "dotted", "parse"]
-
 CASE_DEPTH, DEPTH = 20, 40
 """Deepest nesting of a case file and of other files."""
 
@@ -46,11 +44,23 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
 class Dumper(yaml.SafeDumper):
     """Lists on one line; quotes round a text that YAML 1.1 or 1.2 would take for another type."""
 
-    def ignore_aliases(self, data: Any) -> bool:  # each value is written out
+    def ignore_aliases(self, data: Any) -> bool:
+        """Return that every value is written out, also where it is there twice."""
         return True
 
     def represent_flow_list(self, data: list[Any]) -> yaml.Node:
-        """Write a list on one line."""
+        """Return the node of a list that is written on one line.
+
+        Parameters
+        ----------
+        data : list
+            The list.
+
+        Returns
+        -------
+        yaml.Node
+            A sequence in flow style.
+        """
         return self.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=True)
 
 
@@ -154,7 +164,23 @@ class Place:
         return mapping
 
     def get(self, path: str, remedy: str = "add it") -> Place:
-        """Return the value of a key that must be there; otherwise as `find`."""
+        """Return the value of a key that must be there.
+
+        Parameters
+        ----------
+        path, remedy : str
+            As of `find`.
+
+        Returns
+        -------
+        Place
+            The value.
+
+        Raises
+        ------
+        InputError
+            If the key is missing, or a value above it is no mapping.
+        """
         return self.find(path, remedy)  # type: ignore[return-value]
 
     def items(self) -> list[Place]:
