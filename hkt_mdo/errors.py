@@ -1,4 +1,4 @@
-"""The one error that is the user's to mend, and the interrupts that compiled code hides."""
+"""The error of bad input, which the user can correct, and interrupts that compiled code hides."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every section of a case is made of: quantities with units, and refusals of bad values."""
+"""Parts of every section of a case: quantities with units, and errors of bad values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `hkt polar` writes: polars of an outline as a CSV file, and a figure of them."""
+"""Files of `hkt polar`: polars of an outline as a CSV file, and a figure of them."""
 
 from __future__ import annotations
 

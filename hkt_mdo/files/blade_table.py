@@ -1,4 +1,4 @@
-"""What a blade table is: rows from root to tip, whichever format they come from."""
+"""Table of a blade, the same for every file format: rows from root to tip, and their checks."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class BladeTable:
     cone: float | None = None
     """Angle between the blade and the rotor plane, rad."""
     messages: tuple[str, ...] = ()
-    """Every conversion made and everything passed over."""
+    """Every conversion made and everything in the file that is ignored."""
     file: str = ""
     """The file, for messages."""
 

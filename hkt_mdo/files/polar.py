@@ -68,7 +68,7 @@ def read_polars(source: str | Path) -> tuple[PolarTable, ...]:
     tables = sorted(_read_file(path), key=lambda table: table.reynolds or 0.0)
     for reynolds, following in pairwise(table.reynolds for table in tables):
         if reynolds == following:
-            problem, remedy = "stands over two tables", "give one table for each Reynolds number"
+            problem, remedy = "is that of two tables", "give one table for each Reynolds number"
             raise InputError(problem, remedy, file=path, key="Reynolds number", value=reynolds)
     return tuple(tables)
 

@@ -1,4 +1,4 @@
-"""What a polar table is: lift and drag at one Reynolds number, whichever format it comes from."""
+"""Table of a polar, the same for every file format: lift and drag at one Reynolds number."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""What a record is before it is checked: two columns, in s and m/s, of whichever file.
-
-Nothing is repaired here. What cannot be read is refused with file, place and remedy.
-"""
+"""Columns of time and speed of a record, in s and m/s, before gaps and spikes are checked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Records of NetCDF and Parquet files and of pandas and xarray objects, as MHKiT saves them."""
+"""Records from NetCDF and Parquet files and from pandas and xarray objects, as MHKiT has them."""
 
 from __future__ import annotations
 

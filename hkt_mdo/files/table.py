@@ -1,4 +1,4 @@
-"""Files as text, columns of numbers, and the one reader of CSV tables."""
+"""Files as text, columns of numbers, and the reader of all CSV tables."""
 
 from __future__ import annotations
 

@@ -26,8 +26,9 @@ DIAMETER_ROUNDED = 1e-6
 """How far it may be without a message, relatively: files round."""
 
 # Files round: a full circle of angles to ±3.14 rad, and the coefficients at its two ends.
-_CIRCLE_ROUNDED = math.radians(0.1)
-_ENDS_ROUNDED = 0.01
+_CIRCLE_ROUNDED = math.radians(0.1)  # how far an end may be short of half a turn, rad
+_ANGLE_ROUNDED = 1e-3  # how far it may be beyond, over half a turn
+_ENDS_ROUNDED = 0.01  # difference of the coefficients at both ends that is rounding
 _ENDS_EQUAL = 1e-6  # difference of the coefficients at both ends that is none
 
 _MOST_RADIANS = 3.2
@@ -37,7 +38,7 @@ _STRUCTURES = ("internal_structure_2d_fem", "internal_structure", "structure")
 
 
 class _Airfoil(NamedTuple):
-    """An airfoil where it stands along the blade."""
+    """An airfoil at its position along the blade."""
 
     place: Place
     name: str
@@ -229,8 +230,8 @@ class _Turbine:
             airfoils = [_Airfoil(label, label.text(), None) for label in labels]
         else:
             entries = self.shape.get("airfoils").items()
-            stands = [entry.get("spanwise_position") for entry in entries]
-            grid = places_column("spanwise_position", stands)
+            positions = [entry.get("spanwise_position") for entry in entries]
+            grid = places_column("spanwise_position", positions)
             airfoils = [_Airfoil(e, e.get("name").text(), _configuration(e)) for e in entries]
         outside = (grid.values < -EDGE) | (grid.values > 1.0 + EDGE)
         grid.refuse(outside, "is no position along the span", "it lies within 0 (root) and 1 (tip)")
@@ -302,7 +303,7 @@ class _Turbine:
         curves: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         for name, curve in given.items():
             grid, column = _curve(curve)
-            beyond = np.abs(grid.values) > limit * 1.001
+            beyond = np.abs(grid.values) > limit * (1.0 + _ANGLE_ROUNDED)
             grid.refuse(beyond, "lies beyond the full circle", self.version.angles)
             if self.version.number == 2 and np.max(np.abs(grid.values)) < _MOST_RADIANS:
                 problem = f"has angles from {grid.values[0]:g} to {grid.values[-1]:g} degrees"

@@ -1,4 +1,4 @@
-"""The one reader of YAML: plain, of limited depth and size, with the words of YAML 1.2."""
+"""Reader of YAML 1.2 for cases and turbine files: plain values, of limited depth and size."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all drivers here add to OpenMDAO's: progress, sparse totals, the optimizer's message."""
+"""Base of the drivers: progress, sparse totals and the outcome, added to OpenMDAO's driver."""
 
 from __future__ import annotations
 

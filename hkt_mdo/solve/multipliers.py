@@ -1,4 +1,4 @@
-"""Lagrange multipliers of an optimum, from its derivatives alone: the same for every optimizer."""
+"""Lagrange multipliers of an optimum from its derivatives, for any optimizer."""
 
 from __future__ import annotations
 
