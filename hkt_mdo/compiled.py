@@ -11,20 +11,30 @@ def compiled(**options: Any) -> Callable[[Callable], Any]:
     """Return a decorator that compiles a function.
 
     Without the cache, each process compiles anew, which takes some seconds.
+
+    Parameters
+    ----------
+    **options
+        Options of `numba.njit`, such as `parallel`.
+
+    Returns
+    -------
+    callable
+        A decorator that returns numba's dispatcher of the function.
     """
 
     def decorate(function: Callable) -> Any:
         try:
-            made = njit(function, cache=True, **options)
+            dispatcher = njit(function, cache=True, **options)
         except RuntimeError:  # neither the installation nor the user's home can be written
             return njit(function, **options)
-        save = made._cache.save_overload
+        save = dispatcher._cache.save_overload
 
         def save_if_possible(*arguments: Any) -> None:
             with suppress(OSError):  # such as of a full disk
                 save(*arguments)
 
-        made._cache.save_overload = save_if_possible
-        return made
+        dispatcher._cache.save_overload = save_if_possible
+        return dispatcher
 
     return decorate

@@ -1,19 +1,34 @@
-"""The one error that is the user's to mend, and the interrupts that compiled code hides."""
+"""The error of bad input, which the user can correct, and interrupts that compiled code hides."""
 
 from __future__ import annotations
 
+import difflib
 import reprlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
-__all__ = ["InputError", "interrupts_of_compiled_code", "show"]
+LONGEST_VALUE = 60
+"""Most characters of a value that a message repeats, so that it stays one line."""
 
-LONGEST_VALUE = 60  # characters that a message repeats
+LONGEST_GUESS = 100
+"""Most characters of a name that are compared with others: the comparison is quadratic in them."""
+
 _UNSET = object()
 
 
 def show(value: object) -> str:
-    """Return `value` as one short line, the way a message quotes it, cut in the middle if long."""
+    """Return a value as one short line, the way a message quotes it.
+
+    Parameters
+    ----------
+    value : object
+        What was given.
+
+    Returns
+    -------
+    str
+        Its printed form, cut in the middle beyond `LONGEST_VALUE` characters.
+    """
     if value is None:
         return "null"
     if isinstance(value, bool):
@@ -31,12 +46,42 @@ def show(value: object) -> str:
     return text
 
 
+def did_you_mean(name: str, names: Iterable[str]) -> str:
+    """Return the beginning of a remedy that offers the nearest of the known names.
+
+    Parameters
+    ----------
+    name : str
+        An unknown name.
+    names : iterable of str
+        The known names.
+
+    Returns
+    -------
+    str
+        A question and a space after it; empty if no known name is near.
+    """
+    near = difflib.get_close_matches(name[:LONGEST_GUESS], names, n=1)
+    return f"did you mean {near[0]}? " if near else ""
+
+
 class InputError(Exception):
     """Bad input from the user: one line naming the file, the key, the value and the remedy.
 
     Such as ``cases/a.yaml: rotor.radius = -1.4: must be greater than 0 m; give the tip radius``.
-    `key` is the place in the file: a dotted key of a case, a line and column of a table. `value` is
-    what was found there; not given where nothing was found.
+
+    Parameters
+    ----------
+    problem : str
+        What is wrong.
+    remedy : str
+        What the user can do.
+    file : object
+        The file, if there is one.
+    key : str
+        Where in the file: a dotted key of a case, a line and column of a table.
+    value : object
+        What was given there; left out where nothing was given.
     """
 
     def __init__(
@@ -58,10 +103,9 @@ class InputError(Exception):
 
     def __str__(self) -> str:
         """Return the message, one printable line."""
-        place = f"{self.key} = {self._shown}" if self.key and self._shown else self.key
-        place = place or self._shown
-        advice = "; ".join(part for part in (self.problem, self.remedy) if part)
-        line = ": ".join(part for part in (self.file, place, advice) if part)
+        place = " = ".join(filter(None, (self.key, self._shown)))
+        advice = "; ".join(filter(None, (self.problem, self.remedy)))
+        line = ": ".join(filter(None, (self.file, place, advice)))
         return "".join(
             letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in line
         )
@@ -73,6 +117,11 @@ def interrupts_of_compiled_code() -> Iterator[None]:
 
     A handler of signals that raises while code compiled by numba runs makes Python report that the
     code returned a result with an exception set; the exception is then the cause of the error.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        In place of a SystemError that an interrupt has caused; any other error passes through.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""What every section of a case is made of: quantities with units, and refusals of bad values."""
+"""Parts of every section of a case: quantities with units, and errors of bad values."""
 
 from __future__ import annotations
 
@@ -10,18 +10,27 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    GetCoreSchemaHandler,
-    GetJsonSchemaHandler,
-    ValidationInfo,
-)
+from pydantic import BaseModel, ConfigDict, ValidationInfo
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 
 def refusal(problem: str, remedy: str, **context: Any) -> PydanticCustomError:
-    """Return a check's error; context may hold the `key` inside the section and its `value`."""
+    """Return the error of a check of a case.
+
+    Parameters
+    ----------
+    problem : str
+        What is wrong.
+    remedy : str
+        What the user can do.
+    **context
+        Perhaps `key`, inside the section, and `value`, what was given there.
+
+    Returns
+    -------
+    pydantic_core.PydanticCustomError
+        To be raised by a validator.
+    """
     return PydanticCustomError(
         "hkt_mdo", "{problem}; {remedy}", {"problem": problem, "remedy": remedy, **context}
     )
@@ -42,7 +51,7 @@ _QUANTITY_TEXT = re.compile(
     rf"({_NUMBER}) *({_FACTOR}(?:(?:{_TIMES}| +){_FACTOR})*(?:(?:{_TIMES}|/){_FACTOR})*)?"
 )
 _NEWTON_METRE = re.compile(r"\b([kM]?)Nm\b")
-_LONGEST_QUANTITY, _LONGEST_UNIT = 64, 24
+_LONGEST_QUANTITY, _LONGEST_UNIT = 64, 24  # characters, so that no text takes long to evaluate
 _BOUNDS = (
     ("gt", operator.gt, "greater than", "exclusiveMinimum"),
     ("ge", operator.ge, "at least", "minimum"),
@@ -57,9 +66,14 @@ class Quantity:
     """What a physical quantity is: its unit and range, as the annotation of a float.
 
     ``Annotated[float, Quantity("m", gt=0)]`` takes a finite number in metres, or a text such as
-    ``1400 mm``, which OpenMDAO's table of units converts. Units are written ``N*m``, ``N m``
-    or ``Nm``, ``m**2`` or ``m^2``; None is a plain number. Bounds (greater than, at least, less
-    than, at most) are in that unit.
+    ``1400 mm``, which OpenMDAO's table of units converts.
+
+    Parameters
+    ----------
+    unit : str or None
+        Unit, written ``N*m``, ``N m`` or ``Nm``, ``m**2`` or ``m^2``; None for a plain number.
+    gt, ge, lt, le : float or None
+        Bounds in that unit: greater than, at least, less than, at most.
     """
 
     unit: str | None = None
@@ -69,10 +83,22 @@ class Quantity:
     le: float | None = None
 
     def read(self, value: object) -> float:
-        """Return a number, or a text of a number and a unit, as a float in the quantity's unit.
+        """Return what a case gives as a number in the quantity's unit.
 
-        Raises PydanticCustomError if it is not finite, the unit is unknown or of another kind, or a
-        bound is broken.
+        Parameters
+        ----------
+        value : object
+            A number, or a text of a number and a unit.
+
+        Returns
+        -------
+        float
+            A finite number within the bounds.
+
+        Raises
+        ------
+        pydantic_core.PydanticCustomError
+            If it is not finite, the unit is unknown or of another kind, or a bound is broken.
         """
         if isinstance(value, bool) or not isinstance(value, str | numbers.Real):
             raise self._refuse("must be a number")
@@ -108,10 +134,10 @@ class Quantity:
         from openmdao.utils import units  # type: ignore[import-untyped]
 
         try:
-            known = units.valid_units(unit)
+            valid = units.valid_units(unit)
         except Exception:  # the unit is evaluated: any error of that says that it is none
-            known = False
-        if not known:
+            valid = False
+        if not valid:
             raise self._refuse(f"has the unknown unit {unit}; this key is in {self.unit}")
         try:
             return float(units.convert_units(number, unit, self.unit))
@@ -131,12 +157,10 @@ class Quantity:
         """Return an error whose remedy says what form the quantity has."""
         return refusal(problem, f"give {self.form}", quantity=self.form)
 
-    def __get_pydantic_core_schema__(self, _: Any, __: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(self, _: Any, __: Any) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(self.read)
 
-    def __get_pydantic_json_schema__(
-        self, _: CoreSchema, __: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(self, _: CoreSchema, __: Any) -> dict[str, Any]:
         schema: dict[str, Any] = {"type": "number"}
         if self.unit:
             # JSON schema applies a bound to numbers only, a pattern to texts only
@@ -150,14 +174,52 @@ class Quantity:
 
 
 def ordered(bounds: tuple[float, float]) -> tuple[float, float]:
-    """Return bounds whose lower one is below the upper; refuse others."""
+    """Return a pair of bounds as it is.
+
+    Parameters
+    ----------
+    bounds : tuple of float
+        Lower and upper bound.
+
+    Returns
+    -------
+    tuple of float
+        The same.
+
+    Raises
+    ------
+    pydantic_core.PydanticCustomError
+        If the lower bound is not below the upper.
+    """
     if not bounds[0] < bounds[1]:
         raise refusal("has its lower bound at or above its upper", "write [lower, upper]")
     return bounds
 
 
 def find_file(value: str, info: ValidationInfo, remedy: str) -> tuple[Path, bool]:
-    """Return a path, from the case's folder, and whether it is a file or need not be one."""
+    """Return the path of a file that a case names.
+
+    Parameters
+    ----------
+    value : str
+        The path, which counts from the case's folder.
+    info : pydantic.ValidationInfo
+        Its context may have the `folder` and whether to `check_files`.
+    remedy : str
+        What to do if `value` cannot be a path.
+
+    Returns
+    -------
+    path : pathlib.Path
+        The absolute path.
+    fine : bool
+        Whether it is a file, or need not be one.
+
+    Raises
+    ------
+    pydantic_core.PydanticCustomError
+        If `value` cannot be a path.
+    """
     context = info.context or {}
     try:
         path = (Path(context.get("folder", ".")) / value).resolve()

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, Strict, ValidationInfo, model_validator
 
+from hkt_mdo.errors import did_you_mean
 from hkt_mdo.files.shipped import MATERIALS, POLAR_FAMILIES, shipped_names, shipped_rotor
 from hkt_mdo.sections import Quantity, Section, find_file, refusal
 
@@ -21,9 +21,8 @@ def _find_file(value: str, info: ValidationInfo) -> str:
     shipped = f"shipped: {', '.join(names)}; or give the path of a file"
     path, fine = find_file(value, info, shipped)
     if not fine:
-        near = difflib.get_close_matches(value[:100], names, n=1)
-        guess = f"did you mean {near[0]}? " if near else ""
-        raise refusal(f"is neither a shipped {kind} nor a file", guess + shipped)
+        remedy = did_you_mean(value, names) + shipped
+        raise refusal(f"is neither a shipped {kind} nor a file", remedy)
     return str(path)
 
 
@@ -55,10 +54,8 @@ class Material(Section):
         if not isinstance(data, str):
             return data
         if data not in MATERIALS:
-            near = difflib.get_close_matches(data[:100], MATERIALS, n=1)
-            guess = f"did you mean {near[0]}? " if near else ""
-            remedy = f"{guess}known: {', '.join(MATERIALS)}; or give density and modulus"
-            raise refusal("unknown material", remedy)
+            remedy = f"known: {', '.join(MATERIALS)}; or give density and modulus"
+            raise refusal("unknown material", did_you_mean(data, MATERIALS) + remedy)
         return MATERIALS[data]
 
     @classmethod

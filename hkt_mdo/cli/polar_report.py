@@ -1,4 +1,4 @@
-"""What `hkt polar` writes: polars of an outline as a CSV file, and a figure of them."""
+"""Files of `hkt polar`: polars of an outline as a CSV file, and a figure of them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,8 +23,11 @@ from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.neuralfoil import ComputedPolar, compute_polars
 from hkt_mdo.rotor.outline import Outline
 
-LOW_CONFIDENCE = 0.8  # below it the report names the angles of attack
+LOW_CONFIDENCE = 0.8
+"""NeuralFoil's confidence, 0 to 1, below which the report names the angles of attack."""
+
 MOST_ROWS, MOST_REYNOLDS = 2000, 100
+"""Most angles of attack and Reynolds numbers that are computed; more are most likely a slip."""
 
 
 def report_polars(
@@ -36,11 +40,36 @@ def report_polars(
     beside: Sequence[str],
     force: bool,
 ) -> list[str]:
-    """Compute the polars of an outline, write a CSV file and a figure, and return a report's lines.
+    """Compute polars of an outline; write a CSV file, as `rotor.polar` takes it, and a figure.
 
-    The CSV file is a polar as `rotor.polar` takes it. `reynolds`, `alpha` (deg), `n_crit` and
-    `model` are those of `compute_polars`; `beside` names polars to draw beside. Raises InputError
-    if an input is broken, NeuralFoil is not installed, or the files are there without `force`.
+    Parameters
+    ----------
+    source : str
+        Name of a shipped outline, or a path.
+    reynolds : list of float
+        Reynolds numbers by the chord.
+    alpha : numpy.ndarray, shape (n_alpha,)
+        Angles of attack, deg, increasing.
+    out : pathlib.Path
+        Folder of the files; made if need be.
+    n_crit : float
+        Critical exponent of the transition criterion, as of `compute_polars`.
+    model : str
+        Size of NeuralFoil's network, as of `compute_polars`.
+    beside : sequence of str
+        Polars to draw beside: shipped names or paths.
+    force : bool
+        Whether files that are there may be replaced.
+
+    Returns
+    -------
+    list of str
+        The lines of a report.
+
+    Raises
+    ------
+    InputError
+        If an input is broken, NeuralFoil is not installed, or a file is there without `force`.
     """
     outline, name = Outline.from_file(source), Path(source).stem
     others = [(Path(other).name, table) for other in beside for table in read_polars(other)]
@@ -66,18 +95,50 @@ def report_polars(
 
 
 def parse_reynolds(text: str) -> list[float]:
-    """Return the Reynolds numbers of a list such as ``2e5,5e5``, by size, else raise InputError."""
-    numbers = [parse_number(cell.strip()) for cell in text.split(",")]
-    found = sorted({number for number in numbers if number is not None})
-    if not len(numbers) == len(found) <= MOST_REYNOLDS:
+    """Return the Reynolds numbers of a list.
+
+    Parameters
+    ----------
+    text : str
+        Different numbers and commas, such as ``2e5,5e5``.
+
+    Returns
+    -------
+    list of float
+        The numbers by size.
+
+    Raises
+    ------
+    InputError
+        If `text` is no such list or has more than `MOST_REYNOLDS` numbers.
+    """
+    cells = [parse_number(cell.strip()) for cell in text.split(",")]
+    numbers = sorted({number for number in cells if number is not None})
+    if not len(cells) == len(numbers) <= MOST_REYNOLDS:
         problem = f"is no list of up to {MOST_REYNOLDS} different numbers"
         remedy = "give Reynolds numbers by the chord, such as 2e5,5e5"
         raise InputError(problem, remedy, key="--reynolds", value=text)
-    return found
+    return numbers
 
 
 def parse_alpha(text: str) -> np.ndarray:
-    """Return the angles of attack (deg) of a range as ``-16:24:0.5``, else raise InputError."""
+    """Return the angles of attack of a range.
+
+    Parameters
+    ----------
+    text : str
+        First, last and step in degrees, such as ``-16:24:0.5``.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n_alpha,)
+        Angles of attack, deg, increasing.
+
+    Raises
+    ------
+    InputError
+        If `text` is no such range, leaves -90 to 90 degrees or has more than `MOST_ROWS` angles.
+    """
     numbers = [parse_number(cell.strip()) for cell in text.split(":")]
     if len(numbers) == 3 and None not in numbers:
         first, last, step = (float(number or 0.0) for number in numbers)
@@ -89,13 +150,13 @@ def parse_alpha(text: str) -> np.ndarray:
 
 
 def _csv(polars: Sequence[ComputedPolar], remark: str) -> bytes:
+    """Return the polars, one below the other, as CSV with a remark and a header."""
     rows = []
-    for polar in polars:
-        table, moment = polar.table, np.asarray(polar.table.moment)
-        pressure = np.asarray(table.smallest_pressure)
-        columns = np.rad2deg(table.alpha), table.lift, table.drag, moment, *pressure
+    for table, confidence in polars:
+        coefficients = table.lift, table.drag, table.moment, *np.asarray(table.smallest_pressure)
         reynolds = np.full(table.alpha.size, table.reynolds)
-        rows.append(np.column_stack((*columns, polar.confidence, reynolds)))
+        columns = np.rad2deg(table.alpha), *coefficients, confidence, reynolds
+        rows.append(np.column_stack(columns))
     names = ",".join(("alpha_deg,cl,cd,cm", *SURFACES, "confidence,reynolds"))
     file, header = io.BytesIO(), f"{remark}\n{names}"
     np.savetxt(file, np.vstack(rows), 7 * "%.6f," + "%.10g", header=header, comments="")
@@ -126,14 +187,13 @@ def _picture(
     tables = [("", polar.table, polar.confidence >= LOW_CONFIDENCE) for polar in polars]
     tables += [(f"{name} ", table, np.full(table.alpha.size, True)) for name, table in others]
     first, last = polars[0].table.alpha[[0, -1]]
-    curves = []
+    curves: list[dict[str, Any]] = []
     for prefix, table, sure in tables:
         columns = {"alpha_deg": np.rad2deg(table.alpha), "lift": table.lift, "drag": table.drag}
-        near = (table.alpha >= first) & (table.alpha <= last)
-        curve = {name: values[near] for name, values in {**columns, "sure": sure}.items()}
-        curves.append(
-            {"label": f"{prefix}{_reynolds(table)}".rstrip().replace("$", r"\$"), **curve}
-        )
+        inside = (table.alpha >= first) & (table.alpha <= last)
+        curve = {name: values[inside] for name, values in {**columns, "sure": sure}.items()}
+        label = f"{prefix}{_reynolds(table)}".rstrip().replace("$", r"\$")
+        curves.append({"label": label, **curve})
     panels = ("alpha_deg", "lift"), ("alpha_deg", "drag"), ("drag", "lift")
     plots = [partial(draw_polars, curves, x, y) for x, y in panels]
     figure = style.figure_of(6.4, 9.0, plots, share=False)

@@ -1,1 +1,1 @@
-"""Every format, both ways, and the shipped data."""
+"""Readers and writers of all file formats, and the shipped data."""

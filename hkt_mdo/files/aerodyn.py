@@ -13,10 +13,8 @@ import numpy as np
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade_table import FEWEST_ROWS, MOST_ROWS, BladeTable, check_rows
-from hkt_mdo.files.polar_table import PolarTable, check_reynolds, polar_table
+from hkt_mdo.files.polar_table import PolarTable, Source, check_reynolds, polar_table
 from hkt_mdo.files.table import Column, fortran_number, line_error, lines_of, number_columns
-
-__all__ = ["read_airfoil", "read_blade_definition"]
 
 # Airfoil tables -----------------------------------------------------------------------------------
 
@@ -44,33 +42,36 @@ class _Lines:
         self.lines.append((number, "", []))
 
     def refuse(self, problem: str, remedy: str) -> InputError:
+        """Return the error that lies in the next line."""
         number, text, _ = self.lines[self.at]
         return line_error(self.file, number, problem, remedy, value=text)
 
-    def expect(self, what: str, remedy: str = _COUNTS) -> InputError:
+    def refuse_unexpected(self, expected: str, remedy: str = _COUNTS) -> InputError:
+        """Return the error of a line, or of the end, that comes before what is expected."""
         begin = "comes" if self.at < len(self.lines) - 1 else "the file ends"
-        return self.refuse(f"{begin} where {what} is expected", remedy)
+        return self.refuse(f"{begin} where {expected} is expected", remedy)
 
     def setting(self, keyword: str) -> tuple[int, str]:
         """Return line number and value of the next setting of this name, passing over others."""
         while True:
             number, text, _ = self.lines[self.at]
-            found = _SETTING.match(text)
-            name = found[2].lower() if found else ""
-            if text.startswith("@") and not found:
+            match = _SETTING.match(text)
+            name = match[2].lower() if match else ""
+            if text.startswith("@") and not match:
                 remedy = "paste that file in place of this line"
                 raise self.refuse("takes its tables from another file", remedy)
-            if name == keyword.lower():
-                self.at += 1
-                return number, found[1]
-            if found is None or name in ("numtabs", "re", "numalf"):
-                raise self.expect(keyword, f"{_COUNTS}, and each table has its line Re")
+            if match is None or (name in ("numtabs", "re", "numalf") and name != keyword.lower()):
+                remedy = f"{_COUNTS}, and each table has its line Re"
+                raise self.refuse_unexpected(keyword, remedy)
             self.at += 1
-            if name == "numcoords" and not found[1].startswith("@"):
-                after = self.at + self.count("NumCoords", number, found[1], 0)
+            if name == keyword.lower():
+                return number, match[1]
+            if name == "numcoords" and not match[1].startswith("@"):
+                after = self.at + self.count("NumCoords", number, match[1], 0)
                 self.at = min(after, len(self.lines) - 1)
 
     def count(self, keyword: str, number: int, text: str, fewest: int = 1) -> int:
+        """Return the number of rows or tables that a setting in line `number` states."""
         if not re.fullmatch(r"\d{1,6}", text, re.ASCII) or int(text) < fewest:
             problem = f"must be a whole number of at least {fewest}"
             raise line_error(self.file, number, problem, _REMEDY, keyword, value=text)
@@ -84,16 +85,35 @@ class _Lines:
             cells = re.split(r"[\s,]+", line)
             setting = len(cells) > 1 and cells[1].lower() in ("re", "userprop", "ctrl")
             if setting or fortran_number(cells[0]) is None:
-                raise self.expect(f"row {len(rows) + 1} of NumAlf = {count} (line {count_line})")
+                expected = f"row {len(rows) + 1} of NumAlf = {count} (line {count_line})"
+                raise self.refuse_unexpected(expected)
             rows.append((number, cells))
             self.at += 1
         return rows
 
 
 def read_airfoil(text: str, path: Path) -> list[PolarTable]:
-    """Read the tables of an airfoil file; Reynolds numbers are in millions.
+    """Read the tables of an airfoil file of AeroDyn 15.
 
-    Raises InputError with the line where the file is broken.
+    The format is AirfoilInfo v1.01 of OpenFAST, https://openfast.readthedocs.io; the file's
+    Reynolds numbers are in millions.
+
+    Parameters
+    ----------
+    text : str
+        Content of the file.
+    path : pathlib.Path
+        The file, for messages.
+
+    Returns
+    -------
+    list of PolarTable
+        The tables in the order of the file.
+
+    Raises
+    ------
+    InputError
+        If the file is broken; the message names the line.
     """
     file = _Lines(text, path)
     n_tables = file.count("NumTabs", *file.setting("NumTabs"))
@@ -104,6 +124,7 @@ def read_airfoil(text: str, path: Path) -> list[PolarTable]:
 
 
 def _read_table(file: _Lines, where: str) -> PolarTable:
+    """Read the next table; `where` tells it from others in the file."""
     line, cell = file.setting("Re")
     reynolds = check_reynolds(fortran_number(cell), cell, file.file, f"line {line}, Re", 1e6)
     count_line, cell = file.setting("NumAlf")
@@ -114,27 +135,22 @@ def _read_table(file: _Lines, where: str) -> PolarTable:
         raise line_error(file.file, line, problem, remedy, where, value=" ".join(names))
     rows = file.rows(file.count("NumAlf", count_line, cell), count_line)
     numbers = [str(number + 1) for number in range(len(rows[0][1]))]
-    columns = list(number_columns(rows, numbers, file.file, numbers).values())
-    if len(columns) < 3:
+    read = number_columns(rows, numbers, file.file, numbers).values()
+    if len(read) < 3:
         remedy = "give Alpha, Cl and Cd in every row"
         raise line_error(file.file, rows[0][0], "has fewer than three columns", remedy)
     # Without names the fourth column is the moment; MHK files have the smallest pressure there.
-    moment = names.index("cm") if "cm" in names else (0 if names else 3)
-    pressure = names.index("cpmin") if "cpmin" in names else 0
-    return polar_table(
-        *(column.values for column in columns[:3]),
-        columns[moment].values if 0 < moment < len(columns) else None,
-        reynolds,
-        file=file.file,
-        columns=("Alpha", "Cl", "Cd", "Cm"),
-        pressure={"Cpmin": columns[pressure].values} if 0 < pressure < len(columns) else None,
-        lines=[line for line, _ in rows],
-        where=where,
-    )
+    names = names or ["alpha", "cl", "cd", "cm"]
+    alpha, lift, drag, *_ = columns = [column.values for column in read]
+    further = dict(zip(names[3:], columns[3:], strict=False))
+    pressure = {"Cpmin": further["cpmin"]} if "cpmin" in further else None
+    source = Source(file.file, where, ("Alpha", "Cl", "Cd", "Cm"), [line for line, _ in rows])
+    return polar_table(alpha, lift, drag, further.get("cm"), reynolds, pressure, source)
 
 
 # Blade definition ---------------------------------------------------------------------------------
 
+# Units of the columns; see the input files of AeroDyn at https://openfast.readthedocs.io.
 _UNITS = {"BlSpn": "m", "BlCrvAC": "m", "BlSwpAC": "m", "BlCrvAng": "deg"}
 _UNITS |= {"BlTwist": "deg", "BlChord": "m", "BlAFID": "-", "t_c": "-"}
 _NEEDED = ("BlSpn", "BlTwist", "BlChord", "BlAFID")
@@ -142,11 +158,29 @@ _USUAL = "BlSpn BlCrvAC BlSwpAC BlCrvAng BlTwist BlChord BlAFID"
 
 
 def read_blade_definition(text: str, file: Path, hub_radius: float | None) -> BladeTable:
-    """Read an AeroDyn 15 blade file, whose span counts from the hub radius (m).
+    """Read an AeroDyn 15 blade file.
 
     OpenFAST's form: a line ``19 NumBlNds``, one of column names, one of units, NumBlNds rows. The
-    columns are found by their names, since their number grew over the versions. Raises InputError
-    with the line where the file is broken.
+    columns are identified by their names, since their number grew over the versions.
+
+    Parameters
+    ----------
+    text : str
+        Content of the file.
+    file : pathlib.Path
+        The file, for messages.
+    hub_radius : float or None
+        Radius of the blade's root, m, from which the file counts its span.
+
+    Returns
+    -------
+    BladeTable
+        The rows in SI units and radians.
+
+    Raises
+    ------
+    InputError
+        If the file is broken, with the line, or `hub_radius` is None.
     """
     columns, messages = _blade_columns(lines_of(text.rstrip()), file)
     span, degrees, chord, section = (columns[name] for name in _NEEDED)
@@ -189,8 +223,9 @@ def read_blade_definition(text: str, file: Path, hub_radius: float | None) -> Bl
 
 def _blade_columns(lines: list[str], file: Path) -> tuple[dict[str, Column], list[str]]:
     """Return the columns in the file's units, and what is to be said of rows that are ignored."""
-    found = (re.match(r"\s*(\S+)\s+NumBlNds\b", line, re.IGNORECASE) for line in lines)
-    count_line, cell = next(((n, each[1]) for n, each in enumerate(found, 1) if each), (0, ""))
+    matches = (re.match(r"\s*(\S+)\s+NumBlNds\b", line, re.IGNORECASE) for line in lines)
+    counts = ((number, match[1]) for number, match in enumerate(matches, 1) if match)
+    count_line, cell = next(counts, (0, ""))
     if not count_line:
         problem = "has no line `19 NumBlNds`, so it is no AeroDyn 15 blade file"
         remedy = "give the blade file (ADBlFile) that AeroDyn's primary file names, or a CSV file"
@@ -205,8 +240,8 @@ def _blade_columns(lines: list[str], file: Path) -> tuple[dict[str, Column], lis
     while names_line < len(lines) and not lines[names_line - 1].strip():
         names_line += 1
     names, units = (line.split() for line in [*lines, "", ""][names_line - 1 : names_line + 1])
-    known = {name.lower(): name for name in _UNITS}
-    names = [known.get(name.lower(), name) for name in names]
+    spellings = {name.lower(): name for name in _UNITS}
+    names = [spellings.get(name.lower(), name) for name in names]
     _check_head(names, units, names_line, file)
     rows = [
         (line, re.split(r"[!#]", text)[0].split())
@@ -216,16 +251,16 @@ def _blade_columns(lines: list[str], file: Path) -> tuple[dict[str, Column], lis
         problem = f"promises {count} rows, but the file ends after {len(rows)}"
         remedy = "complete the rows or correct NumBlNds"
         raise line_error(file, count_line, problem, remedy, "NumBlNds", value=count)
-    left = sum(fortran_number(cells[0]) is not None for _, cells in rows[count:] if cells)
-    said = f"NumBlNds = {count}: {left} rows after these are ignored, as OpenFAST does"
-    return number_columns(rows[:count], names, file, _UNITS), [said] if left else []
+    ignored = sum(fortran_number(cells[0]) is not None for _, cells in rows[count:] if cells)
+    message = f"NumBlNds = {count}: {ignored} rows after these are ignored, as OpenFAST does"
+    return number_columns(rows[:count], names, file, _UNITS), [message] if ignored else []
 
 
 def _check_head(names: list[str], units: list[str], line: int, file: Path) -> None:
     """Refuse columns that are missing or there twice, and units that are not AeroDyn's."""
-    lacking = [f"lacks the column {name}" for name in _NEEDED if name not in names]
-    twice = [f"has the column {name} twice" for name in names if names.count(name) > 1]
-    for problem in (lacking + twice)[:1]:
+    missing = [f"lacks the column {name}" for name in _NEEDED if name not in names]
+    repeated = [f"has the column {name} twice" for name in names if names.count(name) > 1]
+    for problem in (missing + repeated)[:1]:
         remedy = f"the line after NumBlNds names the columns {_USUAL}"
         raise line_error(file, line, problem, remedy, value=" ".join(names))
     if not units or not units[0].startswith("("):

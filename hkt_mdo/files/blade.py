@@ -18,8 +18,6 @@ from hkt_mdo.files.shipped import locate
 from hkt_mdo.files.table import Csv, line_error, lines_of, read_text
 from hkt_mdo.files.windio import read_windio
 
-__all__ = ["read_blade", "write_blade_csv"]
-
 _AERODYN = re.compile(
     r"^[-=! ]*AERODYN\b|^\s*\S+\s+NumBlNds\b|^\s*BlSpn\b", re.MULTILINE | re.IGNORECASE
 )
@@ -29,12 +27,28 @@ _WINDIO = re.compile(r"^(windIO_version|assembly|components|airfoils)\s*:", re.M
 def read_blade(source: str | Path, hub_radius: float | None = None) -> BladeTable:
     """Read a blade from a CSV file, an AeroDyn 15 blade file or a windIO turbine file.
 
-    The source is the name of a shipped blade or a path. The content decides the format, and the
-    suffix where that is not enough. CSV names its units in its header: a radius (r_m, r_mm or
-    r_over_R), a chord (chord_m, chord_mm, chord_over_R or c_over_R), a twist (twist_deg, twist_rad
-    or pitch_deg), and perhaps a thickness (thickness_over_chord, t_over_c, thickness_percent or
-    t_over_c_pct) and a section's name (section). `hub_radius` (m) is where the blade's root lies,
-    which an AeroDyn file does not say. Raises InputError with file, line or key, value and remedy.
+    The content decides the format, and the suffix where that is not enough. CSV names its units in
+    its header: a radius (r_m, r_mm or r_over_R), a chord (chord_m, chord_mm, chord_over_R or
+    c_over_R), a twist (twist_deg, twist_rad or pitch_deg), and perhaps a thickness
+    (thickness_over_chord, t_over_c, thickness_percent or t_over_c_pct) and a section's name
+    (section).
+
+    Parameters
+    ----------
+    source : str or pathlib.Path
+        Name of a shipped blade, or a path.
+    hub_radius : float, optional
+        Radius of the blade's root, m, which an AeroDyn file does not say.
+
+    Returns
+    -------
+    BladeTable
+        The rows in SI units and radians.
+
+    Raises
+    ------
+    InputError
+        If there is no such file or it is broken; with file, line or key, value and remedy.
     """
     path = locate(source, "blade")
     text = read_text(path, "blade file")
@@ -76,21 +90,23 @@ _CONVERSIONS: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
 
 
 def _read_csv(text: str, file: Path) -> BladeTable:
+    """Return the blade of a CSV file."""
     table = Csv(text, file, "a header such as r_m,chord_m,twist_deg")
-    chosen = {quantity: _choose(table, quantity) for quantity in _QUANTITIES}
-    relative = chosen["radius"] == "r_over_R"
-    if relative != chosen["chord"].endswith("_over_R"):
-        problem = f"mixes {chosen['radius']} with {chosen['chord']}"
+    names = {quantity: _column_of(table, quantity) for quantity in _QUANTITIES}
+    relative = names["radius"] == "r_over_R"
+    if relative != names["chord"].endswith("_over_R"):
+        problem = f"mixes {names['radius']} with {names['chord']}"
         remedy = "give radius and chord both as lengths or both over the tip radius"
         raise table.refuse(problem, remedy)
-    columns = table.columns([name for name in chosen.values() if name], "blade")
+    columns = table.columns(list(filter(None, names.values())), "blade")
     messages = []
     for name, column in columns.items():
-        convert, said = _CONVERSIONS.get(name.rpartition("_")[2], (None, ""))
-        if convert:
+        unit = name.rpartition("_")[2]
+        if unit in _CONVERSIONS:
+            convert, message = _CONVERSIONS[unit]
             columns[name] = replace(column, values=convert(column.values))
-            messages.append(f"{name}: {said}")
-    r, chord, twist, thickness = (columns.get(name) for name in chosen.values())
+            messages.append(f"{name}: {message}")
+    r, chord, twist, thickness = (columns.get(name) for name in names.values())
     if relative:
         problem = "lies beyond the tip, where r/R is 1"
         remedy = "divide by the tip radius, or name the column r_m or r_mm"
@@ -98,8 +114,8 @@ def _read_csv(text: str, file: Path) -> BladeTable:
     check_rows(r, chord, twist, thickness, 1.0 if relative else float(np.max(r.values)))
     section = None
     if "section" in table.header:
-        place = table.place("section")
-        section = tuple(cells[place].strip() for _, cells in table.rows)
+        index = table.place("section")
+        section = tuple(cells[index].strip() for _, cells in table.rows)
         if "" in section:
             line, remedy = table.rows[section.index("")][0], "name the section of every row or none"
             raise line_error(file, line, "names no section", remedy, "column section")
@@ -115,17 +131,17 @@ def _read_csv(text: str, file: Path) -> BladeTable:
     )
 
 
-def _choose(table: Csv, quantity: str) -> str:
+def _column_of(table: Csv, quantity: str) -> str:
     """Return the one column that holds a quantity; empty if there is no thickness."""
     names, words = _QUANTITIES[quantity][0].split(), _QUANTITIES[quantity][1]
     needed = quantity != "thickness"
     one_of = f"{', '.join(names[:-1])} or {names[-1]}"
-    found = [name for name in dict.fromkeys(table.header) if name in names]
-    if len(found) > 1:
-        problem = f"has two columns for the {quantity}: {found[0]} and {found[1]}"
+    columns = [name for name in dict.fromkeys(table.header) if name in names]
+    if len(columns) > 1:
+        problem = f"has two columns for the {quantity}: {columns[0]} and {columns[1]}"
         raise table.refuse(problem, "keep one of them")
-    if found:
-        return found[0]
+    if columns:
+        return columns[0]
     for cell in table.header:
         bare = re.sub(r"[^a-z]", "", _UNIT.sub("", cell.lower()))
         if (needed or cell.lower() == "thickness") and re.fullmatch(words, bare):
@@ -139,26 +155,38 @@ def _choose(table: Csv, quantity: str) -> str:
 def write_blade_csv(path: str | Path, blade, remarks: Iterable[str] = ()) -> None:
     """Write a blade as CSV whose numbers read back bit by bit.
 
-    Columns r_m, chord_m, twist_rad, and thickness_over_chord and section where the blade (a Blade
-    or BladeTable) has them, below the remarks (``#``). The file is complete or not there at all.
-    Raises ValueError if lengths are over the tip radius, and InputError if it cannot be written.
+    Columns are r_m, chord_m, twist_rad, and thickness_over_chord and section where the blade has
+    them. The file is complete or not there at all.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        File to write or replace.
+    blade : Blade or BladeTable
+        The blade, m and rad.
+    remarks : iterable of str
+        Lines above the header, which get a ``#``.
+
+    Raises
+    ------
+    ValueError
+        If lengths are over the tip radius.
+    InputError
+        If the file cannot be written.
     """
     if getattr(blade, "relative", False):
         raise ValueError("a blade over the tip radius has no lengths to write; scale it first")
-    columns = {
-        "r_m": blade.r,
-        "chord_m": blade.chord,
-        "twist_rad": blade.twist,
-        "thickness_over_chord": getattr(blade, "thickness", None),
-        "section": getattr(blade, "section", None),
-    }
-    columns = {name: np.array(each).tolist() for name, each in columns.items() if each is not None}
+    columns = {"r_m": blade.r, "chord_m": blade.chord, "twist_rad": blade.twist}
+    for name, attribute in (("thickness_over_chord", "thickness"), ("section", "section")):
+        if getattr(blade, attribute, None) is not None:
+            columns[name] = getattr(blade, attribute)
+    rows = zip(*(np.asarray(values).tolist() for values in columns.values()), strict=True)
     stream = io.StringIO(newline="")
     for line in "\n".join(map(str, remarks)).splitlines():
         stream.write(f"# {line}".rstrip() + "\n")
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(columns)
-    writer.writerows(zip(*columns.values(), strict=True))
+    writer.writerows(rows)
 
     path = Path(path)
     part = path.with_name(path.name + ".part")

@@ -1,4 +1,4 @@
-"""What a blade table is: rows from root to tip, whichever format they come from."""
+"""Table of a blade, the same for every file format: rows from root to tip, and their checks."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import Column
 
-__all__ = ["BladeTable", "SectionTable", "check_rows"]
-
 FEWEST_ROWS, MOST_ROWS = 2, 100_000
+"""A blade needs two ends; more rows than the latter are a file of something else."""
+
 EDGE = 1e-9
 """A row this close to the hub or the tip, over the tip radius, lies on it."""
 
@@ -22,16 +22,17 @@ THICK_ROUNDED = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class SectionTable:
-    """A section (airfoil) that comes inside a turbine file, its polars by Reynolds number.
-
-    The outline is over the chord; what the file does not say is None.
-    """
+    """A section (airfoil) that comes inside a turbine file; what the file does not say is None."""
 
     name: str
     thickness: float | None
+    """Thickness over chord."""
     polars: tuple
+    """Tables of type `PolarTable`, by Reynolds number."""
     outline_x: np.ndarray | None = None
+    """Outline along the chord, over the chord, shape (n_points,)."""
     outline_y: np.ndarray | None = None
+    """Outline across the chord, over the chord, shape (n_points,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +42,13 @@ class BladeTable:
     r: np.ndarray
     """Distance from the rotor's centre along the blade, m, strictly increasing, shape (n_rows,)."""
     chord: np.ndarray
+    """Chord, m, shape (n_rows,)."""
     twist: np.ndarray
-    """Angle between the section's chord and the rotor plane, rad, without a set angle."""
+    """Angle of the chord to the rotor plane without a set angle, rad, shape (n_rows,)."""
     relative: bool = False
     """Whether lengths are over the tip radius."""
     thickness: np.ndarray | None = None
-    """Thickness over chord."""
+    """Thickness over chord, shape (n_rows,)."""
     section: tuple[str, ...] | None = None
     """Name of each row's section; AeroDyn's BlAFID as text, such as "1"."""
     sections: tuple[SectionTable, ...] = ()
@@ -54,28 +56,45 @@ class BladeTable:
     section_position: tuple[tuple[str, float], ...] | None = None
     """Names of sections and the radii (as `r`) where they stand, root to tip (windIO)."""
     tip_radius: float | None = None
+    """Radius of the tip, m."""
     hub_radius: float | None = None
+    """Radius of the blade's root, m, or over the tip radius as `r`."""
     blade_count: int | None = None
+    """Number of blades."""
     cone: float | None = None
     """Angle between the blade and the rotor plane, rad."""
     messages: tuple[str, ...] = ()
-    """Every conversion made and everything passed over."""
+    """Every conversion made and everything in the file that is ignored."""
     file: str = ""
+    """The file, for messages."""
 
     def scaled(self, tip_radius: float) -> BladeTable:
-        """Return the table in metres for a tip radius (m).
+        """Return the table in metres for a tip radius.
 
-        A table in metres whose file says no tip radius (CSV) keeps its lengths; InputError is
-        raised if its rows reach beyond this one.
+        Parameters
+        ----------
+        tip_radius : float
+            Radius of the tip, m.
+
+        Returns
+        -------
+        BladeTable
+            The table with lengths in proportion; with its own lengths if the file (CSV in metres)
+            says no tip radius.
+
+        Raises
+        ------
+        InputError
+            If lengths are kept and the rows reach beyond the tip.
         """
         tip_radius = float(tip_radius)
         own = 1.0 if self.relative else self.tip_radius
         if own is None:
-            last, key = float(self.r[-1]), "outermost row"
+            last = float(self.r[-1])
             if last > tip_radius * (1.0 + EDGE):
                 problem = f"reaches beyond the rotor's tip radius of {tip_radius:g} m"
                 remedy = "enlarge rotor.radius, cut the rows, or give r_over_R and chord_over_R"
-                raise InputError(problem, remedy, file=self.file, key=key, value=last)
+                raise InputError(problem, remedy, file=self.file, key="outermost row", value=last)
             return replace(self, tip_radius=tip_radius)
         if own == tip_radius and not self.relative:
             return self
@@ -99,8 +118,20 @@ class BladeTable:
     def interior(self, hub_radius: float | None = None) -> BladeTable:
         """Return the rows strictly between hub and tip, where blade elements may lie.
 
-        The hub radius is in the table's unit of length, by default the file's own. Raises
-        InputError if no row is left, or no hub radius is known.
+        Parameters
+        ----------
+        hub_radius : float, optional
+            Radius of the hub in the table's unit of length; by default the file's own.
+
+        Returns
+        -------
+        BladeTable
+            The table with these rows and this hub radius.
+
+        Raises
+        ------
+        InputError
+            If no row is left, or no hub radius is known.
         """
         hub = self.hub_radius if hub_radius is None else float(hub_radius)
         if hub is None:
@@ -122,29 +153,43 @@ class BladeTable:
         )
 
     def blend(self, r: np.ndarray) -> tuple[tuple[str, str, float], ...]:
-        """Return inner section, outer section and the share of the outer at each radius.
+        """Return the two sections between which each station lies.
 
-        Radii r[n_stations] are in the table's unit of length. The share is linear in the thickness
-        where it is known and differs, and in the radius where not; beyond the first and the last
-        section they stand alone. Raises InputError if the file names no sections.
+        The share of the outer one is linear in the thickness where that is known and differs, and
+        in the radius where not; beyond the first and the last section these stand alone.
+
+        Parameters
+        ----------
+        r : numpy.ndarray, shape (n_stations,)
+            Radii in the table's unit of length.
+
+        Returns
+        -------
+        tuple of (str, str, float)
+            Inner section, outer section and share of the outer one at each station.
+
+        Raises
+        ------
+        InputError
+            If the file names no sections.
         """
         if self.section_position is None and self.section is None:
             raise InputError("names no sections", "add a column section", file=self.file)
-        stands = self.section_position or tuple(zip(self.section, self.r, strict=True))
-        names, places = zip(*stands, strict=True)
-        thick = {section.name: section.thickness for section in self.sections}
+        positions = self.section_position or tuple(zip(self.section, self.r, strict=True))
+        names, radii = zip(*positions, strict=True)
+        thicknesses = {section.name: section.thickness for section in self.sections}
         blends = []
         for radius in np.atleast_1d(np.asarray(r, dtype=float)):
-            outer = int(np.searchsorted(places, radius))
+            outer = int(np.searchsorted(radii, radius))
             inner = max(outer - 1, 0)
             outer = min(outer, len(names) - 1)
             share = 0.0
             if names[inner] != names[outer]:
-                share = (radius - places[inner]) / (places[outer] - places[inner])
-                first, last = thick.get(names[inner]), thick.get(names[outer])
+                share = (radius - radii[inner]) / (radii[outer] - radii[inner])
+                first, last = thicknesses.get(names[inner]), thicknesses.get(names[outer])
                 if self.thickness is not None and first and last and first != last:
-                    here = np.interp(radius, self.r, self.thickness)
-                    share = np.clip((here - first) / (last - first), 0.0, 1.0)
+                    thickness = np.interp(radius, self.r, self.thickness)
+                    share = np.clip((thickness - first) / (last - first), 0.0, 1.0)
             blends.append((names[inner], names[outer], float(share)))
         return tuple(blends)
 
@@ -159,22 +204,38 @@ def check_rows(
 ) -> None:
     """Refuse rows that are no blade, by the first value that is wrong.
 
-    Radii (from zero) must increase strictly, chords lie within 0 and `longest`, the outermost
-    radius, twists (rad) within half a turn and thicknesses within 0 and 1. Lengths are in metres or
-    all over the tip radius.
+    Parameters
+    ----------
+    r : Column
+        Radius, m or over the tip radius: not negative, strictly increasing.
+    chord : Column
+        Chord in the same unit: above 0, at most `longest`.
+    twist : Column
+        Twist, rad: within half a turn.
+    thickness : Column or None
+        Thickness over chord: above 0, at most 1.
+    longest : float
+        The outermost radius, in the unit of the chord.
+    twist_remedy : str
+        What to do about a twist that is too large.
+
+    Raises
+    ------
+    InputError
+        If a value is out of its range, or there are too few or too many rows.
     """
-    count = np.full(r.values.size, r.values.size)
+    size, every = r.values.size, np.ones(r.values.size, dtype=bool)
     only = f"is the only row: a blade has at least {FEWEST_ROWS}"
-    r.refuse(count < FEWEST_ROWS, only, "add the rows from hub to tip")
+    r.refuse(every & (size < FEWEST_ROWS), only, "add the rows from hub to tip")
     many = f"is one of more than {MOST_ROWS} rows"
-    r.refuse(count > MOST_ROWS, many, "give a blade of usual length")
+    r.refuse(every & (size > MOST_ROWS), many, "give a blade of usual length")
     r.check_rising("radii")
     r.refuse(r.values < 0.0, "is a negative radius", "count radii from the rotor's centre")
     chord.refuse(chord.values <= 0.0, "is no chord", "chords must be greater than 0")
     long = f"is a chord longer than the outermost radius ({longest:g})"
     chord.refuse(chord.values > longest, long, "check the unit of the chord")
-    turned = np.abs(twist.values) > np.pi * (1.0 + EDGE)
-    twist.refuse(turned, "is beyond 180 degrees", twist_remedy)
+    beyond = np.abs(twist.values) > np.pi * (1.0 + EDGE)
+    twist.refuse(beyond, "is beyond 180 degrees", twist_remedy)
     if thickness is not None:
         wrong = (thickness.values <= 0.0) | (thickness.values > 1.0 + THICK_ROUNDED)
         problem = "is no thickness over chord, which lies within 0 and 1 (0 and 100 %)"

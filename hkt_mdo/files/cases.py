@@ -12,7 +12,19 @@ def shipped_cases() -> Path:
 
 
 def find_case(path: str | Path) -> Path:
-    """Return the path of a case file; ``sine_oloc`` or ``river_gust.yaml`` may be a shipped one."""
+    """Return the path of a case file.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        A path, or the name of a shipped case such as ``sine_oloc`` or ``river_gust.yaml``; a file
+        of that name comes first.
+
+    Returns
+    -------
+    pathlib.Path
+        The shipped case if there is one of that name, else `path`.
+    """
     path = Path(path)
     if path.name == str(path) and not path.exists():
         for folder in (shipped_cases() / inner for inner in ("", "examples", "limits")):

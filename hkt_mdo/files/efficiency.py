@@ -14,11 +14,28 @@ SPEEDS = {"speed_rad_s": 1.0, "speed_rpm": np.pi / 30.0}
 
 
 def read_efficiency(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return torque[n_torques] (N*m), speed[n_speeds] (rad/s) and efficiency[n_torques, n_speeds].
+    """Read the efficiency of a generator over torque and speed.
 
-    The file has the columns torque_Nm, speed_rpm or speed_rad_s, and efficiency, and one row for
-    every torque at every speed, in any order. Raises InputError, with the line, if a row is missing
-    or there twice, a torque or speed is negative, or an efficiency is not in (0, 1].
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        CSV file with the columns torque_Nm, speed_rpm or speed_rad_s, and efficiency, and one row
+        for every torque at every speed, in any order.
+
+    Returns
+    -------
+    torque : numpy.ndarray, shape (n_torques,)
+        Torque, N*m, increasing.
+    speed : numpy.ndarray, shape (n_speeds,)
+        Speed, rad/s, increasing.
+    efficiency : numpy.ndarray, shape (n_torques, n_speeds)
+        Electrical over mechanical power.
+
+    Raises
+    ------
+    InputError
+        If a row is missing or there twice, a torque or speed is negative, or an efficiency is not
+        in (0, 1]; with the line.
     """
     path = Path(path)
     header = "torque_Nm,speed_rpm,efficiency"
@@ -33,21 +50,19 @@ def read_efficiency(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarra
         column.refuse(column.values < 0.0, "must not be negative", "give its magnitude")
     wrong = (efficiency.values <= 0.0) | (efficiency.values > 1.0)
     efficiency.refuse(wrong, "is not above 0 and at most 1", "give a fraction, not per cent")
-    torques, row = np.unique(torque.values, return_inverse=True)
-    speeds, column = np.unique(speed.values, return_inverse=True)
+    torques, i = np.unique(torque.values, return_inverse=True)
+    speeds, j = np.unique(speed.values, return_inverse=True)
     for name, values in zip(names[:2], (torques, speeds), strict=True):
         if values.size < 2:
             problem = f"has {values.size} value of {name}"
             raise InputError(problem, "give a table over two or more of them", file=path)
-    _, first = np.unique(row * speeds.size + column, return_index=True)
-    again = np.ones(row.size, dtype=bool)
-    again[first] = False
-    torque.refuse(again, "is there again with the same speed", "give each pair once")
+    _, first = np.unique(i * speeds.size + j, return_index=True)
+    repeated = ~np.isin(np.arange(i.size), first)
+    torque.refuse(repeated, "is there again with the same speed", "give each pair once")
     table = np.full((torques.size, speeds.size), np.nan)
-    table[row, column] = efficiency.values
-    if np.any(np.isnan(table)):
-        i, j = np.argwhere(np.isnan(table))[0]
-        problem = f"has no row for {names[0]} = {torques[i]:g} at {names[1]} = {speeds[j]:g}"
+    table[i, j] = efficiency.values
+    for row, column in np.argwhere(np.isnan(table))[:1]:
+        problem = f"has no row for {names[0]} = {torques[row]:g} at {given[0]} = {speeds[column]:g}"
         remedy = "give every torque at every speed: the table must be rectangular"
         raise InputError(problem, remedy, file=path)
     return torques, speeds * SPEEDS[given[0]], table

@@ -12,13 +12,17 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import locate
 from hkt_mdo.files.table import Csv, line_error, lines_of, number_columns, parse_number, read_text
 
-__all__ = ["read_outline"]
-
 FEWEST_POINTS, MOST_POINTS = 10, 5000
+"""Fewer points show no section; testing more for a crossing takes too long."""
+
 EDGE = 0.02
 """How far the leading edge may lie from x = 0 and the trailing edge from x = 1, over the chord."""
 
 AREA_RANGE = 0.005, 0.8
+"""Area of a section, over the chord squared; a circle has 0.785."""
+
+FARTHEST = 0.6
+"""Largest distance of a point from the chord line, over the chord; a circle has 0.5."""
 
 _ORDER = "give the points from the trailing edge over the upper side to the leading edge and back"
 _CHORD_AXES = "give coordinates over the chord: leading edge at (0, 0), trailing edge at (1, 0)"
@@ -26,13 +30,28 @@ _FORMATS = "a CSV file x_over_c,y_over_c, or coordinates in Selig's or Lednicer'
 
 
 def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
-    """Read the outline of a section: x[n_points] and y[n_points] over the chord.
+    """Read the outline of a section.
 
-    They run from the trailing edge over the upper side round to it. The content decides the format:
-    a CSV file with the columns ``x_over_c`` and ``y_over_c``, or pairs of numbers, with or without
-    a line of text above them, in Selig's order (from the trailing edge round to it) or Lednicer's
-    (number of points of either side, then the upper and the lower side from the leading edge).
-    Raises InputError with file, line, value and remedy, also if the points are no closed section.
+    The content decides the format: a CSV file with the columns ``x_over_c`` and ``y_over_c``, or
+    pairs of numbers, with or without a line of text above them, in Selig's order (from the trailing
+    edge round to it) or Lednicer's (number of points of either side, then the upper and the lower
+    side from the leading edge); both are those of https://m-selig.ae.illinois.edu/ads.html.
+
+    Parameters
+    ----------
+    source : str or pathlib.Path
+        Name of a shipped outline, or a path.
+
+    Returns
+    -------
+    x, y : numpy.ndarray, shape (n_points,)
+        Coordinates over the chord, from the trailing edge over the upper side round to it.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, it is broken, or its points are no closed section; with file,
+        line, value and remedy.
     """
     path = locate(source, "outline")
     text = read_text(path, "file with an outline")
@@ -45,8 +64,9 @@ def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
         raise InputError("is empty", f"give {_FORMATS}", file=path)
     if re.search(r"[xy]_over_c", lines[0][1]):
         table = Csv(text, path, "x_over_c,y_over_c")
-        columns = table.columns(("x_over_c", "y_over_c"), "outline").values()
-        x, y, numbers = *(column.values for column in columns), [line for line, _ in table.rows]
+        columns = table.columns(("x_over_c", "y_over_c"), "outline")
+        x, y = (column.values for column in columns.values())
+        numbers = [line for line, _ in table.rows]
     else:
         x, y, numbers = _read_pairs(lines, path)
     _check(x, y, numbers, path)
@@ -85,6 +105,8 @@ def _read_pairs(
 
 
 def _check(x: np.ndarray, y: np.ndarray, numbers: Sequence[int], path: Path) -> None:
+    """Refuse points that are no closed section; `numbers` are those of their lines."""
+
     def refuse(wrong: object, problem: str, remedy: str, point: int) -> None:
         if wrong:
             value = f"{x[point]:g}, {y[point]:g}"
@@ -96,18 +118,19 @@ def _check(x: np.ndarray, y: np.ndarray, numbers: Sequence[int], path: Path) -> 
     for edge, end, what in ((0, nose, "smallest"), (1, tail, "largest")):
         off = abs(x[end] - edge) > EDGE
         refuse(off, f"the {what} x is {x[end]:g} instead of {edge}", _CHORD_AXES, end)
-    refuse(abs(y[far]) > 0.6, "lies more than 0.6 of the chord beside it", _CHORD_AXES, far)
+    beside = f"lies more than {FARTHEST:g} of the chord beside it"
+    refuse(abs(y[far]) > FARTHEST, beside, _CHORD_AXES, far)
     for point, name in ((0, "first"), (-1, "last")):
         inside = x[point] < 1.0 - 2.0 * EDGE
         refuse(inside, f"the {name} point is not at the trailing edge", _ORDER, point)
     back = not 2 < nose < x.size - 3
     refuse(back, "the outline does not go round the leading edge", _ORDER, nose)
-    for one, other in _first_crossing(x, y):
-        refuse(True, f"the outline crosses itself: here and at line {numbers[other]}", _ORDER, one)
+    for side, other in _first_crossing(x, y):
+        refuse(True, f"the outline crosses itself: here and at line {numbers[other]}", _ORDER, side)
     area = 0.5 * abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
-    empty = not AREA_RANGE[0] <= area <= AREA_RANGE[1]
-    problem = f"the outline up to line {numbers[-1]} encloses {area:.4g} chord², no area of a "
-    refuse(empty, f"{problem}section", _ORDER, 0)
+    outside = not AREA_RANGE[0] <= area <= AREA_RANGE[1]
+    encloses = f"the outline up to line {numbers[-1]} encloses {area:.4g} chord²"
+    refuse(outside, f"{encloses}, no area of a section", _ORDER, 0)
 
 
 def _first_crossing(x: np.ndarray, y: np.ndarray) -> list[tuple[int, int]]:

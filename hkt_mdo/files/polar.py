@@ -11,13 +11,12 @@ import numpy as np
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.aerodyn import read_airfoil
-from hkt_mdo.files.polar_table import SURFACES, PolarTable, check_reynolds, polar_table
+from hkt_mdo.files.polar_table import SURFACES, PolarTable, Source, check_reynolds, polar_table
 from hkt_mdo.files.shipped import POLAR_FAMILIES, locate, shipped_names
 from hkt_mdo.files.table import Csv, line_error, lines_of, number_columns, parse_number, read_text
 
-__all__ = ["read_polars"]
-
 _FORMATS = "a CSV file alpha_deg,cl,cd, an AeroDyn airfoil table or an XFOIL polar"
+_CSV_WITH_MOMENT = "a CSV file alpha_deg,cl,cd,cm"
 _FLAGS = re.MULTILINE | re.IGNORECASE
 _AERODYN = re.compile(
     r"""^[ \t]*(@?"[^"\n]*"|\S+)[ \t]+"""
@@ -32,19 +31,33 @@ _XFOIL = re.compile(r"\A\s*(XFOIL|xflr5)\b|Calculated polar for", re.IGNORECASE)
 def read_polars(source: str | Path) -> tuple[PolarTable, ...]:
     """Read the polars of a section, one a Reynolds number.
 
-    They are sorted by Reynolds number. The source is a path, the name of a shipped polar
-    (``naca63815_Re2e5``) or of a shipped section (``naca63815``: all its Reynolds numbers). The
-    content decides the format: a CSV file with the columns ``alpha_deg`` or ``alpha_rad``, ``cl``,
-    ``cd`` and perhaps ``cm``, ``cpmin`` or ``cpmin_upper`` and ``cpmin_lower`` (smallest pressure
-    coefficient) and ``reynolds``; an airfoil file of OpenFAST's AeroDyn (AirfoilInfo v1.01,
-    Reynolds numbers in millions); or polars that XFOIL or XFLR5 has written, one after the other.
-    Raises InputError with file, line, column, value and remedy.
+    The content decides the format: a CSV file with the columns ``alpha_deg`` or ``alpha_rad``,
+    ``cl``, ``cd`` and perhaps ``cm``, ``cpmin`` or ``cpmin_upper`` and ``cpmin_lower`` (smallest
+    pressure coefficient) and ``reynolds``; an airfoil file of OpenFAST's AeroDyn (AirfoilInfo
+    v1.01, Reynolds numbers in millions); or polars that XFOIL or XFLR5 has written, one after the
+    other.
+
+    Parameters
+    ----------
+    source : str or pathlib.Path
+        A path, the name of a shipped polar (``naca63815_Re2e5``) or of a shipped section
+        (``naca63815``: all its Reynolds numbers).
+
+    Returns
+    -------
+    tuple of PolarTable
+        The polars, sorted by Reynolds number.
+
+    Raises
+    ------
+    InputError
+        If there is no such file or it is broken; with file, line, column, value and remedy.
     """
     name = str(source)
     for family, polars in POLAR_FAMILIES.items():
-        taken = [polar for polar in polars if name in (family, polar)]
-        if taken:
-            tables = {polar: _read_file(locate(polar, "polar"))[0] for polar in taken}
+        chosen = [polar for polar in polars if name in (family, polar)]
+        if chosen:
+            tables = {polar: _read_file(locate(polar, "polar"))[0] for polar in chosen}
             return tuple(replace(table, reynolds=polars[key]) for key, table in tables.items())
     try:
         path = locate(source, "polar")
@@ -53,26 +66,23 @@ def read_polars(source: str | Path) -> tuple[PolarTable, ...]:
         remedy = f"shipped: {names}; or give the path of {_FORMATS}"
         raise InputError(error.problem, remedy, value=name) from None
     tables = sorted(_read_file(path), key=lambda table: table.reynolds or 0.0)
-    for one, other in pairwise(tables):
-        if one.reynolds == other.reynolds:
-            problem, remedy = "stands over two tables", "give one table for each Reynolds number"
-            key, value = "Reynolds number", other.reynolds
-            raise InputError(problem, remedy, file=path, key=key, value=value)
+    for reynolds, following in pairwise(table.reynolds for table in tables):
+        if reynolds == following:
+            problem, remedy = "is that of two tables", "give one table for each Reynolds number"
+            raise InputError(problem, remedy, file=path, key="Reynolds number", value=reynolds)
     return tuple(tables)
 
 
 def _read_file(path: Path) -> list[PolarTable]:
+    """Return the polars of a file in the order in which they stand there."""
     text = read_text(path, "file with a polar")
     if not text.strip():
         raise InputError("is empty", f"give {_FORMATS}", file=path)
     if _AERODYN.search(text):
         return read_airfoil(text, path)
     if old := _OLD_AERODYN.search(text):
-        line, problem = (
-            len(lines_of(text[: old.start()])),
-            "is an airfoil table of AeroDyn 14 or older",
-        )
-        raise line_error(path, line, problem, "copy its rows into a CSV file alpha_deg,cl,cd,cm")
+        line, remedy = len(lines_of(text[: old.start()])), f"copy its rows into {_CSV_WITH_MOMENT}"
+        raise line_error(path, line, "is an airfoil table of AeroDyn 14 or older", remedy)
     return _read_xfoil(text, path) if _XFOIL.search(text) else _read_csv(text, path)
 
 
@@ -80,6 +90,7 @@ def _read_file(path: Path) -> list[PolarTable]:
 
 
 def _read_csv(text: str, path: Path) -> list[PolarTable]:
+    """Return the polars of a CSV file, one for each number in its column reynolds."""
     table = Csv(text, path, "alpha_deg,cl,cd")
     angle = "alpha_rad" if "alpha_rad" in table.header else "alpha_deg"
     if {"alpha_rad", "alpha_deg"} <= set(table.header):
@@ -92,23 +103,18 @@ def _read_csv(text: str, path: Path) -> list[PolarTable]:
     pressure = {name: columns.pop(name) for name in ("cpmin", *SURFACES) if name in columns}
     lines = np.array([line for line, _ in table.rows])
 
-    def part(rows: np.ndarray | slice, number: float | None, where: str) -> PolarTable:
-        return polar_table(
-            *(column.values[rows] for column in columns.values()),
-            reynolds=number,
-            file=path,
-            columns=list(columns),
-            pressure={name: column.values[rows] for name, column in pressure.items()},
-            lines=lines[rows].tolist(),
-            where=where,
-        )
+    def polar(rows: np.ndarray | slice, number: float | None, where: str) -> PolarTable:
+        source = Source(path, where, list(columns), lines[rows].tolist())
+        coefficients = [column.values[rows] for column in columns.values()]
+        pressures = {name: column.values[rows] for name, column in pressure.items()}
+        return polar_table(*coefficients, reynolds=number, pressure=pressures, source=source)
 
     if reynolds is None:
-        return [part(slice(None), None, "")]
+        return [polar(slice(None), None, "")]
     for number, cell, key in zip(reynolds.values, reynolds.shown, reynolds.keys, strict=True):
         check_reynolds(number, cell, path, key)
     return [
-        part(reynolds.values == number, number, f"reynolds = {number:g}")
+        polar(reynolds.values == number, number, f"reynolds = {number:g}")
         for number in np.unique(reynolds.values).tolist()
     ]
 
@@ -117,10 +123,12 @@ def _read_csv(text: str, path: Path) -> list[PolarTable]:
 
 _XFOIL_BEGIN = re.compile(r"Calculated polar for\s*:", re.IGNORECASE)
 _XFOIL_REYNOLDS = re.compile(r"\bRe\s*=\s*([^\s=]+?)(?:\s*[eE]\s*([+-]?\d{1,3}))?(?=\s|$)")
+_COEFFICIENTS = "alpha", "cl", "cd", "cm", "cpmin"  # names of columns; the first three are needed
 _XFOIL_REMEDY = "give the file as XFOIL's PACC has written it"
 
 
 def _read_xfoil(text: str, path: Path) -> list[PolarTable]:
+    """Return the polars of a file that XFOIL's PACC or XFLR5 has written, one after the other."""
     lines = list(enumerate(lines_of(text), start=1))
     begins = [at for at, (_, line) in enumerate(lines) if _XFOIL_BEGIN.search(line)]
     if not begins:
@@ -133,6 +141,7 @@ def _read_xfoil(text: str, path: Path) -> list[PolarTable]:
 
 
 def _read_xfoil_polar(part: list[tuple[int, str]], path: Path, where: str) -> PolarTable:
+    """Return one polar of numbered lines."""
     reynolds = None
     names: list[str] = []
     rows: list[tuple[int, list[str]]] = []
@@ -147,28 +156,19 @@ def _read_xfoil_polar(part: list[tuple[int, str]], path: Path, where: str) -> Po
             names = [word.lower() for word in words]
         else:
             reynolds = _xfoil_reynolds(line, number, path) or reynolds
-    lacking = [name.upper() for name in ("alpha", "cl", "cd") if name not in names]
-    problem = "" if rows else "has no rows"
-    if reynolds is None:
-        problem = "lacks the line Mach = Re ="
-    if lacking:
-        problem = f"lacks the column {lacking[0]}"
-    if not names:
-        problem = "lacks the line of column names alpha CL CD"
-    if problem:
-        problem = f"the polar that begins here {problem}"
+    flaws = [] if names else ["lacks the line of column names alpha CL CD"]
+    flaws += [f"lacks the column {name.upper()}" for name in _COEFFICIENTS[:3] if name not in names]
+    flaws += ["lacks the line Mach = Re ="] if reynolds is None else []
+    flaws += [] if rows else ["has no rows"]
+    if flaws:
+        problem = f"the polar that begins here {flaws[0]}"
         raise line_error(path, part[0][0], problem, _XFOIL_REMEDY)
-    columns = number_columns(rows, names, path, ("alpha", "cl", "cd", "cm", "cpmin"))
+    columns = number_columns(rows, names, path, _COEFFICIENTS)
     pressure = columns.pop("cpmin", None)
-    return polar_table(
-        *(column.values for column in columns.values()),
-        reynolds=reynolds,
-        file=path,
-        columns=("alpha", "CL", "CD", "CM"),
-        pressure={"Cpmin": pressure.values} if pressure else None,
-        lines=[line for line, _ in rows],
-        where=where,
-    )
+    pressures = {"Cpmin": pressure.values} if pressure else None
+    coefficients = [column.values for column in columns.values()]
+    source = Source(path, where, ("alpha", "CL", "CD", "CM"), [line for line, _ in rows])
+    return polar_table(*coefficients, reynolds=reynolds, pressure=pressures, source=source)
 
 
 def _xfoil_reynolds(line: str, number: int, path: Path) -> float | None:
@@ -177,8 +177,8 @@ def _xfoil_reynolds(line: str, number: int, path: Path) -> float | None:
         problem = "the Reynolds number varies along this polar"
         remedy = "run XFOIL at a fixed Reynolds number (TYPE 1)"
         raise line_error(path, number, problem, remedy, value=line.strip())
-    found = _XFOIL_REYNOLDS.search(line)
-    if found is None:
+    match = _XFOIL_REYNOLDS.search(line)
+    if match is None:
         return None
-    cell = f"{found[1]}e{found[2]}" if found[2] else found[1]
+    cell = f"{match[1]}e{match[2]}" if match[2] else match[1]
     return check_reynolds(parse_number(cell), cell, path, f"line {number}, Re")

@@ -1,18 +1,19 @@
-"""What a polar table is: lift and drag at one Reynolds number, whichever format it comes from."""
+"""Table of a polar, the same for every file format: lift and drag at one Reynolds number."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import Column
 
-__all__ = ["PolarTable", "polar_table"]
-
 FEWEST_ROWS = 8
+"""Fewest angles of a polar; fewer do not show where it stalls."""
+
 NEEDED_RANGE = -5.0, 12.0
 """Angles of attack that a table has to cover, deg; Viterna's extension begins at its ends."""
 
@@ -20,6 +21,7 @@ LARGEST = {"lift": 6.0, "drag": 5.0, "moment": 5.0}
 """Coefficients beyond these, either way, are no section's; most likely another unit."""
 
 REYNOLDS_RANGE = 1e3, 1e9
+"""Reynolds numbers of blades, with room; others are most likely in another unit."""
 
 PRESSURE_RANGE = -60.0, 1.0
 """Smallest pressure coefficients; 1 is that of a stagnation point."""
@@ -27,8 +29,11 @@ PRESSURE_RANGE = -60.0, 1.0
 SURFACES = "cpmin_upper", "cpmin_lower"
 """Columns of the smallest pressure coefficient of each surface; `cpmin` is that of both."""
 
-_CIRCLE_EDGE = 1e-3  # deg; files write 180 deg as 3.1416 rad
+_CIRCLE_EDGE = 1e-3
+"""How far an end of a full circle may be from 180 deg, deg; files write 3.1416 rad."""
+
 _ENDS_EQUAL = 1e-6
+"""How far coefficients at -180 and 180 deg, which are one angle, may differ."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +45,11 @@ class PolarTable:
     alpha: np.ndarray
     """Angle of attack, rad, strictly increasing, shape (n_rows,)."""
     lift: np.ndarray
+    """Lift coefficient, shape (n_rows,)."""
     drag: np.ndarray
+    """Drag coefficient, shape (n_rows,)."""
     moment: np.ndarray | None
+    """Pitching moment coefficient, shape (n_rows,); None where the file has none."""
     full_circle: bool
     """Whether the table runs from -pi to pi, with equal coefficients at both ends."""
     smallest_pressure: np.ndarray | None = None
@@ -51,68 +59,114 @@ class PolarTable:
     """Where the table comes from, for messages."""
 
 
+class Source(NamedTuple):
+    """Where the numbers of a polar come from, for messages."""
+
+    file: object = ""
+    where: str = ""
+    """What tells this polar from others in the file."""
+    titles: Sequence[str] = ("alpha_deg", "cl", "cd", "cm")
+    """The file's names of angle, lift, drag and moment; an angle that ends in _rad is in rad."""
+    lines: Sequence[int] = ()
+    """Numbers of the rows' lines; empty where the file has no line for each row."""
+
+    def column(self, title: str, values: np.ndarray) -> Column:
+        """Return numbers as a column.
+
+        Parameters
+        ----------
+        title : str
+            The file's name of the column.
+        values : numpy.ndarray, shape (n_rows,)
+            The numbers.
+
+        Returns
+        -------
+        Column
+            The numbers with the place of each.
+
+        Raises
+        ------
+        InputError
+            If one of them is not finite.
+        """
+        prefix = f"{self.where}, " if self.where else ""
+        numbers = np.asarray(values, dtype=float)
+        rows = [f"line {line}" for line in self.lines]
+        rows = rows or [f"row {index + 1}" for index in range(numbers.size)]
+        keys = [f"{prefix}{row}, column {title}" for row in rows]
+        column = Column(f"{prefix}{title}", numbers, keys, numbers.tolist(), self.file)
+        column.refuse(~np.isfinite(numbers), "must be a finite number", "correct the row")
+        return column
+
+
 def polar_table(
     alpha: np.ndarray,
     lift: np.ndarray,
     drag: np.ndarray,
     moment: np.ndarray | None = None,
     reynolds: float | None = None,
-    *,
-    file: object = "",
-    columns: Sequence[str] = ("alpha_deg", "cl", "cd", "cm"),
     pressure: Mapping[str, np.ndarray] | None = None,
-    lines: Sequence[int] | None = None,
-    where: str = "",
+    source: Source | None = None,
 ) -> PolarTable:
     """Check a polar and return it in radians.
 
-    Angles alpha[n_rows] are in degrees, or in radians where the first of `columns`, the file's
-    names, ends in ``_rad``. `pressure` has the smallest pressure coefficients by the names of their
-    columns, ``cpmin`` in any spelling or both of `SURFACES`, which then count. `lines` are the
-    numbers of the rows' lines, and `where` tells this polar from others in the file. Raises
-    InputError if there are fewer than 8 rows (two suffice where all are equal, as a cylinder's),
-    angles do not increase strictly or cover neither -5 to 12 degrees within ±90 nor the full
-    circle, the ends of a full circle differ, drag is not positive, one surface's pressure comes
-    without the other's, or a number is not finite or beyond what sections have.
+    Parameters
+    ----------
+    alpha : numpy.ndarray, shape (n_rows,)
+        Angle of attack, deg, or rad where the first of the source's titles ends in ``_rad``.
+    lift, drag : numpy.ndarray, shape (n_rows,)
+        Lift and drag coefficient.
+    moment : numpy.ndarray, shape (n_rows,), optional
+        Pitching moment coefficient.
+    reynolds : float, optional
+        Reynolds number by the chord.
+    pressure : mapping of str to numpy.ndarray, shape (n_rows,), optional
+        Smallest pressure coefficients by the names of their columns: ``cpmin`` in any spelling, or
+        both of `SURFACES`, which then count.
+    source : Source, optional
+        Where the numbers come from, for messages.
+
+    Returns
+    -------
+    PolarTable
+        The polar.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than 8 rows (two suffice where all are equal, as a cylinder's), angles do
+        not increase strictly or cover neither -5 to 12 degrees within ±90 nor the full circle, the
+        ends of a full circle differ, drag is not positive, one surface's pressure comes without the
+        other's, or a number is not finite or beyond what sections have.
     """
-    rows = [f"line {line}" for line in lines or ()] or [f"row {n + 1}" for n in range(len(alpha))]
-    prefix = f"{where}, " if where else ""
-
-    def column(title: str, values: np.ndarray) -> Column:
-        numbers = np.asarray(values, dtype=float)
-        keys = [f"{prefix}{row}, column {title}" for row in rows]
-        found = Column(f"{prefix}{title}", numbers, keys, numbers.tolist(), file)
-        found.refuse(~np.isfinite(numbers), "must be a finite number", "correct the row")
-        return found
-
-    angle = column(columns[0], alpha)
-    given = {"lift": lift, "drag": drag} | ({} if moment is None else {"moment": moment})
-    coefficients = {
-        name: column(title, values)
-        for title, (name, values) in zip(columns[1:], given.items(), strict=False)
-    }
-    even = all(np.ptp(coefficients[name].values) == 0.0 for name in ("lift", "drag") if rows)
-    radians, circle = _angles(angle, not columns[0].endswith("_rad"), even)
-    for name, each in coefficients.items():
-        _check_coefficient(name, each, circle)
+    source = source or Source()
+    angle, *coefficients = (
+        source.column(title, values)
+        for title, values in zip(source.titles, (alpha, lift, drag, moment), strict=False)
+        if values is not None
+    )
+    constant = all(np.ptp(column.values) == 0.0 for column in coefficients[:2] if len(alpha))
+    radians, circle = _angles(angle, not source.titles[0].endswith("_rad"), constant)
+    for name, column in zip(LARGEST, coefficients, strict=False):
+        _check_coefficient(name, column, circle)
+    pressures = {title: source.column(title, cp) for title, cp in (pressure or {}).items()}
     return PolarTable(
         None if reynolds is None else float(reynolds),
         radians,
-        coefficients["lift"].values,
-        coefficients["drag"].values,
-        None if moment is None else coefficients["moment"].values,
+        coefficients[0].values,
+        coefficients[1].values,
+        None if moment is None else coefficients[2].values,
         circle,
-        _smallest_pressure(
-            {title: column(title, each) for title, each in (pressure or {}).items()}
-        ),
-        f"{file}, {where}" if where else str(file),
+        _smallest_pressure(pressures),
+        f"{source.file}, {source.where}" if source.where else str(source.file),
     )
 
 
-def _angles(given: Column, in_degrees: bool, even: bool) -> tuple[np.ndarray, bool]:
+def _angles(given: Column, in_degrees: bool, constant: bool) -> tuple[np.ndarray, bool]:
     """Return the angles in radians, and whether they run round the full circle.
 
-    `even` says that lift and drag are the same at every angle.
+    `constant` says that lift and drag are the same at every angle.
     """
     angle = given.values if in_degrees else np.rad2deg(given.values)
     remedy = "angles of attack run from -180 to 180 degrees"
@@ -125,7 +179,7 @@ def _angles(given: Column, in_degrees: bool, even: bool) -> tuple[np.ndarray, bo
         radians[0], radians[-1] = -np.pi, np.pi
     given.check_rising("angles", radians)
     low, high = NEEDED_RANGE
-    if angle.size < FEWEST_ROWS and not (circle and even):
+    if angle.size < FEWEST_ROWS and not (circle and constant):
         problem = f"the polar has {angle.size} rows, at least {FEWEST_ROWS} are needed"
         remedy = "give a finer table"
     elif not circle and (first > low or last < high or first < -90 or last > 90):
@@ -162,19 +216,41 @@ def _smallest_pressure(given: dict[str, Column]) -> np.ndarray | None:
         problem = f"is no smallest pressure coefficient: it lies between {low:g} and {high:g}"
         remedy = "give it as Cp is: negative where there is suction"
         column.refuse((column.values < low) | (column.values > high), problem, remedy)
-    known = [name for name in SURFACES if name in given]
-    if len(known) == 1:
+    surfaces = [given[name] for name in SURFACES if name in given]
+    if len(surfaces) == 1:
         remedy = f"give {' and '.join(SURFACES)}, or cpmin, the smaller of both"
-        column = given[known[0]]
-        raise InputError("is of one surface alone", remedy, file=column.file, key=column.name)
-    chosen = [given[name] for name in known] or list(given.values())
-    return np.stack([column.values for column in chosen]) if chosen else None
+        file, key = surfaces[0].file, surfaces[0].name
+        raise InputError("is of one surface alone", remedy, file=file, key=key)
+    columns = [column.values for column in surfaces or given.values()]
+    return np.stack(columns) if columns else None
 
 
 def check_reynolds(
     number: float | None, cell: str, file: object, key: str, unit: float = 1.0
 ) -> float:
-    """Return a Reynolds number within the range of sections; `number` counts in this unit."""
+    """Return a Reynolds number that a section may have.
+
+    Parameters
+    ----------
+    number : float or None
+        What the file says, in `unit`; None if it is no number.
+    cell : str
+        The same as it is written.
+    file, key : object, str
+        Where it stands, for messages.
+    unit : float
+        Unit of `number`, such as 1e6.
+
+    Returns
+    -------
+    float
+        Reynolds number.
+
+    Raises
+    ------
+    InputError
+        If it is no number or out of `REYNOLDS_RANGE`.
+    """
     low, high = REYNOLDS_RANGE
     if number is None or not low <= number * unit <= high:
         scale = "in millions, such as 0.2" if unit != 1.0 else "as a plain number, such as 2e5"

@@ -1,11 +1,7 @@
-"""What a record is before it is checked: two columns, in s and m/s, of whichever file.
-
-Nothing is repaired here. What cannot be read is refused with file, place and remedy.
-"""
+"""Columns of time and speed of a record, in s and m/s, before gaps and spikes are checked."""
 
 from __future__ import annotations
 
-import difflib
 import re
 from array import array
 from collections.abc import Callable, Sequence
@@ -15,10 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import Csv, line_error, parse_number, read_text
-
-__all__ = ["DISCHARGE_UNITS", "SPEED_UNITS", "TIME_UNITS", "Columns", "RecordOptions", "read_csv"]
+from hkt_mdo.errors import InputError, did_you_mean
+from hkt_mdo.files.table import LONGEST_NAME, Csv, line_error, parse_number, read_text
 
 MAX_BYTES = 256 * 1024**2
 """Largest file that is read, in bytes."""
@@ -26,12 +20,19 @@ MAX_BYTES = 256 * 1024**2
 MAX_ROWS = 10_000_000
 """Largest number of samples."""
 
-_MISSING = {"", "nan", "na", "n/a", "null", "none"}
-_LONGEST_DATE = 64
-_PLAIN = "write it with a decimal point, no unit"
-_DATES = "write times as numbers, or as 2024-05-01T12:00:00.0 with or without a zone"
-_LONGEST_NAME = 100
+_MISSING = {"", "nan", "na", "n/a", "null", "none"}  # cells of missing samples, in small letters
+_LONGEST_DATE = 64  # characters
+_MOST_NAMES = 8  # that a message lists
 _SI = "s since the first", "m/s"
+
+# Problem and remedy of a cell.
+_NO_NUMBER = "must be a finite number", "write it with a decimal point, no unit"
+_NO_SPEED = _NO_NUMBER[0], f"{_NO_NUMBER[1]}; leave the cell empty where the sample is missing"
+_NO_DATE = (
+    "is neither a number nor a date",
+    "write times as numbers, or as 2024-05-01T12:00:00.0 with or without a zone",
+)
+_MIXED_ZONES = "has a zone and others have none, or the other way round", "write all dates alike"
 
 # Units --------------------------------------------------------------------------------------------
 
@@ -84,7 +85,20 @@ SPEEDS = {word: unit for unit, words in _OTHER_WORDS.items() for word in words.s
 
 
 def named_unit(name: str, spellings: dict[str, str]) -> str | None:
-    """Return the unit that a column's name or attribute ends with, if any: `v [m/s]`, `v_m_s`."""
+    """Return the unit that a column's name or attribute ends with, as in `v [m/s]` or `v_m_s`.
+
+    Parameters
+    ----------
+    name : str
+        Name or attribute.
+    spellings : dict of str to str
+        `TIMES` or `SPEEDS`.
+
+    Returns
+    -------
+    str or None
+        The unit; None if there is none of these.
+    """
     text = re.sub(r"\*\*|\^", "", name.strip().lower().replace("³", "3"))
     bracket = re.search(r"[\[(]([^\[\]()]*)[\])]$", text)
     text = bracket[1] if bracket else text.rpartition(",")[2]
@@ -103,20 +117,34 @@ def named_unit(name: str, spellings: dict[str, str]) -> str | None:
 class RecordOptions:
     """Where in a file the speed is, and what may be done to it; see the case section `record`."""
 
-    time_column: str | None = None  # by default the first, the index, or the only time
-    speed_column: str | None = None  # by default the only other
-    time_unit: str | None = None  # of `TIME_UNITS`; by default as the name or the file says
-    speed_unit: str | None = None  # of `SPEED_UNITS` or `DISCHARGE_UNITS`; the same default
-    area: float | None = None  # cross section of the channel for a discharge, m²
-    bins: tuple[float, float] | None = None  # range of depth bins to average over, m
-    component: str | None = None  # label of a velocity's component; by default horizontal speed
-    start: float = 0.0  # s
-    duration: float | None = None  # s; by default up to the end
+    time_column: str | None = None
+    """Name of the time; by default the first column, the index, or the only time."""
+    speed_column: str | None = None
+    """Name of the speed; by default the only other column."""
+    time_unit: str | None = None
+    """One of `TIME_UNITS`; by default as the name or the file says."""
+    speed_unit: str | None = None
+    """One of `SPEED_UNITS` or `DISCHARGE_UNITS`; by default as the name or the file says."""
+    area: float | None = None
+    """Cross section of the channel for a discharge, m²."""
+    bins: tuple[float, float] | None = None
+    """Range of depth bins to average over, m."""
+    component: str | None = None
+    """Label of a velocity's component; by default the horizontal speed."""
+    start: float = 0.0
+    """Where the part that is read begins, s since the first sample."""
+    duration: float | None = None
+    """Length of that part, s; by default up to the end."""
     gaps: str = "refuse"
-    longest_gap: float | None = None  # s; by default three samples, and no more than an hour
+    """Whether to refuse or interpolate gaps."""
+    longest_gap: float | None = None
+    """Longest gap that is interpolated, s; by default three samples and no more than an hour."""
     spikes: str = "refuse"
+    """Whether to refuse, replace or keep spikes."""
     uneven: str = "refuse"
-    cutoff: float | None = None  # Hz, of the low-pass; by default half of Nyquist's frequency
+    """Whether to refuse or resample samples at uneven times."""
+    cutoff: float | None = None
+    """Frequency of the low-pass, Hz; by default half of Nyquist's frequency."""
 
     def __post_init__(self) -> None:
         for key, words in {
@@ -130,14 +158,39 @@ class RecordOptions:
                 raise self.refuse(key, "unknown", f"give one of {', '.join(filter(None, words))}")
 
     def refuse(self, key: str, problem: str, remedy: str, file: str = "") -> InputError:
+        """Return the error that lies in an option.
+
+        Parameters
+        ----------
+        key : str
+            Name of the option.
+        problem, remedy, file : str
+            As of `InputError`.
+
+        Returns
+        -------
+        InputError
+            To be raised.
+        """
         value = getattr(self, key)
         value = list(value) if isinstance(value, tuple) else value
         return InputError(problem, remedy, file=file, key=key, value=value)
 
 
 def column_key(name: str) -> str:
-    """Return what a message calls a column."""
-    return f"column {name[:_LONGEST_NAME] or '1'}"
+    """Return what a message calls a column.
+
+    Parameters
+    ----------
+    name : str
+        Name of the column; may be empty.
+
+    Returns
+    -------
+    str
+        The key of an `InputError`.
+    """
+    return f"column {name[:LONGEST_NAME] or '1'}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,29 +200,64 @@ class Columns:
     file: str
     """Its name; empty for data in memory."""
     names: tuple[str, str]
+    """Names of the time and the speed."""
     time: np.ndarray
-    """Seconds since the first sample, not checked; NaN where a date is missing."""
+    """Seconds since the first sample, not checked; NaN where a date is missing, (n_samples,)."""
     speed: np.ndarray
-    """Speed, m/s; NaN where a sample is missing."""
+    """Speed, m/s; NaN where a sample is missing, shape (n_samples,)."""
     place: Callable[[int], str] = lambda row: f"row {row + 1}"
     """place(row) says where a row is, such as ``line 7``."""
     messages: tuple[str, ...] = ()
     """What was done to the numbers."""
 
     def refuse(self, problem: str, remedy: str, row: int, column: int) -> InputError:
-        """Return the error that lies in a row, in the column of the time (0) or the speed (1)."""
+        """Return the error that lies in a sample.
+
+        Parameters
+        ----------
+        problem, remedy : str
+            As of `InputError`.
+        row : int
+            Index of the sample.
+        column : int
+            0 for its time, 1 for its speed.
+
+        Returns
+        -------
+        InputError
+            To be raised.
+        """
         number = float((self.time, self.speed)[column][row])
         value = {} if np.isnan(number) else {"value": f"{number:.10g} {_SI[column]}"}
         key = f"{self.place(row)}, {column_key(self.names[column])}"
         return InputError(problem, remedy, file=self.file, key=key, **value)
 
     def in_si(self, dated: bool, options: RecordOptions, units: Sequence[str]) -> Columns:
-        """Return the columns in s and m/s, by the units that the file says besides their names."""
-        time, wanted = self.time, options.time_unit
-        if dated and wanted is not None:
-            problem = f"holds dates, and time_unit is {wanted}"
-            key = column_key(self.names[0])
-            raise InputError(problem, "leave time_unit out", file=self.file, key=key)
+        """Return the columns in s and m/s.
+
+        Parameters
+        ----------
+        dated : bool
+            Whether the times were dates, and are in seconds already.
+        options : RecordOptions
+            Units that are given, and the area for a discharge.
+        units : sequence of str
+            What the file says of the units of time and speed besides the names of the columns.
+
+        Returns
+        -------
+        Columns
+            The columns, and a message if the speed was converted.
+
+        Raises
+        ------
+        InputError
+            If a unit is unknown or contradicts an option.
+        """
+        time = self.time
+        if dated and options.time_unit is not None:
+            problem = f"holds dates, and time_unit is {options.time_unit}"
+            raise self._refuse_column(0, problem, "leave time_unit out")
         if not dated:
             unit = self._unit(0, units[0], options)
             with np.errstate(over="ignore"):  # what is too large is refused later, with its place
@@ -181,7 +269,7 @@ class Columns:
             if area is None:
                 problem = f"is a discharge in {unit}, not a speed"
                 remedy = "give area, the channel's cross section in m2, or a column of the speed"
-            raise InputError(problem, remedy, file=self.file, key=column_key(self.names[1]))
+            raise self._refuse_column(1, problem, remedy)
         if area is None:
             factor = SPEED_UNITS[unit]
             note = f"speed converted from {unit} to m/s, times {factor:.6g}"
@@ -193,91 +281,138 @@ class Columns:
             speed = self.speed * factor
         return replace(self, time=time, speed=speed, messages=messages)
 
-    def _unit(self, column: int, said: str, options: RecordOptions) -> str:
-        """Return a column's unit, which an option or the file says."""
+    def _unit(self, column: int, attribute: str, options: RecordOptions) -> str:
+        """Return a column's unit, which an option, an attribute in the file or its name states."""
         key, spellings = (("time_unit", TIMES), ("speed_unit", SPEEDS))[column]
         given = getattr(options, key)
-        named = named_unit(said, spellings) or named_unit(self.names[column], spellings)
+        named = named_unit(attribute, spellings) or named_unit(self.names[column], spellings)
         if given is None and named is None:
-            known = ", ".join(dict.fromkeys(spellings.values()))
-            problem = f"has no unit that is known ({known})" + (f": {said}" if said else "")
+            units = ", ".join(dict.fromkeys(spellings.values()))
+            problem = f"has no unit that is known ({units})" + (attribute and f": {attribute}")
             example = ("time_s or time [h]", "speed_m_s or v [ft/s]")[column]
             remedy = f"give {key}, or name it with its unit, such as {example}"
-        elif given is not None and named not in (None, given):
+            raise self._refuse_column(column, problem, remedy)
+        if given is not None and named not in (None, given):
             problem = f"is in {named} by its own name or attributes, and in {given} by {key}"
             remedy = f"mend {key} or the file, whichever is wrong"
-        else:
-            return str(given or named)
-        raise InputError(problem, remedy, file=self.file, key=column_key(self.names[column]))
+            raise self._refuse_column(column, problem, remedy)
+        return str(given or named)
+
+    def _refuse_column(self, column: int, problem: str, remedy: str) -> InputError:
+        """Return the error that lies in the time (0) or the speed (1) as a whole."""
+        return InputError(problem, remedy, file=self.file, key=column_key(self.names[column]))
 
 
 def choose(
     names: Sequence[str], default: str | None, options: RecordOptions, file: str
 ) -> tuple[str, str]:
-    """Return the names of the time and the speed column; `default` is the time if none is given."""
-    shown = ", ".join([*(name[:_LONGEST_NAME] for name in names[:8]), *["..."][: len(names) > 8]])
-    speed = options.speed_column
+    """Return the names of the time and the speed column.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of all columns.
+    default : str or None
+        The time where the options name none.
+    options : RecordOptions
+        Their `time_column` and `speed_column`.
+    file : str
+        The file, for messages.
+
+    Returns
+    -------
+    tuple of str
+        Names of the time and of the speed.
+
+    Raises
+    ------
+    InputError
+        If either is not clear, is no column, or is one of two columns of that name.
+    """
+    listed = [name[:LONGEST_NAME] for name in names[:_MOST_NAMES]]
+    shown = ", ".join(listed + ["..."] * (len(names) > _MOST_NAMES))
     time = default if options.time_column is None else options.time_column
     if time is None:
         problem, remedy = "has nothing that is plainly the time", f"give time_column: of {shown}"
         raise InputError(problem, remedy, file=file)
+    speed = options.speed_column
     if speed is None:
         others = [name for name in names if name != time]
         if len(others) != 1:
-            problem = f"has {len(others) or 'no'} columns besides the time, {time[:_LONGEST_NAME]}"
+            problem = f"has {len(others) or 'no'} columns besides the time, {time[:LONGEST_NAME]}"
             remedy = f"give speed_column: of {shown}" if others else "add the speed"
             raise InputError(problem, remedy, file=file)
         speed = others[0]
     for key, name in (("time_column", time), ("speed_column", speed)):
-        found = names.count(name)
-        if found != 1 or time == speed:
-            near = difflib.get_close_matches(name, names, n=1)
-            guess = f"did you mean {near[0]}? " if near and not found else ""
-            problem = ("is no column", "is the time")[found] if found < 2 else "appears twice"
-            raise InputError(problem, f"{guess}there are {shown}", file=file, key=key, value=name)
+        count = names.count(name)
+        if count != 1 or time == speed:
+            problem = ("is no column", "is the time")[count] if count < 2 else "appears twice"
+            remedy = f"{'' if count else did_you_mean(name, names)}there are {shown}"
+            raise InputError(problem, remedy, file=file, key=key, value=name)
     return time, speed
 
 
 def check_length(count: int, file: str) -> None:
-    """Refuse a record of more than `MAX_ROWS` samples."""
+    """Refuse a record that is too long.
+
+    Parameters
+    ----------
+    count : int
+        Number of samples.
+    file : str
+        The file, for messages.
+
+    Raises
+    ------
+    InputError
+        If there are more than `MAX_ROWS` samples.
+    """
     if count > MAX_ROWS:
         remedy = "give a part of it, or every so many"
         raise InputError(f"has more than {MAX_ROWS:,} samples", remedy, file=file)
 
 
 def read_csv(path: Path, options: RecordOptions) -> Columns:
-    """Read time and speed from two columns of a CSV file."""
+    """Read time and speed from two columns of a CSV file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    options : RecordOptions
+        Which columns, and their units.
+
+    Returns
+    -------
+    Columns
+        Time and speed in s and m/s.
+
+    Raises
+    ------
+    InputError
+        If the file is broken, or its columns or units are not clear; with file, line and column.
+    """
     file = str(path)
     table = Csv(read_text(path, "record", MAX_BYTES), path, "a header such as time_s,speed_m_s")
     names = choose(table.header, table.header[0], options, file)
-    places = [table.place(name) for name in names]
+    indices = [table.place(name) for name in names]
     lines, times, speeds = array("q"), array("d"), array("d")
     first: datetime | None = None  # where the times are dates
     for line, cells in table:
-        time, speed = (cells[place].strip() for place in places)
-        seconds, problem, remedy = parse_number(time), "", ""
+        time, speed = (cells[index].strip() for index in indices)
+        seconds, wrong = parse_number(time), _NO_NUMBER
         if first or (seconds is None and not lines):
             try:
                 date = datetime.fromisoformat(time[:_LONGEST_DATE])
                 first = first or date
                 seconds = (date - first).total_seconds()
-            except ValueError:
-                problem, remedy = "is neither a number nor a date", _DATES
-            except TypeError:
-                problem = "has a zone and others have none, or the other way round"
-                remedy = "write all dates alike"
-        elif seconds is None:
-            problem, remedy = "must be a finite number", _PLAIN
-        if problem:
-            raise line_error(path, line, problem, remedy, f"column {names[0]}", value=time)
+            except (ValueError, TypeError) as error:
+                seconds, wrong = None, _NO_DATE if isinstance(error, ValueError) else _MIXED_ZONES
+        if seconds is None:
+            raise line_error(path, line, *wrong, f"column {names[0]}", value=time)
         number = np.nan if speed.lower() in _MISSING else parse_number(speed)
         if number is None:
-            problem, remedy = (
-                "must be a finite number",
-                f"{_PLAIN}; leave the cell empty where the ",
-            )
-            remedy += "sample is missing"
-            raise line_error(path, line, problem, remedy, f"column {names[1]}", value=speed)
+            raise line_error(path, line, *_NO_SPEED, f"column {names[1]}", value=speed)
         lines.append(line)
         times.append(seconds)
         speeds.append(number)

@@ -1,4 +1,4 @@
-"""Records of NetCDF and Parquet files and of pandas and xarray objects, as MHKiT saves them."""
+"""Records from NetCDF and Parquet files and from pandas and xarray objects, as MHKiT has them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import importlib
 import importlib.util
 import io
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,16 +26,34 @@ from hkt_mdo.files.record_table import (
 )
 from hkt_mdo.files.table import read_bytes
 
-__all__ = ["columns_from", "read_binary"]
-
 MAX_VALUES = 50_000_000
 """Largest number of values that are read of a profiler's record: samples times bins times two."""
 
+_HORIZONTAL = {("e", "n"), ("x", "y"), ("u", "v"), ("streamwise", "x-stream")}
+"""Labels of two horizontal components of a velocity, in small letters."""
+
 
 def columns_from(data: Any, options: RecordOptions, file: str = "") -> Columns:
-    """Take time and speed from a pandas DataFrame or Series, or an xarray Dataset or DataArray.
+    """Take time and speed from data in memory.
 
-    Raises InputError if it is something else, or its columns or units are not plain.
+    Parameters
+    ----------
+    data : pandas.DataFrame, pandas.Series, xarray.Dataset or xarray.DataArray
+        The data, as MHKiT returns them.
+    options : RecordOptions
+        Which columns or variables, and their units.
+    file : str
+        The file from which the data come, for messages.
+
+    Returns
+    -------
+    Columns
+        Time and speed in s and m/s.
+
+    Raises
+    ------
+    InputError
+        If `data` is something else, or its columns or units are not clear.
     """
     if hasattr(data, "to_frame") and not hasattr(data, "columns"):  # a Series
         data = data.to_frame(data.name or "speed")
@@ -51,7 +70,22 @@ def columns_from(data: Any, options: RecordOptions, file: str = "") -> Columns:
 def read_binary(path: Path, options: RecordOptions) -> Columns:
     """Read time and speed from a Parquet or a NetCDF file; the ending says which.
 
-    Raises InputError whatever a broken file makes the libraries raise.
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    options : RecordOptions
+        Which columns or variables, and their units.
+
+    Returns
+    -------
+    Columns
+        Time and speed in s and m/s.
+
+    Raises
+    ------
+    InputError
+        If the file is broken, whatever that makes the libraries raise, or they are not installed.
     """
     parquet = path.suffix.lower() in (".parquet", ".pq")
     try:
@@ -75,6 +109,7 @@ def _need(name: str, file: object) -> Any:
 
 
 def _read_parquet(path: Path, options: RecordOptions) -> Columns:
+    """Read a Parquet file by pandas."""
     parquet = _need("pyarrow.parquet", path)
     _need("pandas", path)
     file = parquet.ParquetFile(io.BytesIO(read_bytes(path, MAX_BYTES, "record")))
@@ -83,16 +118,17 @@ def _read_parquet(path: Path, options: RecordOptions) -> Columns:
 
 
 def _read_netcdf(path: Path, options: RecordOptions) -> Columns:
+    """Read a NetCDF file, version 3 (CDF) or 4 (HDF5), by xarray."""
     xarray = _need("xarray", path)
     head = read_bytes(path, MAX_BYTES, "record")[:8]
-    further: dict[str, Any] = {}
+    engine: dict[str, Any] = {}
     if head.startswith(b"CDF"):
-        further = {"engine": "scipy", "mmap": False}
+        engine = {"engine": "scipy", "mmap": False}
     elif not head.startswith(b"\x89HDF\r\n\x1a\n"):
         raise InputError("is not NetCDF", "write the file anew, or as CSV", file=path)
     elif importlib.util.find_spec("h5netcdf") is None:
         _need("netCDF4", path)
-    with xarray.open_dataset(path, decode_timedelta=False, **further) as dataset:
+    with xarray.open_dataset(path, decode_timedelta=False, **engine) as dataset:
         return columns_from(dataset, options, str(path))
 
 
@@ -124,9 +160,9 @@ def _from_frame(frame: Any, file: str, options: RecordOptions) -> Columns:
     """Take two columns of a DataFrame; its index is the first if it has a name or dates."""
     if frame.index.nlevels == 1 and (frame.index.name or frame.index.dtype.kind == "M"):
         frame = frame.reset_index(allow_duplicates=True)
-    known = [str(name) for name in frame.columns]
-    names = choose(known, next(iter(known), None), options, file)
-    time, speed = (frame.iloc[:, known.index(name)] for name in names)
+    columns = [str(name) for name in frame.columns]
+    names = choose(columns, next(iter(columns), None), options, file)
+    time, speed = (frame.iloc[:, columns.index(name)] for name in names)
     _check_kinds((time, speed), names, file)
     if hasattr(time.dtype, "tz"):
         time = time.dt.tz_convert(None)
@@ -137,33 +173,30 @@ def _from_frame(frame: Any, file: str, options: RecordOptions) -> Columns:
 
 def _from_dataset(data: Any, file: str, options: RecordOptions) -> Columns:
     """Take a variable over time of a Dataset: a speed, or a profiler's velocity."""
-    lines = [name for name, variable in data.variables.items() if variable.ndim == 1]
-    dates = [name for name in lines if name in data.dims and data[name].dtype.kind == "M"]
-    usual = [name for name in ("time", "dateTime") if name in lines]
+    vectors = [name for name, variable in data.variables.items() if variable.ndim == 1]
+    dates = [name for name in vectors if name in data.dims and data[name].dtype.kind == "M"]
+    usual = [name for name in ("time", "dateTime") if name in vectors]
     default = next(iter(usual or (dates if len(dates) == 1 else [])), None)
     chosen = options.time_column or default
-    dimension = data[chosen].dims[0] if chosen in lines else None
-    names = [str(name) for name, v in data.data_vars.items() if dimension in v.dims]
-    names = [name for name in names if name != chosen]
+    dimension = data[chosen].dims[0] if chosen in vectors else None
+    speeds = [str(name) for name, v in data.data_vars.items() if dimension in v.dims]
+    speeds = [name for name in speeds if name != chosen]
     # messages name the variables with a unit of speed first
-    names.sort(key=lambda name: named_unit(str(data[name].attrs.get("units")), SPEEDS) is None)
-    names = [*([str(chosen)] if chosen in lines else lines), *names]
-    two = choose(names, None if default is None else str(default), options, file)
-    time, speed = data[two[0]], data[two[1]]
-    _check_kinds((time, speed), two, file)
-    speeds, messages = _profile(speed, dimension, file, options)
+    speeds.sort(key=lambda name: named_unit(str(data[name].attrs.get("units")), SPEEDS) is None)
+    columns = [*([str(chosen)] if chosen in vectors else vectors), *speeds]
+    names = choose(columns, None if default is None else str(default), options, file)
+    time, speed = data[names[0]], data[names[1]]
+    _check_kinds((time, speed), names, file)
+    values, messages = _profile(speed, dimension, file, options)
     units = str(time.attrs.get("units", "")), str(speed.attrs.get("units", ""))
     times = time.values if time.dtype.kind == "M" else time.values.astype(float)
-    return _in_si(Columns(file, two, times, speeds, messages=messages), options, units)
-
-
-_HORIZONTAL = {("e", "n"), ("x", "y"), ("u", "v"), ("streamwise", "x-stream")}
+    return _in_si(Columns(file, names, times, values, messages=messages), options, units)
 
 
 def _profile(
     speed: Any, dimension: Any, file: str, options: RecordOptions
 ) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Return the speed over time, averaged over bins, and what is to be said of it."""
+    """Return the speed over time, averaged over bins, and messages about what was chosen."""
 
     def refuse(problem: str, remedy: str) -> InputError:
         return InputError(problem, remedy, file=file, key=column_key(str(speed.name)))
@@ -185,32 +218,21 @@ def _profile(
     parts, messages = [speed], []
     for name in labelled:
         labels = [str(label) for label in speed[name].values]
-        known, taken = f"there are {', '.join(labels)}", [options.component]
-        if all(label.isdigit() for label in labels):
-            remedy = "rotate it to earth or flow coordinates"
-            raise refuse("is along the beams of the instrument", remedy)
-        if options.component is None:
-            taken = labels[:2]
-            if tuple(map(str.lower, taken)) not in _HORIZONTAL:
-                problem = "has no two horizontal components at its head"
-                raise refuse(problem, f"give component: {known}")
-        elif options.component not in labels:
-            raise options.refuse("component", "is no component", known, file)
-        parts = [speed.isel({name: labels.index(label)}) for label in taken]
+        chosen = _chosen_components(labels, options, file, refuse)
+        parts = [speed.isel({name: labels.index(label)}) for label in chosen]
         kind = "component" if options.component else "horizontal speed of"
-        messages.append(f"{speed.name}: {kind} {' and '.join(taken)}")
+        messages.append(f"{speed.name}: {kind} {' and '.join(chosen)}")
     for name in bins:
         if name not in speed.coords or speed[name].dtype.kind not in "iuf" or not speed[name].size:
             raise refuse(f"has no distances along {name}", f"give {name} its values in metres")
         centres = speed[name].values.astype(float)
-        known = f"there are {centres.size} from {_span(centres)}"
+        available = f"there are {centres.size} from {_span(centres)}"
         if options.bins is None:
-            remedy = f"give bins: [lower, upper]; {known}"
+            remedy = f"give bins: [lower, upper]; {available}"
             raise refuse(f"has depth bins along {name}", remedy)
-        lower, upper = options.bins
-        inside = np.flatnonzero((centres >= lower) & (centres <= upper))
+        inside = np.flatnonzero((centres >= options.bins[0]) & (centres <= options.bins[1]))
         if not inside.size:
-            raise options.refuse("bins", "has no bin", f"widen it; {known}", file)
+            raise options.refuse("bins", "has no bin", f"widen it; {available}", file)
         parts = [part.isel({name: inside}) for part in parts]
         messages.append(f"average of {inside.size} bins from {_span(centres[inside])}")
     if sum(part.size for part in parts) > MAX_VALUES:
@@ -220,5 +242,24 @@ def _profile(
     return np.mean(size, axis=1) if bins else size, tuple(messages)
 
 
+def _chosen_components(
+    labels: list[str], options: RecordOptions, file: str, refuse: Callable[[str, str], InputError]
+) -> list[str]:
+    """Return the labels of the component that is asked for, or of the two horizontal ones."""
+    available = f"there are {', '.join(labels)}"
+    if all(label.isdigit() for label in labels):
+        remedy = "rotate it to earth or flow coordinates"
+        raise refuse("is along the beams of the instrument", remedy)
+    if options.component is None:
+        if tuple(map(str.lower, labels[:2])) not in _HORIZONTAL:
+            problem = "has no two horizontal components at its head"
+            raise refuse(problem, f"give component: {available}")
+        return labels[:2]
+    if options.component not in labels:
+        raise options.refuse("component", "is no component", available, file)
+    return [options.component]
+
+
 def _span(centres: np.ndarray) -> str:
+    """Return the range of depth bins, as messages have it."""
     return f"{np.min(centres):.4g} to {np.max(centres):.4g} m"

@@ -1,4 +1,4 @@
-"""Files as text, columns of numbers, and the one reader of CSV tables."""
+"""Files as text, columns of numbers, and the reader of all CSV tables."""
 
 from __future__ import annotations
 
@@ -15,19 +15,40 @@ import numpy as np
 
 from hkt_mdo.errors import InputError
 
-__all__ = ["Column", "Csv", "line_error", "parse_number", "read_bytes", "read_text"]
-
 MAX_TEXT_BYTES = 16 * 1024**2
 """Largest text file that is read where nothing else is said, in bytes."""
 
+LONGEST_NAME = 100
+"""Most characters of a column's name or a key that a message repeats."""
+
+_LONGEST_NUMBER = 64  # characters; a double needs 24
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
-_LONGEST_NUMBER, _LONGEST_NAME = 64, 100
+
+Row = tuple[int, Sequence[str]]
+"""A row of a table: number of its line in the file, and its cells."""
 
 
 def read_bytes(path: Path, largest: int, what: str) -> bytes:
-    """Return the content of a regular file of at most `largest` bytes; `what` says what it holds.
+    """Return the content of a regular file.
 
-    Raises InputError if there is no such file, it cannot be read, or it is too large.
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    largest : int
+        Largest size, bytes.
+    what : str
+        What the file holds, for messages.
+
+    Returns
+    -------
+    bytes
+        All of it.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, it cannot be read, or it is too large.
     """
     try:
         if not path.is_file():
@@ -45,9 +66,26 @@ def read_bytes(path: Path, largest: int, what: str) -> bytes:
 
 
 def read_text(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> str:
-    """Return the text of a regular file, line ends as they are, without a byte order mark.
+    """Return the text of a regular file.
 
-    Raises InputError as `read_bytes` does, and, with the line, if it is no UTF-8 text.
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    what : str
+        What the file holds, for messages.
+    largest : int
+        Largest size, bytes.
+
+    Returns
+    -------
+    str
+        Its text, line ends as they are, without a byte order mark.
+
+    Raises
+    ------
+    InputError
+        As of `read_bytes`, and, with the line, if it is no UTF-8 text.
     """
     content = read_bytes(path, largest, what)
     try:
@@ -62,20 +100,61 @@ def read_text(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> str:
 
 
 def lines_of(text: str) -> list[str]:
-    """Return the lines of a text, whichever line ends it has."""
+    r"""Return the lines of a text.
+
+    Parameters
+    ----------
+    text : str
+        A text whose lines end with \n, \r\n or \r.
+
+    Returns
+    -------
+    list of str
+        The lines without these ends.
+    """
     return re.split(r"\r\n|\r|\n", text)
 
 
 def line_error(
     file: object, line: int, problem: str, remedy: str, what: str = "", **value: object
 ) -> InputError:
-    """Return the error that lies in a line; `what` names the column or the key in it."""
-    key = f"line {line}, {what[:_LONGEST_NAME]}" if what else f"line {line}"
+    """Return the error that lies in a line of a file.
+
+    Parameters
+    ----------
+    file : object
+        The file.
+    line : int
+        Number of the line, from 1.
+    problem, remedy : str
+        As of `InputError`.
+    what : str
+        The column or the key in the line; empty for the whole line.
+    **value
+        `value` of the error, where there is one.
+
+    Returns
+    -------
+    InputError
+        To be raised.
+    """
+    key = f"line {line}, {what[:LONGEST_NAME]}" if what else f"line {line}"
     return InputError(problem, remedy, file=file, key=key, **value)
 
 
 def parse_number(text: str) -> float | None:
-    """Return a finite number written with a decimal point, without spaces; None for all else."""
+    """Return the finite number that a text is.
+
+    Parameters
+    ----------
+    text : str
+        Digits with or without a decimal point and an exponent, without spaces.
+
+    Returns
+    -------
+    float or None
+        The number; None for all else.
+    """
     if len(text) > _LONGEST_NUMBER or not _NUMBER.fullmatch(text):
         return None
     number = float(text)
@@ -83,7 +162,18 @@ def parse_number(text: str) -> float | None:
 
 
 def fortran_number(text: str) -> float | None:
-    """Return what `parse_number` does; an exponent may also be written with a d, as 1.0D+00."""
+    """Return the finite number that a text is, also with an exponent of Fortran.
+
+    Parameters
+    ----------
+    text : str
+        As of `parse_number`; the exponent may begin with a d, as in 1.0D+00.
+
+    Returns
+    -------
+    float or None
+        The number; None for all else.
+    """
     return parse_number(re.sub("[dD]", "e", text))
 
 
@@ -93,34 +183,87 @@ class Column:
 
     name: str
     values: np.ndarray
+    """The numbers, shape (n_rows,)."""
     keys: Sequence[str]
-    """The place of each in the file."""
+    """Where each number stands in the file, such as ``line 3, column cl``."""
     shown: Sequence[object]
-    """Each as it is written in the file."""
+    """Each number as it is written in the file."""
     file: object
 
     def refuse(self, wrong: np.ndarray, problem: str, remedy: str) -> None:
-        """Raise InputError for the first of the wrong values, if any."""
+        """Refuse the first of the wrong values, if any.
+
+        Parameters
+        ----------
+        wrong : numpy.ndarray of bool, shape (n_rows,)
+            Which values are wrong; fewer than `n_rows` stand for the first ones.
+        problem, remedy : str
+            As of `InputError`.
+
+        Raises
+        ------
+        InputError
+            If any value is wrong.
+        """
         for row in np.flatnonzero(wrong)[:1]:
             key, value = self.keys[row], self.shown[row]
             raise InputError(problem, remedy, file=self.file, key=key, value=value)
 
     def check_rising(self, what: str, values: np.ndarray | None = None) -> None:
-        """Refuse the first of the column's values, or of others, that is not above the last."""
+        """Refuse the first value that does not exceed the one before.
+
+        Parameters
+        ----------
+        what : str
+            What the values are, for the message.
+        values : numpy.ndarray, shape (n_rows,), optional
+            Numbers made of the column's, which count in their place.
+
+        Raises
+        ------
+        InputError
+            If the values do not increase strictly.
+        """
         steps = np.diff(self.values if values is None else values, prepend=-np.inf)
         problem = f"does not exceed the value before: {what} must increase strictly"
         self.refuse(steps <= 0.0, problem, "sort them and remove duplicates")
 
 
 def number_columns(
-    rows: Sequence[tuple[int, Sequence[str]]],
+    rows: Sequence[Row],
     names: Sequence[str],
     file: object,
     wanted: Collection[str],
     remedy: str = "complete the row, or correct the number of rows if the file states one",
     parse: Callable[[str], float | None] = fortran_number,
 ) -> dict[str, Column]:
-    """Return the wanted columns of numbers in a text's rows, (line number, cells) each."""
+    """Return columns of numbers of a text's rows.
+
+    Parameters
+    ----------
+    rows : sequence of (int, sequence of str)
+        Line number and cells of each row.
+    names : sequence of str
+        Names of all columns, from the first on.
+    file : object
+        The file, for messages.
+    wanted : collection of str
+        Names of the columns to return; those that `names` lacks are left out.
+    remedy : str
+        What to do where a row has more or fewer cells than `names`.
+    parse : callable
+        Returns the number that a cell is, or None.
+
+    Returns
+    -------
+    dict of str to Column
+        The columns by name, in the order of `wanted`.
+
+    Raises
+    ------
+    InputError
+        If a row has more or fewer cells than `names`, or a cell is no number.
+    """
     for line, cells in rows:
         if len(cells) != len(names):
             problem = f"has {len(cells)} numbers where the table has {len(names)} columns"
@@ -133,17 +276,31 @@ def number_columns(
             numbers = [parse(cell) for cell in shown]
             wrong = np.array([number is None for number in numbers], dtype=bool)
             values = np.array(numbers, dtype=float)
-            column = columns[name] = Column(name, values, keys, shown, file)
+            columns[name] = Column(name, values, keys, shown, file)
             plain = "write it with a decimal point, without a unit"
-            column.refuse(wrong, "must be a finite number", plain)
+            columns[name].refuse(wrong, "must be a finite number", plain)
     return columns
 
 
 class Csv:
-    """A CSV file: its header, and its rows as (line number, cells) on iteration.
+    """A CSV file (RFC 4180): its header, and its rows as (line number, cells) on iteration.
 
-    Lines that are empty or begin with ``#`` are passed over. InputError names the line of a row
-    that has more or fewer cells than the header. `expected` describes the header, for messages.
+    Lines that are empty or begin with ``#`` are passed over.
+
+    Parameters
+    ----------
+    text : str
+        The content of the file.
+    file : pathlib.Path
+        The file, for messages.
+    expected : str
+        The header that is expected, for messages.
+
+    Raises
+    ------
+    InputError
+        If the file is empty or its first line is no header; on iteration, with the line, if a row
+        has more or fewer cells than the header or is no CSV.
     """
 
     def __init__(self, text: str, file: Path, expected: str) -> None:
@@ -162,7 +319,8 @@ class Csv:
         if any(_NUMBER.fullmatch(name) for name in self.header):
             raise self.refuse("has a number where the columns' names are expected", begin)
 
-    def _read(self, reader) -> Iterator[tuple[int, list[str]]]:
+    def _read(self, reader) -> Iterator[Row]:
+        """Yield the rows that are neither empty nor remarks."""
         try:
             for cells in reader:
                 if not any(map(str.strip, cells)) or cells[0].lstrip()[:1] == "#":
@@ -177,25 +335,53 @@ class Csv:
             problem = f"is not CSV ({error})"
             raise line_error(self.file, reader.line_num, problem, "mend the line") from None
 
-    def __iter__(self) -> Iterator[tuple[int, list[str]]]:
+    def __iter__(self) -> Iterator[Row]:
         return self._rows
 
     def refuse(self, problem: str, remedy: str, column: str = "") -> InputError:
-        """Return the error that lies in the header, in one column of it or in all."""
-        if column:
-            return line_error(self.file, self.header_line, problem, remedy, f"column {column}")
-        shown = ",".join(self.header)
-        return line_error(self.file, self.header_line, problem, remedy, value=shown)
+        """Return the error that lies in the header.
+
+        Parameters
+        ----------
+        problem, remedy : str
+            As of `InputError`.
+        column : str
+            Name of the column in which it lies; empty for the whole header.
+
+        Returns
+        -------
+        InputError
+            To be raised.
+        """
+        what = f"column {column}" if column else ""
+        shown = {} if column else {"value": ",".join(self.header)}
+        return line_error(self.file, self.header_line, problem, remedy, what, **shown)
 
     def place(self, name: str) -> int:
-        """Return the place of a column that the header has; refuse one that it has twice."""
+        """Return the index of a column.
+
+        Parameters
+        ----------
+        name : str
+            Name of a column that the header has.
+
+        Returns
+        -------
+        int
+            Index of its cell in a row.
+
+        Raises
+        ------
+        InputError
+            If the header has the column twice.
+        """
         if self.header.count(name) > 1:
             raise self.refuse("appears twice in the header", "name each column once", name)
         return self.header.index(name)
 
     @cached_property
-    def rows(self) -> list[tuple[int, list[str]]]:
-        """All rows; refused if there are none."""
+    def rows(self) -> list[Row]:
+        """All rows, one at least; without any InputError is raised."""
         rows = list(self)
         if not rows:
             raise InputError("has a header but no rows", "add rows of numbers", file=self.file)
@@ -204,10 +390,26 @@ class Csv:
     def columns(
         self, names: Sequence[str], what: str, optional: Sequence[str] = ()
     ) -> dict[str, Column]:
-        """Return columns of numbers: these, which must be there, and optional ones if there.
+        """Return columns of numbers.
 
-        Raises InputError if a column is missing or there twice, there are no rows, or a cell is no
-        number; `what` names the table.
+        Parameters
+        ----------
+        names : sequence of str
+            Columns that must be there.
+        what : str
+            What the table is, for messages.
+        optional : sequence of str
+            Columns that are returned if they are there.
+
+        Returns
+        -------
+        dict of str to Column
+            The columns by name.
+
+        Raises
+        ------
+        InputError
+            If a column is missing or there twice, there are no rows, or a cell is no number.
         """
         wanted = [name for name in (*names, *optional) if name in self.header]
         for name in wanted:

@@ -6,50 +6,64 @@ Source: windIO, IEA Wind Task 37, turbine schema, https://windio.readthedocs.io.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import yaml
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade_table import EDGE, BladeTable, SectionTable, check_rows
-from hkt_mdo.files.polar_table import PolarTable, polar_table
+from hkt_mdo.files.polar_table import PolarTable, Source, polar_table
 from hkt_mdo.files.table import Column
 from hkt_mdo.files.yaml_text import Place, compose, places_column
-
-__all__ = ["read_windio"]
 
 DIAMETER_OFF = 0.02
 """How far the file's rotor diameter may be from that of its hub and blade, relatively."""
 
+DIAMETER_ROUNDED = 1e-6
+"""How far it may be without a message, relatively: files round."""
+
 # Files round: a full circle of angles to ±3.14 rad, and the coefficients at its two ends.
-_CIRCLE_ROUNDED = math.radians(0.1)
-_ENDS_ROUNDED = 0.01
+_CIRCLE_ROUNDED = math.radians(0.1)  # how far an end may be short of half a turn, rad
+_ANGLE_ROUNDED = 1e-3  # how far it may be beyond, over half a turn
+_ENDS_ROUNDED = 0.01  # difference of the coefficients at both ends that is rounding
+_ENDS_EQUAL = 1e-6  # difference of the coefficients at both ends that is none
+
+_MOST_RADIANS = 3.2
+"""Angles that all lie within this are most likely radians, also where degrees are expected."""
 
 _STRUCTURES = ("internal_structure_2d_fem", "internal_structure", "structure")
 
-Used = tuple[Place, str, str | None]
-"""An airfoil that stands along the blade: place, name, and configuration of its polars."""
+
+class _Airfoil(NamedTuple):
+    """An airfoil at its position along the blade."""
+
+    place: Place
+    name: str
+    configuration: str | None  # of its polars, in windIO 2
 
 
-@dataclass(frozen=True)
-class _Version:
+class _Version(NamedTuple):
     """What the versions of windIO write differently."""
 
     number: int
     shape: str
     half_turn: float
-    angles: str
+    angle_unit: str
     thickness: str
     coefficients: tuple[str, str, str]
 
+    @property
+    def angles(self) -> str:
+        """The unit of angles in words."""
+        return f"windIO {self.number} counts angles in {self.angle_unit}"
 
-_ANGLES = "windIO 1 counts angles in radians", "windIO 2 counts angles in degrees"
-_COEFFICIENTS = ("c_l", "c_d", "c_m"), ("cl", "cd", "cm")
+
 _VERSIONS = (
-    _Version(1, "outer_shape_bem", np.pi, _ANGLES[0], "relative_thickness", _COEFFICIENTS[0]),
-    _Version(2, "outer_shape", 180.0, _ANGLES[1], "rthick", _COEFFICIENTS[1]),
+    _Version(1, "outer_shape_bem", np.pi, "radians", "relative_thickness", ("c_l", "c_d", "c_m")),
+    _Version(2, "outer_shape", 180.0, "degrees", "rthick", ("cl", "cd", "cm")),
 )
 
 
@@ -57,8 +71,24 @@ def read_windio(text: str, file: Path) -> BladeTable:
     """Read the blade of a windIO turbine file.
 
     Rows are the grids of chord and twist together; what is given on another grid is interpolated
-    linearly. A row's radius is the hub radius plus z of the reference axis. The table has the
-    sections that its blade uses. Raises InputError with the dotted key and the line.
+    linearly. A row's radius is the hub radius plus z of the reference axis.
+
+    Parameters
+    ----------
+    text : str
+        Content of the file.
+    file : pathlib.Path
+        The file, for messages.
+
+    Returns
+    -------
+    BladeTable
+        The rows in SI units and radians, with the sections that the blade uses.
+
+    Raises
+    ------
+    InputError
+        If the file is broken; the message has the dotted key and the line.
     """
     tree = compose(text, file)
     if not isinstance(tree, yaml.MappingNode):
@@ -66,14 +96,13 @@ def read_windio(text: str, file: Path) -> BladeTable:
         raise InputError("is no windIO turbine", remedy, file=file, key="line 1")
     root = Place(tree, "", file)
     blade = root.get("components.blade", "give a turbine with a blade")
-    found = [(blade.find(version.shape), version) for version in _VERSIONS]
-    shapes = [(shape, version) for shape, version in found if shape is not None]
-    if not shapes:
+    versions = [version for version in _VERSIONS if blade.find(version.shape)]
+    if not versions:
         blade.get("outer_shape", "add outer_shape (windIO 2) or outer_shape_bem (windIO 1)")
-    if len(shapes) > 1:
+    if len(versions) > 1:
         remedy = "keep that of the file's windIO version"
         raise blade.refuse("holds outer_shape and outer_shape_bem", remedy)
-    return _Turbine(root, *shapes[0]).blade()
+    return _Turbine(root, blade.get(versions[0].shape), versions[0]).blade()
 
 
 def _curve(place: Place) -> tuple[Column, Column]:
@@ -93,13 +122,14 @@ def _spanwise(place: Place) -> tuple[np.ndarray, Column]:
 
 
 class _Turbine:
-    """A turbine on its way to a table: its blade's shape, and what is to be said of it."""
+    """Reads one turbine and collects the messages about it."""
 
     def __init__(self, root: Place, shape: Place, version: _Version) -> None:
         self.root, self.shape, self.version = root, shape, version
         self.messages: list[str] = []
 
     def blade(self) -> BladeTable:
+        """Return the table of the turbine's blade."""
         root, shape, version = self.root, self.shape, self.version
         diameter = root.get("components.hub.diameter", "add the hub's diameter in metres")
         hub = 0.5 * diameter.number(0.0, 100.0, "give the hub's diameter in metres")
@@ -111,36 +141,36 @@ class _Turbine:
             twist = replace(twist, values=np.deg2rad(twist.values))
             self.messages.append("windIO 2: degrees converted to radians")
         if not np.array_equal(s_chord, s_twist):
-            said = "chord and twist have different grids: rows are both, linear in between"
-            self.messages.append(said)
+            grids = "chord and twist have different grids: rows are both, linear in between"
+            self.messages.append(grids)
         s = np.union1d(s_chord, s_twist)
         s = s[np.diff(s, prepend=-1.0) > EDGE]  # points closer than that are one
         r = hub + np.interp(s, s_axis, height)
         tip = float(r[-1])
         rows = [f"components.blade, row at s = {share:.6g}" for share in s]
-        own = shape.find("rthick")
-        s_thick, thick = (None, None) if own is None else _spanwise(own)
+        s_thick, thick = _spanwise(shape.get("rthick")) if shape.find("rthick") else (None, None)
         radii = Column("r", r, rows, r.tolist(), root.file)
         check_rows(radii, chord, twist, thick, tip, version.angles)
-        used, stands = self.positions()
-        sections = self.airfoils(used)
-        labels = [name for _, name, _ in used]
-        known = {section.name: section.thickness for section in sections}
+        airfoils, s_airfoils = self.positions()
+        names = [airfoil.name for airfoil in airfoils]
+        sections = self.sections(airfoils)
+        of_section = {section.name: section.thickness for section in sections}
         thickness = None
         if thick is not None:
             thickness = np.minimum(np.interp(s, s_thick, thick.values), 1.0)
-        elif None not in known.values():
-            thickness = np.interp(s, stands, [known[name] for name in labels])
-        cone, half = root.get("components.hub").find("cone_angle"), 0.5 * version.half_turn
-        angle = cone and cone.number(-half, half, version.angles) / version.half_turn * np.pi
-        stand_r = hub + np.interp(stands, s_axis, height)
+        elif None not in of_section.values():
+            thickness = np.interp(s, s_airfoils, [of_section[name] for name in names])
+        cone, right_angle = root.find("components.hub.cone_angle"), 0.5 * version.half_turn
+        angle = cone and cone.number(-right_angle, right_angle, version.angles)
+        angle = angle and angle / version.half_turn * np.pi
+        r_airfoils = hub + np.interp(s_airfoils, s_axis, height)
         return BladeTable(
             r,
             np.interp(s, s_chord, chord.values),
             np.interp(s, s_twist, twist.values),
             thickness=thickness,
             sections=sections,
-            section_position=tuple(zip(labels, stand_r.tolist(), strict=True)),
+            section_position=tuple(zip(names, r_airfoils.tolist(), strict=True)),
             tip_radius=tip,
             hub_radius=hub,
             blade_count=self.assembly(tip, angle or 0.0),
@@ -151,67 +181,65 @@ class _Turbine:
 
     def note_structure(self) -> None:
         """Say that layers are not read: they are not of one material, as a blade here is."""
-        for name in _STRUCTURES:
-            if inner := self.root.find(f"components.blade.{name}"):
-                said = "webs and layers are not read: rotor.material and rotor.wall stand for them"
-                self.messages.append(f"{inner.key}: {said}")
+        note = "webs and layers are not read: rotor.material and rotor.wall stand for them"
+        structures = (self.root.find(f"components.blade.{name}") for name in _STRUCTURES)
+        self.messages += [f"{structure.key}: {note}" for structure in structures if structure]
 
     def height(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the grid of the blade's axis and z over it, which begins at 0 and rises."""
         axis = self.shape.find("reference_axis")
         axis = axis or self.root.get("components.blade.reference_axis")
         grid, z = _spanwise(axis.get("z"))
-        aside = np.zeros(z.values.size, dtype=bool)
-        aside[0] = abs(z.values[0]) > EDGE * abs(z.values[-1])
+        aside = np.abs(z.values[:1]) > EDGE * abs(z.values[-1])
         z.refuse(aside, "is not 0 at the blade's root", "count z from the root")
         height = np.concatenate(([0.0], z.values[1:]))
         z.check_rising("heights above the root", height)
         for name, what in (("x", "prebend"), ("y", "sweep")):
             side = axis.find(name)
-            largest = 0.0 if side is None else np.max(np.abs(_spanwise(side)[1].values))
+            largest = np.max(np.abs(_spanwise(side)[1].values)) if side else 0.0
             if largest > 0.0:
-                said = f"{what} of up to {largest:g} m is ignored: straight blade"
-                self.messages.append(f"{axis.key}.{name}: {said}")
+                note = f"{what} of up to {largest:g} m is ignored: straight blade"
+                self.messages.append(f"{axis.key}.{name}: {note}")
         return grid, height
 
     def assembly(self, tip: float, cone: float) -> int | None:
         """Return the number of blades; hold the diameter to 2 (hub + z of the tip) cos(cone)."""
-        assembly = self.root.find("assembly")
-        count = assembly and assembly.find("number_of_blades")
+        count = self.root.find("assembly.number_of_blades")
         number = count and count.number(0.0, 100.0, "give the number of blades")
         if count and number != math.floor(number):
             raise count.refuse("is no whole number", "give the number of blades")
-        diameter = assembly and assembly.find("rotor_diameter")
+        diameter = self.root.find("assembly.rotor_diameter")
         own = 2.0 * tip * math.cos(cone)
         # windIO's default of 0 says that it is not given
         given = diameter and diameter.number(-EDGE, 1000.0, "give the rotor's diameter in metres")
-        if given and given > 0.0 and abs(given / own - 1.0) > DIAMETER_OFF:
+        error = abs(given / own - 1.0) if given and given > 0.0 else 0.0
+        if error > DIAMETER_OFF:
             remedy = "correct components.hub.diameter, the reference axis or it"
             raise diameter.refuse(f"does not fit hub and blade, which give {own:.6g} m", remedy)
-        if given and given > 0.0 and abs(given / own - 1.0) > 1e-6:
-            said = f"{given:.8g} m, but hub and blade give {own:.8g} m, which is taken"
-            self.messages.append(f"assembly.rotor_diameter = {said}")
+        if error > DIAMETER_ROUNDED:
+            note = f"{given:.8g} m, but hub and blade give {own:.8g} m, which is taken"
+            self.messages.append(f"assembly.rotor_diameter = {note}")
         return number and int(number)
 
-    def positions(self) -> tuple[list[Used], np.ndarray]:
-        """Return the airfoils along the span, and where they stand."""
+    def positions(self) -> tuple[list[_Airfoil], np.ndarray]:
+        """Return the airfoils along the span, and their positions from 0 (root) to 1 (tip)."""
         if self.version.number == 1:
             where = self.shape.get("airfoil_position")
             grid, labels = where.get("grid").numbers(), where.get("labels").items()
             where.check_sizes(grid=grid.values, labels=labels)
-            used: list[Used] = [(at, at.text(), None) for at in labels]
+            airfoils = [_Airfoil(label, label.text(), None) for label in labels]
         else:
             entries = self.shape.get("airfoils").items()
-            stands = [entry.get("spanwise_position") for entry in entries]
-            grid = places_column("spanwise_position", stands)
-            used = [(entry, entry.get("name").text(), _configuration(entry)) for entry in entries]
+            positions = [entry.get("spanwise_position") for entry in entries]
+            grid = places_column("spanwise_position", positions)
+            airfoils = [_Airfoil(e, e.get("name").text(), _configuration(e)) for e in entries]
         outside = (grid.values < -EDGE) | (grid.values > 1.0 + EDGE)
         grid.refuse(outside, "is no position along the span", "it lies within 0 (root) and 1 (tip)")
         grid.check_rising("positions")
-        return used, grid.values
+        return airfoils, grid.values
 
-    def airfoils(self, used: list[Used]) -> tuple[SectionTable, ...]:
-        """Return the airfoils that the blade uses."""
+    def sections(self, airfoils: list[_Airfoil]) -> tuple[SectionTable, ...]:
+        """Return the airfoils that the blade uses, each once."""
         library: dict[str, Place] = {}
         for entry in self.root.get("airfoils", "add the airfoils that the blade names").items():
             name = entry.get("name").text()
@@ -219,11 +247,11 @@ class _Turbine:
                 raise entry.refuse(f"is the second airfoil {name}", "give each its own name")
             library[name] = entry
         chosen: dict[str, str | None] = {}
-        for place, name, configuration in used:
+        for place, name, configuration in airfoils:
             if name not in library:
                 problem = f"names the airfoil {name}, which airfoils does not hold"
-                known = ", ".join(list(library)[:8])
-                raise place.refuse(problem, f"add it there; known: {known}")
+                remedy = f"add it there; known: {', '.join(list(library)[:8])}"
+                raise place.refuse(problem, remedy)
             if chosen.setdefault(name, configuration) != configuration:
                 problem = f"uses {name} in configurations {chosen[name]} and {configuration}"
                 raise place.refuse(problem, "copy the airfoil under a second name")
@@ -236,14 +264,15 @@ class _Turbine:
         coordinates = airfoil.find("coordinates")
         outline = coordinates.pair("x", "y") if coordinates else ()
         polars: dict[float, PolarTable] = {}
-        for one in self.polar_places(airfoil, name, configuration):
-            table = self.polar(one, name)
-            if (table.reynolds or 0.0) in polars:
+        for place in self.polar_places(airfoil, name, configuration):
+            table = self.polar(place, name)
+            reynolds = table.reynolds or 0.0
+            if reynolds in polars:
                 problem = f"is the second polar of {name} at one Reynolds number"
-                raise one.refuse(problem, "keep one, or tag them with different configurations")
-            polars[table.reynolds or 0.0] = table
-        ordered = tuple(polars[reynolds] for reynolds in sorted(polars))
-        return SectionTable(name, thickness, ordered, *(column.values for column in outline))
+                raise place.refuse(problem, "keep one, or tag them with different configurations")
+            polars[reynolds] = table
+        by_reynolds = tuple(polars[reynolds] for reynolds in sorted(polars))
+        return SectionTable(name, thickness, by_reynolds, *(column.values for column in outline))
 
     def polar_places(self, airfoil: Place, name: str, configuration: str | None) -> list[Place]:
         """Return where the polars of a configuration are, of the first if none is given."""
@@ -255,46 +284,39 @@ class _Turbine:
         if configuration is None:
             configuration = next(iter(tagged))
             if len(tagged) > 1:
-                said = f"polars of configuration {configuration}, the first, are taken"
-                self.messages.append(f"{name}: {said}")
+                note = f"polars of configuration {configuration}, the first, are taken"
+                self.messages.append(f"{name}: {note}")
         if configuration not in tagged:
-            known = f"known: {', '.join(map(str, tagged))}"
-            raise polars.refuse(f"has no polars of configuration {configuration}", known)
-        chosen = tagged[configuration]
+            remedy = f"known: {', '.join(map(str, tagged))}"
+            raise polars.refuse(f"has no polars of configuration {configuration}", remedy)
+        entries = tagged[configuration]
         if self.version.number == 1:
-            return chosen
-        return [one for entry in chosen for one in entry.get("re_sets").items()]
+            return entries
+        return [polar for entry in entries for polar in entry.get("re_sets").items()]
 
     def polar(self, place: Place, section: str) -> PolarTable:
         """Return one polar, its coefficients on one grid of angles of attack."""
         limit, (lift, drag, moment) = self.version.half_turn, self.version.coefficients
-        given = {lift: place.get(lift), drag: place.get(drag), moment: place.find(moment)}
+        given = {lift: place.get(lift), drag: place.get(drag)}
+        if place.find(moment):
+            given[moment] = place.get(moment)
         curves: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-        for name, one in given.items():
-            if one is None:
-                continue
-            grid, column = _curve(one)
-            beyond = np.abs(grid.values) > limit * 1.001
+        for name, curve in given.items():
+            grid, column = _curve(curve)
+            beyond = np.abs(grid.values) > limit * (1.0 + _ANGLE_ROUNDED)
             grid.refuse(beyond, "lies beyond the full circle", self.version.angles)
-            if self.version.number == 2 and np.max(np.abs(grid.values)) < 3.2:
+            if self.version.number == 2 and np.max(np.abs(grid.values)) < _MOST_RADIANS:
                 problem = f"has angles from {grid.values[0]:g} to {grid.values[-1]:g} degrees"
                 remedy = "windIO 2 counts them in degrees: convert them if they are radians"
-                raise one.get("grid").refuse(problem, remedy)
+                raise curve.get("grid").refuse(problem, remedy)
             curves[name] = np.clip(grid.values, -limit, limit), column.values
         alpha, values = self.joined(place, curves, section)
         alpha = self.closed(alpha, values, section)
-        reynolds = place.find("re")
-        return polar_table(
-            alpha,
-            *values.values(),
-            reynolds=reynolds and reynolds.number(0.0, 1e12, "give it as a plain number"),
-            file=place.file,
-            columns=(
-                f"{lift}.grid{', alpha_rad' * (self.version.number == 1)}",
-                *(f"{name}.values" for name in values),
-            ),
-            where=place.shown,
-        )
+        number = place.find("re")
+        reynolds = number and number.number(0.0, 1e12, "give it as a plain number")
+        angle = f"{lift}.grid{', alpha_rad' * (self.version.number == 1)}"
+        source = Source(place.file, place.shown, (angle, *(f"{name}.values" for name in values)))
+        return polar_table(alpha, *values.values(), reynolds=reynolds, source=source)
 
     def joined(
         self, place: Place, curves: dict[str, tuple[np.ndarray, np.ndarray]], section: str
@@ -324,12 +346,11 @@ class _Turbine:
             self.messages.append("polars: angles of attack of ±3.14 rad are taken as half a turn")
         for name, numbers in values.items():
             first, last = numbers[0], numbers[-1]
-            if 1e-6 < abs(last - first) < _ENDS_ROUNDED:
+            if _ENDS_EQUAL < abs(last - first) < _ENDS_ROUNDED:
                 mean = 0.5 * (first + last)
                 values[name] = np.concatenate(([mean], numbers[1:-1], [mean]))
-                ends = f"{name} = {first:.4g} and {last:.4g} at ±180 degrees"
-                said = f"{ends}, which are one angle: their mean is taken"
-                self.messages.append(f"{section}: {said}")
+                ends = f"{section}: {name} = {first:.4g} and {last:.4g} at ±180 degrees"
+                self.messages.append(f"{ends}, which are one angle: their mean is taken")
         return alpha
 
 

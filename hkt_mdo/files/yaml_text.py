@@ -1,4 +1,4 @@
-"""The one reader of YAML: plain, of limited depth and size, with the words of YAML 1.2."""
+"""Reader of YAML 1.2 for cases and turbine files: plain values, of limited depth and size."""
 
 from __future__ import annotations
 
@@ -14,13 +14,17 @@ import yaml
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import Column, fortran_number
 
-__all__ = ["Dumper", "Place", "compose", "dotted", "parse"]
-
 CASE_DEPTH, DEPTH = 20, 40
 """Deepest nesting of a case file and of other files."""
 
 MAX_NODES = 1_000_000
 """Most values in a file; reference turbines have fifty thousand."""
+
+LONGEST_KEY = 60
+"""Most characters of a key that a message repeats."""
+
+LONGEST_INTEGER = 18
+"""Most characters of an integer that is read as one: reading thousands of digits is slow."""
 
 _FLOAT = r"[-+]?(\.[0-9]+|(0|[1-9][0-9]*)(\.[0-9]*)?)([eE][-+]?[0-9]+)?"
 _WORDS = {
@@ -32,7 +36,7 @@ _WORDS = {
 
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
-    """libyaml, which is ten times as quick, without YAML 1.1's words: `word` knows those of 1.2."""
+    """libyaml, ten times as fast as PyYAML's own parser; `word` decides what a scalar is."""
 
     yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}
 
@@ -41,10 +45,22 @@ class Dumper(yaml.SafeDumper):
     """Lists on one line; quotes round a text that YAML 1.1 or 1.2 would take for another type."""
 
     def ignore_aliases(self, data: Any) -> bool:
+        """Return that every value is written out, also where it is there twice."""
         return True
 
     def represent_flow_list(self, data: list[Any]) -> yaml.Node:
-        """Write a list on one line."""
+        """Return the node of a list that is written on one line.
+
+        Parameters
+        ----------
+        data : list
+            The list.
+
+        Returns
+        -------
+        yaml.Node
+            A sequence in flow style.
+        """
         return self.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=True)
 
 
@@ -56,7 +72,17 @@ for _word, _pattern in _WORDS.items():
 
 @dataclass(frozen=True)
 class Place:
-    """A value in a YAML file with its dotted key."""
+    """A value in a YAML file with its dotted key.
+
+    Parameters
+    ----------
+    node : yaml.Node
+        The value.
+    key : str
+        Its dotted key, such as components.blade.
+    file : object
+        The file, for messages.
+    """
 
     node: yaml.Node
     key: str
@@ -64,50 +90,131 @@ class Place:
 
     @property
     def shown(self) -> str:
-        """What a message calls the place."""
+        """The key with its line, as messages have it."""
         return f"{self.key} (line {self.node.start_mark.line + 1})"
 
     def refuse(self, problem: str, remedy: str) -> InputError:
+        """Return the error that lies in this value, to be raised.
+
+        Parameters
+        ----------
+        problem, remedy : str
+            As of `InputError`.
+
+        Returns
+        -------
+        InputError
+            With file, key and line, and with the value if it is a scalar.
+        """
         value = {"value": self.node.value} if isinstance(self.node, yaml.ScalarNode) else {}
         return InputError(problem, remedy, file=self.file, key=self.shown, **value)
 
     def below(self, node: yaml.Node, name: str) -> Place:
+        """Return a member of this value.
+
+        Parameters
+        ----------
+        node : yaml.Node
+            The member.
+        name : str
+            Its key, or its index as ``[2]``.
+
+        Returns
+        -------
+        Place
+            The member with its dotted key.
+        """
         return Place(node, joined(self.key, name), self.file)
 
     def _expect(self, kind: type, what: str) -> None:
+        """Refuse a node that is not of this kind."""
         if not isinstance(self.node, kind):
             raise self.refuse(f"must be {what}", "see the schema of such files")
 
     def find(self, path: str, remedy: str = "") -> Place | None:
-        """Return what a dotted key below this place names; None, or refused with the remedy."""
-        here = self
+        """Return the value of a key below this one.
+
+        Parameters
+        ----------
+        path : str
+            A key, or several joined by points.
+        remedy : str
+            What to do if the key is missing; empty if it may be.
+
+        Returns
+        -------
+        Place or None
+            The value; None if the key is missing or null.
+
+        Raises
+        ------
+        InputError
+            If the key is missing and there is a remedy, or a value above it is no mapping.
+        """
+        mapping = self
         for name in path.split("."):
-            here._expect(yaml.MappingNode, "a mapping")
-            node = next((node for key, node in here.node.value if key.value == name), None)
+            mapping._expect(yaml.MappingNode, "a mapping")
+            node = next((node for key, node in mapping.node.value if key.value == name), None)
             if node is None or (isinstance(node, yaml.ScalarNode) and word(node) == "null"):
-                key = here.below(here.node, name).shown
+                key = mapping.below(mapping.node, name).shown
                 if remedy:
                     raise InputError("is missing", remedy, file=self.file, key=key)
                 return None
-            here = here.below(node, name)
-        return here
+            mapping = mapping.below(node, name)
+        return mapping
 
     def get(self, path: str, remedy: str = "add it") -> Place:
+        """Return the value of a key that must be there.
+
+        Parameters
+        ----------
+        path, remedy : str
+            As of `find`.
+
+        Returns
+        -------
+        Place
+            The value.
+
+        Raises
+        ------
+        InputError
+            If the key is missing, or a value above it is no mapping.
+        """
         return self.find(path, remedy)  # type: ignore[return-value]
 
     def items(self) -> list[Place]:
-        """Return the members of a list, one at least."""
+        """Return the members of a list; raise InputError if it is no list or empty."""
         self._expect(yaml.SequenceNode, "a list")
         if not self.node.value:
             raise self.refuse("is empty", "give what belongs there")
         return [self.below(node, f"[{index}]") for index, node in enumerate(self.node.value)]
 
     def text(self) -> str:
+        """Return a scalar as text; raise InputError if it is none."""
         self._expect(yaml.ScalarNode, "a word")
         return self.node.value.strip()
 
     def number(self, low: float = -np.inf, high: float = np.inf, remedy: str = "") -> float:
-        """Return a finite number within (low, high]."""
+        """Return a finite number.
+
+        Parameters
+        ----------
+        low, high : float
+            The number must be above `low` and at most `high`.
+        remedy : str
+            What to do if it is not.
+
+        Returns
+        -------
+        float
+            The number, as the file gives it.
+
+        Raises
+        ------
+        InputError
+            If the value is no finite number, or out of range.
+        """
         self._expect(yaml.ScalarNode, "a number")
         number = None if self.node.style else fortran_number(self.node.value)
         if number is None:
@@ -117,16 +224,44 @@ class Place:
         return number
 
     def numbers(self) -> Column:
+        """Return a list of numbers; raise InputError if it is none."""
         return places_column(self.key, self.items())
 
-    def pair(self, *names: str) -> list[Column]:
-        """Return two members that are lists of as many numbers."""
-        columns = {name: self.get(name).numbers() for name in names}
-        self.check_sizes(**{name: column.values for name, column in columns.items()})
-        return list(columns.values())
+    def pair(self, one: str, other: str) -> tuple[Column, Column]:
+        """Return two lists of as many numbers.
+
+        Parameters
+        ----------
+        one, other : str
+            The keys of the lists below this value.
+
+        Returns
+        -------
+        tuple of Column
+            Their numbers.
+
+        Raises
+        ------
+        InputError
+            If either is missing or no list of numbers, or their lengths differ.
+        """
+        first, second = self.get(one).numbers(), self.get(other).numbers()
+        self.check_sizes(**{one: first.values, other: second.values})
+        return first, second
 
     def check_sizes(self, **lists: Sized) -> None:
-        """Refuse two lists of this place that are not as long as each other."""
+        """Refuse two lists of different lengths.
+
+        Parameters
+        ----------
+        **lists
+            Two lists by their keys.
+
+        Raises
+        ------
+        InputError
+            If their lengths differ.
+        """
         (one, first), (other, second) = lists.items()
         if len(first) != len(second):
             problem = f"has {len(first)} values in {one} and {len(second)} in {other}"
@@ -134,20 +269,58 @@ class Place:
 
 
 def places_column(name: str, places: list[Place]) -> Column:
-    """Return the numbers at some places of a file."""
+    """Return several numbers of a file as a column.
+
+    Parameters
+    ----------
+    name : str
+        Name of the column, for messages.
+    places : list of Place
+        The numbers, one at least.
+
+    Returns
+    -------
+    Column
+        Their values, keys and texts.
+
+    Raises
+    ------
+    InputError
+        If one of them is no finite number.
+    """
     values = np.array([place.number() for place in places])
     shown = [place.node.value for place in places]
     return Column(name, values, [place.shown for place in places], shown, places[0].file)
 
 
 def compose(text: str, file: object, key: str = "", *, case: bool = False) -> yaml.Node | None:
-    """Return the tree of a YAML text; None if it holds nothing.
+    """Return the tree of nodes of a YAML 1.2 text (https://yaml.org/spec/1.2.2).
 
     An alias is the very node that its anchor names, never a copy, so that no file grows while it is
-    read. A `case` is held to stricter rules: no anchors and aliases, keys that are words, 20 levels
-    at most. `key` is the place of the whole text, for messages. Raises InputError with the place
-    where the text is no YAML, or YAML that is refused: tags, merge keys, a key that is given twice,
-    a second document, too many values.
+    read.
+
+    Parameters
+    ----------
+    text : str
+        The text.
+    file : object
+        The file, for messages.
+    key : str
+        Key of the whole text, for messages.
+    case : bool
+        Whether the stricter rules for cases hold: no anchors and aliases, keys that are words,
+        `CASE_DEPTH` levels at most.
+
+    Returns
+    -------
+    yaml.Node or None
+        The root; None if the text holds nothing.
+
+    Raises
+    ------
+    InputError
+        If the text is no YAML, or YAML that is refused: tags, merge keys, a key that is given
+        twice, a second document, too many values. The message says where.
     """
     # PyYAML's own parser, for cases, locates errors more precisely.
     loader = yaml.SafeLoader if case else _Loader
@@ -194,6 +367,7 @@ def _check_events(events: Iterable[Any], file: object, case: bool) -> None:
 
 
 def _shown(mark: yaml.Mark) -> str:
+    """Return where a mark is, as messages have it."""
     return f"line {mark.line + 1}, column {mark.column + 1}"
 
 
@@ -212,32 +386,56 @@ def _check_keys(place: Place, case: bool, seen: set[int]) -> None:
             if case or not isinstance(item, yaml.ScalarNode):  # long lists of numbers hold no keys
                 _check_keys(place.below(item, f"[{index}]"), case, seen)
     elif isinstance(node, yaml.MappingNode):
-        known = set()
+        names = set()
         for key, value in node.value:
             line = f"line {key.start_mark.line + 1}"
             if not isinstance(key, yaml.ScalarNode) or (case and word(key) != "str"):
                 raise refuse(f"has a key that is not a word ({line})", "write a word")
-            below = place.below(value, key.value)
+            member = place.below(value, key.value)
             if key.value == "<<":
-                raise refuse("merge keys (<<) are refused", "write the values out", below)
-            if key.value in known:
+                raise refuse("merge keys (<<) are refused", "write the values out", member)
+            if key.value in names:
                 # A list may hold itself by aliases: only a scalar is shown.
                 shown = {"value": plain(value)} if isinstance(value, yaml.ScalarNode) else {}
-                raise refuse(f"is given twice (again in {line})", "keep one", below, **shown)
-            known.add(key.value)
-            _check_keys(below, case, seen)
+                raise refuse(f"is given twice (again in {line})", "keep one", member, **shown)
+            names.add(key.value)
+            _check_keys(member, case, seen)
     elif re.search("[\ud800-\udfff]", node.value):
         raise refuse("holds half a character", "write the text without \\u escapes")
 
 
 def word(node: yaml.ScalarNode) -> str:
-    """Return what a scalar is by the words of YAML 1.2: bool, null, int, float or str."""
-    found = (name for name, pattern in _WORDS.items() if pattern.fullmatch(node.value))
-    return "str" if node.style else next(found, "str")
+    """Return the type of a scalar by the core schema of YAML 1.2.
+
+    Parameters
+    ----------
+    node : yaml.ScalarNode
+        The scalar.
+
+    Returns
+    -------
+    str
+        bool, null, int, float or str.
+    """
+    kinds = (kind for kind, pattern in _WORDS.items() if pattern.fullmatch(node.value))
+    return "str" if node.style else next(kinds, "str")
 
 
-def plain(node: yaml.Node) -> Any:
-    """Return the value of a node in dict, list, str, float, int, bool and None."""
+def plain(node: yaml.Node | None) -> Any:
+    """Return the value of a node.
+
+    Parameters
+    ----------
+    node : yaml.Node or None
+        As `compose` returns it.
+
+    Returns
+    -------
+    dict, list, str, float, int, bool or None
+        The value; None also for no node.
+    """
+    if node is None:
+        return None
     if isinstance(node, yaml.MappingNode):
         return {key.value: plain(value) for key, value in node.value}
     if isinstance(node, yaml.SequenceNode):
@@ -249,29 +447,69 @@ def plain(node: yaml.Node) -> Any:
         case "bool":
             return text.lower() == "true"
         case "int":
-            # Reading thousands of digits as int is slow; no key takes numbers that large.
-            return int(text) if len(text) < 19 else float(text)
+            return int(text) if len(text) <= LONGEST_INTEGER else float(text)
         case "float":
             return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
     return text
 
 
 def parse(text: str, file: str, key: str = "") -> Any:
-    """Return what the YAML text of a case holds in dict, list, str, float, int, bool and None.
+    """Return the content of the YAML text of a case.
 
-    1e-4 is a number; yes, no, on, off, 010, 1:30 and 2020-01-01 are texts. Raises InputError as
-    `compose` does.
+    1e-4 is a number; yes, no, on, off, 010, 1:30 and 2020-01-01 are texts.
+
+    Parameters
+    ----------
+    text : str
+        The text.
+    file : str
+        The file, for messages.
+    key : str
+        Key of the whole text, for messages.
+
+    Returns
+    -------
+    dict, list, str, float, int, bool or None
+        The content.
+
+    Raises
+    ------
+    InputError
+        As of `compose`.
     """
-    node = compose(text, file, key, case=True)
-    return None if node is None else plain(node)
+    return plain(compose(text, file, key, case=True))
 
 
 def dotted(path: Iterable[str]) -> str:
-    """Return the dotted form of a path, such as rotor.stations[2], with overlong keys cut."""
+    """Return the dotted form of a path, such as rotor.stations[2].
+
+    Parameters
+    ----------
+    path : iterable of str
+        Keys and indices, these as ``[2]``.
+
+    Returns
+    -------
+    str
+        The path, with overlong keys cut.
+    """
     return reduce(joined, path, "")
 
 
 def joined(path: str, part: str) -> str:
-    """Return a dotted path with one more part, cut if it is overlong."""
-    part = part if len(part) <= 60 else f"{part[:57]}..."
+    """Return a dotted path with one more key.
+
+    Parameters
+    ----------
+    path : str
+        The dotted path; may be empty.
+    part : str
+        A key, or an index as ``[2]``; cut if it is longer than `LONGEST_KEY`.
+
+    Returns
+    -------
+    str
+        The longer path.
+    """
+    part = part if len(part) <= LONGEST_KEY else f"{part[: LONGEST_KEY - 3]}..."
     return path + part if part.startswith("[") or not path else f"{path}.{part}"

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.polar_table import REYNOLDS_RANGE, SURFACES, PolarTable, polar_table
+from hkt_mdo.files.polar_table import REYNOLDS_RANGE, SURFACES, PolarTable, Source, polar_table
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.potential_flow import potential_suction
 
@@ -75,7 +75,7 @@ def compute_polars(
             for key in ("CL", "CD", "CM", "analysis_confidence")
         )
         pressure = dict(zip(SURFACES, -potential_suction(outline, alpha, lift), strict=True))
-        table = polar_table(degrees, lift, drag, moment, number, file=name, pressure=pressure)
+        table = polar_table(degrees, lift, drag, moment, number, pressure, Source(name))
         polars.append(ComputedPolar(table, confidence))
     return tuple(polars)
 

@@ -22,23 +22,32 @@ if TYPE_CHECKING:
 Settings = dict[str, str | int | float]
 """An optimizer's options by its own names."""
 
+_FEATURES = (
+    "optimization gradients inequality_constraints equality_constraints two_sided_constraints "
+    "simultaneous_derivatives"
+)
+"""What the driver supports, in OpenMDAO's names."""
+
 
 class CasadiIpoptDriver(ReportingDriver):
     """IPOPT in CasADi, with first derivatives from OpenMDAO.
 
     The sparsity of the derivatives comes from sparse totals or a coloring; without both they are
     dense. An `AnalysisError` or a value that is not finite makes IPOPT shorten its step; any other
-    error of the model or of `progress` is raised by `run`. `opt_settings` has IPOPT's names.
+    error of the model or of `progress` is raised by `run`. `opt_settings` has IPOPT's own names
+    (https://coin-or.github.io/Ipopt/OPTIONS.html).
+
+    Parameters
+    ----------
+    **kwargs
+        Options of the driver.
     """
 
     package = "casadi"
 
     def __init__(self, **kwargs: object) -> None:
         super().__init__(**kwargs)
-        for feature in (
-            "optimization", "gradients", "inequality_constraints", "equality_constraints",
-            "two_sided_constraints", "simultaneous_derivatives",
-        ):  # fmt: skip
+        for feature in _FEATURES.split():
             self.supports[feature] = True
         for feature in ("integer_design_vars", "distributed_design_vars"):
             self.supports[feature] = False
@@ -55,6 +64,13 @@ class CasadiIpoptDriver(ReportingDriver):
         return "CasadiIpopt"
 
     def run(self) -> bool:
+        """Optimize, and leave the model at IPOPT's solution.
+
+        Returns
+        -------
+        bool
+            Whether the optimization failed.
+        """
         self.result.reset()
         self.iter_count = self.iterations = 0
         self._message, self._error = "stopped by an error", None
@@ -84,8 +100,8 @@ class CasadiIpoptDriver(ReportingDriver):
         self._pattern = pattern = self._jacobian_pattern((lower_g.size, start.size))
         starts, rows = pattern.indptr.tolist(), pattern.indices.tolist()
         jacobian = casadi.Sparsity(lower_g.size, start.size, starts, rows)
-        x, f, p = casadi.Sparsity.dense(start.size), casadi.Sparsity.dense(1), casadi.Sparsity(0, 0)
-        g = casadi.Sparsity.dense(lower_g.size)
+        x, f, g = (casadi.Sparsity.dense(size) for size in (start.size, 1, lower_g.size))
+        p = casadi.Sparsity(0, 0)  # there are no parameters
 
         def objective_gradient(point, _):
             return self._evaluate(point)[0], self._differentiate(point)[0]
@@ -100,9 +116,9 @@ class CasadiIpoptDriver(ReportingDriver):
         jac_g = _callback("jac_g", constraint_jacobian, inputs, {"g": g, "jac_g_x": jacobian})
         state = {"f": f, "x": x, "lam_x": x, "g": g, "lam_g": g, "lam_p": p}
         after = {name: state[name] for name in casadi.nlpsol_out()}
-        each = _callback("each", lambda *_: (self._count_iteration(),), after, {"stop": f})
+        iteration = _callback("iteration", lambda *_: (self._end_iteration(),), after, {"stop": f})
         solver = casadi.nlpsol("solver", "ipopt", nlp, {
-            "grad_f": grad_f, "jac_g": jac_g, "iteration_callback": each,
+            "grad_f": grad_f, "jac_g": jac_g, "iteration_callback": iteration,
             # Multipliers of parameters, of which there are none, would need reverse derivatives.
             "no_nlp_grad": True, "calc_lam_p": False,
             "print_time": False, "show_eval_warnings": False, "ipopt": self.opt_settings,
@@ -119,7 +135,7 @@ class CasadiIpoptDriver(ReportingDriver):
         if self._sparse is not None:
             pattern = self._sparse.pattern[1:]  # row 0 is the objective
             pattern.data = np.arange(self._sparse.pattern.indptr[1], self._sparse.pattern.nnz)
-            return pattern.tocsc()  # its data are places in the totals' data
+            return pattern.tocsc()  # its data are positions in the totals' data
         coloring = self._coloring_info.coloring
         return csc_matrix(np.ones(shape) if coloring is None else coloring.get_dense_sparsity()[1:])
 
@@ -138,6 +154,7 @@ class CasadiIpoptDriver(ReportingDriver):
         return self._values
 
     def _run_model(self, point: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return objective and constraints at a scaled design, and record the case."""
         model = self._problem().model
         self._vectors["design_var"].set_data(point, driver_scaling=True)
         self._set_design_vars(driver_scaling=True)
@@ -161,6 +178,7 @@ class CasadiIpoptDriver(ReportingDriver):
         return self._gradients
 
     def _differentiate_model(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return gradient and constraint derivatives in the model's state, as `_differentiate`."""
         if self._sparse is not None:
             totals = self._compute_sparse()
             return totals[0].toarray().ravel(), totals.data[self._pattern.data]
@@ -170,8 +188,8 @@ class CasadiIpoptDriver(ReportingDriver):
         rows, columns = self._pattern.tocoo().coords
         return totals[0].copy(), totals[1:][rows, columns]
 
-    def _count_iteration(self) -> int:
-        """Report an iteration and return whether IPOPT must stop."""
+    def _end_iteration(self) -> int:
+        """Report an iteration, count it and return whether IPOPT must stop."""
         self._guarded(lambda: self._report(self.iterations), None)
         self.iterations += 1
         return int(self._error is not None)
@@ -212,6 +230,7 @@ class CasadiIpoptDriver(ReportingDriver):
             signal.signal(signal.SIGINT, previous)
 
     def _raise_stored(self) -> None:
+        """Raise the error that was stored while CasADi ran, if any."""
         if self._error is not None:
             error, self._error = self._error, None
             raise error

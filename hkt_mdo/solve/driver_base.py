@@ -1,4 +1,4 @@
-"""What all drivers here add to OpenMDAO's: progress, sparse totals, the optimizer's message."""
+"""Base of the drivers: progress, sparse totals and the outcome, added to OpenMDAO's driver."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ Progress = Callable[[int, float, float], None]
 
 @dataclass(frozen=True)
 class Outcome:
-    """How an optimization ended, in the same words for every package.
-
-    success: whether the optimizer converged to the tolerance asked for, and to nothing looser;
-    message: its own words for how it ended; iterations: those, or gradient evaluations for
-    pyoptsparse, which does not report them; package: what carried it.
-    """
+    """How an optimization ended, in the same words for every package."""
 
     success: bool
+    """Whether the optimizer converged to the tolerance asked for, and to nothing looser."""
     message: str
+    """The optimizer's own words for how it ended."""
     iterations: int
+    """Iterations, or gradient evaluations for pyoptsparse, which does not report iterations."""
     package: str
+    """Package that carried the optimizer."""
     optimizer: str
+    """Name of the optimizer."""
 
 
 class ReportingDriver(Driver):
@@ -40,11 +40,18 @@ class ReportingDriver(Driver):
     _sparse: Any = None
 
     def outcome(self) -> Outcome:
-        """Return how the last run ended."""
+        """Return how the last run ended.
+
+        Returns
+        -------
+        Outcome
+            Not a success if the driver has not run.
+        """
         success, optimizer = bool(self.result.success), self.options["optimizer"]
         return Outcome(success, self._message, self.iterations, self.package, optimizer)
 
     def get_exit_status(self) -> str:
+        """Return the optimizer's own words for how the last run ended."""
         return self._message
 
     def _declare_options(self) -> None:

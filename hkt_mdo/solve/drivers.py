@@ -1,8 +1,7 @@
-"""The one place where an optimizer is chosen, configured and asked for its outcome.
+"""Choice and settings of the optimizers: IPOPT, SLSQP and SNOPT, from whichever package has them.
 
-IPOPT comes with pyoptsparse or inside CasADi's wheels, SLSQP with pyoptsparse or SciPy. Whichever
-package carries it, an optimizer is configured in the same way, stops at the same tolerance, writes
-nothing and reports through the driver's `outcome`.
+Whichever package carries it, an optimizer stops at the same tolerance, writes nothing and reports
+through the driver's `outcome`.
 """
 
 from __future__ import annotations
@@ -27,18 +26,26 @@ CARRIERS = {
 }
 """The packages that carry each optimizer, the preferred one first."""
 
-# Where the constraints hold to rounding, IPOPT's filter takes a corrected step, or one of its
-# watchdog, that lowers their rounding error and lets the objective go; on a rough objective it
-# never comes back. Nor does a barrier that only falls leave a good start.
 CAUTIOUS: Settings = {
     "max_soc": 0,
     "watchdog_shortened_iter_trigger": 0,
     "mu_strategy": "monotone",
     "mu_init": 1e-5,
 }
+"""IPOPT's options (scaled problem) that keep it near its start.
 
-PUSHES = "bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"
-PUSHED = 1e-4  # by which IPOPT moves a good start off its bounds, of their size
+Where the constraints hold to rounding, IPOPT's filter takes a second-order correction or a watchdog
+step that lowers their rounding error and increases the objective; on a rough objective it does not
+return. A small barrier that only decreases does not leave a good start either.
+"""
+
+NEAR_START: Settings = dict.fromkeys(
+    ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"), 1e-4
+)
+"""How far IPOPT moves a good start off its bounds, relative to their size."""
+
+RELAXED = 10.0
+"""Violation, in tolerances, up to which a converged run counts as feasible; as in SLSQP's test."""
 
 REMEDIES = {
     "pyoptsparse": "conda install -c conda-forge pyoptsparse",
@@ -57,12 +64,34 @@ def make_driver(
     cautious: bool = False,
     progress: Progress | None = None,
 ) -> ReportingDriver:
-    """Return a driver for the optimizer, from the package asked for or the first one installed.
+    """Return a driver for an optimizer.
 
-    The tolerance is that of the scaled problem; `barrier`, for a start that is near the optimum, is
-    the first and the largest of IPOPT's barrier parameters. `cautious` keeps IPOPT near its start:
-    every step must improve. `progress` is called at each iteration of IPOPT in CasADi, after each
-    evaluation elsewhere. Raises InputError if optimizer or package is unknown or not installed.
+    Parameters
+    ----------
+    package : str
+        Package that carries the optimizer, or auto for the first of `CARRIERS` that is installed.
+    optimizer : str
+        One of `CARRIERS`.
+    tolerance : float
+        Tolerance of optimality and feasibility, of the scaled problem.
+    max_iterations : int
+        Largest number of iterations.
+    barrier : float, optional
+        First and largest barrier parameter of IPOPT, for a start that is near the optimum.
+    cautious : bool
+        Whether IPOPT is kept near its start: every step must improve.
+    progress : Progress, optional
+        Called at each iteration of IPOPT in CasADi, after each evaluation elsewhere.
+
+    Returns
+    -------
+    ReportingDriver
+        The driver of an OpenMDAO problem.
+
+    Raises
+    ------
+    InputError
+        If optimizer or package is unknown or not installed.
     """
     carrier = _carrier(package, optimizer)
     if carrier == "scipy":
@@ -72,7 +101,7 @@ def make_driver(
         return driver
     settings = _settings(optimizer, float(tolerance), max_iterations)
     if optimizer == "IPOPT" and barrier is not None:
-        settings |= {"mu_init": barrier, "mu_max": barrier} | dict.fromkeys(PUSHES, PUSHED)
+        settings |= {"mu_init": barrier, "mu_max": barrier} | NEAR_START
     if optimizer == "IPOPT" and cautious:
         settings |= CAUTIOUS
     if carrier == "casadi":
@@ -166,10 +195,9 @@ class _ReportEachEvaluation(ReportingDriver):
     def _judge(self, converged: bool, message: str) -> bool:
         """Return whether the run failed; a converged run fails if its design is infeasible."""
         self._message = message
-        # SLSQP may report success where it stalled far from feasible. Its own relaxed test allows
-        # ten tolerances.
+        # SLSQP may report success where it stalled far from feasible.
         violation = self._violation()
-        if converged and not violation <= 10.0 * self.tolerance:
+        if converged and not violation <= RELAXED * self.tolerance:
             self._message += f" (but constraints are violated by {violation:.2g}, scaled)"
             converged = False
         self.fail = not converged
@@ -181,7 +209,7 @@ class _ScipyDriver(_ReportEachEvaluation, om.ScipyOptimizeDriver):
 
     package = "scipy"
 
-    def run(self) -> bool:
+    def run(self) -> bool:  # whether it failed, as for all drivers
         self._message = "stopped by an error"
         nonlinear = [name for name, meta in self._cons.items() if not meta["linear"]]
         self._rows = [*self._objs, *nonlinear]
@@ -226,7 +254,10 @@ class _PyOptSparseDriver(_ReportEachEvaluation, om.pyOptSparseDriver):
         return self._unless_interrupted(super()._gradfunc(design, functions))
 
     def _unless_interrupted(self, answer: tuple[dict, int]) -> tuple[dict, int]:
-        # OpenMDAO hands an interrupt to the optimizer as a failed evaluation, which SLSQP ignores.
+        """Return an evaluation's values, or raise the interrupt that OpenMDAO has caught.
+
+        OpenMDAO hands it to the optimizer as a failed evaluation, which SLSQP ignores.
+        """
         if self._user_termination_flag:
             raise KeyboardInterrupt
         return answer

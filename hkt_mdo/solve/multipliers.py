@@ -1,4 +1,4 @@
-"""Lagrange multipliers of an optimum, from its derivatives alone: the same for every optimizer."""
+"""Lagrange multipliers of an optimum from its derivatives, for any optimizer."""
 
 from __future__ import annotations
 
@@ -10,47 +10,59 @@ from scipy.sparse.linalg import splu
 
 from hkt_mdo.solve.driver_base import ReportingDriver
 
-NEAR = 1e-2  # scaled distance from its bound beyond which a row has no multiplier
-SLACK = 1e2  # weight of a row's distance from its bound, times its multiplier
+NEAR = 1e-2
+"""Scaled distance from its bound beyond which a row has no multiplier."""
+
+SLACK = 1e2
+"""Weight of the product of a row's multiplier and its distance from the bound."""
+
 ROUNDING = 1e-9
+"""Weight of the multipliers' own squares, so that dependent rows leave the system regular."""
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Where a driver's problem stands, scaled as for the optimizer (objective to be minimized).
-
-    values, lower and upper are those of the constraints, then of the design variables; rows has
-    those of each constraint, by its name in the driver; scaler is the objective's value over that
-    in its own units.
-    """
+    """Values and bounds of a driver's problem, scaled as for the optimizer, which minimizes."""
 
     objective: float
+    """The objective, scaled."""
     scaler: float
+    """The scaled objective over that in its own units."""
     values: np.ndarray
+    """The constraints, then the design variables, shape (n_rows,)."""
     lower: np.ndarray
+    """Lower bound of each value, -inf where there is none, shape (n_rows,)."""
     upper: np.ndarray
+    """Upper bound of each value, inf where there is none, shape (n_rows,)."""
     rows: dict[str, slice]
+    """Rows of each constraint, by its name in the driver."""
 
     @classmethod
     def of(cls, driver: ReportingDriver) -> State:
-        """Return the state of a driver whose model has run."""
+        """Return the state of a driver whose model has run.
+
+        Parameters
+        ----------
+        driver : ReportingDriver
+            A driver after final setup.
+
+        Returns
+        -------
+        State
+            Its present values and bounds.
+        """
         (objective,) = driver.get_objective_values().values()
         (unscaled,) = driver.get_objective_values(driver_scaling=False).values()
-        values, ends = [], []
-        for kind, found in (
-            ("constraint", driver.get_constraint_values()),
-            ("design_var", driver.get_design_var_values()),
-        ):
-            values += [np.ravel(each) for each in found.values()]
-            ends.append(driver._bounds(kind, found))
-        lower, upper = (np.concatenate(each) for each in zip(*ends, strict=True))
-        sizes = [each.size for each in driver.get_constraint_values().values()]
+        constraints, design = driver.get_constraint_values(), driver.get_design_var_values()
+        bounds = driver._bounds("constraint", constraints), driver._bounds("design_var", design)
+        lower, upper = map(np.concatenate, zip(*bounds, strict=True))
+        sizes = [value.size for value in constraints.values()]
         last = np.cumsum(sizes, dtype=int)
         rows = map(slice, last - sizes, last)
         return cls(
             float(objective[0]),
             float(objective[0] / unscaled[0]),
-            np.concatenate(values),
+            np.concatenate([*map(np.ravel, constraints.values()), *map(np.ravel, design.values())]),
             lower,
             upper,
             dict(zip(driver._cons, rows, strict=True)),
@@ -58,24 +70,37 @@ class State:
 
 
 def multipliers(driver: ReportingDriver, state: State) -> np.ndarray:
-    """Return the multipliers of the rows of a state: positive at an upper bound that binds.
+    """Return the Lagrange multipliers at an optimum, from its derivatives alone.
 
     They make the gradient of the Lagrangian least, in the sense of least squares, with a penalty on
-    the product of each multiplier and the distance from the bound, which is zero at an optimum.
+    the product of each multiplier and the distance from the bound, which is zero at an optimum
+    (complementarity; Nocedal and Wright, Numerical Optimization, 2006, chapter 12).
+
+    Parameters
+    ----------
+    driver : ReportingDriver
+        A driver whose model is at the optimum.
+    state : State
+        The driver's state there.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n_rows,)
+        Scaled multipliers of the state's rows: positive at an upper bound that binds.
     """
     totals = _totals(driver)
     gradient, jacobian = totals[[0]].toarray().ravel(), totals[1:]
     rows = vstack((jacobian, eye_array(gradient.size, format="csr")), format="csr")
-    room = np.minimum(state.upper - state.values, state.values - state.lower)
-    room = np.where(state.upper == state.lower, 0.0, np.maximum(room, 0.0))
-    active = np.flatnonzero(room < NEAR)
-    held = rows[active].T.tocsc()
-    penalty = diags_array((SLACK * room[active]) ** 2 + ROUNDING)
-    system = block_array([[eye_array(gradient.size), held], [held.T, -penalty]], format="csc")
+    slack = np.minimum(state.upper - state.values, state.values - state.lower)
+    slack = np.where(state.upper == state.lower, 0.0, np.maximum(slack, 0.0))
+    active = np.flatnonzero(slack < NEAR)
+    normals = rows[active].T.tocsc()
+    penalty = diags_array((SLACK * slack[active]) ** 2 + ROUNDING)
+    system = block_array([[eye_array(gradient.size), normals], [normals.T, -penalty]], format="csc")
     right = np.concatenate((-gradient, np.zeros(active.size)))
-    found = np.zeros(state.values.size)
-    found[active] = splu(system).solve(right)[gradient.size :]
-    return found
+    multiplier = np.zeros(state.values.size)
+    multiplier[active] = splu(system).solve(right)[gradient.size :]
+    return multiplier
 
 
 def _totals(driver) -> csr_matrix:
@@ -91,14 +116,27 @@ def _totals(driver) -> csr_matrix:
 
 
 def gain(optimum: State, multiplier: np.ndarray, changed: State) -> float:
-    """Return what the optimum gains, in the objective's units, if its problem is changed a little.
+    """Return the change of the optimal objective if the problem is changed a little.
 
-    `changed` has the same design in the changed problem. To first order the optimum changes as the
-    Lagrangian at a constant design does.
+    To first order the optimum changes as the Lagrangian at a constant design does.
+
+    Parameters
+    ----------
+    optimum : State
+        The optimum.
+    multiplier : numpy.ndarray, shape (n_rows,)
+        Its multipliers, as of `multipliers`.
+    changed : State
+        The same design in the changed problem.
+
+    Returns
+    -------
+    float
+        New optimum less the old one, in the objective's own units.
     """
     at_upper = optimum.upper - optimum.values <= optimum.values - optimum.lower
-    bound = (np.where(at_upper, each.upper, each.lower) for each in (changed, optimum))
-    held = multiplier != 0.0
-    change = (changed.values - optimum.values - np.subtract(*bound))[held]
-    lagrangian = changed.objective - optimum.objective + float(multiplier[held] @ change)
+    bounds = (np.where(at_upper, state.upper, state.lower) for state in (changed, optimum))
+    active = multiplier != 0.0
+    change = (changed.values - optimum.values - np.subtract(*bounds))[active]
+    lagrangian = changed.objective - optimum.objective + float(multiplier[active] @ change)
     return lagrangian / optimum.scaler

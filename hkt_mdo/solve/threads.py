@@ -12,10 +12,10 @@ _at_work: list[threadpool_limits] = []
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Hold BLAS to one thread: matrices are small, and threads cost more than they give.
+    """Hold BLAS to one thread: matrices are small, and threads cost more time than they save.
 
-    The limit is the process's. The first of several runs sets it and the last one lifts it: each on
-    its own would lift it under the others, or leave it behind.
+    The limit is the process's. The first of several runs sets it and the last one lifts it; if each
+    run did both, one would lift it while others are at work, or leave it behind.
     """
     with _lock:
         _at_work.append(_at_work[0] if _at_work else threadpool_limits(1))

@@ -1,8 +1,7 @@
-"""Sparse total derivatives of a model of explicit components.
+"""Sparse total derivatives of a model of explicit components, at a cost proportional to nonzeros.
 
-OpenMDAO finds totals by one linear solve a color, through all components in Python, into a dense
-matrix, and the colors by three solves for every design variable. Here both cost as much as the
-nonzeros do, so that the cost of an optimization is proportional to the segments of its phase.
+OpenMDAO solves one linear system a color, through all components in Python, into a dense matrix,
+and three for every design variable to find the colors.
 """
 
 from collections.abc import Sequence
@@ -23,10 +22,20 @@ class SparseTotals:
 
         dy_i/dx = sum over j of (df_i/dy_j) (dy_j/dx),
 
-    over the nonzeros alone, whose places are known before anything has run: `pattern`, a csr_matrix
-    of ones (n_responses, n_design). It is made of a driver after final setup and the names of its
-    responses; NotImplementedError is raised if the model has parts that are not explicit, or that
-    depend on each other in a circle.
+    over the nonzeros alone, whose positions follow from the declared partials: `pattern`, a
+    csr_matrix of ones, shape (n_responses, n_design).
+
+    Parameters
+    ----------
+    driver : openmdao.core.driver.Driver
+        A driver after final setup.
+    responses : sequence of str
+        Names of its objective and constraints, in the order of the rows.
+
+    Raises
+    ------
+    NotImplementedError
+        If the model has parts that are not explicit, or that depend on each other in a circle.
     """
 
     def __init__(self, driver: Driver, responses: Sequence[str]) -> None:
@@ -42,8 +51,8 @@ class SparseTotals:
         partials = self._jacobian.get_dr_do_matrix()
 
         design = list(driver._designvars.items())
-        wanted = [(name, driver._responses[name]) for name in responses]
-        seeds, rows = self._places(design), self._places(wanted)
+        functions = [(name, driver._responses[name]) for name in responses]
+        seeds, rows = self._positions(design), self._positions(functions)
         is_seed = np.zeros(partials.shape[0], bool)
         is_seed[seeds] = True
         chain = partials.indptr, partials.indices
@@ -60,43 +69,45 @@ class SparseTotals:
         self.pattern = csr_matrix(
             (np.ones(ends[-1]), columns[self._chosen], ends), (rows.size, seeds.size)
         )
-        by_row, by_column = self._scalers(driver, wanted), self._scalers(driver, design)
-        self._scalers_of_entries = (
-            np.repeat(by_row, np.diff(ends)) / by_column[self.pattern.indices]
-        )
+        of_row, of_column = self._scalers(driver, functions), self._scalers(driver, design)
+        self._entry_scalers = np.repeat(of_row, np.diff(ends)) / of_column[self.pattern.indices]
 
     def compute(self) -> csr_matrix:
-        """Return the totals, scaled for the optimizer, in the current state of the model."""
+        """Return the totals in the current state of the model.
+
+        Returns
+        -------
+        scipy.sparse.csr_matrix, shape (n_responses, n_design)
+            Derivatives of the scaled responses with respect to the scaled design.
+        """
         self._model.run_linearize(sub_do_ln=False)
         self._jacobian._update(self._model)
         order, indptr, indices, first, last, columns = self._structure
         partials = self._jacobian.get_dr_do_matrix().data
-        found = _substitute(order, indptr, indices, partials, first, last, columns)
+        values = _substitute(order, indptr, indices, partials, first, last, columns)
         totals = self.pattern.copy()
-        totals.data = found[self._chosen] * self._scalers_of_entries
+        totals.data = values[self._chosen] * self._entry_scalers
         return totals
 
-    def _places(self, variables: list) -> np.ndarray:
-        """Return the places of variables' elements in the model's vector of outputs."""
-        found = [np.zeros(0, int)]
+    def _positions(self, variables: list) -> np.ndarray:
+        """Return the positions of variables' elements in the model's vector of outputs."""
+        positions = [np.zeros(0, int)]
         for _, meta in variables:
-            start, stop = self._model._outputs.get_range(meta["source"])
+            elements = np.arange(*self._model._outputs.get_range(meta["source"]))
             indices = meta["indices"]
-            everywhere = np.arange(start, stop)
-            found.append(everywhere if indices is None else everywhere[indices.flat()])
-        return np.concatenate(found)
+            positions.append(elements if indices is None else elements[indices.flat()])
+        return np.concatenate(positions)
 
     @staticmethod
     def _scalers(driver: Driver, variables: list) -> np.ndarray:
         """Return the factors from variables to their values in the optimizer."""
         declared = driver._autoscaler._var_meta
-        found = [np.zeros(0)]
+        scalers = [np.zeros(0)]
         for name, meta in variables:
             scaler = next(kind[name]["total_scaler"] for kind in declared.values() if name in kind)
-            units = meta.get("unit_scaler")
-            ones = np.ones(meta["size"])
-            found.append(ones * (1.0 if scaler is None else scaler) * (units or 1.0))
-        return np.concatenate(found)
+            scaler = (1.0 if scaler is None else scaler) * (meta.get("unit_scaler") or 1.0)
+            scalers.append(np.ones(meta["size"]) * scaler)
+        return np.concatenate(scalers)
 
 
 class Substitution(om.LinearRunOnce):
@@ -109,20 +120,20 @@ class Substitution(om.LinearRunOnce):
 
 
 @compiled()
-def _evaluation_order(wanted, is_seed, indptr, indices):
+def _evaluation_order(rows, is_seed, indptr, indices):
     """Return the rows needed, each after the rows it depends on, and whether such an order exists.
 
     It does not exist if rows depend on each other in a circle. The diagonal is ignored.
     """
-    unseen, open_, done = 0, 1, 2
+    unseen, in_progress, done = 0, 1, 2
     state = np.where(is_seed, done, unseen)
     following = indptr[:-1].copy()
     order, stack = np.empty(state.size, np.int64), np.empty(state.size, np.int64)
     count = 0
-    for root in wanted:
+    for root in rows:
         depth = 0
         if state[root] == unseen:
-            stack[0], state[root], depth = root, open_, 1
+            stack[0], state[root], depth = root, in_progress, 1
         while depth > 0:
             row = stack[depth - 1]
             if following[row] == indptr[row + 1]:
@@ -132,10 +143,10 @@ def _evaluation_order(wanted, is_seed, indptr, indices):
                 continue
             source = indices[following[row]]
             following[row] += 1
-            if source != row and state[source] == open_:
+            if source != row and state[source] == in_progress:
                 return order[:0], False
             if state[source] == unseen:
-                stack[depth], state[source] = source, open_
+                stack[depth], state[source] = source, in_progress
                 depth += 1
     return order[:count].copy(), True
 
@@ -144,7 +155,7 @@ def _evaluation_order(wanted, is_seed, indptr, indices):
 def _total_pattern(order, seeds, indptr, indices):
     """Return where totals may differ from zero: row i has the columns[first[i] : last[i]]."""
     first, last = np.zeros(indptr.size - 1, np.int64), np.zeros(indptr.size - 1, np.int64)
-    columns, met = np.arange(seeds.size), np.full(seeds.size, -1)
+    columns, last_row = np.arange(seeds.size), np.full(seeds.size, -1)  # last_row[column] of totals
     first[seeds], last[seeds] = columns, columns + 1
     count = seeds.size
     for row in order:
@@ -153,10 +164,10 @@ def _total_pattern(order, seeds, indptr, indices):
             source = indices[entry]
             if source == row:
                 continue
-            for place in range(first[source], last[source]):
-                column = columns[place]
-                if met[column] != row:
-                    met[column] = row
+            for position in range(first[source], last[source]):
+                column = columns[position]
+                if last_row[column] != row:
+                    last_row[column] = row
                     if count == columns.size:
                         columns = np.concatenate((columns, np.empty_like(columns)))
                     columns[count] = column
@@ -168,15 +179,15 @@ def _total_pattern(order, seeds, indptr, indices):
 
 @compiled()
 def _substitute(order, indptr, indices, partials, first, last, columns):
-    """Return the totals at the places of `_total_pattern`."""
+    """Return the totals at the positions of `_total_pattern`."""
     totals, sums = np.ones(columns.size), np.zeros(columns.size)
     for row in order:
         for entry in range(indptr[row], indptr[row + 1]):
             source, partial = indices[entry], partials[entry]
             if source != row:
-                for place in range(first[source], last[source]):
-                    sums[columns[place]] += partial * totals[place]
-        for place in range(first[row], last[row]):
-            totals[place] = sums[columns[place]]
-            sums[columns[place]] = 0.0
+                for position in range(first[source], last[source]):
+                    sums[columns[position]] += partial * totals[position]
+        for position in range(first[row], last[row]):
+            totals[position] = sums[columns[position]]
+            sums[columns[position]] = 0.0
     return totals
