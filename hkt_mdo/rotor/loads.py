@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.strength import (
     EXPONENT,
     Structure,
@@ -115,11 +115,16 @@ class LoadModel:
     to the largest, and less smooth.
     """
 
-    polar: object
+    rotor: Hydrodynamics
     water_density: float = 1000.0
     structure: Structure | StructureByThickness | None = None
     cavitation: Cavitation | None = None
     exponent: int = EXPONENT
+
+    @property
+    def flow(self):
+        """The `Hydrodynamics` of the rotor, which may be given by its polars alone."""
+        return Hydrodynamics.of(self.rotor)
 
     @property
     def names(self):
@@ -141,13 +146,13 @@ class LoadModel:
         a structure with another number of stations, where a station is out of the water, and for
         names of loads that the model does not give.
         """
-        if derivatives and isinstance(self.polar, LocalReynolds):
+        if derivatives and self.flow.follows_reynolds:
             raise ValueError("loads have no derivatives with local Reynolds numbers")
         names = self.names if names is None else names
         if missing := [name for name in names if name not in self.names]:
             raise ValueError(f"the model gives no {', '.join(missing)}")
         ratio = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-        flow = bem.sections(blade, self.polar, ratio / np.cos(blade.cone), derivatives)
+        flow = self.flow.sections(blade, ratio, derivatives)
         return {name: _LOADS[name](self, blade, flow, ratio) for name in names}
 
     def _structure(self, blade):
@@ -163,8 +168,7 @@ class LoadModel:
         That of the flow's loads, as `root_moment`: coned blades have that of the centrifugal force
         besides.
         """
-        ratio = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-        flow = bem.sections(blade, self.polar, ratio / np.cos(blade.cone))
+        flow = self.flow.sections(blade, tip_speed_ratio)
         return _moments(blade, flow, np.asarray(r, dtype=float))[0]
 
     def tip_deflection(self, blade, tip_speed_ratio):
@@ -178,8 +182,7 @@ class LoadModel:
         """
         if self.structure is None:
             raise ValueError("deflections need a structure")
-        ratio = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-        flow = bem.sections(blade, self.polar, ratio / np.cos(blade.cone))
+        flow = self.flow.sections(blade, tip_speed_ratio)
         weights = place_weights(blade.r.size)
         structure, _ = self._structure(blade)
         edges = np.concatenate(([blade.hub_radius], weights @ blade.r, [blade.tip_radius]))
