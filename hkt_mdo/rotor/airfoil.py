@@ -45,6 +45,20 @@ class Polar:
 
         Raises InputError if the curve between the rows has a drag that is not positive, or
         coefficients beyond `hkt_mdo.files.polar_table.LARGEST`.
+
+        Parameters
+        ----------
+        table : PolarTable
+            Rows of a polar file.
+
+        Returns
+        -------
+        Polar
+
+        Raises
+        ------
+        InputError
+            Where the curve between rows is impossible.
         """
         alpha, lift, drag = table.alpha, table.lift.copy(), table.drag.copy()
         if table.full_circle:
@@ -74,6 +88,16 @@ class Polar:
         """Return the polar (1 - weight) self + weight other, with a weight of 0 to 1.
 
         It has no suction where either has none.
+
+        Parameters
+        ----------
+        other : Polar
+        weight : float
+            Weight of the other, 0 to 1.
+
+        Returns
+        -------
+        Polar
         """
         known = self.suction is not None and other.suction is not None
         return Polar(
@@ -84,11 +108,36 @@ class Polar:
         )
 
     def evaluate(self, alpha, reynolds=None):
-        """Return lift and drag coefficient at an angle of attack (rad)."""
+        """Return lift and drag coefficient at an angle of attack (rad).
+
+        Parameters
+        ----------
+        alpha : float or ndarray
+            Angle of attack (rad).
+        reynolds : float, optional
+            Reynolds number by the chord; without effect.
+
+        Returns
+        -------
+        lift, drag : float or ndarray
+        """
         return _values(*_locate(self.coefficients, alpha))
 
     def derivatives(self, alpha, reynolds=None):
-        """Return dcl/dalpha, dcl/dRe, dcd/dalpha, dcd/dRe, per rad; those by Re are zero."""
+        """Return dcl/dalpha, dcl/dRe, dcd/dalpha, dcd/dRe, per rad; those by Re are zero.
+
+        Parameters
+        ----------
+        alpha : float or ndarray
+            Angle of attack (rad).
+        reynolds : float, optional
+            Reynolds number by the chord; without effect.
+
+        Returns
+        -------
+        by_alpha, 0.0, by_alpha, 0.0 : float or ndarray
+            Slopes of lift and drag, per rad.
+        """
         lift, drag = _slopes(*_locate(self.coefficients, alpha))
         return lift, 0.0, drag, 0.0
 
@@ -97,6 +146,20 @@ class Polar:
 
         Shape (2, *alpha.shape) each, of the upper and the lower surface. Raises InputError if the
         polar has no suction.
+
+        Parameters
+        ----------
+        alpha : float or ndarray
+            Angle of attack (rad).
+
+        Returns
+        -------
+        suction, slopes : ndarray of shape (2, *alpha.shape)
+
+        Raises
+        ------
+        InputError
+            If the polar has no suction.
         """
         require_suction((self,))
         place = _locate(self.suction, alpha)
@@ -135,17 +198,57 @@ class PolarFamily:
 
     @classmethod
     def from_tables(cls, tables):
-        """Make a family of a section's tables; see `Polar.from_polar_table`."""
+        """Make a family of a section's tables; see `Polar.from_polar_table`.
+
+        Parameters
+        ----------
+        tables : sequence of PolarTable
+            Tables by increasing Reynolds number.
+
+        Returns
+        -------
+        PolarFamily
+
+        Raises
+        ------
+        InputError
+            As `Polar.from_polar_table`.
+        """
         reynolds = [np.inf if table.reynolds is None else table.reynolds for table in tables]
         return cls(np.array(reynolds), tuple(map(Polar.from_polar_table, tables)))
 
     @classmethod
     def from_file(cls, source):
-        """Read a section's polars as `read_polars` does; see `Polar.from_polar_table` too."""
+        """Read a section's polars as `read_polars` does; see `Polar.from_polar_table` too.
+
+        Parameters
+        ----------
+        source : str or path
+            Name of a shipped section, or a file.
+
+        Returns
+        -------
+        PolarFamily
+
+        Raises
+        ------
+        InputError
+            If the file is broken.
+        """
         return cls.from_tables(read_polars(source))
 
     def at(self, reynolds):
-        """Return the polar at a Reynolds number by the chord."""
+        """Return the polar at a Reynolds number by the chord.
+
+        Parameters
+        ----------
+        reynolds : float
+            Reynolds number by the chord.
+
+        Returns
+        -------
+        Polar
+        """
         numbers = np.log(self.reynolds)
         place = np.interp(np.log(reynolds), numbers, np.arange(numbers.size))
         below = int(place)

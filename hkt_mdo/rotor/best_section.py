@@ -233,6 +233,22 @@ def best_sections(blade, polar, tip_speed_ratio, chord_bounds, twist_bounds):
 
     Blade, polar (one, or one a station) and tip_speed_ratio[n_points] are those of
     `hkt_mdo.rotor.bem.sections`.
+
+    Parameters
+    ----------
+    blade : Blade
+    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
+        Polars of the sections: one, one a station, or what they follow.
+    tip_speed_ratio : array_like of shape (n_points,)
+        Omega R / V with R along the blade, positive.
+    chord_bounds : tuple of float
+        Smallest and largest chord (m).
+    twist_bounds : tuple of float
+        Smallest and largest twist (rad).
+
+    Returns
+    -------
+    BestSections
     """
     r, _, _, *ends, stacked, section, _ = bem._arguments(blade, polar)
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))

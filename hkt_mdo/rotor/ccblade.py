@@ -13,6 +13,25 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     """Return the `Coefficients` by CCBlade, as `hkt_mdo.rotor.bem.rotor_coefficients` does.
 
     Raises InputError if WISDEM is not installed.
+
+    Parameters
+    ----------
+    blade : Blade
+    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
+        Polars of the sections: one, one a station, or what they follow.
+    tip_speed_ratio : array_like of shape (n_points,)
+        Omega R / V of the disc, positive.
+    derivatives : bool
+        Whether the derivatives are computed.
+
+    Returns
+    -------
+    Coefficients
+
+    Raises
+    ------
+    InputError
+        If WISDEM is not installed.
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
     rotor = ccblade(blade, polar, derivatives)
@@ -38,7 +57,25 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
 
 
 def ccblade(blade, polar, derivatives=False):
-    """Return WISDEM's CCBlade of a blade in water of unit density, aligned with a uniform flow."""
+    """Return WISDEM's CCBlade of a blade in water of unit density, aligned with a uniform flow.
+
+    Parameters
+    ----------
+    blade : Blade
+    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
+        Polars of the sections: one, one a station, or what they follow.
+    derivatives : bool
+        Whether the derivatives are computed.
+
+    Returns
+    -------
+    wisdem.ccblade.ccblade.CCBlade
+
+    Raises
+    ------
+    InputError
+        If WISDEM is not installed.
+    """
     try:
         from wisdem.ccblade.ccblade import CCBlade
     except ImportError as error:

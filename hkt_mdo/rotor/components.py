@@ -105,7 +105,17 @@ class BladeComp(om.ExplicitComponent):
         return rotor_inputs(self.options["blade"])
 
     def blade_of(self, inputs):
-        """Return the `Blade` of the inputs."""
+        """Return the `Blade` of the inputs.
+
+        Parameters
+        ----------
+        inputs : om.Vector
+            Inputs of the component.
+
+        Returns
+        -------
+        Blade
+        """
         start = self.options["blade"]
         thickness = (inputs["thickness"],) if start.thickness is not None else ()
         blade = start.with_rotor_radius(inputs["rotor_radius"][0])

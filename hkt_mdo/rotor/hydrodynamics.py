@@ -85,7 +85,17 @@ class Hydrodynamics:
         return (bem.polar_at(self.polar, station),)
 
     def at_station(self, station):
-        """Return the same rotor for a strip of sections at one station, by its index."""
+        """Return the same rotor for a strip of sections at one station, by its index.
+
+        Parameters
+        ----------
+        station : int
+            Index of the station.
+
+        Returns
+        -------
+        Hydrodynamics
+        """
         return replace(self, polar=bem.polar_at(self.polar, station))
 
     def at_flow(self, flow_speed):

@@ -71,7 +71,17 @@ class Load(NamedTuple):
         return self.r[np.argmax(np.real(self.exact), axis=1)]
 
     def envelope(self, exponent=EXPONENT):
-        """Return the `Envelope`: a norm over the places, of the loads above zero."""
+        """Return the `Envelope`: a norm over the places, of the loads above zero.
+
+        Parameters
+        ----------
+        exponent : int
+            Exponent of the norm that stands for the largest.
+
+        Returns
+        -------
+        Envelope
+        """
         if self.r.size == 1:
             values, share = self.values[:, 0], np.ones(self.values.shape)
         else:
@@ -100,7 +110,20 @@ class Cavitation:
     gravity: float = 9.80665
 
     def available_pressure(self, height, water_density):
-        """Return the pressure above that of vapour (Pa) at a height over the hub (m)."""
+        """Return the pressure above that of vapour (Pa) at a height over the hub (m).
+
+        Parameters
+        ----------
+        height : float or ndarray
+            Height over the hub (m).
+        water_density : float
+            In kg/m**3.
+
+        Returns
+        -------
+        float or ndarray
+            In Pa.
+        """
         static = water_density * self.gravity * (self.depth - height)
         return self.atmospheric_pressure - self.vapour_pressure + static
 
@@ -145,6 +168,25 @@ class LoadModel:
         load. Raises ValueError where `bem.sections` does, for derivatives with `LocalReynolds`, for
         a structure with another number of stations, where a station is out of the water, and for
         names of loads that the model does not give.
+
+        Parameters
+        ----------
+        blade : Blade
+        tip_speed_ratio : array_like of shape (n_points,)
+            Omega R / V of the disc, positive.
+        derivatives : bool
+            Whether the derivatives are computed.
+        names : sequence of str, optional
+            Names of the loads; by default all of `names`.
+
+        Returns
+        -------
+        dict of str to Load
+
+        Raises
+        ------
+        ValueError
+            See above.
         """
         if derivatives and self.flow.follows_reynolds:
             raise ValueError("loads have no derivatives with local Reynolds numbers")
@@ -167,6 +209,19 @@ class LoadModel:
 
         That of the flow's loads, as `root_moment`: coned blades have that of the centrifugal force
         besides.
+
+        Parameters
+        ----------
+        blade : Blade
+        tip_speed_ratio : array_like of shape (n_points,)
+            Omega R / V of the disc, positive.
+        r : ndarray of shape (n_r,)
+            Radii along the blade (m).
+
+        Returns
+        -------
+        ndarray of shape (n_points, n_r)
+            In m**3.
         """
         flow = self.flow.sections(blade, tip_speed_ratio)
         return _moments(blade, flow, np.asarray(r, dtype=float))[0]
@@ -179,6 +234,22 @@ class LoadModel:
         times (tip radius - r). Sections bend about their own inclined axes; chord, twist and
         section run linearly between stations and are carried on to hub and tip. Raises ValueError
         without a structure or its modulus.
+
+        Parameters
+        ----------
+        blade : Blade
+        tip_speed_ratio : array_like of shape (n_points,)
+            Omega R / V of the disc, positive.
+
+        Returns
+        -------
+        ndarray of shape (n_points,)
+            In m/Pa.
+
+        Raises
+        ------
+        ValueError
+            Without a structure or its modulus.
         """
         if self.structure is None:
             raise ValueError("deflections need a structure")
@@ -205,9 +276,21 @@ def moment_weights(blade, r):
 
     The trapezoidal rule for the integral of load times arm (s - r) from r to the tip, over r,
     stations and tip with no load at the tip: from the hub, the rule that gives the torque.
+
+    Parameters
+    ----------
+    blade : Blade
+    r : ndarray of shape (n_places,)
+        Radii along the blade (m).
+
+    Returns
+    -------
+    ndarray of shape (n_stations, n_places)
+        In m**2.
     """
-    edges = np.concatenate(([blade.hub_radius], blade.r, [blade.tip_radius]))
-    inner, stations, outer = edges[:-2, None], blade.r[:, None], edges[2:, None]
+    inner, stations, outer = (
+        each[:, None] for each in (blade.edges[:-2], blade.r, blade.edges[2:])
+    )
     inner = np.where(np.real(inner) > np.real(r), inner, r)
     return np.where(np.real(stations) > np.real(r), 0.5 * (outer - inner) * (stations - r), 0.0)
 
@@ -245,8 +328,8 @@ def _by_radius(blade, values, by_chord, power):
 
 
 def _thrust(_model, blade, flow, _ratio):
-    edges = np.concatenate(([blade.hub_radius], blade.r, [blade.tip_radius]))
-    weights = 0.5 * np.cos(blade.cone) ** 3 * blade.blade_count * (edges[2:] - edges[:-2])
+    spans = blade.edges[2:] - blade.edges[:-2]
+    weights = 0.5 * np.cos(blade.cone) ** 3 * blade.blade_count * spans
     return _whole(blade, flow, weights, 2)
 
 

@@ -49,6 +49,25 @@ def best_blade(
     hub, tip, blade count and cone; bounds are in m and rad. From `start`, a blade, the nearest
     local optimum is taken; None: the search covers the whole range of chord and twist. A local
     search ends where the power coefficient changes by less than the tolerance.
+
+    Parameters
+    ----------
+    blade : Blade
+    rotor : Hydrodynamics, or its polars
+    tip_speed_ratio : float
+        Omega R / V of the disc.
+    chord_bounds : tuple of float
+        Smallest and largest chord (m).
+    twist_bounds : tuple of float
+        Smallest and largest twist (rad).
+    start : Blade, optional
+        Where a local search begins; without it the search is global.
+    tolerance : float
+        Change of the power coefficient at which a local search ends.
+
+    Returns
+    -------
+    SteadyOptimum
     """
     rotor, bounds = Hydrodynamics.of(rotor), (chord_bounds, twist_bounds)
     if start is None:
@@ -60,6 +79,19 @@ def best_rotor(blade, rotor, chord_bounds, twist_bounds):
     """Return the `SteadyOptimum` over chord, twist and tip speed ratios of 2 to 16.
 
     Blade, rotor and bounds are those of `best_blade`.
+
+    Parameters
+    ----------
+    blade : Blade
+    rotor : Hydrodynamics, or its polars
+    chord_bounds : tuple of float
+        Smallest and largest chord (m).
+    twist_bounds : tuple of float
+        Smallest and largest twist (rad).
+
+    Returns
+    -------
+    SteadyOptimum
     """
     rotor, bounds = Hydrodynamics.of(rotor), (chord_bounds, twist_bounds)
 
@@ -94,7 +126,17 @@ def best_rotor(blade, rotor, chord_bounds, twist_bounds):
 
 
 def best_operation(blade, rotor):
-    """Return the `SteadyOptimum` of a given blade over tip speed ratios of 1 to 20."""
+    """Return the `SteadyOptimum` of a given blade over tip speed ratios of 1 to 20.
+
+    Parameters
+    ----------
+    blade : Blade
+    rotor : Hydrodynamics, or its polars
+
+    Returns
+    -------
+    SteadyOptimum
+    """
     rotor, ratios = Hydrodynamics.of(rotor), np.linspace(1.0, 20.0, 200)
     power = rotor.coefficients(blade, ratios).power
 
@@ -106,7 +148,19 @@ def best_operation(blade, rotor):
 
 
 def best_set_angle(shape, blade, rotor):
-    """Return the `SteadyOptimum` over a `Shape`'s set angle at the radius of a blade."""
+    """Return the `SteadyOptimum` over a `Shape`'s set angle at the radius of a blade.
+
+    Parameters
+    ----------
+    shape : Shape
+        The family of blades.
+    blade : Blade
+    rotor : Hydrodynamics, or its polars
+
+    Returns
+    -------
+    SteadyOptimum
+    """
     chord, _, none = shape.control(blade)
 
     def at(angle):

@@ -64,6 +64,21 @@ class Structure:
         Between stations the outlines are blended (`Outline.blend`). wall is the thickness of the
         wall of hollow sections over the chord, one or one a station, linear between; the hollow
         itself carries and weighs nothing.
+
+        Parameters
+        ----------
+        outlines : Outline or sequence of Outline
+            One for all stations, or one a station.
+        density : float
+            Density of the material (kg/m**3).
+        modulus : float, optional
+            Young's modulus of the material (Pa).
+        wall : float or array_like of shape (n_stations,), optional
+            Thickness of a hollow section's wall over the chord; None: solid.
+
+        Returns
+        -------
+        Structure
         """
         same = isinstance(outlines, Outline)
         if same and np.ndim(wall) == 0:
@@ -88,6 +103,22 @@ class Structure:
         Each number, over chord squared or its fourth power, is one or one a station, linear
         between; without second moments, they stay. The points of the outline stay. Raises
         ValueError where the numbers of stations differ.
+
+        Parameters
+        ----------
+        area : float or array_like
+            Over chord squared, one or one a station.
+        second_moments : SecondMoments, optional
+            Each one number or one a station, over chord to the fourth power.
+
+        Returns
+        -------
+        Structure
+
+        Raises
+        ------
+        ValueError
+            Where the numbers of stations differ.
         """
         given = {"area": area} | (second_moments._asdict() if second_moments else {})
         given = {name: np.atleast_1d(np.asarray(each, float)) for name, each in given.items()}
@@ -109,6 +140,23 @@ class Structure:
         `by_change` is the derivative by. The stress is x u + y v with
 
             u = (xx strong + xy weak) / d,  v = -(yy weak + xy strong) / d,  d = (xx yy - xy²) c³.
+
+        Parameters
+        ----------
+        weak : ndarray of shape (n_points, n_places)
+            Moment of forces towards +y (N*m).
+        strong : ndarray of shape (n_points, n_places)
+            Moment of forces towards -x (N*m).
+        chord : ndarray of shape (n_places,)
+            Chord (m).
+        exponent : int
+            Exponent of the norm that stands for the largest.
+        change : Structure, optional
+            Rate of the structure by what `by_change` is by.
+
+        Returns
+        -------
+        Bending
         """
         d = (self.xx * self.yy - self.xy**2) * chord**3
         u, v = self._gradient(weak, strong, d)
@@ -135,6 +183,27 @@ class Structure:
 
         The section bends about its own inclined axes, so both moments count. Twist is in rad.
         Raises ValueError without a modulus.
+
+        Parameters
+        ----------
+        weak : ndarray of shape (n_points, n_places)
+            Moment of forces towards +y (N*m).
+        strong : ndarray of shape (n_points, n_places)
+            Moment of forces towards -x (N*m).
+        chord : ndarray of shape (n_places,)
+            Chord (m).
+        twist : ndarray of shape (n_places,)
+            Twist (rad).
+
+        Returns
+        -------
+        ndarray of shape (n_points, n_places)
+            In 1/m.
+
+        Raises
+        ------
+        ValueError
+            Without a modulus.
         """
         if self.modulus is None:
             raise ValueError("deflections need the modulus of the material")
@@ -162,6 +231,23 @@ class StructureByThickness:
 
         Outlines between them are splines through theirs, at equal fractions of the chord, as are
         walls between the sections' walls (over the chord; None: solid sections).
+
+        Parameters
+        ----------
+        thickness : ndarray of shape (n_sections,)
+            Thickness over chord of the sections, increasing.
+        outlines : sequence of Outline
+            Those of the sections.
+        density : float
+            Density of the material (kg/m**3).
+        modulus : float, optional
+            Young's modulus of the material (Pa).
+        wall : array_like of shape (n_sections,), optional
+            Walls over the chord; None: solid sections.
+
+        Returns
+        -------
+        StructureByThickness
         """
         parts = [np.linspace(*ends, PARTS + 1) for ends in pairwise(thickness)]
         at = np.unique(np.concatenate(parts))
@@ -181,6 +267,19 @@ class StructureByThickness:
         """Return the structure with another area and `SecondMoments` of the sections.
 
         As `Structure.with_section`, with values[n_sections] at the sections' thickness.
+
+        Parameters
+        ----------
+        thickness : ndarray of shape (n_sections,)
+            Thickness over chord of the sections, increasing.
+        area : ndarray of shape (n_sections,)
+            Over chord squared.
+        second_moments : SecondMoments, optional
+            Of shape (n_sections,) each, over chord to the fourth power.
+
+        Returns
+        -------
+        StructureByThickness
         """
         at = self.numbers.x
         table = self.numbers(at)
@@ -190,7 +289,19 @@ class StructureByThickness:
         return replace(self, numbers=CubicSpline(at, table))
 
     def at(self, thickness, order=0):
-        """Return the `Structure` of places with a thickness[n_places], or its rate by it."""
+        """Return the `Structure` of places with a thickness[n_places], or its rate by it.
+
+        Parameters
+        ----------
+        thickness : ndarray of shape (n_places,)
+            Thickness over chord.
+        order : int
+            1: its rate by the thickness.
+
+        Returns
+        -------
+        Structure
+        """
         table = self.numbers(thickness, order)
         points = table[:, 4:].reshape(table.shape[0], -1, 2)
         return Structure(*table[:, :4].T, points, self.density, self.modulus)
@@ -202,6 +313,14 @@ def place_weights(n_stations):
     The places are where stress is looked at: the stations, and others equally spaced between each
     two: about `PLACES` in all, and at least two in each interval. Between stations, values are
     linear.
+
+    Parameters
+    ----------
+    n_stations : int
+
+    Returns
+    -------
+    ndarray of shape (n_places, n_stations)
     """
     parts = max(3, -(-PLACES // max(n_stations - 1, 1)))
     at = np.arange((n_stations - 1) * parts + 1)[:, None] / parts
@@ -213,6 +332,19 @@ def norm(values, exponent=EXPONENT):
 
     (sum |x|^p)^(1/p), p an integer: homogeneous, never below the largest and at most n^(1/p) times
     it, for n equal values.
+
+    Parameters
+    ----------
+    values : ndarray of shape (..., n)
+    exponent : int
+        Exponent of the norm that stands for the largest.
+
+    Returns
+    -------
+    smooth, largest : ndarray of shape (...)
+        The norm, first, and the largest magnitude, last.
+    share : ndarray of shape (..., n)
+        Derivatives of the norm, between both.
     """
     rows = np.ascontiguousarray(values).reshape(-1, np.shape(values)[-1])
     smooth, share, largest = _norms(rows, exponent)
@@ -290,6 +422,21 @@ def material_section(outline, wall=None):
 
     Over powers of the chord, about the centroid of its material; the points are the outline's. wall
     is the thickness of the wall over the chord, None for a solid section.
+
+    Parameters
+    ----------
+    outline : Outline
+    wall : float, optional
+        Thickness of the wall over the chord; None: solid.
+
+    Returns
+    -------
+    area : float
+        Over chord squared.
+    moments : SecondMoments
+        Over chord to the fourth power.
+    points : ndarray of shape (n, 2)
+        Those of the outline from the centroid, over the chord.
     """
     area, centroid, moments = outline.area, np.array(outline.centroid), outline.second_moments
     hollow = None if wall is None else outline.hollowed(wall)
