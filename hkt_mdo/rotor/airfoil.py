@@ -65,12 +65,12 @@ class Polar:
             lift[-1], drag[-1] = lift[0], drag[0]  # the same angle; equal except for rounding
         else:
             alpha, lift, drag = _viterna(alpha, lift, drag)
-        known = table.smallest_pressure is not None
+        given = table.smallest_pressure is not None
         polar = cls(
             _spline(alpha, lift, drag),
             float(table.alpha[0]),
             float(table.alpha[-1]),
-            _spline(*surface_curves(table.alpha, -table.smallest_pressure)) if known else None,
+            _spline(*surface_curves(table.alpha, -table.smallest_pressure)) if given else None,
         )
         polar._refuse_overshoot(table.source)
         return polar
@@ -99,12 +99,12 @@ class Polar:
         -------
         Polar
         """
-        known = self.suction is not None and other.suction is not None
+        with_suction = self.suction is not None and other.suction is not None
         return Polar(
             (1.0 - weight) * self.coefficients + weight * other.coefficients,
             max(self.alpha_min, other.alpha_min),
             min(self.alpha_max, other.alpha_max),
-            (1.0 - weight) * self.suction + weight * other.suction if known else None,
+            (1.0 - weight) * self.suction + weight * other.suction if with_suction else None,
         )
 
     def evaluate(self, alpha, reynolds=None):
@@ -162,8 +162,8 @@ class Polar:
             If the polar has no suction.
         """
         require_suction((self,))
-        place = _locate(self.suction, alpha)
-        return np.stack(_values(*place)), np.stack(_slopes(*place))
+        local = _locate(self.suction, alpha)
+        return np.stack(_values(*local)), np.stack(_slopes(*local))
 
     def _refuse_overshoot(self, source):
         """Raise an error where the curve between rows has impossible coefficients."""
@@ -174,11 +174,11 @@ class Polar:
             at = at[np.isfinite(at)]  # the slope of an even piece has no single root
             value = curve(at)
             lowest = 0.0 if name == "drag" else -LARGEST[name]
-            for place in (value.argmin(), value.argmax()):
-                if not lowest < value[place] <= LARGEST[name]:
+            for extreme in (value.argmin(), value.argmax()):
+                if not lowest < value[extreme] <= LARGEST[name]:
                     raise InputError(
                         f"the smooth curve through the rows has a {name} coefficient of "
-                        f"{value[place]:.3g} at {np.rad2deg(at[place]):.2f} degrees",
+                        f"{value[extreme]:.3g} at {np.rad2deg(at[extreme]):.2f} degrees",
                         "add rows near this angle, or take out rows that lie too close together",
                         file=source,
                     )
@@ -250,11 +250,11 @@ class PolarFamily:
         Polar
         """
         numbers = np.log(self.reynolds)
-        place = np.interp(np.log(reynolds), numbers, np.arange(numbers.size))
-        below = int(place)
-        if place == below:
+        position = np.interp(np.log(reynolds), numbers, np.arange(numbers.size))
+        below = int(position)
+        if position == below:
             return self.polars[below]
-        return self.polars[below].blend(self.polars[below + 1], place - below)
+        return self.polars[below].blend(self.polars[below + 1], position - below)
 
 
 def _locate(coefficients, alpha):

@@ -364,9 +364,9 @@ def _first_root(lambda_r, knots, n_knots, station):
 
 
 @compiled(error_model="numpy")
-def _store(phi, terms, lambda_r, chord, twist, place, state):
-    """Write a root to state[:, *place] and return its branch; see `Sections`."""
-    j, i = place
+def _store(phi, terms, lambda_r, chord, twist, index, state):
+    """Write a root to state[:, *index] and return its branch; see `Sections`."""
+    j, i = index
     s, c, _s_phi, _c_phi = terms[0]
     if s <= 0.0:
         state[7, j, i] = np.inf
@@ -400,9 +400,9 @@ def _mixed_force(phi, twist, polars, weights):
     """Return the tangential and the normal force coefficient of a weighted sum of polars."""
     lift = drag = 0.0
     for number in range(weights.size):
-        found = _polar_at(phi - twist, polars[number])
-        lift += weights[number] * found[0]
-        drag += weights[number] * found[1]
+        section = _polar_at(phi - twist, polars[number])
+        lift += weights[number] * section[0]
+        drag += weights[number] * section[1]
     sine, cosine = np.sin(phi), np.cos(phi)
     return lift * sine - drag * cosine, lift * cosine + drag * sine
 
@@ -487,12 +487,12 @@ def _arguments(blade, polar, blade_ratio=()):
         stations = polar.polars * n if len(polar.polars) == 1 else polar.polars
         mixture = polar.mixture(blade, blade_ratio)
     else:
-        stations = tuple((each,) for each in polar)
+        stations = tuple((single,) for single in polar)
     if len(stations) != n:
         raise ValueError(
             f"{len(stations)} polars for {n} stations: give one polar, or one for each"
         )
-    places = {each: i * len(each) for i, each in enumerate(dict.fromkeys(stations))}
+    places = {family: i * len(family) for i, family in enumerate(dict.fromkeys(stations))}
     return (
         np.ascontiguousarray(blade.r, dtype=float),
         np.ascontiguousarray(blade.chord, dtype=float),
@@ -500,8 +500,8 @@ def _arguments(blade, polar, blade_ratio=()):
         float(blade.hub_radius),
         float(blade.tip_radius),
         int(blade.blade_count),
-        _stack(tuple(polar for each in places for polar in each)),
-        np.array([places[each] for each in stations]),
+        _stack(tuple(polar for family in places for polar in family)),
+        np.array([places[family] for family in stations]),
         mixture,
     )
 
@@ -567,11 +567,11 @@ def angles_of_attack(blade, polar, tip_speed_ratio, derivatives=True):
         As `sections`.
     """
     cosine = float(np.cos(blade.cone))
-    found = sections(blade, polar, tip_speed_ratio / cosine, derivatives)
-    angle = found.angle_of_attack[0]
+    flow = sections(blade, polar, tip_speed_ratio / cosine, derivatives)
+    angle = flow.angle_of_attack[0]
     if not derivatives:
         return (angle,) * 4
-    by_ratio, by_chord, by_twist, _ = found.derivatives[2, :, 0]
+    by_ratio, by_chord, by_twist, _ = flow.derivatives[2, :, 0]
     return angle, by_ratio / cosine, by_chord, by_twist - 1.0
 
 

@@ -42,11 +42,11 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
         outputs, gradients = rotor.evaluate(
             np.ones(points.size), points * rpm_per_ratio, np.zeros(points.size), coefficients=True
         )
-    found = Coefficients(outputs["CQ"], outputs["CP"], outputs["CT"])
+    coefficients = Coefficients(outputs["CQ"], outputs["CP"], outputs["CT"])
     if not derivatives:
-        return found
+        return coefficients
     by = gradients["dCQ"]
-    return found._replace(
+    return coefficients._replace(
         torque_by_tip_speed_ratio=np.diag(by["dOmega"]) * rpm_per_ratio,
         torque_by_chord=by["dchord"],
         torque_by_twist=np.rad2deg(by["dtheta"]),

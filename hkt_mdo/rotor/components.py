@@ -84,7 +84,7 @@ class BladeComp(om.ExplicitComponent):
 
     def __init__(self, polar=None, coefficients=SOLVERS["vectorized"], **options):
         if polar is not None:
-            solver = next(name for name, each in SOLVERS.items() if each is coefficients)
+            solver = next(name for name, function in SOLVERS.items() if function is coefficients)
             options["rotor"] = Hydrodynamics(polar, solver)
         super().__init__(**options)
 

@@ -288,9 +288,7 @@ def moment_weights(blade, r):
     ndarray of shape (n_stations, n_places)
         In m**2.
     """
-    inner, stations, outer = (
-        each[:, None] for each in (blade.edges[:-2], blade.r, blade.edges[2:])
-    )
+    inner, stations, outer = (blade.edges[:, None][at] for at in np.s_[:-2, 1:-1, 2:])
     inner = np.where(np.real(inner) > np.real(r), inner, r)
     return np.where(np.real(stations) > np.real(r), 0.5 * (outer - inner) * (stations - r), 0.0)
 
@@ -313,8 +311,8 @@ def _by_flow(flow, blade, normal, tangential):
     normal and tangential[n_points, n_stations] are the derivatives by both loads.
     """
     by_ratio, *by_shape = (
-        normal * flow.derivatives[1, place] + tangential * flow.derivatives[0, place]
-        for place in range(len(bem.INPUTS))
+        normal * flow.derivatives[1, column] + tangential * flow.derivatives[0, column]
+        for column in range(len(bem.INPUTS))
     )
     return np.sum(by_ratio, axis=-1) / np.cos(blade.cone), *by_shape
 
@@ -419,8 +417,8 @@ def _outboard(blade, area, r, chord):
     s, local = between(r, blade.tip_radius), between(chord, chord[-1])
     width = np.diff(np.concatenate((r, [blade.tip_radius])))
     weight = _WEIGHTS * width * between(area, area[-1]) * s
-    weight, unit = (np.stack((each, each * s)) for each in (weight, _WEIGHTS * width * s))
-    found = np.cumsum(np.sum(weight * local**2, axis=1)[:, ::-1], axis=1)[:, ::-1]
+    weight, unit = (np.stack((factor, factor * s)) for factor in (weight, _WEIGHTS * width * s))
+    integrals = np.cumsum(np.sum(weight * local**2, axis=1)[:, ::-1], axis=1)[:, ::-1]
 
     def slopes(by):
         inner = np.sum(by * (1.0 - _SHARES), axis=1)  # by the value at the inner end
@@ -430,7 +428,7 @@ def _outboard(blade, area, r, chord):
         slopes[:, :, -1] += outer[:, None, -1]
         return slopes
 
-    return found, slopes(2.0 * weight * local), slopes(unit * local**2)
+    return integrals, slopes(2.0 * weight * local), slopes(unit * local**2)
 
 
 def _cavitation(model, blade, flow, ratio):
@@ -456,12 +454,12 @@ def _cavitation(model, blade, flow, ratio):
         flat(scale * speed * (by_angle * speed * by_attack + 2.0 * suction * by_speed))
         for by_attack, by_speed in zip(angle, relative, strict=True)
     ]
-    for each in by_section:
-        by[-1] = by[-1] + flat(scale * speed**2 * each)
+    for by_own_thickness in by_section:
+        by[-1] = by[-1] + flat(scale * speed**2 * by_own_thickness)
     lift = model.water_density * settings.gravity * np.tile(height / pressure, 2)
 
     def slopes(share):
-        both = [(share * each).reshape(len(share), 2, -1).sum(axis=1) for each in by]
+        both = [(share * slope).reshape(len(share), 2, -1).sum(axis=1) for slope in by]
         by_ratio, by_chord, by_twist, by_thickness = both
         weighted = share * values
         by_radius = _by_radius(blade, np.sum(weighted, axis=1), by_chord, 0)

@@ -194,8 +194,8 @@ def _sides_at(at, x, y):
 
     Where a side turns back in x, the part that goes on towards the trailing edge is taken.
     """
-    nose, found = int(np.argmin(x)), []
+    nose, sides = int(np.argmin(x)), []
     for side in (slice(nose, None, -1), slice(nose, None)):
         on = np.concatenate(([True], x[side][1:] > np.maximum.accumulate(x[side])[:-1]))
-        found.append(np.interp(at, x[side][on], y[side][on]))
-    return found
+        sides.append(np.interp(at, x[side][on], y[side][on]))
+    return sides

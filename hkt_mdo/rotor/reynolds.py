@@ -131,7 +131,7 @@ class LocalReynolds:
         stations = self.polars * blade.r.size if len(self.polars) == 1 else self.polars
         mixed = []
         for station, polars in enumerate(stations):
-            tables = [each.suction_at(angle_of_attack[:, station])[0] for each in polars]
+            tables = [polar.suction_at(angle_of_attack[:, station])[0] for polar in polars]
             mixed.append(np.einsum("pt,tsp->sp", weight[station], np.stack(tables)))
         return np.stack(mixed, axis=-1)
 

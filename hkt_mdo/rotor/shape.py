@@ -109,11 +109,11 @@ class Shape:
         """
         n = blade.r.size
         usual = n if n <= FREE_STATIONS and not several_sections else POINTS
-        points = [usual if each is None else each for each in (chord_points, twist_points)]
+        points = [usual if count is None else count for count in (chord_points, twist_points)]
         points += [thickness_points] if thickness_points else []
         ends = blade.hub_radius, blade.tip_radius
         chord, twist, *thickness = (
-            np.eye(n) if each >= n else spline_basis(each, blade.r, *ends) for each in points
+            np.eye(n) if count >= n else spline_basis(count, blade.r, *ends) for count in points
         )
         bounds = chord_bounds, twist_bounds, radius_bounds
         family = cls(
@@ -208,18 +208,18 @@ class Shape:
         chord_control, twist_control, thickness_control : ndarray
             In m, rad and over the chord; empty where nothing is designed.
         """
-        found = []
+        points = []
         for basis, rest in (
             (self.chord_basis, blade.chord - self.chord_offset),
             (self.twist_basis, blade.twist - self.twist_offset),
             (self.thickness_basis, blade.thickness if self.designs_thickness else None),
         ):
             if rest is None:
-                found.append(np.empty(0))
+                points.append(np.empty(0))
                 continue
             direct = basis.shape[0] == basis.shape[1]  # the stations themselves
-            found.append(rest if direct else np.linalg.lstsq(basis, rest, rcond=None)[0])
-        return tuple(found)
+            points.append(rest if direct else np.linalg.lstsq(basis, rest, rcond=None)[0])
+        return tuple(points)
 
     def stations(self, chord_control, twist_control, thickness_control=()):
         """Return chord (m), twist (rad) and, if it is designed, thickness at the stations.
@@ -283,7 +283,7 @@ class Shape:
         """
         bounds = self.chord_bounds, self.twist_bounds, self.thickness_bounds
         control = zip(self.control(blade), bounds, strict=True)
-        return tuple(np.clip(each, *ends) for each, ends in control)
+        return tuple(np.clip(values, *ends) for values, ends in control)
 
     def nearest(self, blade):
         """Return the blade of this family, within its bounds, nearest to one, of its radius.

@@ -102,20 +102,19 @@ def best_rotor(blade, rotor, chord_bounds, twist_bounds):
         padded = np.array([-np.inf, *power, -np.inf])
         places = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
         places = places[np.argsort(padded[places + 1])[-count:]]
-        return [(starts[each], ratios[max(each - 1, 0) : each + 2]) for each in places]
+        return [(starts[peak], ratios[max(peak - 1, 0) : peak + 2]) for peak in places]
 
     def refined(start, near):
         """Return the best optimum between the ratios, by continuation from a blade."""
         return _bracketed(lambda ratio: _climb(start, rotor, ratio, *bounds, tolerance=1e-12), near)
 
     # Stations that jump between stalled and attached flow leave several peaks over the ratio.
-    found = peaks(RATIOS, PEAKS)
+    candidates = peaks(RATIOS, PEAKS)
     if not rotor.follows_reynolds:
-        found = [
-            each for _, near in found for each in peaks(np.linspace(near[0], near[-1], FINER), 1)
-        ]
-    optima = [(refined(*each), each[1]) for each in found]
-    best, near = max(optima, key=lambda each: each[0].power_coefficient)
+        finer = (np.linspace(near[0], near[-1], FINER) for _, near in candidates)
+        candidates = [peak for ratios in finer for peak in peaks(ratios, 1)]
+    optima = [(refined(*candidate), candidate[1]) for candidate in candidates]
+    best, near = max(optima, key=lambda candidate: candidate[0].power_coefficient)
     for _ in range(4):
         # Another local optimum of a station may be the better one at this tip speed ratio.
         other = best_blade(blade, rotor, best.tip_speed_ratio, *bounds)
@@ -186,24 +185,24 @@ def _candidates(blade, rotor, ratios, chord_bounds, twist_bounds, grid=GRID):
     ratios, bounds = np.array(ratios), (chord_bounds, twist_bounds)
     if rotor.follows_thickness:
         tried = np.linspace(*rotor.thickness_bounds, THICKNESSES)
-        found = [
+        by_thickness = [
             _candidates(blade, Hydrodynamics(polar), ratios, *bounds, grid)
             for polar in rotor.polar.at(tried)
         ]
         return [
             _best_stations(blades, rotor, ratio, tried)
-            for ratio, *blades in zip(ratios, *found, strict=True)
+            for ratio, *blades in zip(ratios, *by_thickness, strict=True)
         ]
     if rotor.follows_reynolds:
         chord, twist = np.empty((2, ratios.size, blade.r.size))
         unreached = np.ones(chord.shape, dtype=bool)
     else:
         load, chord, twist = rotor.best_sections(blade, ratios, *bounds)
-        found = [
+        reached = [
             rotor.sections(blade.with_shape(*shape), ratio).tangential_load[0]
             for *shape, ratio in zip(chord, twist, ratios, strict=True)
         ]
-        unreached = np.array(found) < load - 1e-9 * np.abs(load)
+        unreached = np.array(reached) < load - 1e-9 * np.abs(load)
     chords, twists = np.meshgrid(
         np.geomspace(*chord_bounds, grid[0]), np.linspace(*twist_bounds, grid[1]), indexing="ij"
     )
@@ -214,7 +213,7 @@ def _candidates(blade, rotor, ratios, chord_bounds, twist_bounds, grid=GRID):
         load = rotor.at_station(j).sections(strip, ratios[few]).tangential_load
         best = np.argmax(load, axis=1)
         chord[few, j], twist[few, j] = chords[best], twists[best]
-    return [blade.with_shape(*each) for each in zip(chord, twist, strict=True)]
+    return [blade.with_shape(*section) for section in zip(chord, twist, strict=True)]
 
 
 def _best_stations(blades, rotor, ratio, thickness):
@@ -232,13 +231,13 @@ def _best_stations(blades, rotor, ratio, thickness):
 
 def _loads(blade, rotor, ratio):
     """Return the tangential loads of the stations, and their derivatives by their shape."""
-    found = rotor.sections(blade, ratio, derivatives=True)
-    _, *by_shape, by_followed = found.derivatives[0, :, 0]
+    flow = rotor.sections(blade, ratio, derivatives=True)
+    _, *by_shape, by_followed = flow.derivatives[0, :, 0]
     if rotor.follows_reynolds:
         by_shape[0] = by_shape[0] + by_followed / blade.chord
     if rotor.follows_thickness:
         by_shape.append(by_followed)
-    return found.tangential_load[0], np.stack(by_shape)
+    return flow.tangential_load[0], np.stack(by_shape)
 
 
 def _climb(start, rotor, ratio, chord_bounds, twist_bounds, tolerance=1e-14):
@@ -263,8 +262,8 @@ def _climb(start, rotor, ratio, chord_bounds, twist_bounds, tolerance=1e-14):
     radius = np.ones(load.size)
     for _ in range(MOST_STEPS):
         # second derivatives by one-sided differences, in trust region units from here on
-        moved = [at(x + each[:, None] * 1e-5 * unit)[1] for each in np.eye(len(x))]
-        bend = np.stack([(each - slope) * unit for each in moved]) / 1e-5
+        moved = [at(x + direction[:, None] * 1e-5 * unit)[1] for direction in np.eye(len(x))]
+        bend = np.stack([(slopes - slope) * unit for slopes in moved]) / 1e-5
         step = _newton_step(slope * unit, bend, (bounds - x) / unit, radius) * unit
         if ratio * weights @ np.abs(np.sum(slope * step, axis=0)) <= tolerance:
             break
@@ -297,10 +296,10 @@ def _newton_step(slope, bend, room, radius):
 
 def _bracketed(optimum, near):
     """Return the best optimum between the first and the last of some points."""
-    found = minimize_scalar(
+    peak = minimize_scalar(
         lambda point: -optimum(point).power_coefficient,
         bounds=(near[0], near[-1]),
         method="bounded",
         options={"xatol": 1e-4},
     )
-    return optimum(found.x)
+    return optimum(peak.x)

@@ -121,14 +121,14 @@ class Structure:
             Where the numbers of stations differ.
         """
         given = {"area": area} | (second_moments._asdict() if second_moments else {})
-        given = {name: np.atleast_1d(np.asarray(each, float)) for name, each in given.items()}
-        counts = {each.size for each in given.values() if each.size > 1}
+        given = {name: np.atleast_1d(np.asarray(numbers, float)) for name, numbers in given.items()}
+        counts = {numbers.size for numbers in given.values() if numbers.size > 1}
         counts |= {self.n_stations} if self.n_stations else set()
         if len(counts) > 1:
             raise ValueError(f"sections are given at different numbers of stations: {counts}")
         spread = {
-            name: each if each.size == 1 else place_weights(each.size) @ each
-            for name, each in given.items()
+            name: numbers if numbers.size == 1 else place_weights(numbers.size) @ numbers
+            for name, numbers in given.items()
         }
         return replace(self, **spread, n_stations=counts.pop() if counts else None)
 
@@ -251,7 +251,7 @@ class StructureByThickness:
         """
         parts = [np.linspace(*ends, PARTS + 1) for ends in pairwise(thickness)]
         at = np.unique(np.concatenate(parts))
-        x, upper, lower = np.moveaxis([each.resampled() for each in outlines], 1, 0)
+        x, upper, lower = np.moveaxis([outline.resampled() for outline in outlines], 1, 0)
         along = over_thickness(thickness, np.stack((x, upper, lower), axis=1))(at)
         walls = [None] * at.size if wall is None else over_thickness(thickness, wall)(at)
         sections = [
@@ -390,31 +390,31 @@ def _around(u, v, points, moved, exponent):
     and by what moves the points, each [n_points, n_places].
     """
     shape = np.broadcast_shapes(np.shape(u), np.shape(v), points.shape[:-2])
-    rows = (np.broadcast_to(each, shape).reshape(-1, shape[-1]) for each in (u, v))
-    known = points.transpose(0, 2, 1), (points if moved is None else moved).transpose(0, 2, 1)
-    found, largest = _norms_around(*map(np.ascontiguousarray, (*rows, *known)), exponent)
-    return (each.reshape(shape) for each in (found[0], largest, *found[1:]))
+    rows = (np.broadcast_to(gradient, shape).reshape(-1, shape[-1]) for gradient in (u, v))
+    outlines = points.transpose(0, 2, 1), (points if moved is None else moved).transpose(0, 2, 1)
+    slopes, largest = _norms_around(*map(np.ascontiguousarray, (*rows, *outlines)), exponent)
+    return (values.reshape(shape) for values in (slopes[0], largest, *slopes[1:]))
 
 
 @compiled(error_model="numpy")
 def _norms_around(u, v, points, moved, exponent):
-    found, largest = np.empty((4, *u.shape), dtype=u.dtype), np.empty(u.shape)
+    slopes, largest = np.empty((4, *u.shape), dtype=u.dtype), np.empty(u.shape)
     values = np.empty(points.shape[2], dtype=u.dtype)
     share = np.empty_like(values)
     for i in range(u.shape[0]):
         for j in range(u.shape[1]):
             k, u_here, v_here = min(j, len(points) - 1), u[i, j], v[i, j]
-            for place in range(values.size):
-                values[place] = points[k, 0, place] * u_here + points[k, 1, place] * v_here
-            found[0, i, j], largest[i, j] = _norm(values, share, exponent)
+            for point in range(values.size):
+                values[point] = points[k, 0, point] * u_here + points[k, 1, point] * v_here
+            slopes[0, i, j], largest[i, j] = _norm(values, share, exponent)
             by_u = by_v = by_points = 0.0 * u_here
-            for place in range(values.size):
-                each = share[place]
-                by_u += each * points[k, 0, place]
-                by_v += each * points[k, 1, place]
-                by_points += each * (moved[k, 0, place] * u_here + moved[k, 1, place] * v_here)
-            found[1, i, j], found[2, i, j], found[3, i, j] = by_u, by_v, by_points
-    return found, largest
+            for point in range(values.size):
+                weight = share[point]
+                by_u += weight * points[k, 0, point]
+                by_v += weight * points[k, 1, point]
+                by_points += weight * (moved[k, 0, point] * u_here + moved[k, 1, point] * v_here)
+            slopes[1, i, j], slopes[2, i, j], slopes[3, i, j] = by_u, by_v, by_points
+    return slopes, largest
 
 
 def material_section(outline, wall=None):
@@ -467,8 +467,8 @@ def _governing(shapes, same=False):
     angle = np.linspace(0.0, np.pi, 721)[:-1]
     directions = np.array([np.cos(angle), np.sin(angle)]) / size[:, None]
     reaches = [np.abs(points @ directions) for points in shapes]
-    reach = np.array([each.max(axis=0) for each in reaches])
-    farthest = np.array([each.argmax(axis=0) for each in reaches])
+    reach = np.array([reaching.max(axis=0) for reaching in reaches])
+    farthest = np.array([reaching.argmax(axis=0) for reaching in reaches])
     kept, covered = [], np.zeros(reach.shape)
     while (least := np.min(covered / reach)) < 1.0 - POINT_ERROR:
         if same:

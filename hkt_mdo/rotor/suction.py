@@ -55,8 +55,8 @@ def surface_curves(alpha, suction):
     # The second half of the back, with 180 degrees itself, comes first, one turn less.
     half = round_back.size // 2 + 1
     grid, *columns = (
-        np.concatenate((each[-half:], each[: 1 - half]))
-        for each in (np.append(front, round_back), *curves)
+        np.concatenate((curve[-half:], curve[: 1 - half]))
+        for curve in (np.append(front, round_back), *curves)
     )
     grid[:half] -= 2.0 * np.pi
     return grid, *columns
@@ -137,8 +137,8 @@ def section_suction(polar, angle_of_attack):
     """
     n_stations = np.shape(angle_of_attack)[-1]
     polars = polar if isinstance(polar, tuple | list) else (polar,) * n_stations
-    found = [each.suction_at(angle_of_attack[..., station]) for station, each in enumerate(polars)]
-    suction, by_angle = (np.stack(part, axis=-1) for part in zip(*found, strict=True))
+    by_station = [each.suction_at(angle_of_attack[..., j]) for j, each in enumerate(polars)]
+    suction, by_angle = (np.stack(part, axis=-1) for part in zip(*by_station, strict=True))
     return suction, by_angle
 
 
@@ -154,7 +154,7 @@ def require_suction(polars):
     InputError
         Where a polar has none.
     """
-    if any(each.suction is None for each in polars):
+    if any(polar.suction is None for polar in polars):
         raise InputError(
             "has no smallest pressure coefficient, which the suction of a section is taken from",
             "give a polar with the columns cpmin_upper and cpmin_lower, or cpmin (hkt polar "

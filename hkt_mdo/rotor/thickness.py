@@ -136,12 +136,12 @@ class ByThickness:
         def mixed(name):
             return np.tensordot(weights, np.stack([getattr(s, name) for s in self.sections]), 1)
 
-        known = all(each.suction is not None for each in self.sections)
+        with_suction = all(section.suction is not None for section in self.sections)
         return Polar(
             mixed("coefficients"),
-            max(each.alpha_min for each in self.sections),
-            min(each.alpha_max for each in self.sections),
-            mixed("suction") if known else None,
+            max(section.alpha_min for section in self.sections),
+            min(section.alpha_max for section in self.sections),
+            mixed("suction") if with_suction else None,
         )
 
     def suction_at(self, angle_of_attack, thickness):
@@ -167,8 +167,8 @@ class ByThickness:
             Where a section has no suction.
         """
         require_suction(self.sections)
-        found = [each.suction_at(angle_of_attack) for each in self.sections]
-        suction, by_angle = (np.stack(part, axis=-1) for part in zip(*found, strict=True))
+        by_section = [section.suction_at(angle_of_attack) for section in self.sections]
+        suction, by_angle = (np.stack(part, axis=-1) for part in zip(*by_section, strict=True))
         weights, slopes = self.weights(thickness)
         return (
             np.sum(weights * suction, axis=-1),

@@ -35,10 +35,10 @@ class TorqueSpline:
         """
         points = np.asarray(tip_speed_ratio)
         inside = np.clip(points.real, self.nodes[0], self.nodes[-1])
-        found, beyond = self._cardinal(inside, derivative), points - inside
+        basis, beyond = self._cardinal(inside, derivative), points - inside
         if derivative == 0 and np.any(beyond):
-            found = found + self._cardinal(inside, 1) * beyond[:, None]
-        return found * (beyond.real == 0.0)[:, None] if derivative > 1 else found
+            basis = basis + self._cardinal(inside, 1) * beyond[:, None]
+        return basis * (beyond.real == 0.0)[:, None] if derivative > 1 else basis
 
     def curve(self, table):
         """Return the spline of a table as a function of the tip speed ratio within the nodes.
