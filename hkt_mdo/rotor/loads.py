@@ -20,8 +20,7 @@ from hkt_mdo.rotor.strength import (
     place_weights,
 )
 
-# Unit of each load, and of its coefficient, the load over q (Pa)
-UNITS = {"thrust": "N", "root_moment": "N*m", "stress": "Pa", "cavitation": None}
+# Unit of the coefficient of each load, the load over q (Pa)
 COEFFICIENT_UNITS = {"thrust": "m**2", "root_moment": "m**3", "stress": None, "cavitation": "1/Pa"}
 
 # Three points are exact for (linear chord)² times linear shape times r², a quintic.

@@ -104,37 +104,6 @@ class LocalReynolds:
         slopes = self._cardinal(inside, 1) * (inside == number)[:, :, None]
         return np.stack((self._cardinal(inside), slopes))
 
-    def suction(self, blade, blade_ratio, angle_of_attack):
-        """Return -Cp min of the upper and the lower surface, [2, n_points, n_stations].
-
-        angle_of_attack[n_points, n_stations] is in rad, blade_ratio[n_points] is Omega R / V.
-        Raises InputError where a polar has no suction.
-
-        Parameters
-        ----------
-        blade : Blade
-        blade_ratio : array_like of shape (n_points,)
-            Omega R / V with R along the blade.
-        angle_of_attack : ndarray of shape (n_points, n_stations)
-            Angle of attack (rad).
-
-        Returns
-        -------
-        ndarray of shape (2, n_points, n_stations)
-
-        Raises
-        ------
-        InputError
-            Where a polar has no suction.
-        """
-        weight = self.mixture(blade, np.asarray(blade_ratio))[0]
-        stations = self.polars * blade.r.size if len(self.polars) == 1 else self.polars
-        mixed = []
-        for station, polars in enumerate(stations):
-            tables = [polar.suction_at(angle_of_attack[:, station])[0] for polar in polars]
-            mixed.append(np.einsum("pt,tsp->sp", weight[station], np.stack(tables)))
-        return np.stack(mixed, axis=-1)
-
     def __getitem__(self, station):
         """Return the polars of one station, for a strip of sections there."""
         return replace(self, polars=(self.polars[station],))
