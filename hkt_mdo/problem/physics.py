@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -36,20 +36,17 @@ from hkt_mdo.problem.operation import in_operation
 from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
 from hkt_mdo.problem.turbine import Turbine, build_turbine
 from hkt_mdo.quantities import LOADS, RATES, names
-from hkt_mdo.rotor import bem, ccblade
-from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.rotor.hydrodynamics import SOLVERS, Hydrodynamics
 from hkt_mdo.rotor.loads import Cavitation, LoadModel
+from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.planform import planform_area
-from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.shape import Shape
-from hkt_mdo.rotor.stall import SLOWER, stall_fence
-from hkt_mdo.rotor.suction import require_suction, section_suction
-from hkt_mdo.rotor.thickness import ByThickness, as_built
+from hkt_mdo.rotor.stall import SLOWER
+from hkt_mdo.rotor.suction import require_suction
 
-BEM = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficients}
+BEM = SOLVERS
 DURATION = 60.0  # s, of a flow that has no end of its own
 SEGMENTS_PER_PERIOD = 8.0  # of the highest frequency that lasts
 FEWEST_SEGMENTS = 60
@@ -67,9 +64,8 @@ class Physics:
     """What a case describes, as the values that the optimization and the judges work with.
 
     `case` is complete: its time span and segments are numbers. `shape` has the blade as given and
-    what of it is designed; `polar` is one for all stations, or one a station. section_area (over
-    chord squared) and thickness (over chord) are one number, or one a station. Where thickness is
-    designed, polar and section_area follow it, and thickness is the start's. There is usually one
+    what of it is designed; `rotor` what follows from any of its blades. thickness (over chord) is
+    one number, or one a station; where it is designed, the start's. There is usually one
     scenario; with a cut-out speed, one for each interval of operation. `law` None: open loop.
     `messages` tell what was converted, repaired or left out, `warnings` what was hardly meant.
     `torque_limit` (N*m) is None, and `law` has none, also where the case gives one that no blade
@@ -78,8 +74,7 @@ class Physics:
 
     case: Case
     shape: Shape
-    polar: Polar | tuple[Polar, ...] | LocalReynolds | ByThickness
-    section_area: float | np.ndarray | CubicSpline
+    rotor: RotorModel
     thickness: float | np.ndarray
     scenarios: tuple[Scenario, ...]
     law: FeedbackLaw | None
@@ -88,11 +83,25 @@ class Physics:
     messages: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     torque_limit: float | None = None
-    loads: LoadModel = None  # type: ignore[assignment]
+
+    @property
+    def polar(self) -> Any:
+        """The polars of the rotor's sections; see `Hydrodynamics.polar`."""
+        return self.rotor.polar
+
+    @property
+    def section_area(self) -> float | np.ndarray | CubicSpline:
+        """Area of the sections over chord squared; see `RotorModel.section_area`."""
+        return self.rotor.section_area
+
+    @property
+    def loads(self) -> LoadModel:
+        """What tells the loads of a blade."""
+        return self.rotor.loads
 
     def built(self, blade: Blade) -> Any:
         """Return the polars of a blade, as `polar`, at its thickness where that is designed."""
-        return as_built(self.polar, blade)
+        return self.rotor.as_built(blade).polar
 
     def limits_in(self, scenario: Scenario) -> tuple[Limit, ...]:
         """Return the limits over time that hold in a scenario."""
@@ -175,7 +184,7 @@ class Physics:
         ratio, flow = np.maximum(known["tip_speed_ratio"], SLOWEST_RATIO), known["inflow_speed"]
         if not names:
             return {}
-        if isinstance(self.polar, LocalReynolds):  # the flow counts too: every instant by itself
+        if self.rotor.follows_reynolds:  # the flow counts too: every instant by itself
             parts = np.array_split(np.arange(ratio.size), -(-ratio.size // RATIOS))
             found = [
                 self.loads_in(flow[part]).coefficients(blade, ratio[part], names=names)
@@ -197,9 +206,7 @@ class Physics:
 
         Polars that do not follow the Reynolds number are the same in every flow.
         """
-        if isinstance(self.polar, LocalReynolds):
-            return replace(self.loads, polar=self.polar.at_speed(flow))
-        return self.loads
+        return self.rotor.at_flow(flow).loads
 
     @property
     def generator(self) -> Generator:
@@ -249,7 +256,7 @@ class Physics:
     @property
     def several_sections(self) -> bool:
         """Whether the stations have polars of their own, which are rougher together than one."""
-        return isinstance(self.polar, tuple | ByThickness)
+        return self.rotor.several_sections
 
     @property
     def has_curve(self) -> bool:
@@ -257,8 +264,7 @@ class Physics:
 
         A local Reynolds number depends on the speed of the flow too, which the curve does not have.
         """
-        local = isinstance(self.polar, LocalReynolds)
-        return self.case.hydrodynamics.torque == "curve" and not local
+        return self.case.hydrodynamics.torque == "curve" and not self.rotor.follows_reynolds
 
     def split(self, operation):
         """Return rotor speed and hydrodynamic torque of an operation, (2, n_times) a scenario."""
@@ -344,10 +350,10 @@ class Physics:
     def _keeps_stall_fence(self, point) -> bool:
         """Tell whether the sections of a starting point keep their distance from stall."""
         ratio = min(float(np.min(known["tip_speed_ratio"])) for known in self.on_start(point))
-        fence = stall_fence(self.polar, self.shape, point.blade, ratio)
+        fence = self.rotor.stall_fence(self.shape, point.blade, ratio)
         if not fence.stations.size:
             return True
-        angle, *_ = bem.angles_of_attack(point.blade, self.polar, SLOWER * ratio, derivatives=False)
+        angle, *_ = self.rotor.angles_of_attack(point.blade, SLOWER * ratio, derivatives=False)
         return bool(np.all(angle[fence.stations] <= fence.highest + NEAR_STALL))
 
     def objective_at(self, point) -> float:
@@ -374,10 +380,7 @@ class Physics:
 
     def mass_and_inertia(self, blade: Blade) -> tuple[float, float]:
         """Return mass (kg) and inertia (kg*m**2) of the rotor with a blade."""
-        rotor = self.case.rotor
-        mass, inertia, *_ = mass_and_inertia(
-            blade, self.section_area, rotor.blade_material.density, rotor.hub_inertia
-        )
+        mass, inertia, *_ = self.rotor.mass_and_inertia(blade)
         return float(mass), float(inertia)
 
 
@@ -473,7 +476,7 @@ def physics(case: Case) -> Physics:
         case,
         turbine.blade,
         several_sections=np.ndim(turbine.thickness) > 0,
-        thickness_bounds=getattr(turbine.polar, "bounds", (0.0, 1.0)),
+        thickness_bounds=Hydrodynamics(turbine.polar).thickness_bounds,
     )
     scenarios, told = [], []
     for each in whole:
@@ -494,8 +497,7 @@ def physics(case: Case) -> Physics:
     return Physics(
         case,
         shape,
-        turbine.polar,
-        turbine.section_area,
+        _rotor_model(case, turbine, shape),
         turbine.thickness,
         tuple(_with_limits(each, limits, case, shape) for each in scenarios),
         control if isinstance(control, FeedbackLaw) else None,
@@ -504,7 +506,6 @@ def physics(case: Case) -> Physics:
         messages,
         tuple(_doubts(case, mean)),
         control.torque_limit,
-        _load_model(case, turbine, shape),
     )
 
 
@@ -522,22 +523,20 @@ def _with_limits(
     return replace(scenario, limits=tuple((common | own).values()), own_limits={})
 
 
-def _load_model(case: Case, turbine: Turbine, shape: Shape) -> LoadModel:
-    """Return what the loads of a case's rotor follow from; refuse limits that it cannot tell."""
+def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
+    """Return the rotor of a case; refuse limits on loads that it cannot tell."""
+    flow = Hydrodynamics(turbine.polar)
     given = [*case.limits.given, *(each for part in case.scenarios for each in part.limits.given)]
     limited = {name: each for each in given for name in each.inputs if name in LOADS}
     direct = case.hydrodynamics.torque == "direct"
-    local = isinstance(turbine.polar, LocalReynolds)
-    if limited and (direct or local):
+    if limited and (direct or flow.follows_reynolds):
         problem = "limits a load, which takes a curve over the tip speed ratio"
         remedy = "give hydrodynamics.torque: curve and rotor.reynolds: invariant"
         raise InputError(problem, remedy, key=f"limits.{next(iter(limited))}")
-    thick = isinstance(turbine.polar, ByThickness)
-    if thick and (direct or case.hydrodynamics.bem != "vectorized"):
+    if flow.follows_thickness and (direct or case.hydrodynamics.bem != "vectorized"):
         problem = "takes hydrodynamics.torque: curve and hydrodynamics.bem: vectorized"
         raise InputError(problem, "give these", key="design.thickness_points")
-    polars = turbine.polar if isinstance(turbine.polar, tuple) else (turbine.polar,)
-    polars = turbine.polar.sections if thick else polars
+    polars = {polar for station in range(shape.blade.r.size) for polar in flow.polars_at(station)}
     asked = limited.get("cavitation", CavitationLimit())
     depth = case.site.hub_depth if asked.depth is None else asked.depth
     if "cavitation" in limited:
@@ -550,12 +549,19 @@ def _load_model(case: Case, turbine: Turbine, shape: Shape) -> LoadModel:
     if depth is not None and depth <= tip:
         problem = f"is not below the blade's reach of {tip:.4g} m: the tip would leave the water"
         raise InputError(problem, "give a larger depth of the hub", key=key, value=depth)
-    told = not local and all(each.suction is not None for each in polars)
+    told = not flow.follows_reynolds and all(each.suction is not None for each in polars)
     cavitation = None
     if depth is not None and told:
-        suction = turbine.polar.suction_at if thick else partial(section_suction, turbine.polar)
-        cavitation = Cavitation(suction, depth, asked.margin)
-    return LoadModel(turbine.polar, case.fluid.density, turbine.structure, cavitation)
+        cavitation = Cavitation(flow.suction, depth, asked.margin)
+    return RotorModel(
+        polar=turbine.polar,
+        section_area=turbine.section_area,
+        material_density=case.rotor.blade_material.density,
+        hub_inertia=case.rotor.hub_inertia,
+        water_density=case.fluid.density,
+        structure=turbine.structure,
+        cavitation=cavitation,
+    )
 
 
 def _doubts(case: Case, mean: float) -> Iterator[str]:

@@ -16,8 +16,8 @@ from scipy.sparse import block_diag, csr_array, diags_array, kron
 from hkt_mdo.case import Phase
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.limits import Limit
-from hkt_mdo.dynamics.rotor_ode import RotorODE
 from hkt_mdo.dynamics.radau import divided
+from hkt_mdo.dynamics.rotor_ode import RotorODE
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 
 MOST_SEGMENTS = 20_000

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from hkt_mdo.problem.schedule import needed, quasi_steady, schedules, start_of
 from hkt_mdo.problem.start import StartingPoint, starting_point
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.steady_optimum import (
     SteadyOptimum,
     best_operation,
@@ -142,15 +141,15 @@ def bounding_optimum(physics: Physics, optimum: SteadyOptimum, blade: Blade) -> 
 
     Where polars follow the Reynolds number: the best of the slowest, usual and fastest flow.
     """
-    found, polars = [], []
+    found, rotors = [], []
     if blade.rotor_radius == optimum.blade.rotor_radius:
         found.append(optimum)
     else:
-        polars.append(physics.polar)
-    if isinstance(physics.polar, LocalReynolds):
+        rotors.append(physics.rotor)
+    if physics.rotor.follows_reynolds:
         speeds = np.concatenate([s.inflow.speed_at(s.node_times) for s in physics.scenarios])
-        polars += [physics.polar.at_speed(speed) for speed in (speeds.min(), speeds.max())]
-    found += [steady_optimum(replace(physics, polar=polar), blade) for polar in polars]
+        rotors += [physics.rotor.at_flow(speed) for speed in (speeds.min(), speeds.max())]
+    found += [rotor.best_of_shape(physics.shape, blade) for rotor in rotors]
     return max(found, key=lambda each: each.power_coefficient)
 
 

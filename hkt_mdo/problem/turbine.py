@@ -61,6 +61,26 @@ def build_turbine(
 
     Local Reynolds numbers are those at flow_speed, m/s; `design` None: the thickness is not
     designed. Raises InputError if a file is broken, or what they say does not fit together.
+
+    Parameters
+    ----------
+    rotor : Rotor
+        The section `rotor` of a case.
+    fluid : Fluid
+        The water.
+    flow_speed : float
+        Speed of the flow for local Reynolds numbers (m/s).
+    design : Design, optional
+        What is designed; None: not the thickness.
+
+    Returns
+    -------
+    Turbine
+
+    Raises
+    ------
+    InputError
+        If a file is broken, or files do not fit together.
     """
     table, tip_radius, hub_radius = _blade_table(rotor)
     stations, messages = _stations(rotor, table, tip_radius, hub_radius)

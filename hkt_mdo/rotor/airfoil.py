@@ -45,18 +45,32 @@ class Polar:
 
         Raises InputError if the curve between the rows has a drag that is not positive, or
         coefficients beyond `hkt_mdo.files.polar_table.LARGEST`.
+
+        Parameters
+        ----------
+        table : PolarTable
+            Rows of a polar file.
+
+        Returns
+        -------
+        Polar
+
+        Raises
+        ------
+        InputError
+            Where the curve between rows is impossible.
         """
         alpha, lift, drag = table.alpha, table.lift.copy(), table.drag.copy()
         if table.full_circle:
             lift[-1], drag[-1] = lift[0], drag[0]  # the same angle; equal except for rounding
         else:
             alpha, lift, drag = _viterna(alpha, lift, drag)
-        known = table.smallest_pressure is not None
+        given = table.smallest_pressure is not None
         polar = cls(
             _spline(alpha, lift, drag),
             float(table.alpha[0]),
             float(table.alpha[-1]),
-            _spline(*surface_curves(table.alpha, -table.smallest_pressure)) if known else None,
+            _spline(*surface_curves(table.alpha, -table.smallest_pressure)) if given else None,
         )
         polar._refuse_overshoot(table.source)
         return polar
@@ -74,21 +88,56 @@ class Polar:
         """Return the polar (1 - weight) self + weight other, with a weight of 0 to 1.
 
         It has no suction where either has none.
+
+        Parameters
+        ----------
+        other : Polar
+        weight : float
+            Weight of the other, 0 to 1.
+
+        Returns
+        -------
+        Polar
         """
-        known = self.suction is not None and other.suction is not None
+        with_suction = self.suction is not None and other.suction is not None
         return Polar(
             (1.0 - weight) * self.coefficients + weight * other.coefficients,
             max(self.alpha_min, other.alpha_min),
             min(self.alpha_max, other.alpha_max),
-            (1.0 - weight) * self.suction + weight * other.suction if known else None,
+            (1.0 - weight) * self.suction + weight * other.suction if with_suction else None,
         )
 
     def evaluate(self, alpha, reynolds=None):
-        """Return lift and drag coefficient at an angle of attack (rad)."""
+        """Return lift and drag coefficient at an angle of attack (rad).
+
+        Parameters
+        ----------
+        alpha : float or ndarray
+            Angle of attack (rad).
+        reynolds : float, optional
+            Reynolds number by the chord; without effect.
+
+        Returns
+        -------
+        lift, drag : float or ndarray
+        """
         return _values(*_locate(self.coefficients, alpha))
 
     def derivatives(self, alpha, reynolds=None):
-        """Return dcl/dalpha, dcl/dRe, dcd/dalpha, dcd/dRe, per rad; those by Re are zero."""
+        """Return dcl/dalpha, dcl/dRe, dcd/dalpha, dcd/dRe, per rad; those by Re are zero.
+
+        Parameters
+        ----------
+        alpha : float or ndarray
+            Angle of attack (rad).
+        reynolds : float, optional
+            Reynolds number by the chord; without effect.
+
+        Returns
+        -------
+        by_alpha, 0.0, by_alpha, 0.0 : float or ndarray
+            Slopes of lift and drag, per rad.
+        """
         lift, drag = _slopes(*_locate(self.coefficients, alpha))
         return lift, 0.0, drag, 0.0
 
@@ -97,10 +146,24 @@ class Polar:
 
         Shape (2, *alpha.shape) each, of the upper and the lower surface. Raises InputError if the
         polar has no suction.
+
+        Parameters
+        ----------
+        alpha : float or ndarray
+            Angle of attack (rad).
+
+        Returns
+        -------
+        suction, slopes : ndarray of shape (2, *alpha.shape)
+
+        Raises
+        ------
+        InputError
+            If the polar has no suction.
         """
         require_suction((self,))
-        place = _locate(self.suction, alpha)
-        return np.stack(_values(*place)), np.stack(_slopes(*place))
+        local = _locate(self.suction, alpha)
+        return np.stack(_values(*local)), np.stack(_slopes(*local))
 
     def _refuse_overshoot(self, source):
         """Raise an error where the curve between rows has impossible coefficients."""
@@ -111,11 +174,11 @@ class Polar:
             at = at[np.isfinite(at)]  # the slope of an even piece has no single root
             value = curve(at)
             lowest = 0.0 if name == "drag" else -LARGEST[name]
-            for place in (value.argmin(), value.argmax()):
-                if not lowest < value[place] <= LARGEST[name]:
+            for extreme in (value.argmin(), value.argmax()):
+                if not lowest < value[extreme] <= LARGEST[name]:
                     raise InputError(
                         f"the smooth curve through the rows has a {name} coefficient of "
-                        f"{value[place]:.3g} at {np.rad2deg(at[place]):.2f} degrees",
+                        f"{value[extreme]:.3g} at {np.rad2deg(at[extreme]):.2f} degrees",
                         "add rows near this angle, or take out rows that lie too close together",
                         file=source,
                     )
@@ -135,23 +198,63 @@ class PolarFamily:
 
     @classmethod
     def from_tables(cls, tables):
-        """Make a family of a section's tables; see `Polar.from_polar_table`."""
+        """Make a family of a section's tables; see `Polar.from_polar_table`.
+
+        Parameters
+        ----------
+        tables : sequence of PolarTable
+            Tables by increasing Reynolds number.
+
+        Returns
+        -------
+        PolarFamily
+
+        Raises
+        ------
+        InputError
+            As `Polar.from_polar_table`.
+        """
         reynolds = [np.inf if table.reynolds is None else table.reynolds for table in tables]
         return cls(np.array(reynolds), tuple(map(Polar.from_polar_table, tables)))
 
     @classmethod
     def from_file(cls, source):
-        """Read a section's polars as `read_polars` does; see `Polar.from_polar_table` too."""
+        """Read a section's polars as `read_polars` does; see `Polar.from_polar_table` too.
+
+        Parameters
+        ----------
+        source : str or path
+            Name of a shipped section, or a file.
+
+        Returns
+        -------
+        PolarFamily
+
+        Raises
+        ------
+        InputError
+            If the file is broken.
+        """
         return cls.from_tables(read_polars(source))
 
     def at(self, reynolds):
-        """Return the polar at a Reynolds number by the chord."""
+        """Return the polar at a Reynolds number by the chord.
+
+        Parameters
+        ----------
+        reynolds : float
+            Reynolds number by the chord.
+
+        Returns
+        -------
+        Polar
+        """
         numbers = np.log(self.reynolds)
-        place = np.interp(np.log(reynolds), numbers, np.arange(numbers.size))
-        below = int(place)
-        if place == below:
+        position = np.interp(np.log(reynolds), numbers, np.arange(numbers.size))
+        below = int(position)
+        if position == below:
             return self.polars[below]
-        return self.polars[below].blend(self.polars[below + 1], place - below)
+        return self.polars[below].blend(self.polars[below + 1], position - below)
 
 
 def _locate(coefficients, alpha):

@@ -364,9 +364,9 @@ def _first_root(lambda_r, knots, n_knots, station):
 
 
 @compiled(error_model="numpy")
-def _store(phi, terms, lambda_r, chord, twist, place, state):
-    """Write a root to state[:, *place] and return its branch; see `Sections`."""
-    j, i = place
+def _store(phi, terms, lambda_r, chord, twist, index, state):
+    """Write a root to state[:, *index] and return its branch; see `Sections`."""
+    j, i = index
     s, c, _s_phi, _c_phi = terms[0]
     if s <= 0.0:
         state[7, j, i] = np.inf
@@ -400,9 +400,9 @@ def _mixed_force(phi, twist, polars, weights):
     """Return the tangential and the normal force coefficient of a weighted sum of polars."""
     lift = drag = 0.0
     for number in range(weights.size):
-        found = _polar_at(phi - twist, polars[number])
-        lift += weights[number] * found[0]
-        drag += weights[number] * found[1]
+        section = _polar_at(phi - twist, polars[number])
+        lift += weights[number] * section[0]
+        drag += weights[number] * section[1]
     sine, cosine = np.sin(phi), np.cos(phi)
     return lift * sine - drag * cosine, lift * cosine + drag * sine
 
@@ -462,7 +462,19 @@ def _stack(polars):
 
 
 def polar_at(polar, station):
-    """Return the polar of a station (index), given one for all stations or one for each."""
+    """Return the polar of a station (index), given one for all stations or one for each.
+
+    Parameters
+    ----------
+    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
+        Polars of the sections: one, one a station, or what they follow.
+    station : int
+        Index of the station.
+
+    Returns
+    -------
+    Polar
+    """
     return polar if isinstance(polar, Polar) else polar[station]
 
 
@@ -475,12 +487,12 @@ def _arguments(blade, polar, blade_ratio=()):
         stations = polar.polars * n if len(polar.polars) == 1 else polar.polars
         mixture = polar.mixture(blade, blade_ratio)
     else:
-        stations = tuple((each,) for each in polar)
+        stations = tuple((single,) for single in polar)
     if len(stations) != n:
         raise ValueError(
             f"{len(stations)} polars for {n} stations: give one polar, or one for each"
         )
-    places = {each: i * len(each) for i, each in enumerate(dict.fromkeys(stations))}
+    places = {family: i * len(family) for i, family in enumerate(dict.fromkeys(stations))}
     return (
         np.ascontiguousarray(blade.r, dtype=float),
         np.ascontiguousarray(blade.chord, dtype=float),
@@ -488,8 +500,8 @@ def _arguments(blade, polar, blade_ratio=()):
         float(blade.hub_radius),
         float(blade.tip_radius),
         int(blade.blade_count),
-        _stack(tuple(polar for each in places for polar in each)),
-        np.array([places[each] for each in stations]),
+        _stack(tuple(polar for family in places for polar in family)),
+        np.array([places[family] for family in stations]),
         mixture,
     )
 
@@ -502,6 +514,25 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False):
     positive. Here, and in the derivatives, it is Omega R / V with R along the blade, which for
     coned blades is larger than the tip speed ratio of the disc. Raises ValueError where one of
     these does not hold.
+
+    Parameters
+    ----------
+    blade : Blade
+    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
+        Polars of the sections: one, one a station, or what they follow.
+    tip_speed_ratio : array_like of shape (n_points,)
+        Omega R / V with R along the blade, positive.
+    derivatives : bool
+        Whether the derivatives are computed.
+
+    Returns
+    -------
+    Sections
+
+    Raises
+    ------
+    ValueError
+        Where one of the conditions above does not hold.
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
     n_inputs = len(INPUTS) if derivatives else 0
@@ -514,13 +545,33 @@ def angles_of_attack(blade, polar, tip_speed_ratio, derivatives=True):
 
     Behind them their derivatives by tip speed ratio, chord and twist (copies of the angle unless
     requested). Each has the shape (n_stations,).
+
+    Parameters
+    ----------
+    blade : Blade
+    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
+        Polars of the sections: one, one a station, or what they follow.
+    tip_speed_ratio : float
+        Omega R / V of the disc.
+    derivatives : bool
+        Whether the derivatives are computed.
+
+    Returns
+    -------
+    angle, by_tip_speed_ratio, by_chord, by_twist : ndarray of shape (n_stations,)
+        In rad; derivatives in rad, rad/m and rad/rad.
+
+    Raises
+    ------
+    ValueError
+        As `sections`.
     """
     cosine = float(np.cos(blade.cone))
-    found = sections(blade, polar, tip_speed_ratio / cosine, derivatives)
-    angle = found.angle_of_attack[0]
+    flow = sections(blade, polar, tip_speed_ratio / cosine, derivatives)
+    angle = flow.angle_of_attack[0]
     if not derivatives:
         return (angle,) * 4
-    by_ratio, by_chord, by_twist, _ = found.derivatives[2, :, 0]
+    by_ratio, by_chord, by_twist, _ = flow.derivatives[2, :, 0]
     return angle, by_ratio / cosine, by_chord, by_twist - 1.0
 
 
@@ -530,9 +581,16 @@ def torque_weights(blade):
     The trapezoidal rule over hub, stations and tip with no load at hub and tip, as in CCBlade. The
     cone does not appear: loads times the lever arm, and the cube of the disc's radius, are both
     proportional to the cube of its cosine.
+
+    Parameters
+    ----------
+    blade : Blade
+
+    Returns
+    -------
+    ndarray of shape (n_stations,)
     """
-    edges = np.concatenate(([blade.hub_radius], blade.r, [blade.tip_radius]))
-    spacing = 0.5 * (edges[2:] - edges[:-2])
+    spacing = 0.5 * (blade.edges[2:] - blade.edges[:-2])
     return blade.blade_count * spacing * blade.r / (np.pi * blade.tip_radius**3)
 
 
@@ -545,15 +603,32 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
 
     Stations ascend; polar, tip_speed_ratio[n_points] and errors are those of `sections`. A
     RuntimeWarning says where a station has no root; its load is taken as zero there.
+
+    Parameters
+    ----------
+    blade : Blade
+    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
+        Polars of the sections: one, one a station, or what they follow.
+    tip_speed_ratio : array_like of shape (n_points,)
+        Omega R / V of the disc, positive.
+    derivatives : bool
+        Whether the derivatives are computed.
+
+    Returns
+    -------
+    Coefficients
+
+    Raises
+    ------
+    ValueError
+        As `sections`.
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-    cosine = float(np.cos(blade.cone))
-    local, thick = (isinstance(polar, each) for each in (LocalReynolds, ByThickness))
+    along = points / float(np.cos(blade.cone))
     # Only the derivatives of the tangential load by tip speed ratio, chord and twist are needed.
-    n_inputs = (len(INPUTS) if local or thick else 3) if derivatives else 0
-    state, branch, gradient = _solve(
-        points / cosine, *_arguments(blade, polar, points / cosine), 1, n_inputs
-    )
+    follows = isinstance(polar, LocalReynolds | ByThickness)
+    n_inputs = (len(INPUTS) if follows else 3) if derivatives else 0
+    state, branch, gradient = _solve(along, *_arguments(blade, polar, along), 1, n_inputs)
     if np.min(branch) < 0:
         warnings.warn(
             f"no root at {np.count_nonzero(branch < 0)} of {branch.size} sections: their loads are "
@@ -564,19 +639,24 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     weights = torque_weights(blade)
     torque = weights @ state[6]
     thrust = (weights * blade.rotor_radius / blade.r) @ state[5]
-    if not derivatives:
-        return Coefficients(torque, torque * points, thrust)
-    by_ratio = weights @ gradient[0, 0] / cosine
-    by_chord, by_twist = (gradient[0, 1:3] * weights[:, None]).transpose(0, 2, 1)
+    by = _torque_derivatives(blade, polar, points, gradient[0]) if derivatives else ()
+    return Coefficients(torque, torque * points, thrust, *by)
+
+
+def _torque_derivatives(blade, polar, points, gradient):
+    """Return the derivatives that `Coefficients` has, of gradient[n_inputs, n_stations, n]."""
+    weights, cosine = torque_weights(blade), float(np.cos(blade.cone))
+    by_ratio = weights @ gradient[0] / cosine
+    by_chord, by_twist = (gradient[1:3] * weights[:, None]).transpose(0, 2, 1)
     by_radius = -(by_chord @ blade.chord) / blade.rotor_radius
     by_reynolds, by_thickness = np.zeros(points.size), np.zeros(by_chord.shape)
-    if thick:
-        by_thickness = (gradient[0, 3] * weights[:, None]).T
-    if local:  # chord and tip speed ratio change the Reynolds number too; the radius does not
-        by_number = (gradient[0, 3] * weights[:, None]).T
+    if isinstance(polar, ByThickness):
+        by_thickness = (gradient[3] * weights[:, None]).T
+    if isinstance(polar, LocalReynolds):
+        # chord and tip speed ratio change the Reynolds number too; the radius does not
+        by_number = (gradient[3] * weights[:, None]).T
         squared = (points[:, None] / cosine * blade.r / blade.tip_radius) ** 2
         by_ratio = by_ratio + np.sum(by_number * squared / (1.0 + squared), axis=1) / points
         by_chord = by_chord + by_number / blade.chord
         by_reynolds = np.sum(by_number, axis=1)
-    by = by_ratio, by_chord, by_twist, by_radius, by_reynolds, by_thickness
-    return Coefficients(torque, torque * points, thrust, *by)
+    return by_ratio, by_chord, by_twist, by_radius, by_reynolds, by_thickness

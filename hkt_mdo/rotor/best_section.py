@@ -81,16 +81,16 @@ def _minima(polar):
     n_knots = polar.shape[0]
     step = 2.0 * np.pi / n_knots
     delta = np.arctan2(polar[:, 4], polar[:, 0])
-    found, depth = np.empty(n_knots), np.empty(n_knots)
+    angles, depth = np.empty(n_knots), np.empty(n_knots)
     count = 0
     for i in range(n_knots):
         here = delta[i]
         if here < 0.5 * np.pi and here < delta[i - 1] and here <= delta[(i + 1) % n_knots]:
             knot = i * step - np.pi
-            found[count] = _narrow(knot - step, knot + step, _less, (polar,))
-            depth[count] = _delta(found[count], polar)[0]
+            angles[count] = _narrow(knot - step, knot + step, _less, (polar,))
+            depth[count] = _delta(angles[count], polar)[0]
             count += 1
-    return found[:count][np.argsort(depth[:count])][:MOST_MINIMA]
+    return angles[:count][np.argsort(depth[:count])][:MOST_MINIMA]
 
 
 @compiled(error_model="numpy")
@@ -184,13 +184,13 @@ def _inside(lambda_r, stations, polars, section, chord_bounds, twist_bounds, out
             minima, of = _minima(polar), section[j]
         for i in range(lambda_r.shape[0]):
             point = lambda_r[i, j], station, polar, minima, chord_bounds, twist_bounds
-            found = _search(*point, False)
-            if not chord_bounds[0] <= found[1] <= chord_bounds[1]:
+            best = _search(*point, False)
+            if not chord_bounds[0] <= best[1] <= chord_bounds[1]:
                 binding[i, j] = True
-                found = _search(*point, True)
-                if found[0] <= 0.0:
-                    found = -np.inf, 0.0, 0.0
-            out[:, i, j] = found
+                best = _search(*point, True)
+                if best[0] <= 0.0:
+                    best = -np.inf, 0.0, 0.0
+            out[:, i, j] = best
     return binding
 
 
@@ -233,6 +233,22 @@ def best_sections(blade, polar, tip_speed_ratio, chord_bounds, twist_bounds):
 
     Blade, polar (one, or one a station) and tip_speed_ratio[n_points] are those of
     `hkt_mdo.rotor.bem.sections`.
+
+    Parameters
+    ----------
+    blade : Blade
+    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
+        Polars of the sections: one, one a station, or what they follow.
+    tip_speed_ratio : array_like of shape (n_points,)
+        Omega R / V with R along the blade, positive.
+    chord_bounds : tuple of float
+        Smallest and largest chord (m).
+    twist_bounds : tuple of float
+        Smallest and largest twist (rad).
+
+    Returns
+    -------
+    BestSections
     """
     r, _, _, *ends, stacked, section, _ = bem._arguments(blade, polar)
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))

@@ -28,10 +28,28 @@ class Blade:
         """Radius of the swept disc, tip_radius cos(cone), m."""
         return self.tip_radius * float(np.cos(self.cone))
 
+    @property
+    def edges(self):
+        """Radii of hub, stations and tip along the blade, m, shape (n_stations + 2,)."""
+        return np.concatenate(([self.hub_radius], self.r, [self.tip_radius]))
+
     def with_shape(self, chord, twist, thickness=None):
         """Return the blade with another chord (m) and twist (rad), each of shape (n_stations,).
 
         With another thickness over chord too, if one is given.
+
+        Parameters
+        ----------
+        chord : array_like of shape (n_stations,)
+            Chord (m).
+        twist : array_like of shape (n_stations,)
+            Twist, set angle included (rad).
+        thickness : array_like of shape (n_stations,), optional
+            Thickness over chord; by default it stays.
+
+        Returns
+        -------
+        Blade
         """
         chord, twist = np.array(chord, dtype=float), np.array(twist, dtype=float)
         thickness = self.thickness if thickness is None else np.array(thickness, dtype=float)
@@ -41,6 +59,15 @@ class Blade:
         """Return the blade with hub, stations and tip moved to another disc radius (m).
 
         Chord and twist stay as they are.
+
+        Parameters
+        ----------
+        rotor_radius : float
+            Radius of the swept disc (m).
+
+        Returns
+        -------
+        Blade
         """
         if rotor_radius == self.rotor_radius:
             return self

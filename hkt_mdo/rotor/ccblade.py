@@ -13,6 +13,25 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     """Return the `Coefficients` by CCBlade, as `hkt_mdo.rotor.bem.rotor_coefficients` does.
 
     Raises InputError if WISDEM is not installed.
+
+    Parameters
+    ----------
+    blade : Blade
+    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
+        Polars of the sections: one, one a station, or what they follow.
+    tip_speed_ratio : array_like of shape (n_points,)
+        Omega R / V of the disc, positive.
+    derivatives : bool
+        Whether the derivatives are computed.
+
+    Returns
+    -------
+    Coefficients
+
+    Raises
+    ------
+    InputError
+        If WISDEM is not installed.
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
     rotor = ccblade(blade, polar, derivatives)
@@ -23,11 +42,11 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
         outputs, gradients = rotor.evaluate(
             np.ones(points.size), points * rpm_per_ratio, np.zeros(points.size), coefficients=True
         )
-    found = Coefficients(outputs["CQ"], outputs["CP"], outputs["CT"])
+    coefficients = Coefficients(outputs["CQ"], outputs["CP"], outputs["CT"])
     if not derivatives:
-        return found
+        return coefficients
     by = gradients["dCQ"]
-    return found._replace(
+    return coefficients._replace(
         torque_by_tip_speed_ratio=np.diag(by["dOmega"]) * rpm_per_ratio,
         torque_by_chord=by["dchord"],
         torque_by_twist=np.rad2deg(by["dtheta"]),
@@ -38,7 +57,25 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
 
 
 def ccblade(blade, polar, derivatives=False):
-    """Return WISDEM's CCBlade of a blade in water of unit density, aligned with a uniform flow."""
+    """Return WISDEM's CCBlade of a blade in water of unit density, aligned with a uniform flow.
+
+    Parameters
+    ----------
+    blade : Blade
+    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
+        Polars of the sections: one, one a station, or what they follow.
+    derivatives : bool
+        Whether the derivatives are computed.
+
+    Returns
+    -------
+    wisdem.ccblade.ccblade.CCBlade
+
+    Raises
+    ------
+    InputError
+        If WISDEM is not installed.
+    """
     try:
         from wisdem.ccblade.ccblade import CCBlade
     except ImportError as error:

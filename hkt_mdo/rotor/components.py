@@ -1,13 +1,14 @@
-"""The rotor as OpenMDAO components: shape, tables of torque and loads, mass and inertia."""
+"""The rotor in OpenMDAO: shape, tables of torque and loads, mass and inertia; all as one Group."""
 
 from dataclasses import replace
 
 import numpy as np
 import openmdao.api as om
 
-from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.inertia import mass_and_inertia
-from hkt_mdo.rotor.loads import COEFFICIENT_UNITS, LoadModel
+from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.hydrodynamics import SOLVERS, Hydrodynamics
+from hkt_mdo.rotor.loads import COEFFICIENT_UNITS
+from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.shape import Shape
 
 QUANTITIES = {
@@ -20,15 +21,18 @@ SIZES = "chord", "thickness"
 
 
 def rotor_inputs(blade):
-    """Return the names of what changes of a `Blade`: without thickness if that is not designed."""
+    """Return the names of what changes of a blade in an optimization.
+
+    Parameters
+    ----------
+    blade : Blade
+
+    Returns
+    -------
+    list of str
+        Names of `QUANTITIES`; without the thickness if that is not designed.
+    """
     return [name for name in QUANTITIES if getattr(blade, name) is not None]
-
-
-def _blade(start, inputs):
-    """Return the blade of some inputs, like another at the start."""
-    thickness = (inputs["thickness"],) if start.thickness is not None else ()
-    blade = start.with_rotor_radius(inputs["rotor_radius"][0])
-    return blade.with_shape(inputs["chord"], inputs["twist"], *thickness)
 
 
 class ShapeComp(om.ExplicitComponent):
@@ -64,115 +68,146 @@ class ShapeComp(om.ExplicitComponent):
             inputs[f"{name}_control"] if points else np.empty(0)
             for name, points in shape.points.items()
         ]
-        outputs["chord"], outputs["twist"], *thickness = shape.stations(*control)
-        for each in thickness:
-            outputs["thickness"] = each
+        values = dict(zip(shape.bases, shape.stations(*control), strict=False))
         if not shape.designs_chord:
-            outputs["chord"] *= shape.stretch(inputs["rotor_radius"])
+            values["chord"] = values["chord"] * shape.stretch(inputs["rotor_radius"])
+        for name, value in values.items():
+            outputs[name] = value
 
 
-class TorqueTable(om.ExplicitComponent):
-    """Torque coefficient of a blade at the nodes of a `TorqueSpline`, by BEM.
+class BladeComp(om.ExplicitComponent):
+    """What follows from a blade of a rotor: the base of the components below.
 
     Inputs chord[n_stations] (m), twist[n_stations] (rad), thickness[n_stations] (over chord) where
-    it is designed, rotor_radius (m), with which hub, stations and tip move; output
-    torque_coefficient_table[n_nodes]. Q = 0.5 rho V² pi R³ Cq.
+    it is designed, and rotor_radius (m), with which hub, stations and tip move.
+    """
+
+    def __init__(self, polar=None, coefficients=SOLVERS["vectorized"], **options):
+        if polar is not None:
+            solver = next(name for name, function in SOLVERS.items() if function is coefficients)
+            options["rotor"] = Hydrodynamics(polar, solver)
+        super().__init__(**options)
+
+    def initialize(self):
+        about = "the start `Blade`: stations, hub, tip, count"
+        self.options.declare("blade", types=Blade, desc=about, recordable=False)
+        about = {"desc": "sections, polars, material", "recordable": False}
+        self.options.declare("rotor", None, types=Hydrodynamics, allow_none=True, **about)
+
+    def setup(self):
+        for name in self.inputs_of_blade:
+            value = getattr(self.options["blade"], name)
+            self.add_input(name, val=value, **QUANTITIES[name])
+
+    @property
+    def inputs_of_blade(self):
+        """Names of what the component takes of the blade."""
+        return rotor_inputs(self.options["blade"])
+
+    def blade_of(self, inputs):
+        """Return the `Blade` of the inputs.
+
+        Parameters
+        ----------
+        inputs : om.Vector
+            Inputs of the component.
+
+        Returns
+        -------
+        Blade
+        """
+        start = self.options["blade"]
+        thickness = (inputs["thickness"],) if start.thickness is not None else ()
+        blade = start.with_rotor_radius(inputs["rotor_radius"][0])
+        return blade.with_shape(inputs["chord"], inputs["twist"], *thickness)
+
+
+class TorqueTable(BladeComp):
+    """Torque coefficient of a blade at the nodes of a `TorqueSpline`, by BEM.
+
+    Inputs are those of `BladeComp`; output torque_coefficient_table[n_nodes], Cq in
+    Q = 0.5 rho V² pi R³ Cq.
     """
 
     def initialize(self):
-        declare = self.options.declare
-        declare("blade", desc="the start `Blade`: stations, hub, tip, count", recordable=False)
-        declare("polar", desc="section `Polar`", recordable=False)
-        declare("nodes", types=np.ndarray, desc="tip speed ratios of the table")
-        declare("coefficients", desc="rotor_coefficients of bem or ccblade", recordable=False)
+        super().initialize()
+        self.options.declare("nodes", types=np.ndarray, desc="tip speed ratios of the table")
 
     def setup(self):
-        blade = self.options["blade"]
-        for name in rotor_inputs(blade):
-            self.add_input(name, val=getattr(blade, name), **QUANTITIES[name])
-        self.add_output(
-            "torque_coefficient_table",
-            shape=self.options["nodes"].shape,
-            desc="Q / (0.5 rho V^2 pi R^3) at the nodes",
-        )
+        super().setup()
+        about = "Q / (0.5 rho V^2 pi R^3) at the nodes"
+        shape = self.options["nodes"].shape
+        self.add_output("torque_coefficient_table", shape=shape, desc=about)
         self.declare_partials("*", "*")
 
     def compute(self, inputs, outputs):
         outputs["torque_coefficient_table"] = self._solve(inputs, derivatives=False).torque
 
     def compute_partials(self, inputs, partials):
-        found = self._solve(inputs, derivatives=True)
-        for name in rotor_inputs(self.options["blade"]):
-            partials["torque_coefficient_table", name] = getattr(found, f"torque_by_{name}")
+        coefficients = self._solve(inputs, derivatives=True)
+        for name in self.inputs_of_blade:
+            slopes = getattr(coefficients, f"torque_by_{name}")
+            partials["torque_coefficient_table", name] = slopes
 
     def _solve(self, inputs, derivatives):
-        options, blade = self.options, _blade(self.options["blade"], inputs)
-        return options["coefficients"](blade, options["polar"], options["nodes"], derivatives)
+        rotor, nodes = self.options["rotor"], self.options["nodes"]
+        return rotor.coefficients(self.blade_of(inputs), nodes, derivatives)
 
 
-class LoadTable(om.ExplicitComponent):
+class LoadTable(BladeComp):
     """Loads of a blade over the dynamic pressure 0.5 rho v², at tip speed ratios; see `LoadModel`.
 
-    Inputs are those of `TorqueTable`. For each of the names thrust, root_moment, stress and
+    Inputs are those of `BladeComp`. For each of the names thrust, root_moment, stress and
     cavitation that are chosen, an output <name>_table[n_nodes]: the smooth largest load along the
-    blade (`Envelope`).
+    blade (`Envelope`). The option rotor is a `RotorModel`.
     """
 
+    def __init__(self, model=None, **options):
+        super().__init__(**options)
+        self._model = model
+
     def initialize(self):
-        declare = self.options.declare
-        declare("blade", desc="the start `Blade`: stations, hub, tip, count", recordable=False)
-        declare("model", types=LoadModel, desc="polar, structure, cavitation", recordable=False)
-        declare("names", types=tuple, desc="names of the loads")
-        declare("nodes", types=np.ndarray, desc="tip speed ratios of the table")
+        super().initialize()
+        self.options.declare("names", types=tuple, desc="names of the loads")
+        self.options.declare("nodes", types=np.ndarray, desc="tip speed ratios of the table")
 
     def setup(self):
-        blade = self.options["blade"]
-        for name in rotor_inputs(blade):
-            self.add_input(name, val=getattr(blade, name), **QUANTITIES[name])
+        super().setup()
         for name in self.options["names"]:
-            self.add_output(
-                f"{name}_table",
-                shape=self.options["nodes"].shape,
-                units=COEFFICIENT_UNITS[name],
-                desc=f"{name} / (0.5 rho v^2) at the nodes",
-            )
+            about = {"units": COEFFICIENT_UNITS[name], "desc": f"{name} / (0.5 rho v^2)"}
+            self.add_output(f"{name}_table", shape=self.options["nodes"].shape, **about)
         self.declare_partials("*", "*")
 
     def compute(self, inputs, outputs):
-        for name, found in self._solve(inputs).items():
-            outputs[f"{name}_table"] = found.values
+        for name, envelope in self._solve(inputs).items():
+            outputs[f"{name}_table"] = envelope.values
 
     def compute_partials(self, inputs, partials):
-        for name, found in self._solve(inputs, derivatives=True).items():
-            for by in rotor_inputs(self.options["blade"]):
-                partials[f"{name}_table", by] = getattr(found, f"by_{by}")
+        for name, envelope in self._solve(inputs, derivatives=True).items():
+            for by in self.inputs_of_blade:
+                partials[f"{name}_table", by] = getattr(envelope, f"by_{by}")
 
     def _solve(self, inputs, derivatives=False):
-        options, blade = self.options, _blade(self.options["blade"], inputs)
-        found = options["model"].coefficients(
-            blade, options["nodes"], derivatives, options["names"]
-        )
-        return {name: load.envelope(options["model"].exponent) for name, load in found.items()}
+        model, nodes = self._model or self.options["rotor"].loads, self.options["nodes"]
+        names = self.options["names"]
+        loads = model.coefficients(self.blade_of(inputs), nodes, derivatives, names)
+        return {name: load.envelope(model.exponent) for name, load in loads.items()}
 
 
-class AngleComp(om.ExplicitComponent):
+class AngleComp(BladeComp):
     """Angle of attack at some stations, `slowed` below the lowest tip speed ratio of a rotor.
 
-    Inputs chord[n_stations] (m), twist[n_stations] (rad), rotor_radius (m), with which hub,
-    stations and tip move, and lowest_ratio; output angle_of_attack[n] (rad).
+    Inputs are those of `BladeComp` and lowest_ratio; output angle_of_attack[n] (rad).
     """
 
     def initialize(self):
-        declare = self.options.declare
-        declare("blade", desc="the start `Blade`: stations, hub, tip, count", recordable=False)
-        declare("polar", desc="one `Polar` a station", recordable=False)
-        declare("stations", types=np.ndarray, desc="indices of the stations")
-        declare("slowed", types=float, desc="factor on the tip speed ratio")
+        super().initialize()
+        self.options.declare("stations", types=np.ndarray, desc="indices of the stations")
+        self.options.declare("slowed", types=float, desc="factor on the tip speed ratio")
 
     def setup(self):
-        blade, stations = self.options["blade"], self.options["stations"]
-        for name in rotor_inputs(blade):
-            self.add_input(name, val=getattr(blade, name), **QUANTITIES[name])
+        super().setup()
+        stations = self.options["stations"]
         self.add_input("lowest_ratio", desc="below every w R / v of the trajectories")
         self.add_output("angle_of_attack", shape=stations.shape, units="rad", desc="at stations")
         rows = np.arange(stations.size)
@@ -191,57 +226,125 @@ class AngleComp(om.ExplicitComponent):
         partials["angle_of_attack", "rotor_radius"] = -(by_chord * share)[:, None]
 
     def _solve(self, inputs, derivatives=False):
-        options, blade = self.options, _blade(self.options["blade"], inputs)
-        ratio = options["slowed"] * inputs["lowest_ratio"][0]
-        found = bem.angles_of_attack(blade, options["polar"], ratio, derivatives)
-        return [each[options["stations"]] for each in found]
+        ratio = self.options["slowed"] * inputs["lowest_ratio"][0]
+        blade, rotor = self.blade_of(inputs), self.options["rotor"]
+        angles = rotor.angles_of_attack(blade, ratio, derivatives)
+        return [values[self.options["stations"]] for values in angles]
 
 
-class InertiaComp(om.ExplicitComponent):
+class InertiaComp(BladeComp):
     """Mass and inertia of the rotor from its chord and radius; see `mass_and_inertia`.
 
     Inputs chord[n_stations] (m), thickness[n_stations] (over chord) where it is designed,
     rotor_radius (m), with which hub, stations and tip move: mass is proportional to it and the
-    blades' inertia to its cube. Outputs mass (kg), inertia (kg*m**2).
+    blades' inertia to its cube. Outputs mass (kg), inertia (kg*m**2). The option rotor is a
+    `RotorModel`.
     """
 
-    def initialize(self):
-        declare = self.options.declare
-        declare("blade", desc="the start `Blade`: stations, hub, tip, count", recordable=False)
-        declare("section_area", desc="as mass_and_inertia takes it", recordable=False)
-        declare("density", types=float, desc="of the material, kg/m**3")
-        declare("hub_inertia", types=float, desc="kg*m**2")
+    def __init__(self, section_area=None, density=None, hub_inertia=0.0, **options):
+        if section_area is not None:
+            options["rotor"] = RotorModel(
+                polar=None,
+                section_area=section_area,
+                material_density=density,
+                hub_inertia=hub_inertia,
+            )
+        super().__init__(**options)
 
     def setup(self):
-        blade = self.options["blade"]
-        for name in (*self._sizes, "rotor_radius"):
-            self.add_input(name, val=getattr(blade, name), **QUANTITIES[name])
+        super().setup()
         self.add_output("mass", units="kg", desc="mass of the blades")
         self.add_output("inertia", units="kg*m**2", desc="inertia of the rotor about its axis")
         self.declare_partials("*", "*")
 
     @property
+    def inputs_of_blade(self):
+        """Names of what decides the sections' areas, and the radius."""
+        return [*self._sizes, "rotor_radius"]
+
+    @property
     def _sizes(self):
-        """Names of what decides the sections' areas."""
-        return [name for name in rotor_inputs(self.options["blade"]) if name in SIZES]
+        return [name for name in SIZES if getattr(self.options["blade"], name) is not None]
 
     def _evaluate(self, inputs):
-        """Return the results at the start's radius, and the ratio of the radius to the start's."""
-        options = self.options
-        blade = replace(options["blade"], **{name: inputs[name] for name in self._sizes})
-        found = mass_and_inertia(blade, options["section_area"], options["density"])
-        return found, inputs["rotor_radius"][0] / blade.rotor_radius
+        """Return the blades' `RotorMass` at the start's radius, and the radius over the start's."""
+        start = self.options["blade"]
+        blade = replace(start, **{name: inputs[name] for name in self._sizes})
+        blades = replace(self.options["rotor"], hub_inertia=0.0)
+        return blades.mass_and_inertia(blade), inputs["rotor_radius"][0] / start.rotor_radius
 
     def compute(self, inputs, outputs):
-        found, stretch = self._evaluate(inputs)
-        outputs["mass"] = found.mass * stretch
-        outputs["inertia"] = found.inertia * stretch**3 + self.options["hub_inertia"]
+        blades, stretch = self._evaluate(inputs)
+        outputs["mass"] = blades.mass * stretch
+        outputs["inertia"] = blades.inertia * stretch**3 + self.options["rotor"].hub_inertia
 
     def compute_partials(self, inputs, partials):
-        found, stretch = self._evaluate(inputs)
+        blades, stretch = self._evaluate(inputs)
         radius = self.options["blade"].rotor_radius
         for power, name in ((1, "mass"), (3, "inertia")):
             for by in self._sizes:
-                partials[name, by] = getattr(found, f"{name}_by_{by}") * stretch**power
-            slope = power * getattr(found, name) * stretch ** (power - 1) / radius
+                partials[name, by] = getattr(blades, f"{name}_by_{by}") * stretch**power
+            slope = power * getattr(blades, name) * stretch ** (power - 1) / radius
             partials[name, "rotor_radius"] = slope
+
+
+class RotorGroup(om.Group):
+    """A rotor: mass, inertia and tables over the tip speed ratio from the shape of its blades.
+
+    It needs no flow and no trajectory, so that any model may have it.
+
+    Options are rotor, a `RotorModel`; blade, the `Blade` at the start; nodes[n_nodes], the tip
+    speed ratios of the tables; shape, a `Shape`, or None; coefficients, of "torque", "power" and
+    "thrust"; loads, names of `LoadModel.names`.
+
+    Inputs are rotor_radius (m) and the inputs of `ShapeComp`; without a shape rotor_radius, chord,
+    twist[n_stations] (m, rad), and thickness[n_stations] (over chord) where the blade has one.
+    Outputs are chord, twist and thickness (with a shape); mass (kg), inertia (kg*m**2);
+    <name>_coefficient_table[n_nodes] for each coefficient, and for each load <name>_table[n_nodes],
+    the load over the dynamic pressure. Partials are exact.
+    """
+
+    def initialize(self):
+        declare = self.options.declare
+        declare("rotor", types=RotorModel, desc="polars, structure, material", recordable=False)
+        declare("blade", types=Blade, desc="blade at the start", recordable=False)
+        declare("nodes", types=np.ndarray, desc="tip speed ratios of the tables")
+        declare("shape", default=None, types=Shape, allow_none=True, recordable=False)
+        declare("coefficients", default=("torque",), types=tuple, desc="names of coefficients")
+        declare("loads", default=(), types=tuple, desc="names of loads")
+
+    def setup(self):
+        rotor, blade, nodes, shape, coefficients, loads = (
+            self.options[name]
+            for name in ("rotor", "blade", "nodes", "shape", "coefficients", "loads")
+        )
+        table = {"rotor": rotor, "blade": blade, "nodes": nodes}
+        per_node = {"shape": nodes.shape}
+        self.set_input_defaults("rotor_radius", blade.rotor_radius, units="m")
+        if shape is not None:
+            self.add_subsystem("shape", ShapeComp(shape=shape), promotes=["*"])
+            for name, values in zip(shape.bases, shape.within(blade), strict=True):
+                if values.size:
+                    self.set_input_defaults(f"{name}_control", values)
+        self.add_subsystem("inertia", InertiaComp(rotor=rotor, blade=blade), promotes=["*"])
+        if {"torque", "power"} & set(coefficients):
+            self.add_subsystem("torque_table", TorqueTable(**table), promotes=["*"])
+        if "power" in coefficients:
+            power = om.ExecComp(
+                "power_coefficient_table = tip_speed_ratio * torque_coefficient_table",
+                tip_speed_ratio={"val": nodes, "constant": True},
+                has_diag_partials=True,
+                **per_node,
+            )
+            self.add_subsystem("power_table", power, promotes=["*"])
+        names = tuple(dict.fromkeys((*loads, *({"thrust"} & set(coefficients)))))
+        if names:
+            self.add_subsystem("load_table", LoadTable(**table, names=names), promotes=["*"])
+        if "thrust" in coefficients:
+            thrust = om.ExecComp(
+                "thrust_coefficient_table = thrust_table / (pi * rotor_radius**2)",
+                thrust_coefficient_table=per_node,
+                thrust_table=per_node | {"units": "m**2"},
+                rotor_radius={"units": "m", "val": blade.rotor_radius},
+            )
+            self.add_subsystem("thrust_coefficient", thrust, promotes=["*"])

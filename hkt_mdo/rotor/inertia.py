@@ -30,11 +30,26 @@ def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
     m = B rho integral of A dr, I = B rho integral of A (r cos(cone))² dr + hub inertia, both exact.
     section_area, the area of the outline over chord squared, is one number, one a station, or a
     spline of it over the blade's thickness; density is in kg/m**3.
+
+    Parameters
+    ----------
+    blade : Blade
+    section_area : float or ndarray of shape (n_stations,) or CubicSpline
+        Area of a section's material over chord squared: one, one a station, or over the
+        thickness.
+    density : float
+        Density of the material (kg/m**3).
+    hub_inertia : float
+        Inertia of all that is not a blade (kg*m**2).
+
+    Returns
+    -------
+    RotorMass
     """
     by_thickness = 0.0
     if callable(section_area):
         by_thickness, section_area = section_area(blade.thickness, 1), section_area(blade.thickness)
-    edges = np.concatenate(([blade.hub_radius], blade.r, [blade.tip_radius]))
+    edges = blade.edges
 
     def carried(values):
         return np.concatenate((values[:1], values, values[-1:]))

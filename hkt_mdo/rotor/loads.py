@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.strength import (
     EXPONENT,
     Structure,
@@ -20,8 +20,7 @@ from hkt_mdo.rotor.strength import (
     place_weights,
 )
 
-# Unit of each load, and of its coefficient, the load over q (Pa)
-UNITS = {"thrust": "N", "root_moment": "N*m", "stress": "Pa", "cavitation": None}
+# Unit of the coefficient of each load, the load over q (Pa)
 COEFFICIENT_UNITS = {"thrust": "m**2", "root_moment": "m**3", "stress": None, "cavitation": "1/Pa"}
 
 # Three points are exact for (linear chord)² times linear shape times r², a quintic.
@@ -71,7 +70,17 @@ class Load(NamedTuple):
         return self.r[np.argmax(np.real(self.exact), axis=1)]
 
     def envelope(self, exponent=EXPONENT):
-        """Return the `Envelope`: a norm over the places, of the loads above zero."""
+        """Return the `Envelope`: a norm over the places, of the loads above zero.
+
+        Parameters
+        ----------
+        exponent : int
+            Exponent of the norm that stands for the largest.
+
+        Returns
+        -------
+        Envelope
+        """
         if self.r.size == 1:
             values, share = self.values[:, 0], np.ones(self.values.shape)
         else:
@@ -100,7 +109,20 @@ class Cavitation:
     gravity: float = 9.80665
 
     def available_pressure(self, height, water_density):
-        """Return the pressure above that of vapour (Pa) at a height over the hub (m)."""
+        """Return the pressure above that of vapour (Pa) at a height over the hub (m).
+
+        Parameters
+        ----------
+        height : float or ndarray
+            Height over the hub (m).
+        water_density : float
+            In kg/m**3.
+
+        Returns
+        -------
+        float or ndarray
+            In Pa.
+        """
         static = water_density * self.gravity * (self.depth - height)
         return self.atmospheric_pressure - self.vapour_pressure + static
 
@@ -115,11 +137,16 @@ class LoadModel:
     to the largest, and less smooth.
     """
 
-    polar: object
+    rotor: Hydrodynamics
     water_density: float = 1000.0
     structure: Structure | StructureByThickness | None = None
     cavitation: Cavitation | None = None
     exponent: int = EXPONENT
+
+    @property
+    def flow(self):
+        """The `Hydrodynamics` of the rotor, which may be given by its polars alone."""
+        return Hydrodynamics.of(self.rotor)
 
     @property
     def names(self):
@@ -140,14 +167,33 @@ class LoadModel:
         load. Raises ValueError where `bem.sections` does, for derivatives with `LocalReynolds`, for
         a structure with another number of stations, where a station is out of the water, and for
         names of loads that the model does not give.
+
+        Parameters
+        ----------
+        blade : Blade
+        tip_speed_ratio : array_like of shape (n_points,)
+            Omega R / V of the disc, positive.
+        derivatives : bool
+            Whether the derivatives are computed.
+        names : sequence of str, optional
+            Names of the loads; by default all of `names`.
+
+        Returns
+        -------
+        dict of str to Load
+
+        Raises
+        ------
+        ValueError
+            See above.
         """
-        if derivatives and isinstance(self.polar, LocalReynolds):
+        if derivatives and self.flow.follows_reynolds:
             raise ValueError("loads have no derivatives with local Reynolds numbers")
         names = self.names if names is None else names
         if missing := [name for name in names if name not in self.names]:
             raise ValueError(f"the model gives no {', '.join(missing)}")
         ratio = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-        flow = bem.sections(blade, self.polar, ratio / np.cos(blade.cone), derivatives)
+        flow = self.flow.sections(blade, ratio, derivatives)
         return {name: _LOADS[name](self, blade, flow, ratio) for name in names}
 
     def _structure(self, blade):
@@ -162,9 +208,21 @@ class LoadModel:
 
         That of the flow's loads, as `root_moment`: coned blades have that of the centrifugal force
         besides.
+
+        Parameters
+        ----------
+        blade : Blade
+        tip_speed_ratio : array_like of shape (n_points,)
+            Omega R / V of the disc, positive.
+        r : ndarray of shape (n_r,)
+            Radii along the blade (m).
+
+        Returns
+        -------
+        ndarray of shape (n_points, n_r)
+            In m**3.
         """
-        ratio = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-        flow = bem.sections(blade, self.polar, ratio / np.cos(blade.cone))
+        flow = self.flow.sections(blade, tip_speed_ratio)
         return _moments(blade, flow, np.asarray(r, dtype=float))[0]
 
     def tip_deflection(self, blade, tip_speed_ratio):
@@ -175,11 +233,26 @@ class LoadModel:
         times (tip radius - r). Sections bend about their own inclined axes; chord, twist and
         section run linearly between stations and are carried on to hub and tip. Raises ValueError
         without a structure or its modulus.
+
+        Parameters
+        ----------
+        blade : Blade
+        tip_speed_ratio : array_like of shape (n_points,)
+            Omega R / V of the disc, positive.
+
+        Returns
+        -------
+        ndarray of shape (n_points,)
+            In m/Pa.
+
+        Raises
+        ------
+        ValueError
+            Without a structure or its modulus.
         """
         if self.structure is None:
             raise ValueError("deflections need a structure")
-        ratio = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-        flow = bem.sections(blade, self.polar, ratio / np.cos(blade.cone))
+        flow = self.flow.sections(blade, tip_speed_ratio)
         weights = place_weights(blade.r.size)
         structure, _ = self._structure(blade)
         edges = np.concatenate(([blade.hub_radius], weights @ blade.r, [blade.tip_radius]))
@@ -202,9 +275,19 @@ def moment_weights(blade, r):
 
     The trapezoidal rule for the integral of load times arm (s - r) from r to the tip, over r,
     stations and tip with no load at the tip: from the hub, the rule that gives the torque.
+
+    Parameters
+    ----------
+    blade : Blade
+    r : ndarray of shape (n_places,)
+        Radii along the blade (m).
+
+    Returns
+    -------
+    ndarray of shape (n_stations, n_places)
+        In m**2.
     """
-    edges = np.concatenate(([blade.hub_radius], blade.r, [blade.tip_radius]))
-    inner, stations, outer = edges[:-2, None], blade.r[:, None], edges[2:, None]
+    inner, stations, outer = (blade.edges[:, None][at] for at in np.s_[:-2, 1:-1, 2:])
     inner = np.where(np.real(inner) > np.real(r), inner, r)
     return np.where(np.real(stations) > np.real(r), 0.5 * (outer - inner) * (stations - r), 0.0)
 
@@ -227,8 +310,8 @@ def _by_flow(flow, blade, normal, tangential):
     normal and tangential[n_points, n_stations] are the derivatives by both loads.
     """
     by_ratio, *by_shape = (
-        normal * flow.derivatives[1, place] + tangential * flow.derivatives[0, place]
-        for place in range(len(bem.INPUTS))
+        normal * flow.derivatives[1, column] + tangential * flow.derivatives[0, column]
+        for column in range(len(bem.INPUTS))
     )
     return np.sum(by_ratio, axis=-1) / np.cos(blade.cone), *by_shape
 
@@ -242,8 +325,8 @@ def _by_radius(blade, values, by_chord, power):
 
 
 def _thrust(_model, blade, flow, _ratio):
-    edges = np.concatenate(([blade.hub_radius], blade.r, [blade.tip_radius]))
-    weights = 0.5 * np.cos(blade.cone) ** 3 * blade.blade_count * (edges[2:] - edges[:-2])
+    spans = blade.edges[2:] - blade.edges[:-2]
+    weights = 0.5 * np.cos(blade.cone) ** 3 * blade.blade_count * spans
     return _whole(blade, flow, weights, 2)
 
 
@@ -333,8 +416,8 @@ def _outboard(blade, area, r, chord):
     s, local = between(r, blade.tip_radius), between(chord, chord[-1])
     width = np.diff(np.concatenate((r, [blade.tip_radius])))
     weight = _WEIGHTS * width * between(area, area[-1]) * s
-    weight, unit = (np.stack((each, each * s)) for each in (weight, _WEIGHTS * width * s))
-    found = np.cumsum(np.sum(weight * local**2, axis=1)[:, ::-1], axis=1)[:, ::-1]
+    weight, unit = (np.stack((factor, factor * s)) for factor in (weight, _WEIGHTS * width * s))
+    integrals = np.cumsum(np.sum(weight * local**2, axis=1)[:, ::-1], axis=1)[:, ::-1]
 
     def slopes(by):
         inner = np.sum(by * (1.0 - _SHARES), axis=1)  # by the value at the inner end
@@ -344,7 +427,7 @@ def _outboard(blade, area, r, chord):
         slopes[:, :, -1] += outer[:, None, -1]
         return slopes
 
-    return found, slopes(2.0 * weight * local), slopes(unit * local**2)
+    return integrals, slopes(2.0 * weight * local), slopes(unit * local**2)
 
 
 def _cavitation(model, blade, flow, ratio):
@@ -370,12 +453,12 @@ def _cavitation(model, blade, flow, ratio):
         flat(scale * speed * (by_angle * speed * by_attack + 2.0 * suction * by_speed))
         for by_attack, by_speed in zip(angle, relative, strict=True)
     ]
-    for each in by_section:
-        by[-1] = by[-1] + flat(scale * speed**2 * each)
+    for by_own_thickness in by_section:
+        by[-1] = by[-1] + flat(scale * speed**2 * by_own_thickness)
     lift = model.water_density * settings.gravity * np.tile(height / pressure, 2)
 
     def slopes(share):
-        both = [(share * each).reshape(len(share), 2, -1).sum(axis=1) for each in by]
+        both = [(share * slope).reshape(len(share), 2, -1).sum(axis=1) for slope in by]
         by_ratio, by_chord, by_twist, by_thickness = both
         weighted = share * values
         by_radius = _by_radius(blade, np.sum(weighted, axis=1), by_chord, 0)

@@ -39,20 +39,58 @@ def compute_polars(
 ) -> tuple[ComputedPolar, ...]:
     """Compute the polars of an outline, one for each Reynolds number by the chord.
 
-    Lift, drag and moment are NeuralFoil's. The smallest pressure of each surface is that of the
-    potential flow with this lift (`potential_suction`): NeuralFoil knows the velocity at 32 evenly
-    spaced points of a surface, the first at 1/64 of the chord, and suction peaks lie before it.
+    The smallest pressure of each surface is that of the potential flow with NeuralFoil's lift
+    (`potential_suction`): it has the velocity at 32 evenly spaced points of a surface, the first at
+    1/64 of the chord, and suction peaks lie before it.
 
-    alpha[n_rows] (rad) increases; n_crit is the critical exponent of the e^n transition method, 9
-    in an average wind tunnel, less in more turbulent water; model is the size of the network, one
-    of `MODELS`; name is the outline's in messages. Raises InputError if NeuralFoil is not
-    installed, an argument is out of range, or the result is not a valid polar.
+    Parameters
+    ----------
+    outline : Outline
+    reynolds : sequence of float
+        Reynolds numbers by the chord.
+    alpha : ndarray of shape (n_rows,)
+        Angles of attack (rad), increasing.
+    n_crit : float
+        Exponent of the e^n transition method: 9 in a wind tunnel, less in turbulent water.
+    model : str
+        Size of the network, one of `MODELS`.
+    name : str
+        Name of the outline in messages.
+
+    Returns
+    -------
+    tuple of ComputedPolar
+
+    Raises
+    ------
+    InputError
+        If NeuralFoil is not installed, an argument is out of range, or the result is no polar.
     """
     if model not in MODELS:
         raise InputError("is no model of NeuralFoil", ", ".join(MODELS), key="model", value=model)
     _check("n_crit", n_crit, N_CRIT_RANGE, "9 is usual, less in turbulent water")
     for number in reynolds:
         _check("reynolds", number, REYNOLDS_RANGE, "they are by the chord, such as 2e5")
+    analysis = _network()
+    points = outline.upper_first
+    degrees = np.rad2deg(alpha)
+
+    def polar(number: float) -> ComputedPolar:
+        about = {"Re": number, "n_crit": n_crit, "model_size": model}
+        result = analysis(points, alpha=degrees, **about)
+        lift, drag, moment, confidence = (
+            np.asarray(result[key], dtype=float)
+            for key in ("CL", "CD", "CM", "analysis_confidence")
+        )
+        pressure = dict(zip(SURFACES, -potential_suction(outline, alpha, lift), strict=True))
+        table = polar_table(degrees, lift, drag, moment, number, pressure, Source(name))
+        return ComputedPolar(table, confidence)
+
+    return tuple(map(polar, reynolds))
+
+
+def _network():
+    """Return NeuralFoil's analysis of coordinates, or raise an error if it is not installed."""
     try:
         from neuralfoil import get_aero_from_coordinates
     except ImportError as error:
@@ -60,24 +98,7 @@ def compute_polars(
             f"NeuralFoil, which computes polars, cannot be imported ({error})",
             "pip install 'hkt_mdo[neuralfoil]'",
         ) from None
-
-    x, y = outline.x, outline.y
-    clockwise = np.dot(x, np.roll(y, -1)) < np.dot(y, np.roll(x, -1))
-    points = np.column_stack((x, y))[:: -1 if clockwise else 1]  # the upper side first
-    degrees = np.rad2deg(alpha)
-    polars = []
-    for number in reynolds:
-        result = get_aero_from_coordinates(
-            points, alpha=degrees, Re=number, n_crit=n_crit, model_size=model
-        )
-        lift, drag, moment, confidence = (
-            np.asarray(result[key], dtype=float)
-            for key in ("CL", "CD", "CM", "analysis_confidence")
-        )
-        pressure = dict(zip(SURFACES, -potential_suction(outline, alpha, lift), strict=True))
-        table = polar_table(degrees, lift, drag, moment, number, pressure, Source(name))
-        polars.append(ComputedPolar(table, confidence))
-    return tuple(polars)
+    return get_aero_from_coordinates
 
 
 def _check(key, value, bounds, remedy):

@@ -40,14 +40,37 @@ class Outline:
         """Read an outline: CSV file x_over_c,y_over_c, Selig's or Lednicer's order, or shipped.
 
         Raises InputError if the file is broken, or holds no closed section of unit chord.
+
+        Parameters
+        ----------
+        source : str or path
+            Name of a shipped outline, or a file.
+
+        Returns
+        -------
+        Outline
+
+        Raises
+        ------
+        InputError
+            If the file is broken or holds no closed section.
         """
         return cls(*read_outline(source))
 
     @cached_property
     def area(self):
         """Area over chord squared (shoelace formula)."""
-        twice = np.dot(self.x, np.roll(self.y, -1)) - np.dot(self.y, np.roll(self.x, -1))
-        return 0.5 * abs(float(twice))
+        return 0.5 * abs(self._twice)
+
+    @cached_property
+    def _twice(self):
+        """Twice the area over chord squared, positive where the points run anticlockwise."""
+        return float(np.dot(self.x, np.roll(self.y, -1)) - np.dot(self.y, np.roll(self.x, -1)))
+
+    @property
+    def upper_first(self):
+        """The points, (n, 2), from the trailing edge over the upper side."""
+        return np.column_stack((self.x, self.y))[:: -1 if self._twice < 0.0 else 1]
 
     @cached_property
     def thickness(self):
@@ -86,7 +109,17 @@ class Outline:
         )
 
     def stretched(self, factor):
-        """Return the outline with its thickness, and camber with it, times a factor."""
+        """Return the outline with its thickness, and camber with it, times a factor.
+
+        Parameters
+        ----------
+        factor : float
+            Factor on the thickness.
+
+        Returns
+        -------
+        Outline
+        """
         return Outline(self.x, factor * self.y)
 
     def blend(self, other, share):
@@ -94,6 +127,16 @@ class Outline:
 
         Both sides are taken at equal fractions of the chord, so thickness and area are linear in
         the share, and the second moment of area across the chord is a cubic.
+
+        Parameters
+        ----------
+        other : Outline
+        share : float
+            Share of the other, 0 to 1.
+
+        Returns
+        -------
+        Outline
         """
         if share == 0.0 or other is self:
             return self
@@ -113,6 +156,15 @@ class Outline:
 
         The inner side has the distance `wall` from the outer one. Towards a sharp trailing edge,
         where the walls meet, the section is solid.
+
+        Parameters
+        ----------
+        wall : float
+            Thickness of the wall over the chord.
+
+        Returns
+        -------
+        Outline or None
         """
         run, rise = np.gradient(self.x), np.gradient(self.y)
         step = self._turn * wall / np.maximum(np.hypot(run, rise), np.finfo(float).tiny)
@@ -142,8 +194,8 @@ def _sides_at(at, x, y):
 
     Where a side turns back in x, the part that goes on towards the trailing edge is taken.
     """
-    nose, found = int(np.argmin(x)), []
+    nose, sides = int(np.argmin(x)), []
     for side in (slice(nose, None, -1), slice(nose, None)):
         on = np.concatenate(([True], x[side][1:] > np.maximum.accumulate(x[side])[:-1]))
-        found.append(np.interp(at, x[side][on], y[side][on]))
-    return found
+        sides.append(np.interp(at, x[side][on], y[side][on]))
+    return sides

@@ -27,6 +27,18 @@ def potential_suction(outline, alpha, lift):
     flow, whose circulation V c c_l / 2 the potential flow is given in place of Kutta's. A surface
     runs from the stagnation point near the nose to 90 % of the chord. Up to stall this is within a
     few per cent of XFOIL, in stall above it; the values end at 60, which only stall reaches.
+
+    Parameters
+    ----------
+    outline : Outline
+    alpha : ndarray of shape (n_rows,)
+        Angle of attack (rad).
+    lift : ndarray of shape (n_rows,)
+        Lift coefficient of the real flow.
+
+    Returns
+    -------
+    ndarray of shape (2, n_rows)
     """
     x, y = faired(outline)
     flow = surface_speed(x, y)
@@ -53,10 +65,19 @@ def faired(outline, n_panels=PANELS):
     the thickness t of the trailing edge is left out. NeuralFoil fits the same curve before it
     computes a polar. The 2 n_panels + 1 nodes, in the outline's own axes, run from the trailing
     edge over the upper side to it.
+
+    Parameters
+    ----------
+    outline : Outline
+    n_panels : int
+        Panels of each side.
+
+    Returns
+    -------
+    x, y : ndarray of shape (2 n_panels + 1,)
+        Over the chord.
     """
-    points = np.column_stack((outline.x, outline.y))
-    if np.dot(outline.x, np.roll(outline.y, -1)) < np.dot(outline.y, np.roll(outline.x, -1)):
-        points = points[::-1]  # the upper side first
+    points = outline.upper_first
     points = points[np.append(True, np.any(np.diff(points, axis=0) != 0.0, axis=1))]
     edge = 0.5 * (points[0] + points[-1])
     length = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
@@ -107,6 +128,17 @@ def surface_speed(x, y):
 
     The edge's two nodes are one point; speed vanishes there by Kutta's condition, or is as large on
     both sides where the circulation is given.
+
+    Parameters
+    ----------
+    x : ndarray of shape (n_nodes,)
+        Along the chord, over it.
+    y : ndarray of shape (n_nodes,)
+        Across the chord, over it.
+
+    Returns
+    -------
+    SurfaceSpeed
     """
     n = x.size
     influence, weight = _influence(x, y)

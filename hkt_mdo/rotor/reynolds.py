@@ -29,7 +29,26 @@ class LocalReynolds:
 
     @classmethod
     def of(cls, families, flow_speed, viscosity):
-        """Take the polar families of the stations; InputError if there is one number only."""
+        """Take the polar families of the stations; InputError if there is one number only.
+
+        Parameters
+        ----------
+        families : sequence of PolarFamily
+            Polars of each station.
+        flow_speed : float or ndarray of shape (n_points,)
+            Speed of the undisturbed flow (m/s).
+        viscosity : float
+            Kinematic viscosity (m**2/s).
+
+        Returns
+        -------
+        LocalReynolds
+
+        Raises
+        ------
+        InputError
+            If there is one Reynolds number only.
+        """
         numbers = np.unique(np.concatenate([family.reynolds for family in families]))
         numbers = numbers[np.isfinite(numbers)]
         if numbers.size < 2:
@@ -44,7 +63,17 @@ class LocalReynolds:
         return cls(np.log(numbers), polars, flow_speed, viscosity)
 
     def at_speed(self, flow_speed):
-        """Return the same polars in another flow."""
+        """Return the same polars in another flow.
+
+        Parameters
+        ----------
+        flow_speed : float or ndarray of shape (n_points,)
+            Speed of the undisturbed flow (m/s).
+
+        Returns
+        -------
+        LocalReynolds
+        """
         return replace(self, flow_speed=flow_speed)
 
     @cached_property
@@ -57,6 +86,16 @@ class LocalReynolds:
         """Return the weights of the tables and their slopes over ln(Re), by station and point.
 
         Shape (2, n_stations, n_points, n_reynolds), for Omega R / V at the points.
+
+        Parameters
+        ----------
+        blade : Blade
+        blade_ratio : array_like of shape (n_points,)
+            Omega R / V with R along the blade.
+
+        Returns
+        -------
+        ndarray of shape (2, n_stations, n_points, n_reynolds)
         """
         lambda_r = blade.r[:, None] / blade.tip_radius * blade_ratio
         unit = self.flow_speed * np.cos(blade.cone) / self.viscosity
@@ -64,20 +103,6 @@ class LocalReynolds:
         inside = np.clip(number, self.log_reynolds[0], self.log_reynolds[-1])
         slopes = self._cardinal(inside, 1) * (inside == number)[:, :, None]
         return np.stack((self._cardinal(inside), slopes))
-
-    def suction(self, blade, blade_ratio, angle_of_attack):
-        """Return -Cp min of the upper and the lower surface, [2, n_points, n_stations].
-
-        angle_of_attack[n_points, n_stations] is in rad, blade_ratio[n_points] is Omega R / V.
-        Raises InputError where a polar has no suction.
-        """
-        weight = self.mixture(blade, np.asarray(blade_ratio))[0]
-        stations = self.polars * blade.r.size if len(self.polars) == 1 else self.polars
-        mixed = []
-        for station, polars in enumerate(stations):
-            tables = [each.suction_at(angle_of_attack[:, station])[0] for each in polars]
-            mixed.append(np.einsum("pt,tsp->sp", weight[station], np.stack(tables)))
-        return np.stack(mixed, axis=-1)
 
     def __getitem__(self, station):
         """Return the polars of one station, for a strip of sections there."""

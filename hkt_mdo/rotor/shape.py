@@ -21,6 +21,21 @@ def spline_basis(points, position, low, high):
     Knots are equally spaced from `low` to `high`, and position[n] lies between; the degree is
     three, or one less than the number of control points if that is fewer than four. Rows are not
     negative and sum to one, so the curve stays within the range of its control points.
+
+    Parameters
+    ----------
+    points : int
+        Number of control points.
+    position : array_like of shape (n,)
+        Where the curve is evaluated.
+    low : float
+        Where the curve begins.
+    high : float
+        Where it ends.
+
+    Returns
+    -------
+    ndarray of shape (n, points)
     """
     degree = min(DEGREE, points - 1)
     inner = np.linspace(low, high, points - degree + 1)
@@ -73,17 +88,32 @@ class Shape:
     ):
         """Design chord and twist by numbers of control points, or directly at the stations.
 
-        They are designed at the stations if there are no fewer control points than stations. None:
-        at the stations if there are `FREE_STATIONS` or fewer with one section, else by `POINTS`
-        control points. thickness_points None: the thickness, over chord, is not designed.
+        None: at the stations if there are `FREE_STATIONS` or fewer with one section, else by
+        `POINTS` control points; of the thickness: it is not designed.
+
+        Parameters
+        ----------
+        blade : Blade
+        chord_points, twist_points, thickness_points : int or None
+            Numbers of control points; if not fewer than the stations, they are the stations.
+        chord_bounds, twist_bounds, thickness_bounds : tuple of float
+            Smallest and largest chord (m), twist (rad), thickness over chord.
+        radius_bounds : tuple of float, optional
+            Smallest and largest radius of the disc (m); None: it is not designed.
+        several_sections : bool
+            Whether stations have sections of their own.
+
+        Returns
+        -------
+        Shape
         """
         n = blade.r.size
         usual = n if n <= FREE_STATIONS and not several_sections else POINTS
-        points = [usual if each is None else each for each in (chord_points, twist_points)]
+        points = [usual if count is None else count for count in (chord_points, twist_points)]
         points += [thickness_points] if thickness_points else []
         ends = blade.hub_radius, blade.tip_radius
         chord, twist, *thickness = (
-            np.eye(n) if each >= n else spline_basis(each, blade.r, *ends) for each in points
+            np.eye(n) if count >= n else spline_basis(count, blade.r, *ends) for count in points
         )
         bounds = chord_bounds, twist_bounds, radius_bounds
         family = cls(
@@ -102,7 +132,22 @@ class Shape:
 
     @classmethod
     def fixed(cls, blade, set_angle=0.0, set_angle_bounds=None, radius_bounds=None):
-        """Keep chord and twist, but for the set angle (rad) if that has bounds."""
+        """Keep chord and twist, but for the set angle (rad) if that has bounds.
+
+        Parameters
+        ----------
+        blade : Blade
+        set_angle : float
+            That of the blade as given (rad).
+        set_angle_bounds : tuple of float, optional
+            In rad; None: it is not designed.
+        radius_bounds : tuple of float, optional
+            Smallest and largest radius of the disc (m); None: it is not designed.
+
+        Returns
+        -------
+        Shape
+        """
         n = blade.r.size
         turned = np.ones((n, 1)) if set_angle_bounds else np.empty((n, 0))
         twist = blade.twist - set_angle if set_angle_bounds else blade.twist
@@ -136,31 +181,64 @@ class Shape:
         return not self.designs_chord and self.points["twist"] > 0
 
     def stretch(self, rotor_radius):
-        """Return the factor on chords that are not designed."""
+        """Return the factor on chords that are not designed.
+
+        Parameters
+        ----------
+        rotor_radius : float
+            Radius of the swept disc (m).
+
+        Returns
+        -------
+        float
+        """
         return 1.0 if self.designs_chord else rotor_radius / self.blade.rotor_radius
 
     def control(self, blade):
         """Return the control points of chord (m), twist (rad) and thickness of the nearest blade.
 
         By least squares; empty for what is not designed.
+
+        Parameters
+        ----------
+        blade : Blade
+
+        Returns
+        -------
+        chord_control, twist_control, thickness_control : ndarray
+            In m, rad and over the chord; empty where nothing is designed.
         """
-        found = []
+        points = []
         for basis, rest in (
             (self.chord_basis, blade.chord - self.chord_offset),
             (self.twist_basis, blade.twist - self.twist_offset),
             (self.thickness_basis, blade.thickness if self.designs_thickness else None),
         ):
             if rest is None:
-                found.append(np.empty(0))
+                points.append(np.empty(0))
                 continue
             direct = basis.shape[0] == basis.shape[1]  # the stations themselves
-            found.append(rest if direct else np.linalg.lstsq(basis, rest, rcond=None)[0])
-        return tuple(found)
+            points.append(rest if direct else np.linalg.lstsq(basis, rest, rcond=None)[0])
+        return tuple(points)
 
     def stations(self, chord_control, twist_control, thickness_control=()):
         """Return chord (m), twist (rad) and, if it is designed, thickness at the stations.
 
         At the radius of the given blade.
+
+        Parameters
+        ----------
+        chord_control : array_like of shape (n_chord,)
+            Control points of the chord (m).
+        twist_control : array_like of shape (n_twist,)
+            Control points of the twist (rad).
+        thickness_control : array_like of shape (n_thickness,)
+            Control points of the thickness over chord.
+
+        Returns
+        -------
+        chord, twist, thickness : ndarray of shape (n_stations,)
+            In m, rad and over the chord; the last one only if it is designed.
         """
         chord = self.chord_offset + self.chord_basis @ chord_control
         twist = self.twist_offset + self.twist_basis @ twist_control
@@ -169,18 +247,53 @@ class Shape:
         return chord, twist, self.thickness_basis @ thickness_control
 
     def at(self, chord_control, twist_control, thickness_control=(), rotor_radius=None):
-        """Return the blade of control points (m, rad, over chord) and a radius of the disc (m)."""
+        """Return the blade of control points (m, rad, over chord) and a radius of the disc (m).
+
+        Parameters
+        ----------
+        chord_control : array_like of shape (n_chord,)
+            Control points of the chord (m).
+        twist_control : array_like of shape (n_twist,)
+            Control points of the twist (rad).
+        thickness_control : array_like of shape (n_thickness,)
+            Control points of the thickness over chord.
+        rotor_radius : float, optional
+            Radius of the swept disc (m); by default that of the given blade.
+
+        Returns
+        -------
+        Blade
+        """
         radius = self.blade.rotor_radius if rotor_radius is None else rotor_radius
         chord, *others = self.stations(chord_control, twist_control, thickness_control)
         blade = self.blade.with_rotor_radius(radius)
         return blade.with_shape(chord * self.stretch(radius), *others)
 
     def within(self, blade):
-        """Return the control points nearest to a blade, each within its bounds."""
+        """Return the control points nearest to a blade, each within its bounds.
+
+        Parameters
+        ----------
+        blade : Blade
+
+        Returns
+        -------
+        chord_control, twist_control, thickness_control : ndarray
+            In m, rad and over the chord; empty where nothing is designed.
+        """
         bounds = self.chord_bounds, self.twist_bounds, self.thickness_bounds
         control = zip(self.control(blade), bounds, strict=True)
-        return tuple(np.clip(each, *ends) for each, ends in control)
+        return tuple(np.clip(values, *ends) for values, ends in control)
 
     def nearest(self, blade):
-        """Return the blade of this family, within its bounds, nearest to one, of its radius."""
+        """Return the blade of this family, within its bounds, nearest to one, of its radius.
+
+        Parameters
+        ----------
+        blade : Blade
+
+        Returns
+        -------
+        Blade
+        """
         return self.at(*self.within(blade), blade.rotor_radius)

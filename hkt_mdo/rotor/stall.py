@@ -4,30 +4,52 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 
 SLOWER = 0.97  # of the tip speed ratio at which sections must still be attached
 DISTANCE = np.deg2rad(1.0)  # from the angle of attack of stall
 
 
 class StallFence(NamedTuple):
-    """Stations whose flow must stay attached, and their highest angles of attack (rad)."""
+    """Stations whose flow must stay attached, and their highest angles of attack.
+
+    Attributes
+    ----------
+    stations : ndarray of int, shape (n,)
+        Indices of the stations.
+    highest : ndarray of shape (n,)
+        Highest angle of attack of each (rad).
+    """
 
     stations: np.ndarray
     highest: np.ndarray
 
 
-def stall_fence(polar, shape, blade, ratio):
-    """Return the `StallFence` of a blade at its lowest tip speed ratio: what is attached there.
+def stall_fence(rotor, shape, blade, tip_speed_ratio):
+    """Return the stations of a blade that are attached at its lowest tip speed ratio.
 
     Beyond stall lift falls, and the balance of momentum and lift has several solutions: where the
     attached one ends, the load jumps, by a third or more where a section is thick. Thick sections
     are best right at that edge, where no optimizer converges. A blade with one section for all
     stations is best far from it, and is left free.
+
+    Parameters
+    ----------
+    rotor : Hydrodynamics, or its polars
+    shape : Shape
+        What of the blade is designed.
+    blade : Blade
+    tip_speed_ratio : float
+        The lowest one of the disc at which the blade works.
+
+    Returns
+    -------
+    StallFence
     """
-    if not isinstance(polar, tuple) or not shape.designs_chord:
+    rotor = Hydrodynamics.of(rotor)
+    if not isinstance(rotor.polar, tuple) or not shape.designs_chord:
         return StallFence(np.empty(0, dtype=int), np.empty(0))
-    stall = np.array([each.stall for each in polar])
-    angle, *_ = bem.angles_of_attack(blade, polar, ratio)
+    stall = np.array([polar.stall for polar in rotor.polar])
+    angle, *_ = rotor.angles_of_attack(blade, tip_speed_ratio)
     stations = np.flatnonzero(np.isfinite(stall) & (angle < stall + DISTANCE))
     return StallFence(stations, stall[stations] - DISTANCE)

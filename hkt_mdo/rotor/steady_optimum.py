@@ -17,10 +17,8 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.best_section import best_sections
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.reynolds import LocalReynolds
-from hkt_mdo.rotor.thickness import ByThickness
+from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 
 GRID = (24, 49)  # chords and twists of the search where polars follow the Reynolds number
 SCAN = (12, 25)  # the same at many tip speed ratios, to find the best of them
@@ -43,7 +41,7 @@ class SteadyOptimum(NamedTuple):
 
 
 def best_blade(
-    blade, polar, tip_speed_ratio, chord_bounds, twist_bounds, start=None, tolerance=1e-14
+    blade, rotor, tip_speed_ratio, chord_bounds, twist_bounds, start=None, tolerance=1e-14
 ):
     """Return the `SteadyOptimum` over chord and twist at one tip speed ratio.
 
@@ -51,105 +49,160 @@ def best_blade(
     hub, tip, blade count and cone; bounds are in m and rad. From `start`, a blade, the nearest
     local optimum is taken; None: the search covers the whole range of chord and twist. A local
     search ends where the power coefficient changes by less than the tolerance.
+
+    Parameters
+    ----------
+    blade : Blade
+    rotor : Hydrodynamics, or its polars
+    tip_speed_ratio : float
+        Omega R / V of the disc.
+    chord_bounds : tuple of float
+        Smallest and largest chord (m).
+    twist_bounds : tuple of float
+        Smallest and largest twist (rad).
+    start : Blade, optional
+        Where a local search begins; without it the search is global.
+    tolerance : float
+        Change of the power coefficient at which a local search ends.
+
+    Returns
+    -------
+    SteadyOptimum
     """
-    bounds = chord_bounds, twist_bounds
+    rotor, bounds = Hydrodynamics.of(rotor), (chord_bounds, twist_bounds)
     if start is None:
-        (start,) = _candidates(blade, polar, [tip_speed_ratio], *bounds)
-    return _climb(start, polar, tip_speed_ratio, *bounds, tolerance)
+        (start,) = _candidates(blade, rotor, [tip_speed_ratio], *bounds)
+    return _climb(start, rotor, tip_speed_ratio, *bounds, tolerance)
 
 
-def best_rotor(blade, polar, chord_bounds, twist_bounds):
+def best_rotor(blade, rotor, chord_bounds, twist_bounds):
     """Return the `SteadyOptimum` over chord, twist and tip speed ratios of 2 to 16.
 
-    Blade, polar and bounds are those of `best_blade`.
+    Blade, rotor and bounds are those of `best_blade`.
+
+    Parameters
+    ----------
+    blade : Blade
+    rotor : Hydrodynamics, or its polars
+    chord_bounds : tuple of float
+        Smallest and largest chord (m).
+    twist_bounds : tuple of float
+        Smallest and largest twist (rad).
+
+    Returns
+    -------
+    SteadyOptimum
     """
-    bounds = chord_bounds, twist_bounds
+    rotor, bounds = Hydrodynamics.of(rotor), (chord_bounds, twist_bounds)
 
     def peaks(ratios, count):
         """Return the best blade at each of the highest peaks, and the ratios around it."""
-        starts = _candidates(blade, polar, ratios, *bounds, SCAN)
-        power = [_power(start, polar, ratio) for start, ratio in zip(starts, ratios, strict=True)]
+        starts = _candidates(blade, rotor, ratios, *bounds, SCAN)
+        power = [_power(start, rotor, ratio) for start, ratio in zip(starts, ratios, strict=True)]
         padded = np.array([-np.inf, *power, -np.inf])
         places = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
         places = places[np.argsort(padded[places + 1])[-count:]]
-        return [(starts[each], ratios[max(each - 1, 0) : each + 2]) for each in places]
+        return [(starts[peak], ratios[max(peak - 1, 0) : peak + 2]) for peak in places]
 
     def refined(start, near):
         """Return the best optimum between the ratios, by continuation from a blade."""
-        return _bracketed(lambda ratio: _climb(start, polar, ratio, *bounds, tolerance=1e-12), near)
+        return _bracketed(lambda ratio: _climb(start, rotor, ratio, *bounds, tolerance=1e-12), near)
 
     # Stations that jump between stalled and attached flow leave several peaks over the ratio.
-    found = peaks(RATIOS, PEAKS)
-    if not isinstance(polar, LocalReynolds):
-        found = [
-            each for _, near in found for each in peaks(np.linspace(near[0], near[-1], FINER), 1)
-        ]
-    optima = [(refined(*each), each[1]) for each in found]
-    best, near = max(optima, key=lambda each: each[0].power_coefficient)
+    candidates = peaks(RATIOS, PEAKS)
+    if not rotor.follows_reynolds:
+        finer = (np.linspace(near[0], near[-1], FINER) for _, near in candidates)
+        candidates = [peak for ratios in finer for peak in peaks(ratios, 1)]
+    optima = [(refined(*candidate), candidate[1]) for candidate in candidates]
+    best, near = max(optima, key=lambda candidate: candidate[0].power_coefficient)
     for _ in range(4):
         # Another local optimum of a station may be the better one at this tip speed ratio.
-        other = best_blade(blade, polar, best.tip_speed_ratio, *bounds)
+        other = best_blade(blade, rotor, best.tip_speed_ratio, *bounds)
         if other.power_coefficient <= best.power_coefficient + WORTHWHILE:
             break
         best = refined(other.blade, near)
     return best
 
 
-def best_operation(blade, polar):
-    """Return the `SteadyOptimum` of a given blade over tip speed ratios of 1 to 20."""
-    ratios = np.linspace(1.0, 20.0, 200)
-    power = bem.rotor_coefficients(blade, polar, ratios).power
+def best_operation(blade, rotor):
+    """Return the `SteadyOptimum` of a given blade over tip speed ratios of 1 to 20.
+
+    Parameters
+    ----------
+    blade : Blade
+    rotor : Hydrodynamics, or its polars
+
+    Returns
+    -------
+    SteadyOptimum
+    """
+    rotor, ratios = Hydrodynamics.of(rotor), np.linspace(1.0, 20.0, 200)
+    power = rotor.coefficients(blade, ratios).power
 
     def at(ratio):
-        return SteadyOptimum(blade, float(ratio), _power(blade, polar, ratio))
+        return SteadyOptimum(blade, float(ratio), _power(blade, rotor, ratio))
 
     peak = int(np.argmax(power))
     return _bracketed(at, ratios[max(peak - 1, 0) : peak + 2])
 
 
-def best_set_angle(shape, blade, polar):
-    """Return the `SteadyOptimum` over a `Shape`'s set angle at the radius of a blade."""
+def best_set_angle(shape, blade, rotor):
+    """Return the `SteadyOptimum` over a `Shape`'s set angle at the radius of a blade.
+
+    Parameters
+    ----------
+    shape : Shape
+        The family of blades.
+    blade : Blade
+    rotor : Hydrodynamics, or its polars
+
+    Returns
+    -------
+    SteadyOptimum
+    """
     chord, _, none = shape.control(blade)
 
     def at(angle):
-        return best_operation(shape.at(chord, np.array([angle]), none, blade.rotor_radius), polar)
+        return best_operation(shape.at(chord, np.array([angle]), none, blade.rotor_radius), rotor)
 
     angles = np.linspace(*shape.twist_bounds, 25)
     peak = int(np.argmax([at(angle).power_coefficient for angle in angles]))
     return _bracketed(at, angles[max(peak - 1, 0) : peak + 2])
 
 
-def _power(blade, polar, ratio):
+def _power(blade, rotor, ratio):
     """Return the power coefficient at one tip speed ratio."""
-    return float(bem.rotor_coefficients(blade, polar, ratio).power[0])
+    return float(rotor.coefficients(blade, ratio).power[0])
 
 
-def _candidates(blade, polar, ratios, chord_bounds, twist_bounds, grid=GRID):
+def _candidates(blade, rotor, ratios, chord_bounds, twist_bounds, grid=GRID):
     """Return a blade near the best one for each tip speed ratio, found globally.
 
     By `best_sections`; where polars follow the thickness, at `THICKNESSES` of them, the best of
     which each station has. Where polars follow the Reynolds number, or where BEM takes another root
     of a section than the best, the best of a grid of chord (geometric) and twist.
     """
-    points = np.array(ratios) / np.cos(blade.cone)
-    bounds = chord_bounds, twist_bounds
-    if isinstance(polar, ByThickness):
-        tried = np.linspace(*polar.bounds, THICKNESSES)
-        found = [_candidates(blade, one, ratios, *bounds, grid) for one in polar.at(tried)]
-        return [
-            _best_stations(each, polar, point, tried)
-            for point, *each in zip(points, *found, strict=True)
+    ratios, bounds = np.array(ratios), (chord_bounds, twist_bounds)
+    if rotor.follows_thickness:
+        tried = np.linspace(*rotor.thickness_bounds, THICKNESSES)
+        by_thickness = [
+            _candidates(blade, Hydrodynamics(polar), ratios, *bounds, grid)
+            for polar in rotor.polar.at(tried)
         ]
-    if isinstance(polar, LocalReynolds):
-        chord, twist = np.empty((2, points.size, blade.r.size))
+        return [
+            _best_stations(blades, rotor, ratio, tried)
+            for ratio, *blades in zip(ratios, *by_thickness, strict=True)
+        ]
+    if rotor.follows_reynolds:
+        chord, twist = np.empty((2, ratios.size, blade.r.size))
         unreached = np.ones(chord.shape, dtype=bool)
     else:
-        load, chord, twist = best_sections(blade, polar, points, *bounds)
-        found = [
-            bem.sections(blade.with_shape(*each), polar, point).tangential_load[0]
-            for *each, point in zip(chord, twist, points, strict=True)
+        load, chord, twist = rotor.best_sections(blade, ratios, *bounds)
+        reached = [
+            rotor.sections(blade.with_shape(*shape), ratio).tangential_load[0]
+            for *shape, ratio in zip(chord, twist, ratios, strict=True)
         ]
-        unreached = np.array(found) < load - 1e-9 * np.abs(load)
+        unreached = np.array(reached) < load - 1e-9 * np.abs(load)
     chords, twists = np.meshgrid(
         np.geomspace(*chord_bounds, grid[0]), np.linspace(*twist_bounds, grid[1]), indexing="ij"
     )
@@ -157,60 +210,60 @@ def _candidates(blade, polar, ratios, chord_bounds, twist_bounds, grid=GRID):
     for j in np.flatnonzero(unreached.any(axis=0)):
         few = unreached[:, j]
         strip = replace(blade, r=np.full(chords.size, blade.r[j]), chord=chords, twist=twists)
-        load = bem.sections(strip, bem.polar_at(polar, j), points[few]).tangential_load
+        load = rotor.at_station(j).sections(strip, ratios[few]).tangential_load
         best = np.argmax(load, axis=1)
         chord[few, j], twist[few, j] = chords[best], twists[best]
-    return [blade.with_shape(*each) for each in zip(chord, twist, strict=True)]
+    return [blade.with_shape(*section) for section in zip(chord, twist, strict=True)]
 
 
-def _best_stations(blades, polar, point, thickness):
+def _best_stations(blades, rotor, ratio, thickness):
     """Return the blade that has at each station the best of some blades' of constant thickness."""
-    each = np.stack(
+    shapes = np.stack(
         [(b.chord, b.twist, np.full(b.r.size, t)) for b, t in zip(blades, thickness, strict=True)]
     )
     loads = [
-        bem.sections(blade.with_shape(*shape), polar, point).tangential_load[0]
-        for blade, shape in zip(blades, each, strict=True)
+        rotor.sections(blade.with_shape(*shape), ratio).tangential_load[0]
+        for blade, shape in zip(blades, shapes, strict=True)
     ]
     best, stations = np.argmax(loads, axis=0), np.arange(blades[0].r.size)
-    return blades[0].with_shape(*each[best, :, stations].T)
+    return blades[0].with_shape(*shapes[best, :, stations].T)
 
 
-def _loads(blade, polar, point):
+def _loads(blade, rotor, ratio):
     """Return the tangential loads of the stations, and their derivatives by their shape."""
-    found = bem.sections(blade, polar, point, derivatives=True)
-    _, *by_shape, by_followed = found.derivatives[0, :, 0]
-    if isinstance(polar, LocalReynolds):
+    flow = rotor.sections(blade, ratio, derivatives=True)
+    _, *by_shape, by_followed = flow.derivatives[0, :, 0]
+    if rotor.follows_reynolds:
         by_shape[0] = by_shape[0] + by_followed / blade.chord
-    if isinstance(polar, ByThickness):
+    if rotor.follows_thickness:
         by_shape.append(by_followed)
-    return found.tangential_load[0], np.stack(by_shape)
+    return flow.tangential_load[0], np.stack(by_shape)
 
 
-def _climb(start, polar, ratio, chord_bounds, twist_bounds, tolerance=1e-14):
+def _climb(start, rotor, ratio, chord_bounds, twist_bounds, tolerance=1e-14):
     """Return the local optimum over chord, twist and maybe thickness next to a blade.
 
     Newton's method, for all stations at once and each within bounds and a trust region of its own:
     stations do not depend on each other, so a difference of gradients has every second derivative.
     """
-    weights, point = bem.torque_weights(start), ratio / np.cos(start.cone)
+    weights = bem.torque_weights(start)
     bounds, x = [chord_bounds, twist_bounds], [start.chord, start.twist]
-    if isinstance(polar, ByThickness):
-        bounds, x = [*bounds, polar.bounds], [*x, start.thickness]
+    if rotor.follows_thickness:
+        bounds, x = [*bounds, rotor.thickness_bounds], [*x, start.thickness]
     bounds = np.array(bounds).T[:, :, None]
     x = np.clip(np.stack(x), *bounds)
     unit = np.repeat([[1.0], [TWIST_MOVE], [THICKNESS_MOVE]][: len(x)], x[0].size, axis=1)
     unit[0] = CHORD_MOVE * x[0]
 
     def at(x):
-        return _loads(start.with_shape(*x), polar, point)
+        return _loads(start.with_shape(*x), rotor, ratio)
 
     load, slope = at(x)
     radius = np.ones(load.size)
     for _ in range(MOST_STEPS):
         # second derivatives by one-sided differences, in trust region units from here on
-        moved = [at(x + each[:, None] * 1e-5 * unit)[1] for each in np.eye(len(x))]
-        bend = np.stack([(each - slope) * unit for each in moved]) / 1e-5
+        moved = [at(x + direction[:, None] * 1e-5 * unit)[1] for direction in np.eye(len(x))]
+        bend = np.stack([(slopes - slope) * unit for slopes in moved]) / 1e-5
         step = _newton_step(slope * unit, bend, (bounds - x) / unit, radius) * unit
         if ratio * weights @ np.abs(np.sum(slope * step, axis=0)) <= tolerance:
             break
@@ -220,7 +273,7 @@ def _climb(start, polar, ratio, chord_bounds, twist_bounds, tolerance=1e-14):
         slope = np.where(taken, better_slope, slope)
         radius = np.where(taken, np.minimum(2.0 * radius, 4.0), 0.25 * radius)
     blade = start.with_shape(*x)
-    return SteadyOptimum(blade, float(ratio), _power(blade, polar, ratio))
+    return SteadyOptimum(blade, float(ratio), _power(blade, rotor, ratio))
 
 
 def _newton_step(slope, bend, room, radius):
@@ -243,10 +296,10 @@ def _newton_step(slope, bend, room, radius):
 
 def _bracketed(optimum, near):
     """Return the best optimum between the first and the last of some points."""
-    found = minimize_scalar(
+    peak = minimize_scalar(
         lambda point: -optimum(point).power_coefficient,
         bounds=(near[0], near[-1]),
         method="bounded",
         options={"xatol": 1e-4},
     )
-    return optimum(found.x)
+    return optimum(peak.x)

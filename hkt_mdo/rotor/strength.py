@@ -64,6 +64,21 @@ class Structure:
         Between stations the outlines are blended (`Outline.blend`). wall is the thickness of the
         wall of hollow sections over the chord, one or one a station, linear between; the hollow
         itself carries and weighs nothing.
+
+        Parameters
+        ----------
+        outlines : Outline or sequence of Outline
+            One for all stations, or one a station.
+        density : float
+            Density of the material (kg/m**3).
+        modulus : float, optional
+            Young's modulus of the material (Pa).
+        wall : float or array_like of shape (n_stations,), optional
+            Thickness of a hollow section's wall over the chord; None: solid.
+
+        Returns
+        -------
+        Structure
         """
         same = isinstance(outlines, Outline)
         if same and np.ndim(wall) == 0:
@@ -88,16 +103,32 @@ class Structure:
         Each number, over chord squared or its fourth power, is one or one a station, linear
         between; without second moments, they stay. The points of the outline stay. Raises
         ValueError where the numbers of stations differ.
+
+        Parameters
+        ----------
+        area : float or array_like
+            Over chord squared, one or one a station.
+        second_moments : SecondMoments, optional
+            Each one number or one a station, over chord to the fourth power.
+
+        Returns
+        -------
+        Structure
+
+        Raises
+        ------
+        ValueError
+            Where the numbers of stations differ.
         """
         given = {"area": area} | (second_moments._asdict() if second_moments else {})
-        given = {name: np.atleast_1d(np.asarray(each, float)) for name, each in given.items()}
-        counts = {each.size for each in given.values() if each.size > 1}
+        given = {name: np.atleast_1d(np.asarray(numbers, float)) for name, numbers in given.items()}
+        counts = {numbers.size for numbers in given.values() if numbers.size > 1}
         counts |= {self.n_stations} if self.n_stations else set()
         if len(counts) > 1:
             raise ValueError(f"sections are given at different numbers of stations: {counts}")
         spread = {
-            name: each if each.size == 1 else place_weights(each.size) @ each
-            for name, each in given.items()
+            name: numbers if numbers.size == 1 else place_weights(numbers.size) @ numbers
+            for name, numbers in given.items()
         }
         return replace(self, **spread, n_stations=counts.pop() if counts else None)
 
@@ -109,6 +140,23 @@ class Structure:
         `by_change` is the derivative by. The stress is x u + y v with
 
             u = (xx strong + xy weak) / d,  v = -(yy weak + xy strong) / d,  d = (xx yy - xy²) c³.
+
+        Parameters
+        ----------
+        weak : ndarray of shape (n_points, n_places)
+            Moment of forces towards +y (N*m).
+        strong : ndarray of shape (n_points, n_places)
+            Moment of forces towards -x (N*m).
+        chord : ndarray of shape (n_places,)
+            Chord (m).
+        exponent : int
+            Exponent of the norm that stands for the largest.
+        change : Structure, optional
+            Rate of the structure by what `by_change` is by.
+
+        Returns
+        -------
+        Bending
         """
         d = (self.xx * self.yy - self.xy**2) * chord**3
         u, v = self._gradient(weak, strong, d)
@@ -135,6 +183,27 @@ class Structure:
 
         The section bends about its own inclined axes, so both moments count. Twist is in rad.
         Raises ValueError without a modulus.
+
+        Parameters
+        ----------
+        weak : ndarray of shape (n_points, n_places)
+            Moment of forces towards +y (N*m).
+        strong : ndarray of shape (n_points, n_places)
+            Moment of forces towards -x (N*m).
+        chord : ndarray of shape (n_places,)
+            Chord (m).
+        twist : ndarray of shape (n_places,)
+            Twist (rad).
+
+        Returns
+        -------
+        ndarray of shape (n_points, n_places)
+            In 1/m.
+
+        Raises
+        ------
+        ValueError
+            Without a modulus.
         """
         if self.modulus is None:
             raise ValueError("deflections need the modulus of the material")
@@ -162,10 +231,27 @@ class StructureByThickness:
 
         Outlines between them are splines through theirs, at equal fractions of the chord, as are
         walls between the sections' walls (over the chord; None: solid sections).
+
+        Parameters
+        ----------
+        thickness : ndarray of shape (n_sections,)
+            Thickness over chord of the sections, increasing.
+        outlines : sequence of Outline
+            Those of the sections.
+        density : float
+            Density of the material (kg/m**3).
+        modulus : float, optional
+            Young's modulus of the material (Pa).
+        wall : array_like of shape (n_sections,), optional
+            Walls over the chord; None: solid sections.
+
+        Returns
+        -------
+        StructureByThickness
         """
         parts = [np.linspace(*ends, PARTS + 1) for ends in pairwise(thickness)]
         at = np.unique(np.concatenate(parts))
-        x, upper, lower = np.moveaxis([each.resampled() for each in outlines], 1, 0)
+        x, upper, lower = np.moveaxis([outline.resampled() for outline in outlines], 1, 0)
         along = over_thickness(thickness, np.stack((x, upper, lower), axis=1))(at)
         walls = [None] * at.size if wall is None else over_thickness(thickness, wall)(at)
         sections = [
@@ -181,6 +267,19 @@ class StructureByThickness:
         """Return the structure with another area and `SecondMoments` of the sections.
 
         As `Structure.with_section`, with values[n_sections] at the sections' thickness.
+
+        Parameters
+        ----------
+        thickness : ndarray of shape (n_sections,)
+            Thickness over chord of the sections, increasing.
+        area : ndarray of shape (n_sections,)
+            Over chord squared.
+        second_moments : SecondMoments, optional
+            Of shape (n_sections,) each, over chord to the fourth power.
+
+        Returns
+        -------
+        StructureByThickness
         """
         at = self.numbers.x
         table = self.numbers(at)
@@ -190,7 +289,19 @@ class StructureByThickness:
         return replace(self, numbers=CubicSpline(at, table))
 
     def at(self, thickness, order=0):
-        """Return the `Structure` of places with a thickness[n_places], or its rate by it."""
+        """Return the `Structure` of places with a thickness[n_places], or its rate by it.
+
+        Parameters
+        ----------
+        thickness : ndarray of shape (n_places,)
+            Thickness over chord.
+        order : int
+            1: its rate by the thickness.
+
+        Returns
+        -------
+        Structure
+        """
         table = self.numbers(thickness, order)
         points = table[:, 4:].reshape(table.shape[0], -1, 2)
         return Structure(*table[:, :4].T, points, self.density, self.modulus)
@@ -202,6 +313,14 @@ def place_weights(n_stations):
     The places are where stress is looked at: the stations, and others equally spaced between each
     two: about `PLACES` in all, and at least two in each interval. Between stations, values are
     linear.
+
+    Parameters
+    ----------
+    n_stations : int
+
+    Returns
+    -------
+    ndarray of shape (n_places, n_stations)
     """
     parts = max(3, -(-PLACES // max(n_stations - 1, 1)))
     at = np.arange((n_stations - 1) * parts + 1)[:, None] / parts
@@ -213,6 +332,19 @@ def norm(values, exponent=EXPONENT):
 
     (sum |x|^p)^(1/p), p an integer: homogeneous, never below the largest and at most n^(1/p) times
     it, for n equal values.
+
+    Parameters
+    ----------
+    values : ndarray of shape (..., n)
+    exponent : int
+        Exponent of the norm that stands for the largest.
+
+    Returns
+    -------
+    smooth, largest : ndarray of shape (...)
+        The norm, first, and the largest magnitude, last.
+    share : ndarray of shape (..., n)
+        Derivatives of the norm, between both.
     """
     rows = np.ascontiguousarray(values).reshape(-1, np.shape(values)[-1])
     smooth, share, largest = _norms(rows, exponent)
@@ -258,31 +390,31 @@ def _around(u, v, points, moved, exponent):
     and by what moves the points, each [n_points, n_places].
     """
     shape = np.broadcast_shapes(np.shape(u), np.shape(v), points.shape[:-2])
-    rows = (np.broadcast_to(each, shape).reshape(-1, shape[-1]) for each in (u, v))
-    known = points.transpose(0, 2, 1), (points if moved is None else moved).transpose(0, 2, 1)
-    found, largest = _norms_around(*map(np.ascontiguousarray, (*rows, *known)), exponent)
-    return (each.reshape(shape) for each in (found[0], largest, *found[1:]))
+    rows = (np.broadcast_to(gradient, shape).reshape(-1, shape[-1]) for gradient in (u, v))
+    outlines = points.transpose(0, 2, 1), (points if moved is None else moved).transpose(0, 2, 1)
+    slopes, largest = _norms_around(*map(np.ascontiguousarray, (*rows, *outlines)), exponent)
+    return (values.reshape(shape) for values in (slopes[0], largest, *slopes[1:]))
 
 
 @compiled(error_model="numpy")
 def _norms_around(u, v, points, moved, exponent):
-    found, largest = np.empty((4, *u.shape), dtype=u.dtype), np.empty(u.shape)
+    slopes, largest = np.empty((4, *u.shape), dtype=u.dtype), np.empty(u.shape)
     values = np.empty(points.shape[2], dtype=u.dtype)
     share = np.empty_like(values)
     for i in range(u.shape[0]):
         for j in range(u.shape[1]):
             k, u_here, v_here = min(j, len(points) - 1), u[i, j], v[i, j]
-            for place in range(values.size):
-                values[place] = points[k, 0, place] * u_here + points[k, 1, place] * v_here
-            found[0, i, j], largest[i, j] = _norm(values, share, exponent)
+            for point in range(values.size):
+                values[point] = points[k, 0, point] * u_here + points[k, 1, point] * v_here
+            slopes[0, i, j], largest[i, j] = _norm(values, share, exponent)
             by_u = by_v = by_points = 0.0 * u_here
-            for place in range(values.size):
-                each = share[place]
-                by_u += each * points[k, 0, place]
-                by_v += each * points[k, 1, place]
-                by_points += each * (moved[k, 0, place] * u_here + moved[k, 1, place] * v_here)
-            found[1, i, j], found[2, i, j], found[3, i, j] = by_u, by_v, by_points
-    return found, largest
+            for point in range(values.size):
+                weight = share[point]
+                by_u += weight * points[k, 0, point]
+                by_v += weight * points[k, 1, point]
+                by_points += weight * (moved[k, 0, point] * u_here + moved[k, 1, point] * v_here)
+            slopes[1, i, j], slopes[2, i, j], slopes[3, i, j] = by_u, by_v, by_points
+    return slopes, largest
 
 
 def material_section(outline, wall=None):
@@ -290,6 +422,21 @@ def material_section(outline, wall=None):
 
     Over powers of the chord, about the centroid of its material; the points are the outline's. wall
     is the thickness of the wall over the chord, None for a solid section.
+
+    Parameters
+    ----------
+    outline : Outline
+    wall : float, optional
+        Thickness of the wall over the chord; None: solid.
+
+    Returns
+    -------
+    area : float
+        Over chord squared.
+    moments : SecondMoments
+        Over chord to the fourth power.
+    points : ndarray of shape (n, 2)
+        Those of the outline from the centroid, over the chord.
     """
     area, centroid, moments = outline.area, np.array(outline.centroid), outline.second_moments
     hollow = None if wall is None else outline.hollowed(wall)
@@ -320,8 +467,8 @@ def _governing(shapes, same=False):
     angle = np.linspace(0.0, np.pi, 721)[:-1]
     directions = np.array([np.cos(angle), np.sin(angle)]) / size[:, None]
     reaches = [np.abs(points @ directions) for points in shapes]
-    reach = np.array([each.max(axis=0) for each in reaches])
-    farthest = np.array([each.argmax(axis=0) for each in reaches])
+    reach = np.array([reaching.max(axis=0) for reaching in reaches])
+    farthest = np.array([reaching.argmax(axis=0) for reaching in reaches])
     kept, covered = [], np.zeros(reach.shape)
     while (least := np.min(covered / reach)) < 1.0 - POINT_ERROR:
         if same:

@@ -20,6 +20,18 @@ def surface_curves(alpha, suction):
     are passed over. Beyond the last row a curve runs on with its slope, which dies away within a
     few degrees, so that the spline through the grid keeps within the rows' magnitude; from there it
     is constant up to 120 degrees, and round the back it goes over to the value of the other end.
+
+    Parameters
+    ----------
+    alpha : ndarray of shape (n_rows,)
+        Angle of attack (rad), increasing.
+    suction : ndarray of shape (1 or 2, n_rows)
+        -Cp min; see above.
+
+    Returns
+    -------
+    alpha, upper, lower : ndarray of shape (n,)
+        From -pi to pi.
     """
     if suction.shape[0] == 1:
         suction = split_at_kink(alpha, suction[0])
@@ -43,8 +55,8 @@ def surface_curves(alpha, suction):
     # The second half of the back, with 180 degrees itself, comes first, one turn less.
     half = round_back.size // 2 + 1
     grid, *columns = (
-        np.concatenate((each[-half:], each[: 1 - half]))
-        for each in (np.append(front, round_back), *curves)
+        np.concatenate((curve[-half:], curve[: 1 - half]))
+        for curve in (np.append(front, round_back), *curves)
     )
     grid[:half] -= 2.0 * np.pi
     return grid, *columns
@@ -63,6 +75,17 @@ def split_at_kink(alpha, suction):
     which falls towards -1, the suction of a stagnation point, and is held at or below the other:
     at the rows the larger of the two is the given one. Where the lowest row has none on both sides
     (a cylinder), both surfaces have the given suction.
+
+    Parameters
+    ----------
+    alpha : ndarray of shape (n_rows,)
+        Angle of attack (rad), increasing.
+    suction : ndarray of shape (n_rows,)
+        The larger -Cp min of both surfaces.
+
+    Returns
+    -------
+    ndarray of shape (2, n_rows)
     """
     near = np.flatnonzero(np.abs(alpha) <= KINK_RANGE)
     lowest = near[np.argmin(suction[near])] if near.size else 0
@@ -95,17 +118,43 @@ def section_suction(polar, angle_of_attack):
     n_stations] is in rad; the first axis has the upper and the lower surface, slopes are per rad.
     Of polars that follow the thickness: `ByThickness.suction_at`. Raises InputError where a polar
     has no suction.
+
+    Parameters
+    ----------
+    polar : Polar or sequence of Polar
+        One, or one a station.
+    angle_of_attack : ndarray of shape (n_points, n_stations)
+        Angle of attack (rad).
+
+    Returns
+    -------
+    suction, by_angle : ndarray of shape (2, n_points, n_stations)
+
+    Raises
+    ------
+    InputError
+        Where a polar has no suction.
     """
     n_stations = np.shape(angle_of_attack)[-1]
     polars = polar if isinstance(polar, tuple | list) else (polar,) * n_stations
-    found = [each.suction_at(angle_of_attack[..., station]) for station, each in enumerate(polars)]
-    suction, by_angle = (np.stack(part, axis=-1) for part in zip(*found, strict=True))
+    by_station = [each.suction_at(angle_of_attack[..., j]) for j, each in enumerate(polars)]
+    suction, by_angle = (np.stack(part, axis=-1) for part in zip(*by_station, strict=True))
     return suction, by_angle
 
 
 def require_suction(polars):
-    """Raise InputError where a polar has no suction."""
-    if any(each.suction is None for each in polars):
+    """Raise InputError where a polar has no suction.
+
+    Parameters
+    ----------
+    polars : iterable of Polar
+
+    Raises
+    ------
+    InputError
+        Where a polar has none.
+    """
+    if any(polar.suction is None for polar in polars):
         raise InputError(
             "has no smallest pressure coefficient, which the suction of a section is taken from",
             "give a polar with the columns cpmin_upper and cpmin_lower, or cpmin (hkt polar "

@@ -17,6 +17,17 @@ def over_thickness(thickness, values):
     """Return the natural cubic spline of values[n_sections, ...] over the sections' thickness.
 
     It is linear in the values and C²; of two sections, a straight line.
+
+    Parameters
+    ----------
+    thickness : ndarray of shape (n_sections,)
+        Thickness over chord of the sections, increasing.
+    values : array_like of shape (n_sections, ...)
+        What the curve goes through.
+
+    Returns
+    -------
+    CubicSpline
     """
     return CubicSpline(thickness, values, bc_type="natural")
 
@@ -36,7 +47,26 @@ class ByThickness:
 
     @classmethod
     def of(cls, thickness, sections, bounds):
-        """Return the family; InputError where a curve between the sections has no positive drag."""
+        """Return the family; InputError where a curve between the sections has no positive drag.
+
+        Parameters
+        ----------
+        thickness : ndarray of shape (n_sections,)
+            Thickness over chord of the sections, increasing.
+        sections : sequence of Polar
+            Those of the sections.
+        bounds : tuple of float
+            Smallest and largest thickness of a blade.
+
+        Returns
+        -------
+        ByThickness
+
+        Raises
+        ------
+        InputError
+            Where the drag between sections is not positive.
+        """
         family = cls(np.array(thickness, dtype=float), tuple(sections), tuple(bounds))
         for inner, outer in zip(family.thickness[:-1], family.thickness[1:], strict=True):
             between = np.linspace(inner, outer, BETWEEN + 2)[1:-1]
@@ -60,27 +90,58 @@ class ByThickness:
         return over_thickness(self.thickness, np.eye(self.thickness.size))
 
     def weights(self, thickness):
-        """Return the sections' weights at thickness[n] and their slopes, (2, n, n_sections)."""
+        """Return the sections' weights at thickness[n] and their slopes, (2, n, n_sections).
+
+        Parameters
+        ----------
+        thickness : ndarray of shape (n,)
+            Thickness over chord.
+
+        Returns
+        -------
+        ndarray of shape (2, n, n_sections)
+        """
         return np.stack((self._cardinal(thickness), self._cardinal(thickness, 1)))
 
     def mixture(self, blade, _blade_ratio=()):
-        """Return the weights at a blade's stations, the same at all points: axis 2 has length 1."""
+        """Return the weights at a blade's stations, the same at all points: axis 2 has length 1.
+
+        Parameters
+        ----------
+        blade : Blade
+        _blade_ratio : array_like
+            Without effect.
+
+        Returns
+        -------
+        ndarray of shape (2, n_stations, 1, n_sections)
+        """
         return self.weights(blade.thickness)[:, :, None]
 
     def at(self, thickness):
-        """Return a `Polar` for each of thickness[n]."""
+        """Return a `Polar` for each of thickness[n].
+
+        Parameters
+        ----------
+        thickness : ndarray of shape (n,)
+            Thickness over chord.
+
+        Returns
+        -------
+        tuple of Polar
+        """
         return tuple(self._polar(weights) for weights in self.weights(thickness)[0])
 
     def _polar(self, weights):
         def mixed(name):
             return np.tensordot(weights, np.stack([getattr(s, name) for s in self.sections]), 1)
 
-        known = all(each.suction is not None for each in self.sections)
+        with_suction = all(section.suction is not None for section in self.sections)
         return Polar(
             mixed("coefficients"),
-            max(each.alpha_min for each in self.sections),
-            min(each.alpha_max for each in self.sections),
-            mixed("suction") if known else None,
+            max(section.alpha_min for section in self.sections),
+            min(section.alpha_max for section in self.sections),
+            mixed("suction") if with_suction else None,
         )
 
     def suction_at(self, angle_of_attack, thickness):
@@ -88,10 +149,26 @@ class ByThickness:
 
         Each is [2, n_points, n_stations] for angle_of_attack[n_points, n_stations] (rad) and
         thickness[n_stations]. Raises InputError where a section has no suction.
+
+        Parameters
+        ----------
+        angle_of_attack : ndarray of shape (n_points, n_stations)
+            Angle of attack (rad).
+        thickness : ndarray of shape (n_stations,)
+            Thickness over chord.
+
+        Returns
+        -------
+        suction, by_angle, by_thickness : ndarray of shape (2, n_points, n_stations)
+
+        Raises
+        ------
+        InputError
+            Where a section has no suction.
         """
         require_suction(self.sections)
-        found = [each.suction_at(angle_of_attack) for each in self.sections]
-        suction, by_angle = (np.stack(part, axis=-1) for part in zip(*found, strict=True))
+        by_section = [section.suction_at(angle_of_attack) for section in self.sections]
+        suction, by_angle = (np.stack(part, axis=-1) for part in zip(*by_section, strict=True))
         weights, slopes = self.weights(thickness)
         return (
             np.sum(weights * suction, axis=-1),
@@ -101,5 +178,16 @@ class ByThickness:
 
 
 def as_built(polar, blade):
-    """Return the polars of a blade: those at its thickness where polars follow the thickness."""
+    """Return the polars of a blade: those at its thickness where polars follow the thickness.
+
+    Parameters
+    ----------
+    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
+        Polars of the sections: one, one a station, or what they follow.
+    blade : Blade
+
+    Returns
+    -------
+    Polar or tuple of Polar or LocalReynolds
+    """
     return polar.at(blade.thickness) if isinstance(polar, ByThickness) else polar

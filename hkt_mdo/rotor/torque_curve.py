@@ -21,22 +21,53 @@ class TorqueSpline:
         return CubicSpline(self.nodes, np.eye(self.nodes.size), bc_type="natural")
 
     def basis(self, tip_speed_ratio, derivative=0):
-        """Return the matrix (n_points, n_nodes) from a table to spline values or derivatives."""
+        """Return the matrix (n_points, n_nodes) from a table to spline values or derivatives.
+
+        Parameters
+        ----------
+        tip_speed_ratio : ndarray of shape (n_points,)
+        derivative : int
+            Order of the derivative, 0 to 2.
+
+        Returns
+        -------
+        ndarray of shape (n_points, n_nodes)
+        """
         points = np.asarray(tip_speed_ratio)
         inside = np.clip(points.real, self.nodes[0], self.nodes[-1])
-        found, beyond = self._cardinal(inside, derivative), points - inside
+        basis, beyond = self._cardinal(inside, derivative), points - inside
         if derivative == 0 and np.any(beyond):
-            found = found + self._cardinal(inside, 1) * beyond[:, None]
-        return found * (beyond.real == 0.0)[:, None] if derivative > 1 else found
+            basis = basis + self._cardinal(inside, 1) * beyond[:, None]
+        return basis * (beyond.real == 0.0)[:, None] if derivative > 1 else basis
 
     def curve(self, table):
-        """Return the spline of a table as a function of the tip speed ratio within the nodes."""
+        """Return the spline of a table as a function of the tip speed ratio within the nodes.
+
+        Parameters
+        ----------
+        table : ndarray of shape (n_nodes,) or (n_nodes, n_tables)
+            Coefficients at the nodes.
+
+        Returns
+        -------
+        PPoly
+        """
         return PPoly.construct_fast(self._cardinal.c @ table, self.nodes)
 
     def values(self, table, tip_speed_ratio):
         """Return the spline's values and slopes (n_points,) for a table, without the matrices.
 
         Of several tables, the columns of one array, those are (n_points, n_tables).
+
+        Parameters
+        ----------
+        table : ndarray of shape (n_nodes,) or (n_nodes, n_tables)
+            Coefficients at the nodes.
+        tip_speed_ratio : ndarray of shape (n_points,)
+
+        Returns
+        -------
+        values, slopes : ndarray of shape (n_points,) or (n_points, n_tables)
         """
         points = np.asarray(tip_speed_ratio)
         inside = np.clip(points.real, self.nodes[0], self.nodes[-1])

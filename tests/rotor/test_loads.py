@@ -10,6 +10,7 @@ from hkt_mdo.rotor import bem, loads
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.components import LoadTable
+from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.loads import Cavitation, LoadModel, moment_weights
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.reynolds import LocalReynolds
@@ -51,7 +52,7 @@ def loaded(monkeypatch):
     def put(normal, tangential):
         state = bem.Sections(*np.zeros((9, 1, normal.size)), np.empty(0))
         state = state._replace(normal_load=normal[None], tangential_load=tangential[None])
-        monkeypatch.setattr(loads.bem, "sections", lambda *_: state)
+        monkeypatch.setattr(Hydrodynamics, "sections", lambda *_: state)
 
     return put
 
@@ -309,7 +310,7 @@ def stepped_loads(model, blade, points, **steps):
     """
     h = 1e-30j
     cosine = np.cos(blade.cone)
-    flow = bem.sections(blade, model.polar, points / cosine, True)
+    flow = bem.sections(blade, model.flow.polar, points / cosine, True)
     by_ratio, by_chord, by_twist = (
         flow.derivatives[:, 0],
         flow.derivatives[:, 1],

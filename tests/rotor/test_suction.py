@@ -12,7 +12,6 @@ from hkt_mdo.files.polar_table import SURFACES, polar_table
 from hkt_mdo.files.shipped import POLAR_FAMILIES, data_path, read_table, shipped_names
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.suction import section_suction, split_at_kink
 
 ALPHA = np.arange(-12.0, 16.5, 0.5)  # deg
@@ -182,24 +181,6 @@ def test_along_a_blade_every_station_has_its_own_polar(blade):
     assert np.allclose(by_angle, complex_step, rtol=1e-12, atol=1e-12)
 
 
-def test_local_reynolds_number_mixes_the_tables(blade):
-    families = (PolarFamily.from_file("naca63815"),) * 3
-    ratio = np.array([3.0, 6.0])
-    angle = np.deg2rad([[2.0, 4.0, 6.0], [8.0, 3.0, 1.0]])
-    local = LocalReynolds.of(families, 2.0, 1e-6)
-    suction = local.suction(blade, ratio, angle)
-    assert suction.shape == (2, 2, 3)
-    weight = local.mixture(blade, ratio)[0]
-    for station in range(3):
-        for point in range(2):
-            tables = [each.suction_at(angle[point, station])[0] for each in families[0].polars]
-            expected = weight[station, point] @ np.array(tables)
-            assert np.allclose(suction[:, point, station], expected, atol=1e-13)
-    fast = local.at_speed(1e3).suction(blade, ratio, angle)  # beyond the last table it holds
-    last, _ = section_suction(families[0].polars[-1], angle)
-    assert np.allclose(fast, last, atol=1e-12)
-
-
 def test_polar_without_suction_is_refused_with_the_remedy(blade):
     without = Polar.from_polar_table(table(None))
     known = PolarFamily.from_file("naca63815")
@@ -208,10 +189,6 @@ def test_polar_without_suction_is_refused_with_the_remedy(blade):
             section_suction(polar, np.zeros((2, 3)))
     with pytest.raises(InputError, match="cpmin"):
         without.suction_at(0.1)
-    mixed = PolarFamily(np.array([1e5, 1e6]), (without, without))
-    local = LocalReynolds.of((mixed,) * 3, 2.0, 1e-6)
-    with pytest.raises(InputError, match="cpmin"):
-        local.suction(blade, np.array([5.0]), np.zeros((1, 3)))
 
 
 # The shipped columns

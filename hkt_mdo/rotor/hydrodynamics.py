@@ -1,0 +1,247 @@
+"""The hydrodynamics of a rotor: the one object that the rest of the program asks about its flow.
+
+A finer model of the flow, such as sectors of the disc or a wake with memory, comes in here.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hkt_mdo.rotor import bem, ccblade
+from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.best_section import best_sections
+from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.suction import section_suction
+from hkt_mdo.rotor.thickness import ByThickness, as_built
+
+SOLVERS = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficients}
+"""What computes the coefficients of a rotor, by the name that a case gives it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hydrodynamics:
+    """Blade element momentum theory for any blade with the same sections.
+
+    Attributes
+    ----------
+    polar : Polar or tuple of Polar or LocalReynolds or ByThickness
+        Lift and drag of the sections: the same at all stations, one a station, or polars that
+        follow the local Reynolds number or the blade's thickness.
+    solver : str
+        What computes `coefficients`, one of `SOLVERS`; all else is by `hkt_mdo.rotor.bem`.
+    """
+
+    polar: Polar | tuple[Polar, ...] | LocalReynolds | ByThickness
+    solver: str = "vectorized"
+
+    @classmethod
+    def of(cls, rotor):
+        """Return the hydrodynamics of a rotor, which may be given by its polars alone.
+
+        Parameters
+        ----------
+        rotor : Hydrodynamics, or what `Hydrodynamics.polar` is
+
+        Returns
+        -------
+        Hydrodynamics
+        """
+        return rotor if isinstance(rotor, Hydrodynamics) else Hydrodynamics(rotor)
+
+    @property
+    def follows_reynolds(self):
+        """Whether polars follow the Reynolds number, and with it the speed of the flow."""
+        return isinstance(self.polar, LocalReynolds)
+
+    @property
+    def follows_thickness(self):
+        """Whether polars follow the thickness of the blade, which is then designed."""
+        return isinstance(self.polar, ByThickness)
+
+    @property
+    def several_sections(self):
+        """Whether the stations have polars of their own, which are rougher together than one."""
+        return isinstance(self.polar, tuple | ByThickness)
+
+    @property
+    def thickness_bounds(self):
+        """Smallest and largest thickness over chord; 0 and 1 where it is not designed."""
+        return self.polar.bounds if self.follows_thickness else (0.0, 1.0)
+
+    def polars_at(self, station):
+        """Return the polars that a station has: by Reynolds number or thickness, or its one.
+
+        Parameters
+        ----------
+        station : int
+            Index of the station.
+
+        Returns
+        -------
+        tuple of Polar
+        """
+        if self.follows_reynolds or self.follows_thickness:
+            return self.polar.polars[station % len(self.polar.polars)]
+        return (bem.polar_at(self.polar, station),)
+
+    def at_station(self, station):
+        """Return the same rotor for a strip of sections at one station, by its index.
+
+        Parameters
+        ----------
+        station : int
+            Index of the station.
+
+        Returns
+        -------
+        Hydrodynamics
+        """
+        return replace(self, polar=bem.polar_at(self.polar, station))
+
+    def at_flow(self, flow_speed):
+        """Return the same rotor with polars at the Reynolds numbers of a flow.
+
+        Parameters
+        ----------
+        flow_speed : float or ndarray of shape (n_points,)
+            Speed of the undisturbed flow (m/s), one or one an operating point. It matters only
+            where polars follow the Reynolds number.
+
+        Returns
+        -------
+        Hydrodynamics
+            Of the same class as this one.
+        """
+        if not self.follows_reynolds:
+            return self
+        return replace(self, polar=self.polar.at_speed(flow_speed))
+
+    def as_built(self, blade):
+        """Return the same rotor with the polars that the sections of a blade have as built.
+
+        Parameters
+        ----------
+        blade : Blade
+            Its thickness over chord matters only where polars follow the thickness.
+
+        Returns
+        -------
+        Hydrodynamics
+            Of the same class as this one.
+        """
+        return replace(self, polar=as_built(self.polar, blade))
+
+    def sections(self, blade, tip_speed_ratio, derivatives=False):
+        """Solve the flow at every station of a blade; see `hkt_mdo.rotor.bem.sections`.
+
+        Parameters
+        ----------
+        blade : Blade
+        tip_speed_ratio : array_like of shape (n_points,)
+            Omega R / V of the disc, positive.
+        derivatives : bool
+            Whether the derivatives are computed.
+
+        Returns
+        -------
+        Sections
+            Arrays (n_points, n_stations). Their derivatives by the tip speed ratio are by that
+            along the blade, which is the disc's over cos(cone).
+
+        Raises
+        ------
+        ValueError
+            Where a tip speed ratio is not positive, stations do not lie between hub and tip, or
+            there is neither one polar nor one a station.
+        """
+        points = np.asarray(tip_speed_ratio, dtype=float) / np.cos(blade.cone)
+        return bem.sections(blade, self.polar, points, derivatives)
+
+    def coefficients(self, blade, tip_speed_ratio, derivatives=False):
+        """Return torque, power and thrust coefficient of the rotor.
+
+        Parameters
+        ----------
+        blade : Blade
+        tip_speed_ratio : array_like of shape (n_points,)
+            Omega R / V of the disc, positive.
+        derivatives : bool
+            Whether the derivatives of the torque coefficient are computed.
+
+        Returns
+        -------
+        Coefficients
+
+        Raises
+        ------
+        ValueError
+            As `sections` does.
+        InputError
+            If the solver is CCBlade and WISDEM is not installed.
+        """
+        return SOLVERS[self.solver](blade, self.polar, tip_speed_ratio, derivatives)
+
+    def suction(self, angle_of_attack, *thickness):
+        """Return the largest -Cp of the sections of a blade and its slopes.
+
+        Parameters
+        ----------
+        angle_of_attack : ndarray of shape (n_points, n_stations)
+            Angle of attack (rad).
+        thickness : ndarray of shape (n_stations,)
+            Over chord; given where polars follow it.
+
+        Returns
+        -------
+        suction, by_angle, by_thickness : ndarray of shape (2, n_points, n_stations)
+            -Cp of the upper and the lower surface and its slopes, per rad and over the thickness;
+            the last one only where polars follow the thickness.
+
+        Raises
+        ------
+        InputError
+            Where a polar has no suction.
+        """
+        if self.follows_thickness:
+            return self.polar.suction_at(angle_of_attack, *thickness)
+        return section_suction(self.polar, angle_of_attack)
+
+    def best_sections(self, blade, tip_speed_ratio, chord_bounds, twist_bounds):
+        """Return the best section of every station; see `hkt_mdo.rotor.best_section`.
+
+        Parameters
+        ----------
+        blade : Blade
+            Its chord and twist do not matter.
+        tip_speed_ratio : array_like of shape (n_points,)
+            Omega R / V of the disc.
+        chord_bounds, twist_bounds : tuple of float
+            Smallest and largest chord (m) and twist (rad).
+
+        Returns
+        -------
+        BestSections
+            Arrays (n_points, n_stations).
+        """
+        points = np.asarray(tip_speed_ratio, dtype=float) / np.cos(blade.cone)
+        return best_sections(blade, self.polar, points, chord_bounds, twist_bounds)
+
+    def angles_of_attack(self, blade, tip_speed_ratio, derivatives=True):
+        """Return the angles of attack of the stations and their derivatives.
+
+        Parameters
+        ----------
+        blade : Blade
+        tip_speed_ratio : float
+            Omega R / V of the disc.
+        derivatives : bool
+            Whether the derivatives are computed; else they are copies of the angles.
+
+        Returns
+        -------
+        angle : ndarray of shape (n_stations,)
+            Angle of attack (rad).
+        by_tip_speed_ratio, by_chord, by_twist : ndarray of shape (n_stations,)
+            Its derivatives (rad, rad/m, rad/rad).
+        """
+        return bem.angles_of_attack(blade, self.polar, tip_speed_ratio, derivatives)

@@ -1,0 +1,136 @@
+"""A rotor as one object: hydrodynamics, loads, mass and best operation of any of its blades."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from hkt_mdo.rotor import stall, steady_optimum
+from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
+from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.rotor.loads import Cavitation, LoadModel
+from hkt_mdo.rotor.strength import Structure, StructureByThickness
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RotorModel(Hydrodynamics):
+    """What does not change with a rotor's design, and what follows from it for a blade.
+
+    Attributes
+    ----------
+    polar, solver
+        See `Hydrodynamics`.
+    section_area : float or ndarray of shape (n_stations,) or CubicSpline
+        Area of a section's material over chord squared: one, one a station, or a function of the
+        thickness over chord.
+    material_density : float
+        Density of the blades' material (kg/m**3).
+    hub_inertia : float
+        Inertia about the rotor's axis of all that is not a blade (kg*m**2).
+    water_density : float
+        Density of the water (kg/m**3).
+    structure : Structure or StructureByThickness, optional
+        What the sections resist; without it there is no stress.
+    cavitation : Cavitation, optional
+        What decides where sections cavitate; without it there is no such load.
+    """
+
+    section_area: float | np.ndarray | CubicSpline
+    material_density: float
+    hub_inertia: float = 0.0
+    water_density: float = 1000.0
+    structure: Structure | StructureByThickness | None = None
+    cavitation: Cavitation | None = None
+
+    @property
+    def loads(self):
+        """The `LoadModel`, which tells the loads of a blade."""
+        return LoadModel(self, self.water_density, self.structure, self.cavitation)
+
+    def mass_and_inertia(self, blade):
+        """Return mass and inertia of the rotor with a blade.
+
+        Parameters
+        ----------
+        blade : Blade
+
+        Returns
+        -------
+        RotorMass
+            The mass is that of the blades, the inertia that of blades and hub.
+        """
+        return mass_and_inertia(blade, self.section_area, self.material_density, self.hub_inertia)
+
+    def stall_fence(self, shape, blade, tip_speed_ratio):
+        """Return the stations whose flow must stay attached; see `hkt_mdo.rotor.stall`.
+
+        Parameters
+        ----------
+        shape : Shape
+            What of the blade is designed.
+        blade : Blade
+        tip_speed_ratio : float
+            The lowest one of the disc at which the blade works.
+
+        Returns
+        -------
+        StallFence
+        """
+        return stall.stall_fence(self, shape, blade, tip_speed_ratio)
+
+    def best_operation(self, blade):
+        """Return where a blade has its largest power coefficient.
+
+        Parameters
+        ----------
+        blade : Blade
+
+        Returns
+        -------
+        SteadyOptimum
+        """
+        return steady_optimum.best_operation(blade, self)
+
+    def best_of_shape(self, shape, blade):
+        """Return the best rotor of a family of blades with the radius of one of them.
+
+        Parameters
+        ----------
+        shape : Shape
+            What is designed: chord and twist at the stations, the set angle, or nothing.
+        blade : Blade
+            Gives the radius, and chord and twist where they are not designed.
+
+        Returns
+        -------
+        SteadyOptimum
+        """
+        if shape.designs_chord:
+            bounds = shape.chord_bounds, shape.twist_bounds
+            return steady_optimum.best_rotor(blade, self, *bounds)
+        if shape.designs_set_angle:
+            return steady_optimum.best_set_angle(shape, blade, self)
+        return self.best_operation(blade)
+
+    def best_blade(self, shape, tip_speed_ratio, start=None, tolerance=1e-14):
+        """Return the best chord and twist at one tip speed ratio; see `steady_optimum.best_blade`.
+
+        Parameters
+        ----------
+        shape : Shape
+            Its blade gives stations, hub, tip, blade count and cone; its bounds hold at stations.
+        tip_speed_ratio : float
+            Omega R / V of the disc.
+        start : Blade, optional
+            Where a local search begins; without it the search is global.
+        tolerance : float
+            Change of the power coefficient at which a local search ends.
+
+        Returns
+        -------
+        SteadyOptimum
+        """
+        bounds = shape.chord_bounds, shape.twist_bounds
+        return steady_optimum.best_blade(
+            shape.blade, self, tip_speed_ratio, *bounds, start, tolerance
+        )
