@@ -15,9 +15,8 @@ from hkt_mdo.problem.setup import TWIST_UNIT
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.stall import SLOWER, stall_fence
-from hkt_mdo.start.improve import Round, Settings, Values
+from hkt_mdo.start.improve import Round, Search, Settings, Values
 from hkt_mdo.start.quasi_steady import SAFE, QuasiSteady
-from hkt_mdo.start.unknowns import Unknowns
 
 STANDSTILL = 0.5  # of the energy, by which a point without equilibrium is worse: SLSQP turns away
 TOUCHING = -1e-6  # of `TWIST_UNIT`: room below stall that counts as none
@@ -39,7 +38,7 @@ def _short_of_recovery(operation):
     return SAFE - float(np.min(operation.margin, initial=np.inf))
 
 
-class EnergySearch:
+class EnergySearch(Search):
     """Largest delivered energy of blade and gains that recover from a small loss of speed.
 
     Parameters
@@ -53,8 +52,8 @@ class EnergySearch:
     settings = Settings(rounds=12, iterations=100, tolerance=1e-9)
 
     def __init__(self, physics: Physics, problem: QuasiSteady):
-        self.physics, self.problem = physics, problem
-        self.unknowns = Unknowns(physics)
+        super().__init__(physics)
+        self.problem = problem
 
     @staticmethod
     def rank(point: StartingPoint) -> tuple:
@@ -64,7 +63,7 @@ class EnergySearch:
 
     def around(self, point: StartingPoint) -> Round:
         """Return the optimization round a point, which keeps its sections away from stall."""
-        center, units = self.unknowns.vector(point)
+        center, units = self.vector(point)
         room = self._room(point) if center.size else None
 
         def values(x):
@@ -82,15 +81,15 @@ class EnergySearch:
         def rank(x, point):
             return bool(np.all(room(x)[0] > TOUCHING)), *self.rank(point)
 
-        return Round(center, units, *self.unknowns.bounds(point), values, rank)
+        return Round(center, units, *self.bounds(point), values, rank)
 
-    def point(self, unknowns: np.ndarray, origin: StartingPoint) -> StartingPoint:
+    def point(self, unknowns: np.ndarray, _: Values, origin: StartingPoint) -> StartingPoint:
         """Return the point of some unknowns, (n,)."""
         return replace(self._evaluated(unknowns)[0], strategy=origin.strategy)
 
     def _evaluated(self, x):
         """Return the point at x; derivatives of `delivered` and margins, row by row."""
-        blade, gains = self.unknowns.blade(x), self.unknowns.gains(x)
+        blade, gains = self.blade(x), self.gains(x)
         problem = replace(self.problem, rotor_radius=blade.rotor_radius)
         rotor = bem.rotor_coefficients(
             blade, self.physics.polar, problem.spline.nodes, derivatives=True
@@ -99,27 +98,27 @@ class EnergySearch:
         by_table, by_gain, by_radius = np.split(state.gradient, [rotor.torque.size, -1], axis=1)
         by_radius = by_radius[:, 0] + by_table @ rotor.torque_by_rotor_radius
         by_shape = rotor.torque_by_chord, rotor.torque_by_twist, rotor.torque_by_thickness
-        slopes = self.unknowns.slopes(*(by_table @ by for by in by_shape), by_radius)
+        slopes = self.slopes(*(by_table @ by for by in by_shape), by_radius)
         return operating_point(blade, gains, state), np.hstack((slopes, by_gain))
 
     def _room(self, point):
         """Return the function of x with the room below a point's `StallFence`, and its slopes."""
-        unknowns, shape, polar = self.unknowns, self.physics.shape, self.physics.polar
+        shape, polar, ends = self.shape, self.physics.polar, self.ends
         ratio = point.operation.rotor_speed / self.problem.inflow_speed * point.blade.rotor_radius
         ratio = float(np.min(ratio))
         fence = stall_fence(polar, shape, point.blade, ratio)
-        places, ends = fence.stations, unknowns.ends
+        places = fence.stations
 
         def at(x):
             slopes = np.zeros((places.size, x.size))
             if not places.size:
                 return np.empty(0), slopes
-            blade = unknowns.blade(x)
+            blade = self.blade(x)
             flow = bem.angles_of_attack(blade, polar, SLOWER * ratio)
             angle, _, by_chord, by_twist = (values[places] for values in flow)
             slopes[:, : ends[0]] = -by_chord[:, None] * shape.chord_basis[places]
             slopes[:, ends[0] : ends[1]] = -by_twist[:, None] * shape.twist_basis[places]
-            if unknowns.resized:  # only the chord over the radius matters
+            if self.resized:  # only the chord over the radius matters
                 by_radius = by_chord * blade.chord[places] / blade.rotor_radius
                 slopes[:, ends[2] : ends[3]] = by_radius[:, None]
             return (fence.highest - angle) / TWIST_UNIT, slopes / TWIST_UNIT

@@ -8,12 +8,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import Bounds, minimize
 
+from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import StartingPoint
+from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, MoveLimits, gain_bounds
+from hkt_mdo.rotor.blade import Blade
+
+MOVES = MoveLimits(
+    chord=1.3, twist=np.deg2rad(3.0), thickness=0.02, radius=1.1, gain=1.2
+)  # of one SLSQP, about as far as a linearization of the torque holds
+_PARTS = "chord_control", "twist_control", "thickness_control", "rotor_radius", "gain"
 
 
 @dataclass(frozen=True)
@@ -78,16 +86,78 @@ class Round:
     rank: Callable[[np.ndarray, StartingPoint], tuple]
 
 
-class Search(Protocol):
-    """What is improved: how a point becomes unknowns, and unknowns a point."""
+class Search:
+    """What is improved, over one vector of unknowns.
+
+    It begins with control points of chord, twist and thickness, then the disc's radius, then the
+    gains; what is not designed has no place in it. A subclass says what is made large and what is
+    kept: `around(point)` returns the `Round` about a point, `point(unknowns, values, origin)` the
+    point of unknowns that were reached from another one, and `rank(point)` what ranks points.
+
+    Parameters
+    ----------
+    physics : Physics
+        Whose shape and control law are designed.
+    """
 
     settings: Settings
 
-    def around(self, point: StartingPoint) -> Round:
-        """Return the optimization round a point."""
+    def __init__(self, physics: Physics):
+        self.physics, self.shape, self.law = physics, physics.shape, physics.law
+        self.resized = self.shape.radius_bounds is not None
+        sizes = [*self.shape.points.values(), self.resized, len(physics.gain_units)]
+        self.ends = np.cumsum(sizes[:-1])
+        shape, radius_bounds = self.shape, self.shape.radius_bounds or (0.0, 0.0)
+        own = shape.chord_bounds, shape.twist_bounds, shape.thickness_bounds, radius_bounds
+        self._own = np.repeat((*own, gain_bounds(physics)), sizes, axis=0).T
+        self._typical = np.repeat([0.0, TWIST_UNIT, THICKNESS_UNIT, 0.0, 0.0], sizes)
 
-    def point(self, unknowns: np.ndarray, origin: StartingPoint) -> StartingPoint:
-        """Return the point of some unknowns, which the search reached from another point."""
+    def vector(self, point: StartingPoint) -> tuple[np.ndarray, np.ndarray]:
+        """Return the unknowns of a point within their bounds, and their units, both (n,)."""
+        radius = [point.blade.rotor_radius] * self.resized
+        x = np.concatenate((*self.shape.control(point.blade), radius, point.gains))
+        x = np.clip(x, *self._own)
+        units = np.where(self._typical > 0.0, self._typical, np.abs(x))
+        if self.law is not None:
+            units[self.ends[-1] :] = self.law.sizes(self.gains(x))
+        return x, units
+
+    def bounds(self, point: StartingPoint) -> np.ndarray:
+        """Return the lower and upper limits of moves from a point, shape (2, n)."""
+        bounds = MOVES.bounds(self.physics, point)
+        return np.array([np.concatenate([bounds[name][i] for name in _PARTS]) for i in (0, 1)])
+
+    def blade(self, x: np.ndarray) -> Blade:
+        """Return the blade of some unknowns."""
+        *control, radius, _ = np.split(x, self.ends)
+        return self.shape.at(*control, radius[0] if self.resized else None)
+
+    def gains(self, x: np.ndarray) -> np.ndarray:
+        """Return the gains among the unknowns."""
+        return x[self.ends[-1] :]
+
+    def slopes(self, by_chord, by_twist, by_thickness, by_radius) -> np.ndarray:
+        """Return derivatives by the unknowns but the gains, from those by the stations' shape.
+
+        Parameters
+        ----------
+        by_chord, by_twist, by_thickness : np.ndarray
+            By the values at the stations, shape (m, n_stations).
+        by_radius : np.ndarray
+            By the radius of the disc, shape (m,).
+
+        Returns
+        -------
+        np.ndarray
+            Shape (m, n - n_gains).
+        """
+        shape = self.shape
+        if not shape.designs_chord:  # the chord is scaled with the disc
+            by_radius = by_radius + by_chord @ shape.chord_offset / shape.blade.rotor_radius
+        parts = [by_chord @ shape.chord_basis, by_twist @ shape.twist_basis]
+        if shape.designs_thickness:
+            parts.append(by_thickness @ shape.thickness_basis)
+        return np.hstack((*parts, by_radius[:, None][:, : self.resized]))
 
 
 def improve(search: Search, point: StartingPoint, rival: float = -np.inf) -> StartingPoint:
@@ -113,8 +183,8 @@ def improve(search: Search, point: StartingPoint, rival: float = -np.inf) -> Sta
         here = search.around(point)
         if not here.center.size:
             break
-        x = _maximized(here, settings, slack, max(abs(point.objective), 1e-9))
-        better = search.point(x, point)
+        x, values = _maximized(here, settings, slack, max(abs(point.objective), 1e-9))
+        better = search.point(x, values, point)
         *kept, value = here.rank(here.center, point)
         if not slack and here.rank(x, better) <= (*kept, value + settings.gain * abs(value)):
             break
@@ -125,9 +195,13 @@ def improve(search: Search, point: StartingPoint, rival: float = -np.inf) -> Sta
     return point
 
 
-def _maximized(here: Round, settings: Settings, slack: float, size: float) -> np.ndarray:
-    """Return the unknowns of the largest objective; the limits may be exceeded by the slack."""
+def _maximized(here: Round, settings: Settings, slack: float, size: float):
+    """Return the unknowns of the largest objective, and the values there.
+
+    The limits may be exceeded by the slack.
+    """
     units, scale = here.units, -100.0 / size
+    iterations = settings.rough_iterations if slack else settings.iterations
     low, high = here.low / units, here.high / units
 
     @lru_cache(maxsize=2)
@@ -150,9 +224,6 @@ def _maximized(here: Round, settings: Settings, slack: float, size: float) -> np
         method="SLSQP",
         bounds=Bounds(low, high),
         constraints=constraints,
-        options={
-            "ftol": settings.tolerance,
-            "maxiter": settings.rough_iterations if slack else settings.iterations,
-        },
+        options={"ftol": settings.tolerance, "maxiter": iterations},
     )
-    return found.x * units
+    return found.x * units, at(tuple(found.x))

@@ -16,15 +16,14 @@ from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.scales import torque_scale
-from hkt_mdo.start.improve import Round, Settings, Values
+from hkt_mdo.start.improve import Round, Search, Settings, Values
 from hkt_mdo.start.quasi_steady import SAFE
 from hkt_mdo.start.steady_flow import SteadyFlow
-from hkt_mdo.start.unknowns import Unknowns
 
 RATIO_MOVE = 1.25  # factor within which tip speed ratios move before they are re-centred
 
 
-class LimitedSearch:
+class LimitedSearch(Search):
     """Objective and constraints over one vector: the design's unknowns, then the tip speed ratios.
 
     Under a law with states there are no ratios in it: they follow from its gains.
@@ -41,8 +40,8 @@ class LimitedSearch:
     settings = Settings(rounds=16, iterations=40, tolerance=1e-6, tightens=True)
 
     def __init__(self, steady: SteadyFlow, slowed: float):
+        super().__init__(steady.physics)
         self.steady, self.slowed = steady, slowed
-        self.unknowns = Unknowns(steady.physics)
 
     @staticmethod
     def rank(point: StartingPoint) -> tuple:
@@ -52,14 +51,14 @@ class LimitedSearch:
     @property
     def _balances(self):
         """Whether a law's balance of torques ties the ratios to the gains."""
-        physics = self.steady.physics
+        physics = self.physics
         return physics.law is not None and not physics.states
 
     def around(self, point: StartingPoint) -> Round:
         """Return the optimization round a point, its ratios within `RATIO_MOVE`."""
-        x, units = self.unknowns.vector(point)
-        ratio = point.ratio[: 0 if self.steady.physics.states else None]
-        low, high = self.unknowns.bounds(point)
+        x, units = self.vector(point)
+        ratio = point.ratio[: 0 if self.physics.states else None]
+        low, high = self.bounds(point)
         return Round(
             np.r_[x, ratio],
             np.r_[units, ratio],
@@ -69,10 +68,10 @@ class LimitedSearch:
             lambda _, point: self.rank(point),
         )
 
-    def point(self, unknowns: np.ndarray, origin: StartingPoint) -> StartingPoint:
-        """Return the point of some unknowns, (n,); what it exceeds is known by name."""
-        x, ratio, _ = self._split(unknowns)
-        values = self.values(unknowns)
+    def point(self, unknowns: np.ndarray, values: Values, origin: StartingPoint) -> StartingPoint:
+        """Return the point of some unknowns, (n,), and of the values there."""
+        x, ratio, ratio_by = self._split(unknowns)
+        coefficients, _ = self._with_slopes(x, ratio, ratio_by, ())
         excess = -values.above, np.abs(values.equal)
         excess = float(max(np.max(part, initial=-np.inf) for part in excess))
         names = np.repeat([limit.name for limit in self.steady.limits], ratio.size)
@@ -80,13 +79,13 @@ class LimitedSearch:
         over = {name for name, room in zip(names, values.above, strict=True) if -room > KEPT_EXCESS}
         if np.any(np.abs(values.equal) > KEPT_EXCESS):
             over.add("balance_of_torques")
-        blade, gains = self.unknowns.blade(x), self.unknowns.gains(x)
+        blade, gains = self.blade(x), self.gains(x)
         return replace(
             origin,
             blade=blade,
             gains=gains,
             ratio=ratio,
-            operation=self.steady.operation(self.steady.quantities(self._coefficients(x, ratio))),
+            operation=self.steady.operation(self.steady.quantities(coefficients)),
             objective=values.objective,
             excess=excess,
             exceeds=tuple(sorted(over)),
@@ -94,21 +93,21 @@ class LimitedSearch:
 
     def _split(self, z):
         """Return the design's unknowns, the ratios, and their slopes by all unknowns."""
-        steady, law, n = self.steady, self.steady.physics.law, self.steady.speeds.size
+        steady, law, n = self.steady, self.law, self.steady.speeds.size
         if not steady.physics.states:
             return z[:-n], z[-n:], np.eye(n, z.size, z.size - n)
-        blade, gains = self.unknowns.blade(z), self.unknowns.gains(z)
+        blade, gains = self.blade(z), self.gains(z)
         radius, speed = blade.rotor_radius, law.speed_at_rest(steady.speeds, gains)
         by = np.zeros((n, z.size))
         by[:, z.size - gains.size :] = law.speed_at_rest_by_gain(steady.speeds, gains).T
         stations = np.zeros((1, blade.r.size))
-        by_radius = self.unknowns.slopes(*3 * (stations,), np.ones(1))
+        by_radius = self.slopes(*3 * (stations,), np.ones(1))
         by[:, : z.size - gains.size] = speed[:, None] / radius * by_radius
         return z, speed * radius / steady.speeds, by * (radius / steady.speeds)[:, None]
 
     def values(self, z: np.ndarray) -> Values:
         """Return objective and constraints at some unknowns, (n,)."""
-        steady, physics = self.steady, self.steady.physics
+        steady, physics = self.steady, self.physics
         x, ratio, ratio_by = self._split(z)
         here = self._with_slopes(x, ratio, ratio_by, physics.load_names)
         rooms = [partial(_room, limit) for limit in steady.limits]
@@ -126,7 +125,7 @@ class LimitedSearch:
 
     def _net_torque(self, x, coefficients):
         """Return the torque that accelerates the rotor, over a typical one, and its slopes."""
-        steady, law, gains = self.steady, self.steady.physics.law, self.unknowns.gains(x)
+        steady, law, gains = self.steady, self.law, self.gains(x)
 
         def unit(quantities):
             radius, flow = quantities["rotor_radius"], quantities["inflow_speed"]
@@ -157,26 +156,16 @@ class LimitedSearch:
                 total[place] += (np.imag(function(moved)) / STEP * ones)[:, None] * by
         return list(zip(results, total, strict=True))
 
-    def _coefficients(self, x, ratio):
-        """Return torque and geometry, what the operation without loads follows from."""
-        physics, blade = self.steady.physics, self.unknowns.blade(x)
-        return {
-            "ratio": ratio,
-            "rotor_radius": blade.rotor_radius,
-            "inertia": physics.mass_and_inertia(blade)[1],
-            "torque": bem.rotor_coefficients(blade, physics.polar, ratio).torque,
-        }
-
     def _with_slopes(self, x, ratio, ratio_by, names):
         """Return torque, named loads and what else quantities follow from at tip speed ratios.
 
         And their slopes by all unknowns; `ratio_by` has those of the ratios.
         """
-        physics, blade = self.steady.physics, self.unknowns.blade(x)
+        physics, blade = self.physics, self.blade(x)
         none, density = np.zeros((1, blade.r.size)), physics.case.rotor.blade_material.density
 
         def by_all(by, by_ratio=0.0):  # by chord, twist, thickness and radius
-            by = self.unknowns.slopes(*by)
+            by = self.slopes(*by)
             rest = np.zeros((len(by), ratio_by.shape[1] - by.shape[1]))
             return np.hstack((by, rest)) + np.reshape(by_ratio, (-1, 1)) * ratio_by
 

@@ -13,13 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hkt_mdo.problem.physics import START_EXCESS, Physics
-from hkt_mdo.problem.point import (
-    KEPT_EXCESS,
-    Operation,
-    StartingPoint,
-    StartRecord,
-    records,
-)
+from hkt_mdo.problem.point import KEPT_EXCESS, Operation, StartingPoint, StartRecord, records
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start import strategies
@@ -79,7 +73,7 @@ class Task:
         """Return the task of another law, None for open loop, whose gains are not given."""
         physics = replace(self.physics, law=law)
         candidates = tuple(each._replace(gains=None) for each in self.candidates)
-        problem = replace(self.conditions.problem, law=law)
+        problem = replace(self.problem, law=law)
         return replace(self, physics=physics, problem=problem, candidates=candidates)
 
 

@@ -25,7 +25,7 @@ def test_slopes_of_objective_and_constraints(law):
     flow = SteadyFlow.of(case, TorqueSpline(problem.spline.nodes[::10]), 3)
     search = LimitedSearch(flow, 0.02)
     gains = np.array([*np.linspace(6.5, 8.5, 8), 150.0, 600.0] if law == "tracking" else [9.0])
-    x, units = search.unknowns.vector(StartingPoint(case.blade, gains, None))
+    x, units = search.vector(StartingPoint(case.blade, gains, None))
     ratios = np.full(0 if law == "tracking" else 3, 7.0)
     z, units = np.append(x, ratios), np.append(units, ratios)
 
