@@ -14,8 +14,8 @@ from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum, best_operation, best_rotor, best_set_angle
 from hkt_mdo.start.quasi_steady import QuasiSteady
 from hkt_mdo.start.result import design_of_result
-from hkt_mdo.start.search import ScheduleSearch, Task, follows_schedule, largest_energy, start_of
-from hkt_mdo.start.strategies import best_blades, blade_as_given
+from hkt_mdo.start.search import ScheduleSearch, follows_schedule, largest_energy, start_of
+from hkt_mdo.start.strategies import Task, best_blades, blade_as_given
 
 FAR_BEHIND = 0.05  # share of the objective by which a branch is no second choice
 LOCAL = (

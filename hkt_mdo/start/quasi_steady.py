@@ -235,11 +235,11 @@ class QuasiSteady:
 
         def rise(ratio):
             _, by_torque, by_speed = self._power(scale * curve(ratio), ratio * unit)
-            return by_torque * scale * curve(ratio, 1) + by_speed * unit
+            slope = by_torque * scale * curve(ratio, 1) + by_speed * unit
+            return slope, np.zeros(ratio.shape)  # bisected: no slope of the slope
 
-        return _bisected(
-            rise, ratios[np.maximum(peak - 1, 0)], ratios[np.minimum(peak + 1, ratios.size - 1)]
-        )
+        ends = np.maximum(peak - 1, 0), np.minimum(peak + 1, ratios.size - 1)
+        return _root(rise, *(ratios[end] for end in ends))
 
     def _balance(self, table, controller, controller_slope):
         """Find the largest tip speed ratio with Q = u at each instant: the unstalled root."""
@@ -259,11 +259,6 @@ class QuasiSteady:
             )
 
         return _root(net, ratios[last], ratios[last + 1]), bool(np.all(has_root))
-
-
-def _bisected(function, low, high):
-    """Return where functions[n] fall through zero between low[n] and high[n], by bisection."""
-    return _root(lambda x: (function(x), np.zeros(x.shape)), low, high)
 
 
 def _root(function, low, high):

@@ -8,13 +8,15 @@ its own (`hkt_mdo.start.limited`).
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import groupby
+from operator import attrgetter
 
 import numpy as np
 
 from hkt_mdo.problem.physics import START_EXCESS, Physics
 from hkt_mdo.problem.point import KEPT_EXCESS, Operation, StartingPoint, StartRecord, records
-from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start import strategies
 from hkt_mdo.start.energy import EnergySearch
@@ -22,7 +24,7 @@ from hkt_mdo.start.improve import improve
 from hkt_mdo.start.limited import LimitedSearch
 from hkt_mdo.start.quasi_steady import QuasiSteady
 from hkt_mdo.start.steady_flow import BRANCHES, SteadyFlow, has_branches
-from hkt_mdo.start.strategies import Candidate, Conditions
+from hkt_mdo.start.strategies import Candidate, Task
 
 
 @dataclass(frozen=True)
@@ -43,38 +45,7 @@ class _Schedule:
     longer: float = 1e-5
 
 
-SCHEDULE = _Schedule()
-
-
-@dataclass(frozen=True, eq=False)
-class Task:
-    """What a search for a start begins with.
-
-    Attributes
-    ----------
-    physics : Physics
-    problem : QuasiSteady
-        Over the whole flow.
-    optimum : SteadyOptimum
-        Of the blades to choose from.
-    candidates : tuple of Candidate
-        Blades, the first of which is the given one; it alone where none is improved.
-    improves : bool
-        Whether blades and gains are improved, or stay as given.
-    """
-
-    physics: Physics
-    problem: QuasiSteady
-    optimum: SteadyOptimum
-    candidates: tuple[Candidate, ...]
-    improves: bool
-
-    def under(self, law) -> Task:
-        """Return the task of another law, None for open loop, whose gains are not given."""
-        physics = replace(self.physics, law=law)
-        candidates = tuple(each._replace(gains=None) for each in self.candidates)
-        problem = replace(self.problem, law=law)
-        return replace(self, physics=physics, problem=problem, candidates=candidates)
+SCHEDULE, WORTH = _Schedule(), attrgetter("worth")
 
 
 def follows_schedule(physics: Physics) -> bool:
@@ -86,13 +57,11 @@ def follows_schedule(physics: Physics) -> bool:
 def largest_energy(task: Task) -> StartingPoint:
     """Return the start without limits but the torque's: the best candidate, improved."""
     physics, problem = task.physics, task.problem
-    if not task.improves:
-        point = strategies.with_gains(physics, problem, task.candidates[0])
-        return replace(point, starts=records([point.record], point))
-    search = EnergySearch(physics, problem.condensed())
+    search = EnergySearch(physics, problem.condensed() if task.improves else problem)
     tried = [strategies.with_gains(physics, search.problem, each) for each in task.candidates]
-    best = max(tried, key=search.rank)
-    end = improve(search, best)
+    best = end = max(tried, key=search.rank)
+    if task.improves:
+        end = improve(search, best)
     starts = [(end if point is best else point).record for point in tried]
     gained = Candidate(end.strategy, end.blade, end.gains)
     whole = strategies.with_gains(physics, problem, gained)
@@ -108,21 +77,20 @@ class ScheduleSearch:
 
     Attributes
     ----------
-    conditions : Conditions
-        Those of the task at some speeds of the case's flow.
+    task : Task
+        At some speeds of the case's flow.
     starts : list of StartRecord
         What became of the candidates tried so far.
     """
 
     def __init__(self, task: Task):
-        self.task, self.physics = task, task.physics
-        spline = task.problem.spline
+        self._whole, self.physics, spline = task, task.physics, task.problem.spline
         if task.physics.load_names:  # loads cost more than torque
             spline = TorqueSpline(spline.nodes[:: SCHEDULE.thinned])
         self.steady = SteadyFlow.of(task.physics, spline)
         flow = {"inflow_speed": self.steady.speeds, "weights": self.steady.weights}
         problem = replace(task.problem, spline=spline, **flow)
-        self.conditions = Conditions(task.physics, task.optimum, self.steady, problem)
+        self.task = replace(task, problem=problem, steady=self.steady)
         self.starts: list[StartRecord] = []
 
     def ends(self) -> list[StartingPoint]:
@@ -134,7 +102,7 @@ class ScheduleSearch:
         """
         found = self.open_loop() if self.physics.law is None else self._of_law()
         found = [replace(point, branch=self.steady.side(point)) for point in found]
-        best, *others = sorted(found, key=_worth, reverse=True)
+        best, *others = sorted(found, key=WORTH, reverse=True)
         others = [point for point in others if point.branch != best.branch][:1]
         return [best, *(point for point in others if not _is_same(point, best))]
 
@@ -143,15 +111,14 @@ class ScheduleSearch:
         points = [self._operating(candidate) for candidate in self.task.candidates]
         found: list[StartingPoint] = []
         for branch in BRANCHES:
-            others = [
-                replace(end, operation=points[0].operation, strategy=strategies.OTHER_BRANCH)
-                for end in found
-            ]
+            about = {"operation": points[0].operation, "strategy": strategies.OTHER_BRANCH}
+            others = [replace(end, **about) for end in found]
             ended: list[StartingPoint] = []
-            for group in _by_strategy(*points, *others):  # each may have its own optimum
+            for _, group in groupby((*points, *others), key=attrgetter("strategy")):
+                # each may have its own optimum
                 group = [self.steady.on_branch(point, branch) for point in group]
                 ended.append(self._best_improved(group, (*found, *ended)))
-            found.append(max(ended, key=_worth))
+            found.append(max(ended, key=WORTH))
         return found
 
     def _of_law(self) -> list[StartingPoint]:
@@ -161,17 +128,15 @@ class ScheduleSearch:
         # what has several gains, or follows a schedule, is near the best where it is fitted
         follows = bool(self.physics.states) and (task.improves or given is None)
         fitted_only = follows or (free and len(law.gain_units) > 1)
-        own = [self._own(each) for each in task.candidates if each.gains is not None or not follows]
-        groups = []
-        if not fitted_only:
-            if task.improves:
-                groups.append(list(strategies.constant_torque(self.conditions)))
-            groups.append(own)
+        if fitted_only:
+            known = [each for each in task.candidates[1:] if each.gains is not None]
+            groups = [[self._own(candidate)] for candidate in known]
         else:
-            groups += [[point] for point in own if point.strategy == strategies.RESULT]
+            solid = strategies.constant_torque(task) if task.improves else ()
+            groups = [list(solid), [self._own(candidate) for candidate in task.candidates]]
         if task.improves or fitted_only:
             guides, strategy = self._guides(law.coarser() if free else None)
-            groups += [[strategies.fitted(self.conditions, guide, strategy)] for guide in guides]
+            groups += [[strategies.fitted(self.task, guide, strategy)] for guide in guides]
         found: list[StartingPoint] = []
         for group in filter(None, groups):
             found.append(self._best_improved(group, found))
@@ -179,7 +144,7 @@ class ScheduleSearch:
 
     def _guides(self, coarser):
         """Return points whose schedules a law is fitted to, and the name of the strategy."""
-        other = ScheduleSearch(self.task.under(coarser))
+        other = ScheduleSearch(self._whole.under(coarser))
         guides = other.open_loop() if coarser is None else other.ends()
         self.starts += other.starts
         running = [point for point in guides if point.excess < np.inf] or guides[:1]
@@ -187,8 +152,8 @@ class ScheduleSearch:
 
     def _with_longer_solid_part(self, found):
         """Return points and, while that is better, the best with a longer solid part."""
-        best = max(found, key=_worth)
-        while longer := list(strategies.longer_solid_part(self.conditions, best)):
+        best = max(found, key=WORTH)
+        while longer := list(strategies.longer_solid_part(self.task, best)):
             end, (kept, value) = self._best_improved(longer, found), best.worth
             if end.worth <= (kept, value + SCHEDULE.longer * abs(value)):
                 break
@@ -196,7 +161,7 @@ class ScheduleSearch:
         return found
 
     def _operating(self, candidate):
-        return strategies.with_gains(self.physics, self.conditions.problem, candidate)
+        return strategies.with_gains(self.physics, self.task.problem, candidate)
 
     def _own(self, candidate) -> StartingPoint:
         """Return a law's point of a candidate, with the schedule of its own gains."""
@@ -210,11 +175,11 @@ class ScheduleSearch:
 
     def _best_improved(self, points, others) -> StartingPoint:
         """Return what the best of some points is improved to; others are its rivals."""
-        best = end = max(points, key=_worth)
+        best = end = max(points, key=WORTH)
         if self.task.improves:
             asked = self.physics.case.start.branch != "best"  # which is not given up
             rivals = [other.objective for other in others if other.worth[0] and not asked]
-            search = LimitedSearch(self.steady, self.conditions.problem.slowed)
+            search = LimitedSearch(self.steady, self.task.problem.slowed)
             end = improve(search, best, max(rivals, default=-np.inf))
         if self.physics.law is not None and not self.physics.states:
             end = self._fastest(end)
@@ -226,7 +191,7 @@ class ScheduleSearch:
 
         A law may have several equilibria in a flow: the rotor comes to the fastest, after a run-up.
         """
-        operating = self.conditions.operating(point)
+        operating = self.task.operating(point)
         real = self.steady.in_balance(operating)
         close = np.allclose(real.ratio, point.ratio, rtol=SCHEDULE.apart)
         return point if operating.operation.running and close else real
@@ -236,7 +201,7 @@ def start_of(
     physics: Physics,
     problem: QuasiSteady,
     found: list[StartingPoint],
-    starts: tuple[StartRecord, ...] | list[StartRecord],
+    starts: Iterable[StartRecord],
 ) -> StartingPoint:
     """Return the first of some points as the start over the whole flow.
 
@@ -247,7 +212,7 @@ def start_of(
         Over the whole flow.
     found : list of StartingPoint
         That of each branch, the one to begin with first.
-    starts : sequence of StartRecord
+    starts : iterable of StartRecord
         Of all candidates.
 
     Returns
@@ -266,9 +231,8 @@ def start_of(
     else:
         operation = whole.operate(curves.values["torque"], best.gains)
     branches = tuple(found) if has_branches(physics) else ()
-    branch = best.branch if branches else ""
-    starts = records(starts, best)
-    return replace(best, operation=operation, branch=branch, branches=branches, starts=starts)
+    about = {"branch": best.branch if branches else "", "branches": branches}
+    return replace(best, operation=operation, starts=records(starts, best), **about)
 
 
 def _on_exact_schedule(steady, problem, best) -> Operation:
@@ -292,20 +256,8 @@ def _on_exact_schedule(steady, problem, best) -> Operation:
     return Operation(float(problem.weights @ (torque * speed)), speed, torque)
 
 
-def _by_strategy(*points: StartingPoint) -> list[list[StartingPoint]]:
-    """Return the points of each strategy, in the order in which they are first named."""
-    groups: dict[str, list[StartingPoint]] = {}
-    for point in points:
-        groups.setdefault(point.strategy, []).append(point)
-    return list(groups.values())
-
-
 def _is_same(point: StartingPoint, other: StartingPoint) -> bool:
     """Tell whether two points are the same optimum."""
     close = np.allclose(point.ratio, other.ratio, rtol=SCHEDULE.same)
     chords = point.blade.chord, other.blade.chord
     return close and np.allclose(*chords, rtol=10.0 * SCHEDULE.same)
-
-
-def _worth(point):
-    return point.worth

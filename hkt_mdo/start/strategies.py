@@ -78,25 +78,38 @@ class Candidate(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Conditions:
-    """What a point with a schedule is proposed for.
+class Task:
+    """What a search for a start begins with.
 
     Attributes
     ----------
     physics : Physics
         Limits and law.
+    problem : QuasiSteady
+        Over the whole flow, or some speeds of it.
     optimum : SteadyOptimum
         Of the blades to choose from.
-    steady : SteadyFlow
-        Some speeds of the flow.
-    problem : QuasiSteady
-        Quasi-steady operation at them.
+    candidates : tuple of Candidate
+        Blades, the first of which is the given one; it alone where none is improved.
+    improves : bool
+        Whether blades and gains are improved, or stay as given.
+    steady : SteadyFlow or None
+        The speeds at which schedules are designed, which are those of `problem` then.
     """
 
     physics: Physics
-    optimum: SteadyOptimum
-    steady: SteadyFlow
     problem: QuasiSteady
+    optimum: SteadyOptimum
+    candidates: tuple[Candidate, ...]
+    improves: bool
+    steady: SteadyFlow | None = None
+
+    def under(self, law) -> Task:
+        """Return the task of another law, None for open loop, whose gains are not given."""
+        physics = replace(self.physics, law=law)
+        candidates = tuple(each._replace(gains=None) for each in self.candidates)
+        problem = replace(self.problem, law=law)
+        return replace(self, physics=physics, problem=problem, candidates=candidates)
 
     def operating(self, point: StartingPoint) -> StartingPoint:
         """Return a law's point with its quasi-steady operation at the speeds of the flow."""
@@ -166,12 +179,13 @@ def with_gains(physics: Physics, problem: QuasiSteady, candidate: Candidate) -> 
     return operating_point(blade, gains, problem.operate(table, gains), strategy)
 
 
-def fitted(conditions: Conditions, guide: StartingPoint, strategy: str) -> StartingPoint:
+def fitted(task: Task, guide: StartingPoint, strategy: str) -> StartingPoint:
     """Return a law's point with the blade of an open loop's, as near to its schedule as it comes.
 
     Parameters
     ----------
-    conditions : Conditions
+    task : Task
+        At some speeds of the flow.
     guide : StartingPoint
         With the schedule of open loop or of a coarser law.
     strategy : str
@@ -181,13 +195,13 @@ def fitted(conditions: Conditions, guide: StartingPoint, strategy: str) -> Start
     -------
     StartingPoint
     """
-    law, steady, blade = conditions.physics.law, conditions.steady, guide.blade
+    law, steady, blade = task.physics.law, task.steady, guide.blade
     curves, point = steady.curves(blade), replace(guide, strategy=strategy)
     series = steady.along(curves, guide.ratio)
     speed, torque = series["rotor_speed"], series["hydrodynamic_torque"]
-    if not conditions.physics.states:
-        gains = np.clip(law.fit(speed, torque), *gain_bounds(conditions.physics))
-        return steady.in_balance(conditions.operating(replace(point, gains=gains)))
+    if not task.physics.states:
+        gains = np.clip(law.fit(speed, torque), *gain_bounds(task.physics))
+        return steady.in_balance(task.operating(replace(point, gains=gains)))
     gains, unit = law.starting_gains(), blade.rotor_radius / steady.speeds
     if gains is None:
         slope = steady.spline.values(curves.values["torque"], guide.ratio)[1] * unit
@@ -197,7 +211,7 @@ def fitted(conditions: Conditions, guide: StartingPoint, strategy: str) -> Start
     return steady.on_schedule(replace(point, gains=gains), ratio)
 
 
-def constant_torque(conditions: Conditions) -> Iterator[StartingPoint]:
+def constant_torque(task: Task) -> Iterator[StartingPoint]:
     """Yield a law's point at its torque limit, if any, with a solid blade for a slow rotor.
 
     At a constant torque the power is proportional to the rotor speed, which varies little with the
@@ -205,28 +219,29 @@ def constant_torque(conditions: Conditions) -> Iterator[StartingPoint]:
 
     Parameters
     ----------
-    conditions : Conditions
+    task : Task
+        At some speeds of the flow.
 
     Yields
     ------
     StartingPoint
     """
-    law, shape, optimum = conditions.physics.law, conditions.physics.shape, conditions.optimum
+    law, shape, optimum = task.physics.law, task.physics.shape, task.optimum
     if law.torque_limit is None or not shape.designs_chord:
         return
     bounds = shape.chord_bounds, shape.twist_bounds
     ratio = SOLID_BLADE.ratio * optimum.tip_speed_ratio
-    blade = best_blade(shape.blade, conditions.physics.polar, ratio, *bounds, optimum.blade).blade
+    blade = best_blade(shape.blade, task.physics.polar, ratio, *bounds, optimum.blade).blade
     blade = shape.nearest(blade)
-    torque = conditions.steady.curves(blade).values["torque"]
-    held = replace(conditions.problem, law=None, torque_limit=law.torque_limit).operate(torque)
+    torque = task.steady.curves(blade).values["torque"]
+    held = replace(task.problem, law=None, torque_limit=law.torque_limit).operate(torque)
     demand = np.full(held.rotor_speed.shape, SOLID_BLADE.saturated * law.torque_limit)
-    gains = np.clip(law.fit(held.rotor_speed, demand), *gain_bounds(conditions.physics))
+    gains = np.clip(law.fit(held.rotor_speed, demand), *gain_bounds(task.physics))
     point = StartingPoint(blade, gains, held, strategy=CONSTANT_TORQUE)
-    yield conditions.steady.in_balance(conditions.operating(point))
+    yield task.steady.in_balance(task.operating(point))
 
 
-def longer_solid_part(conditions: Conditions, point: StartingPoint) -> Iterator[StartingPoint]:
+def longer_solid_part(task: Task, point: StartingPoint) -> Iterator[StartingPoint]:
     """Yield a law's point with the solid inner part of its blade a station longer, if any.
 
     A rotor at a constant torque is solid inboard and slender outboard. How many of its stations are
@@ -234,7 +249,8 @@ def longer_solid_part(conditions: Conditions, point: StartingPoint) -> Iterator[
 
     Parameters
     ----------
-    conditions : Conditions
+    task : Task
+        At some speeds of the flow.
     point : StartingPoint
         Its best.
 
@@ -242,7 +258,7 @@ def longer_solid_part(conditions: Conditions, point: StartingPoint) -> Iterator[
     ------
     StartingPoint
     """
-    blade, shape = point.blade, conditions.physics.shape
+    blade, shape = point.blade, task.physics.shape
     chord, twist = blade.chord.copy(), blade.twist.copy()
     jump = chord[1:-2] / chord[2:-1]  # the last station may be as slender as its bounds allow
     if not shape.designs_chord or np.max(jump, initial=0.0) < SOLID_BLADE.jump:
@@ -252,4 +268,4 @@ def longer_solid_part(conditions: Conditions, point: StartingPoint) -> Iterator[
     twist[last + 1] = 2.0 * twist[last] - twist[last - 1]
     blade = shape.nearest(blade.with_shape(chord, twist, blade.thickness))
     longer = replace(point, blade=blade, strategy=LONGER)
-    yield conditions.steady.in_balance(conditions.operating(longer))
+    yield task.steady.in_balance(task.operating(longer))

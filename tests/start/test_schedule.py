@@ -14,7 +14,8 @@ from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.start import strategies
 from hkt_mdo.start.find import find_start, other_branch, steady_optimum
 from hkt_mdo.start.quasi_steady import QuasiSteady
-from hkt_mdo.start.search import ScheduleSearch, Task
+from hkt_mdo.start.search import ScheduleSearch
+from hkt_mdo.start.strategies import Task
 from hkt_mdo.studies.verify import random_start
 
 SINE = {"inflow": "sine"}
@@ -117,12 +118,12 @@ def test_a_solid_blade_keeps_its_speed_at_a_constant_torque(monkeypatch):
     case = world("quadratic", power="5 kW")
     optimum = steady_optimum(case, case.blade)
     task = Task(case, QuasiSteady.of(case, optimum), optimum, (), True)
-    conditions, ranges = ScheduleSearch(task).conditions, []
+    task, ranges = ScheduleSearch(task).task, []
     solid = strategies.SOLID_BLADE
     for ratio in (solid.ratio, 0.6):
         monkeypatch.setattr(strategies, "SOLID_BLADE", replace(solid, ratio=ratio))
-        (point,) = strategies.constant_torque(conditions)
-        operation = conditions.operating(point).operation
+        (point,) = strategies.constant_torque(task)
+        operation = task.operating(point).operation
         assert operation.running
         assert np.allclose(operation.hydrodynamic_torque, 700.0, rtol=1e-4)
         ranges.append(np.max(operation.rotor_speed) / np.min(operation.rotor_speed))
