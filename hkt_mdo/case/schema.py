@@ -158,7 +158,7 @@ class Case(Section):
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the values and the extensions: another process makes the class again."""
         again = partial(load_case, check_files=False, extensions=self.extensions)
-        return again, (self.model_dump(by_alias=True),)
+        return again, (self.model_dump(),)
 
     def to_yaml(self) -> str:
         """Return the case as YAML with every default written out; `read_case` makes it again.
@@ -176,7 +176,7 @@ class Case(Section):
 
     def _without_own(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the case as JSON has it, without what the blade brings with it, and that."""
-        data = self.model_dump(mode="json", by_alias=True)
+        data = self.model_dump(mode="json")
         own = own_keys(data["rotor"])
         data["rotor"] |= {key: [] if key == "sections" else None for key in own}
         return data, own
