@@ -14,7 +14,7 @@ _HOMES = {
     "load_case": "case",
     "InputError": "errors",
     "Solution": "results.solution",
-    "build_problem": "problem.build",
+    "build_problem": "start.build",
     "run_case": "run.run",
     "Aggregate": "dynamics.aggregates",
     "FeedbackLaw": "dynamics.laws",

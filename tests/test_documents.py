@@ -59,7 +59,7 @@ def test_page_has_every_key_with_its_whole_docstring(section):
         if section is Case and name != "name":
             assert f"`{name}`" in page
         elif not tag:
-            assert f"- **`{name}`**: " in page
+            assert f"- **`{field.alias or name}`**: " in page
             assert one_line(field.description) in page
 
 

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import os.path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, Strict, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    Strict,
+    ValidationInfo,
+    model_validator,
+)
 
-from hkt_mdo.sections import Quantity, Section, ordered, refusal
+from hkt_mdo.sections import Quantity, Section, find_file, ordered, refusal
 
 _Length = Annotated[float, Quantity("m", gt=0, le=1000)]
 _Angle = Annotated[float, Quantity("deg", ge=-180, le=180)]
@@ -21,6 +29,19 @@ _Thicknesses = Annotated[
     AfterValidator(ordered),
 ]
 _Points = Annotated[int, Strict(), Field(ge=2, le=200)]
+
+
+def _find_result(value: str | None, info: ValidationInfo) -> str | None:
+    """Return the folder of a result as an absolute path, from the case's folder."""
+    if value is None:
+        return None
+    remedy = "give the folder of a run that came to its end"
+    path, _ = find_file(value, info, remedy)
+    needed = ("case.yaml", "summary.json") if (info.context or {}).get("check_files", True) else ()
+    for name in needed:
+        if not os.path.isfile(path / name):  # noqa: PTH113 - bears too long a name
+            raise refusal(f"is no result folder: it lacks {name}", remedy)
+    return str(path)
 
 
 class Design(Section):
@@ -104,7 +125,11 @@ class Start(Section):
 
     method: Literal["quasi_steady", "blade"] = "quasi_steady"
     """`quasi_steady` improves blade and gain by quasi-steady co-design before the dynamic
-    optimization; `blade` starts from the blade as given."""
+    optimization; `blade` starts from the blade as given, and ends at a local optimum near it."""
+    from_: Annotated[str | None, AfterValidator(_find_result), Field(alias="from")] = None
+    """Folder of an earlier result whose design the search for a start tries as well: its blade on
+    the stations of this case, its radius where that is designed, and its gains under the same law.
+    With `method: blade` the optimization begins with it as it is."""
     branch: Literal["best", "overspeed", "underspeed"] = "best"
     """Where limits can be kept by turning faster or slower than where the rotor captures most:
     which of both to start from; `best`: that of the larger objective in quasi-steady operation."""

@@ -164,7 +164,8 @@ def _suggest(value: object, choices: Iterable[object]) -> str:
 
 def _suggest_key(place: _Place, key: str, root: type[BaseModel]) -> str:
     """Return the nearest key of the section, or the sections that do have the key."""
-    known = list(place.section.model_fields)
+    fields = place.section.model_fields.items()
+    known = [field.alias or name for name, field in fields]
     near = difflib.get_close_matches(key[:60], known, n=1)
     if not near:
         near = [

@@ -11,7 +11,6 @@ import numpy as np
 import openmdao.api as om
 from dymos import Trajectory
 
-from hkt_mdo.case import Case
 from hkt_mdo.dynamics.limits import (
     SLOWED,
     TYPICAL,
@@ -33,10 +32,8 @@ from hkt_mdo.problem.components import (
     TorqueRateComp,
 )
 from hkt_mdo.problem.physics import BEM, Physics
-from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.problem.scenario import Scales, Scenario, add_phase, set_start
-from hkt_mdo.problem.setup import Setup, curve_nodes, find_start, steady_optimum
-from hkt_mdo.problem.start import THICKNESS_UNIT, TWIST_UNIT
+from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
 from hkt_mdo.quantities import QUANTITIES, RATES, is_over_time
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.components import (
@@ -49,10 +46,8 @@ from hkt_mdo.rotor.components import (
 )
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.stall import SLOWER, stall_fence
-from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.solve import drivers
-from hkt_mdo.solve.threads import one_thread
 from hkt_mdo.solve.totals import Substitution
 
 ANGLE_UNIT = np.deg2rad(5.0)  # typical change of an angle of attack
@@ -68,31 +63,6 @@ DESIGNED = {
 BARRIER = 6e-3
 NEAR = 0.2  # of a typical torque: the recovery below which a node is held to its distance
 FEWEST_NEAR = 20  # nodes, at least as many of which are held to their distance from stall
-
-
-def build_problem(case: Case, *, improve: bool | None = None) -> om.Problem:
-    """Return the OpenMDAO problem of a case, set up at its start.
-
-    `problem.run_model()`, `problem.check_partials()`, `om.n2(problem)` and `problem.run_driver()`
-    take it as it stands. `run_case` optimizes it more than once where need be, and judges.
-
-    `improve` says whether the starting blade and gains are improved by quasi-steady co-design, or
-    kept as given; None: as the case's `start.method` says. Outputs of the problem are energy,
-    generator_energy, electrical_energy and objective (J), mass (kg), inertia (kg*m**2);
-    `traj.phase.timeseries` has the trajectory. Raises InputError if a file of the case is broken,
-    or its optimizer is not installed.
-    """
-    physics = make_physics(case)
-    if improve is None:
-        improve = physics.case.start.method == "quasi_steady"
-    with one_thread():
-        optimum = (
-            steady_optimum(physics, physics.blade)
-            if improve
-            else best_operation(physics.blade, physics.polar)
-        )
-        start = find_start(physics, optimum, improve=improve)
-    return assemble(physics, Setup(start, curve_nodes(physics, start)))
 
 
 def assemble(

@@ -6,23 +6,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hkt_mdo.dynamics.limits import SLOWED, Limit
+from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.scenario import Scenario
-from hkt_mdo.problem.schedule import needed, quasi_steady, schedules, start_of
-from hkt_mdo.problem.start import StartingPoint, starting_point
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.steady_optimum import (
-    SteadyOptimum,
-    best_operation,
-    best_rotor,
-    best_set_angle,
-)
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
-FAR_BEHIND = 0.05  # share of the objective by which a branch is no second choice
+TWIST_UNIT, THICKNESS_UNIT = np.deg2rad(5.0), 0.03  # typical changes of twist and thickness / chord
 LOAD_ERROR = 5e-5  # of a load between the nodes of its curve, relatively
 
 
@@ -52,7 +44,7 @@ class MoveLimits:
         speed, gains, shape = start.operation.rotor_speed, start.gains, physics.shape
         chord, twist, thick = shape.control(start.blade)
         radius = np.full(int(shape.radius_bounds is not None), start.blade.rotor_radius)
-        own = physics.case.design.gain_bounds or (-np.inf, np.inf)
+        own = gain_bounds(physics)
         moves = physics.law.moves if physics.law else lambda *_: (gains, gains)
         return {
             "rotor_speed": (self.slower * np.min(speed), self.faster * np.max(speed)),
@@ -87,6 +79,11 @@ class MoveLimits:
             ):
                 return True
         return False
+
+
+def gain_bounds(physics: Physics) -> tuple[float, float]:
+    """Return the bounds on the feedback gains that a case gives, in their units; else none."""
+    return physics.case.design.gain_bounds or (-np.inf, np.inf)
 
 
 def _within(low, high, bounds):
@@ -124,84 +121,6 @@ class Setup:
         by_node = np.repeat(share, scenario.nodes_per_segment).reshape(scenario.segments, -1)
         by_node[:-1, -1] = np.minimum(share[:-1], share[1:])
         return by_node.ravel()[nodes]
-
-
-def steady_optimum(physics: Physics, blade: Blade) -> SteadyOptimum:
-    """Return the largest power coefficient: over the blade too, unless it is fixed."""
-    shape = physics.shape
-    if shape.designs_chord:
-        return best_rotor(blade, physics.polar, shape.chord_bounds, shape.twist_bounds)
-    if not shape.designs_set_angle:
-        return best_operation(blade, physics.polar)
-    return best_set_angle(shape, blade, physics.polar)
-
-
-def bounding_optimum(physics: Physics, optimum: SteadyOptimum, blade: Blade) -> SteadyOptimum:
-    """Return the steady optimum that bounds the energy of a blade of maybe another radius.
-
-    Where polars follow the Reynolds number: the best of the slowest, usual and fastest flow.
-    """
-    found, rotors = [], []
-    if blade.rotor_radius == optimum.blade.rotor_radius:
-        found.append(optimum)
-    else:
-        rotors.append(physics.rotor)
-    if physics.rotor.follows_reynolds:
-        speeds = np.concatenate([s.inflow.speed_at(s.node_times) for s in physics.scenarios])
-        rotors += [physics.rotor.at_flow(speed) for speed in (speeds.min(), speeds.max())]
-    found += [rotor.best_of_shape(physics.shape, blade) for rotor in rotors]
-    return max(found, key=lambda each: each.power_coefficient)
-
-
-def find_start(
-    physics: Physics,
-    optimum: SteadyOptimum,
-    *,
-    improve=None,
-    slowed: float = SLOWED,
-    branch: str = "",
-) -> StartingPoint:
-    """Return the start of an optimization by quasi-steady co-design over all scenarios' flows.
-
-    The search begins at `optimum`; `improve` False keeps blade and gains as given, None does as
-    `start.method` says. `slowed` is the share of its speed that the rotor must be able to lose.
-    `branch` is the one to start on where limits make several (`hkt_mdo.problem.steady_flow`), by
-    default that of `start.branch`.
-    """
-    if improve is None:
-        improve = physics.case.start.method == "quasi_steady"
-    problem = quasi_steady(physics, optimum, slowed)
-    if needed(physics):
-        found = schedules(physics, problem, optimum, improve=improve)
-        branch = branch or physics.case.start.branch
-        first = [each for each in found if each.branch == branch] or found[:1]
-        others = [each for each in found if each is not first[0]]
-        return start_of(physics, problem, (*first, *others))
-    return starting_point(
-        problem,
-        physics.shape,
-        physics.law.starting_gains() if physics.law else None,
-        physics.polar,
-        optimum,
-        improve=improve,
-        gain_bounds=physics.case.design.gain_bounds or (-np.inf, np.inf),
-    )
-
-
-def other_branch(
-    physics: Physics, optimum: SteadyOptimum, start: StartingPoint
-) -> StartingPoint | None:
-    """Return the start on a starting point's other branch, None where there is none that is good.
-
-    That is one that keeps the limits and is not far behind, in a case that has chosen no branch.
-    """
-    if len(start.branches) < 2 or physics.case.start.branch != "best":
-        return None
-    first, other, *_ = start.branches
-    kept, objective = other.worth
-    if not kept or objective < (1.0 - FAR_BEHIND) * first.objective:
-        return None
-    return start_of(physics, quasi_steady(physics, optimum), (other, first))
 
 
 def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> np.ndarray:

@@ -156,6 +156,20 @@ class BranchEntry(_Entry):
         return f"{told}, taken" if self.taken else told
 
 
+class StartEntry(_Entry):
+    """A start that was tried: what proposed it, where it ended, which limits it exceeds there."""
+
+    strategy: str
+    branch: str = ""
+    objective: _Number = None
+    """Quasi-steady objective, J."""
+    excess: _Number = None
+    """Largest relative excess of a limit; None if there is none, or the rotor does not run."""
+    exceeds: list[str] = []
+    kept: bool = False
+    """Whether the optimization began with it."""
+
+
 class ObjectiveEntry(_Entry):
     """What was maximized: by collocation, by the integration, and its upper bound."""
 
@@ -261,6 +275,8 @@ class Summary(_Entry, Mapping[str, Any]):
     """Largest deflection of a tip out of the rotor plane, of a linear beam."""
     branches: list[BranchEntry] | None = None
     """Overspeed and underspeed, where limits can be kept by both, the one that was taken first."""
+    starts: list[StartEntry] | None = None
+    """What became of the starts that were tried, in quasi-steady operation."""
 
     rotor_radius_m: _Number = None
     """Radius of the swept disc."""

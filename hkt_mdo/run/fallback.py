@@ -11,8 +11,8 @@ import numpy as np
 
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import START_EXCESS, Physics
+from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
-from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.rotor.shape import POINTS
 from hkt_mdo.run.flight import Flight, Optimized, fly, total
 from hkt_mdo.run.judge import BELOW_START, judge

@@ -15,7 +15,7 @@ from hkt_mdo.dynamics.trajectory import SERIES
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import BEM, Physics
 from hkt_mdo.problem.scenario import Scenario
-from hkt_mdo.problem.setup import Setup, find_start
+from hkt_mdo.problem.setup import Setup
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.results.words import number
 from hkt_mdo.rotor import bem
@@ -27,6 +27,7 @@ from hkt_mdo.rotor.shape import spline_basis
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum, best_operation
 from hkt_mdo.run.judge import energy_bound
 from hkt_mdo.run.words import powers, span
+from hkt_mdo.start.find import find_start
 
 MARGIN = 0.7, 1.3  # times the best tip speed ratio: where a rotor may come while it is designed
 MOST_INSTANTS = 2**17  # at which the flow is looked at

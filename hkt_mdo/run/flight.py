@@ -26,9 +26,9 @@ from hkt_mdo.dynamics.simulation import (
 )
 from hkt_mdo.dynamics.trajectory import quantities
 from hkt_mdo.problem.physics import BEM, Physics
+from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
-from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.solve.drivers import Outcome
 
 SAMPLES = 20  # a segment, of the integration and between the nodes

@@ -24,7 +24,7 @@ from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.dynamics.trajectory import LOADS
 from hkt_mdo.problem.physics import Physics
-from hkt_mdo.problem.start import StartingPoint
+from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.scales import power_scale, torque_scale

@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 import openmdao.api as om
 
-from hkt_mdo.dynamics.quasi_steady import Operation
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import read_bytes
 from hkt_mdo.problem.physics import Physics
-from hkt_mdo.problem.start import StartingPoint
+from hkt_mdo.problem.point import Operation, StartingPoint
 from hkt_mdo.results.folder import write_csv, write_json
 from hkt_mdo.results.solution import Solution
 

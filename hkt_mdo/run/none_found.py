@@ -8,9 +8,9 @@ from hkt_mdo.dynamics.limits import ElectricalPowerLimit, PowerLimit
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wide_laws import CurveFeedback, RatedFeedback
 from hkt_mdo.problem.physics import START_EXCESS, Physics, physics
-from hkt_mdo.problem.setup import find_start, steady_optimum
-from hkt_mdo.problem.start import StartingPoint
+from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.results.summary import CheckEntry
+from hkt_mdo.start.find import find_start, steady_optimum
 
 NONE_FOUND = (
     "no design that keeps the limits was found from {starts}: the smallest violation was "

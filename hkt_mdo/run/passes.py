@@ -9,12 +9,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.dynamics.limits import SLOWED, Limit
-from hkt_mdo.dynamics.quasi_steady import Operation
 from hkt_mdo.dynamics.trajectory import QUANTITIES
 from hkt_mdo.problem.build import assemble, make_driver
 from hkt_mdo.problem.physics import Physics
-from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes, find_start
-from hkt_mdo.problem.start import StartingPoint
+from hkt_mdo.problem.point import Operation, StartingPoint
+from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes
 from hkt_mdo.rotor.components import rotor_inputs
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.flight import Flight, Optimized, fly
@@ -29,6 +28,7 @@ from hkt_mdo.run.judge import (
     short_of_recovery,
 )
 from hkt_mdo.run.log import Log
+from hkt_mdo.start.find import find_start
 
 MAX_PASSES = 24
 # recovery of the start, over a typical torque, below which it is a constraint from the beginning

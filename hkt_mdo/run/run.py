@@ -25,10 +25,9 @@ import openmdao.api as om
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.dynamics.limits import LEAST, SLOWED
 from hkt_mdo.errors import InputError, interrupts_of_compiled_code
-from hkt_mdo.problem.build import build_problem, make_driver
+from hkt_mdo.problem.build import make_driver
 from hkt_mdo.problem.physics import Physics, physics
-from hkt_mdo.problem.setup import bounding_optimum, find_start, other_branch, steady_optimum
-from hkt_mdo.problem.start import StartingPoint
+from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.results.folder import check_folder, claim, locked, make_folder, write_json, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import Summary
@@ -41,6 +40,8 @@ from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.run.worth import worths
 from hkt_mdo.solve.threads import one_thread
+from hkt_mdo.start.build import build_problem
+from hkt_mdo.start.find import bounding_optimum, find_start, other_branch, steady_optimum
 
 NOT_RUNNING = (
     "no blade and gain{within} were found on which the rotor runs unstalled throughout this flow, "

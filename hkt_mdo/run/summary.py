@@ -107,6 +107,7 @@ def summarize(
             }
             for each in start.branches
         ],
+        "starts": [vars(record) for record in start.starts],
         "bound_power_coefficient": optimum.power_coefficient,
         "bound_tip_speed_ratio": optimum.tip_speed_ratio,
         "gain": None if not gains else gains[0] if len(gains) == 1 else gains,
@@ -136,6 +137,7 @@ def summarize(
         "notes": [
             *physics.messages,
             *physics.warnings,
+            *start.messages,
             *(text for _, text in met),
             *_outside_table(physics.generator, flights),
             *_unstable(flights),

@@ -17,10 +17,10 @@ import numpy as np
 from hkt_mdo.dynamics.trajectory import COLUMNS
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.problem.setup import steady_optimum
 from hkt_mdo.results.folder import write_json
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.batch import in_processes, run_batch
+from hkt_mdo.start.find import steady_optimum
 from hkt_mdo.studies.common import CODESIGN, LAWS, case_file, with_blade
 from hkt_mdo.studies.paper_report import FLOWS, SENSORS, ensemble_key, write_report
 from hkt_mdo.studies.uncertainty import Design, flow_named, fly_noisy

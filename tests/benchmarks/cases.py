@@ -8,9 +8,10 @@ from hkt_mdo.case import read_case
 from hkt_mdo.dynamics.trajectory import QUANTITIES
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import BEM, physics
-from hkt_mdo.problem.setup import Setup, curve_nodes, find_start, steady_optimum
+from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.flight import fly
+from hkt_mdo.start.find import find_start, steady_optimum
 
 QUADRATIC = "{law: quadratic, torque_limit: 700}"
 OPEN_LOOP = "{law: open_loop, torque_limit: 700}"

@@ -10,10 +10,10 @@ from scipy.optimize import minimize_scalar
 from hkt_mdo import InputError, load_case
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import STEP, QuadraticFeedback
-from hkt_mdo.dynamics.quasi_steady import QuasiSteady
 from hkt_mdo.dynamics.trajectory import quantities
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.torque_curve import TorqueSpline
+from hkt_mdo.start.quasi_steady import QuasiSteady
 
 LOSSY = Generator(
     rated_torque=700.0, rated_speed=9.0, copper_loss=300.0, friction_loss=50.0, iron_loss=100.0

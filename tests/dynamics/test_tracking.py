@@ -16,10 +16,10 @@ from hkt_mdo.dynamics.rotor_ode import FeedbackComp
 from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, simulate
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.problem.setup import find_start
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.rotor.torque_curve import TorqueSpline
+from hkt_mdo.start.find import find_start
 from tests.conftest import CASES
 
 KNOTS, INERTIA = 5, 4.0

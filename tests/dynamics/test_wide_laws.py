@@ -7,11 +7,11 @@ from openmdao.utils.assert_utils import assert_check_partials
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.dynamics.generator import Generator
-from hkt_mdo.dynamics.quasi_steady import QuasiSteady
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
 from hkt_mdo.dynamics.wide_laws import CurveFeedback, PowerLawFeedback, RatedFeedback
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.torque_curve import TorqueSpline
+from hkt_mdo.start.quasi_steady import QuasiSteady
 
 SPEED = np.linspace(2.0, 16.0, 40)
 KNOTS = np.array([4.0, 6.0, 7.0, 9.0, 12.0])

@@ -14,8 +14,9 @@ from hkt_mdo.dynamics.flows import StepInflow
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.scenario import Scenario
-from hkt_mdo.problem.setup import Setup, find_start, steady_optimum
+from hkt_mdo.problem.setup import Setup
 from hkt_mdo.rotor.steady_optimum import best_operation
+from hkt_mdo.start.find import find_start, steady_optimum
 
 VARIANTS = {
     "quadratic": "control: {law: quadratic, torque_limit: 700}",

@@ -7,11 +7,11 @@ import openmdao.api as om
 import pytest
 from openmdao.utils.assert_utils import assert_check_partials
 
+from hkt_mdo.dynamics.aggregates import Aggregate, Expected
 from hkt_mdo.dynamics.flows import SineInflow
 from hkt_mdo.dynamics.laws import FeedbackLaw, LinearFeedback, QuadraticFeedback
 from hkt_mdo.dynamics.limits import DistanceFromStall, Limit, TorqueLimit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, GeneratorEnergy, Objective
-from hkt_mdo.dynamics.aggregates import Aggregate, Expected
 from hkt_mdo.problem.components import AggregateComp, AreaComp, FormulaComp, IntegralComp
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.planform import planform_area

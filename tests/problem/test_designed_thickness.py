@@ -1,20 +1,17 @@
 """Thickness as a design variable: derivatives of the problem and of its start, what is refused."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.build import build_problem
-from hkt_mdo.problem.joint import Joint
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.problem.schedule import quasi_steady
-from hkt_mdo.problem.start import CoDesign
-from hkt_mdo.problem.steady_flow import SteadyFlow
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.rotor.torque_curve import TorqueSpline
+from hkt_mdo.start.build import build_problem
+from hkt_mdo.start.limited import LimitedSearch
+from hkt_mdo.start.quasi_steady import QuasiSteady
+from hkt_mdo.start.steady_flow import SteadyFlow
 
 SECTIONS = [
     {"polar": "naca4415_Re1e6", "thickness": 0.12},
@@ -68,18 +65,15 @@ def test_partials_of_the_problem(control):
 def test_derivatives_of_the_start_under_limits():
     found = physics(case())
     blade = found.blade
-    whole = quasi_steady(found, best_operation(blade, found.polar))
-    spline = TorqueSpline(whole.spline.nodes[::4])
-    steady = SteadyFlow.of(found, spline, 4)
-    few = replace(whole, inflow_speed=steady.speeds, weights=steady.weights, spline=spline)
-    design = CoDesign(few, found.shape, found.polar, (-np.inf, np.inf))
-    joint = Joint(steady, design, few.slowed)
+    whole = QuasiSteady.of(found, best_operation(blade, found.polar))
+    steady = SteadyFlow.of(found, TorqueSpline(whole.spline.nodes[::4]), 4)
+    search = LimitedSearch(steady, whole.slowed)
     x = np.concatenate([*found.shape.control(blade)])
     z = np.r_[x, np.full(steady.speeds.size, 6.0)]
-    value, by, _, _, above, above_by = joint.values(z)
+    value, by, _, _, above, above_by = search.values(z)
     for k in (10, 11, 12, 13):  # the control points of the thickness
         step = 1e-5 * np.eye(z.size)[k]
-        up, down = joint.values(z + step), joint.values(z - step)
+        up, down = search.values(z + step), search.values(z - step)
         assert by[k] == pytest.approx((up[0] - down[0]) / 2e-5, rel=1e-5, abs=1e-3 * abs(value))
         expected = (up[4] - down[4]) / 2e-5
         np.testing.assert_allclose(above_by[:, k], expected, rtol=1e-4, atol=1e-4)

@@ -8,9 +8,9 @@ from hkt_mdo.dynamics.certificate import Passing
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.operation import MOST_INTERVALS
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.problem.setup import find_start
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.steady_optimum import best_operation
+from hkt_mdo.start.find import find_start
 
 FIRST, HALF = np.arcsin(0.5) / 0.25, np.pi / 0.25
 """When the paper's sine reaches 1.6 m/s, and half its period (s)."""

@@ -11,14 +11,14 @@ from threadpoolctl import threadpool_limits
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.objectives import GeneratorEnergy
 from hkt_mdo.problem.physics import Physics, physics
-from hkt_mdo.problem.setup import bounding_optimum, find_start, steady_optimum
-from hkt_mdo.problem.start import StartingPoint
+from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.run.flight import Flight, Optimized
 from hkt_mdo.run.judge import judge
 from hkt_mdo.run.log import Log
 from hkt_mdo.run.passes import optimize
+from hkt_mdo.start.find import bounding_optimum, find_start, steady_optimum
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from hkt_mdo.dynamics.certificate import Passing, certificate
 from hkt_mdo.dynamics.laws import QuadraticFeedback
 from hkt_mdo.dynamics.simulation import Plant, simulate
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.problem.setup import steady_optimum
 from hkt_mdo.rotor import bem
 from hkt_mdo.run.certified import _best_power, _inertia_of_heavy, certified_energy
 from hkt_mdo.run.judge import energy_bound
+from hkt_mdo.start.find import steady_optimum
 
 
 def _world(law, limit, **sections):

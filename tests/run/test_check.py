@@ -17,11 +17,12 @@ from hkt_mdo.dynamics.simulation import simulate
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.problem.setup import Setup, find_start
+from hkt_mdo.problem.setup import Setup
 from hkt_mdo.rotor.bem import LocalReynolds, rotor_coefficients
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.check import CheckReport, check_case
 from hkt_mdo.run.findings import power_spectrum, problem_size
+from hkt_mdo.start.find import find_start
 from tests.files.broken.blades import WINDIO
 
 CASES = Path(__file__).parents[2] / "cases"

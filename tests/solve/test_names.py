@@ -12,8 +12,8 @@ from dymos.transcriptions.grid_data import GaussLobattoGrid
 from openmdao.jacobians.jacobian import CSRJacobian
 
 from hkt_mdo.case import load_case
-from hkt_mdo.problem.build import build_problem
 from hkt_mdo.solve import totals
+from hkt_mdo.start.build import build_problem
 
 DRIVER = (
     "_autoscaler _check_for_invalid_desvar_values _check_for_missing_objective _coloring_info "

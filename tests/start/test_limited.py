@@ -1,18 +1,16 @@
-"""The joint search of blade, gains and schedule: exact slopes of what it optimizes."""
-
-from dataclasses import replace
+"""The search of blade, gains and schedule: exact slopes of what it optimizes."""
 
 import numpy as np
 import pytest
 
 from hkt_mdo.case import load_case
-from hkt_mdo.problem.joint import Joint
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.problem.schedule import quasi_steady
-from hkt_mdo.problem.setup import steady_optimum
-from hkt_mdo.problem.start import CoDesign, StartingPoint
-from hkt_mdo.problem.steady_flow import SteadyFlow
+from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.rotor.torque_curve import TorqueSpline
+from hkt_mdo.start.find import steady_optimum
+from hkt_mdo.start.limited import LimitedSearch
+from hkt_mdo.start.quasi_steady import QuasiSteady
+from hkt_mdo.start.steady_flow import SteadyFlow
 
 
 @pytest.mark.parametrize("law", ["quadratic", "tracking"])
@@ -23,21 +21,19 @@ def test_slopes_of_objective_and_constraints(law):
     case = physics(
         load_case({"inflow": "sine", "control": control, "limits": data, "design": design})
     )
-    problem = quasi_steady(case, steady_optimum(case, case.blade))
-    spline = TorqueSpline(problem.spline.nodes[::10])
-    flow = SteadyFlow.of(case, spline, 3)
-    design = CoDesign(replace(problem, spline=spline), case.shape, case.polar, (-np.inf, np.inf))
-    joint = Joint(flow, design, 0.02)
+    problem = QuasiSteady.of(case, steady_optimum(case, case.blade))
+    flow = SteadyFlow.of(case, TorqueSpline(problem.spline.nodes[::10]), 3)
+    search = LimitedSearch(flow, 0.02)
     gains = np.array([*np.linspace(6.5, 8.5, 8), 150.0, 600.0] if law == "tracking" else [9.0])
-    x, units = design.vector(StartingPoint(case.blade, gains, None))
+    x, units = search.vector(StartingPoint(case.blade, gains, None))
     ratios = np.full(0 if law == "tracking" else 3, 7.0)
     z, units = np.append(x, ratios), np.append(units, ratios)
 
     def values(share):
-        objective, _, equal, _, above, _ = joint.values(share * units)
+        objective, _, equal, _, above, _ = search.values(share * units)
         return np.concatenate(([objective / 1e5], equal, above))
 
-    _, objective_by, _, equal_by, _, above_by = joint.values(z)
+    _, objective_by, _, equal_by, _, above_by = search.values(z)
     slopes = np.vstack((objective_by / 1e5, equal_by, above_by)) * units
     step, numeric = 1e-6, []
     for unit in np.eye(z.size):

@@ -8,11 +8,14 @@ import pytest
 
 from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem import schedule
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.problem.setup import Setup, curve_nodes, find_start, other_branch, steady_optimum
-from hkt_mdo.problem.steady_flow import SteadyFlow
+from hkt_mdo.problem.setup import Setup, curve_nodes
+from hkt_mdo.start import strategies
+from hkt_mdo.start.find import find_start, other_branch, steady_optimum
+from hkt_mdo.start.quasi_steady import QuasiSteady
+from hkt_mdo.start.search import ScheduleSearch
+from hkt_mdo.start.strategies import Task
 from tests.verification.study import random_start
 
 SINE = {"inflow": "sine"}
@@ -45,6 +48,10 @@ def test_power_is_kept_by_turning_faster_or_slower():
     assert sorted(names) == ["overspeed", "underspeed"]
     # eleven blades on each branch, and for the second what the first has led to
     assert start(power="5 kW").tried == 11 + 12
+    (kept,) = (each for each in start(power="5 kW").starts if each.kept)
+    assert kept.objective == start(power="5 kW").branches[0].objective
+    assert kept.exceeds == ()
+    assert kept.excess < 1e-6
     for branch, sign in (("overspeed", 1.0), ("underspeed", -1.0)):
         (known,) = world(power="5 kW").on_start(start(branch=branch, power="5 kW"))
         order = np.argsort(known["inflow_speed"])
@@ -110,13 +117,13 @@ def test_feedback_keeps_a_limit_at_a_loss(law):
 def test_a_solid_blade_keeps_its_speed_at_a_constant_torque(monkeypatch):
     case = world("quadratic", power="5 kW")
     optimum = steady_optimum(case, case.blade)
-    problem = schedule.quasi_steady(case, optimum)
-    flow = SteadyFlow.of(case, problem.spline)
-    few = replace(problem, inflow_speed=flow.speeds, weights=flow.weights)
-    ranges = []
-    for solid in (schedule.SOLID, 0.6):
-        monkeypatch.setattr(schedule, "SOLID", solid)
-        operation = schedule._at_constant_torque(flow, few, optimum).operation
+    task = Task(case, QuasiSteady.of(case, optimum), optimum, (), True)
+    task, ranges = ScheduleSearch(task).task, []
+    solid = strategies.SOLID_BLADE
+    for ratio in (solid.ratio, 0.6):
+        monkeypatch.setattr(strategies, "SOLID_BLADE", replace(solid, ratio=ratio))
+        (point,) = strategies.constant_torque(task)
+        operation = task.operating(point).operation
         assert operation.running
         assert np.allclose(operation.hydrodynamic_torque, 700.0, rtol=1e-4)
         ranges.append(np.max(operation.rotor_speed) / np.min(operation.rotor_speed))
@@ -144,7 +151,7 @@ def test_the_solid_part_is_made_longer_while_that_is_better(monkeypatch):
         return np.sum(found.blade.chord > 0.3 * found.blade.chord.max())
 
     case, long = world("quadratic", power="5 kW"), start("quadratic", power="5 kW")
-    monkeypatch.setattr(schedule, "_longer_solid_part", lambda *_: None)
+    monkeypatch.setattr(strategies, "longer_solid_part", lambda *_: ())
     short = find_start(case, steady_optimum(case, case.blade))
     assert solid_stations(long) == solid_stations(short) + 1
     assert long.branches[0].objective > (1.0 + 1e-4) * short.branches[0].objective

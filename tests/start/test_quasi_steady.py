@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
-from hkt_mdo.dynamics.quasi_steady import MOST_SPEEDS, QuasiSteady
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.rotor.torque_curve import TorqueSpline
+from hkt_mdo.start.quasi_steady import MOST_SPEEDS, QuasiSteady
 
 RADIUS, DENSITY = 1.4, 1000.0
 TIME = np.linspace(0.0, 60.0, 121)

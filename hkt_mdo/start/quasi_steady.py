@@ -5,60 +5,60 @@ the rotor follows Q = u on the unstalled side. This has no differential equation
 solutions; its energy lies within about 1e-5 of the dynamic one.
 """
 
-from dataclasses import dataclass, field, replace
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import STEP
 from hkt_mdo.dynamics.limits import SLOWED, TYPICAL
+from hkt_mdo.problem.point import Operation
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
+if TYPE_CHECKING:  # operation itself needs neither Dymos nor BEM
+    from hkt_mdo.problem.physics import Physics
+    from hkt_mdo.rotor.steady_optimum import SteadyOptimum
+
 SAFE = 2e-2  # margin that a start keeps, so that the optimization begins inside its constraints
 
+SPAN, CURVE_NODES = (0.3, 2.6), 161  # of the curve, over the optimum's tip speed ratio; nodes
 PROBES = 12  # flow speeds at which the distance from stall is evaluated
 FEWEST_SPEEDS, MOST_SPEEDS = 100, 400  # flow speeds in a condensed problem
 N_SEARCH = 240  # points of the search for the unstalled root over the torque curve
 
 
-@dataclass(frozen=True, eq=False)
-class Operation:
-    """A rotor in quasi-steady operation over a sampled flow.
-
-    energy (J), rotor_speed[n_times] (rad/s) and hydrodynamic_torque[n_times] (N*m); running tells
-    whether an unstalled equilibrium exists at every instant. Under feedback, margin is the torque
-    that accelerates the rotor again after it lost a share of its speed, `QuasiSteady.slowed`,
-
-        margin = (Q((1 - slowed) w) - u((1 - slowed) w)) / (TYPICAL 0.5 rho pi R³ v²),
-
-    at `PROBES` speeds of the flow from the slowest to the fastest. It is positive where the stable
-    and the unstable equilibrium, which meet at stall, are apart. `delivered` (J) is what is made
-    large: the energy, or the electrical energy of a problem with a generator. The rows of gradient
-    are those of `delivered`, then of the margins, along the equilibria, by torque coefficient
-    table, gains and disc's radius (at a constant table): shape (1 + n_margins, n_nodes + n_gains +
-    1).
-    """
-
-    energy: float
-    rotor_speed: np.ndarray
-    hydrodynamic_torque: np.ndarray
-    running: bool = True
-    margin: np.ndarray = field(default_factory=lambda: np.empty(0))
-    gradient: np.ndarray | None = None
-    delivered: float = np.nan
+def sampled_flow(physics: Physics) -> tuple[np.ndarray, np.ndarray]:
+    """Return the speeds (m/s) of all scenarios' flows, and their weights (s), both (n_times,)."""
+    scenarios = physics.scenarios
+    speed = np.concatenate([each.inflow.speed_at(each.samples) for each in scenarios])
+    return speed, np.concatenate([each.weight * each.sample_weights for each in scenarios])
 
 
 @dataclass(frozen=True, eq=False)
 class QuasiSteady:
-    """Quasi-steady operation of a rotor (m) in a flow (kg/m**3) under a controller.
+    """Quasi-steady operation of a rotor in a flow under a controller.
 
-    inflow_speed (m/s) and weights (s) are the flow at quadrature points of time. law is anything
-    with `torque`, `torque_by_speed`, `torque_by_gain`, `fit`, `torque_limit` and `gain_units`, or
-    None: open loop, the torque that captures most power at each instant, up to torque_limit (N*m)
-    if there is one; a feedback law has its own. slowed is the share of its speed that a rotor under
-    feedback must be able to lose. With a generator (`hkt_mdo.dynamics.generator`), open loop
-    delivers most electrical power at each instant.
+    Attributes
+    ----------
+    inflow_speed, weights : np.ndarray
+        The flow at quadrature points of time, m/s, and their weights, s, shape (n_times,).
+    density, rotor_radius : float
+        Of the water, kg/m**3, and of the swept disc, m.
+    spline : TorqueSpline
+        Over the tip speed ratio.
+    law : FeedbackLaw or None
+        None: open loop, the torque that captures most power at each instant, up to `torque_limit`;
+        a feedback law has its own limit.
+    torque_limit : float or None
+        Of open loop, N m.
+    slowed : float
+        Share of its speed that a rotor under feedback must be able to lose.
+    generator : Generator or None
+        With one, open loop delivers most electrical power at each instant.
     """
 
     inflow_speed: np.ndarray
@@ -71,7 +71,24 @@ class QuasiSteady:
     slowed: float = SLOWED
     generator: Generator | None = None
 
-    def condensed(self):
+    @classmethod
+    def of(cls, physics: Physics, optimum: SteadyOptimum, slowed: float = SLOWED) -> QuasiSteady:
+        """Return the problem of a case over all its scenarios' flows.
+
+        The curve reaches from `SPAN[0]` to `SPAN[1]` of the tip speed ratio of a steady optimum.
+        """
+        return cls(
+            *sampled_flow(physics),
+            physics.density,
+            physics.blade.rotor_radius,
+            TorqueSpline(np.linspace(*SPAN, CURVE_NODES) * optimum.tip_speed_ratio),
+            physics.law,
+            physics.torque_limit,
+            slowed,
+            physics.starting_generator,
+        )
+
+    def condensed(self) -> QuasiSteady:
         """Return the same problem at one flow speed for forty, but 100 to 400 of them.
 
         The order of the flow speeds does not matter: instants of nearly equal speed become one with
@@ -93,8 +110,21 @@ class QuasiSteady:
             weights=np.concatenate(([0.0], weights[used], [0.0])),
         )
 
-    def operate(self, table, gains=()):
-        """Return the `Operation` for a torque coefficient table[n_nodes] and gains[n_gains]."""
+    def operate(self, table, gains=()) -> Operation:
+        """Return the operation of a rotor.
+
+        Parameters
+        ----------
+        table : np.ndarray
+            Torque coefficients at the nodes of the spline, shape (n_nodes,).
+        gains : array_like
+            Of the law, shape (n_gains,).
+
+        Returns
+        -------
+        Operation
+            With its gradient and, under a law, its margins.
+        """
         v, law, gains = self.inflow_speed, self.law, np.asarray(gains, dtype=float)
         if law is None:
             held, ratio, running = self._open_loop(table)
@@ -119,12 +149,11 @@ class QuasiSteady:
         if law is not None:
             margin, by_margin = self._recovery(table, gains, w, stiffness)
             gradient = np.vstack((gradient, by_margin))
-        energies = (float(self.weights @ each) for each in (torque * w, power))
-        energy, delivered = energies
+        energy, delivered = (float(self.weights @ rate) for rate in (torque * w, power))
         return Operation(energy, w, torque, running, margin, gradient, delivered)
 
-    def held(self, table, speed):
-        """Return the `Operation` of a rotor that a controller holds at speeds[n_times], rad/s."""
+    def held(self, table, speed) -> Operation:
+        """Return the operation of a rotor that a controller holds at speeds, rad/s, (n_times,)."""
         torque = self._driving(table, self.inflow_speed, speed)[0]
         energy = float(self.weights @ (torque * speed))
         delivered = float(self.weights @ self._power(torque, speed)[0])
@@ -151,15 +180,17 @@ class QuasiSteady:
     def _recovery(self, table, gains, speed, stiffness):
         """Return the margins of an operation and their gradient."""
         law, order = self.law, np.argsort(self.inflow_speed)
-        few = order[np.unique(np.linspace(0, order.size - 1, PROBES).round().astype(int))]
-        v, w = self.inflow_speed[few], speed[few]
+        probes = order[np.unique(np.linspace(0, order.size - 1, PROBES).round().astype(int))]
+        v, w = self.inflow_speed[probes], speed[probes]
         slowed = (1.0 - self.slowed) * w
         _, _, by_radius_here, by_table_here = self._driving(table, v, w)
         driving, by_speed, by_radius, by_table = self._driving(table, v, slowed)
         margin = driving - law.torque(slowed, gains)
         # The equilibrium moves too: dw = d(Q - u) / stiffness.
         moved = (
-            (1.0 - self.slowed) * (by_speed - law.torque_by_speed(slowed, gains)) / stiffness[few]
+            (1.0 - self.slowed)
+            * (by_speed - law.torque_by_speed(slowed, gains))
+            / stiffness[probes]
         )
         by_gain = -(law.torque_by_gain(slowed, gains) + moved * law.torque_by_gain(w, gains)).T
         by_table = by_table + moved[:, None] * by_table_here
@@ -177,9 +208,9 @@ class QuasiSteady:
         scale = torque_scale(self.density, self.rotor_radius, self.inflow_speed)
         held, running = scale * curve(ratio) > limit, True
         if held.any():
-            few = replace(self, inflow_speed=self.inflow_speed[held])
+            limited = replace(self, inflow_speed=self.inflow_speed[held])
             constant = (lambda w: np.full(w.shape, limit)), np.zeros_like
-            ratio[held], running = few._balance(table, *constant)
+            ratio[held], running = limited._balance(table, *constant)
         return held, ratio, running
 
     def _best_ratio(self, curve):
@@ -204,11 +235,11 @@ class QuasiSteady:
 
         def rise(ratio):
             _, by_torque, by_speed = self._power(scale * curve(ratio), ratio * unit)
-            return by_torque * scale * curve(ratio, 1) + by_speed * unit
+            slope = by_torque * scale * curve(ratio, 1) + by_speed * unit
+            return slope, np.zeros(ratio.shape)  # bisected: no slope of the slope
 
-        return _bisected(
-            rise, ratios[np.maximum(peak - 1, 0)], ratios[np.minimum(peak + 1, ratios.size - 1)]
-        )
+        ends = np.maximum(peak - 1, 0), np.minimum(peak + 1, ratios.size - 1)
+        return _root(rise, *(ratios[end] for end in ends))
 
     def _balance(self, table, controller, controller_slope):
         """Find the largest tip speed ratio with Q = u at each instant: the unstalled root."""
@@ -228,11 +259,6 @@ class QuasiSteady:
             )
 
         return _root(net, ratios[last], ratios[last + 1]), bool(np.all(has_root))
-
-
-def _bisected(function, low, high):
-    """Return where functions[n] fall through zero between low[n] and high[n], by bisection."""
-    return _root(lambda x: (function(x), np.zeros(x.shape)), low, high)
 
 
 def _root(function, low, high):

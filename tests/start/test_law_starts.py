@@ -7,7 +7,7 @@ import pytest
 
 from hkt_mdo.case import load_case
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.problem.setup import find_start, steady_optimum
+from hkt_mdo.start.find import find_start, steady_optimum
 
 
 @cache

@@ -1,0 +1,147 @@
+"""A design with its trajectory: where an optimization begins, stands or ends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hkt_mdo.rotor.blade import Blade
+
+KEPT_EXCESS = 1e-6  # relative excess of a limit that counts as none in the search for a start
+
+
+@dataclass(frozen=True, eq=False)
+class Operation:
+    """A rotor in operation over a sampled flow.
+
+    Attributes
+    ----------
+    energy : float
+        Captured energy, J.
+    rotor_speed, hydrodynamic_torque : np.ndarray
+        At the samples of the flow, rad/s and N m, shape (n_times,).
+    running : bool
+        Whether an unstalled equilibrium exists at every instant.
+    margin : np.ndarray
+        Under feedback, the torque that accelerates the rotor again after it lost a share of its
+        speed, (Q((1 - slowed) w) - u((1 - slowed) w)) / (TYPICAL 0.5 rho pi R³ v²), at some speeds
+        of the flow from the slowest to the fastest, shape (n_margins,). It is positive where the
+        stable and the unstable equilibrium, which meet at stall, are apart.
+    gradient : np.ndarray or None
+        Derivatives of `delivered`, then of the margins, along the equilibria, by torque coefficient
+        table, gains and disc's radius (at a constant table), shape (1 + n_margins, n_nodes +
+        n_gains + 1).
+    delivered : float
+        What is made large, J: the energy, or the electrical energy of a case with a generator.
+    """
+
+    energy: float
+    rotor_speed: np.ndarray
+    hydrodynamic_torque: np.ndarray
+    running: bool = True
+    margin: np.ndarray = field(default_factory=lambda: np.empty(0))
+    gradient: np.ndarray | None = None
+    delivered: float = np.nan
+
+
+@dataclass(frozen=True)
+class StartRecord:
+    """What became of one candidate of the search for a start.
+
+    Attributes
+    ----------
+    strategy : str
+        Which strategy proposed it (`hkt_mdo.start.strategies`).
+    branch : str
+        Overspeed or underspeed, where limits make branches; else empty.
+    objective : float
+        Quasi-steady objective where it ended, J.
+    excess : float
+        Largest relative excess of a limit there, at most 0 if all are kept; inf: the rotor does not
+        run.
+    exceeds : tuple of str
+        Names of the limits that it exceeds there.
+    kept : bool
+        Whether the optimization begins with it.
+    """
+
+    strategy: str
+    branch: str
+    objective: float
+    excess: float
+    exceeds: tuple[str, ...]
+    kept: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class StartingPoint:
+    """A blade, gains and their operation: where an optimization begins, stands or ends.
+
+    Attributes
+    ----------
+    blade : Blade
+    gains : np.ndarray
+        Gains of the feedback law in its `gain_units`, shape (n_gains,).
+    operation : Operation or None
+        Over the flow at hand: all samples of a case's flow in a start, some speeds in its search.
+    objective : float
+        What the search for a start makes large, J.
+    excess : float
+        Largest relative excess of a limit, of the law's balance of torques and of its distance from
+        stall; inf: the rotor does not run.
+    exceeds : tuple of str
+        Names of what is exceeded by more than `KEPT_EXCESS`.
+    ratio : np.ndarray or None
+        Tip speed ratios at the speeds of a `SteadyFlow`, shape (n_speeds,), in its search.
+    branch : str
+        Overspeed or underspeed, where limits make branches; else empty.
+    strategy : str
+        Which strategy of the search proposed it.
+    branches : tuple of StartingPoint
+        The best of each branch, its own first, where limits ask for one.
+    starts : tuple of StartRecord
+        What became of all candidates of the search; empty where there was none.
+    messages : tuple of str
+        What is to be told of the start.
+    """
+
+    blade: Blade
+    gains: np.ndarray
+    operation: Operation | None
+    objective: float = np.nan
+    excess: float = -np.inf
+    exceeds: tuple[str, ...] = ()
+    ratio: np.ndarray | None = None
+    branch: str = ""
+    strategy: str = ""
+    branches: tuple[StartingPoint, ...] = ()
+    starts: tuple[StartRecord, ...] = ()
+    messages: tuple[str, ...] = ()
+
+    @property
+    def tried(self) -> int:
+        """Number of starts that it is the best of, or was improved from."""
+        return max(len(self.starts), 1)
+
+    @property
+    def worth(self) -> tuple[bool, float]:
+        """What ranks points: those that keep the limits by objective, the others by excess."""
+        kept = self.excess <= KEPT_EXCESS
+        return kept, self.objective if kept else -self.excess
+
+    @property
+    def record(self) -> StartRecord:
+        """What is recorded of it as a candidate of the search."""
+        return StartRecord(self.strategy, self.branch, self.objective, self.excess, self.exceeds)
+
+
+def records(tried: Iterable[StartRecord], kept: StartingPoint) -> tuple[StartRecord, ...]:
+    """Return records of which that of one point, told by its objective, is marked as kept."""
+    unmarked = [replace(record, kept=False) for record in tried]
+    found = [record.objective == kept.objective for record in unmarked]
+    if any(found):
+        place = found.index(True)
+        unmarked[place] = replace(unmarked[place], kept=True)
+    return tuple(unmarked)

@@ -1,0 +1,1 @@
+"""The start of an optimization: one search for it, of several strategies."""

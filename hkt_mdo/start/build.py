@@ -1,0 +1,47 @@
+"""A case as an OpenMDAO problem at its start."""
+
+from __future__ import annotations
+
+import openmdao.api as om
+
+from hkt_mdo.case import Case
+from hkt_mdo.problem.build import assemble
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.problem.setup import Setup, curve_nodes
+from hkt_mdo.rotor.steady_optimum import best_operation
+from hkt_mdo.solve.threads import one_thread
+from hkt_mdo.start.find import find_start, improves, steady_optimum
+
+
+def build_problem(case: Case, *, improve: bool | None = None) -> om.Problem:
+    """Return the OpenMDAO problem of a case, set up at its start.
+
+    `problem.run_model()`, `problem.check_partials()`, `om.n2(problem)` and `problem.run_driver()`
+    take it as it stands. `run_case` optimizes it more than once where need be, and judges.
+
+    Parameters
+    ----------
+    case : Case
+    improve : bool, optional
+        Whether the starting blade and gains are improved by quasi-steady co-design, or kept as
+        given; None: as the case's `start` says.
+
+    Returns
+    -------
+    om.Problem
+        Its outputs are energy, generator_energy, electrical_energy and objective (J), mass (kg),
+        inertia (kg*m**2); `traj.phase.timeseries` has the trajectory.
+
+    Raises
+    ------
+    InputError
+        If a file of the case is broken, or its optimizer is not installed.
+    """
+    world = physics(case)
+    with one_thread():
+        if improves(world, improve):
+            optimum = steady_optimum(world, world.blade)
+        else:
+            optimum = best_operation(world.blade, world.polar)
+        start = find_start(world, optimum, improve=improve)
+    return assemble(world, Setup(start, curve_nodes(world, start)))

@@ -1,0 +1,229 @@
+"""The one loop that improves a start: SLSQP within move limits, re-centred until nothing is gained.
+
+`hkt_mdo.start.energy` and `hkt_mdo.start.limited` say what is made large and what is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import Bounds, minimize
+
+from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.point import StartingPoint
+from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, MoveLimits, gain_bounds
+from hkt_mdo.rotor.blade import Blade
+
+MOVES = MoveLimits(
+    chord=1.3, twist=np.deg2rad(3.0), thickness=0.02, radius=1.1, gain=1.2
+)  # of one SLSQP, about as far as a linearization of the torque holds
+_PARTS = "chord_control", "twist_control", "thickness_control", "rotor_radius", "gain"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a search improves a point.
+
+    Attributes
+    ----------
+    rounds : int
+        Most move limits that are set, one after another.
+    iterations, rough_iterations : int
+        Most SLSQP iterations of one round, and of one whose limits are tightened only in part.
+    tolerance : float
+        SLSQP's, of the objective, of which one is a hundredth.
+    tightens : bool
+        Whether limits that are exceeded by much are tightened in steps: then each round begins near
+        what it asks for.
+    tightened, loose : float
+        Factor of the excess from one round to the next, and the excess from which nothing is left.
+    gain : float
+        Relative gain of the objective that is worth another round.
+    behind, last : float
+        Share of a rival's objective, and multiple of the last gain, by which a point may be behind
+        before it is given up.
+    """
+
+    rounds: int
+    iterations: int
+    tolerance: float
+    tightens: bool = False
+    rough_iterations: int = 12
+    tightened: float = 0.5
+    loose: float = 0.05
+    gain: float = 1e-7
+    behind: float = 0.01
+    last: float = 4.0
+
+
+class Values(NamedTuple):
+    """Objective, equalities = 0 and inequalities >= 0, each with its slopes by the unknowns."""
+
+    objective: float
+    objective_by: np.ndarray
+    equal: np.ndarray
+    equal_by: np.ndarray
+    above: np.ndarray
+    above_by: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One optimization within move limits round a point; arrays of shape (n_unknowns,).
+
+    `values` returns the `Values` at some unknowns, `rank` what ranks a point at some unknowns.
+    """
+
+    center: np.ndarray
+    units: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    values: Callable[[np.ndarray], Values]
+    rank: Callable[[np.ndarray, StartingPoint], tuple]
+
+
+class Search:
+    """What is improved, over one vector of unknowns.
+
+    It begins with control points of chord, twist and thickness, then the disc's radius, then the
+    gains; what is not designed has no place in it. A subclass says what is made large and what is
+    kept: `around(point)` returns the `Round` about a point, `point(unknowns, values, origin)` the
+    point of unknowns that were reached from another one, and `rank(point)` what ranks points.
+
+    Parameters
+    ----------
+    physics : Physics
+        Whose shape and control law are designed.
+    """
+
+    settings: Settings
+
+    def __init__(self, physics: Physics):
+        self.physics, self.shape, self.law = physics, physics.shape, physics.law
+        self.resized = self.shape.radius_bounds is not None
+        sizes = [*self.shape.points.values(), self.resized, len(physics.gain_units)]
+        self.ends = np.cumsum(sizes[:-1])
+        shape, radius_bounds = self.shape, self.shape.radius_bounds or (0.0, 0.0)
+        own = shape.chord_bounds, shape.twist_bounds, shape.thickness_bounds, radius_bounds
+        self._own = np.repeat((*own, gain_bounds(physics)), sizes, axis=0).T
+        self._typical = np.repeat([0.0, TWIST_UNIT, THICKNESS_UNIT, 0.0, 0.0], sizes)
+
+    def vector(self, point: StartingPoint) -> tuple[np.ndarray, np.ndarray]:
+        """Return the unknowns of a point within their bounds, and their units, both (n,)."""
+        radius = [point.blade.rotor_radius] * self.resized
+        x = np.concatenate((*self.shape.control(point.blade), radius, point.gains))
+        x = np.clip(x, *self._own)
+        units = np.where(self._typical > 0.0, self._typical, np.abs(x))
+        if self.law is not None:
+            units[self.ends[-1] :] = self.law.sizes(self.gains(x))
+        return x, units
+
+    def bounds(self, point: StartingPoint) -> np.ndarray:
+        """Return the lower and upper limits of moves from a point, shape (2, n)."""
+        bounds = MOVES.bounds(self.physics, point)
+        return np.array([np.concatenate([bounds[name][i] for name in _PARTS]) for i in (0, 1)])
+
+    def blade(self, x: np.ndarray) -> Blade:
+        """Return the blade of some unknowns."""
+        *control, radius, _ = np.split(x, self.ends)
+        return self.shape.at(*control, radius[0] if self.resized else None)
+
+    def gains(self, x: np.ndarray) -> np.ndarray:
+        """Return the gains among the unknowns."""
+        return x[self.ends[-1] :]
+
+    def slopes(self, by_chord, by_twist, by_thickness, by_radius) -> np.ndarray:
+        """Return derivatives by the unknowns but the gains, from those by the stations' shape.
+
+        Parameters
+        ----------
+        by_chord, by_twist, by_thickness : np.ndarray
+            By the values at the stations, shape (m, n_stations).
+        by_radius : np.ndarray
+            By the radius of the disc, shape (m,).
+
+        Returns
+        -------
+        np.ndarray
+            Shape (m, n - n_gains).
+        """
+        shape = self.shape
+        if not shape.designs_chord:  # the chord is scaled with the disc
+            by_radius = by_radius + by_chord @ shape.chord_offset / shape.blade.rotor_radius
+        parts = [by_chord @ shape.chord_basis, by_twist @ shape.twist_basis]
+        if shape.designs_thickness:
+            parts.append(by_thickness @ shape.thickness_basis)
+        return np.hstack((*parts, by_radius[:, None][:, : self.resized]))
+
+
+def improve(search: Search, point: StartingPoint, rival: float = -np.inf) -> StartingPoint:
+    """Return what a point is improved to.
+
+    Parameters
+    ----------
+    search : Search
+    point : StartingPoint
+        Where the search begins.
+    rival : float
+        Objective of another point, J. A point that remains far behind it is given up.
+
+    Returns
+    -------
+    StartingPoint
+    """
+    settings, slack = search.settings, 0.0
+    if settings.tightens:
+        slack = point.excess if np.isfinite(point.excess) else 1.0
+    for _ in range(settings.rounds):
+        slack = settings.tightened * slack if slack > settings.loose else 0.0
+        here = search.around(point)
+        if not here.center.size:
+            break
+        x, values = _maximized(here, settings, slack, max(abs(point.objective), 1e-9))
+        better = search.point(x, values, point)
+        *kept, value = here.rank(here.center, point)
+        if not slack and here.rank(x, better) <= (*kept, value + settings.gain * abs(value)):
+            break
+        gained, missing = better.objective - point.objective, rival - better.objective
+        point = better
+        if missing > max(settings.behind * abs(rival), settings.last * gained):
+            break
+    return point
+
+
+def _maximized(here: Round, settings: Settings, slack: float, size: float):
+    """Return the unknowns of the largest objective, and the values there.
+
+    The limits may be exceeded by the slack.
+    """
+    units, scale = here.units, -100.0 / size
+    iterations = settings.rough_iterations if slack else settings.iterations
+    low, high = here.low / units, here.high / units
+
+    @lru_cache(maxsize=2)
+    def at(x):
+        return here.values(np.array(x) * units)
+
+    def constraint(kind, row, slack=0.0):
+        return {
+            "type": kind,
+            "fun": lambda x: at(tuple(x))[row] + slack,
+            "jac": lambda x: at(tuple(x))[row + 1] * units,
+        }
+
+    rows = Values._fields.index
+    constraints = [constraint("ineq", rows("above"), slack), constraint("eq", rows("equal"))]
+    found = minimize(
+        lambda x: scale * at(tuple(x)).objective,
+        np.clip(here.center / units, low, high),
+        jac=lambda x: scale * at(tuple(x)).objective_by * units,
+        method="SLSQP",
+        bounds=Bounds(low, high),
+        constraints=constraints,
+        options={"ftol": settings.tolerance, "maxiter": iterations},
+    )
+    return found.x * units, at(tuple(found.x))

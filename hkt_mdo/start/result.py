@@ -1,0 +1,96 @@
+"""The design of an earlier result as a candidate of the search for a start (`start.from`)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hkt_mdo.dynamics.laws import FeedbackLaw
+from hkt_mdo.errors import InputError
+from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.setup import gain_bounds
+from hkt_mdo.results.solution import Solution
+from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.start.strategies import RESULT, Candidate
+
+
+def design_of_result(physics: Physics) -> tuple[Candidate, tuple[str, ...]]:
+    """Return the design of the result that `start.from` names, and what is to be told of it.
+
+    Parameters
+    ----------
+    physics : Physics
+
+    Returns
+    -------
+    Candidate
+        The blade on this case's stations and within its bounds; the gains of the same law, else
+        None.
+    tuple of str
+        That the result was refused by its judges, if it was.
+
+    Raises
+    ------
+    InputError
+        If the folder is no result, holds no design, or the blade count is another.
+    """
+    folder = physics.case.start.from_
+    where = {"key": "start.from", "value": folder}
+    try:
+        solution = Solution.load(folder, extensions=physics.case.extensions)
+    except InputError as error:
+        remedy = "give the folder of a run that came to its end"
+        raise InputError(f"is no result that can be read ({error})", remedy, **where) from error
+    summary = solution.summary
+    count, own = solution.case.rotor.blade_count, physics.blade.blade_count
+    if count != own:
+        problem = f"has {count} blades, the case has {own}"
+        remedy = f"give a result with rotor.blade_count = {own}"
+        raise InputError(problem, remedy, file=solution.folder, **where)
+    if None in (summary.r_m, summary.chord_m, summary.twist_deg, summary.rotor_radius_m):
+        remedy = "let that run come to its end with hkt run --resume"
+        raise InputError("holds no design yet", remedy, file=solution.folder, **where)
+    messages = ()
+    if not solution.success:
+        messages = (f"start.from: the result there was refused by its judges: {solution.message}",)
+    return Candidate(RESULT, _blade(physics, summary), _gains(physics, solution)), messages
+
+
+def _blade(physics: Physics, summary) -> Blade:
+    """Return a result's blade on a case's stations, interpolated over r/R where these differ.
+
+    With its radius where the case designs that, else scaled to the case's.
+    """
+    shape, radius = physics.shape, summary.rotor_radius_m
+    blade, scale = physics.blade, 1.0
+    if shape.radius_bounds is not None:
+        blade = blade.with_rotor_radius(float(np.clip(radius, *shape.radius_bounds)))
+    scale = blade.rotor_radius / radius
+    places = np.array(summary.r_m) * scale
+
+    def at_stations(values):
+        if places.shape == blade.r.shape and np.allclose(places, blade.r, rtol=1e-9):
+            return np.array(values)
+        return np.interp(blade.r, places, values)
+
+    thickness = blade.thickness
+    if shape.designs_thickness and summary.thickness_over_chord is not None:
+        thickness = at_stations(summary.thickness_over_chord)
+    chord, twist = scale * at_stations(summary.chord_m), np.deg2rad(at_stations(summary.twist_deg))
+    return shape.nearest(blade.with_shape(chord, twist, thickness))
+
+
+def _gains(physics: Physics, solution: Solution) -> np.ndarray | None:
+    """Return a result's gains within a case's bounds; None where they are another law's.
+
+    The gains of a law over the range of the flow's speeds are others in another flow.
+    """
+    law, theirs, gains = physics.law, solution.case.control, solution.gain
+    if law is None or gains is None or theirs.law != law.law:
+        return None
+    gains = np.atleast_1d(np.asarray(gains, dtype=float))
+    fixed = type(law).in_flow is FeedbackLaw.in_flow
+    if gains.size != len(physics.gain_units) or not (
+        fixed or solution.case.inflow == physics.case.inflow
+    ):
+        return None
+    return np.clip(gains, *gain_bounds(physics))

@@ -1,0 +1,263 @@
+"""The search for a start: candidates of several strategies, the best of which are improved.
+
+A schedule is the tip speed ratio over the speed of the flow. Without limits, or with one of the
+torque alone, an open loop's schedule follows from the blade (`hkt_mdo.start.quasi_steady`). Under
+other limits it has branches (`hkt_mdo.start.steady_flow`). Each is a local optimum with a blade of
+its own (`hkt_mdo.start.limited`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from itertools import groupby
+from operator import attrgetter
+
+import numpy as np
+
+from hkt_mdo.problem.physics import START_EXCESS, Physics
+from hkt_mdo.problem.point import KEPT_EXCESS, Operation, StartingPoint, StartRecord, records
+from hkt_mdo.rotor.torque_curve import TorqueSpline
+from hkt_mdo.start import strategies
+from hkt_mdo.start.energy import EnergySearch
+from hkt_mdo.start.improve import improve
+from hkt_mdo.start.limited import LimitedSearch
+from hkt_mdo.start.quasi_steady import QuasiSteady
+from hkt_mdo.start.steady_flow import BRANCHES, SteadyFlow, has_branches
+from hkt_mdo.start.strategies import Candidate, Task
+
+
+@dataclass(frozen=True)
+class _Schedule:
+    """Constants of schedules.
+
+    `fine`: flow speeds of one that is given to the optimization. `thinned`: nodes of the torque
+    curve to one of the curves of loads, which cost more. `apart`: relative difference between a
+    tip speed ratio and that of the designed schedule from which it is another equilibrium. `same`:
+    relative difference of the ratios of one optimum, a tenth of that of the chords. `longer`:
+    relative gain of the objective that makes a longer solid part worthwhile.
+    """
+
+    fine: int = 400
+    thinned: int = 2
+    apart: float = 0.01
+    same: float = 2e-3
+    longer: float = 1e-5
+
+
+SCHEDULE, WORTH = _Schedule(), attrgetter("worth")
+
+
+def follows_schedule(physics: Physics) -> bool:
+    """Tell whether a start needs a schedule: for limits but torque's, or a law that follows it."""
+    follows = physics.law is not None and (physics.states or physics.law.coarser() is not None)
+    return bool(follows) or has_branches(physics)
+
+
+def largest_energy(task: Task) -> StartingPoint:
+    """Return the start without limits but the torque's: the best candidate, improved."""
+    physics, problem = task.physics, task.problem
+    search = EnergySearch(physics, problem.condensed() if task.improves else problem)
+    tried = [strategies.with_gains(physics, search.problem, each) for each in task.candidates]
+    best = end = max(tried, key=search.rank)
+    if task.improves:
+        end = improve(search, best)
+    starts = [(end if point is best else point).record for point in tried]
+    gained = Candidate(end.strategy, end.blade, end.gains)
+    whole = strategies.with_gains(physics, problem, gained)
+    return replace(whole, starts=records(starts, end))
+
+
+class ScheduleSearch:
+    """The search under limits, or of a law that follows a schedule.
+
+    Parameters
+    ----------
+    task : Task
+
+    Attributes
+    ----------
+    task : Task
+        At some speeds of the case's flow.
+    starts : list of StartRecord
+        What became of the candidates tried so far.
+    """
+
+    def __init__(self, task: Task):
+        self._whole, self.physics, spline = task, task.physics, task.problem.spline
+        if task.physics.load_names:  # loads cost more than torque
+            spline = TorqueSpline(spline.nodes[:: SCHEDULE.thinned])
+        self.steady = SteadyFlow.of(task.physics, spline)
+        flow = {"inflow_speed": self.steady.speeds, "weights": self.steady.weights}
+        problem = replace(task.problem, spline=spline, **flow)
+        self.task = replace(task, problem=problem, steady=self.steady)
+        self.starts: list[StartRecord] = []
+
+    def ends(self) -> list[StartingPoint]:
+        """Return the best point of each branch, the best first.
+
+        A feedback law has the branches of the open loops that its gains are fitted to; a branch
+        that leads to another's optimum is left out. Of a branch that is given up, far behind the
+        other, the objective is what it had reached.
+        """
+        found = self.open_loop() if self.physics.law is None else self._of_law()
+        found = [replace(point, branch=self.steady.side(point)) for point in found]
+        best, *others = sorted(found, key=WORTH, reverse=True)
+        others = [point for point in others if point.branch != best.branch][:1]
+        return [best, *(point for point in others if not _is_same(point, best))]
+
+    def open_loop(self) -> list[StartingPoint]:
+        """Return what open loop's candidates are improved to on each branch."""
+        points = [self._operating(candidate) for candidate in self.task.candidates]
+        found: list[StartingPoint] = []
+        for branch in BRANCHES:
+            about = {"operation": points[0].operation, "strategy": strategies.OTHER_BRANCH}
+            others = [replace(end, **about) for end in found]
+            ended: list[StartingPoint] = []
+            for _, group in groupby((*points, *others), key=attrgetter("strategy")):
+                # each may have its own optimum
+                group = [self.steady.on_branch(point, branch) for point in group]
+                ended.append(self._best_improved(group, (*found, *ended)))
+            found.append(max(ended, key=WORTH))
+        return found
+
+    def _of_law(self) -> list[StartingPoint]:
+        """Return what the candidates of a feedback law are improved to."""
+        law, task, given = self.physics.law, self.task, self.task.candidates[0].gains
+        free = task.improves and given is None
+        # what has several gains, or follows a schedule, is near the best where it is fitted
+        follows = bool(self.physics.states) and (task.improves or given is None)
+        fitted_only = follows or (free and len(law.gain_units) > 1)
+        if fitted_only:
+            known = [each for each in task.candidates[1:] if each.gains is not None]
+            groups = [[self._own(candidate)] for candidate in known]
+        else:
+            solid = strategies.constant_torque(task) if task.improves else ()
+            groups = [list(solid), [self._own(candidate) for candidate in task.candidates]]
+        if task.improves or fitted_only:
+            guides, strategy = self._guides(law.coarser() if free else None)
+            groups += [[strategies.fitted(self.task, guide, strategy)] for guide in guides]
+        found: list[StartingPoint] = []
+        for group in filter(None, groups):
+            found.append(self._best_improved(group, found))
+        return found if fitted_only or not task.improves else self._with_longer_solid_part(found)
+
+    def _guides(self, coarser):
+        """Return points whose schedules a law is fitted to, and the name of the strategy."""
+        other = ScheduleSearch(self._whole.under(coarser))
+        guides = other.open_loop() if coarser is None else other.ends()
+        self.starts += other.starts
+        running = [point for point in guides if point.excess < np.inf] or guides[:1]
+        return running, strategies.FITTED if coarser is None else strategies.COARSER
+
+    def _with_longer_solid_part(self, found):
+        """Return points and, while that is better, the best with a longer solid part."""
+        best = max(found, key=WORTH)
+        while longer := list(strategies.longer_solid_part(self.task, best)):
+            end, (kept, value) = self._best_improved(longer, found), best.worth
+            if end.worth <= (kept, value + SCHEDULE.longer * abs(value)):
+                break
+            found = [*found, best := end]
+        return found
+
+    def _operating(self, candidate):
+        return strategies.with_gains(self.physics, self.task.problem, candidate)
+
+    def _own(self, candidate) -> StartingPoint:
+        """Return a law's point of a candidate, with the schedule of its own gains."""
+        law, (strategy, blade, gains) = self.physics.law, candidate
+        if not self.physics.states:
+            return self.steady.in_balance(self._operating(candidate))
+        speeds = self.steady.speeds
+        ratio = law.speed_at_rest(speeds, gains) * (blade.rotor_radius / speeds)
+        point = StartingPoint(blade, gains, None, strategy=strategy)
+        return self.steady.on_schedule(point, ratio)
+
+    def _best_improved(self, points, others) -> StartingPoint:
+        """Return what the best of some points is improved to; others are its rivals."""
+        best = end = max(points, key=WORTH)
+        if self.task.improves:
+            asked = self.physics.case.start.branch != "best"  # which is not given up
+            rivals = [other.objective for other in others if other.worth[0] and not asked]
+            search = LimitedSearch(self.steady, self.task.problem.slowed)
+            end = improve(search, best, max(rivals, default=-np.inf))
+        if self.physics.law is not None and not self.physics.states:
+            end = self._fastest(end)
+        self.starts += [(end if point is best else point).record for point in points]
+        return end
+
+    def _fastest(self, point) -> StartingPoint:
+        """Return a law's point, or that at which the rotor works where it is another.
+
+        A law may have several equilibria in a flow: the rotor comes to the fastest, after a run-up.
+        """
+        operating = self.task.operating(point)
+        real = self.steady.in_balance(operating)
+        close = np.allclose(real.ratio, point.ratio, rtol=SCHEDULE.apart)
+        return point if operating.operation.running and close else real
+
+
+def start_of(
+    physics: Physics,
+    problem: QuasiSteady,
+    found: list[StartingPoint],
+    starts: Iterable[StartRecord],
+) -> StartingPoint:
+    """Return the first of some points as the start over the whole flow.
+
+    Parameters
+    ----------
+    physics : Physics
+    problem : QuasiSteady
+        Over the whole flow.
+    found : list of StartingPoint
+        That of each branch, the one to begin with first.
+    starts : iterable of StartRecord
+        Of all candidates.
+
+    Returns
+    -------
+    StartingPoint
+    """
+    best, law = found[0], physics.law
+    steady = SteadyFlow.of(physics, problem.spline, SCHEDULE.fine)
+    curves = steady.curves(best.blade)
+    whole = replace(problem, rotor_radius=best.blade.rotor_radius)
+    if law is None:
+        operation = _on_exact_schedule(steady, whole, best)
+    elif physics.states:
+        speed = law.speed_at_rest(problem.inflow_speed, best.gains)
+        operation = whole.held(curves.values["torque"], speed)
+    else:
+        operation = whole.operate(curves.values["torque"], best.gains)
+    branches = tuple(found) if has_branches(physics) else ()
+    about = {"branch": best.branch if branches else "", "branches": branches}
+    return replace(best, operation=operation, starts=records(starts, best), **about)
+
+
+def _on_exact_schedule(steady, problem, best) -> Operation:
+    """Return open loop's operation that keeps the limits at many speeds of the flow.
+
+    Its schedule has been designed at few.
+    """
+    coarse, curves = SteadyFlow.of(steady.physics, steady.spline).speeds, steady.curves(best.blade)
+    guide = np.interp(steady.speeds, coarse, best.ratio)
+    sides = np.array([steady.ratios(curves, branch) for branch in BRANCHES])
+    nearest = np.argmin(np.abs(sides - guide), axis=0)
+    exact = sides[nearest, np.arange(guide.size)]
+    # where limits leave a single ratio, the search on a grid does not meet it, or another one
+    over, least = (steady.excess(steady.along(curves, ratio)) for ratio in (exact, guide))
+    far = np.abs(exact / guide - 1.0) > SCHEDULE.apart
+    closed = (over > np.maximum(least, KEPT_EXCESS)) | (far & (least <= START_EXCESS))
+    flow = problem.inflow_speed
+    ratio = np.interp(flow, steady.speeds, np.where(closed, guide, exact))
+    series = steady.along(curves, ratio, flow)
+    speed, torque = series["rotor_speed"], series["hydrodynamic_torque"]
+    return Operation(float(problem.weights @ (torque * speed)), speed, torque)
+
+
+def _is_same(point: StartingPoint, other: StartingPoint) -> bool:
+    """Tell whether two points are the same optimum."""
+    close = np.allclose(point.ratio, other.ratio, rtol=SCHEDULE.same)
+    chords = point.blade.chord, other.blade.chord
+    return close and np.allclose(*chords, rtol=10.0 * SCHEDULE.same)

@@ -1,0 +1,256 @@
+"""Steady operation of a blade at some speeds of a case's flow: rates, limits and their branches.
+
+A rotor keeps a limit of its power by turning faster or slower than where it captures most: these
+are the branches of the tip speed ratio.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from hkt_mdo.dynamics.limits import Limit, TorqueLimit
+from hkt_mdo.dynamics.trajectory import RATES, quantities
+from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.point import KEPT_EXCESS, Operation, StartingPoint
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.scales import torque_scale
+from hkt_mdo.rotor.torque_curve import TorqueSpline
+from hkt_mdo.start.quasi_steady import sampled_flow
+
+BRANCHES = {"overspeed": 1, "underspeed": -1}
+"""On which side of the ratio of the largest rate each branch keeps the limits."""
+KNOTS = 32  # flow speeds of a schedule that is designed
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """Coefficients of a blade over the tip speed ratio.
+
+    Attributes
+    ----------
+    blade : Blade
+    inertia : float
+        Of the rotor, kg m².
+    values : dict of str to np.ndarray
+        Those of "torque" and of loads by name, at the nodes of a spline, shape (n_nodes,).
+    """
+
+    blade: Blade
+    inertia: float
+    values: dict[str, np.ndarray]
+
+    @cached_property
+    def table(self) -> np.ndarray:
+        """The values of all, (n_nodes, n_names)."""
+        return np.stack(list(self.values.values()), axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class SteadyFlow:
+    """Steady operation of a case's rotor at some speeds of its flow.
+
+    Attributes
+    ----------
+    physics : Physics
+    spline : TorqueSpline
+        Over the tip speed ratio.
+    speeds, weights : np.ndarray
+        Speeds of the flow, m/s, and their weights, s, shape (n,): the objective is the sum of
+        weights times rates.
+    """
+
+    physics: Physics
+    spline: TorqueSpline
+    speeds: np.ndarray
+    weights: np.ndarray
+    _curves: dict[Blade, Curves] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def of(cls, physics: Physics, spline: TorqueSpline, knots: int = KNOTS) -> SteadyFlow:
+        """Take the flows of a case; a rate over v³ is linear between the speeds of two knots."""
+        speed, weights = sampled_flow(physics)
+        low, high = float(np.min(speed)), float(np.max(speed))
+        if high - low < 1e-9 * high:
+            return cls(physics, spline, np.array([high]), np.array([np.sum(weights)]))
+        speeds = np.linspace(low, high, knots)
+        place = np.clip((speed - low) / (speeds[1] - low), 0.0, knots - 1.0)
+        below = np.minimum(place.astype(int), knots - 2)
+        share, cubes = place - below, weights * speed**3
+        sums = np.bincount(below, cubes * (1.0 - share), knots)
+        sums += np.bincount(below + 1, cubes * share, knots)
+        return cls(physics, spline, speeds, sums / speeds**3)
+
+    @cached_property
+    def limits(self) -> tuple[Limit, ...]:
+        """The limits that a schedule keeps."""
+        return _kept(self.physics)
+
+    def curves(self, blade: Blade) -> Curves:
+        """Return the curves of a blade, which are computed once."""
+        if blade not in self._curves:
+            physics, nodes = self.physics, self.spline.nodes
+            values = {"torque": bem.rotor_coefficients(blade, physics.polar, nodes).torque}
+            loads = physics.loads.coefficients(blade, nodes, names=physics.load_names)
+            for name, load in loads.items():
+                values[name] = load.envelope(physics.loads.exponent).values
+            self._curves[blade] = Curves(blade, physics.mass_and_inertia(blade)[1], values)
+        return self._curves[blade]
+
+    def quantities(self, coefficients: dict, flow: np.ndarray | None = None) -> dict:
+        """Return the quantities of a trajectory in steady operation, and the design's scalars.
+
+        Parameters
+        ----------
+        coefficients : dict
+            Tip speed ratio, coefficients of torque and loads there, shape (n,); rotor_radius (m)
+            and inertia (kg m²). All may be complex.
+        flow : np.ndarray, optional
+            Speeds of the flow, m/s, shape (n,); by default `speeds`.
+
+        Returns
+        -------
+        dict
+            By the names of `hkt_mdo.dynamics.trajectory.SERIES`, SI units.
+        """
+        flow, physics = self.speeds if flow is None else flow, self.physics
+        ratio, radius = coefficients["ratio"], coefficients["rotor_radius"]
+        torque = torque_scale(physics.density, radius, flow) * coefficients["torque"]
+        speed = ratio * flow / radius
+        both = torque, torque  # of the flow and of the generator
+        series = quantities(np.zeros(flow.shape), flow, speed, *both, radius, physics.generator)
+        for name in physics.load_names:
+            if name in coefficients:
+                series[name] = 0.5 * physics.density * flow**2 * coefficients[name]
+        scalars = {"density": physics.density, "inertia": coefficients["inertia"]}
+        return series | {"rotor_radius": radius} | scalars
+
+    def along(self, curves: Curves, ratio: np.ndarray, flow: np.ndarray | None = None) -> dict:
+        """Return the `quantities` of curves at tip speed ratios, (n,)."""
+        values, _ = self.spline.values(curves.table, ratio)
+        coefficients = dict(zip(curves.values, values.T, strict=True))
+        scalars = {"rotor_radius": curves.blade.rotor_radius, "inertia": curves.inertia}
+        return self.quantities({"ratio": ratio} | scalars | coefficients, flow)
+
+    def excess(self, series: dict) -> np.ndarray:
+        """Return by how much the limits are exceeded at most, relatively; -inf without limits."""
+        over = np.full(series["time"].size, -np.inf)
+        for limit in self.limits:
+            over = np.maximum(over, limit.excess(series))
+        return over
+
+    def at_nodes(self, curves: Curves) -> tuple[np.ndarray, np.ndarray]:
+        """Return the objective's rates (W) and the excess of the limits, both (n, n_nodes)."""
+        nodes, n = self.spline.nodes, self.speeds.size
+        flow = np.repeat(self.speeds, nodes.size)
+        series = self.along(curves, np.tile(nodes, n), flow)
+        rate = self.physics.objective.rate_of(series)
+        return rate.reshape(n, -1), self.excess(series).reshape(n, -1)
+
+    def operation(self, series: dict) -> Operation:
+        """Return the operation of some quantities at the speeds of the flow."""
+        speed, torque = series["rotor_speed"], series["hydrodynamic_torque"]
+        return Operation(float(self.weights @ (speed * torque)), speed, torque)
+
+    def on_schedule(
+        self, point: StartingPoint, ratio: np.ndarray, branch: str = ""
+    ) -> StartingPoint:
+        """Return a starting point with tip speed ratios at the speeds of the flow, shape (n,).
+
+        One whose operation is known not to run keeps no limit.
+        """
+        series = self.along(self.curves(point.blade), ratio)
+        over = {limit.name: float(np.max(limit.excess(series))) for limit in self.limits}
+        exceeds = [name for name, value in over.items() if value > KEPT_EXCESS]
+        excess = max(over.values(), default=-np.inf)
+        if point.operation is not None and not point.operation.running:
+            excess, exceeds = np.inf, [*exceeds, "rotor_keeps_turning"]
+        return replace(
+            point,
+            ratio=ratio,
+            branch=branch,
+            operation=self.operation(series),
+            objective=float(self.weights @ self.physics.objective.rate_of(series)),
+            excess=excess,
+            exceeds=tuple(exceeds),
+        )
+
+    def on_branch(self, point: StartingPoint, branch: str) -> StartingPoint:
+        """Return a starting point of open loop with the schedule of a branch."""
+        return self.on_schedule(point, self.ratios(self.curves(point.blade), branch), branch)
+
+    def in_balance(self, point: StartingPoint) -> StartingPoint:
+        """Return a starting point with the schedule of its own operation under its law."""
+        ratio = point.operation.rotor_speed * point.blade.rotor_radius / self.speeds
+        return self.on_schedule(point, ratio)
+
+    def side(self, point: StartingPoint) -> str:
+        """Return the branch of a point: where its blade works in the fastest flow."""
+        fastest = replace(self, speeds=self.speeds[-1:], weights=self.weights[-1:])
+        rate, _ = fastest.at_nodes(fastest.curves(point.blade))
+        best = self.spline.nodes[np.argmax(rate)]
+        return "overspeed" if point.ratio[-1] >= best else "underspeed"
+
+    def ratios(self, curves: Curves, branch: str) -> np.ndarray:
+        """Return the tip speed ratios of a branch of an open loop at the speeds of the flow.
+
+        That of the largest rate where it keeps the limits; else the next one on the branch's side
+        that does; where none does, that of the smallest excess.
+        """
+        nodes, sign = self.spline.nodes, BRANCHES[branch]
+        rate, over = self.at_nodes(curves)
+        peak = np.clip(np.argmax(rate, axis=1), 1, nodes.size - 2)
+        largest = self._largest(curves, nodes[peak - 1], nodes[peak + 1])
+        order = np.arange(nodes.size)[::sign]  # of the search, from either end
+        beyond = (nodes[order] - largest[:, None]) * sign > 0.0
+        kept = beyond & (over[:, order] <= 0.0)
+        least = np.argmin(np.where(beyond, over[:, order], np.inf), axis=1)
+        has, first = kept.any(axis=1), np.argmax(kept, axis=1)
+        before = np.maximum(nodes[order[first - 1]] * sign, largest * sign)
+        broken = self.excess(self.along(curves, largest)) > 0.0
+        inside = np.where(has, nodes[order[first]], nodes[order[least]])
+        outside = np.where(has, before * sign, inside)
+        inside, outside = (np.where(broken, end, largest) for end in (inside, outside))
+        for _ in range(30 * np.any(broken)):  # bisection to where the limits begin to hold
+            middle = 0.5 * (inside + outside)
+            broken = self.excess(self.along(curves, middle)) > 0.0
+            inside, outside = np.where(broken, inside, middle), np.where(broken, middle, outside)
+        return inside
+
+    def _largest(self, curves, low, high):
+        """Return the tip speed ratios of the largest rate between others (golden section)."""
+        share = 0.5 * (np.sqrt(5.0) - 1.0)
+
+        def rate(ratio):
+            return self.physics.objective.rate_of(self.along(curves, ratio))
+
+        for _ in range(20):
+            width = share * (high - low)
+            left, right = high - width, low + width
+            lower = rate(left) > rate(right)
+            low, high = np.where(lower, low, left), np.where(lower, right, high)
+        return 0.5 * (low + high)
+
+
+def has_branches(physics: Physics) -> bool:
+    """Tell whether a case has limits that several schedules keep: others than torque's."""
+    return any(not isinstance(limit, TorqueLimit) for limit in _kept(physics))
+
+
+def _kept(physics: Physics) -> tuple[Limit, ...]:
+    """Return the limits that a schedule keeps: those over time that the optimization constrains.
+
+    Those of rates are none: a schedule has no time.
+    """
+    control = physics.case.control
+
+    def constrains(limit):  # a torque limit is held by a law's saturation
+        if RATES.keys() & set(limit.inputs):
+            return False
+        saturates = physics.law is not None and not physics.states
+        return limit.constrains(control) or (isinstance(limit, TorqueLimit) and not saturates)
+
+    return tuple(limit for limit in physics.limits if limit.caps_series and constrains(limit))

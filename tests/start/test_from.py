@@ -1,0 +1,161 @@
+"""The design of an earlier result as a start (`start.from`)."""
+
+import json
+import pickle
+
+import numpy as np
+import pytest
+
+from hkt_mdo.case import load_case
+from hkt_mdo.errors import InputError
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.start.find import LOCAL, find_start, steady_optimum
+from hkt_mdo.start.result import design_of_result
+
+RESULT = "design of a result"
+TRACKING = load_case({"inflow": "sine", "control": "tracking"})
+
+
+@pytest.fixture
+def result(tmp_path):
+    """Return a function that writes a result folder whose blade is a scaled one of its case."""
+
+    def write(law="quadratic", gain=9.0, success=True, **more):
+        case = load_case({"inflow": "sine", "control": law} | more)
+        blade = physics(case).blade
+        summary = {
+            "success": success,
+            "message": "the mesh is too coarse" if not success else "converged and verified",
+            "r_m": blade.r,
+            "chord_m": 0.9 * blade.chord,
+            "twist_deg": np.rad2deg(blade.twist) + 1.0,
+            "rotor_radius_m": blade.rotor_radius,
+            "gain": gain,
+        }
+        folder = tmp_path / "earlier"
+        folder.mkdir(exist_ok=True)
+        (folder / "case.yaml").write_text(case.to_yaml())
+        (folder / "summary.json").write_text(json.dumps(summary, default=lambda x: x.tolist()))
+        return folder
+
+    return write
+
+
+def world(folder, law="quadratic", method="quasi_steady", **more):
+    start = {"from": str(folder), "method": method}
+    return physics(load_case({"inflow": "sine", "control": law, "start": start} | more))
+
+
+def begin(case):
+    return find_start(case, steady_optimum(case, case.blade))
+
+
+def test_it_is_one_more_candidate(result):
+    start = begin(world(result()))
+    names = [record.strategy for record in start.starts]
+    assert names[:2] == ["blade as given", RESULT]
+    assert start.tried == 12
+    assert sum(record.kept for record in start.starts) == 1
+    assert start.messages == ()
+
+
+def test_the_best_of_all_is_kept(result):
+    """A design that is better than all others is what the search goes on from."""
+    folder = result()
+    best = begin(world(folder))
+    summary = json.loads((folder / "summary.json").read_text())
+    told = {"chord_m": best.blade.chord, "twist_deg": np.rad2deg(best.blade.twist)}
+    summary |= {name: values.tolist() for name, values in told.items()}
+    (folder / "summary.json").write_text(json.dumps(summary | {"gain": float(best.gains[0])}))
+    again = begin(world(folder))
+    (kept,) = (record.strategy for record in again.starts if record.kept)
+    assert kept == RESULT
+    assert again.operation.energy >= best.operation.energy * (1.0 - 1e-9)
+
+
+@pytest.mark.parametrize("limits", [{}, {"power": "5 kW"}])
+def test_with_the_blade_s_method_it_is_taken_as_it_is(result, limits):
+    control = {"law": "quadratic", "torque_limit": 700.0}
+    case = world(result(gain=12.0), control, "blade", limits=limits)
+    start = begin(case)
+    np.testing.assert_allclose(start.blade.chord, 0.9 * case.blade.chord)
+    np.testing.assert_allclose(start.blade.twist, case.blade.twist + np.deg2rad(1.0))
+    assert list(start.gains) == [12.0]
+    assert start.messages == (LOCAL,)
+    assert [record.strategy for record in start.starts] == [RESULT]
+
+
+def test_gains_of_another_law_are_fitted(result):
+    case = world(result("linear", gain=150.0), method="blade")
+    fitted = begin(case).gains[0]
+    assert fitted != 150.0
+    assert begin(case).operation.running
+
+
+def test_gains_over_the_flow_s_range_are_those_of_the_same_flow(result):
+    gains = [10.0 * n for n in range(len(physics(TRACKING).gain_units))]
+    folder = result("tracking", gains)
+    assert list(design_of_result(world(folder, "tracking"))[0].gains) == gains
+    gust = {"profile": "sine", "mean": "1 m/s"}
+    assert design_of_result(world(folder, "tracking", inflow=gust))[0].gains is None
+
+
+def test_it_is_interpolated_over_the_stations_of_the_case(result):
+    case = world(result(), rotor={"station_count": 30})
+    blade = design_of_result(case)[0].blade
+    given = physics(load_case({"inflow": "sine", "control": "quadratic"})).blade
+    assert blade.r.size == 30
+    expected = 0.9 * np.interp(blade.r, given.r, given.chord)
+    assert np.max(np.abs(blade.chord - expected)) < 0.02 * np.max(expected)
+
+
+def test_its_radius_is_taken_where_that_is_designed(result):
+    folder = result(rotor={"radius": "1.6 m"})
+    fixed, free = world(folder), world(folder, design={"radius_bounds": [1.2, 1.5]})
+    assert design_of_result(fixed)[0].blade.rotor_radius == fixed.blade.rotor_radius
+    assert design_of_result(free)[0].blade.rotor_radius == pytest.approx(1.5)
+
+
+def test_a_refused_result_is_allowed_and_told(result):
+    _, messages = design_of_result(world(result(success=False)))
+    assert "refused by its judges: the mesh is too coarse" in messages[0]
+
+
+def test_the_key_is_kept_by_yaml_and_pickle(result, tmp_path):
+    folder = result()
+    (tmp_path / "a.yaml").write_text(
+        "inflow: sine\ncontrol: quadratic\nstart: {from: earlier}\n", encoding="utf-8"
+    )
+    case = load_case(tmp_path / "a.yaml")
+    assert case.start.from_ == str(folder.resolve())
+    assert f"from: {folder.resolve()}" in case.to_yaml()
+    assert pickle.loads(pickle.dumps(case)) == case
+    other = case.with_overrides("start.method=blade")
+    assert (other.start.from_, other.start.method) == (case.start.from_, "blade")
+
+
+# Bad input
+
+
+def test_a_folder_that_is_no_result_is_refused(tmp_path):
+    (tmp_path / "a.yaml").write_text(
+        "inflow: sine\ncontrol: quadratic\nstart: {from: nowhere}\n", encoding="utf-8"
+    )
+    with pytest.raises(InputError, match=r"a.yaml: start.from = 'nowhere': is no result folder: "):
+        load_case(tmp_path / "a.yaml")
+
+
+def test_a_result_without_a_design_is_refused(result):
+    case = world(folder := result())
+    (folder / "summary.json").write_text('{"success": false}')
+    with pytest.raises(InputError, match=r"start.from = .*: holds no design yet; let that run"):
+        begin(case)
+    (folder / "summary.json").write_text("{")
+    with pytest.raises(InputError, match=r"start.from = .*: is no result that can be read"):
+        begin(case)
+
+
+def test_another_count_of_blades_is_refused(result):
+    case = world(result(rotor={"blade_count": 2}))
+    with pytest.raises(InputError, match=r"start.from = .*: has 2 blades, the case has 3; give"):
+        begin(case)

@@ -1,0 +1,96 @@
+"""The start by quasi-steady co-design reaches what theory knows."""
+
+import numpy as np
+import pytest
+
+from hkt_mdo.case import load_case
+from hkt_mdo.dynamics.limits import SLOWED
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.rotor.scales import power_scale
+from hkt_mdo.rotor.steady_optimum import best_operation
+from hkt_mdo.start.find import LOCAL, find_start, steady_optimum
+from hkt_mdo.start.quasi_steady import SAFE, sampled_flow
+
+
+def world(law="open_loop", limit=None, **design):
+    control = {"law": law, "torque_limit": limit}
+    return physics(load_case({"inflow": "sine", "control": control, "design": design}))
+
+
+@pytest.fixture(scope="module")
+def optimum():
+    free = world()
+    return steady_optimum(free, free.blade)
+
+
+@pytest.mark.parametrize("law", ["open_loop", "quadratic"])
+def test_co_design_reaches_the_steady_optimum(law, optimum):
+    """Without a limit, open loop and quadratic feedback keep the best rotor at its best ratio."""
+    case = world(law)
+    start, (flow, weights) = find_start(case, optimum), sampled_flow(case)
+    radius = case.blade.rotor_radius
+    power = optimum.power_coefficient * power_scale(case.density, radius, flow)
+    assert start.operation.energy == pytest.approx(weights @ power, rel=5e-5)
+    assert start.operation.rotor_speed.shape == flow.shape
+
+
+def test_the_optimum_of_one_blade_is_start_enough(optimum):
+    """The candidates are improved from any blade, not from the steady optimum alone."""
+    case = world(limit=700.0)
+    energy = [
+        find_start(case, each).operation.energy
+        for each in (optimum, best_operation(case.blade, case.polar))
+    ]
+    assert energy[1] == pytest.approx(energy[0], rel=1e-5)
+
+
+def test_a_fixed_blade_is_kept():
+    case = world("quadratic", blade="fixed")
+    best = best_operation(case.blade, case.polar)
+    start, radius = find_start(case, best), case.blade.rotor_radius
+    np.testing.assert_array_equal(start.blade.chord, case.blade.chord)
+    gain = 0.5 * case.density * np.pi * radius**5 * best.power_coefficient
+    assert start.gains[0] == pytest.approx(gain / best.tip_speed_ratio**3, rel=0.02)
+
+
+@pytest.mark.parametrize("bounds", [(0.0, 1.0), (30.0, 40.0)])
+def test_gains_are_searched_within_their_bounds(bounds, optimum):
+    """Whatever the bounds, the start keeps them and is worth what its own gain gives."""
+    free, bound = (
+        find_start(world("quadratic", 700.0, **given), optimum)
+        for given in ({}, {"gain_bounds": bounds})
+    )
+    assert not bounds[0] <= free.gains[0] <= bounds[1]
+    assert bounds[0] <= bound.gains[0] <= bounds[1]
+    assert bound.operation.running
+    assert bound.operation.energy < free.operation.energy
+
+
+def test_more_distance_from_stall_costs_energy(optimum):
+    """A start that must be able to lose more of its speed keeps that, and captures less."""
+    near, far = (
+        find_start(world("linear", 700.0), optimum, slowed=slowed).operation
+        for slowed in (SLOWED, 5.0 * SLOWED)
+    )
+    assert min(near.margin.min(), far.margin.min()) > SAFE - 1e-5
+    assert far.energy < near.energy
+
+
+def test_it_tells_what_became_of_each_candidate(optimum):
+    start = find_start(world("quadratic", 700.0), optimum)
+    names = [record.strategy for record in start.starts]
+    assert names == ["blade as given", *["best blade of a tip speed ratio"] * 10]
+    (kept,) = (record for record in start.starts if record.kept)
+    assert kept.objective == max(record.objective for record in start.starts)
+    assert kept.objective == pytest.approx(start.operation.energy, rel=1e-5)
+    assert (kept.exceeds, start.tried) == ((), 11)
+
+
+def test_the_blade_as_given_says_that_its_optimum_is_local(optimum):
+    case = load_case({"inflow": "sine", "control": "open_loop", "start": {"method": "blade"}})
+    case = physics(case)
+    start = find_start(case, optimum)
+    assert start.messages == (LOCAL,)
+    assert [(record.strategy, record.kept) for record in start.starts] == [("blade as given", True)]
+    np.testing.assert_array_equal(start.blade.chord, case.blade.chord)
+    assert find_start(case, optimum, improve=False).messages == ()
