@@ -29,8 +29,8 @@ class Described:
     over
         ``time``: shape (n_times,); ``span``: (n_stations,); ``design`` and ``result``: a number.
     source
-        What provides it: the ``trajectory`` (the rotor's ODE), ``loads`` and ``rates`` (which follow
-        from a trajectory), the ``rotor``, or the ``integrals`` over all scenarios.
+        What provides it: the ``trajectory`` (the rotor's ODE), ``loads`` and ``rates``, which follow
+        from a trajectory, the ``rotor``, or the ``integrals`` over all scenarios.
     per_pressure
         Unit of a load over the dynamic pressure 0.5 rho v² of the flow.
     """

@@ -22,7 +22,7 @@ ALLOWED = {
     "case": {"dynamics", "errors", "files", "quantities", "sections"},
     "results": {"case", "dynamics", "errors", "files"},
     "problem": {"case", "dynamics", "errors", "files", "quantities", "rotor", "solve"},
-    "start": {"case", "dynamics", "errors", "problem", "results", "rotor", "solve"},
+    "start": {"case", "dynamics", "errors", "problem", "quantities", "results", "rotor", "solve"},
     "run": {
         "case",
         "dynamics",

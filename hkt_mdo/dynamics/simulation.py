@@ -1,8 +1,8 @@
 """Independent integration of the rotor's equation of motion with direct BEM.
 
 Nothing here is shared with the optimization but the physics: no torque curve, no mesh. The steps
-of a window are solved together (`hkt_mdo.dynamics.radau`), so that BEM, flow and law see arrays, and
-divided until their estimated errors are within the tolerance.
+of a window are solved together (`hkt_mdo.dynamics.radau`), so that BEM, flow and law see arrays,
+and divided until their estimated errors are within the tolerance.
 """
 
 from collections.abc import Callable, Sequence

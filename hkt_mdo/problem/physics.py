@@ -35,7 +35,7 @@ from hkt_mdo.problem.contradictions import redundant_limits, refuse_contradictio
 from hkt_mdo.problem.operation import in_operation
 from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
 from hkt_mdo.problem.turbine import Turbine, build_turbine
-from hkt_mdo.quantities import LOADS, RATES, names
+from hkt_mdo.quantities import LOADS, RATES, TRAJECTORY, names
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.hydrodynamics import SOLVERS, Hydrodynamics
 from hkt_mdo.rotor.loads import Cavitation, LoadModel
@@ -368,9 +368,12 @@ class Physics:
     def start_objective(self) -> Objective:
         """What the start makes as large as possible: the objective if that is an energy.
 
-        Else the captured energy: what makes a cost small would make the rotor stand still.
+        Else the captured energy: what makes a cost small would make the rotor stand still. So it is
+        for an energy less a price of what a schedule does not know.
         """
-        return self.objective if self.objective.is_energy else CapturedEnergy()
+        known = {*TRAJECTORY, *LOADS, "rotor_radius", "density", "inertia"}
+        simple = self.objective.is_energy and known >= {*self.objective.inputs}
+        return self.objective if simple else CapturedEnergy()
 
     def objective_bound(self, captured: float) -> float | None:
         """Return an upper bound on the objective, J, from one on the captured energy."""

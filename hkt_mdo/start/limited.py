@@ -111,7 +111,7 @@ class LimitedSearch(Search):
         x, ratio, ratio_by = self._split(z)
         here = self._with_slopes(x, ratio, ratio_by, physics.load_names)
         rooms = [partial(_room, limit) for limit in steady.limits]
-        (rate, rate_by), *above = self._chained([physics.objective.rate_of, *rooms], *here)
+        (rate, rate_by), *above = self._chained([physics.start_objective.rate_of, *rooms], *here)
         none = np.empty(0), np.empty((0, z.size))
         equal, above = [none], [none, *above]
         if self._balances:

@@ -12,9 +12,10 @@ from functools import cached_property
 import numpy as np
 
 from hkt_mdo.dynamics.limits import Limit, TorqueLimit
-from hkt_mdo.dynamics.trajectory import RATES, quantities
+from hkt_mdo.dynamics.trajectory import quantities
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import KEPT_EXCESS, Operation, StartingPoint
+from hkt_mdo.quantities import LOADS, TRAJECTORY
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import torque_scale
@@ -114,7 +115,7 @@ class SteadyFlow:
         Returns
         -------
         dict
-            By the names of `hkt_mdo.dynamics.trajectory.SERIES`, SI units.
+            By the names of `hkt_mdo.quantities`, SI units.
         """
         flow, physics = self.speeds if flow is None else flow, self.physics
         ratio, radius = coefficients["ratio"], coefficients["rotor_radius"]
@@ -147,7 +148,7 @@ class SteadyFlow:
         nodes, n = self.spline.nodes, self.speeds.size
         flow = np.repeat(self.speeds, nodes.size)
         series = self.along(curves, np.tile(nodes, n), flow)
-        rate = self.physics.objective.rate_of(series)
+        rate = self.physics.start_objective.rate_of(series)
         return rate.reshape(n, -1), self.excess(series).reshape(n, -1)
 
     def operation(self, series: dict) -> Operation:
@@ -173,7 +174,7 @@ class SteadyFlow:
             ratio=ratio,
             branch=branch,
             operation=self.operation(series),
-            objective=float(self.weights @ self.physics.objective.rate_of(series)),
+            objective=float(self.weights @ self.physics.start_objective.rate_of(series)),
             excess=excess,
             exceeds=tuple(exceeds),
         )
@@ -225,7 +226,7 @@ class SteadyFlow:
         share = 0.5 * (np.sqrt(5.0) - 1.0)
 
         def rate(ratio):
-            return self.physics.objective.rate_of(self.along(curves, ratio))
+            return self.physics.start_objective.rate_of(self.along(curves, ratio))
 
         for _ in range(20):
             width = share * (high - low)
@@ -243,14 +244,18 @@ def has_branches(physics: Physics) -> bool:
 def _kept(physics: Physics) -> tuple[Limit, ...]:
     """Return the limits that a schedule keeps: those over time that the optimization constrains.
 
-    Those of rates are none: a schedule has no time.
+    In any of the scenarios: a speed of the flow has one schedule. Those of rates are none, as a
+    schedule has no time, nor those of what is not known of a schedule.
     """
     control = physics.case.control
 
     def constrains(limit):  # a torque limit is held by a law's saturation
-        if RATES.keys() & set(limit.inputs):
-            return False
         saturates = physics.law is not None and not physics.states
         return limit.constrains(control) or (isinstance(limit, TorqueLimit) and not saturates)
 
-    return tuple(limit for limit in physics.limits if limit.caps_series and constrains(limit))
+    known = {*TRAJECTORY, *LOADS, "rotor_radius", "density", "inertia"}
+    return tuple(
+        limit
+        for limit in physics.all_limits
+        if limit.caps_series and known >= {*limit.inputs} and constrains(limit)
+    )
