@@ -20,7 +20,7 @@ VERSION = 1
 """Of the file; a file without one is older and has lists over the scenarios, without names."""
 MAX_BYTES = 64 * 1024**2
 """Largest file that is read: an hour of flow takes a tenth of it."""
-OVER_TIME = "rotor_speed_rad_s", "hydrodynamic_torque_Nm"
+OVER_TIME = "segment_ends_s", "rotor_speed_rad_s", "hydrodynamic_torque_Nm"
 REMEDY = "delete it to begin anew, or run the case again with --force"
 
 
@@ -65,11 +65,8 @@ def as_data(physics: Physics, point: StartingPoint, reference: float) -> dict[st
         "energy_J": point.operation.energy,
         "reference_energy_J": reference,
         "scenarios": {
-            scenario.name: {
-                "segment_ends_s": scenario.edges,
-                **dict(zip(OVER_TIME, trajectories, strict=True)),
-            }
-            for scenario, trajectories in zip(
+            scenario.name: dict(zip(OVER_TIME, (scenario.edges, *rows), strict=True))
+            for scenario, rows in zip(
                 physics.scenarios, physics.split(point.operation), strict=True
             )
         },
@@ -110,9 +107,9 @@ def read_iterate(out: Path, physics: Physics) -> tuple[Physics, Earlier]:
     return physics, Earlier(StartingPoint(blade, gains, operation), reference, history)
 
 
-def _numbers(data, key, size) -> np.ndarray:
+def _numbers(row, size) -> np.ndarray:
     """Return a row of finite numbers of a size; ValueError if it is none."""
-    values = np.array(data[key], dtype=float).reshape(size)
+    values = np.array(row, dtype=float).reshape(size)
     if not np.all(np.isfinite(values)):
         raise ValueError
     return values
@@ -125,15 +122,14 @@ def _over_time(physics, data) -> tuple[Physics, Operation]:
         raise ValueError
     scenarios, rows = [], []
     for scenario in physics.scenarios:
-        own = found[scenario.name]
-        edges = np.array(own["segment_ends_s"], dtype=float)
-        if not (edges.ndim == 1 and np.all(np.isin(scenario.edges, edges))):
-            raise ValueError
-        if not (np.all(np.diff(edges) > 0.0) and np.all(edges[[0, -1]] == scenario.edges[[0, -1]])):
+        ends, *own = (found[scenario.name][key] for key in OVER_TIME)
+        edges, before = np.array(ends, dtype=float), scenario.edges
+        same = np.array_equal(edges[[0, -1]], before[[0, -1]]) and np.all(np.isin(before, edges))
+        if edges.ndim != 1 or not same or np.any(np.diff(edges) <= 0.0):
             raise ValueError
         scenarios.append(replace(scenario, edges=edges))
-        rows.append([_numbers(own, key, scenarios[-1].samples.size) for key in OVER_TIME])
-    energy = float(_numbers(data, "energy_J", 1)[0])
+        rows.append([_numbers(row, scenarios[-1].samples.size) for row in own])
+    energy = float(_numbers(data["energy_J"], 1)[0])
     operation = Operation(energy, *np.concatenate(rows, axis=1))
     return replace(physics, scenarios=tuple(scenarios)), operation
 
@@ -141,21 +137,21 @@ def _over_time(physics, data) -> tuple[Physics, Operation]:
 def _without_version(physics, data) -> dict[str, dict]:
     """Return the scenarios of a file of before the versions, which has names for none."""
     (scenario,), (ends,) = physics.scenarios, data["segment_ends_s"]
-    return {scenario.name: {"segment_ends_s": ends} | {key: data[key] for key in OVER_TIME}}
+    return {scenario.name: data | {"segment_ends_s": ends}}
 
 
 def _design(physics, data):
     """Return blade, gains and reference of an iterate."""
     shape, stations = physics.shape, physics.blade.r.size
     names = ["chord_m", "twist_rad", *["thickness_over_chord"] * shape.designs_thickness]
-    found = [_numbers(data, name, stations) for name in names]
+    found = [_numbers(data[name], stations) for name in names]
     radius, reference = (
-        float(_numbers(data, key, 1)[0]) for key in ("rotor_radius_m", "reference_energy_J")
+        float(_numbers(data[key], 1)[0]) for key in ("rotor_radius_m", "reference_energy_J")
     )
     if np.any(found[0] <= 0.0) or radius <= 0.0:
         raise ValueError
     blade = physics.blade
     if shape.radius_bounds is not None:
         blade = blade.with_rotor_radius(float(np.clip(radius, *shape.radius_bounds)))
-    gains = _numbers(data, "gains", len(physics.gain_units))
+    gains = _numbers(data["gains"], len(physics.gain_units))
     return shape.nearest(blade.with_shape(*found)), gains, reference

@@ -1,17 +1,191 @@
-"""The passes of a run: optimize, and again as long as a remedy asks for it."""
+"""The passes of a run: optimize, and again as long as a remedy asks for it.
+
+A remedy takes an `Attempt` and returns what the next optimization begins with, or None where it has
+nothing to mend. `REMEDIES` are tried in order, and the first that returns something decides.
+"""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from dataclasses import replace
 
+import numpy as np
+
+from hkt_mdo.dynamics.limits import SLOWED
+from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes
+from hkt_mdo.problem.setup import other_branch as start_on_other_branch
 from hkt_mdo.problem.start import StartingPoint
-from hkt_mdo.run.attempt import Attempt, Before, Begin, Judged
-from hkt_mdo.run.optimization import solve
-from hkt_mdo.run.remedies import first_setup, next_begin
+from hkt_mdo.run.attempt import Attempt, Before, Begin, Judged, quasi_steady_reference
+from hkt_mdo.run.judge import most_between
+from hkt_mdo.run.mesh import held
+from hkt_mdo.run.optimization import point_of, solve
 from hkt_mdo.run.state import RunState
 
+MAX_PASSES = 24
+"""Optimizations from one start; runs that end well need at most ten."""
 FAR = 0.05
 """Relative excess of a limit from which a start is far from any optimum."""
+NEAR_STALL = 0.022
+"""Recovery of a start, over a typical torque, below which it is constrained from the beginning."""
+MOST_LOWERED = 5e-3
+"""By which a limit is lowered at the nodes at most, relatively: it costs energy."""
+MOST_EXCEEDED = 0.02
+"""Relative excess beyond which lowering a limit at the nodes does not help."""
+
+
+def smaller_moves(attempt: Attempt) -> Begin | None:
+    """Begin within narrow moves after an optimization that lost its way."""
+    if attempt.converged or attempt.lost:
+        return None
+    setup, last = attempt.setup, attempt.state.last
+    why = f"the optimizer did not converge in {attempt.result.outcome.iterations} iterations"
+    if last.operation.energy > setup.start.operation.energy:
+        nodes = curve_nodes(attempt.physics, last)
+        return attempt.begin_again(why, moves=NARROW, start=last, nodes=nodes)
+    return attempt.begin_again(why, moves=NARROW)
+
+
+def distance_from_stall(attempt: Attempt) -> Begin | None:
+    """Constrain the recovery of a rotor under feedback that does not recover."""
+    if not attempt.converged or attempt.setup.slowed:
+        return None
+    if not attempt.recovers:
+        why = f"a rotor that loses {100.0 * SLOWED:g} % of its speed does not recover"
+        return attempt.begin_again(why, slowed=SLOWED)
+    close = sum(map(np.sum, attempt.near_stall))
+    why = f"too close to stall between the nodes of {close} segments"
+    return attempt.begin_again(why, slowed=SLOWED) if close else None
+
+
+def finer_torque_curve(attempt: Attempt) -> Begin | None:
+    """Halve the intervals of a torque curve that is too coarse for the found blade."""
+    physics = attempt.physics
+    most = physics.case.hydrodynamics.tolerance
+    if not (attempt.converged and physics.has_curve) or attempt.curve_error <= most:
+        return None
+    return attempt.from_end(
+        f"error of the torque curve {attempt.curve_error:.2g}, allowed {most:.2g}", finer=True
+    )
+
+
+def recentred_moves(attempt: Attempt) -> Begin | None:
+    """Go on from an end at a move limit."""
+    if not attempt.at_limit:
+        return None
+    return attempt.from_end(f"at a move limit, objective changed by {100.0 * attempt.gain:.2g} %")
+
+
+def farther_from_stall(attempt: Attempt) -> Begin | None:
+    """Ask for twice the loss of speed where the collocation may follow a false branch near stall.
+
+    The false speeds of Radau's collocation are its own.
+    """
+    physics, slowed = attempt.physics, 2.0 * SLOWED
+    if not attempt.converged or physics.law is None or not physics.has_curve:
+        return None
+    if physics.case.phase.transcription == "radau" or attempt.setup.slowed > SLOWED:
+        return None
+    if not attempt.is_false:
+        return None
+    error = max(np.max(flight.speed_errors) for flight in attempt.flights)
+    return attempt.begin_again(
+        f"integrated and collocated speed differ by {100.0 * error:.2g} %", slowed=slowed
+    )
+
+
+def finer_mesh(attempt: Attempt) -> Begin | None:
+    """Divide the segments that are too coarse."""
+    physics = attempt.physics
+    if not attempt.converged:
+        return None
+    division = attempt.division
+    if not division.allowed(physics.case.driver.optimizer):
+        return None
+    parts = division.parts
+    scenarios = [each.divided(own) for each, own in zip(physics.scenarios, parts, strict=True)]
+    by_name = {each.name: own for each, own in zip(scenarios, parts, strict=True)}
+    physics = replace(physics, scenarios=tuple(scenarios))
+    shares = {  # a finer mesh may need no lower limit
+        (limit, scenario): np.repeat(np.where(by_name[scenario] > 1, 1.0, share), by_name[scenario])
+        for (limit, scenario), share in attempt.setup.shares.items()
+    }
+    divided = sum(np.sum(own > 1) for own in parts)
+    why = f"{divided} segments are too coarse, error of the mesh {division.error:.2g}"
+    point = point_of(physics, attempt.result.problem)
+    return attempt.begin_again(why, physics=physics, start=point, shares=shares)
+
+
+def lowered_limits(attempt: Attempt) -> Begin | None:
+    """Lower the limits that are exceeded between nodes, in the segments that need it.
+
+    Elsewhere a lower limit would only cost energy.
+    """
+    if not attempt.converged:
+        return None
+    shares, worst = dict(attempt.setup.shares), 0.0
+    for limit in held(attempt.physics):
+        if not np.isfinite(limit.upper):
+            continue
+        most = most_between(limit)
+        for flight in attempt.flights:
+            over, _ = flight.between_nodes(limit)
+            share = attempt.setup.share(limit, flight.scenario)
+            # where it has not helped, or the limit is exceeded by much, no lower limit mends it
+            mends = (share > 1.0 - MOST_LOWERED) & (over < MOST_EXCEEDED)
+            over = np.where(mends, over, 0.0)
+            if np.max(over) > most:
+                worst = max(worst, float(np.max(over)))
+                shares[limit.name, flight.scenario.name] = share * (
+                    1.0 - np.where(over > 0.5 * most, over, 0.0)
+                )
+    why = f"a limit is exceeded between the nodes by {100.0 * worst:.2g} %"
+    return attempt.from_end(why, shares=shares) if worst else None
+
+
+def other_branch(attempt: Attempt) -> Begin | None:
+    """Begin on the start's other branch where a judge refuses the end on the first one."""
+    physics, optimum = attempt.state.first, attempt.state.optimum
+    refused = [check.name for check in attempt.end.checks if not check.passed]
+    if not refused:
+        return None
+    start = start_on_other_branch(physics, optimum, attempt.begin.start)
+    if start is None:
+        return None
+    reference = quasi_steady_reference(physics, start)
+    why = f"{len(refused)} checks refuse the end on branch {attempt.begin.start.branch}"
+    return Begin(start, physics, first_setup(physics, start), reference, why=why)
+
+
+def first_setup(physics, start) -> Setup:
+    """Return the setup of the first optimization from a start."""
+    slowed = SLOWED if np.any(start.operation.margin < NEAR_STALL) else 0.0
+    return Setup(start, curve_nodes(physics, start), slowed=slowed)
+
+
+REMEDIES: tuple[Callable[[Attempt], Begin | None], ...] = (
+    smaller_moves,
+    distance_from_stall,
+    finer_torque_curve,
+    recentred_moves,
+    farther_from_stall,
+    finer_mesh,
+    lowered_limits,
+    other_branch,
+)
+
+
+def next_begin(attempt: Attempt) -> Begin | None:
+    """Return what the next optimization begins with, by the first remedy that applies.
+
+    After `MAX_PASSES` from one start, only another start is left.
+    """
+    enough = attempt.before.passes + 1 >= MAX_PASSES
+    for remedy in REMEDIES[-1:] if enough else REMEDIES:
+        begin = remedy(attempt)
+        if begin is not None:
+            return replace(begin, remedy=remedy.__name__.replace("_", " "))
+    return None
 
 
 def optimize(state: RunState, start: StartingPoint, reference: float) -> Judged:

@@ -64,7 +64,7 @@ def test_open_loop_settles_through_a_gust_much_faster_than_the_rotor(solve_physi
 def test_a_run_that_ends_after_a_division_is_judged_on_the_mesh_it_was_solved_on(
     solve_physics, monkeypatch
 ):
-    monkeypatch.setattr("hkt_mdo.run.remedies.MAX_PASSES", 1)
+    monkeypatch.setattr("hkt_mdo.run.passes.MAX_PASSES", 1)
     law = {"law": "open_loop", "torque_limit": 400}
     found = solve_physics(SHORT | FIXED | SINE | {"control": law})
     nodes = found.flights[0].scenario.node_times.size
