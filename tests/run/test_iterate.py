@@ -62,9 +62,9 @@ def test_a_file_without_version_is_read_or_refused(tmp_path):
     del data["version"]
     old = data | own | {"segment_ends_s": [own["segment_ends_s"]]}
     same(read(tmp_path, physics, old), fine, point)
-    with pytest.raises(InputError, match="no iterate of this case.*--force"):
+    with pytest.raises(InputError, match=r"no iterate of this case.*--force"):
         read(tmp_path, make_physics(load_case(SEVERAL)), old)
-    with pytest.raises(InputError, match="newer version.*--force"):
+    with pytest.raises(InputError, match=r"newer version.*--force"):
         read(tmp_path, physics, data | {"version": 99})
 
 
