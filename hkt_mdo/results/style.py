@@ -6,7 +6,8 @@ Nothing is drawn by pyplot, and no rcParams are set.
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,8 @@ LINES = ("-", "--", "-.", (0, (5, 1, 1, 1, 1, 1)), ":", (0, (8, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "X")
 REFERENCE: dict[str, Any] = {"color": "0.45", "linewidth": 1.1}
 FONT_SIZE = 9
+DPI = 150
+"""Dots per inch of a PNG."""
 
 
 def new_axes() -> Axes:
@@ -100,6 +103,23 @@ def widen(ax: Axes) -> None:
     ax.set_ylim(middle - half, middle + half)
 
 
+@contextmanager
+def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
+    """Lay a figure out once; with a layout to compute, `savefig` draws everything twice."""
+    engine, before = figure.get_layout_engine(), figure.dpi
+    if engine is None:
+        yield
+        return
+    figure.set_dpi(dpi)
+    engine.execute(figure)
+    figure.set_layout_engine(None)
+    try:
+        yield
+    finally:
+        figure.set_layout_engine(engine)
+        figure.set_dpi(before)
+
+
 def save(
     figures: Mapping[str, Figure], folder: str | Path, formats: Sequence[str] = ("png",)
 ) -> list[Path]:
@@ -121,7 +141,7 @@ def save(
             # without a date, equal results give equal files; journals ask for fonts of type 42
             extra: dict[str, Any] = {"metadata": {"CreationDate": None}} if form == "pdf" else {}
             drawn = io.BytesIO()
-            with rc_context({"pdf.fonttype": 42}):
-                figure.savefig(drawn, format=form, dpi=150, **extra)
+            with rc_context({"pdf.fonttype": 42}), _laid_out(figure, DPI):
+                figure.savefig(drawn, format=form, dpi=DPI, **extra)
             write_files({written[-1]: drawn.getvalue()})
     return written

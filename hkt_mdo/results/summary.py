@@ -170,6 +170,22 @@ class StartEntry(_Entry):
     """Whether the optimization began with it."""
 
 
+class PassEntry(_Entry):
+    """One optimization of a run, and the remedy that decided the next one."""
+
+    number: int
+    converged: bool
+    objective_J: _Number = None
+    iterations: int | None = None
+    seconds: _Number = None
+    remedy: str = ""
+    """Name of the remedy; empty for the last optimization."""
+    why: str = ""
+    """What the remedy found."""
+
+    _text = "{number}: {iterations} iterations, {seconds:.1f} s; {remedy}: {why}"
+
+
 class ObjectiveEntry(_Entry):
     """What was maximized: by collocation, by the integration, and its upper bound."""
 
@@ -309,6 +325,8 @@ class Summary(_Entry, Mapping[str, Any]):
         "optimizer", "{optimizer} ({package}), {iterations} iterations, {wall_seconds:.1f} s"
     )
     iterations: int | None = None
+    passes: list[PassEntry] | None = None
+    """The optimizations, and which remedy followed each one and why."""
     wall_seconds: _Number = None
     versions: dict[str, Any] | None = None
     digest: str | None = None

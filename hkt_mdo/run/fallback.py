@@ -5,79 +5,42 @@ Each is flown and judged as it stands; few refusals count more than the objectiv
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-import numpy as np
-
-from hkt_mdo.problem.build import assemble
-from hkt_mdo.problem.physics import START_EXCESS, Physics
-from hkt_mdo.problem.point import StartingPoint
-from hkt_mdo.problem.setup import Setup, curve_nodes
+from hkt_mdo.problem.physics import Physics
 from hkt_mdo.rotor.shape import POINTS
-from hkt_mdo.run.flight import Flight, Optimized, fly, total
-from hkt_mdo.run.judge import BELOW_START, judge
-from hkt_mdo.run.log import Log
-from hkt_mdo.run.passes import collect
+from hkt_mdo.run.attempt import Judged, as_it_stands
+from hkt_mdo.run.flight import Optimized
+from hkt_mdo.run.state import RunState
 
-FEW_ITERATIONS = 300  # as many are little for an optimizer
+FEW_ITERATIONS = 300
+"""As many are few for an optimizer; most runs need a tenth."""
 
 
-def best_of(
-    physics: Physics, optimum, result: Optimized, flights: tuple[Flight, ...], others, log: Log
-) -> tuple[Physics, Optimized, tuple[Flight, ...], str]:
-    """Return the best of a failed run's end and others, its physics, and words for what it is.
+def best_of(state: RunState, end: Judged) -> tuple[Judged, str]:
+    """Return the best of a failed run's end, its best iterate and its start.
 
-    Others are (physics, point or None, words): the meshes of iterates and start may differ.
+    Parameters
+    ----------
+    state
+        What the run knows.
+    end
+        What its last optimization ended with.
+
+    Returns
+    -------
+    tuple of Judged and str
+        The best one, on its own mesh, and words for what it is; empty for the end.
     """
-    best = physics, result, flights, ""
-    worth = _worth(physics, optimum, log, result, flights)
-    for world, point, word in others:
-        if point is None or not point.operation.running:
+    best, held = end, ""
+    iterate = (*state.best, "the best iterate") if state.best else None
+    for other in (iterate, (state.first, end.start, "the start")):
+        if other is None or not other[1].operation.running:
             continue
-        other = as_it_stands(world, point, result, log)
-        flown = fly(world, other)
-        value = _worth(world, optimum, log, other, flown)
-        if value > worth:
-            best, worth = (world, other, flown, word), value
-    return best
-
-
-def as_it_stands(physics: Physics, point: StartingPoint, ended: Optimized, log: Log) -> Optimized:
-    """Return a point as the result of an optimization that ended without success."""
-    setup = Setup(point, curve_nodes(physics, point))
-    problem = assemble(physics, setup, work_dir=log.scratch)
-    problem.run_model()
-    message = "its result was refused" if ended.outcome.success else ended.outcome.message
-    problem.cleanup()
-    return collect(physics, setup, problem, replace(ended.outcome, success=False, message=message))
-
-
-def moving_reference(physics: Physics, start: StartingPoint, ended: Optimized, log: Log) -> float:
-    """Return the objective of a start as its rotor moves, J; 0 if it stops or breaks a limit.
-
-    A quasi-steady start follows every gust at once, which a rotor with inertia cannot.
-    """
-    stands = as_it_stands(physics, start, ended, log)
-    flights = fly(physics, stands)
-    for flight in flights:
-        held = [each for each in physics.limits if each.place == "time"]
-        parts = flight.at_nodes, flight.flown  # a law with states meets others than at rest
-        over = [np.max(each.excess(known)) for each in held for known in parts]
-        if flight.simulation.stopped_at is not None or max(over) > START_EXCESS:
-            return 0.0
-    return total(flights, lambda flight: flight.objective(physics.objective))
-
-
-def _worth(physics, optimum, log, result, flights):
-    """Return what ranks results: large refusals, all refusals, the integration's objective.
-
-    A start in balance at every instant exceeds a torque limit by what turns the rotor faster: that
-    is better than an end that is false or by more than `BELOW_START` worse, and only then.
-    """
-    checks = judge(physics, optimum, log.reference, result, flights)
-    large = sum(check.value > max(check.limit, BELOW_START) for check in checks)
-    refused = sum(not check.passed for check in checks)
-    return -large, -refused, total(flights, lambda flight: flight.objective(physics.objective))
+        physics, point, words = other
+        stands = as_it_stands(state, physics, point, end.result)
+        judged = Judged.of(end.start, state.optimum, physics, stands, reference=end.reference)
+        if judged.rank > best.rank:
+            best, held = judged, words
+    return best, held
 
 
 def first_remedy(physics: Physics, result: Optimized) -> str:

@@ -7,7 +7,6 @@ from timeit import repeat
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import periodogram
 
 from hkt_mdo.dynamics.flows import ConstantInflow
 from hkt_mdo.dynamics.simulation import Plant
@@ -375,6 +374,8 @@ def power_spectrum(speed: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarr
     """
     window = np.hanning(speed.size)
     rest = speed - np.average(speed, weights=window)
+    from scipy.signal import periodogram  # takes a third of the time that this package takes
+
     frequency, density = periodogram(rest, 1.0 / step, window, detrend=False)
     band = np.floor(12.0 * np.log2(frequency[1:] / frequency[1]) + 1e-9).astype(int)
     _, band, count = np.unique(band, return_inverse=True, return_counts=True)

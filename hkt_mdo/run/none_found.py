@@ -7,7 +7,8 @@ import numpy as np
 from hkt_mdo.dynamics.limits import ElectricalPowerLimit, PowerLimit
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wide_laws import CurveFeedback, RatedFeedback
-from hkt_mdo.problem.physics import START_EXCESS, Physics, physics
+from hkt_mdo.problem.physics import START_EXCESS, Physics
+from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.start.find import find_start, steady_optimum
@@ -21,12 +22,12 @@ LAWS = RatedFeedback, CurveFeedback, Tracking
 """Laws that keep more limits than one gain can, the simplest first."""
 
 
-def none_found(world: Physics, start: StartingPoint, checks: list[CheckEntry]) -> str:
+def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry]) -> str:
     """Return that no design was found that keeps the limits; empty where start or end keep them.
 
-    `world` is on the mesh of the start; `checks` are those of the end.
+    `physics` is on the mesh of the start; `checks` are those of the end.
     """
-    over = world.excesses(start)
+    over = physics.excesses(start)
     at_end = {
         name: max((c.value for c in checks if not c.passed and _is_of(c, name)), default=0.0)
         for name in over
@@ -34,40 +35,40 @@ def none_found(world: Physics, start: StartingPoint, checks: list[CheckEntry]) -
     begun, ended = (max((share, name) for name, share in each.items()) for each in (over, at_end))
     if begun[0] <= START_EXCESS or ended[0] <= 0.0:
         return ""
-    at_start = f"by the best of them, {_in_flow(world, start, begun[1])}"
+    at_start = f"by the best of them, {_in_flow(physics, start, begun[1])}"
     share, name, where = min((*begun, at_start), (*ended, "at the end of the optimization"))
     key = {"control_torque": "control.torque_limit"}.get(name, f"limits.{name}")
-    law = nearest_law(world)
+    law = nearest_law(physics)
     law = law and f"control.law: {law}, which keeps them in quasi-steady operation, "
     about = {"share": 100.0 * share, "key": key, "where": where, "law": law}
     return NONE_FOUND.format(starts=starts(start), **about)
 
 
-def _in_flow(world, start, name) -> str:
+def _in_flow(physics, start, name) -> str:
     """Return in which flow a starting point exceeds a limit most."""
-    (limit,) = (each for each in world.limits if each.name == name)
-    excesses = [(limit.excess(known), known["inflow_speed"]) for known in world.on_start(start)]
+    (limit,) = (each for each in physics.limits if each.name == name)
+    excesses = [(limit.excess(known), known["inflow_speed"]) for known in physics.on_start(start)]
     over, flow = max(excesses, key=lambda pair: np.max(pair[0]))
     if over.size != flow.size:  # a limit on the design alone
         return "in any flow"
     return f"in a flow of {flow[np.argmax(over)]:.4g} m/s"
 
 
-def nearest_law(world: Physics) -> str:
+def nearest_law(physics: Physics) -> str:
     """Return the name of the simplest other law whose start keeps the limits; empty if none does.
 
     Open loop has no other: what it cannot keep, no law can.
     """
-    if world.law is None:
+    if physics.law is None:
         return ""
-    case, optimum = world.case, steady_optimum(world, world.blade)
+    case, optimum = physics.case, steady_optimum(physics, physics.blade)
     given = {"torque_limit": case.control.torque_limit, "cut_out": case.control.cut_out}
-    powers = any(isinstance(each, PowerLimit | ElectricalPowerLimit) for each in world.limits)
+    powers = any(isinstance(each, PowerLimit | ElectricalPowerLimit) for each in physics.limits)
     for kind in LAWS:
-        if isinstance(world.law, kind) or (kind is RatedFeedback and not powers):
+        if isinstance(physics.law, kind) or (kind is RatedFeedback and not powers):
             continue
         design = case.design.model_copy(update={"gain_bounds": None})
-        other = physics(case.model_copy(update={"control": kind(**given), "design": design}))
+        other = make_physics(case.model_copy(update={"control": kind(**given), "design": design}))
         start = find_start(other, optimum)
         if start.operation.running and max(other.excesses(start).values()) <= START_EXCESS:
             return other.law.law

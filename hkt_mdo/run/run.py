@@ -15,33 +15,34 @@ import sqlite3
 import tempfile
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
 import openmdao.api as om
 
 from hkt_mdo.case import Case, load_case
-from hkt_mdo.dynamics.limits import LEAST, SLOWED
 from hkt_mdo.errors import InputError, interrupts_of_compiled_code
 from hkt_mdo.problem.build import make_driver
-from hkt_mdo.problem.physics import Physics, physics
-from hkt_mdo.problem.point import StartingPoint
-from hkt_mdo.results.folder import check_folder, claim, locked, make_folder, write_json, write_text
+from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.physics import physics as make_physics
+from hkt_mdo.results.folder import check_folder, claim, locked, make_folder, write_text
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.results.summary import Summary
+from hkt_mdo.results.summary import PassEntry, Summary
+from hkt_mdo.run.attempt import Judged, quasi_steady_reference
 from hkt_mdo.run.digest import digest
-from hkt_mdo.run.fallback import best_of, first_remedy, moving_reference
-from hkt_mdo.run.judge import BELOW_START, explain_all, judge
-from hkt_mdo.run.log import Log, Progress, read_iterate
+from hkt_mdo.run.fallback import best_of, first_remedy
+from hkt_mdo.run.iterate import Earlier, read_iterate
+from hkt_mdo.run.judge import explain_all
+from hkt_mdo.run.log import Log
 from hkt_mdo.run.none_found import none_found, starts
 from hkt_mdo.run.passes import optimize
+from hkt_mdo.run.state import Progress, RunState
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.run.worth import worths
 from hkt_mdo.solve.threads import one_thread
 from hkt_mdo.start.build import build_problem
-from hkt_mdo.start.find import bounding_optimum, find_start, other_branch, steady_optimum
+from hkt_mdo.start.find import find_start
 
 NOT_RUNNING = (
     "no blade and gain{within} were found on which the rotor runs unstalled throughout this flow, "
@@ -59,31 +60,51 @@ def run_case(
     *,
     force: bool = False,
     progress: Progress | None = None,
+    on_pass: Callable[[PassEntry], None] | None = None,
     figures: bool | Iterable[str] = True,
     records: bool = True,
 ) -> Solution:
     """Optimize a case, judge the result and leave it in a folder.
 
-    `out` must not exist unless `force` is given, which replaces an earlier result there, file by
-    file: a folder that no run has marked is refused, and what else is in it stays. `progress` is
-    called as progress(count, objective in J, infeasibility) while the optimizer works. `figures`
-    says whether figures are drawn, as PNG, or in which formats, such as ("png", "pdf"); `records`
-    whether OpenMDAO's databases and the N2 diagram are written. The solution is loaded from the
-    folder; its `success` tells what the judges found.
+    Parameters
+    ----------
+    case
+        What is asked.
+    out
+        The result folder. It must not exist unless `force` is given.
+    force
+        Replace an earlier result there, file by file: a folder that no run has marked is refused,
+        and what else is in it stays.
+    progress
+        Called as progress(count, objective in J, infeasibility) while the optimizer works.
+    on_pass
+        Called after every optimization, with what the summary has of it.
+    figures
+        Whether figures are drawn, as PNG, or in which formats, such as ("png", "pdf").
+    records
+        Whether OpenMDAO's databases and the N2 diagram are written.
 
-    Raises InputError if a file of the case is broken or the folder cannot be used, when nothing has
-    been written; and KeyboardInterrupt, after Ctrl-C or SIGTERM, when what there was is saved, with
-    success false.
+    Returns
+    -------
+    Solution
+        Loaded from the folder; its `success` tells what the judges found.
+
+    Raises
+    ------
+    InputError
+        If a file of the case is broken or the folder cannot be used; nothing has been written.
+    KeyboardInterrupt
+        After Ctrl-C or SIGTERM; what there was is saved, with success false.
     """
     out = Path(out)
-    world = physics(case)
-    make_driver(world)  # a missing package is told before anything is written
+    physics = make_physics(case)
+    make_driver(physics)  # a missing package is told before anything is written
     check_folder(out, force)
     out = out.absolute()  # the current folder is the process's, and another thread may change it
     with locked(out):
         claim(out)
-        write_text(out / "case.yaml", world.case.to_yaml())
-        return _run(world, out, progress, figures, records)
+        write_text(out / "case.yaml", physics.case.to_yaml())
+        return _run(physics, out, Earlier(), (progress, on_pass), figures, records)
 
 
 @interrupts_of_compiled_code()
@@ -91,42 +112,61 @@ def resume_case(
     out: str | Path,
     *,
     progress: Progress | None = None,
+    on_pass: Callable[[PassEntry], None] | None = None,
     figures: bool | Iterable[str] = True,
     records: bool = True,
     extensions: Iterable = (),
 ) -> Solution:
     """Go on with an interrupted or failed run from its last recorded iterate.
 
-    Parameters and errors are those of `run_case` and `load_case`. A success is returned as it is;
-    where nothing was recorded yet, the run begins anew.
+    A success is returned as it is; where nothing was recorded yet, the run begins anew.
+
+    Parameters
+    ----------
+    out
+        The result folder.
+    progress, on_pass, figures, records
+        As `run_case` takes them.
+    extensions
+        As `load_case` takes them.
+
+    Returns
+    -------
+    Solution
+        Loaded from the folder.
+
+    Raises
+    ------
+    InputError
+        If the folder's case or iterate is broken, or another run is at work there.
+    KeyboardInterrupt
+        After Ctrl-C or SIGTERM; what there was is saved, with success false.
     """
     out = Path(out).absolute()
-    world = physics(load_case(out / "case.yaml", extensions=extensions))
-    make_driver(world)
+    physics = make_physics(load_case(out / "case.yaml", extensions=extensions))
+    make_driver(physics)
     with locked(out):
         if (out / "summary.json").exists():
             solution = Solution.load(out, extensions=extensions)
             if solution.success:
                 return solution
-        world, *before = read_iterate(out, world)
-        return _run(world, out, progress, figures, records, *before)
+        physics, earlier = read_iterate(out, physics)
+        return _run(physics, out, earlier, (progress, on_pass), figures, records)
 
 
-def _run(
-    world: Physics, out, progress, figures, records, start=None, reference=0.0, history=()
-) -> Solution:
-    """Run a case in its locked folder from a start, None: the case's own."""
-    began, made_of = time.perf_counter(), digest(world.case)
-    summary = Summary(case=world.case.name, success=False, message=UNFINISHED)
-    write_json(out / "summary.json", dict(summary))
+def _run(physics: Physics, out: Path, earlier: Earlier, told, figures, records: bool) -> Solution:
+    """Run a case in its locked folder, after an earlier run; `told` is called meanwhile."""
+    began, made_of = time.perf_counter(), digest(physics.case)
+    summary = Summary(case=physics.case.name, success=False, message=UNFINISHED)
+    log = Log(out, records, summary, earlier.history)
+    log.write_summary(summary)
     with tempfile.TemporaryDirectory(prefix="hkt_mdo_") as scratch, one_thread():
-        log = Log(out, scratch, progress, records)
-        log.history, log.reference = list(history), reference
+        state = RunState(physics, log, scratch, *told, len(earlier.history))
         try:
-            with _termination_interrupts(log):
-                finished = _optimize_and_judge(world, out, log, start, records)
-            told = {"wall_seconds": time.perf_counter() - began, "digest": made_of}
-            summary = finished.model_copy(update=told)
+            with _termination_interrupts(state):
+                finished = _optimize_and_judge(state, earlier, out, records)
+            update = {"wall_seconds": time.perf_counter() - began, "digest": made_of}
+            summary = finished.model_copy(update=update)
         except InputError as error:
             summary = summary.model_copy(update={"message": str(error)})
             raise
@@ -137,8 +177,8 @@ def _run(
             raise InputError(f"cannot be written ({reason})", ROOM, file=out) from error
         finally:
             log.write_history()
-            write_json(out / "summary.json", dict(summary))
-    solution = Solution.load(out, extensions=world.case.extensions)
+            log.write_summary(summary.model_copy(update={"passes": state.passes}))
+    solution = Solution.load(out, extensions=physics.case.extensions)
     if figures:
         from hkt_mdo.results.plots import save_figures
 
@@ -147,81 +187,45 @@ def _run(
     return solution
 
 
-def _optimize_and_judge(
-    world: Physics, out: Path, log: Log, start: StartingPoint | None, records: bool
-) -> Summary:
+def _optimize_and_judge(state: RunState, earlier: Earlier, out: Path, records: bool) -> Summary:
     """Return the summary of a run; its tables are written."""
-    optimum = steady_optimum(world, world.blade)
+    start, reference = earlier.start, earlier.reference
     if start is None:
-        start = find_start(world, optimum)
-        log.reference = _reference(world, start)
-    first, second = world, None
-    world, result, flights, bound, checks = _attempt(first, optimum, start, log)
-    if any(not each.passed for each in checks):
-        second = other_branch(first, optimum, start)
-    if second is not None:
-        reference, log.reference = log.reference, _reference(first, second)
-        again = _attempt(first, optimum, second, log)
-        if all(each.passed for each in again[-1]):
-            start, (world, result, flights, bound, checks) = second, again
-        else:
-            log.reference = reference
-    breaks = first.start_breaks(start)
-    held, remedy = "", first_remedy(world, result)
-    refused = explain_all(checks, remedy)
+        start = find_start(state.first, state.optimum)
+        reference = quasi_steady_reference(state.first, start)
+    end = best = optimize(state, start, reference)
+    remedy = first_remedy(end.physics, end.result)
+    refused, held, gains = explain_all(end.checks, remedy), "", {}
     if refused:
-        others = (*log.best, "the best iterate"), (first, start, "the start")
-        world, result, flights, held = best_of(world, bound, result, flights, others, log)
-    if held:
-        bound = bounding_optimum(world, optimum, result.point.blade)
-        checks = judge(world, bound, log.reference, result, flights)
-        log.save(result.point, world)
-    gains = {}
-    if result.outcome.success:
-        gains = worths(world, result, [each.at_nodes for each in flights], log.scratch)
-    finished = summarize(world, bound, start, breaks, result, flights, checks, remedy, gains)
+        best, held = best_of(state, end)
+    physics, result, flights = best.physics, best.result, best.flights
+    converged = result.outcome.success
+    if converged:
+        gains = worths(physics, result, [each.at_nodes for each in flights], state.scratch)
+    breaks = state.first.start_breaks(best.start)
+    finished = summarize(
+        physics, best.optimum, best.start, breaks, result, flights, best.checks, remedy, gains
+    )
+    message = finished.message
     if held:
         message = f"{refused}; the folder holds {held}, which is better than the end"
-        finished = finished.model_copy(update={"message": message})
-    if not (finished.success or start.operation.running):
-        bounds = world.case.design.gain_bounds
-        within = f" within design.gain_bounds = [{bounds[0]:g}, {bounds[1]:g}]" if bounds else ""
-        told = NOT_RUNNING.format(within=within, starts=starts(start))
-    else:
-        told = "" if finished.success else none_found(first, start, checks)
-    if told:
-        message = f"{told}; {finished.message}"
-        finished = finished.model_copy(update={"message": message})
-    write_tables(out, world, result, flights)
+    if not finished.success:
+        message = "; ".join(filter(None, (_why_none(state.first, best), message)))
+    write_tables(out, physics, result, flights)
     if records:
         om.n2(result.problem, outfile=str(out / "n2.html"), show_browser=False)
-    if result.outcome.success:
-        log.save(result.point, world)
-    return finished
+    if held or converged:
+        state.go_on_from(physics, result.point, best.reference)
+    return finished.model_copy(update={"message": message})
 
 
-def _attempt(world, optimum, start, log):
-    """Optimize from a start; return physics, result, flights, steady optimum and checks."""
-    first = world
-    log.save(start, world)
-    world, result, flights = optimize(world, start, log)
-    if log.reference and result.setup.slowed > SLOWED:  # farther from stall than the start
-        kept = find_start(first, optimum, slowed=result.setup.slowed)
-        log.reference = min(log.reference, _reference(first, kept))
-    if result.objective < (1.0 - BELOW_START) * log.reference:
-        log.reference = min(log.reference, moving_reference(first, start, result, log))
-    bound = bounding_optimum(world, optimum, result.point.blade)
-    return world, result, flights, bound, judge(world, bound, log.reference, result, flights)
-
-
-def _reference(world: Physics, start: StartingPoint) -> float:
-    """Return the objective of a start, J; 0 where it is no measure of the optimum.
-
-    A start that breaks a limit may well be better than the best design that keeps it.
-    """
-    state = start.operation
-    kept = state.running and bool(np.all(state.margin >= LEAST)) and not world.start_breaks(start)
-    return world.objective_at(start) if kept else 0.0
+def _why_none(physics: Physics, ended: Judged) -> str:
+    """Return why a run that failed may have no solution; empty where that is not known."""
+    if ended.start.operation.running:
+        return none_found(physics, ended.start, ended.checks)
+    bounds = physics.case.design.gain_bounds
+    within = f" within design.gain_bounds = [{bounds[0]:g}, {bounds[1]:g}]" if bounds else ""
+    return NOT_RUNNING.format(within=within, starts=starts(ended.start))
 
 
 def write_n2(case: Case, path: Path) -> None:
@@ -243,14 +247,14 @@ def write_n2(case: Case, path: Path) -> None:
 
 
 @contextmanager
-def _termination_interrupts(log: Log):
+def _termination_interrupts(state: RunState):
     """Let SIGTERM end a run as Ctrl-C does."""
     if threading.current_thread() is not threading.main_thread():
         yield  # signals are the main thread's
         return
 
     def handler(signum, frame):
-        log.terminated = True  # heeded at the next evaluation, should compiled code swallow this
+        state.terminated = True  # heeded at the next evaluation, should compiled code swallow this
         interrupt = signal.getsignal(signal.SIGINT)
         (interrupt if callable(interrupt) else signal.default_int_handler)(signum, frame)
 

@@ -12,13 +12,14 @@ from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.objectives import GeneratorEnergy
 from hkt_mdo.problem.physics import Physics, physics
 from hkt_mdo.problem.point import StartingPoint
-from hkt_mdo.results.summary import CheckEntry
+from hkt_mdo.results.summary import CheckEntry, PassEntry, Summary
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.run.flight import Flight, Optimized
 from hkt_mdo.run.judge import judge
 from hkt_mdo.run.log import Log
 from hkt_mdo.run.passes import optimize
-from hkt_mdo.start.find import bounding_optimum, find_start, steady_optimum
+from hkt_mdo.run.state import RunState
+from hkt_mdo.start.find import find_start
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,7 @@ class Solved:
     result: Optimized
     flights: tuple[Flight, ...]
     on_first_mesh: Physics
+    passes: list[PassEntry]
 
     def checks(self) -> dict[str, CheckEntry]:
         """Return what every judge says, by its name."""
@@ -44,12 +46,12 @@ def _solve(
 ) -> Solved:
     world = change(physics(load_case(data, extensions=[GeneratorEnergy, *extensions])))
     with threadpool_limits(1), tempfile.TemporaryDirectory() as folder:
-        optimum = steady_optimum(world, world.blade)
-        start = find_start(world, optimum)
-        first, reference = world, world.objective_at(start)
-        world, result, flights = optimize(world, start, Log(Path(folder), folder, None, False))
-        optimum = bounding_optimum(world, optimum, result.point.blade)
-    return Solved(world, start, optimum, reference, result, flights, first)
+        state = RunState(world, Log(Path(folder), False, Summary(success=False)), folder)
+        start = find_start(world, state.optimum)
+        reference = world.objective_at(start)
+        end = optimize(state, start, reference)
+    about = end.physics, start, end.optimum, reference, end.result, end.flights
+    return Solved(*about, world, state.passes)
 
 
 @pytest.fixture(scope="session")

@@ -86,12 +86,12 @@ def compiled_code_interrupted(*_, **__):
             raise SystemError("returned a result with an exception set") from error
 
 
-@pytest.mark.parametrize("where", ["physics", "_optimize_and_judge"])
+@pytest.mark.parametrize("where", ["make_physics", "_optimize_and_judge"])
 def test_an_interrupt_in_compiled_code_is_one(tmp_path, monkeypatch, where):
     monkeypatch.setattr(run, where, compiled_code_interrupted)
     with pytest.raises(KeyboardInterrupt):
         run.run_case(case(), tmp_path / "out")
-    if where != "physics":
+    if where != "make_physics":
         assert "--resume" in summary(tmp_path / "out")["message"]
 
 
@@ -99,8 +99,8 @@ def test_an_interrupt_in_compiled_code_is_one(tmp_path, monkeypatch, where):
 def test_an_interrupt_in_compiled_code_ends_a_command_with_its_code(
     tmp_path, monkeypatch, capsys, command
 ):
-    for module in (run, check):
-        monkeypatch.setattr(module, "physics", compiled_code_interrupted)
+    for module, name in ((run, "make_physics"), (check, "physics")):
+        monkeypatch.setattr(module, name, compiled_code_interrupted)
     path = tmp_path / "case.yaml"
     path.write_text(case().to_yaml())
     assert main([*command, str(path)]) == 130

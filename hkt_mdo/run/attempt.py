@@ -1,0 +1,358 @@
+"""One optimization of a run, with what the remedies and the judges look at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from hkt_mdo.dynamics.limits import LEAST, SLOWED
+from hkt_mdo.problem.physics import START_EXCESS, Physics
+from hkt_mdo.problem.point import StartingPoint
+from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes
+from hkt_mdo.results.summary import CheckEntry, PassEntry
+from hkt_mdo.rotor.steady_optimum import SteadyOptimum
+from hkt_mdo.run.flight import Flight, Optimized, fly, total
+from hkt_mdo.run.judge import BELOW_START, curve_errors, is_false, judge, recovers
+from hkt_mdo.run.mesh import Division, division, too_close_to_stall
+from hkt_mdo.run.optimization import assembled
+from hkt_mdo.run.state import RunState
+from hkt_mdo.start.find import bounding_optimum, find_start
+
+WORTHWHILE = 1e-6
+"""Relative gain of the objective for which a move limit is re-centred again."""
+
+AT_OPTIMUM = "finer mesh", "lowered limits"
+"""Remedies that follow an optimum on its mesh."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A result with its flights, and what the judges say of it.
+
+    Attributes
+    ----------
+    start : StartingPoint
+        Where its run began.
+    physics : Physics
+        On the mesh of the result.
+    result : Optimized
+    flights : tuple of Flight
+        The integration in each scenario.
+    optimum : SteadyOptimum
+        The one that bounds the energy of the found blade.
+    reference : float
+        Objective of the start, J; 0 where it is no measure of the optimum.
+    checks : list of CheckEntry
+    """
+
+    start: StartingPoint
+    physics: Physics
+    result: Optimized
+    flights: tuple[Flight, ...]
+    optimum: SteadyOptimum
+    reference: float
+    checks: list[CheckEntry]
+
+    @classmethod
+    def of(
+        cls,
+        start: StartingPoint,
+        optimum: SteadyOptimum,
+        physics: Physics,
+        result: Optimized,
+        flights: tuple[Flight, ...] | None = None,
+        *,
+        reference: float,
+    ) -> Judged:
+        """Return a result, judged; `optimum` is the case's own, flights None are flown."""
+        flights = flights or fly(physics, result)
+        optimum = bounding_optimum(physics, optimum, result.point.blade)
+        checks = judge(physics, optimum, reference, result, flights)
+        return cls(start, physics, result, flights, optimum, reference, checks)
+
+    @property
+    def passed(self) -> bool:
+        """Whether every judge accepts it."""
+        return all(check.passed for check in self.checks)
+
+    @cached_property
+    def rank(self) -> tuple[float, float, float]:
+        """What ranks results: large refusals, all refusals, the integration's objective.
+
+        A start in balance at every instant exceeds a torque limit by what turns the rotor faster:
+        that is better than an end that is false or by more than `BELOW_START` worse, and only then.
+        """
+        large = sum(check.value > max(check.limit, BELOW_START) for check in self.checks)
+        refused = sum(not check.passed for check in self.checks)
+        return -large, -refused, simulated_objective(self.physics, self.flights)
+
+
+def simulated_objective(physics: Physics, flights: tuple[Flight, ...]) -> float:
+    """Return the objective of the integrations, J."""
+    return total(flights, lambda flight: flight.objective(physics.objective))
+
+
+@dataclass(frozen=True, eq=False)
+class Begin:
+    """What an optimization begins with, and why.
+
+    Attributes
+    ----------
+    start : StartingPoint
+        Where the passes began that it is one of.
+    physics : Physics
+        On the mesh that is optimized on.
+    setup : Setup
+    reference : float
+        Objective of the start, J; 0 where it is no measure of the optimum.
+    remedy, why : str
+        Name of the remedy that asks for it, and its reason; empty for the first one.
+    """
+
+    start: StartingPoint
+    physics: Physics
+    setup: Setup
+    reference: float
+    remedy: str = ""
+    why: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Before:
+    """What the passes before have found, from the same start.
+
+    Attributes
+    ----------
+    passes : int
+        How many there were.
+    objective : float
+        Objective of the last that was useful, J.
+    coarser : tuple of float
+        Objectives after which the mesh was divided, J, the last one's at the end.
+    optimum : tuple of Physics, Optimized and flights, or None
+        The last end that no remedy but for the mesh or the limits between its nodes applied to.
+    """
+
+    passes: int = 0
+    objective: float = np.inf
+    coarser: tuple[float, ...] = ()
+    optimum: tuple[Physics, Optimized, tuple[Flight, ...]] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """One optimization of a run: what it began with and ended with.
+
+    Attributes
+    ----------
+    state : RunState
+    begin : Begin
+    result : Optimized
+    before : Before
+    """
+
+    state: RunState
+    begin: Begin
+    result: Optimized
+    before: Before
+
+    @property
+    def physics(self) -> Physics:
+        """The physics on the mesh of this optimization."""
+        return self.begin.physics
+
+    @property
+    def setup(self) -> Setup:
+        """What the optimization began with."""
+        return self.begin.setup
+
+    @property
+    def converged(self) -> bool:
+        """Whether the optimizer converged."""
+        return self.result.outcome.success
+
+    @property
+    def lost(self) -> bool:
+        """Whether the optimizer did not converge within narrow moves either."""
+        return not self.converged and self.setup.moves == NARROW
+
+    @cached_property
+    def recovers(self) -> bool:
+        """Whether the rotor recovers from a small loss of speed, or the setup asks for it."""
+        return bool(self.setup.slowed) or recovers(self.physics, self.result)
+
+    @cached_property
+    def flights(self) -> tuple[Flight, ...]:
+        """The integration of the end in each scenario."""
+        return fly(self.physics, self.result)
+
+    @cached_property
+    def is_false(self) -> bool:
+        """Whether the integration denies what the collocation has solved."""
+        return is_false(self.flights)
+
+    @cached_property
+    def near_stall(self) -> list[np.ndarray]:
+        """The segments of each scenario in which a feedback law is too close to stall."""
+        return too_close_to_stall(self.physics, self.result, self.flights)
+
+    @cached_property
+    def curve_error(self) -> float:
+        """Largest relative error of the torque curve; 0 without one."""
+        return float(np.max(curve_errors(self.physics, self.result)[1], initial=0.0))
+
+    @property
+    def useful(self) -> bool:
+        """Whether its objective is one to compare with."""
+        return self.converged and self.recovers
+
+    @property
+    def gain(self) -> float:
+        """Relative change of the objective by this optimization; 1 for the first."""
+        return abs(self.result.objective / self.before.objective - 1.0)
+
+    @cached_property
+    def at_limit(self) -> bool:
+        """Whether it ended at a move limit, and anew from there may be better.
+
+        A false solution leads nowhere.
+        """
+        if not self.useful or self.gain <= WORTHWHILE:
+            return False
+        reached = self.setup.moves.reached(self.physics, self.setup.start, self.result.point)
+        return reached and not self.is_false
+
+    @cached_property
+    def division(self) -> Division:
+        """Error of the mesh, and the segments to divide."""
+        about = self.physics, self.result, self.flights, self.near_stall
+        return division(*about, self.before.coarser, self.begin.start.branch)
+
+    def begin_again(self, why: str, **changes) -> Begin:
+        """Return what the next optimization begins with: changes of the setup, or the physics."""
+        physics = changes.pop("physics", self.physics)
+        return replace(self.begin, physics=physics, setup=replace(self.setup, **changes), why=why)
+
+    def from_end(self, why: str, *, finer: bool = False, **changes) -> Begin:
+        """Return `begin_again` from this optimization's end, its torque curve finer or not."""
+        point = self.result.point
+        nodes = curve_nodes(self.physics, point, finer=finer)
+        return self.begin_again(why, start=point, nodes=nodes, **changes)
+
+    def entry(self, seconds: float, again: Begin | None) -> PassEntry:
+        """Return what is told of this optimization and of the remedy that follows.
+
+        Parameters
+        ----------
+        seconds
+            Time that it took, s.
+        again
+            What the next optimization begins with; None if there is none.
+        """
+        return PassEntry(
+            number=len(self.state.passes) + 1,
+            converged=self.converged,
+            objective_J=self.result.objective,
+            iterations=self.result.outcome.iterations,
+            seconds=seconds,
+            remedy=again.remedy if again else "",
+            why=again.why if again else "",
+        )
+
+    def after(self, again: Begin) -> Before:
+        """Return what the passes have found before the next one, which begins again."""
+        before = replace(self.before, passes=self.before.passes + 1)
+        if self.useful:
+            before = replace(before, objective=self.result.objective)
+        if again.remedy in AT_OPTIMUM:
+            result = replace(self.result, mesh_error=self.division.error)
+            before = replace(before, optimum=(self.physics, result, self.flights))
+        if again.physics is not self.physics:
+            before = replace(before, coarser=(*before.coarser, self.result.objective))
+        return before
+
+    @cached_property
+    def end(self) -> Judged:
+        """What the run ends with if no remedy follows: the end of this or an earlier pass, judged.
+
+        Where this one is lost, that is the last optimum. One on a finer mesh that was useful tells
+        the error of its mesh.
+        """
+        physics, result, flights = self.physics, self.result, None
+        if self.lost and self.before.optimum:
+            physics, result, flights = self.before.optimum
+            if physics is not self.physics and self.before.objective != result.objective:
+                error = abs(self.before.objective / result.objective - 1.0)
+                result = replace(result, mesh_error=error)
+        elif self.converged:
+            result, flights = replace(result, mesh_error=self.division.error), self.flights
+        if self.at_limit:  # an optimum between limits of our own making is none
+            message = f"still at a move limit after {self.before.passes + 1} optimizations"
+            outcome = replace(result.outcome, success=False, message=message)
+            result = replace(result, outcome=outcome)
+        about = self.begin.start, self.state.optimum, physics, result, flights
+        return Judged.of(*about, reference=self._reference(result))
+
+    def _reference(self, result) -> float:
+        """Return the objective of the start, J, by what it has to give up to be a measure."""
+        reference, first = self.begin.reference, self.state.first
+        if reference and result.setup.slowed > SLOWED:  # farther from stall than the start
+            kept = find_start(first, self.state.optimum, slowed=result.setup.slowed)
+            reference = min(reference, quasi_steady_reference(first, kept))
+        if result.objective < (1.0 - BELOW_START) * reference:
+            reference = min(reference, self._moving_reference(result))
+        return reference
+
+    def _moving_reference(self, result) -> float:
+        """Return the objective of the start as its rotor moves, J; 0 if it breaks a limit.
+
+        A quasi-steady start follows every gust at once, which a rotor with inertia cannot.
+        """
+        physics = self.state.first
+        stands = as_it_stands(self.state, physics, self.begin.start, result)
+        flights = fly(physics, stands)
+        for flight in flights:
+            held = [each for each in physics.limits if each.place == "time"]
+            parts = flight.at_nodes, flight.flown  # a law with states meets others than at rest
+            over = [np.max(each.excess(known)) for each in held for known in parts]
+            if flight.simulation.stopped_at is not None or max(over) > START_EXCESS:
+                return 0.0
+        return simulated_objective(physics, flights)
+
+
+def quasi_steady_reference(physics: Physics, start: StartingPoint) -> float:
+    """Return the objective of a start, J; 0 where it is no measure of the optimum.
+
+    A start that breaks a limit may well be better than the best design that keeps it.
+
+    Parameters
+    ----------
+    physics
+        On the mesh of the start.
+    start
+        Found by quasi-steady co-design.
+    """
+    state = start.operation
+    kept = state.running and bool(np.all(state.margin >= LEAST)) and not physics.start_breaks(start)
+    return physics.objective_at(start) if kept else 0.0
+
+
+def as_it_stands(
+    state: RunState, physics: Physics, point: StartingPoint, ended: Optimized
+) -> Optimized:
+    """Return a point as the result of an optimization that ended without success.
+
+    Parameters
+    ----------
+    state
+        What the run knows.
+    physics, point
+        A start or an iterate, and the physics on its mesh.
+    ended
+        The optimization whose outcome it takes.
+    """
+    message = "its result was refused" if ended.outcome.success else ended.outcome.message
+    outcome = replace(ended.outcome, success=False, message=message)
+    return assembled(physics, Setup(point, curve_nodes(physics, point)), outcome, state.scratch)

@@ -1,0 +1,156 @@
+"""`iterate.json`: the design, gains and trajectories that a resumed run goes on from."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hkt_mdo.errors import InputError
+from hkt_mdo.files.table import read_bytes
+from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.point import Operation, StartingPoint
+from hkt_mdo.results.solution import Solution
+
+VERSION = 1
+"""Of the file; a file without one is older and has lists over the scenarios, without names."""
+MAX_BYTES = 64 * 1024**2
+"""Largest file that is read: an hour of flow takes a tenth of it."""
+OVER_TIME = "segment_ends_s", "rotor_speed_rad_s", "hydrodynamic_torque_Nm"
+REMEDY = "delete it to begin anew, or run the case again with --force"
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """What an earlier run has left to go on from.
+
+    Attributes
+    ----------
+    start : StartingPoint or None
+        The last iterate; None if none was recorded.
+    reference : float
+        Objective of the case's own start, J.
+    history : tuple
+        Its evaluations: number, objective (J), infeasibility.
+    """
+
+    start: StartingPoint | None = None
+    reference: float = 0.0
+    history: tuple = ()
+
+
+def as_data(physics: Physics, point: StartingPoint, reference: float) -> dict[str, Any]:
+    """Return what `iterate.json` has of a point: the scenarios' mesh and trajectories by name.
+
+    Parameters
+    ----------
+    physics
+        The physics on the mesh of the point.
+    point
+        Blade, gains, and the trajectories at the samples of every scenario.
+    reference
+        Objective of the case's own start, J.
+    """
+    return {
+        "version": VERSION,
+        "chord_m": point.blade.chord,
+        "twist_rad": point.blade.twist,
+        "thickness_over_chord": point.blade.thickness,
+        "rotor_radius_m": point.blade.rotor_radius,
+        "gains": point.gains,
+        "energy_J": point.operation.energy,
+        "reference_energy_J": reference,
+        "scenarios": {
+            scenario.name: dict(zip(OVER_TIME, (scenario.edges, *rows), strict=True))
+            for scenario, rows in zip(
+                physics.scenarios, physics.split(point.operation), strict=True
+            )
+        },
+    }
+
+
+def read_iterate(out: Path, physics: Physics) -> tuple[Physics, Earlier]:
+    """Return the physics on an earlier run's mesh, and what that run has left.
+
+    Parameters
+    ----------
+    out
+        The result folder.
+    physics
+        The case's, on its own mesh.
+
+    Raises
+    ------
+    InputError
+        If the file is no iterate of this case, or of a newer version.
+    """
+    path = out / "iterate.json"
+    if not path.exists():
+        return physics, Earlier()
+    content = read_bytes(path, MAX_BYTES, "iterate of a run")
+    try:
+        data = json.loads(content)
+        if data.get("version", 0) > VERSION:
+            raise InputError("was written by a newer version of hkt_mdo", REMEDY, file=path)
+        physics, operation = _over_time(physics, data)
+        blade, gains, reference = _design(physics, data)
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
+        raise InputError("is no iterate of this case", REMEDY, file=path) from None
+    table = {}
+    if (out / "summary.json").exists():
+        table = Solution.load(out, extensions=physics.case.extensions).convergence
+    history = tuple(zip(*table.values(), strict=True))
+    return physics, Earlier(StartingPoint(blade, gains, operation), reference, history)
+
+
+def _numbers(row, size) -> np.ndarray:
+    """Return a row of finite numbers of a size; ValueError if it is none."""
+    values = np.array(row, dtype=float).reshape(size)
+    if not np.all(np.isfinite(values)):
+        raise ValueError
+    return values
+
+
+def _over_time(physics, data) -> tuple[Physics, Operation]:
+    """Return the physics on the mesh of an iterate, and its trajectories."""
+    found = data["scenarios"] if "version" in data else _without_version(physics, data)
+    if found.keys() != {scenario.name for scenario in physics.scenarios}:
+        raise ValueError
+    scenarios, rows = [], []
+    for scenario in physics.scenarios:
+        ends, *own = (found[scenario.name][key] for key in OVER_TIME)
+        edges, before = np.array(ends, dtype=float), scenario.edges
+        same = np.array_equal(edges[[0, -1]], before[[0, -1]]) and np.all(np.isin(before, edges))
+        if edges.ndim != 1 or not same or np.any(np.diff(edges) <= 0.0):
+            raise ValueError
+        scenarios.append(replace(scenario, edges=edges))
+        rows.append([_numbers(row, scenarios[-1].samples.size) for row in own])
+    energy = float(_numbers(data["energy_J"], 1)[0])
+    operation = Operation(energy, *np.concatenate(rows, axis=1))
+    return replace(physics, scenarios=tuple(scenarios)), operation
+
+
+def _without_version(physics, data) -> dict[str, dict]:
+    """Return the scenarios of a file of before the versions, which has names for none."""
+    (scenario,), (ends,) = physics.scenarios, data["segment_ends_s"]
+    return {scenario.name: data | {"segment_ends_s": ends}}
+
+
+def _design(physics, data):
+    """Return blade, gains and reference of an iterate."""
+    shape, stations = physics.shape, physics.blade.r.size
+    names = ["chord_m", "twist_rad", *["thickness_over_chord"] * shape.designs_thickness]
+    found = [_numbers(data[name], stations) for name in names]
+    radius, reference = (
+        float(_numbers(data[key], 1)[0]) for key in ("rotor_radius_m", "reference_energy_J")
+    )
+    if np.any(found[0] <= 0.0) or radius <= 0.0:
+        raise ValueError
+    blade = physics.blade
+    if shape.radius_bounds is not None:
+        blade = blade.with_rotor_radius(float(np.clip(radius, *shape.radius_bounds)))
+    gains = _numbers(data["gains"], len(physics.gain_units))
+    return shape.nearest(blade.with_shape(*found)), gains, reference

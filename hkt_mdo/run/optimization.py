@@ -1,0 +1,130 @@
+"""One optimization: the problem of some physics at a setup, solved and read."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from hkt_mdo.dynamics.trajectory import QUANTITIES
+from hkt_mdo.problem.build import assemble, make_driver
+from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.point import Operation, StartingPoint
+from hkt_mdo.problem.setup import NARROW, Setup
+from hkt_mdo.rotor.components import rotor_inputs
+from hkt_mdo.run.flight import Optimized
+from hkt_mdo.run.state import RunState
+from hkt_mdo.solve.drivers import Outcome
+
+FIRST_ITERATIONS = 300
+"""After as many, an optimization within wide moves has lost its way."""
+
+ENERGIES = "energy", "generator_energy", "electrical_energy", "objective", "inertia", "mass"
+
+
+def solve(state: RunState, physics: Physics, setup: Setup, near: bool) -> Optimized:
+    """Run one optimization; the run's state is told of every evaluation.
+
+    Parameters
+    ----------
+    state
+        What the run knows.
+    physics, setup
+        What is optimized, and from where.
+    near
+        Whether the start is near the optimum (`make_driver`).
+
+    Returns
+    -------
+    Optimized
+        The end of the optimization, converged or not.
+    """
+    most = None if setup.moves == NARROW else FIRST_ITERATIONS
+    problem = assemble(physics, setup, make_driver(physics, state, most, near), state.scratch)
+    state.log.add_recorders(problem)
+    try:
+        problem.final_setup()  # opens the recorders' files
+        try:
+            # OpenMDAO's drivers run only what the design moves; the flow at the nodes is not
+            problem.run_model()
+            state.point = lambda: point_of(physics, problem)
+            problem.run_driver()
+        finally:
+            state.log.record_final(problem)
+    finally:
+        problem.cleanup()
+    result = collect(physics, setup, problem, problem.driver.outcome())
+    if result.outcome.success:
+        state.keep(result.point, result.objective)
+    return result
+
+
+def assembled(physics: Physics, setup: Setup, outcome: Outcome, scratch: str) -> Optimized:
+    """Return a setup as it stands, without an optimization, as the end of one.
+
+    Parameters
+    ----------
+    physics, setup
+        What is assembled.
+    outcome
+        How the optimization is said to have ended.
+    scratch
+        Folder for OpenMDAO's own files.
+    """
+    problem = assemble(physics, setup, work_dir=scratch)
+    problem.run_model()
+    problem.cleanup()
+    return collect(physics, setup, problem, outcome)
+
+
+def collect(physics: Physics, setup: Setup, problem, outcome: Outcome) -> Optimized:
+    """Return a problem as it stands as the end of an optimization.
+
+    Parameters
+    ----------
+    physics, setup
+        What the problem was assembled from.
+    problem : openmdao.api.Problem
+        The problem, its model run.
+    outcome
+        How the optimizer ended.
+    """
+    trajectories = tuple(
+        {name: _series(problem, scenario, name) for name in (*QUANTITIES, *physics.states)}
+        for scenario in physics.scenarios
+    )
+    return Optimized(
+        *(problem, outcome, setup, point_of(physics, problem), trajectories),
+        *(float(problem.get_val(name)[0]) for name in ENERGIES),
+        problem.get_val("torque_coefficient_table") if physics.has_curve else np.empty(0),
+    )
+
+
+def _series(problem, scenario, name) -> np.ndarray:
+    return problem.get_val(f"{scenario.path}.{name}").ravel()
+
+
+def point_of(physics: Physics, problem) -> StartingPoint:
+    """Return the design and trajectories at which a problem stands as the start of another.
+
+    Parameters
+    ----------
+    physics
+        The physics at whose samples the trajectories are taken; of this or of a finer mesh.
+    problem : openmdao.api.Problem
+        The problem, its model run.
+    """
+    sampled = {"rotor_speed": [], "hydrodynamic_torque": []}
+    for scenario in physics.scenarios:
+        time, first = np.unique(_series(problem, scenario, "time"), return_index=True)
+        for name, values in sampled.items():
+            spline = CubicSpline(time, _series(problem, scenario, name)[first])
+            values.append(spline(scenario.samples))
+    speed, torque = (np.concatenate(values) for values in sampled.values())
+    gains = [problem.get_val(f"gain_{i}")[0] for i in range(len(physics.gain_units))]
+    blade = physics.blade.with_rotor_radius(float(problem.get_val("rotor_radius")[0]))
+    names = [name for name in rotor_inputs(blade) if name != "rotor_radius"]
+    return StartingPoint(
+        blade.with_shape(*map(problem.get_val, names)),
+        np.array(gains, dtype=float),
+        Operation(float(problem.get_val("energy")[0]), speed, torque),
+    )

@@ -1,0 +1,84 @@
+"""What a run leaves to go on from: by scenario, with a version; older files are read."""
+
+import json
+
+import numpy as np
+import pytest
+
+from hkt_mdo.case import load_case
+from hkt_mdo.errors import InputError
+from hkt_mdo.problem.physics import physics as make_physics
+from hkt_mdo.results.folder import to_json
+from hkt_mdo.run.iterate import as_data, read_iterate
+from hkt_mdo.run.run import resume_case, run_case
+from hkt_mdo.start.find import find_start, steady_optimum
+
+GUST = {"profile": "gust", "mean": 1.4, "amplitude": 0.4, "time": 6.0, "width": 8.0}
+ONE = {
+    "inflow": GUST,
+    "control": {"law": "quadratic"},
+    "design": {"blade": "fixed"},
+    "phase": {"duration": 20.0, "segments": 40},
+}
+SEVERAL = ONE | {"control": {"law": "quadratic", "cut_out": 1.42}}
+
+
+def iterate(case):
+    """Return physics on a finer mesh, a point there, and the data of its file."""
+    physics = make_physics(load_case(case))
+    finer = tuple(
+        each.divided(np.arange(1, each.segments + 1) % 2 + 1) for each in physics.scenarios
+    )
+    fine = type(physics)(**vars(physics) | {"scenarios": finer})
+    point = find_start(fine, steady_optimum(fine, fine.blade))
+    return physics, fine, point, json.loads(to_json(as_data(fine, point, 5.0)))
+
+
+def read(folder, physics, data):
+    (folder / "iterate.json").write_text(json.dumps(data))
+    return read_iterate(folder, physics)
+
+
+def same(found, fine, point):
+    physics, earlier = found
+    for one, other in zip(physics.scenarios, fine.scenarios, strict=True):
+        assert np.array_equal(one.edges, other.edges)
+    assert np.array_equal(earlier.start.operation.rotor_speed, point.operation.rotor_speed)
+    assert np.array_equal(earlier.start.gains, point.gains)
+    assert (earlier.reference, earlier.history) == (5.0, ())
+
+
+@pytest.mark.parametrize("case", [ONE, SEVERAL])
+def test_an_iterate_comes_back_whatever_the_order_of_its_scenarios(tmp_path, case):
+    physics, fine, point, data = iterate(case)
+    assert list(data["scenarios"]) == [each.name for each in physics.scenarios]
+    data["scenarios"] = dict(reversed(data["scenarios"].items()))
+    same(read(tmp_path, physics, data), fine, point)
+
+
+def test_a_file_without_version_is_read_or_refused(tmp_path):
+    physics, fine, point, data = iterate(ONE)
+    (own,) = data.pop("scenarios").values()
+    del data["version"]
+    old = data | own | {"segment_ends_s": [own["segment_ends_s"]]}
+    same(read(tmp_path, physics, old), fine, point)
+    with pytest.raises(InputError, match=r"no iterate of this case.*--force"):
+        read(tmp_path, make_physics(load_case(SEVERAL)), old)
+    with pytest.raises(InputError, match=r"newer version.*--force"):
+        read(tmp_path, physics, data | {"version": 99})
+
+
+def test_a_run_of_several_scenarios_is_resumed(tmp_path):
+    def progress(count, *_):
+        if count == 5:
+            raise KeyboardInterrupt
+
+    how = {"figures": False, "records": False}
+    with pytest.raises(KeyboardInterrupt):
+        run_case(load_case(SEVERAL), tmp_path / "out", progress=progress, **how)
+    resumed = resume_case(tmp_path / "out", **how)
+    assert resumed.success, resumed.message
+    again = run_case(load_case(SEVERAL), tmp_path / "whole", **how)
+    assert resumed.summary.simulated_energy_J == pytest.approx(
+        again.summary.simulated_energy_J, rel=1e-6
+    )

@@ -1,0 +1,65 @@
+"""Which remedies follow an optimization, and what the log writes of them."""
+
+import inspect
+import json
+
+from hkt_mdo.case import load_case
+from hkt_mdo.run.log import Log
+from hkt_mdo.run.passes import REMEDIES
+from hkt_mdo.run.run import run_case
+
+OPEN_LOOP = {  # the baseline blade in sinusoidal flow, without a limit
+    "inflow": {"profile": "sine"},
+    "control": {"law": "open_loop"},
+    "design": {"blade": "fixed"},
+}
+SHORT = {"phase": {"segments": 15, "duration": 15}}
+
+
+def test_the_mesh_is_divided_where_it_is_too_coarse(solve_physics):
+    passes = solve_physics(OPEN_LOOP).passes
+    assert passes[0].remedy == "finer mesh"
+    assert "segments are too coarse" in passes[0].why
+    assert [each.number for each in passes] == list(range(1, len(passes) + 1))
+    assert passes[-1].remedy == passes[-1].why == ""
+    assert all(each.converged for each in passes)
+    names = {remedy.__name__.replace("_", " ") for remedy in REMEDIES}
+    assert {each.remedy for each in passes} <= names | {""}
+
+
+def test_an_optimizer_that_gives_up_goes_on_within_smaller_moves(solve_physics):
+    case = OPEN_LOOP | SHORT | {"driver": {"max_iterations": 2}}
+    passes = solve_physics(case).passes
+    assert [each.remedy for each in passes] == ["smaller moves", ""]
+    assert passes[0].why == "the optimizer did not converge in 2 iterations"
+    assert not any(each.converged for each in passes)
+
+
+def test_nothing_follows_a_feedback_law_that_holds(solve_physics):
+    law = {"control": {"law": "quadratic"}}
+    assert [each.remedy for each in solve_physics(OPEN_LOOP | SHORT | law).passes] == [""]
+
+
+def test_passes_are_told_and_written_while_a_run_works(tmp_path):
+    written, told = [], []
+
+    def on_pass(entry):
+        told.append(entry)
+        summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+        written.append((summary["success"], len(summary["passes"])))
+
+    case = load_case(OPEN_LOOP)
+    how = {"on_pass": on_pass, "figures": False, "records": False}
+    solution = run_case(case, tmp_path / "out", **how)
+    assert written == [(False, count + 1) for count in range(len(told))]
+    assert solution.summary.passes == told
+    assert len(told) > 1
+
+
+def test_the_log_only_writes(tmp_path):
+    public = {name: each for name, each in vars(Log).items() if not name.startswith("_")}
+    for name, method in public.items():
+        assert inspect.isfunction(method), name
+        assert inspect.signature(method).return_annotation == "None", name
+    log = Log(tmp_path, False, None)
+    assert not [name for name in vars(log) if not name.startswith("_")]
