@@ -19,7 +19,7 @@ ALLOWED = {
     "rotor": {"compiled", "errors", "files"},
     "dynamics": {"errors", "files", "rotor", "sections"},
     "case": {"dynamics", "errors", "files", "sections"},
-    "results": {"case", "dynamics", "errors", "files"},
+    "results": {"case", "dynamics", "errors", "files", "problem", "rotor"},  # `Solution.design`
     "problem": {"case", "dynamics", "errors", "files", "rotor", "solve"},
     "run": {"case", "dynamics", "errors", "files", "problem", "results", "rotor", "solve"},
     "studies": {

@@ -19,6 +19,7 @@ _FLOW = (
     "design: the result's own; A, B or C: the paper's uncertain flows (amplitude x 1.1, frequency "
     "0.225 rad/s, phase 0.2 pi); or an inflow section in YAML, such as {profile: sine, mean: 1.4}."
 )
+_SCENARIO = "The scenario whose operation the controller repeats, of a result with several."
 _SNR = "Signal-to-noise ratio of the speed sensor."
 _REFERENCE = "What is the signal: the speed's fluctuation about its mean, or the total speed."
 _RATE = "Samples of the sensor a second."
@@ -48,7 +49,8 @@ def plot(
     They are blade, power_curve, operation, schedule (speed, torque, power and thrust over the speed
     of the flow), limits (values over their limits), loads (along the blade) and convergence, as far
     as the result has their data, in RESULT/figures unless --out is given; files of the same names
-    are replaced.
+    are replaced. Of several scenarios, operation_NAME and limits_NAME show each, and schedule and
+    loads have a line for each.
     """
     solution = read_result(result)
 
@@ -70,7 +72,10 @@ def compare(
     The table has the figures of merit side by side, and each energy relative to the largest.
     """
     solutions = [read_result(result) for result in results]
-    columns = [dict(solution.summary.rows(solution.case)) for solution in solutions]
+    columns = [
+        {row.label: row.text for row in solution.summary.rows(solution.case)}
+        for solution in solutions
+    ]
     energies = [solution.summary.simulated_energy_J or 0.0 for solution in solutions]
     for column, energy in zip(columns, energies, strict=True):
         if energy > 0.0:
@@ -98,6 +103,7 @@ def simulate(
     cutoff: Annotated[float, Option("--filter-cutoff", metavar="HZ", help=_CUTOFF)] = 0.5,
     repeats: Annotated[int, Option(min=1, max=100_000, help="Noisy runs.")] = 20,
     seed: Seed = 1,
+    scenario: Annotated[str | None, Option(metavar="NAME", help=_SCENARIO)] = None,
     start: Annotated[bool, Option("--start-up", help=_START)] = False,
     stop: Annotated[float | None, Option("--shut-down", metavar="SECONDS", help=_STOP)] = None,
 ) -> None:
@@ -121,6 +127,8 @@ def simulate(
         remedy = f"choose {' or '.join(REFERENCES)}"
         raise InputError("is unknown", remedy, key="--noise-reference", value=reference)
     solution = read_result(result)
+    if scenario is not None:
+        solution = solution.scenario(scenario)
     inflow = flow_given(flow, solution.case)
     design = Design.of(solution)
     if start or stop is not None:

@@ -31,14 +31,15 @@ from hkt_mdo.problem.setup import bounding_optimum, find_start, other_branch, st
 from hkt_mdo.problem.start import StartingPoint
 from hkt_mdo.results.folder import check_folder, claim, locked, make_folder, write_json, write_text
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.results.summary import Summary
+from hkt_mdo.results.summary import VERSION, Summary
 from hkt_mdo.run.digest import digest
 from hkt_mdo.run.fallback import best_of, first_remedy, moving_reference
+from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.judge import BELOW_START, explain_all, judge
 from hkt_mdo.run.log import Log, Progress, read_iterate
 from hkt_mdo.run.none_found import none_found, starts
 from hkt_mdo.run.passes import optimize
-from hkt_mdo.run.summary import summarize, write_tables
+from hkt_mdo.run.summary import Finished, summarize, write_tables
 from hkt_mdo.run.worth import worths
 from hkt_mdo.solve.threads import one_thread
 
@@ -80,7 +81,8 @@ def run_case(
     check_folder(out, force)
     out = out.absolute()  # the current folder is the process's, and another thread may change it
     with locked(out):
-        claim(out)
+        names = tuple(by_scenario(world.scenarios))
+        claim(out, names if len(names) > 1 else ())
         write_text(out / "case.yaml", world.case.to_yaml())
         return _run(world, out, progress, figures, records)
 
@@ -116,7 +118,8 @@ def _run(
 ) -> Solution:
     """Run a case in its locked folder from a start, None: the case's own."""
     began, made_of = time.perf_counter(), digest(world.case)
-    summary = Summary(case=world.case.name, success=False, message=UNFINISHED)
+    name = world.case.name
+    summary = Summary(version=VERSION, case=name, success=False, message=UNFINISHED)
     write_json(out / "summary.json", dict(summary))
     with tempfile.TemporaryDirectory(prefix="hkt_mdo_") as scratch, one_thread():
         log = Log(out, scratch, progress, records)
@@ -178,7 +181,8 @@ def _optimize_and_judge(
     gains = {}
     if result.outcome.success:
         gains = worths(world, result, [each.at_nodes for each in flights], log.scratch)
-    finished = summarize(world, bound, start, breaks, result, flights, checks, remedy, gains)
+    parts = Finished(world, bound, start, breaks, result, flights, checks, remedy, gains)
+    finished = summarize(parts)
     if held:
         message = f"{refused}; the folder holds {held}, which is better than the end"
         finished = finished.model_copy(update={"message": message})
@@ -191,7 +195,7 @@ def _optimize_and_judge(
     if told:
         message = f"{told}; {finished.message}"
         finished = finished.model_copy(update={"message": message})
-    write_tables(out, world, result, flights)
+    write_tables(out, parts)
     if records:
         om.n2(result.problem, outfile=str(out / "n2.html"), show_browser=False)
     if result.outcome.success:
