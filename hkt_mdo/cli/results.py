@@ -71,11 +71,10 @@ def compare(
 
     The table has the figures of merit side by side, and each energy relative to the largest.
     """
+    from hkt_mdo.results.words import texts
+
     solutions = [read_result(result) for result in results]
-    columns = [
-        {row.label: row.text for row in solution.summary.rows(solution.case)}
-        for solution in solutions
-    ]
+    columns = [texts(solution.summary.rows(solution.case)) for solution in solutions]
     energies = [solution.summary.simulated_energy_J or 0.0 for solution in solutions]
     for column, energy in zip(columns, energies, strict=True):
         if energy > 0.0:

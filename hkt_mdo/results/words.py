@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import timedelta
 from itertools import groupby, zip_longest
@@ -55,6 +56,11 @@ class Row:
 
     def __str__(self) -> str:
         return f"{self.label}: {self.text}" if self.label else self.text
+
+
+def texts(rows: Iterable[Row]) -> dict[str, str]:
+    """Return the texts of rows by their labels."""
+    return {row.label: row.text for row in rows}
 
 
 def joined(*texts: str) -> str:

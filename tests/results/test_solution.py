@@ -11,6 +11,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.results import solution as results
 from hkt_mdo.results.folder import write_json
 from hkt_mdo.results.solution import TABLES, Solution
+from hkt_mdo.results.words import texts
 
 
 def test_load_reads_everything(result_folder: Path) -> None:
@@ -43,7 +44,7 @@ def test_load_takes_an_interrupted_run(result_folder: Path) -> None:
     assert not solution.success
     assert solution.trajectory == solution.convergence == solution.blade == {}
     assert solution.summary.energy_J is None
-    rows = {row.label: row.text for row in solution.summary.rows(solution.case)}
+    rows = texts(solution.summary.rows(solution.case))
     assert rows["energy"] == rows["energy, electrical"] == "-"
     assert rows["optimizer"] == "-"
     assert rows["message"] == "interrupted"

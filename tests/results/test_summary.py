@@ -11,10 +11,11 @@ from hkt_mdo.results import solution as module
 from hkt_mdo.results.folder import to_json, write_json
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import Summary
+from hkt_mdo.results.words import texts
 
 
 def table(solution: Solution) -> list[tuple[str, str]]:
-    return [(row.label, row.text) for row in solution.summary.rows(solution.case)]
+    return list(texts(solution.summary.rows(solution.case)).items())
 
 
 def edit(folder: Path, **changes: object) -> Solution:
