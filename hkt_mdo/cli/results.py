@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import inf
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from rich.console import Console
 from rich.table import Table
@@ -13,6 +13,11 @@ from typer import Argument, Option, echo
 
 from hkt_mdo.cli.parts import OutFolder, ResultFolder, Seed, print_result, read_result
 from hkt_mdo.errors import InputError
+
+if TYPE_CHECKING:
+    from hkt_mdo.dynamics.flows import Inflow
+    from hkt_mdo.dynamics.simulation import Simulation
+    from hkt_mdo.studies.uncertainty import Design, Sensor
 
 _FORMAT = "File format, such as pdf or svg; may be given several times. Default: png."
 _FLOW = (
@@ -112,7 +117,42 @@ def simulate(
     replays its recorded torque; feedback reads a noisy, filtered speed sensor when --noise-snr is
     given, many times over. A rotor that stops is said to stop, and its energy is not counted.
     """
-    from hkt_mdo.studies.uncertainty import REFERENCES, Design, Sensor, flow_given, fly_noisy
+    from hkt_mdo.studies.uncertainty import Design, Sensor, flow_given
+
+    _check_sensor(snr, reference, rate, cutoff)
+    solution = read_result(result)
+    if scenario is not None:
+        solution = solution.scenario(scenario)
+    inflow = flow_given(flow, solution.case)
+    design = Design.of(solution)
+    title = f"{solution.name} in flow {inflow.model_dump()}"
+    if start or stop is not None:
+        if not start or snr is not None:
+            remedy = "give --start-up with --shut-down" if snr is None else "leave --noise-snr out"
+            problem = "is for a start from standstill, without noise"
+            raise InputError(problem, remedy, key="--start-up")
+        from hkt_mdo.studies.start_stop import start_and_stop
+
+        echo("\n  ".join((title, *start_and_stop(design, inflow, stop).told())))
+        return
+    quiet = design.fly(inflow)
+    energies = [(quiet.energy, "captured"), (quiet.generator_energy, "generated")]
+    if not design.physics.generator.lossless:
+        energies.append((quiet.electrical_energy, "electrical"))
+    told = ", ".join(f"{energy / 1e3:.3f} kJ {word}" for energy, word in energies)
+    if quiet.stopped_at is not None:
+        told = f"rotor stops at t = {quiet.stopped_at:.2f} s, not generating; energy n/a"
+    echo(f"{title}\n  without noise: {told}")
+    if snr is not None and design.law is None:
+        echo("  open loop reads no sensor: the noise changes nothing")
+    elif snr is not None:
+        sensor = Sensor(snr, reference, rate, cutoff or None)
+        echo(_with_noise(design, inflow, quiet, sensor, repeats, seed))
+
+
+def _check_sensor(snr: float | None, reference: str, rate: float, cutoff: float) -> None:
+    """Refuse a sensor that there cannot be."""
+    from hkt_mdo.studies.uncertainty import REFERENCES
 
     for name, value, least, most in (
         ("--noise-snr", snr or 0.0, -200.0, 1e6),
@@ -125,43 +165,21 @@ def simulate(
     if reference not in REFERENCES:
         remedy = f"choose {' or '.join(REFERENCES)}"
         raise InputError("is unknown", remedy, key="--noise-reference", value=reference)
-    solution = read_result(result)
-    if scenario is not None:
-        solution = solution.scenario(scenario)
-    inflow = flow_given(flow, solution.case)
-    design = Design.of(solution)
-    if start or stop is not None:
-        if not start or snr is not None:
-            remedy = "give --start-up with --shut-down" if snr is None else "leave --noise-snr out"
-            raise InputError(
-                "is for a start from standstill, without noise", remedy, key="--start-up"
-            )
-        from hkt_mdo.studies.start_stop import start_and_stop
 
-        lines = start_and_stop(design, inflow, stop).told()
-        echo("\n  ".join((f"{solution.name} in flow {inflow.model_dump()}", *lines)))
-        return
-    quiet = design.fly(inflow)
-    energies = [(quiet.energy, "captured"), (quiet.generator_energy, "generated")]
-    if not design.physics.generator.lossless:
-        energies.append((quiet.electrical_energy, "electrical"))
-    told = ", ".join(f"{energy / 1e3:.3f} kJ {word}" for energy, word in energies)
-    if quiet.stopped_at is not None:
-        told = f"rotor stops at t = {quiet.stopped_at:.2f} s, not generating; energy n/a"
-    echo(f"{solution.name} in flow {inflow.model_dump()}\n  without noise: {told}")
-    if snr is None:
-        return
-    if design.law is None:
-        echo("  open loop reads no sensor: the noise changes nothing")
-        return
-    sensor, behind = Sensor(snr, reference, rate, cutoff or None), "none"
-    if cutoff:
-        behind = f"second-order Butterworth low-pass of {cutoff:g} Hz (--filter-cutoff)"
+
+def _with_noise(
+    design: Design, inflow: Inflow, quiet: Simulation, sensor: Sensor, repeats: int, seed: int
+) -> str:
+    """Return what many runs with a noisy sensor give; `quiet` is the run without noise."""
+    from hkt_mdo.studies.uncertainty import fly_noisy
+
+    behind = "none"
+    if sensor.cutoff:
+        behind = f"second-order Butterworth low-pass of {sensor.cutoff:g} Hz (--filter-cutoff)"
     with Console().status(f"{repeats} noisy runs"):
         noisy = fly_noisy(design, inflow, sensor, repeats, seed)
-        if cutoff and noisy.stalled and quiet.stopped_at is None:
-            silent = fly_noisy(design, inflow, replace(sensor, snr=inf), 1, seed)
-            if silent.stalled:
+        if sensor.cutoff and noisy.stalled and quiet.stopped_at is None:
+            if fly_noisy(design, inflow, replace(sensor, snr=inf), 1, seed).stalled:
                 behind += ", whose delay stops the rotor without any noise"
     energy = noisy.energy[noisy.energy == noisy.energy]  # NaN: the rotor stopped
     told = "no run reached the end"
@@ -171,9 +189,10 @@ def simulate(
         change = 100.0 * (mean / quiet.energy - 1.0)
         told += f"{spread / 1e3:.3f} kJ, worst {energy.min() / 1e3:.3f} kJ "
         told += f"({change:+.3f} % of the run without noise)"
-    echo(
-        f"  sensor: {snr:g} dB of the {reference} speed, sigma = {noisy.noise_deviation:.4f} "
-        f"rad/s, {rate:g} Hz, seed {seed}; BEM table within {noisy.torque_error:.1e}\n"
+    return (
+        f"  sensor: {sensor.snr:g} dB of the {sensor.reference} speed, sigma = "
+        f"{noisy.noise_deviation:.4f} rad/s, {sensor.rate:g} Hz, seed {seed}; "
+        f"BEM table within {noisy.torque_error:.1e}\n"
         f"  filter behind it: {behind}\n"
         f"  rotor stopped in {noisy.stalled} of {repeats} runs\n  {told}"
     )
