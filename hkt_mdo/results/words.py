@@ -152,7 +152,8 @@ def flow_words(section: Any) -> str:
         elif name == "constituents":
             words += [part.name or duration(part.period) for part in value]
         elif name != "profile" and value is not None and (name not in _IDLE or value != usual):
-            words.append(f"{name.replace('_', ' ')} {measured(value, unit_of(schema[name]), 4)}")
+            unit = plain_unit(unit_of(schema[name]))
+            words.append(f"{name.replace('_', ' ')} {measured(value, '', 4)} {unit}".rstrip())
     return f"{section.profile}: {', '.join(words)}"
 
 

@@ -373,8 +373,8 @@ def _optimization(found: Findings, package: str) -> Rows:
     yield Row("torque", torque, "", f"by BEM: {hydro.bem}; in the simulation {hydro.check}")
     yield Row("objective", _first_line(found.case.objective) or found.case.objective.kind)
     yield Row("optimizer", f"{driver.optimizer} of {package}, to {driver.tolerance:g}")
-    machine = "about, on this machine, derivatives included"
-    yield Row("an evaluation", size.evaluation_seconds, "s", machine, 2)
+    seconds = size.evaluation_seconds
+    yield Row("an evaluation", seconds, "s", "on this machine, derivatives included", 2)
 
 
 def _bounds(found: Findings) -> Rows:

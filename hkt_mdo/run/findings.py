@@ -1,6 +1,6 @@
 """What is found without an optimizer: the starting blade in its flow, and the problem's size."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from timeit import repeat
@@ -37,11 +37,25 @@ SHORT = 0.05  # s, time of an evaluation that is measured more often
 class Stations(NamedTuple):
     """What the stations of a blade meet between two tip speed ratios, `working`, by BEM.
 
-    `met`, `table`, `unsolved` and `share` are those of `Findings`.
+    Attributes
+    ----------
+    blade : Blade
+        The blade.
+    working : tuple of float
+        Lowest and highest tip speed ratio.
+    polars : sequence of tuple of Polar
+        Of each station, one a Reynolds number.
+    met, table : ndarray, shape (2, n_stations)
+        Lowest and highest angle of attack that is met, and that the polars' tables have, rad.
+    unsolved : ndarray, shape (n_stations,)
+        Where BEM has no solution.
+    share : ndarray, shape (n_stations,)
+        Largest share of the torque, without signs.
     """
 
     blade: Blade
     working: tuple[float, float]
+    polars: Sequence[tuple[Polar, ...]]
     met: np.ndarray
     table: np.ndarray
     unsolved: np.ndarray
@@ -60,6 +74,7 @@ class Stations(NamedTuple):
         return cls(
             blade,
             working,
+            polars,
             np.stack((angles.min(axis=0), angles.max(axis=0))),
             np.array((lowest, highest)),
             np.any(found.branch < 0, axis=0),
@@ -149,11 +164,8 @@ class Findings:
     - `rated_speed` and `above_rated`: flow speed at which the torque limit is met at the best tip
       speed ratio, and share of the time in which the flow is faster.
     - `steady_speed`, `time_constant`: in the mean flow; None if the rotor does not turn there.
-    - `polars` of each station, one a Reynolds number.
-    - (2, n_stations), lowest and highest: angles of attack (rad) `met` in `working` and those of
-      the polars' tables, `table`; `reynolds` in the slowest and the fastest flow.
-    - (n_stations,): `unsolved` where BEM has no solution; `share` of the torque, without signs, the
-      largest over `working`.
+    - `stations`: what the stations meet in `working`; `polars` and `met` are its.
+    - `reynolds` (2, n_stations): Reynolds numbers in the slowest and the fastest flow.
     """
 
     def __init__(self, physics: Physics):
@@ -221,11 +233,8 @@ class Findings:
     def _meet(self):
         """Set what the stations meet over the tip speed ratios of the start, by BEM."""
         blade, polar = self.plant.blade, self.plant.polar
-        self.polars = [(bem.polar_at(polar, station),) for station in range(blade.r.size)]
-        if isinstance(polar, LocalReynolds):
-            self.polars = polar.polars
         self.stations = Stations.of(blade, polar, self.working)
-        self.met, self.table, self.unsolved, self.share = self.stations[-4:]
+        self.polars, self.met, *_ = self.stations[2:]
         cosine = np.cos(blade.cone)
         ratio = np.array(self.working)[:, None] / cosine * blade.r / blade.tip_radius
         flow = np.array([[self.slowest], [self.fastest]]) * cosine
