@@ -20,7 +20,7 @@ ALLOWED = {
     "rotor": {"compiled", "errors", "files"},
     "dynamics": {"errors", "files", "quantities", "rotor", "sections"},
     "case": {"dynamics", "errors", "files", "quantities", "sections"},
-    "results": {"case", "dynamics", "errors", "files"},
+    "results": {"case", "dynamics", "errors", "files", "problem", "quantities", "rotor"},
     "problem": {"case", "dynamics", "errors", "files", "quantities", "rotor", "solve"},
     "start": {"case", "dynamics", "errors", "problem", "quantities", "results", "rotor", "solve"},
     "run": {

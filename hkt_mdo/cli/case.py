@@ -53,11 +53,10 @@ def check(
     except InputError as error:  # found only when the parts of the case meet
         error.file = error.file or str(case)
         raise
-    for title, rows in report.tables.items():
-        parts.print_rows(rows.items(), title)
-    for title, lines in (("Notes", report.notes), ("Warnings", report.warnings)):
-        if lines:
-            parts.print_rows([("-", line) for line in lines], title)
+    found = {"Notes": report.notes, "Warnings": report.warnings}
+    for title, rows in (report.tables | found).items():
+        if rows:
+            parts.print_rows(rows, title)
     if not no_figures:
         from hkt_mdo.results import check_plots, style
 

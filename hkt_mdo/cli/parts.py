@@ -18,6 +18,7 @@ from hkt_mdo.errors import InputError
 if TYPE_CHECKING:
     from hkt_mdo.case import Case
     from hkt_mdo.results.solution import Solution
+    from hkt_mdo.results.words import Row
 
 BAD_INPUT, NO_SUCCESS, INTERRUPTED, BUG = 2, 3, 130, 1
 
@@ -88,11 +89,11 @@ def complain(what: str, message: str) -> None:
     echo(f"{what}: {line}", err=True)
 
 
-def print_rows(rows: Iterable[tuple[str, str]], title: str = "") -> None:
-    """Print rows of a name and a text below a title; brackets in them are no markup."""
+def print_rows(rows: Iterable[Row], title: str = "") -> None:
+    """Print rows below a title; brackets in them are no markup."""
     table = Table(box=None, show_header=False, pad_edge=True, padding=(0, 1))
-    for what, text in rows:
-        table.add_row(Text(what, no_wrap=True), Text(text))
+    for row in rows:
+        table.add_row(Text(row.label or "-", no_wrap=True), Text(row.text))
     console = Console(highlight=False)
     console.print(Text(f"\n{title}" if title else "", style="bold"))
     console.print(table)
@@ -100,5 +101,7 @@ def print_rows(rows: Iterable[tuple[str, str]], title: str = "") -> None:
 
 def print_result(solution: Solution) -> None:
     """Print a result's figures of merit and the checks that it did not pass."""
-    failed = [("check not passed", check) for check in solution.failed_checks]
+    from hkt_mdo.results.words import Row
+
+    failed = [Row("check not passed", check) for check in solution.failed_checks]
     print_rows([*solution.summary.rows(solution.case), *failed])

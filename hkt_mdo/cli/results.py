@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import inf
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from rich.console import Console
 from rich.table import Table
@@ -14,11 +14,17 @@ from typer import Argument, Option, echo
 from hkt_mdo.cli.parts import OutFolder, ResultFolder, Seed, print_result, read_result
 from hkt_mdo.errors import InputError
 
+if TYPE_CHECKING:
+    from hkt_mdo.dynamics.flows import Inflow
+    from hkt_mdo.dynamics.simulation import Simulation
+    from hkt_mdo.studies.uncertainty import Design, Sensor
+
 _FORMAT = "File format, such as pdf or svg; may be given several times. Default: png."
 _FLOW = (
     "design: the result's own; A, B or C: the paper's uncertain flows (amplitude x 1.1, frequency "
     "0.225 rad/s, phase 0.2 pi); or an inflow section in YAML, such as {profile: sine, mean: 1.4}."
 )
+_SCENARIO = "The scenario whose operation the controller repeats, of a result with several."
 _SNR = "Signal-to-noise ratio of the speed sensor."
 _REFERENCE = "What is the signal: the speed's fluctuation about its mean, or the total speed."
 _RATE = "Samples of the sensor a second."
@@ -48,7 +54,8 @@ def plot(
     They are blade, power_curve, operation, schedule (speed, torque, power and thrust over the speed
     of the flow), limits (values over their limits), loads (along the blade) and convergence, as far
     as the result has their data, in RESULT/figures unless --out is given; files of the same names
-    are replaced.
+    are replaced. Of several scenarios, operation_NAME and limits_NAME show each, and schedule and
+    loads have a line for each.
     """
     solution = read_result(result)
 
@@ -69,8 +76,10 @@ def compare(
 
     The table has the figures of merit side by side, and each energy relative to the largest.
     """
+    from hkt_mdo.results.words import texts
+
     solutions = [read_result(result) for result in results]
-    columns = [dict(solution.summary.rows(solution.case)) for solution in solutions]
+    columns = [texts(solution.summary.rows(solution.case)) for solution in solutions]
     energies = [solution.summary.simulated_energy_J or 0.0 for solution in solutions]
     for column, energy in zip(columns, energies, strict=True):
         if energy > 0.0:
@@ -98,6 +107,7 @@ def simulate(
     cutoff: Annotated[float, Option("--filter-cutoff", metavar="HZ", help=_CUTOFF)] = 0.5,
     repeats: Annotated[int, Option(min=1, max=100_000, help="Noisy runs.")] = 20,
     seed: Seed = 1,
+    scenario: Annotated[str | None, Option(metavar="NAME", help=_SCENARIO)] = None,
     start: Annotated[bool, Option("--start-up", help=_START)] = False,
     stop: Annotated[float | None, Option("--shut-down", metavar="SECONDS", help=_STOP)] = None,
 ) -> None:
@@ -107,7 +117,42 @@ def simulate(
     replays its recorded torque; feedback reads a noisy, filtered speed sensor when --noise-snr is
     given, many times over. A rotor that stops is said to stop, and its energy is not counted.
     """
-    from hkt_mdo.studies.uncertainty import REFERENCES, Design, Sensor, flow_given, fly_noisy
+    from hkt_mdo.studies.uncertainty import Design, Sensor, flow_given
+
+    _check_sensor(snr, reference, rate, cutoff)
+    solution = read_result(result)
+    if scenario is not None:
+        solution = solution.scenario(scenario)
+    inflow = flow_given(flow, solution.case)
+    design = Design.of(solution)
+    title = f"{solution.name} in flow {inflow.model_dump()}"
+    if start or stop is not None:
+        if not start or snr is not None:
+            remedy = "give --start-up with --shut-down" if snr is None else "leave --noise-snr out"
+            problem = "is for a start from standstill, without noise"
+            raise InputError(problem, remedy, key="--start-up")
+        from hkt_mdo.studies.start_stop import start_and_stop
+
+        echo("\n  ".join((title, *start_and_stop(design, inflow, stop).told())))
+        return
+    quiet = design.fly(inflow)
+    energies = [(quiet.energy, "captured"), (quiet.generator_energy, "generated")]
+    if not design.physics.generator.lossless:
+        energies.append((quiet.electrical_energy, "electrical"))
+    told = ", ".join(f"{energy / 1e3:.3f} kJ {word}" for energy, word in energies)
+    if quiet.stopped_at is not None:
+        told = f"rotor stops at t = {quiet.stopped_at:.2f} s, not generating; energy n/a"
+    echo(f"{title}\n  without noise: {told}")
+    if snr is not None and design.law is None:
+        echo("  open loop reads no sensor: the noise changes nothing")
+    elif snr is not None:
+        sensor = Sensor(snr, reference, rate, cutoff or None)
+        echo(_with_noise(design, inflow, quiet, sensor, repeats, seed))
+
+
+def _check_sensor(snr: float | None, reference: str, rate: float, cutoff: float) -> None:
+    """Refuse a sensor that there cannot be."""
+    from hkt_mdo.studies.uncertainty import REFERENCES
 
     for name, value, least, most in (
         ("--noise-snr", snr or 0.0, -200.0, 1e6),
@@ -120,41 +165,21 @@ def simulate(
     if reference not in REFERENCES:
         remedy = f"choose {' or '.join(REFERENCES)}"
         raise InputError("is unknown", remedy, key="--noise-reference", value=reference)
-    solution = read_result(result)
-    inflow = flow_given(flow, solution.case)
-    design = Design.of(solution)
-    if start or stop is not None:
-        if not start or snr is not None:
-            remedy = "give --start-up with --shut-down" if snr is None else "leave --noise-snr out"
-            raise InputError(
-                "is for a start from standstill, without noise", remedy, key="--start-up"
-            )
-        from hkt_mdo.studies.start_stop import start_and_stop
 
-        lines = start_and_stop(design, inflow, stop).told()
-        echo("\n  ".join((f"{solution.name} in flow {inflow.model_dump()}", *lines)))
-        return
-    quiet = design.fly(inflow)
-    energies = [(quiet.energy, "captured"), (quiet.generator_energy, "generated")]
-    if not design.physics.generator.lossless:
-        energies.append((quiet.electrical_energy, "electrical"))
-    told = ", ".join(f"{energy / 1e3:.3f} kJ {word}" for energy, word in energies)
-    if quiet.stopped_at is not None:
-        told = f"rotor stops at t = {quiet.stopped_at:.2f} s, not generating; energy n/a"
-    echo(f"{solution.name} in flow {inflow.model_dump()}\n  without noise: {told}")
-    if snr is None:
-        return
-    if design.law is None:
-        echo("  open loop reads no sensor: the noise changes nothing")
-        return
-    sensor, behind = Sensor(snr, reference, rate, cutoff or None), "none"
-    if cutoff:
-        behind = f"second-order Butterworth low-pass of {cutoff:g} Hz (--filter-cutoff)"
+
+def _with_noise(
+    design: Design, inflow: Inflow, quiet: Simulation, sensor: Sensor, repeats: int, seed: int
+) -> str:
+    """Return what many runs with a noisy sensor give; `quiet` is the run without noise."""
+    from hkt_mdo.studies.uncertainty import fly_noisy
+
+    behind = "none"
+    if sensor.cutoff:
+        behind = f"second-order Butterworth low-pass of {sensor.cutoff:g} Hz (--filter-cutoff)"
     with Console().status(f"{repeats} noisy runs"):
         noisy = fly_noisy(design, inflow, sensor, repeats, seed)
-        if cutoff and noisy.stalled and quiet.stopped_at is None:
-            silent = fly_noisy(design, inflow, replace(sensor, snr=inf), 1, seed)
-            if silent.stalled:
+        if sensor.cutoff and noisy.stalled and quiet.stopped_at is None:
+            if fly_noisy(design, inflow, replace(sensor, snr=inf), 1, seed).stalled:
                 behind += ", whose delay stops the rotor without any noise"
     energy = noisy.energy[noisy.energy == noisy.energy]  # NaN: the rotor stopped
     told = "no run reached the end"
@@ -164,9 +189,10 @@ def simulate(
         change = 100.0 * (mean / quiet.energy - 1.0)
         told += f"{spread / 1e3:.3f} kJ, worst {energy.min() / 1e3:.3f} kJ "
         told += f"({change:+.3f} % of the run without noise)"
-    echo(
-        f"  sensor: {snr:g} dB of the {reference} speed, sigma = {noisy.noise_deviation:.4f} "
-        f"rad/s, {rate:g} Hz, seed {seed}; BEM table within {noisy.torque_error:.1e}\n"
+    return (
+        f"  sensor: {sensor.snr:g} dB of the {sensor.reference} speed, sigma = "
+        f"{noisy.noise_deviation:.4f} rad/s, {sensor.rate:g} Hz, seed {seed}; "
+        f"BEM table within {noisy.torque_error:.1e}\n"
         f"  filter behind it: {behind}\n"
         f"  rotor stopped in {noisy.stalled} of {repeats} runs\n  {told}"
     )

@@ -12,7 +12,6 @@ from rich.status import Status
 from typer import BadParameter, Exit, Option, echo
 
 from hkt_mdo.cli import parts
-from hkt_mdo.results import words
 
 _SECONDS_BETWEEN_LINES = 5.0
 
@@ -86,11 +85,13 @@ def run(
 
 def _reporter(name: str, status: Status) -> Callable[[int, float, float], None]:
     """Return what a run reports to: a live line on a terminal, else a line every few seconds."""
+    from hkt_mdo.results.words import measured
+
     last = time.monotonic()
 
     def report(count: int, energy: float, infeasibility: float) -> None:
         nonlocal last
-        line = f"{name}: evaluation {count}, energy {words.energy(energy)}"
+        line = f"{name}: evaluation {count}, energy {measured(energy, 'J')}"
         line += f", infeasibility {infeasibility:.1e}"
         if status.console.is_terminal:
             status.update(line)

@@ -38,6 +38,8 @@ class Turbine(NamedTuple):
     structure: Structure | StructureByThickness
     messages: tuple[str, ...]
     """What was converted, extrapolated or left out."""
+    outlines: tuple[Outline, ...] = ()
+    """Of the sections: one, or one a station; where thickness is designed, from thin to thick."""
 
 
 class _Section(NamedTuple):
@@ -96,7 +98,8 @@ def build_turbine(
         polar, area, structure = _by_thickness(rotor, design, named)
         thickness = np.clip(_starting_thickness(rotor, table, named), *polar.bounds)
         blade = replace(blade, thickness=thickness)
-        return Turbine(blade, polar, area, thickness, structure, (*read, *messages))
+        outlines = tuple(named[name].outline for name in _in_order(named))
+        return Turbine(blade, polar, area, thickness, structure, (*read, *messages), outlines)
     sections, blended = _sections(rotor, table, named)
     families, thickness, area, *_ = zip(*sections, strict=True)
     if rotor.reynolds == "local":
@@ -107,7 +110,8 @@ def build_turbine(
         polar = polar if len(polar) > 1 else polar[0]
     area, thickness = (np.array(each) if len(each) > 1 else each[0] for each in (area, thickness))
     structure = _structure(rotor, sections, area)
-    return Turbine(blade, polar, area, thickness, structure, (*read, *messages, *blended))
+    outlines, told = tuple(each.outline for each in sections), (*read, *messages, *blended)
+    return Turbine(blade, polar, area, thickness, structure, told, outlines)
 
 
 def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:

@@ -112,14 +112,19 @@ def draw_power(data: Mapping[str, Any], ax: Axes) -> Axes:
 
 
 def check_figures(data: Mapping[str, Mapping[str, Any]]) -> dict[str, Figure]:
-    """Return the figures of a check by name: blade, polar, inflow and power_curve."""
-    blade = [partial(draw_blade, data["blade"], name) for name in _BLADE]
-    polar = [partial(draw_polar, data["polar"], column) for column in ("lift", "drag")]
-    flow = [draw_inflow, draw_spectrum] if "spectrum" in data["inflow"] else [draw_inflow]
-    inflow = [partial(draw, data["inflow"]) for draw in flow]
-    return {
-        "blade": style.figure_of(5.6, 6.8, blade),
-        "polar": style.figure_of(6.4, 6.4, polar),
-        "inflow": style.figure_of(6.8, 2.9 * len(flow), inflow, share=False),
-        "power_curve": style.figure_of(5.6, 3.9, [partial(draw_power, data["power_curve"])]),
-    }
+    """Return the figures of a check by name; of several scenarios, one of each flow."""
+    figures = {}
+    for name, part in data.items():
+        if name == "blade":
+            plots = [partial(draw_blade, part, column) for column in _BLADE]
+            figures[name] = style.figure_of(5.6, 6.8, plots)
+        elif name == "polar":
+            plots = [partial(draw_polar, part, column) for column in ("lift", "drag")]
+            figures[name] = style.figure_of(6.4, 6.4, plots)
+        elif name == "power_curve":
+            figures[name] = style.figure_of(5.6, 3.9, [partial(draw_power, part)])
+        else:
+            draws = [draw_inflow, draw_spectrum] if "spectrum" in part else [draw_inflow]
+            plots = [partial(draw, part) for draw in draws]
+            figures[name] = style.figure_of(6.8, 2.9 * len(draws), plots, share=False)
+    return figures

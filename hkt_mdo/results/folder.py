@@ -3,7 +3,7 @@
 import re
 import sqlite3
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -14,14 +14,14 @@ from hkt_mdo.errors import InputError
 MARKER = ".hkt_result"
 """The file by which a run marks a folder as its own; without it nothing there is replaced."""
 
-_MARKED = (
-    "Written by a run of hkt_mdo. hkt run --force replaces the files of a run, and no others.\n"
-)
-_WRITTEN = re.compile(
+_MARKED = "Written by a run of hkt_mdo. hkt run --force replaces the files of a run, and no others."
+_WRITTEN = (
     r"((summary|iterate)\.json|case\.yaml|n2\.html|(solution|history(_\d+)?)\.db(-journal)?"
-    r"|(trajectory|simulation|loads|power_curve|blade|convergence)\.csv"
-    r"|figures/(blade|power_curve|operation|schedule|limits|loads|convergence)\.(png|pdf))(\.part)?"
+    r"|((trajectory|simulation|loads){0}|power_curve|blade|convergence)\.csv"
+    r"|figures/(blade|power_curve|(operation|limits){0}|schedule|loads|convergence)\.(png|pdf))"
+    r"(\.part)?"
 )
+"""Pattern of the files of a run; in braces, the endings of those of one scenario."""
 
 
 @contextmanager
@@ -79,22 +79,33 @@ def locked(out: Path):
         connection.close()
 
 
-def claim(out: Path) -> None:
+def claim(out: Path, scenarios: Sequence[str] = ()) -> None:
     """Mark a folder as a run's, and delete what an earlier run wrote; other files stay.
 
     `summary.json` goes first: interrupted at any point, this leaves no success, and still a folder
     that `--force` replaces.
+
+    Parameters
+    ----------
+    out : Path
+        The folder.
+    scenarios : sequence of str
+        Names in the files of a run with several scenarios. The mark keeps them, so that the next
+        run knows which files are this one's.
     """
-    figures = out / "figures"
+    figures, mark = out / "figures", out / MARKER
     with _usable(out):
-        if not (out / MARKER).exists():
-            write_text(out / MARKER, _MARKED)
+        before = mark.read_text("utf-8", errors="replace").splitlines()[1:] if mark.exists() else []
+        names = [name for name in before if re.fullmatch(r"\w+", name)]
+        write_text(mark, "\n".join([_MARKED, *dict.fromkeys([*names, *scenarios])]) + "\n")
+        written = re.compile(_WRITTEN.format(f"({''.join(f'|_{name}' for name in names)})"))
         # a link to a folder leads to files that no run wrote
         folders = [out, figures] if figures.is_dir() and not figures.is_symlink() else [out]
         found = [path for folder in folders for path in folder.iterdir() if not path.is_dir()]
         for path in sorted(found, key=lambda path: path.name != "summary.json"):
-            if _WRITTEN.fullmatch(path.relative_to(out).as_posix()):
+            if written.fullmatch(path.relative_to(out).as_posix()):
                 path.unlink()
+        write_text(mark, "\n".join([_MARKED, *scenarios]) + "\n")
         with suppress(OSError):  # a file of the user's keeps it
             figures.rmdir()
 

@@ -1,9 +1,9 @@
 """Figures of results.
 
 Each `plot_...` takes one solution or several and, optionally, the axes to draw on (of a new figure
-by default), and returns the axes. A plot computes nothing and sets no rcParams. Solutions differ by
-colour, line style and marker, so that they can be told apart in grey. Over time, the simulation is
-shown; of a single solution, the collocation nodes, too.
+by default), and returns the axes. A plot computes nothing and sets no rcParams. Solutions, and the
+scenarios of one, differ by colour, line style and marker, so that they can be told apart in grey.
+Over time, the simulation is shown; of a single one, the collocation nodes, too.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from hkt_mdo.dynamics.trajectory import COLUMNS, QUANTITIES
 from hkt_mdo.results import style
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import LimitEntry
-from hkt_mdo.results.words import measured
+from hkt_mdo.results.words import joined, measured
 
 Solutions = Solution | Sequence[Solution]
 
@@ -68,7 +68,7 @@ def _series(
     x: str, quantity: str, solutions: Solutions, ax: Axes | None, scale: float = 1.0
 ) -> Axes:
     """Plot a quantity times a scale over another one: as simulated, or else at the nodes."""
-    chosen, ax, column = _named(solutions), ax or style.new_axes(), COLUMNS[quantity]
+    chosen, ax, column = _scenarios(solutions), ax or style.new_axes(), COLUMNS[quantity]
     for index, (solution, name) in enumerate(chosen):
         table, label = solution.simulation, name or "simulation"
         if column not in table:
@@ -98,7 +98,7 @@ def _few_markers(index: int, count: int, size: int) -> dict[str, Any]:
 
 def _over_time(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a quantity over time, of one solution at the nodes too, and its limit."""
-    chosen, ax = _named(solutions), _series("time", quantity, solutions, ax)
+    chosen, ax = _scenarios(solutions), _series("time", quantity, solutions, ax)
     nodes = chosen[0][0].trajectory
     if len(chosen) == 1 and nodes:
         size = 3.2 if nodes["time_s"].size <= _MANY_NODES else 1.2
@@ -123,7 +123,7 @@ plot_hydrodynamic_torque = partial(_over_time, "hydrodynamic_torque")
 def plot_control_torque(solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot the control torque (N m) over time, and its limit; the legend tells the other limits."""
     ax = ax or style.new_axes()
-    for solution, name in _named(solutions):
+    for solution, name in _scenarios(solutions):
         for limit, entry in _limits(solution).items():
             if limit not in QUANTITIES:  # else it is drawn beside its quantity
                 text = f"largest {limit.replace('_', ' ')} {entry}"
@@ -133,7 +133,7 @@ def plot_control_torque(solutions: Solutions, ax: Axes | None = None) -> Axes:
 
 def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot each limited quantity over its limit, over time; the limit itself is 1."""
-    ax, chosen = ax or style.new_axes(), _named(solutions)
+    ax, chosen = ax or style.new_axes(), _scenarios(solutions)
     drawn = 0
     for index, (solution, name) in enumerate(chosen):
         table = "simulation" if solution.simulation else "trajectory"
@@ -178,7 +178,7 @@ def plot_power_schedule(solutions: Solutions, ax: Axes | None = None) -> Axes:
     ax, label = ax or style.new_axes(), "electrical power"
     words, scale = _SCHEDULES["generator_power"]
     _series("inflow_speed", "generator_power", solutions, ax, scale)
-    for index, (solution, _) in enumerate(_named(solutions)):
+    for index, (solution, _) in enumerate(_scenarios(solutions)):
         table = solution.simulation or solution.trajectory
         if table and not np.allclose(table["electrical_power_W"], table["generator_power_W"]):
             look = {"color": style.COLORS[index % len(style.COLORS)], "linewidth": 0.9}
@@ -211,7 +211,7 @@ _OVER_SPAN = {
 
 def _over_span(column: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a load along the blade at the time of the largest one, and its limits."""
-    chosen, ax = _named(solutions), ax or style.new_axes()
+    chosen, ax = _scenarios(solutions), ax or style.new_axes()
     load, word, label, scale = _OVER_SPAN[column]
     for index, (solution, name) in enumerate(chosen):
         if column in solution.loads:
@@ -237,7 +237,7 @@ plot_suction = partial(_over_span, "cavitation")
 def _draw_levels(quantities: Sequence[str], scale: float, solutions: Solutions, ax: Axes) -> None:
     """Draw the limits of some quantities as lines, one for equal ones."""
     drawn: dict[tuple[str, float], str] = {}
-    for solution, _ in _named(solutions):
+    for solution, _ in _scenarios(solutions):
         levels: dict[str, float] = {}
         for each in quantities:
             levels |= solution.limit_levels(each)
@@ -285,17 +285,19 @@ def _panels(*plots: Callable[..., Axes], tables: Sequence[str], column: str = ""
     """Return panels that are drawn of one of some tables, or of a column of it."""
 
     def known(solution: Solution) -> bool:
-        found: list[dict[str, Any]] = [getattr(solution, name) for name in tables]
+        found = (getattr(one, name) for one in solution.by_scenario for name in tables)
         return any(column in table if column else table for table in found)
 
     return [Panel(plot, known) for plot in plots]
 
 
 def _limited(solution: Solution) -> bool:
-    return any(solution.limit_shares(table) for table in _TIMES)
+    return any(one.limit_shares(table) for one in solution.by_scenario for table in _TIMES)
 
 
 _TIMES = "simulation", "trajectory"
+_OVER_TIME = "operation", "limits"
+"""Figures of one scenario each."""
 _OPERATION = plot_rotor_speed, plot_tip_speed_ratio, plot_control_torque, plot_hydrodynamic_torque
 _SCHEDULE = plot_speed_schedule, plot_torque_schedule, plot_power_schedule
 
@@ -335,8 +337,38 @@ def figure_of(solutions: Solutions, name: str) -> Figure | None:
 def save_figures(
     solutions: Solutions, folder: str | Path, formats: Sequence[str] = ("png",)
 ) -> list[Path]:
-    """Write the `FIGURES` for which there are data; paths and errors are those of `style.save`."""
-    figures = {name: figure_of(solutions, name) for name in FIGURES}
+    """Write the `FIGURES` for which there are data.
+
+    Those over time are drawn for each scenario, as ``operation_<name>``, where there are several;
+    the others have a line for each.
+
+    Parameters
+    ----------
+    solutions : Solution or sequence of Solution
+        Results, which are drawn together.
+    folder : str or Path
+        Where to, made if need be.
+    formats : sequence of str
+        Endings of the files that Matplotlib knows.
+
+    Returns
+    -------
+    list of Path
+
+    Raises
+    ------
+    InputError
+        If a format is not known, when nothing has been written, or a file cannot be written.
+    """
+    figures, chosen = {}, [solution for solution, _ in _named(solutions)]
+    scenarios = dict.fromkeys(name for each in chosen for name in each.scenarios)
+    for name in FIGURES:
+        if name in _OVER_TIME and any(len(each.scenarios) > 1 for each in chosen):
+            for one in scenarios:
+                alone = [each.scenario(one) for each in chosen if one in each.scenarios]
+                figures[f"{name}_{one}"] = figure_of(alone, name)
+        else:
+            figures[name] = figure_of(solutions, name)
     return style.save({name: each for name, each in figures.items() if each}, folder, formats)
 
 
@@ -347,6 +379,17 @@ def _named(solutions: Solutions) -> list[tuple[Solution, str]]:
         return [(several[0], "")]
     # Matplotlib leaves labels that begin with an underscore out of legends
     return [(each, re.sub("^_", " _", each.name)) for each in several]
+
+
+def _scenarios(solutions: Solutions) -> list[tuple[Solution, str]]:
+    """Return each scenario of solutions as one of its own, and their names in a legend."""
+    found = []
+    for solution, name in _named(solutions):
+        for one, scenario in zip(solution.by_scenario, solution.scenarios, strict=True):
+            several = len(solution.scenarios) > 1
+            label = re.sub("^_", " _", joined(name, scenario)) if several else name
+            found.append((one, label))
+    return found
 
 
 def _limits(solution: Solution) -> dict[str, LimitEntry]:

@@ -9,9 +9,9 @@ import html
 import importlib
 import os.path
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,10 +21,13 @@ from hkt_mdo.dynamics.limits import Limit, TorqueLimit
 from hkt_mdo.dynamics.trajectory import COLUMNS, LOADS, QUANTITIES, RATES, SERIES
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import Csv, number_columns, parse_number, read_bytes, read_text
-from hkt_mdo.results import words
-from hkt_mdo.results.summary import BLADE, Summary, printable
+from hkt_mdo.results.summary import BLADE, ScenarioEntry, Summary
+from hkt_mdo.results.words import measured, printable
 
-__all__ = ["TABLES", "Solution"]
+if TYPE_CHECKING:
+    from hkt_mdo.results.design import Design
+
+__all__ = ["TABLES", "ScenarioTables", "Solution"]
 
 MAX_BYTES, MAX_CSV_BYTES = 16 * 1024**2, 64 * 1024**2
 """Largest summary and largest table that are read."""
@@ -77,33 +80,78 @@ _MAYBE = {
 """Columns that are there only if they are known of the rotor; older results lack them."""
 
 
+_OF_SCENARIOS = ("trajectory", "simulation", "loads")
+_ONLY = "phase"
+"""Name of the scenario of an older result, and of one that did not come to its end."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScenarioTables:
+    """The tables of one scenario, column[n_rows] by name; empty where the run did not reach them.
+
+    Attributes
+    ----------
+    trajectory : dict of ndarray
+        The optimized trajectory at the collocation nodes.
+    simulation : dict of ndarray
+        The independent integration of the same design.
+    loads : dict of ndarray
+        Loads along the blade at the times of the largest stress and of the largest suction.
+    """
+
+    trajectory: dict[str, np.ndarray]
+    simulation: dict[str, np.ndarray]
+    loads: dict[str, np.ndarray]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution:
     """What a run left in its folder; a table that the run did not reach is an empty dict.
 
-    A table is column[n_rows] by name; `TABLES` has the units and meanings of all columns.
+    `trajectory`, `simulation` and `loads` are tables of one scenario. A result with several has
+    them by `scenario(name)`, and asking it for one of its own is an InputError that names them.
+
+    Attributes
+    ----------
+    folder : Path
+        The result folder.
+    case : Case
+        The case that was run, every default written out.
+    summary : Summary
+        Figures of merit: attributes, or values by the keys of ``summary.json``.
+    tables : dict of ScenarioTables
+        Tables over time and along the blade, by scenario.
+    power_curve, convergence : dict of ndarray
+        Tables of the whole result: column[n_rows] by name; `TABLES` has units and meanings.
     """
 
     folder: Path
     case: Case
-    """The case that was run, every default written out."""
     summary: Summary
-    """Figures of merit: attributes, or values by the keys of ``summary.json``."""
-    trajectory: dict[str, np.ndarray]
-    """The optimized trajectory at the collocation nodes."""
-    simulation: dict[str, np.ndarray]
-    """The independent integration of the same design."""
+    tables: dict[str, ScenarioTables]
     power_curve: dict[str, np.ndarray]
     convergence: dict[str, np.ndarray]
-    loads: dict[str, np.ndarray] = field(default_factory=dict)
-    """Loads along the blade at the times of the largest stress and of the largest suction."""
 
     @classmethod
     def load(cls, folder: str | Path, *, extensions: Iterable[Extension] = ()) -> Solution:
         """Read a result folder, as read-only arrays; after an interruption, tables may be missing.
 
-        `extensions` are those of `load_case`; a folder never chooses what is run. Raises InputError
-        if it is not a result folder, or a file in it is too large or corrupt.
+        Parameters
+        ----------
+        folder : str or Path
+            What a run has written.
+        extensions : iterable
+            Those of `load_case`; a folder never chooses what is run.
+
+        Returns
+        -------
+        Solution
+
+        Raises
+        ------
+        InputError
+            If it is not a result folder, or a file in it is too large, corrupt or of a newer
+            version.
         """
         folder = Path(folder)
         for name in ("", "case.yaml", "summary.json"):
@@ -115,11 +163,106 @@ class Solution:
         case = load_case(folder / "case.yaml", check_files=False, extensions=extensions)
         path = folder / "summary.json"
         summary = Summary.parse(read_bytes(path, MAX_BYTES, "summary of a result"), path)
+
+        def read(name: str, suffix: str = "") -> dict[str, np.ndarray]:
+            columns, maybe = tuple(TABLES[name]), _MAYBE.get(name, set())
+            return _read_csv(folder / f"{name}{suffix}.csv", columns, maybe)
+
+        names = tuple(summary.scenarios or (_ONLY,))
+        suffixes = [f"_{name}" if len(names) > 1 else "" for name in names]
         tables = {
-            name: _read_csv(folder / f"{name}.csv", tuple(TABLES[name]), _MAYBE.get(name, set()))
-            for name in ("trajectory", "simulation", "power_curve", "convergence", "loads")
+            name: ScenarioTables(*(read(table, suffix) for table in _OF_SCENARIOS))
+            for name, suffix in zip(names, suffixes, strict=True)
         }
-        return cls(folder, case, summary, **tables)
+        return cls(folder, case, summary, tables, read("power_curve"), read("convergence"))
+
+    @property
+    def scenarios(self) -> tuple[str, ...]:
+        """Names of the scenarios."""
+        return tuple(self.tables)
+
+    def scenario(self, name: str) -> Solution:
+        """Return the result of one scenario alone.
+
+        Parameters
+        ----------
+        name : str
+            One of `scenarios`.
+
+        Returns
+        -------
+        Solution
+            Its tables, energies, limits and loads are those of the scenario, whose own weight does
+            not count; what is known of the whole result only, such as bounds, is None.
+
+        Raises
+        ------
+        InputError
+            If there is no such scenario.
+        """
+        if name not in self.tables:
+            remedy = f"give one of {', '.join(self.tables)}"
+            raise InputError("unknown scenario", remedy, file=self.folder, value=name)
+        if len(self.tables) == 1:
+            return self
+        entry = (self.summary.scenarios or {})[name]
+        shared = ScenarioEntry.model_fields.keys() & Summary.model_fields.keys()
+        changes = dict.fromkeys(("objective", "energy_bound_J", "certified_gap"))
+        changes |= {key: getattr(entry, key) for key in shared} | {"scenarios": {name: entry}}
+        summary = self.summary.model_copy(update=changes)
+        case, tables = _case_of(self.case, name), {name: self.tables[name]}
+        return replace(self, case=case, summary=summary, tables=tables)
+
+    @property
+    def by_scenario(self) -> tuple[Solution, ...]:
+        """The results of all scenarios, each alone."""
+        return tuple(self.scenario(name) for name in self.tables)
+
+    def _only(self, scenario: str | None = None) -> ScenarioTables:
+        """Return the tables of a scenario, None: of the only one."""
+        if scenario is not None:
+            (found,) = self.scenario(scenario).tables.values()
+        elif len(self.tables) == 1:
+            (found,) = self.tables.values()
+        else:
+            problem = f"has several scenarios: {', '.join(self.tables)}"
+            remedy = f"choose one, such as solution.scenario({next(iter(self.tables))!r})"
+            raise InputError(problem, remedy, file=self.folder)
+        return found
+
+    @property
+    def trajectory(self) -> dict[str, np.ndarray]:
+        """The optimized trajectory at the collocation nodes, of the only scenario."""
+        return self._only().trajectory
+
+    @property
+    def simulation(self) -> dict[str, np.ndarray]:
+        """The independent integration of the same design, of the only scenario."""
+        return self._only().simulation
+
+    @property
+    def loads(self) -> dict[str, np.ndarray]:
+        """Loads along the blade at the times of the largest ones, of the only scenario."""
+        return self._only().loads
+
+    def design(self) -> Design:
+        """Return blade, polars, outlines, law and turbine of the result, as objects.
+
+        Returns
+        -------
+        hkt_mdo.results.design.Design
+
+        Raises
+        ------
+        InputError
+            If the run did not come to its end, or a file that the case names is gone or broken.
+        """
+        if self.summary.chord_m is None or not all(x.trajectory for x in self.tables.values()):
+            remedy = "run the case again, or resume it"
+            raise InputError("holds no finished design", remedy, file=self.folder)
+        from hkt_mdo.results.design import Design
+
+        return Design.of(self.case, self.summary)
 
     @property
     def name(self) -> str:
@@ -214,43 +357,76 @@ class Solution:
         columns = {name: self.summary.get(name) for name in BLADE}
         return {name: np.array(values) for name, values in columns.items() if values is not None}
 
-    def table(self, name: str) -> dict[str, np.ndarray]:
-        """Return a table by its name in `TABLES`; InputError if the run did not reach it."""
+    def table(self, name: str, scenario: str | None = None) -> dict[str, np.ndarray]:
+        """Return a table.
+
+        Parameters
+        ----------
+        name : str
+            A key of `TABLES`.
+        scenario : str, optional
+            One of `scenarios`; by default, the only one.
+
+        Returns
+        -------
+        dict of ndarray
+            column[n_rows] by name.
+
+        Raises
+        ------
+        InputError
+            If there is no such table or scenario, if the run did not reach it, or if several
+            scenarios have one and none is chosen.
+        """
         if name not in TABLES:
             raise InputError("unknown table", f"known: {', '.join(TABLES)}", value=name)
-        if not (table := getattr(self, name)):
+        of = self._only(scenario) if name in _OF_SCENARIOS else self
+        if not (table := getattr(of, name)):
             raise InputError(f"has no {name}", "let the run come to its end", file=self.folder)
         return table
 
-    def to_pandas(self, name: str = "trajectory") -> Any:
-        """Return a table (or raise InputError) as a pandas DataFrame; its attrs hold the units."""
-        frame = _package("pandas").DataFrame(self.table(name))
+    def to_pandas(self, name: str = "trajectory", scenario: str | None = None) -> Any:
+        """Return a table as a pandas DataFrame, whose attrs hold the units.
+
+        Parameters, errors and the choice of a scenario are those of `table`.
+        """
+        frame = _package("pandas").DataFrame(self.table(name, scenario))
         frame.attrs["units"] = {column: TABLES[name][column][0] or "1" for column in frame}
         return frame
 
-    def to_xarray(self, name: str = "simulation") -> Any:
-        """Return a table (or raise InputError) as an xarray Dataset over its first column.
+    def to_xarray(self, name: str = "simulation", scenario: str | None = None) -> Any:
+        """Return a table as an xarray Dataset over its first column.
 
-        Every variable has the attributes ``units`` and ``long_name``.
+        Every variable has the attributes ``units`` and ``long_name``. Parameters, errors and the
+        choice of a scenario are those of `table`: every scenario has times of its own.
         """
-        xarray, table = _package("xarray"), self.table(name)
+        xarray, table = _package("xarray"), self.table(name, scenario)
         dimension, variables = next(iter(table)), {}
         for column, values in table.items():
             unit, about = TABLES[name][column]
             variables[column] = dimension, values, {"units": unit or "1", "long_name": about}
-        return xarray.Dataset(variables, attrs={"case": self.name, "table": name})
+        attrs = {"case": self.name, "table": name} | ({"scenario": scenario} if scenario else {})
+        return xarray.Dataset(variables, attrs=attrs)
 
     def __repr__(self) -> str:
         outcome = "success" if self.success else "no success"
         energy = self.summary.energy_J
-        known = "" if energy is None else f", {words.energy(energy)}"
+        known = "" if energy is None else f", {measured(energy, 'J')}"
         return f"<Solution {self.name}: {outcome}{known}, {str(self.folder)!r}>"
 
     def _repr_html_(self) -> str:
         """Return the summary as a table for notebooks."""
-        cells = [map(html.escape, row) for row in self.summary.rows(self.case)]
-        rows = "".join(f"<tr><th>{label}</th><td>{text}</td></tr>" for label, text in cells)
+        rows = "".join(
+            f"<tr><th>{html.escape(row.label)}</th><td>{html.escape(row.text)}</td></tr>"
+            for row in self.summary.rows(self.case)
+        )
         return f"<table>{rows}</table>"
+
+
+def _case_of(case: Case, name: str) -> Case:
+    """Return the case of one scenario alone, with its own flow and limits."""
+    own: Any = getattr(case, "of_scenario", None)
+    return own(name) if own else case
 
 
 def _package(name: str) -> Any:

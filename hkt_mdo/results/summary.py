@@ -1,54 +1,42 @@
 """The summary of a run: the keys of `summary.json`, what is accepted there, and how it is printed.
 
-A run writes a `Summary`, `Solution` reads it, and `hkt show` prints its fields one after the other:
-the label, the format and the unit of a printed field stand beside the field.
+A run writes a `Summary`, `Solution` reads it, and `hkt show` prints its rows one after the other.
 """
 
 from __future__ import annotations
 
-import string
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    StringConstraints,
+    ValidationError,
+    field_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.limits import BETWEEN
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import dotted
-from hkt_mdo.results.words import amounts, bent, energy, measured
+from hkt_mdo.results.words import Row, amounts, joined, measured, printable, tip_deflection
+
+VERSION = 1
+"""Version of `summary.json`; a summary without one is older, and is read too."""
+
+SCENARIO = "^[A-Za-z0-9_]{1,100}$"
+"""What a scenario's name looks like: it stands in names of files."""
 
 BLADE = (
     *("r_m", "chord_m", "twist_deg", "thickness_over_chord"),
     *("start_chord_m", "start_twist_deg"),
 )
 """Fields that hold one value for each blade station; thickness where it is designed."""
-
-
-def printable(text: str) -> str:
-    """Return untrusted text as one line without control characters, which a terminal would obey."""
-    return "".join(c if c.isprintable() else " " for c in " ".join(text.split()))
-
-
-def _shown(
-    label: str, text: str, when: Callable[[Case], bool] = lambda case: True, default: Any = None
-) -> Any:
-    """Return a field with its row of the table; in braces, fields and `Summary._computed`."""
-    row: Any = {"label": label, "text": text, "when": when}
-    return Field(default=default, json_schema_extra=row)
-
-
-class _Formatter(string.Formatter):
-    """Formats as `str.format` does, with a dash for a value that is not known."""
-
-    def format_field(self, value: Any, format_spec: str) -> str:
-        return "-" if value is None else super().format_field(value, format_spec)
-
-
-_format = _Formatter().vformat
-
 
 _Number = float | None
 _Column = list[float] | None
@@ -59,11 +47,6 @@ class _Entry(BaseModel):
 
     model_config = ConfigDict(strict=True, allow_inf_nan=False, extra="allow", frozen=True)
 
-    _text: ClassVar[str] = ""
-
-    def __str__(self) -> str:
-        return printable(_format(self._text, (), vars(self)))
-
 
 class Span(_Entry):
     """The range of a quantity over time."""
@@ -71,6 +54,11 @@ class Span(_Entry):
     min: _Number = None
     max: _Number = None
     mean: _Number = None
+
+    @property
+    def ends(self) -> tuple[float, float] | None:
+        """Smallest and largest value; None if one of them is not known."""
+        return None if self.min is None or self.max is None else (self.min, self.max)
 
 
 class CheckEntry(_Entry):
@@ -82,27 +70,51 @@ class CheckEntry(_Entry):
     passed: bool
     detail: str | None = ""
 
-    _text = "{name}: {value:.4g}, limit {limit:.4g}. {detail}"
+    def __str__(self) -> str:
+        value, limit = measured(self.value, digits=4), measured(self.limit, digits=4)
+        return printable(f"{self.name}: {value}, limit {limit}. {self.detail}")
 
 
-class LimitEntry(_Entry):
+class LoadEntry(_Entry):
+    """The largest value of a load, a speed or a power along the integration, when and where."""
+
+    value: _Number = None
+    unit: str = ""
+    time_s: _Number = None
+    r_m: _Number = None
+    """Where along the blade, if it has a place there."""
+    scenario: str | None = None
+    """In which scenario, where the case has several."""
+
+    @property
+    def place(self) -> str:
+        """When and where the largest value occurs, as text; empty if it is not known."""
+        return joined(
+            "" if self.time_s is None else f"at t = {self.time_s:.2f} s",
+            "" if self.r_m is None else f"r = {self.r_m:.3f} m",
+            "" if self.scenario is None else f"in {self.scenario}",
+        )
+
+    def row(self, name: str) -> Row:
+        """Return the entry as a row; `name` is that of the load."""
+        return Row(_largest(name), self.value, self.unit, self.place)
+
+
+class LimitEntry(LoadEntry):
     """A limit: the largest value that occurs, the limit, and whether it is reached.
 
     Of a limit over time: when the value is largest, in which share of the time the limit binds, and
     its worth, by how much the objective (J) would grow with a limit one per cent larger.
     """
 
-    value: _Number = None
     limit: _Number = None
-    unit: str = ""
     binding: bool | None = None
-    time_s: _Number = None
     share_of_time: _Number = None
     worth: _Number = None
 
     def __str__(self) -> str:
-        told = [measured(self.value, self.unit), f"limit {measured(self.limit, self.unit)}"]
-        return printable(", ".join(told))
+        value, limit = measured(self.value, self.unit), measured(self.limit, self.unit)
+        return printable(f"{value}, limit {limit}")
 
     @property
     def margin(self) -> str:
@@ -114,31 +126,18 @@ class LimitEntry(_Entry):
         word = f"margin {max(left, 0.0):.2f} %" if kept else f"exceeded by {-left:.2f} %"
         if not self.binding:
             return word
-        told = [word, "binding"]
-        if self.share_of_time is not None:
-            told[-1] += f" {100.0 * self.share_of_time:.3g} % of the time"
-        if self.worth is not None:
-            told.append(f"1 % more would give {measured(self.worth, 'J', 3)}")
-        return ", ".join(told)
+        share, worth = self.share_of_time, self.worth
+        return joined(
+            word,
+            "binding" + ("" if share is None else f" {100.0 * share:.3g} % of the time"),
+            "" if worth is None else f"1 % more would give {measured(worth, 'J', 3)}",
+        )
 
-
-class LoadEntry(_Entry):
-    """The largest value of a load, a speed or a power along the integration, when and where."""
-
-    value: _Number = None
-    unit: str = ""
-    time_s: _Number = None
-    r_m: _Number = None
-    """Where along the blade, if it has a place there."""
-
-    @property
-    def place(self) -> str:
-        """When and where the largest value occurs, as text; empty if it is not known."""
-        when = "" if self.time_s is None else f"at t = {self.time_s:.2f} s"
-        return when if self.r_m is None else f"{when}, r = {self.r_m:.3f} m"
-
-    def __str__(self) -> str:
-        return f"{measured(self.value, self.unit)} {self.place}".rstrip()
+    def row(self, name: str, load: LoadEntry | None = None) -> Row:
+        """Return the entry as a row; the load of that name, if there is one, knows the place."""
+        limit = f"limit {measured(self.limit, self.unit)}"
+        place = (load or self).place
+        return Row(_largest(name), self.value, self.unit, joined(limit, self.margin, place))
 
 
 class BranchEntry(_Entry):
@@ -150,10 +149,11 @@ class BranchEntry(_Entry):
     kept: bool = False
     """Whether it keeps all limits."""
 
-    def __str__(self) -> str:
-        told = f"{energy(self.objective_J or 0.0)} in quasi-steady operation"
-        told += "" if self.kept else ", given up before it kept the limits"
-        return f"{told}, taken" if self.taken else told
+    def row(self) -> Row:
+        """Return the entry as a row."""
+        given_up = "" if self.kept else "given up before it kept the limits"
+        note = joined("in quasi-steady operation", given_up, "taken" if self.taken else "")
+        return Row(f"branch {self.name}", self.objective_J, "J", note)
 
 
 class StartEntry(_Entry):
@@ -194,9 +194,6 @@ class ObjectiveEntry(_Entry):
     simulated_J: _Number = None
     bound_J: _Number = None
 
-    def __str__(self) -> str:
-        return "-" if self.simulated_J is None else energy(self.simulated_J)
-
 
 class OperationEntry(_Entry):
     """When a machine with a cut-out speed operates: [begin, end] of each interval.
@@ -211,17 +208,55 @@ class OperationEntry(_Entry):
     mean_power_W: _Number = None
     run_up_J: _Number = None
 
-    def told(self, duration: float | None) -> str:
-        """Return the entry as text; the duration is that of the case, s."""
+    def row(self, duration: float | None) -> Row:
+        """Return the entry as a row; the duration is that of the flow, s."""
         count = len(self.intervals_s)
         share = "" if not duration else f" ({100.0 * self.standstill_s / duration:.3g} %)"
-        text = f"in {count} interval{'s' * (count != 1)}, standstill for "
-        text += measured(self.standstill_s, "s") + share
-        if self.mean_power_W is not None:
-            text += f"; on average over all of it {measured(self.mean_power_W, 'W')}"
-        if self.run_up_J:
-            text += f"; not counted: {measured(self.run_up_J, 'J', 3)} for running up again"
-        return text
+        power, run_up = self.mean_power_W, self.run_up_J
+        return Row(
+            "operation",
+            f"in {count} interval{'s' * (count != 1)}",
+            note=joined(
+                f"standstill for {measured(self.standstill_s, 's')}{share}",
+                "" if power is None else f"on average over all of it {measured(power, 'W')}",
+                f"not counted: {measured(run_up, 'J', 3)} for running up again" if run_up else "",
+            ),
+        )
+
+
+class ScenarioEntry(_Entry):
+    """What one scenario gives by itself: energies, flow, limits and loads.
+
+    `weight` is the scenario's share of the energies of the whole result; `mean_power_W` that of
+    the objective over `duration_s`. A flow with a cut-out speed is one scenario, its energies those
+    of all its intervals of operation.
+    """
+
+    weight: _Number = None
+    duration_s: _Number = None
+    energy_J: _Number = None
+    simulated_energy_J: _Number = None
+    generator_energy_J: _Number = None
+    electrical_energy_J: _Number = None
+    mean_power_W: _Number = None
+    inflow_speed: Span | None = None
+    tip_speed_ratio: Span | None = None
+    operation: OperationEntry | None = None
+    limits: dict[str, LimitEntry] | None = None
+    loads: dict[str, LoadEntry] | None = None
+
+    def rows(self) -> Iterator[Row]:
+        """Yield the entry as rows."""
+        flow, ratio = self.inflow_speed or Span(), self.tip_speed_ratio or Span()
+        lasts = f"mean of {measured(self.duration_s, 's')}, weight {measured(self.weight)}"
+        yield Row("flow", flow.mean, "m/s", f"{lasts}, at most {measured(flow.max, 'm/s')}")
+        yield Row("energy", self.energy_J, "J")
+        power = f"on average {measured(self.mean_power_W, 'W')}"
+        yield Row("energy, simulated", self.simulated_energy_J, "J", power)
+        yield Row("tip speed ratio", ratio.ends, note=f"mean {measured(ratio.mean)}")
+        if self.operation is not None:
+            yield self.operation.row(self.duration_s)
+        yield from _largest_rows(self.limits, self.loads)
 
 
 class Summary(_Entry, Mapping[str, Any]):
@@ -231,31 +266,27 @@ class Summary(_Entry, Mapping[str, Any]):
     dictionaries as JSON has them.
     """
 
-    case: str | None = _shown("case", "{case}")
-    success: bool = _shown("success", "{success}", default=...)
+    version: int | None = None
+    case: str | None = None
+    success: bool
     """Whether the optimizer converged and every check passed."""
-    message: str | None = _shown("message", "{message}")
+    message: str | None = None
 
-    energy_J: _Number = _shown("energy", "{energy}")
+    energy_J: _Number = None
     """Captured energy as the optimizer has it, by collocation."""
-    simulated_energy_J: _Number = _shown(
-        "energy, simulated",
-        "{simulated_energy} ({difference:+.2g} %)",
-    )
+    simulated_energy_J: _Number = None
     """Captured energy of the independent integration."""
-    generator_energy_J: _Number = _shown("energy of the generator", "{generator_energy}")
+    generator_energy_J: _Number = None
     """What the generator takes from the shaft in the integration; the rest is stored."""
-    electrical_energy_J: _Number = _shown(
-        "energy, electrical", "{electrical_energy}, losses {losses}"
-    )
+    electrical_energy_J: _Number = None
     """What the generator delivers of that, less its losses."""
     starting_energy_J: _Number = None
     start_breaks: list[str] | None = None
     """Limits that the start does not keep, the distance of its sections from stall among them: its
     energy is then no measure of the result."""
-    energy_bound_J: _Number = _shown("share of quasi-steady bound", "{share:.3f} %")
+    energy_bound_J: _Number = None
     """Energy of a rotor that works at the steady optimum at every instant."""
-    certified_gap: _Number = _shown("certificate", "within {gap:.2g} % of the best possible")
+    certified_gap: _Number = None
     """What the simulated energy lacks of an upper bound that knows the torque limit and the control
     law, over that bound (docs/theory.md)."""
     bound_power_coefficient: _Number = None
@@ -263,23 +294,12 @@ class Summary(_Entry, Mapping[str, Any]):
     energy_balance_error: _Number = None
     objective: ObjectiveEntry | None = None
 
-    gain: float | list[float] | None = _shown(
-        "gain, {law} feedback", "{gains}", lambda case: case.control.law != "open_loop"
-    )
+    gain: float | list[float] | None = None
     gain_units: list[str | None] | None = None
-    tip_speed_ratio: Span | None = _shown(
-        "tip speed ratio",
-        "{tip_speed_ratio.min:.3f} to {tip_speed_ratio.max:.3f}, mean {tip_speed_ratio.mean:.3f}",
-    )
-    power_coefficient_max: _Number = _shown(
-        "largest power coefficient",
-        "{power_coefficient_max:.4f} at tip speed ratio "
-        "{tip_speed_ratio_at_power_coefficient_max:.3f}",
-    )
+    tip_speed_ratio: Span | None = None
+    power_coefficient_max: _Number = None
     tip_speed_ratio_at_power_coefficient_max: _Number = None
-    control_torque_max_Nm: _Number = _shown(
-        "largest control torque", "{control_torque_max} ({torque_limit})"
-    )
+    control_torque_max_Nm: _Number = None
     operation: OperationEntry | None = None
     """Intervals of operation; None where the machine never stands still."""
     limits: dict[str, LimitEntry] | None = None
@@ -289,6 +309,10 @@ class Summary(_Entry, Mapping[str, Any]):
     rotor speed and tip speed."""
     tip_deflection_m: _Number = None
     """Largest deflection of a tip out of the rotor plane, of a linear beam."""
+    scenarios: dict[Annotated[str, StringConstraints(pattern=SCENARIO)], ScenarioEntry] | None = (
+        None
+    )
+    """What each scenario of the case gives by itself."""
     branches: list[BranchEntry] | None = None
     """Overspeed and underspeed, where limits can be kept by both, the one that was taken first."""
     starts: list[StartEntry] | None = None
@@ -296,15 +320,11 @@ class Summary(_Entry, Mapping[str, Any]):
 
     rotor_radius_m: _Number = None
     """Radius of the swept disc."""
-    tip_radius_m: _Number = _shown(
-        "tip radius", "{tip_radius_m:.4g} m", lambda case: case.design.radius_bounds is not None
-    )
+    tip_radius_m: _Number = None
     """Distance of the blade's tip from the axis, along the blade."""
-    set_angle_deg: _Number = _shown(
-        "set angle", "{set_angle_deg:.4g} deg", lambda case: bool(case.design.set_angle_bounds)
-    )
-    inertia_kg_m2: _Number = _shown("inertia", "{inertia_kg_m2:.4g} kg m^2")
-    mass_kg: _Number = _shown("mass", "{mass_kg:.4g} kg")
+    set_angle_deg: _Number = None
+    inertia_kg_m2: _Number = None
+    mass_kg: _Number = None
     r_m: _Column = None
     chord_m: _Column = None
     twist_deg: _Column = None
@@ -312,18 +332,16 @@ class Summary(_Entry, Mapping[str, Any]):
     start_chord_m: _Column = None
     start_twist_deg: _Column = None
 
-    surrogate_error: _Number = _shown("torque curve, relative error", "{surrogate_error:.2g}")
+    surrogate_error: _Number = None
     surrogate_nodes: int | None = None
-    max_speed_error: _Number = _shown("rotor speed, relative error", "{max_speed_error:.2g}")
+    max_speed_error: _Number = None
     """Largest relative difference of rotor speed between collocation and integration."""
     checks: list[CheckEntry] | None = None
     notes: list[str] | None = None
     """What was converted, repaired or left out of the case's files."""
 
     package: str | None = None
-    optimizer: str | None = _shown(
-        "optimizer", "{optimizer} ({package}), {iterations} iterations, {wall_seconds:.1f} s"
-    )
+    optimizer: str | None = None
     iterations: int | None = None
     passes: list[PassEntry] | None = None
     """The optimizations, and which remedy followed each one and why."""
@@ -331,6 +349,13 @@ class Summary(_Entry, Mapping[str, Any]):
     versions: dict[str, Any] | None = None
     digest: str | None = None
     """Of the files and the source code that the result is made of."""
+
+    @field_validator("version")
+    @classmethod
+    def _known_version(cls, version: int | None) -> int | None:
+        if version is not None and version > VERSION:
+            raise PydanticCustomError("version", "was written by a newer hkt_mdo")
+        return version
 
     @field_validator(*BLADE[1:])
     @classmethod
@@ -357,71 +382,104 @@ class Summary(_Entry, Mapping[str, Any]):
             error = failure.errors()[0]
         key = dotted(f"[{i}]" if isinstance(i, int) else i for i in error["loc"])
         problem = error["msg"].replace("Input should be", "must be")
-        place = {"key": key, "value": error["input"]}
+        place, remedy = {"key": key, "value": error["input"]}, "run the case again"
         if error["type"] == "missing":
             problem, place = "is missing", {"key": key}
         elif error["type"] == "json_invalid":
             problem, place = f"cannot be read as JSON ({error['ctx']['error']})", {}
+        elif error["type"] == "version":
+            remedy = f"update hkt_mdo, which reads version {VERSION}, or run the case again"
         elif key.startswith("gain."):  # pydantic reports each type of the union
             problem, place["key"] = "must be a number or a list of numbers", "gain"
-        raise InputError(problem, "run the case again", file=file, **place)
+        raise InputError(problem, remedy, file=file, **place)
 
-    def rows(self, case: Case) -> list[tuple[str, str]]:
-        """Return label and text of each row of the printed table; ``-`` for what is not known."""
-        values = {name: getattr(self, name) for name in type(self).model_fields}
-        values |= self._computed(case)
-        rows = []
-        for name, field in type(self).model_fields.items():
-            row: Any = field.json_schema_extra
-            if row and row["when"](case):
-                known = values[name] not in (None, "")
-                text = _format(row["text"], (), values) if known else "-"
-                rows.append((_format(row["label"], (), values), text))
-        if self.objective is not None and self.objective.kind != "captured":
-            rows.append((f"objective, {self.objective.kind}", str(self.objective)))
-        if self.operation is not None:
-            rows.append(("operation", self.operation.told(case.phase.duration)))
-        limits, loads = self.limits or {}, self.loads or {}
-        for name, entry in limits.items():
-            if name != "control_torque":  # has a row of its own
-                load = loads.get(name) or LoadEntry()
-                told = ", ".join(text for text in (str(entry), entry.margin, load.place) if text)
-                rows.append((_largest(name), told))
-        rows += [(_largest(name), str(each)) for name, each in loads.items() if name not in limits]
-        if self.tip_deflection_m is not None:
-            told = bent(self.tip_deflection_m, self.tip_radius_m)
-            rows.append(("largest tip deflection", told))
-        rows += [(f"branch {each.name}", str(each)) for each in self.branches or ()]
-        return [(printable(label), printable(text)) for label, text in rows]
+    def rows(self, case: Case) -> list[Row]:
+        """Return the rows of the printed table, those of each of several scenarios at the end.
 
-    def _computed(self, case: Case) -> dict[str, Any]:
-        """Return what rows show besides the fields."""
+        Parameters
+        ----------
+        case : Case
+            The case that was run.
+
+        Returns
+        -------
+        list of Row
+        """
+        scenarios = self.scenarios or {}
+        return [
+            *self._outcome(case),
+            *self._design(case),
+            *self._operation(case),
+            *(
+                replace(row, label=f"{name}: {row.label}")
+                for name, entry in scenarios.items()
+                for row in entry.rows()
+                if len(scenarios) > 1
+            ),
+        ]
+
+    def _outcome(self, case: Case) -> Iterator[Row]:
+        """Yield the rows of success and energy."""
         found, simulated, bound = self.energy_J, self.simulated_energy_J, self.energy_bound_J
         best = found if simulated is None else simulated
-        generated, electrical = self.generator_energy_J, self.electrical_energy_J
-        gains = self.gain if isinstance(self.gain, list) else [self.gain]
-        limit = case.control.torque_limit
-        return {
-            "case": case.name,
-            "law": case.control.law,
-            "gains": "-" if self.gain is None else amounts(gains, self.gain_units or ()),
-            "control_torque_max": measured(self.control_torque_max_Nm, "N*m"),
-            "torque_limit": "no limit" if limit is None else self._torque_limit(limit),
-            "success": "yes" if self.success else "no",
-            "energy": energy(found),
-            "simulated_energy": energy(simulated),
-            "generator_energy": energy(generated),
-            "electrical_energy": energy(electrical),
-            "losses": _losses(generated, electrical),
-            "gap": None if self.certified_gap is None else max(100.0 * self.certified_gap, 0.0),
-            "difference": 100.0 * (simulated / found - 1.0) if simulated and found else None,
-            "share": 100.0 * best / bound if best is not None and bound else None,
-        }
+        share = 100.0 * best / bound if best is not None and bound else None
+        off = f"{100.0 * (simulated / found - 1.0):+.2g} %" if simulated and found else ""
+        yield Row("case", case.name)
+        yield Row("success", "yes" if self.success else "no")
+        yield Row("message", self.message)
+        yield Row("energy", found, "J")
+        yield Row("energy, simulated", simulated, "J", off)
+        yield Row("energy of the generator", self.generator_energy_J, "J")
+        losses = _losses(self.generator_energy_J, self.electrical_energy_J)
+        yield Row("energy, electrical", self.electrical_energy_J, "J", losses)
+        yield Row("share of quasi-steady bound", share, "%")
+        if self.objective is not None and self.objective.kind != "captured":
+            yield Row(f"objective, {self.objective.kind}", self.objective.simulated_J, "J")
+        gap = "-" if self.certified_gap is None else f"{max(100.0 * self.certified_gap, 0.0):.2g}"
+        yield Row("certificate", f"within {gap} % of the best possible")
 
-    def _torque_limit(self, limit: float) -> str:
-        """Return the limit of the control torque (N*m), and what is left up to it."""
-        entry = LimitEntry(value=self.control_torque_max_Nm, limit=limit)
-        return ", ".join(text for text in (f"limit {measured(limit, 'N*m')}", entry.margin) if text)
+    def _design(self, case: Case) -> Iterator[Row]:
+        """Yield the rows of controller, blade and computation."""
+        if case.control.law != "open_loop":
+            gains = self.gain if isinstance(self.gain, list) else [self.gain]
+            known = None if self.gain is None else amounts(gains, self.gain_units or ())
+            yield Row(f"gain, {case.control.law} feedback", known)
+        ratio, torque = self.tip_speed_ratio or Span(), self.control_torque_max_Nm
+        yield Row("tip speed ratio", ratio.ends, "", f"mean {measured(ratio.mean, digits=4)}", 4)
+        peak = measured(self.tip_speed_ratio_at_power_coefficient_max, digits=4)
+        at_peak = f"at tip speed ratio {peak}"
+        yield Row("largest power coefficient", self.power_coefficient_max, "", at_peak, 4)
+        limit, margin = case.control.torque_limit, "no limit"
+        if limit is not None:
+            entry = LimitEntry(value=torque, limit=limit)
+            margin = joined(f"limit {measured(limit, 'N*m')}", entry.margin)
+        yield Row("largest control torque", torque, "N*m", margin)
+        if case.design.radius_bounds is not None:
+            yield Row("tip radius", self.tip_radius_m, "m", digits=4)
+        if case.design.set_angle_bounds:
+            yield Row("set angle", self.set_angle_deg, "deg", digits=4)
+        yield Row("inertia", self.inertia_kg_m2, "kg*m**2", digits=4)
+        yield Row("mass", self.mass_kg, "kg", digits=4)
+        for label, error in (
+            ("torque curve, relative error", self.surrogate_error),
+            ("rotor speed, relative error", self.max_speed_error),
+        ):
+            yield Row(label, None if error is None else f"{error:.2g}")
+        seconds = "-" if self.wall_seconds is None else f"{self.wall_seconds:.1f}"
+        iterations = f"{measured(self.iterations)} iterations"
+        work = joined(f"{self.optimizer} ({self.package})", iterations, f"{seconds} s")
+        yield Row("optimizer", work if self.optimizer else None)
+
+    def _operation(self, case: Case) -> Iterator[Row]:
+        """Yield the rows of standstill, limits, loads and branches."""
+        if self.operation is not None:
+            yield self.operation.row(case.phase.duration)
+        limits = self.limits or {}
+        rest = {name: entry for name, entry in limits.items() if name != "control_torque"}
+        yield from _largest_rows(rest, self.loads)  # the torque has a row of its own
+        if self.tip_deflection_m is not None:
+            yield tip_deflection(self.tip_deflection_m, self.tip_radius_m)
+        yield from (branch.row() for branch in self.branches or ())
 
 
 def _largest(name: str) -> str:
@@ -429,11 +487,20 @@ def _largest(name: str) -> str:
     return f"largest {name.replace('_', ' ')}"
 
 
+def _largest_rows(
+    limits: dict[str, LimitEntry] | None, loads: dict[str, LoadEntry] | None
+) -> Iterator[Row]:
+    """Yield the rows of limits and of the loads that are not limited."""
+    limits, loads = limits or {}, loads or {}
+    yield from (entry.row(name, loads.get(name)) for name, entry in limits.items())
+    yield from (entry.row(name) for name, entry in loads.items() if name not in limits)
+
+
 def _losses(generated: float | None, electrical: float | None) -> str:
     """Return the energy that the generator loses, and its share, as text."""
     if generated is None or electrical is None:
-        return "-"
+        return ""
     lost = generated - electrical
     if abs(lost) <= 1e-9 * abs(generated):
-        return "none"
-    return f"{energy(lost)} ({100.0 * lost / generated:.3g} %)"
+        return "losses none"
+    return f"losses {measured(lost, 'J')} ({100.0 * lost / generated:.3g} %)"

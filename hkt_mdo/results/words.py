@@ -1,49 +1,115 @@
-"""Quantities as people read them: kilojoules, kilowatts, rpm beside rad/s."""
+"""Rows of a report, and quantities as people read them: kilojoules, kilowatts, rpm beside rad/s."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import timedelta
 from itertools import groupby, zip_longest
-from math import pi
 from operator import itemgetter
+from pathlib import Path
+from typing import Any
 
-_PREFIXED = "W", "J", "N", "Pa", "N m"  # units that take k, M and G
+import numpy as np
+
+from hkt_mdo.case.document import unit_of
+
+_LARGE = ("G", 1e9), ("M", 1e6), ("k", 1e3)
+_PREFIXED = "W", "J", "N", "Pa", "N m"
+"""Units that take a prefix for thousands; `_SMALL` take one for thousandths."""
+_SMALL = "m", "s"
+_IDLE = "start", "phase", "scale", "gaps", "spikes", "uneven"
+"""Keys of a flow that change nothing where they have their defaults."""
 
 
-def number(value: float, digits: int = 4) -> str:
+@dataclass(frozen=True)
+class Row:
+    """A quantity of a report: `label` and, as text, its value in people's units and a note.
+
+    Attributes
+    ----------
+    label : str
+        Name of the quantity, or the key of the case that it is about.
+    value : float, array_like, str or None
+        The quantity in `unit`; of several values, the range is shown; None: it is not known.
+    unit : str
+        Unit as OpenMDAO writes it, such as ``N*m``; empty for a plain number or a text.
+    note : str
+        What else is to be said, such as when and where the value occurs.
+    digits : int
+        Significant digits of the value.
+    severity : str
+        ``"note"`` or ``"warning"`` for a finding, which is shown apart from the quantities.
+    """
+
+    label: str
+    value: Any = None
+    unit: str = ""
+    note: str = ""
+    digits: int = 5
+    severity: str = ""
+
+    @property
+    def text(self) -> str:
+        """Value, unit and note, one printable line."""
+        return printable(joined(measured(self.value, self.unit, self.digits), self.note))
+
+    def __str__(self) -> str:
+        return f"{self.label}: {self.text}" if self.label else self.text
+
+
+def texts(rows: Iterable[Row]) -> dict[str, str]:
+    """Return the texts of rows by their labels."""
+    return {row.label: row.text for row in rows}
+
+
+def joined(*texts: str) -> str:
+    """Return the texts that are not empty, with commas between them."""
+    return ", ".join(text for text in texts if text)
+
+
+def printable(text: str) -> str:
+    """Return untrusted text as one line without control characters, which a terminal would obey."""
+    return "".join(c if c.isprintable() else " " for c in " ".join(text.split()))
+
+
+def measured(value: Any, unit: str = "", digits: int = 5) -> str:
+    """Return a quantity, or the range of several, in the unit that people read.
+
+    Parameters
+    ----------
+    value : float, array_like, str or None
+        In `unit`; a text is returned as it is, and a dash for None and for an empty text.
+    unit : str
+        Unit as OpenMDAO writes it. W, J, N, Pa and N*m take prefixes, rad/s stands with rpm.
+    digits : int
+        Significant digits; only those of an energy include zeros at the end.
+
+    Returns
+    -------
+    str
+        Such as ``1.2 kN m``, ``7 to 9 rad/s (66.845 to 85.944 rpm)`` or ``12.300 kJ``.
+    """
+    if value is None or isinstance(value, str):
+        return value or "-"
+    ends, plain = [float(np.min(value)), float(np.max(value))], plain_unit(unit)
+    size, prefix, scale = max(map(abs, ends)), "", 1.0
+    if plain in _PREFIXED:
+        prefix, scale = next((each for each in _LARGE if size >= each[1]), ("", 1.0))
+    elif plain in _SMALL and 0.0 < size < 0.1:
+        prefix, scale = "m", 1e-3
+    texts = [number(end / scale, digits, zeros=plain == "J") for end in ends]
+    text = f"{' to '.join(dict.fromkeys(texts))} {prefix}{plain}".rstrip()
+    if plain != "rad/s":
+        return text
+    return f"{text} ({measured(np.array(ends) * 30.0 / np.pi, 'rpm', digits)})"
+
+
+def number(value: float, digits: int = 4, zeros: bool = False) -> str:
     """Return a number with so many digits, without a power of ten where it can be avoided."""
+    if zeros:
+        return f"{value:#.{digits}g}".rstrip(".")
     return f"{float(f'{value:.{digits}g}'):.10g}"
-
-
-def quantity(value: float, unit: str, digits: int = 4) -> str:
-    """Return a quantity in its unit, or in thousandths, thousands, millions or billions of it."""
-    scaled, prefix = _scaled(value)
-    return f"{scaled:.{digits}g} {prefix}{unit}"
-
-
-def energy(value: float | None, digits: int = 5) -> str:
-    """Return an energy (J) in J, kJ, MJ or GJ with all its digits, zeros too; a dash for None."""
-    if value is None:
-        return "- kJ"
-    scaled, prefix = _scaled(value)
-    return f"{scaled:#.{digits}g} {prefix}J"
-
-
-def _scaled(value: float) -> tuple[float, str]:
-    """Return a value between 0.1 and 1000 as far as possible, and the prefix of its unit."""
-    size = abs(value)
-    for scale, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, "")):
-        if size >= (scale if prefix else 0.1):
-            return value / scale, prefix
-    return (value / 1e-3, "m") if size > 0.0 else (value, "")
-
-
-def bent(deflection: float, radius: float | None) -> str:
-    """Return the deflection of a tip (m), and its share of the radius (m) where that is known."""
-    share = f" ({100.0 * deflection / radius:.3g} % of the radius)" if radius else ""
-    return f"{quantity(deflection, 'm')}{share}, as a linear beam"
-
-
-def turning(speed: float, digits: int = 4) -> str:
-    """Return an angular speed (rad/s) in rad/s and rpm."""
-    return f"{speed:.{digits}g} rad/s ({speed * 30.0 / pi:.{digits}g} rpm)"
 
 
 def plain_unit(unit: str) -> str:
@@ -51,23 +117,47 @@ def plain_unit(unit: str) -> str:
     return unit.replace("**", "^").replace("*", " ")
 
 
-def amounts(values, units, digits: int = 5) -> str:
+def amounts(values: Any, units: Any, digits: int = 5) -> str:
     """Return numbers with their units, each unit once after the numbers that share it.
 
     A unit may be None or missing, for a plain number.
     """
     shared = groupby(zip_longest(values, units), key=itemgetter(1))
-    rows = ((", ".join(number(each, digits) for each, _ in row), unit) for unit, row in shared)
+    rows = ((", ".join(number(value, digits) for value, _ in row), unit) for unit, row in shared)
     return "; ".join(f"{row} {plain_unit(unit or '')}".rstrip() for row, unit in rows)
 
 
-def measured(value: float | None, unit: str, digits: int = 5) -> str:
-    """Return a quantity in a unit as OpenMDAO writes it; a dash for what is not known."""
-    plain = plain_unit(unit)
-    if value is None:
-        return f"- {plain}".rstrip()
-    if plain == "rad/s":
-        return turning(value, digits)
-    if plain in _PREFIXED and abs(value) >= 1e3:
-        return quantity(value, plain, digits)
-    return f"{number(value, digits)} {plain}".rstrip()
+def powers(values: Any) -> str:
+    """Return the range of large numbers, such as 2e5 to 1.2e6."""
+    ends = (f"{end:.1e}".split("e") for end in (np.min(values), np.max(values)))
+    texts = (f"{digits.removesuffix('.0')}e{int(power)}" for digits, power in ends)
+    return " to ".join(dict.fromkeys(texts))
+
+
+def duration(seconds: float) -> str:
+    """Return a time in s, and in hours, minutes and seconds where it is long."""
+    clock = f" ({timedelta(seconds=round(seconds))})" if seconds >= 120.0 else ""
+    return f"{seconds:g} s{clock}"
+
+
+def flow_words(section: Any) -> str:
+    """Return the kind of a flow and the values that make it, without those that change nothing."""
+    if section.profile == "sum":
+        return " + ".join(flow_words(part) for part in section.parts)
+    words, schema = [], type(section).model_json_schema()["properties"]
+    for name, field in type(section).model_fields.items():
+        value, usual = getattr(section, name), field.default
+        if name == "file":
+            words.insert(0, Path(value).name)
+        elif name == "constituents":
+            words += [part.name or duration(part.period) for part in value]
+        elif name != "profile" and value is not None and (name not in _IDLE or value != usual):
+            unit = plain_unit(unit_of(schema[name]))
+            words.append(f"{name.replace('_', ' ')} {measured(value, '', 4)} {unit}".rstrip())
+    return f"{section.profile}: {', '.join(words)}"
+
+
+def tip_deflection(deflection: float, radius: float | None) -> Row:
+    """Return the row of a tip's deflection (m), a share of the radius (m) where that is known."""
+    share = f"{100.0 * deflection / radius:.3g} % of the radius" if radius else ""
+    return Row("largest tip deflection", deflection, "m", joined(share, "as a linear beam"), 4)

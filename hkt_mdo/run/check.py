@@ -1,6 +1,7 @@
-"""What `hkt check` tells before a run: the figures of `hkt_mdo.run.findings`, put into words."""
+"""What `hkt check` tells before a run: `hkt_mdo.run.findings` as rows, with notes and warnings."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +13,21 @@ from hkt_mdo.files.polar import read_polars
 from hkt_mdo.problem.build import make_driver
 from hkt_mdo.problem.physics import START_EXCESS, physics
 from hkt_mdo.problem.turbine import POLAR
-from hkt_mdo.results.words import amounts, bent, measured, number, quantity, turning
+from hkt_mdo.results.words import (
+    Row,
+    amounts,
+    duration,
+    flow_words,
+    joined,
+    measured,
+    number,
+    powers,
+    tip_deflection,
+)
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.run import loads
-from hkt_mdo.run.findings import Findings, figure_data, problem_size
+from hkt_mdo.run.findings import Findings, Flow, figure_data, problem_size
 from hkt_mdo.run.judge import FLOW_ERROR, designed
-from hkt_mdo.run.words import duration, flow_words, powers, span
 
 FIT = {"chord": 2.0, "twist": 0.5}  # % of the largest, deg: splines may leave the file's blade
 POOR = 0.2  # largest power coefficient below which a blade was hardly meant as it stands
@@ -27,20 +37,33 @@ OUTERMOST = 0.9  # r/R of the last station below which a part of the blade is mi
 EDDY = 1.25  # cutoff times diameter over flow speed above which eddies are smaller than the rotor
 KEPT = 1e-6  # share of their size by which the bounds of the design may be left
 
+Rows = Iterator[Row]
+
 
 @dataclass(frozen=True, eq=False)
 class CheckReport:
     """What a case means.
 
-    `tables` has rows of a name and a text by the table's title; `notes` say what was converted,
-    repaired or left out of the files; `warnings` what the author may not have meant, though the
-    case runs; `figures` is what `hkt_mdo.results.check_plots.check_figures` draws.
+    Attributes
+    ----------
+    name : str
+        Name of the case.
+    tables : dict of list of Row
+        Quantities, by the title of their table.
+    notes : list of Row
+        What was converted, repaired or left out of the files.
+    warnings : list of Row
+        What the author may not have meant, though the case runs.
+    findings : Findings
+        What the rows tell of.
+    figures : dict of dict
+        What `hkt_mdo.results.check_plots.check_figures` draws.
     """
 
     name: str
-    tables: dict[str, dict[str, str]]
-    notes: list[str]
-    warnings: list[str]
+    tables: dict[str, list[Row]]
+    notes: list[Row]
+    warnings: list[Row]
     findings: Findings
     figures: dict[str, dict]
 
@@ -48,31 +71,59 @@ class CheckReport:
 def check_case(case: Case) -> CheckReport:
     """Read and build all that a run of a case needs, and tell what it means; nothing is optimized.
 
-    Raises InputError if a file of the case is broken, files do not fit each other, or the optimizer
-    that the case asks for is not installed.
+    Parameters
+    ----------
+    case : Case
+        The case.
+
+    Returns
+    -------
+    CheckReport
+
+    Raises
+    ------
+    InputError
+        If a file of the case is broken, files do not fit each other, or the optimizer that the case
+        asks for is not installed.
     """
     world = physics(case)
     package = make_driver(world).package
-    found, notes, warnings = Findings(world), list(world.messages), list(world.warnings)
-    warn = warnings.append
-    tables = {
-        "Turbine": _turbine(found, warn) | _stations(found, notes.append, warn),
-        "Flow": _flow(found, case.phase.duration is None, warn),
-        "Control": _control(found, warn),
-        "Starting blade": _start(found, warn),
-        "Limits, and what the starting blade does": _limits(found, warn),
-        "Optimization": _optimization(found, package, warn),
+    found = Findings(world)
+    rows = {"Turbine": [*_turbine(found), *_stations(found)]}
+    for flow in found.flows:
+        title = "Flow" if len(found.flows) == 1 else f"Flow of {flow.name}"
+        rows[title] = [*_flow(found, flow, case.phase.duration is None)]
+    rows |= {
+        "Control": [*_control(found)],
+        "Starting blade": [*_start(found)],
+        "Limits, and what the starting blade does": [*_limits(found)],
+        "Optimization": [*_optimization(found, package), *_bounds(found)],
     }
-    return CheckReport(case.name, tables, notes, warnings, found, figure_data(found))
+    told = [row for table in rows.values() for row in table]
+    notes = [Row("", text) for text in world.messages]
+    warnings = [Row("", text) for text in world.warnings]
+    return CheckReport(
+        case.name,
+        {title: [row for row in table if not row.severity] for title, table in rows.items()},
+        notes + [row for row in told if row.severity == "note"],
+        warnings + [row for row in told if row.severity == "warning"],
+        found,
+        figure_data(found),
+    )
 
 
-def _turbine(found: Findings, warn) -> dict[str, str]:
-    """Tell rotor and blade; warn of a blade that ends early or that splines leave."""
+def _warning(label: str, text: str, severity: str = "warning") -> Row:
+    return Row(label, text, severity=severity)
+
+
+def _turbine(found: Findings) -> Rows:
+    """Yield rotor and blade; warn of a blade that ends early or that splines leave."""
     rotor, blade, given = found.case.rotor, found.plant.blade, found.given
     if blade.r[-1] < OUTERMOST * blade.tip_radius:
-        warn(
+        yield _warning(
+            "rotor.stations",
             f"the outermost station is at {found.places([-1])}, and the load falls to zero "
-            "from there to the tip: give stations farther out, or look at rotor.radius"
+            "from there to the tip: give stations farther out, or look at rotor.radius",
         )
     for name, scale, unit in (
         ("chord", 100.0 / given.chord.max(), "% of the largest"),
@@ -81,38 +132,43 @@ def _turbine(found: Findings, warn) -> dict[str, str]:
         off = scale * np.abs(getattr(blade, name) - getattr(given, name))
         worst, points = int(np.argmax(off)), found.physics.shape.points[name]
         if off[worst] > FIT[name]:
-            warn(
-                f"the spline through design.{name}_points = {points} leaves the {name} of the "
+            yield _warning(
+                f"design.{name}_points",
+                f"a spline through {points} points leaves the {name} of the "
                 f"blade's file by {off[worst]:.2g} {unit} at {found.places([worst])}: the run "
-                "begins with the spline; more points follow the file closer"
+                "begins with the spline; more points follow the file closer",
             )
-    cone = f", coned by {np.rad2deg(blade.cone):.3g} deg" if blade.cone else ""
-    source = "given in the case" if rotor.chord is not None else Path(rotor.blade).name
     mass, inertia = found.physics.mass_and_inertia(blade)
-    besides = f", and {rotor.hub_inertia:g} kg m^2 besides" if rotor.hub_inertia else ""
-    return {
-        "rotor": f"{blade.blade_count}-bladed, tip radius {blade.tip_radius:.4g} m, hub "
-        f"{blade.hub_radius:.4g} m ({blade.hub_radius / blade.tip_radius:.3g} R){cone}; in water "
-        f"of {found.case.fluid.density:g} kg/m^3",
-        "blade at the start": f"{source}: {blade.r.size} stations at {found.places()}, chord "
-        f"{span(blade.chord, 'm')}, twist {span(np.rad2deg(blade.twist), 'deg', 3)}",
-        "mass, inertia": f"{number(mass)} kg and {number(inertia)} kg m^2: {_kind(rotor)}blades "
-        f"of {rotor.blade_material.density:g} kg/m^3{besides}",
-    }
+    source = "given in the case" if rotor.chord is not None else Path(rotor.blade).name
+    material = f"{_kind(rotor)}blades of {rotor.blade_material.density:g} kg/m^3"
+    besides = f"of which {rotor.hub_inertia:g} kg m^2 besides the blades"
+    yield Row("blades", blade.blade_count)
+    yield Row("tip radius", blade.tip_radius, "m", digits=4)
+    hub = f"{blade.hub_radius / blade.tip_radius:.3g} R"
+    yield Row("hub radius", blade.hub_radius, "m", hub, 4)
+    if blade.cone:
+        yield Row("cone", np.rad2deg(blade.cone), "deg", digits=3)
+    yield Row("density of the water", found.case.fluid.density, "kg/m**3")
+    yield Row("blade at the start", source, "", f"{blade.r.size} stations at {found.places()}")
+    yield Row("chord", blade.chord, "m", digits=4)
+    yield Row("twist", np.rad2deg(blade.twist), "deg", digits=3)
+    yield Row("mass", mass, "kg", material, 4)
+    yield Row("inertia", inertia, "kg*m**2", besides if rotor.hub_inertia else "", 4)
 
 
 def _kind(rotor) -> str:
     """Return whether blades are solid or hollow; neither where the area of a section is given."""
-    if any(each.area is not None for each in rotor.sections):
+    if any(section.area is not None for section in rotor.sections):
         return ""
-    return "hollow " if rotor.wall or any(each.wall for each in rotor.sections) else "solid "
+    hollow = rotor.wall or any(section.wall for section in rotor.sections)
+    return "hollow " if hollow else "solid "
 
 
-def _stations(found: Findings, note, warn) -> dict[str, str]:
-    """Tell what the stations meet; warn, or note where the load is light, of what no table has."""
+def _stations(found: Findings) -> Rows:
+    """Yield what the stations meet; warn, or note where the load is light, of what no table has."""
     rotor = found.case.rotor
     for share, message in found.stations.messages("starting blade"):
-        (warn if share > LIGHT else note)(message)
+        yield _warning("rotor.polar", message, "warning" if share > LIGHT else "note")
     polars = _polars(rotor)
     numbers = {table.reynolds for tables in polars.values() for table in tables} - {None}
     known = powers(list(numbers)) if numbers else "a number that the file does not say"
@@ -124,188 +180,205 @@ def _stations(found: Findings, note, warn) -> dict[str, str]:
         met = found.reynolds
         off = np.any((met < 0.99 * low) | (met > 1.01 * high), axis=0)
         if np.any(off):
-            warn(
+            yield _warning(
+                "rotor.polar",
                 f"Reynolds numbers at {found.places(off)} are {powers(met[:, off])}, and the "
-                f"polars' tables run from {powers((low, high))}: beyond them the nearest holds"
+                f"polars' tables run from {powers((low, high))}: beyond them the nearest holds",
             )
-    thickness = 100.0 * np.asarray(found.physics.thickness)
-    return {
-        "sections": f"{', '.join(polars)}; {span(thickness, '%', 3)} thick",
-        "angles of attack": f"{span(np.rad2deg(found.met), 'deg', 3)} along the blade in this flow",
-        "Reynolds numbers": f"{powers(found.reynolds)} along the blade; polars for {known}, {how}",
-    }
+    yield Row("sections", ", ".join(polars))
+    yield Row("thickness", 100.0 * np.asarray(found.physics.thickness), "%", "of the chord", 3)
+    yield Row("angles of attack", np.rad2deg(found.met), "deg", "along the blade", 3)
+    note = f"along the blade; polars for {known}, {how}"
+    yield Row("Reynolds numbers", powers(found.reynolds), "", note)
 
 
 def _polars(rotor) -> dict[str, tuple]:
     """Return the tables of the rotor's polars, by name of polar or section."""
     if not rotor.sections and rotor.polar is None and rotor.chord is None:
-        own = {each.name: each.polars for each in read_blade(rotor.blade, hub_radius=0.0).sections}
+        own = {part.name: part.polars for part in read_blade(rotor.blade, hub_radius=0.0).sections}
         if own:
             return own
     sources = [section.polar for section in rotor.sections] or [rotor.polar or POLAR]
     return {Path(source).name: read_polars(source) for source in sources}
 
 
-def _flow(found: Findings, by_default: bool, warn) -> dict[str, str]:
-    """Tell the flow; warn of a cutoff that segments, disc or rotor cannot follow."""
-    phase, cutoff, flow = found.case.phase, found.cutoff, found.case.inflow
-    radius, changes = found.plant.blade.rotor_radius, "none: it is steady"
+def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
+    """Yield a flow; warn of a cutoff that segments, disc or rotor cannot follow."""
+    cutoff, changes = flow.cutoff, "none: it is steady"
     if cutoff:
-        period = quantity(1.0 / cutoff, "s", 3)
+        period = measured(1.0 / cutoff, "s", 3)
         changes = f"up to {cutoff:.3g} Hz, a period of {period}"
-        sampled = any(hasattr(part, "cutoff") for part in getattr(flow, "parts", (flow,)))
-        error = max(float(np.sum(each.flow_errors)) for each in found.physics.scenarios)
-        if error > FLOW_ERROR:
-            warn(
-                f"{_segments(found)} segments leave the integral of v³ "
-                f"uncertain by {error:.1g}, more than {FLOW_ERROR:g}: give a shorter phase.duration"
-                + (", or a lower cutoff" if sampled else "")
-            )
-        eddies = found.mean / (2.0 * radius)
-        if sampled and cutoff > EDDY * eddies:
-            warn(
-                f"the flow has frequencies up to {cutoff:.3g} Hz, and a rotor averages over eddies "
-                f"smaller than itself: a cutoff of {eddies:.2g} Hz, mean speed over diameter, "
-                "leaves them out"
-            )
-        shortest = 1.0 / (2.0 * np.pi * cutoff)
-        if found.time_constant is not None and found.time_constant > shortest:
-            warn(
-                f"the flow changes faster, within {quantity(shortest, 's', 3)} (1 / (2 pi "
-                f"cutoff)), than the rotor follows, {quantity(found.time_constant, 's', 3)}: it "
-                "will capture less than the quasi-steady figures"
-            )
+        yield from _fast_changes(found, flow)
     why = "as the case says"
     if by_default:
-        why = "the length of the flow's data" if flow.length else "by default: the flow has no end"
-    return {
-        "kind": flow_words(flow),
-        "speed": f"{span(found.speed, 'm/s')}, mean {found.mean:.4g} m/s, standard deviation "
-        f"{found.deviation:.3g} m/s ({100.0 * found.deviation / found.mean:.3g} %)",
-        "time": f"{duration(phase.duration)}, {why}",
-        "changes": changes,
-        "power in it": f"{quantity(found.passing / (np.pi * radius**2), 'W')} a square metre on "
-        f"average, {quantity(found.passing, 'W')} through the rotor",
-    }
+        own = flow.inflow.length
+        why = "the length of the flow's data" if own else "by default: the flow has no end"
+    passing, area = found.passing(flow), np.pi * found.plant.blade.rotor_radius**2
+    yield Row("kind", flow_words(flow.inflow))
+    yield Row("speed", flow.speed, "m/s", digits=4)
+    yield Row("mean speed", flow.mean, "m/s", digits=4)
+    share = f"{100.0 * flow.deviation / flow.mean:.3g} % of the mean"
+    yield Row("standard deviation", flow.deviation, "m/s", share, 3)
+    yield Row("time", duration(flow.duration), "", why)
+    if len(found.flows) > 1:
+        yield Row("weight", flow.weight)
+    yield Row("changes", changes)
+    yield Row("power through the rotor", passing, "W", "mean", 4)
+    yield Row("power a square metre", passing / area, "W", "mean", 4)
 
 
-def _segments(found: Findings) -> int:
-    return sum(each.segments for each in found.physics.scenarios)
+def _fast_changes(found: Findings, flow: Flow) -> Rows:
+    """Warn of a flow that changes too fast for segments, disc or rotor."""
+    cutoff, diameter = flow.cutoff, 2.0 * found.plant.blade.rotor_radius
+    sampled = any(hasattr(part, "cutoff") for part in getattr(flow.inflow, "parts", [flow.inflow]))
+    scenarios = [found.physics.scenarios[place] for place in found.groups[flow.name]]
+    error = max(float(np.sum(scenario.flow_errors)) for scenario in scenarios)
+    if error > FLOW_ERROR:
+        segments = sum(scenario.segments for scenario in scenarios)
+        lower = ", or a lower cutoff" if sampled else ""
+        yield _warning(
+            "phase.duration",
+            f"{segments} segments leave the integral of v³ uncertain by {error:.1g}, more than "
+            f"{FLOW_ERROR:g}: give a shorter phase.duration{lower}",
+        )
+    eddies = flow.mean / diameter
+    if sampled and cutoff > EDDY * eddies:
+        yield _warning(
+            "inflow.cutoff",
+            f"the flow has frequencies up to {cutoff:.3g} Hz, and a rotor averages over eddies "
+            f"smaller than itself: a cutoff of {eddies:.2g} Hz, mean speed over diameter, "
+            "leaves them out",
+        )
+    shortest = 1.0 / (2.0 * np.pi * cutoff)
+    if found.time_constant is not None and found.time_constant > shortest:
+        yield _warning(
+            "inflow",
+            f"the flow changes faster, within {measured(shortest, 's', 3)} (1 / (2 pi "
+            f"cutoff)), than the rotor follows, {measured(found.time_constant, 's', 3)}: it "
+            "will capture less than the quasi-steady figures",
+        )
 
 
-def _control(found: Findings, warn) -> dict[str, str]:
-    """Tell the law; warn of a torque limit and of a gain that were hardly meant."""
+def _control(found: Findings) -> Rows:
+    """Yield the law; warn of a torque limit and of a gain that were hardly meant."""
     control, law, limit = found.case.control, found.physics.law, found.physics.torque_limit
-    rows = {"law": _first_line(control) or control.law, "torque limit": "none"}
-    if limit is not None:
-        rows["torque limit"] = quantity(limit, "N m")
+    yield Row("law", _first_line(control) or control.law)
+    smooth = f"approached smoothly (smoothing {control.smoothing:g})" if law and limit else ""
+    yield Row("torque limit", "none" if limit is None else limit, "N*m", smooth, 4)
+    if limit is not None and not found.above_rated:
         fastest = found.fastest
         speed = found.best.tip_speed_ratio * fastest / found.plant.blade.rotor_radius
-        if not found.above_rated:
-            warn(
-                f"control.torque_limit = {quantity(limit, 'N m')} is more than the flow gives: at "
-                "its best tip speed ratio the starting blade has "
-                f"{quantity(found.torque(speed, fastest), 'N m')} in the fastest flow, "
-                f"{fastest:.4g} m/s"
-            )
+        yield _warning(
+            "control.torque_limit",
+            f"{measured(limit, 'N*m', 4)} is more than the flow gives: at its best tip speed ratio "
+            f"the starting blade has {measured(found.torque(speed, fastest), 'N*m', 4)} in the "
+            f"fastest flow, {fastest:.4g} m/s",
+        )
     if law is not None:
-        if limit is not None:
-            rows["torque limit"] += f", approached smoothly (smoothing {control.smoothing:g})"
-        gains = amounts(found.start.gains, law.gain_units, digits=4)
-        own = law.starting_gains() is None
+        gains, own = law.starting_gains(), law.starting_gains() is None
         how = "suits the starting blade; the run finds its own" if own else "as the case says"
-        rows["gain at the start"] = f"{gains}: {how}"
+        yield Row("gain at the start", amounts(found.start.gains, law.gain_units, 4), "", how)
         if found.running and found.captured < WASTED:
-            key = "a gain" if own else f"control.gain = {span(law.starting_gains())}"
+            key = "a gain" if own else f"{measured(gains, '', 4)}"
             if own and found.case.design.gain_bounds:
-                key += f" within design.gain_bounds = {span(found.case.design.gain_bounds)}"
-            warn(
+                key += f" within design.gain_bounds = {_gain_bounds(found)}"
+            yield _warning(
+                "control.gain",
                 f"{key} lets the starting blade capture "
-                f"{100.0 * found.captured:.2g} % of what its largest power coefficient gives"
+                f"{100.0 * found.captured:.2g} % of what its largest power coefficient gives",
             )
     initial = found.case.phase.initial_speed
     free = initial == "free" or (initial == "auto" and law is None)
     balance = "hydrodynamic and control torque balance"
-    return rows | {"at t = 0": "the rotor's speed is free" if free else balance}
+    yield Row("at t = 0", "the rotor's speed is free" if free else balance)
 
 
-def _start(found: Findings, warn) -> dict[str, str]:
-    """Tell what the starting blade does; warn if that is little, or if it does not turn."""
-    best, mean, case = found.best, found.mean, found.case
+def _gain_bounds(found: Findings) -> str:
+    return measured(found.case.design.gain_bounds, "", 4)
+
+
+def _start(found: Findings) -> Rows:
+    """Yield what the starting blade does; warn if that is little, or if it does not turn."""
+    best, mean = found.best, found.mean
     if best.power_coefficient < POOR:
-        warn(
+        yield _warning(
+            "rotor.blade",
             f"the starting blade's power coefficient is {best.power_coefficient:.3g} at most: look "
-            "at the sign and unit of its twist, at rotor.set_angle and at the polar"
+            "at the sign and unit of its twist, at rotor.set_angle and at the polar",
         )
     speed = best.tip_speed_ratio * mean / found.plant.blade.rotor_radius
     torque = found.torque(speed, mean)
-    rows = {
-        "largest power coefficient": f"{best.power_coefficient:.4f} at a tip speed ratio of "
-        f"{best.tip_speed_ratio:.3g}",
-        "there, in the mean flow": f"{quantity(torque * speed, 'W')} at {mean:.4g} m/s: "
-        f"{quantity(torque, 'N m')}, {turning(speed)}",
-    }
+    ratio = f"at tip speed ratio {number(best.tip_speed_ratio, 3)}"
+    yield Row("largest power coefficient", best.power_coefficient, "", ratio, 4)
+    there = f"at {mean:.4g} m/s, {measured(torque, 'N*m', 4)}, {measured(speed, 'rad/s', 4)}"
+    yield Row("there, in the mean flow", torque * speed, "W", there, 4)
     if np.isfinite(found.rated_speed):
         power = found.physics.torque_limit * speed * found.rated_speed / mean
-        rows["there, at the torque limit"] = (
-            f"{quantity(power, 'W')} at {found.rated_speed:.4g} m/s; flow above it: "
-            f"{100.0 * found.above_rated:.3g} % of the time"
-        )
+        above = f"flow above it {100.0 * found.above_rated:.3g} % of the time"
+        note = f"at {found.rated_speed:.4g} m/s, {above}"
+        yield Row("there, at the torque limit", power, "W", note, 4)
     if found.running:
-        rows["under the control law"] = (
-            f"tip speed ratio {span(found.working, digits=3)}; "
-            f"{quantity(found.start.operation.energy, 'J')} if it followed the flow at once, "
-            f"{100.0 * found.captured:.3g} % of what the largest power coefficient gives"
-        )
+        share = f"{100.0 * found.captured:.3g} % of what the largest power coefficient gives"
+        energy = found.start.operation.energy
+        yield Row("tip speed ratio under the control law", found.working, digits=3)
+        yield Row("energy if it followed the flow at once", energy, "J", share, 4)
     else:
-        rows["under the control law"] = "it does not turn unstalled throughout this flow"
-        given = " and this gain" if getattr(case.control, "gain", None) is not None else ""
-        if not given and case.design.gain_bounds:
-            given = f" with a gain within design.gain_bounds = {span(case.design.gain_bounds)}"
-        looks = "with this blade a run may find no solution"
-        if found.physics.shape.designs_chord and case.start.method == "quasi_steady":
-            looks = "the run looks for one that does"
-        warn(
-            "the starting blade does not turn unstalled throughout this flow under this law"
-            f"{given}: {looks}"
-        )
+        yield Row("under the control law", "it does not turn unstalled throughout this flow")
+        yield _not_turning(found)
     if found.time_constant is not None:
         how = "the rotor's own" if found.physics.law is None else "of rotor and control law"
-        constant = f"{quantity(found.time_constant, 's', 3)}, {how}, at {mean:.4g} m/s and "
-        rows["time constant"] = constant + turning(found.steady_speed)
-    return rows
+        at = f"at {mean:.4g} m/s and {measured(found.steady_speed, 'rad/s', 4)}"
+        yield Row("time constant", found.time_constant, "s", f"{how}, {at}", 3)
 
 
-def _optimization(found: Findings, package: str, warn) -> dict[str, str]:
-    """Tell the size of the problem and its bounds; warn of those that the start breaks."""
+def _not_turning(found: Findings) -> Row:
+    """Warn of a rotor that does not turn."""
+    case = found.case
+    given = " and this gain" if getattr(case.control, "gain", None) is not None else ""
+    if not given and case.design.gain_bounds:
+        given = f" with a gain within design.gain_bounds = {_gain_bounds(found)}"
+    looks = "with this blade a run may find no solution"
+    if found.physics.shape.designs_chord and case.start.method == "quasi_steady":
+        looks = "the run looks for one that does"
+    text = "the starting blade does not turn unstalled throughout this flow under this law"
+    return _warning("control", f"{text}{given}: {looks}")
+
+
+def _optimization(found: Findings, package: str) -> Rows:
+    """Yield the size of the problem; warn of segments that are too long."""
     phase, hydro, driver = found.case.phase, found.case.hydrodynamics, found.case.driver
     size, length = problem_size(found.physics, found.best), phase.duration / phase.segments
-    segments, periods = _segments(found), ""
-    if segments > phase.segments:
+    segments = sum(scenario.segments for scenario in found.physics.scenarios)
+    periods, given = "", phase.segments * len(found.flows)
+    if segments > given:
         periods = f", divided into {segments} where the flow changes fast"
     elif found.cutoff:
         periods = f" ({1.0 / (found.cutoff * length):.3g} in the flow's shortest period)"
-    free, constant = found.physics.law is None, found.time_constant or np.inf
-    if phase.transcription == "radau" and not free and length > 2.0 * constant:
-        warn(
-            f"phase.transcription = radau with segments of {quantity(length, 's', 3)}, longer than "
-            f"twice the time constant, {quantity(constant, 's', 3)}, converges to false speeds: "
-            "give gauss-lobatto, or as many phase.segments"
+    constant = found.time_constant or np.inf
+    if phase.transcription == "radau" and found.physics.law and length > 2.0 * constant:
+        yield _warning(
+            "phase.transcription",
+            f"radau with segments of {measured(length, 's', 3)}, longer than "
+            f"twice the time constant, {measured(constant, 's', 3)}, converges to false speeds: "
+            "give gauss-lobatto, or as many phase.segments",
         )
     torque = "at every node of the trajectory"
     if found.physics.has_curve:
         torque = "as a curve over the tip speed ratio, one for each blade"
-    rows = {
-        "segments": f"{min(segments, phase.segments)} of {quantity(length, 's', 3)}{periods}, "
-        f"{phase.transcription} of order {phase.order}: {size.nodes} nodes",
-        "unknowns": _sizes(size.unknowns),
-        "constraints": _sizes(size.constraints),
-        "torque": f"{torque}, by BEM: {hydro.bem}; in the simulation {hydro.check}",
-        "objective": _first_line(found.case.objective) or found.case.objective.kind,
-        "optimizer": f"{driver.optimizer} of {package}, to {driver.tolerance:g}",
-        "an evaluation": f"about {quantity(size.evaluation_seconds, 's', 2)} on this machine, "
-        "derivatives included",
-    }
+    of = f"{min(segments, given)} of {measured(length, 's', 3)}{periods}"
+    nodes = f"{phase.transcription} of order {phase.order}, {size.nodes} nodes"
+    yield Row("segments", of, "", nodes)
+    yield Row("unknowns", _sizes(size.unknowns))
+    yield Row("constraints", _sizes(size.constraints))
+    yield Row("torque", torque, "", f"by BEM: {hydro.bem}; in the simulation {hydro.check}")
+    yield Row("objective", _first_line(found.case.objective) or found.case.objective.kind)
+    yield Row("optimizer", f"{driver.optimizer} of {package}, to {driver.tolerance:g}")
+    seconds = size.evaluation_seconds
+    yield Row("an evaluation", seconds, "s", "on this machine, derivatives included", 2)
+
+
+def _bounds(found: Findings) -> Rows:
+    """Yield the bounds of the design; warn of those that the start breaks."""
     point = found.start
     control = found.physics.shape.control(point.blade)
     control = dict(zip(found.physics.shape.points, control, strict=True))
@@ -315,45 +388,57 @@ def _optimization(found: Findings, package: str, warn) -> dict[str, str]:
     in_case["thickness"] = plain
     in_case["radius"] = "m", 1.0 / np.cos(point.blade.cone)
     for limit in found.physics.limits:
-        if not isinstance(limit, DesignBounds):
-            continue
-        key, (unit, scale) = f"design.{limit.name}_bounds", in_case[limit.name]
-        value = scale * limit.value_of(values)
-        words = f"at least {number(scale * limit.lower)} and at most {number(scale * limit.upper)}"
-        rows[key] = f"{f'{words} {unit}'.rstrip()}; {span(value)} with the starting blade"
-        if np.max(limit.excess(values)) > KEPT:
-            warn(f"{key} is broken at the start, {rows[key]}: the run moves it inside")
-    return rows
+        if isinstance(limit, DesignBounds):
+            key, (unit, scale) = f"design.{limit.name}_bounds", in_case[limit.name]
+            low, high = (number(scale * end) for end in (limit.lower, limit.upper))
+            value = measured(scale * limit.value_of(values), unit, 4)
+            words = f"at least {low} and at most {high} {unit}".rstrip()
+            yield Row(key, words, "", f"{value} with the starting blade")
+            if np.max(limit.excess(values)) > KEPT:
+                text = f"broken at the start, {words}; {value} with the starting blade"
+                yield _warning(key, f"{text}: the run moves it inside")
 
 
-def _limits(found: Findings, warn) -> dict[str, str]:
-    """Tell by how much the starting blade keeps or breaks each limit, and its other loads.
+def _limits(found: Findings) -> Rows:
+    """Yield by how much the starting blade keeps or breaks each limit, and its other loads.
 
     In quasi-steady operation under the control law; warn of limits that are broken.
     """
-    rows, values, limited = {}, found.at_start, set()
-    for limit in found.physics.limits:
+    for name, (first, *_) in found.groups.items():
+        scenario, values = found.physics.scenarios[first], found.at_start[name]
+        limits = getattr(scenario, "limits", None) or found.physics.limits
+        for row in _of_scenario(found, limits, values):
+            several = len(found.groups) > 1
+            yield replace(row, label=f"{name}: {row.label}") if several else row
+    if found.running:
+        deflection = loads.tip_deflection(found.physics, found.start.blade, found.at_start.values())
+        if deflection is not None:
+            yield tip_deflection(deflection, found.start.blade.tip_radius)
+
+
+def _of_scenario(found: Findings, limits: tuple[Limit, ...], values: dict) -> Rows:
+    """Yield limits and loads of the starting blade in one scenario."""
+    limited = set()
+    for limit in limits:
         endless = not np.isfinite(limit.upper) and limit.lower <= 0.0
         if isinstance(limit, DesignBounds) or endless:
             continue
         key = "control.torque_limit" if isinstance(limit, TorqueLimit) else f"limits.{limit.name}"
         limited.add(limit.name)
-        rows[key] = _bounds(limit)
+        words, kept = _ends(limit), ""
         if found.running or limit.place != "time":
-            rows[key] += f"; {_kept(limit, limit.value_of(values))}"
+            kept = _kept(limit, limit.value_of(values))
             if np.max(limit.excess(values)) > START_EXCESS:
-                warn(f"{key} is broken at the start, {rows[key]}: the run moves it inside")
+                text = f"broken at the start, {words}; {kept}: the run moves it inside"
+                yield _warning(key, text)
+        yield Row(key, words, "", kept)
     if found.running:
         for name, entry in loads.largest([values]).items():
             if name not in limited:
-                rows[f"largest {name.replace('_', ' ')}"] = str(entry)
-        deflection = loads.tip_deflection(found.physics, found.start.blade, [values])
-        if deflection is not None:
-            rows["largest tip deflection"] = bent(deflection, found.start.blade.tip_radius)
-    return rows
+                yield entry.row(name)
 
 
-def _bounds(limit: Limit) -> str:
+def _ends(limit: Limit) -> str:
     """Return the bounds of a limit; none below that is zero."""
     ends = {"at least": limit.lower, "at most": limit.upper}
     told = {word: float(end) for word, end in ends.items() if np.isfinite(end)}
@@ -365,10 +450,9 @@ def _bounds(limit: Limit) -> str:
 def _kept(limit: Limit, value) -> str:
     """Return the range of a limited value, and by how much it is kept or broken."""
     unit, value = limit.unit or "", np.atleast_1d(value)
-    ends = dict.fromkeys(measured(float(end(value)), unit, 4) for end in (np.min, np.max))
     bounds = [(limit.lower - value, limit.lower), (value - limit.upper, limit.upper)]
     over, bound = max((float(np.max(each)), abs(float(bound))) for each, bound in bounds)
-    told = f"{' to '.join(ends)}: "
+    told = f"{measured(value, unit, 4)}: "
     if abs(over) <= START_EXCESS * bound:
         return told + "at the limit"
     share = f" ({100.0 * abs(over) / bound:.3g} %)" if bound else ""
@@ -384,4 +468,4 @@ def _sizes(sizes: dict[str, int]) -> str:
     """Return a total and what it is made of, by the last parts of the names in the problem."""
     lasts = (name.removesuffix(".value").rpartition(".")[2] for name in sizes)
     parts = [f"{size} {last}" for size, last in zip(sizes.values(), lasts, strict=True)]
-    return f"{sum(sizes.values())}: {', '.join(parts) or 'none'}"
+    return f"{sum(sizes.values())}: {joined(*parts) or 'none'}"

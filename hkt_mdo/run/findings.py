@@ -1,6 +1,6 @@
 """What is found without an optimizer: the starting blade in its flow, and the problem's size."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from timeit import repeat
@@ -16,7 +16,7 @@ from hkt_mdo.problem.physics import BEM, Physics
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.problem.turbine import build_turbine
-from hkt_mdo.results.words import number
+from hkt_mdo.results.words import measured, number, powers
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
@@ -24,8 +24,8 @@ from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.shape import spline_basis
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum, best_operation
+from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.judge import energy_bound
-from hkt_mdo.run.words import powers, span
 from hkt_mdo.start.find import find_start
 
 MARGIN = 0.7, 1.3  # times the best tip speed ratio: where a rotor may come while it is designed
@@ -37,11 +37,25 @@ SHORT = 0.05  # s, time of an evaluation that is measured more often
 class Stations(NamedTuple):
     """What the stations of a blade meet between two tip speed ratios, `working`, by BEM.
 
-    `met`, `table`, `unsolved` and `share` are those of `Findings`.
+    Attributes
+    ----------
+    blade : Blade
+        The blade.
+    working : tuple of float
+        Lowest and highest tip speed ratio.
+    polars : sequence of tuple of Polar
+        Of each station, one a Reynolds number.
+    met, table : ndarray, shape (2, n_stations)
+        Lowest and highest angle of attack that is met, and that the polars' tables have, rad.
+    unsolved : ndarray, shape (n_stations,)
+        Where BEM has no solution.
+    share : ndarray, shape (n_stations,)
+        Largest share of the torque, without signs.
     """
 
     blade: Blade
     working: tuple[float, float]
+    polars: Sequence[tuple[Polar, ...]]
     met: np.ndarray
     table: np.ndarray
     unsolved: np.ndarray
@@ -60,6 +74,7 @@ class Stations(NamedTuple):
         return cls(
             blade,
             working,
+            polars,
             np.stack((angles.min(axis=0), angles.max(axis=0))),
             np.array((lowest, highest)),
             np.any(found.branch < 0, axis=0),
@@ -70,7 +85,7 @@ class Stations(NamedTuple):
         """Yield what no table has of a blade, `of`, and the share of the torque it concerns."""
 
         def places(chosen):
-            return f"r/R = {span(self.blade.r[chosen] / self.blade.tip_radius)}"
+            return f"r/R = {measured(self.blade.r[chosen] / self.blade.tip_radius, '', 4)}"
 
         if np.any(self.unsolved):
             yield (
@@ -84,48 +99,85 @@ class Stations(NamedTuple):
         if np.any(outside):
             worst, share = int(np.argmax(over)), float(self.share[outside].sum())
             angle = np.rad2deg(self.met[int(above[worst] >= below[worst]), worst])
+            table = measured(np.rad2deg(self.table[:, worst]), "deg", 4)
             yield (
                 share,
                 f"{outside.sum()} of the stations of the {of}, at {places(outside)}, with "
                 f"{number(100.0 * share, 2)} % of the torque: beyond the polar's table, "
-                f"{span(np.rad2deg(self.table[:, worst]))} deg, in Viterna's extension, with "
+                f"{table}, in Viterna's extension, with "
                 f"angles of attack up to {angle:.3g} deg, at tip speed ratios of "
-                f"{span(self.working, digits=3)}",
+                f"{measured(self.working, '', 3)}",
             )
 
 
-class Findings:
-    """A case's first flow, and its starting blade in it, in SI units.
+class Flow:
+    """A scenario's flow over its whole duration.
 
-    - `time`, `speed` (n,): even instants of the whole duration and the flow then, with its `mean`,
-      `deviation` and `cutoff` (highest frequency, 0 where it is steady); `passing` is the mean
-      kinetic power through the rotor's disc, `fastest` the largest speed in operation.
+    Attributes
+    ----------
+    name : str
+        Name of the scenario.
+    weight : float
+        Its share of the result.
+    inflow : Inflow
+        The flow.
+    duration : float
+        How long it lasts, s.
+    time, speed : ndarray, shape (n,)
+        Even instants, s, and the flow speed then, m/s.
+    mean, deviation : float
+        Mean and standard deviation of the speed, m/s.
+    cutoff : float
+        Highest frequency, Hz; 0 for a steady flow.
+    """
+
+    def __init__(self, name: str, scenario: Scenario):
+        self.name, self.weight, self.inflow = name, scenario.weight, scenario.inflow
+        self.duration = scenario.mesh.duration
+        self.cutoff = self.inflow.highest_frequency or 0.0
+        instants = int(np.clip(16.0 * self.duration * self.cutoff, 2048, MOST_INSTANTS)) + 1
+        self.time = np.linspace(0.0, self.duration, instants)
+        self.speed = np.asarray(self.inflow.speed_at(self.time))
+        self.mean = self.average(self.speed)
+        self.deviation = float(np.sqrt(self.average((self.speed - self.mean) ** 2)))
+
+    def average(self, values: np.ndarray) -> float:
+        """Return the mean over time of values at the instants."""
+        return float(np.trapezoid(values, self.time) / self.time[-1])
+
+    def above(self, speed: float) -> float:
+        """Return the share of the time in which the flow is faster than a speed, m/s."""
+        return self.average(np.where(self.speed > speed, 1.0, 0.0))
+
+
+class Findings:
+    """A case's flows, and its starting blade in them, in SI units.
+
+    - `flows`: a `Flow` for each scenario; `mean` and `cutoff` are the mean speed by their weights
+      and the highest of their frequencies, `slowest` and `fastest` speeds in operation.
     - `plant`: the rotor with the starting blade, as it would be simulated; `given`: the blade of
       the file, which splines may have left; `best`: its largest power coefficient.
     - `start`: its quasi-steady operation under the control law, if it is `running`; `at_start`: the
-      quantities then (`Physics.on_start`) and all loads; `working`: the tip speed ratios, `MARGIN`
-      round the best one if it does not turn; `captured`: its energy over that at `best` throughout.
+      quantities then (`Physics.on_start`) and all loads, by scenario; `working`: the tip speed
+      ratios, `MARGIN` round the best one if it does not turn; `captured`: its energy over that at
+      `best` throughout.
     - `rated_speed` and `above_rated`: flow speed at which the torque limit is met at the best tip
       speed ratio, and share of the time in which the flow is faster.
     - `steady_speed`, `time_constant`: in the mean flow; None if the rotor does not turn there.
-    - `polars` of each station, one a Reynolds number.
-    - (2, n_stations), lowest and highest: angles of attack (rad) `met` in `working` and those of
-      the polars' tables, `table`; `reynolds` in the slowest and the fastest flow.
-    - (n_stations,): `unsolved` where BEM has no solution; `share` of the torque, without signs, the
-      largest over `working`.
+    - `stations`: what the stations meet in `working`; `polars` and `met` are its.
+    - `reynolds` (2, n_stations): Reynolds numbers in the slowest and the fastest flow.
     """
 
     def __init__(self, physics: Physics):
-        case, blade, inflow = physics.case, physics.blade, physics.inflow
-        self.physics, self.case, duration = physics, case, case.phase.duration
-        self.cutoff = inflow.highest_frequency or 0.0
-        instants = int(np.clip(16.0 * duration * self.cutoff, 2048, MOST_INSTANTS)) + 1
-        self.time = np.linspace(0.0, duration, instants)
-        self.speed = np.asarray(inflow.speed_at(self.time))
-        self.mean = self.average(self.speed)
-        self.fastest = min(float(self.speed.max()), case.control.cut_out or np.inf)
-        self.deviation = float(np.sqrt(self.average((self.speed - self.mean) ** 2)))
-        self.passing = self.average(power_scale(physics.density, blade.rotor_radius, self.speed))
+        case, blade = physics.case, physics.blade
+        self.physics, self.case = physics, case
+        self.groups = by_scenario(physics.scenarios)
+        self.flows = [Flow(name, physics.scenarios[i]) for name, (i, *_) in self.groups.items()]
+        self.mean = self.average(lambda flow: flow.mean)
+        self.cutoff = max(flow.cutoff for flow in self.flows)
+        self.slowest = min(float(flow.speed.min()) for flow in self.flows)
+        fastest = max(float(flow.speed.max()) for flow in self.flows)
+        self.fastest = min(fastest, case.control.cut_out or np.inf)
 
         self.given = build_turbine(case.rotor, case.fluid, self.mean).blade
         _, inertia = physics.mass_and_inertia(blade)
@@ -133,26 +185,38 @@ class Findings:
         self.plant = Plant(blade, physics.built(blade), inertia, physics.density, solver)
         self.best = best_operation(blade, physics.polar)
         self.rated_speed = self.rated(self.best.tip_speed_ratio)
-        self.above_rated = self.average(np.where(self.speed > self.rated_speed, 1.0, 0.0))
+        self.above_rated = self.average(lambda flow: flow.above(self.rated_speed))
+        self._start()
+        self._settle()
+        self._meet()
 
+    def _start(self):
+        """Set the quasi-steady operation of the starting blade."""
+        physics = self.physics
         self.start = find_start(physics, self.best, improve=False)
-        several = physics.on_start(self.start)
-        self.at_start = several[0] | {
-            name: np.concatenate([each[name] for each in several])
-            for name in SERIES.keys() & several[0].keys()
-        }
         self.running = self.start.operation.running
+        several = physics.on_start(self.start)
         if self.running:
-            loads = [each for each in physics.loads.names if each not in self.at_start]
-            self.at_start |= physics.loads_along(self.start.blade, self.at_start, tuple(loads))
+            names = tuple(name for name in physics.loads.names if name not in several[0])
+            several = [x | physics.loads_along(self.start.blade, x, names) for x in several]
+        self.at_start = {
+            name: several[first]
+            | {
+                quantity: np.concatenate([several[i][quantity] for i in (first, *others)])
+                for quantity in SERIES.keys() & several[first].keys()
+            }
+            for name, (first, *others) in self.groups.items()
+        }
         most = max(energy_bound(physics, self.best), 1e-9)
         self.captured = float(self.start.operation.energy / most)
         ratios = np.array(MARGIN) * self.best.tip_speed_ratio
         if self.running:
-            ratios = self.at_start["tip_speed_ratio"]
+            ratios = np.concatenate([x["tip_speed_ratio"] for x in self.at_start.values()])
         self.working = float(ratios.min()), float(ratios.max())
 
-        gains = self.start.gains
+    def _settle(self):
+        """Set speed and time constant of the starting blade in the mean flow."""
+        physics, gains = self.physics, self.start.gains
         law = physics.law and physics.law.beginning_with(gains)
         constant = _one_flow(replace(physics, law=law), ConstantInflow(speed=self.mean))
         steady = find_start(constant, self.best, improve=False).operation
@@ -165,25 +229,27 @@ class Findings:
                 states = law.at_rest(torque, np.array([self.mean]))
                 slope = float(law.torque_by_speed(speed, gains, *states)[0])
             self.time_constant = self.relaxation(self.steady_speed, self.mean, slope)
-        self._meet()
 
     def _meet(self):
         """Set what the stations meet over the tip speed ratios of the start, by BEM."""
         blade, polar = self.plant.blade, self.plant.polar
-        self.polars = [(bem.polar_at(polar, station),) for station in range(blade.r.size)]
-        if isinstance(polar, LocalReynolds):
-            self.polars = polar.polars
         self.stations = Stations.of(blade, polar, self.working)
-        self.met, self.table, self.unsolved, self.share = self.stations[-4:]
+        self.polars, self.met, *_ = self.stations[2:]
         cosine = np.cos(blade.cone)
         ratio = np.array(self.working)[:, None] / cosine * blade.r / blade.tip_radius
-        flow = np.array([[self.speed.min()], [self.fastest]]) * cosine
+        flow = np.array([[self.slowest], [self.fastest]]) * cosine
         relative = blade.chord * flow * np.hypot(1.0, ratio)
         self.reynolds = relative / self.case.fluid.kinematic_viscosity
 
-    def average(self, values: np.ndarray) -> float:
-        """Return the mean over time of values at the instants."""
-        return float(np.trapezoid(values, self.time) / self.time[-1])
+    def average(self, of: Callable[[Flow], float]) -> float:
+        """Return the mean of something of each flow, by their weights."""
+        weights = [flow.weight for flow in self.flows]
+        return float(np.average([of(flow) for flow in self.flows], weights=weights))
+
+    def passing(self, flow: Flow) -> float:
+        """Return the mean kinetic power of a flow through the rotor's disc, W."""
+        radius = self.plant.blade.rotor_radius
+        return flow.average(power_scale(self.physics.density, radius, flow.speed))
 
     def torque(self, rotor_speed: float, flow_speed: float) -> float:
         """Return the torque (N*m) of the starting blade at speeds in rad/s and m/s."""
@@ -191,7 +257,7 @@ class Findings:
 
     def places(self, chosen=slice(None)) -> str:
         """Return in words where stations of the starting blade lie."""
-        return f"r/R = {span(self.plant.blade.r[chosen] / self.plant.blade.tip_radius)}"
+        return f"r/R = {measured(self.plant.blade.r[chosen] / self.plant.blade.tip_radius, '', 4)}"
 
     def rated(self, tip_speed_ratio: float) -> float:
         """Return the flow speed (m/s) at which the torque limit is met at a tip speed ratio.
@@ -291,25 +357,18 @@ def _trial(part: Physics, best) -> tuple[dict[str, int], dict[str, int], float]:
 
 def figure_data(found: Findings) -> dict[str, dict]:
     """Return what `hkt_mdo.results.check_plots.check_figures` draws, by the name of the figure."""
-    best, thin = found.best, -(-found.time.size // 20_000)
+    best = found.best
     ratios = np.linspace(0.2, 1.9, 171) * best.tip_speed_ratio
     power = bem.rotor_coefficients(found.plant.blade, found.plant.polar, ratios).power
-    inflow = {
-        "time_s": found.time[::thin],
-        "speed_m_s": found.speed[::thin],
-        "mean_m_s": found.mean,
-        "rated_m_s": found.rated_speed,
-        "cutoff_hz": found.cutoff or None,
-    }
-    if found.deviation > 1e-9 * found.mean:
-        inflow["spectrum"] = power_spectrum(found.speed, float(found.time[1]))
+    several = len(found.flows) > 1
+    flows = {f"inflow_{each.name}" if several else "inflow": each for each in found.flows}
     return {
         "blade": _blade_data(found),
         "polar": {
             "curves": list(_polar_curves(found)),
             "met_deg": np.rad2deg([found.met.min(), found.met.max()]),
         },
-        "inflow": inflow,
+        **{name: _flow_data(flow, found.rated_speed) for name, flow in flows.items()},
         "power_curve": {
             "tip_speed_ratio": ratios,
             "power_coefficient": power,
@@ -317,6 +376,21 @@ def figure_data(found: Findings) -> dict[str, dict]:
             "working": found.working if found.running else None,
         },
     }
+
+
+def _flow_data(flow: Flow, rated_speed: float) -> dict:
+    """Return a flow's speed over time and its spectrum."""
+    thin = -(-flow.time.size // 20_000)
+    data = {
+        "time_s": flow.time[::thin],
+        "speed_m_s": flow.speed[::thin],
+        "mean_m_s": flow.mean,
+        "rated_m_s": rated_speed,
+        "cutoff_hz": flow.cutoff or None,
+    }
+    if flow.deviation > 1e-9 * flow.mean:
+        data["spectrum"] = power_spectrum(flow.speed, float(flow.time[1]))
+    return data
 
 
 def _blade_data(found: Findings) -> dict:

@@ -28,17 +28,18 @@ from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.results.folder import check_folder, claim, locked, make_folder, write_text
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.results.summary import PassEntry, Summary
+from hkt_mdo.results.summary import VERSION, PassEntry, Summary
 from hkt_mdo.run.attempt import Judged, quasi_steady_reference
 from hkt_mdo.run.digest import digest
 from hkt_mdo.run.fallback import best_of, first_remedy
+from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.iterate import Earlier, read_iterate
 from hkt_mdo.run.judge import explain_all
 from hkt_mdo.run.log import Log
 from hkt_mdo.run.none_found import none_found, starts
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.state import Progress, RunState
-from hkt_mdo.run.summary import summarize, write_tables
+from hkt_mdo.run.summary import Finished, summarize, write_tables
 from hkt_mdo.run.worth import worths
 from hkt_mdo.solve.threads import one_thread
 from hkt_mdo.start.build import build_problem
@@ -102,7 +103,8 @@ def run_case(
     check_folder(out, force)
     out = out.absolute()  # the current folder is the process's, and another thread may change it
     with locked(out):
-        claim(out)
+        names = tuple(by_scenario(physics.scenarios))
+        claim(out, names if len(names) > 1 else ())
         write_text(out / "case.yaml", physics.case.to_yaml())
         return _run(physics, out, Earlier(), (progress, on_pass), figures, records)
 
@@ -157,7 +159,8 @@ def resume_case(
 def _run(physics: Physics, out: Path, earlier: Earlier, told, figures, records: bool) -> Solution:
     """Run a case in its locked folder, after an earlier run; `told` is called meanwhile."""
     began, made_of = time.perf_counter(), digest(physics.case)
-    summary = Summary(case=physics.case.name, success=False, message=UNFINISHED)
+    name = physics.case.name
+    summary = Summary(version=VERSION, case=name, success=False, message=UNFINISHED)
     log = Log(out, records, summary, earlier.history)
     log.write_summary(summary)
     with tempfile.TemporaryDirectory(prefix="hkt_mdo_") as scratch, one_thread():
@@ -203,15 +206,16 @@ def _optimize_and_judge(state: RunState, earlier: Earlier, out: Path, records: b
     if converged:
         gains = worths(physics, result, [each.at_nodes for each in flights], state.scratch)
     breaks = state.first.start_breaks(best.start)
-    finished = summarize(
+    parts = Finished(
         physics, best.optimum, best.start, breaks, result, flights, best.checks, remedy, gains
     )
+    finished = summarize(parts)
     message = finished.message
     if held:
         message = f"{refused}; the folder holds {held}, which is better than the end"
     if not finished.success:
         message = "; ".join(filter(None, (_why_none(state.first, best), message)))
-    write_tables(out, physics, result, flights)
+    write_tables(out, parts)
     if records:
         om.n2(result.problem, outfile=str(out / "n2.html"), show_browser=False)
     if held or converged:

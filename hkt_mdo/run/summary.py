@@ -1,9 +1,13 @@
 """What a finished run leaves in its folder: the summary, the tables and the blade."""
 
+from __future__ import annotations
+
 import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from importlib import metadata
-from itertools import groupby
-from types import MappingProxyType
+from pathlib import Path
 
 import numpy as np
 import yaml
@@ -15,151 +19,271 @@ from hkt_mdo.dynamics.trajectory import COLUMNS, LOADS
 from hkt_mdo.files.blade import write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.yaml_text import Dumper
+from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.results.folder import to_json, write_csv
-from hkt_mdo.results.summary import Summary
+from hkt_mdo.results.summary import VERSION, CheckEntry, Summary
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.steady_optimum import best_operation
+from hkt_mdo.rotor.steady_optimum import SteadyOptimum, best_operation
 from hkt_mdo.rotor.strength import place_weights
 from hkt_mdo.run import loads
 from hkt_mdo.run.findings import Stations
-from hkt_mdo.run.flight import total
+from hkt_mdo.run.flight import Flight, Optimized, total
+from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.judge import energy_bound, explain_all
 
 # relative distance from its bound within which a limit counts as binding; that of a load, of whose
 # values along the blade the optimization has a smooth largest that is up to as much above them
 BINDING, ENVELOPE = 1e-3, 1e-2
 
+SIMULATED = {
+    "energy": "simulated_energy_J",
+    "generator_energy": "generator_energy_J",
+    "electrical_energy": "electrical_energy_J",
+}
+"""Key in the summary of each energy of a `Simulation`."""
+TORQUE = "control_torque"
 PACKAGES = "hkt_mdo openmdao dymos numpy scipy numba casadi wisdem pyoptsparse".split()
 
 
-def summarize(
-    physics,
-    optimum,
-    start,
-    start_breaks,
-    result,
-    flights,
-    checks,
-    remedy="",
-    worths=MappingProxyType({}),
-) -> Summary:
-    """Return the summary of a finished run; `remedy`: what to try if the optimizer failed.
+@dataclass(frozen=True, eq=False)
+class Finished:
+    """A finished run, which its summary and its tables tell of.
 
-    `start_breaks` names the limits that the start exceeds, on the mesh that it was found on;
-    `worths` are those of `hkt_mdo.run.worth`.
+    Attributes
+    ----------
+    physics : Physics
+        What the case describes, on the mesh of the result.
+    optimum : SteadyOptimum
+        Has the power coefficient that bounds the energy.
+    start : StartingPoint
+        Where the optimization began.
+    start_breaks : sequence of str
+        Names of the limits that the start exceeds, on the mesh that it was found on.
+    result : Optimized
+        The end of the optimization.
+    flights : tuple of Flight
+        The integration of each scenario of the problem.
+    checks : list of CheckEntry
+        What the judges say.
+    remedy : str
+        What to try if the optimizer failed.
+    worths : mapping of float
+        Those of `hkt_mdo.run.worth`.
     """
-    failed = [check for check in checks if not check.passed]
-    blade = result.point.blade
-    ratios, torques = (
-        np.concatenate([each[name] for each in result.trajectories])
-        for name in ("tip_speed_ratio", "control_torque")
-    )
-    working = max(float(np.min(ratios)), SLOWEST_RATIO), float(np.max(ratios))
-    met = Stations.of(blade, physics.built(blade), working).messages("found blade")
-    peak, bound = best_operation(blade, physics.polar), energy_bound(physics, optimum)
-    by_name = {check.name: check.value for check in checks}
-    gains = [float(gain) for gain in result.point.gains]
-    turning = all(flight.simulation.stopped_at is None for flight in flights)
-    energy, generated, electrical, stored = (
-        total(flights, lambda flight, name=name: getattr(flight.simulation, name))
-        for name in (
-            *("energy", "generator_energy", "electrical_energy"),
-            "kinetic_energy_change",
-        )
-    )
-    objective = total(flights, lambda flight: flight.objective(physics.objective))
-    flown = [flight.told for flight in flights]
+
+    physics: Physics
+    optimum: SteadyOptimum
+    start: StartingPoint
+    start_breaks: Sequence[str]
+    result: Optimized
+    flights: tuple[Flight, ...]
+    checks: list[CheckEntry]
+    remedy: str = ""
+    worths: Mapping[str, float] = field(default_factory=dict)
+
+    @cached_property
+    def scenarios(self) -> dict[str, tuple[Flight, ...]]:
+        """The flights of each scenario of the case: several where it has intervals."""
+        groups = by_scenario([flight.scenario for flight in self.flights])
+        return {name: tuple(self.flights[i] for i in places) for name, places in groups.items()}
+
+    @property
+    def turning(self) -> bool:
+        """Whether the rotor turns to the end of every integration."""
+        return _turning(self.flights)
+
+    def check(self, name: str) -> float | None:
+        """Return the value of a check; None if it was not asked."""
+        return next((check.value for check in self.checks if check.name == name), None)
+
+
+def summarize(finished: Finished) -> Summary:
+    """Return the summary of a finished run."""
+    outcome = finished.result.outcome
+    passed = all(check.passed for check in finished.checks)
+    scenarios = {name: _scenario(finished, each) for name, each in finished.scenarios.items()}
     values = {
-        "case": physics.case.name,
-        "success": not failed,
-        "message": explain_all(checks, remedy) or "converged and verified",
-        "package": result.outcome.package,
-        "optimizer": result.outcome.optimizer,
-        "iterations": result.outcome.iterations,
-        "energy_J": result.energy,
-        "simulated_energy_J": energy if turning else None,
-        "generator_energy_J": generated if turning else None,
-        "electrical_energy_J": electrical if turning else None,
-        "energy_bound_J": bound,
-        "certified_gap": _gap(by_name.get("energy_over_certificate"), turning),
-        "objective": {
-            "kind": physics.objective.kind,
-            "value_J": result.objective,
-            "simulated_J": objective,
-            "bound_J": None
-            if physics.objective.closes and physics.case.phase.final_speed != "initial"
-            else physics.objective_bound(bound),
-        },
-        "operation": _operation(physics, flights, result.inertia, objective if turning else None),
-        "limits": {
-            limit.name: _limit(limit, flights, worths)
-            for limit in physics.limits
-            if not isinstance(limit, DesignBounds) and np.isfinite(limit.upper)
-        },
-        "loads": _loads(physics, blade, flown),
-        "tip_deflection_m": loads.tip_deflection(physics, blade, flown),
+        "version": VERSION,
+        "case": finished.physics.case.name,
+        "success": passed,
+        "message": explain_all(finished.checks, finished.remedy) or "converged and verified",
+        "package": outcome.package,
+        "optimizer": outcome.optimizer,
+        "iterations": outcome.iterations,
+        **_energies(finished),
+        **_controller(finished),
+        **_blade(finished),
+        **_extremes(finished, scenarios),
+        "scenarios": scenarios,
         "branches": [
             {
-                "name": each.branch,
-                "objective_J": each.objective,
-                "taken": each is start.branches[0],
-                "kept": each.worth[0],
+                "name": start.branch,
+                "objective_J": start.objective,
+                "taken": start is finished.start.branches[0],
+                "kept": start.worth[0],
             }
-            for each in start.branches
+            for start in finished.start.branches
         ],
-        "starts": [vars(record) for record in start.starts],
-        "bound_power_coefficient": optimum.power_coefficient,
-        "bound_tip_speed_ratio": optimum.tip_speed_ratio,
+        "starts": [vars(record) for record in finished.start.starts],
+        "start_breaks": list(finished.start_breaks),
+        "surrogate_error": finished.check("surrogate_error"),
+        "surrogate_nodes": int(finished.result.curve.size),
+        "max_speed_error": max(np.max(flight.speed_errors) for flight in finished.flights),
+        "checks": [vars(check) for check in finished.checks],
+        "notes": _notes(finished),
+        "versions": _versions(),
+    }
+    return Summary.parse(to_json(values))
+
+
+def _energies(finished):
+    """Return the energies of a result, the weighted sums of those of its scenarios, and bounds."""
+    physics, flights = finished.physics, finished.flights
+    sums = {
+        name: total(flights, lambda flight, name=name: getattr(flight.simulation, name))
+        for name in (*SIMULATED, "kinetic_energy_change")
+    }
+    energy, generated, stored = (
+        sums[name] for name in ("energy", "generator_energy", "kinetic_energy_change")
+    )
+    bound, over = energy_bound(physics, finished.optimum), finished.check("energy_over_certificate")
+    closed = physics.objective.closes and physics.case.phase.final_speed != "initial"
+    return {
+        "energy_J": finished.result.energy,
+        **{key: sums[name] if finished.turning else None for name, key in SIMULATED.items()},
+        "energy_bound_J": bound,
+        # what the simulated energy lacks of the certificate
+        "certified_gap": None if over is None or not finished.turning else -over,
+        "objective": {
+            "kind": physics.objective.kind,
+            "value_J": finished.result.objective,
+            "simulated_J": total(flights, lambda flight: flight.objective(physics.objective)),
+            "bound_J": None if closed else physics.objective_bound(bound),
+        },
+        "bound_power_coefficient": finished.optimum.power_coefficient,
+        "bound_tip_speed_ratio": finished.optimum.tip_speed_ratio,
+        "starting_energy_J": finished.start.operation.energy,
+        "energy_balance_error": abs(energy - generated - stored) / max(energy, 1e-9),
+    }
+
+
+def _controller(finished):
+    """Return gains, tip speed ratios and the largest torque, and the rotor's best operation."""
+    blade, gains = finished.result.point.blade, finished.result.point.gains.tolist()
+    peak, torques = best_operation(blade, finished.physics.polar), _nodes(finished.flights, TORQUE)
+    return {
         "gain": None if not gains else gains[0] if len(gains) == 1 else gains,
-        "gain_units": list(physics.gain_units),
-        "tip_speed_ratio": {"min": np.min(ratios), "max": np.max(ratios), "mean": np.mean(ratios)},
+        "gain_units": list(finished.physics.gain_units),
+        "tip_speed_ratio": _span(_nodes(finished.flights, "tip_speed_ratio")),
         "power_coefficient_max": peak.power_coefficient,
         "tip_speed_ratio_at_power_coefficient_max": peak.tip_speed_ratio,
         "control_torque_max_Nm": np.max(torques),
+    }
+
+
+def _blade(finished):
+    """Return the blade of a result and that of the case."""
+    physics, blade = finished.physics, finished.result.point.blade
+    return {
         "rotor_radius_m": blade.rotor_radius,
         "tip_radius_m": blade.tip_radius,
         "set_angle_deg": _set_angle(physics, blade),
-        "inertia_kg_m2": result.inertia,
-        "mass_kg": result.mass,
+        "inertia_kg_m2": finished.result.inertia,
+        "mass_kg": finished.result.mass,
         "r_m": blade.r,
         "chord_m": blade.chord,
         "twist_deg": np.rad2deg(blade.twist),
         "thickness_over_chord": blade.thickness,
         "start_chord_m": physics.blade.chord,
         "start_twist_deg": np.rad2deg(physics.blade.twist),
-        "starting_energy_J": start.operation.energy,
-        "start_breaks": list(start_breaks),
-        "surrogate_error": by_name["surrogate_error"],
-        "surrogate_nodes": int(result.curve.size),
-        "max_speed_error": max(np.max(flight.speed_errors) for flight in flights),
-        "energy_balance_error": abs(energy - generated - stored) / max(energy, 1e-9),
-        "checks": [vars(check) for check in checks],
-        "notes": [
-            *physics.messages,
-            *physics.warnings,
-            *start.messages,
-            *(text for _, text in met),
-            *_outside_table(physics.generator, flights),
-            *_unstable(flights),
-        ],
-        "versions": _versions(),
     }
-    return Summary.parse(to_json(values))
 
 
-def _operation(physics, flights, inertia, objective):
+def _extremes(finished, scenarios):
+    """Return limits, loads and standstill of the whole: the largest of all scenarios, and where."""
+    physics, several, found = finished.physics, len(scenarios) > 1, {}
+    for name, scenario in scenarios.items():
+        for load, entry in scenario["loads"].items():
+            if load not in found or entry["value"] > found[load]["value"]:
+                found[load] = entry | ({"scenario": name} if several else {})
+    limits, over_time = {}, _over_time(finished, finished.flights)
+    for limit in physics.limits:
+        if isinstance(limit, DesignBounds) or not np.isfinite(limit.upper):
+            continue
+        if limit.name not in over_time:
+            value = float(np.max(limit.told(finished.flights[0].at_nodes)))
+            limits[limit.name] = _entry(limit, value)
+    for name, pairs in over_time.items():
+        limits[name] = _limit(pairs) | {"worth": finished.worths.get(name)}
+        if several:
+            over = {each: _over(told["limits"].get(name)) for each, told in scenarios.items()}
+            limits[name]["scenario"] = max(over, key=over.get)
+    (first, *others) = scenarios.values()
+    flown = [flight.told for flight in finished.flights]
+    return {
+        "operation": None if others else first["operation"],
+        "limits": limits,
+        "loads": found,
+        "tip_deflection_m": loads.tip_deflection(physics, finished.result.point.blade, flown),
+    }
+
+
+def _scenario(finished, flights):
+    """Return what one scenario gives by itself, by the keys of `ScenarioEntry`."""
+    scenario, objective = flights[0].scenario, finished.physics.objective
+    turning, duration = _turning(flights), scenario.mesh.duration
+    sums = {
+        key: sum(getattr(flight.simulation, name) for flight in flights) if turning else None
+        for name, key in SIMULATED.items()
+    }
+    power = sum(flight.objective(objective) for flight in flights) / duration if turning else None
+    times = [flight.simulation.time for flight in flights]
+    speeds = [flight.simulation.inflow_speed for flight in flights]
+    passed = sum(trapezoid(v, t) for v, t in zip(speeds, times, strict=True))
+    mean = passed / sum(time[-1] - time[0] for time in times)
+    limits = _over_time(finished, flights)
+    return {
+        "weight": scenario.weight,
+        "duration_s": duration,
+        "energy_J": sum(
+            each.scenario.node_weights @ each.trajectory["hydrodynamic_power"] for each in flights
+        ),
+        **sums,
+        "mean_power_W": power,
+        "inflow_speed": _span(np.concatenate(speeds)) | {"mean": mean},
+        "tip_speed_ratio": _span(_nodes(flights, "tip_speed_ratio")),
+        "operation": _operation(finished, flights, power),
+        "limits": {name: _limit(pairs) for name, pairs in limits.items()},
+        "loads": _loads(finished, flights),
+    }
+
+
+def _turning(flights):
+    return all(flight.simulation.stopped_at is None for flight in flights)
+
+
+def _nodes(flights, quantity):
+    """Return a quantity at the nodes of all flights."""
+    return np.concatenate([flight.trajectory[quantity] for flight in flights])
+
+
+def _span(values):
+    return {"min": np.min(values), "max": np.max(values), "mean": np.mean(values)}
+
+
+def _operation(finished, flights, power):
     """Return the intervals of operation; None where a machine never stands still."""
-    duration = physics.case.phase.duration
-    spans = np.array([each.scenario.edges[[0, -1]] for each in flights])
-    still = duration - float(np.sum(np.diff(spans)))
-    if physics.case.control.cut_out is None or still <= 0.0:
+    spans = np.array([flight.scenario.edges[[0, -1]] for flight in flights])
+    still = flights[0].scenario.mesh.duration - float(np.sum(np.diff(spans)))
+    if finished.physics.case.control.cut_out is None or still <= 0.0:
         return None
-    speeds = np.array([each.trajectory["rotor_speed"][0] for each in flights])
+    speeds = np.array([flight.trajectory["rotor_speed"][0] for flight in flights])
     return {
         "intervals_s": spans,
         "standstill_s": still,
-        "mean_power_W": None if objective is None else objective / duration,
-        "run_up_J": 0.5 * inertia * np.sum(speeds[spans[:, 0] > 0.0] ** 2),
+        "mean_power_W": power,
+        "run_up_J": 0.5 * finished.result.inertia * np.sum(speeds[spans[:, 0] > 0.0] ** 2),
     }
 
 
@@ -187,42 +311,74 @@ def _unstable(flights):
         )
 
 
-def _gap(over, turning):
-    """Return what the simulated energy lacks of the certificate, over the certificate, or None."""
-    return None if over is None or not turning else -over
+def _notes(finished):
+    """Return what is to be said of the case's files, of the blade and of the operation."""
+    physics, blade = finished.physics, finished.result.point.blade
+    ratios = _nodes(finished.flights, "tip_speed_ratio")
+    working = max(float(np.min(ratios)), SLOWEST_RATIO), float(np.max(ratios))
+    met = Stations.of(blade, physics.built(blade), working).messages("found blade")
+    return [
+        *physics.messages,
+        *physics.warnings,
+        *finished.start.messages,
+        *(text for _, text in met),
+        *_outside_table(physics.generator, finished.flights),
+        *_unstable(finished.flights),
+    ]
 
 
-def _limit(limit, flights, worths):
-    """Return the largest value of a limit, at the nodes and in the integration, and its bound."""
-    flown = [limit.told(flight.flown) for flight in flights]
-    at_nodes = [limit.told(flight.at_nodes) for flight in flights]
-    value, bound = float(max(map(np.max, flown + at_nodes))), float(limit.upper)
-    least = bound - (ENVELOPE if limit.name in LOADS else BINDING) * abs(bound)
-    binding = value >= least
-    entry = {"value": value, "limit": bound, "unit": limit.unit or "", "binding": binding}
-    if limit.place != "time":
-        return entry
-    times = [flight.flown["time"] for flight in flights]
-    worst = max(range(len(flights)), key=lambda i: np.max(flown[i]))
-    weights = np.array([each.scenario.weight for each in flights])
-    spans = np.array([time[-1] - time[0] for time in times])
-    binds = np.array(
-        [
-            trapezoid(np.where(along >= least, 1.0, 0.0), time)
-            for along, time in zip(flown, times, strict=True)
-        ]
-    )
-    return entry | {
-        "time_s": times[worst][np.argmax(flown[worst])],
-        "share_of_time": weights @ binds / (weights @ spans),
-        "worth": worths.get(limit.name),
+def _over_time(finished, flights):
+    """Return limits over time, each with the flights in which it holds, by its name."""
+    pairs = {}
+    for flight in flights:
+        # a scenario may have limits of its own
+        for limit in getattr(flight.scenario, "limits", None) or finished.physics.limits:
+            if limit.caps_series:
+                pairs.setdefault(limit.name, []).append((limit, flight))
+    return pairs
+
+
+def _entry(limit, value):
+    """Return the value of a limit, its bound, and whether it binds."""
+    bound = float(limit.upper)
+    unit, binding = limit.unit or "", value >= _least(limit)
+    return {"value": value, "limit": bound, "unit": unit, "binding": binding}
+
+
+def _least(limit):
+    """Return the value from which a limit counts as binding."""
+    return limit.upper - (ENVELOPE if limit.name in LOADS else BINDING) * abs(limit.upper)
+
+
+def _over(entry):
+    """Return by how much an entry of a limit exceeds its bound; -inf if there is none."""
+    return -np.inf if entry is None else (entry["value"] - entry["limit"]) / abs(entry["limit"])
+
+
+def _limit(pairs):
+    """Return the largest value of a limit over time, at the nodes and in the integration.
+
+    With its time and the share of the time in which it binds; `pairs` has limit and flight.
+    """
+    found, binds, spans = [], 0.0, 0.0
+    for limit, flight in pairs:
+        flown, time = limit.told(flight.flown), flight.flown["time"]
+        value = float(max(np.max(flown), np.max(limit.told(flight.at_nodes))))
+        found.append(_entry(limit, value) | {"time_s": time[np.argmax(flown)]})
+        binding = np.where(flown >= _least(limit), 1.0, 0.0)
+        binds += flight.scenario.weight * trapezoid(binding, time)
+        spans += flight.scenario.weight * (time[-1] - time[0])
+    return max(found, key=_over) | {"share_of_time": binds / spans}
+
+
+def _loads(finished, flights):
+    """Return the largest loads along some integrations, when and where along the blade."""
+    flown = [flight.told for flight in flights]
+    found = {
+        name: entry.model_dump(exclude_unset=True) for name, entry in loads.largest(flown).items()
     }
-
-
-def _loads(physics, blade, flown):
-    """Return the largest loads along the integrations, when and where along the blade."""
-    found = {name: entry.model_dump() for name, entry in loads.largest(flown).items()}
-    for name, (r, values) in loads.over_span(physics, blade, flown).items():
+    span = loads.over_span(finished.physics, finished.result.point.blade, flown)
+    for name, (r, values) in span.items():
         if name in found:
             found[name]["r_m"] = r[np.argmax(values)]
     return found
@@ -247,24 +403,30 @@ def _versions():
     return versions
 
 
-def write_tables(out, physics, result, flights):
-    """Write the trajectories, the integrations, the loads, the blade and its power curve as CSV."""
-    for _, group in groupby(flights, key=lambda flight: id(flight.scenario.inflow)):
-        several = list(group)  # intervals of one flow have one table, without the time between them
-        suffix = "" if several[0] is flights[0] else f"_{several[0].scenario.name}"
-        for name, values in (
-            ("trajectory", [x.trajectory | x.loads_at_nodes | x.rates_at_nodes for x in several]),
-            ("simulation", [flight.told for flight in several]),
-        ):
+def write_tables(out: Path, finished: Finished) -> None:
+    """Write the trajectories, the integrations, the loads, the blade and its power curve as CSV.
+
+    Parameters
+    ----------
+    out : Path
+        The result folder.
+    finished : Finished
+        The run. Of several scenarios, each has tables with its name.
+    """
+    physics, blade = finished.physics, finished.result.point.blade
+    for scenario, flights in finished.scenarios.items():
+        suffix = f"_{scenario}" if len(finished.scenarios) > 1 else ""
+        flown = [flight.told for flight in flights]
+        nodes = [x.trajectory | x.loads_at_nodes | x.rates_at_nodes for x in flights]
+        for name, values in (("trajectory", nodes), ("simulation", flown)):
             table = {
-                column: np.concatenate([each[name] for each in values])
-                for name, column in COLUMNS.items()
-                if name in values[0]
+                column: np.concatenate([each[quantity] for each in values])
+                for quantity, column in COLUMNS.items()
+                if quantity in values[0]
             }
             write_csv(out / f"{name}{suffix}.csv", table, zip(*table.values(), strict=True))
-    blade = result.point.blade
-    flown = [flight.told for flight in flights]
-    _write_loads(out / "loads.csv", blade, loads.over_span(physics, blade, flown))
+        span = loads.over_span(physics, blade, flown)
+        _write_loads(out / f"loads{suffix}.csv", blade, span)
     _write_blade(out / "blade.csv", physics, blade)
     ratios = np.linspace(0.3, 1.7, 141) * best_operation(blade, physics.polar).tip_speed_ratio
     power = [

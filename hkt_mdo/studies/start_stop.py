@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Simulation, simulate
 from hkt_mdo.errors import InputError
-from hkt_mdo.results.words import turning
+from hkt_mdo.results.words import measured
 from hkt_mdo.studies.uncertainty import Design
 
 SAMPLES = 4001
@@ -37,10 +37,10 @@ class StartStop:
         """Yield a line for each part."""
         up, down, speed = self.run_up, self.shut_down, self.run_up.rotor_speed
         if self.started_at is None:
-            what = "does not start by itself: without torque"
-            yield f"the rotor {what} it comes to {turning(speed[-1])} in {up.time[-1]:.1f} s"
+            what = "the rotor does not start by itself: without torque it comes to"
+            yield f"{what} {measured(speed[-1], 'rad/s', 4)} in {up.time[-1]:.1f} s"
             return
-        reached = turning(up.speed_at(self.started_at))
+        reached = measured(up.speed_at(self.started_at), "rad/s", 4)
         yield f"run-up: without torque to {reached} in {self.started_at:.2f} s"
         if self.operation is None:
             yield "operation: none, the shut-down is asked for before the run-up ends"
@@ -49,7 +49,7 @@ class StartStop:
         if run.stopped_at is not None:
             yield f"operation: rotor stops at t = {run.stopped_at:.2f} s, not generating"
             return
-        extremes = f"{turning(run.rotor_speed.min())} to {turning(run.rotor_speed.max())}"
+        extremes = measured(run.rotor_speed, "rad/s", 4)
         yield f"operation: until t = {end:.2f} s at {extremes}, {run.energy / 1e3:.3f} kJ captured"
         if down is None:
             return
@@ -58,7 +58,7 @@ class StartStop:
             yield f"shut-down: {limit} stop the rotor within {down.stopped_at - end:.2f} s"
         else:
             word = "do not stop the rotor, which needs a brake: it comes to"
-            yield f"shut-down: {limit} {word} {turning(down.rotor_speed[-1])}"
+            yield f"shut-down: {limit} {word} {measured(down.rotor_speed[-1], 'rad/s', 4)}"
 
 
 def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) -> StartStop:

@@ -28,7 +28,7 @@ from hkt_mdo.dynamics.simulation import (
     simulate,
 )
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.physics import BEM, Physics, complete, physics
+from hkt_mdo.problem.physics import BEM, Physics, complete
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
@@ -111,19 +111,11 @@ class Design:
 
         Raises InputError if it is of an interrupted run, or a file of its case is gone.
         """
-        world, summary = physics(solution.case), solution.summary
-        if summary.chord_m is None or not solution.trajectory:
-            remedy = "run the case again, or resume it"
-            raise InputError("holds no finished design", remedy, file=solution.folder)
-        blade = world.blade.with_rotor_radius(summary.rotor_radius_m or world.blade.rotor_radius)
-        twist = np.deg2rad(summary.twist_deg)
-        blade = blade.with_shape(summary.chord_m, twist, summary.thickness_over_chord)
-        check = BEM[world.case.hydrodynamics.check]
-        plant = Plant(
-            blade, world.built(blade), summary.inertia_kg_m2, world.density, check, world.generator
-        )
-        gains = np.atleast_1d([] if summary.gain is None else summary.gain)
-        return cls(solution, world, plant, plant, gains.astype(float))
+        made = solution.design()
+        world, blade = made.physics, made.blade
+        check, inertia = BEM[world.case.hydrodynamics.check], made.inertia
+        plant = Plant(blade, made.polars, inertia, world.density, check, world.generator)
+        return cls(solution, world, plant, plant, made.gains)
 
     @property
     def law(self) -> FeedbackLaw | None:

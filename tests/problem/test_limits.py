@@ -16,6 +16,7 @@ from hkt_mdo.dynamics.limits import (
 )
 from hkt_mdo.problem.components import FormulaComp, TorqueRateComp
 from hkt_mdo.problem.physics import physics
+from hkt_mdo.results.words import texts
 
 CASE = {"inflow": "sine", "control": "open_loop"}
 SHORT = CASE | {"phase": {"segments": 20, "duration": 20}}
@@ -258,7 +259,7 @@ def test_a_power_limit_is_kept_and_told(run, sections, bound):
     assert told.value == pytest.approx(most, rel=1e-3)
     assert np.max(found.simulation["generator_power_W"]) <= most * 1.001
     assert (
-        dict(found.summary.rows(found.case))["largest power"]
+        texts(found.summary.rows(found.case))["largest power"]
         .partition(", margin")[0]
         .endswith(f"limit {bound}")
     )
@@ -279,7 +280,7 @@ def test_a_limited_rate_of_the_torque_is_one_optimum_in_speed_and_in_torque(run)
         rates = np.gradient(flown["control_torque_Nm"], flown["time_s"])
         assert np.max(np.abs(rates)) <= 20.0 * 1.001
         assert np.min(rates) == pytest.approx(-20.0, rel=1e-3)  # a fall is limited too
-        assert "largest torque rate" in dict(found.summary.rows(found.case))
+        assert "largest torque rate" in texts(found.summary.rows(found.case))
         energies.append(found.summary.simulated_energy_J)
     free = run(**fixed).summary.simulated_energy_J
     assert energies[0] == pytest.approx(energies[1], rel=5e-5)

@@ -19,6 +19,7 @@ from hkt_mdo.run.judge import judge
 from hkt_mdo.run.log import Log
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.state import RunState
+from hkt_mdo.run.summary import Finished
 from hkt_mdo.start.find import find_start
 
 
@@ -39,6 +40,11 @@ class Solved:
         """Return what every judge says, by its name."""
         parts = self.physics, self.optimum, self.reference, self.result, self.flights
         return {check.name: check for check in judge(*parts)}
+
+    def finished(self) -> Finished:
+        """Return what a summary and the tables are made of."""
+        parts = self.physics, self.optimum, self.start, [], self.result, self.flights
+        return Finished(*parts, list(self.checks().values()))
 
 
 def _solve(

@@ -390,8 +390,7 @@ def test_a_limit_on_the_design_alone_is_held_and_judged(solve_physics):
     assert held.on_first_mesh.broken_limits(held.start) == ["largest_inertia"]
     assert held.result.inertia == pytest.approx(bound, rel=1e-6)
     assert 0.99 * free.result.energy < held.result.energy < free.result.energy
-    parts = held.physics, held.optimum, held.start, [], held.result, held.flights
-    entry = summarize(*parts, list(checks.values())).limits["largest_inertia"]
+    entry = summarize(held.finished()).limits["largest_inertia"]
     assert entry.value == pytest.approx(bound, rel=1e-6)
     assert entry.binding
     tighter = LargestInertia(bound=0.99 * bound)
@@ -419,13 +418,13 @@ def test_one_design_for_two_scenarios_is_accepted(solve_physics, law, tmp_path):
     first, second = solved.flights
     expected = 0.7 * first.simulation.energy + 0.3 * second.simulation.energy
     assert solved.result.energy == pytest.approx(expected, rel=2e-5)
-    parts = solved.physics, solved.optimum, solved.start, [], solved.result, solved.flights
-    summary = summarize(*parts, list(checks.values()))
+    finished = solved.finished()
+    summary = summarize(finished)
     assert summary.success
     assert summary.simulated_energy_J == pytest.approx(expected, rel=1e-12)
     assert summary.energy_balance_error < 1e-4
-    write_tables(tmp_path, solved.physics, solved.result, solved.flights)
-    for name, scenario in (("", first), ("_step", second)):
+    write_tables(tmp_path, finished)
+    for name, scenario in (("_phase", first), ("_step", second)):
         for table, columns in (
             ("trajectory", scenario.trajectory), ("simulation", scenario.integrated)
         ):  # fmt: skip

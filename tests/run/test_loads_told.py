@@ -8,6 +8,7 @@ import pytest
 from hkt_mdo.case import load_case
 from hkt_mdo.problem.physics import RATIOS, physics
 from hkt_mdo.results.solution import TABLES, Solution
+from hkt_mdo.results.words import texts
 from hkt_mdo.rotor import bem
 from hkt_mdo.run import loads
 from hkt_mdo.run.run import run_case
@@ -182,7 +183,7 @@ def test_the_summary_tells_the_same(result):
     summary = result.summary
     lost = summary.generator_energy_J - summary.electrical_energy_J
     assert lost == pytest.approx(0.1 * summary.generator_energy_J, rel=1e-9)
-    rows = dict(summary.rows(result.case))
+    rows = texts(summary.rows(result.case))
     assert rows["energy, electrical"].endswith(f"losses {lost / 1e3:#.5g} kJ (10 %)")
     share = result.limit_shares()
     assert list(share) == ["control_torque"]
@@ -215,8 +216,8 @@ def test_loads_are_computed_once(solve_physics, tmp_path):
             return own(known)
 
         object.__setattr__(flight, "loads", counted)
-    parts = solved.physics, solved.optimum, solved.start, [], solved.result, flights
-    summarize(*parts, list(solved.checks().values()))
-    write_tables(tmp_path, solved.physics, solved.result, flights)
+    finished = solved.finished()
+    summarize(finished)
+    write_tables(tmp_path, finished)
     times = [time for each in flights for time in (each.trajectory["time"], each.simulation.time)]
     assert sorted(calls) == sorted(time.size for time in times)

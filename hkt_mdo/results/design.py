@@ -1,0 +1,94 @@
+"""The design of a result as objects: blade, polars, outlines, control law and turbine.
+
+Nothing else in this room needs the rotor, its files or the optimization's modules.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hkt_mdo.case import Case
+from hkt_mdo.dynamics.laws import FeedbackLaw
+from hkt_mdo.problem.physics import Physics, physics
+from hkt_mdo.problem.turbine import Turbine, build_turbine
+from hkt_mdo.results.summary import Summary
+from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.outline import Outline
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """What a run has found.
+
+    Attributes
+    ----------
+    blade : Blade
+        The blade, its twist with the set angle.
+    polars : Polar, tuple of Polar or LocalReynolds
+        One polar for all stations, or one a station.
+    outlines : tuple of Outline
+        One for all stations, or one a station; where the thickness is designed, those of the
+        case's sections, from thin to thick.
+    law : FeedbackLaw or None
+        The control law; None for open loop, whose torque is in the trajectory.
+    gains : ndarray, shape (n_gains,)
+        Gains of the law, in its `gain_units`; empty for open loop.
+    inertia : float
+        Inertia of the rotor, kg m^2.
+    turbine : Turbine
+        What `hkt_mdo.problem.turbine` makes of the case, with the blade of the result.
+    physics : Physics
+        What the case describes, its blade the one at the start.
+    """
+
+    blade: Blade
+    polars: Any
+    outlines: tuple[Outline, ...]
+    law: FeedbackLaw | None
+    gains: np.ndarray
+    inertia: float
+    turbine: Turbine
+    physics: Physics
+
+    @classmethod
+    def of(cls, case: Case, summary: Summary) -> Design:
+        """Build the design of a result from its case and the files that this names.
+
+        Parameters
+        ----------
+        case : Case
+            The case that was run.
+        summary : Summary
+            What the run has found; it holds a blade.
+
+        Returns
+        -------
+        Design
+
+        Raises
+        ------
+        InputError
+            If a file of the case is gone or broken.
+        """
+        world = physics(case)
+        blade = world.blade.with_rotor_radius(summary.rotor_radius_m or world.blade.rotor_radius)
+        twist = np.deg2rad(summary.twist_deg)
+        blade = blade.with_shape(summary.chord_m, twist, summary.thickness_over_chord)
+        inflow, duration = world.inflow, world.case.phase.duration
+        mean = float(np.mean(inflow.speed_at(np.linspace(0.0, duration, 1001))))
+        polars = world.built(blade)
+        turbine = build_turbine(case.rotor, case.fluid, mean, case.design)
+        gains = np.atleast_1d([] if summary.gain is None else summary.gain).astype(float)
+        return cls(
+            blade,
+            polars,
+            turbine.outlines,
+            world.law,
+            gains,
+            summary.inertia_kg_m2 or world.mass_and_inertia(blade)[1],
+            turbine._replace(blade=blade, polar=polars),
+            world,
+        )
