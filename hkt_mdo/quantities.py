@@ -29,7 +29,7 @@ class Described:
     over
         ``time``: shape (n_times,); ``span``: (n_stations,); ``design`` and ``result``: a number.
     source
-        What provides it: the ``trajectory`` (the rotor's ODE), ``loads`` and ``rates``, which follow
+        What provides it: the ``trajectory`` (the rotor's ODE), ``loads`` and ``rates`` that follow
         from a trajectory, the ``rotor``, or the ``integrals`` over all scenarios.
     per_pressure
         Unit of a load over the dynamic pressure 0.5 rho v² of the flow.

@@ -207,6 +207,22 @@ class Case(Section):
                 raise refusal(problem, remedy, key=key, value=value)
         return self
 
+    def of_scenario(self, name: str) -> Case:
+        """Return the case of one of its scenarios alone; of a name that it has not, itself."""
+        for own in self.scenarios:
+            if own.name == name:
+                limits = {limit.name: limit for limit in own.limits.given}
+                duration = own.duration or (None if own.inflow else self.phase.duration)
+                mesh = {"duration": duration, "segments": own.segments}
+                update = {
+                    "inflow": own.inflow or self.inflow,
+                    "limits": self.limits.model_copy(update=limits),
+                    "phase": self.phase.model_copy(update=mesh),
+                    "scenarios": (),
+                }
+                return self.model_copy(update=update)
+        return self
+
     def _check_scenarios(self) -> None:
         """Refuse scenarios that share a name, weigh nothing, or limit what they do not own."""
         names = [each.name for each in self.scenarios]

@@ -425,8 +425,7 @@ class Solution:
 
 def _case_of(case: Case, name: str) -> Case:
     """Return the case of one scenario alone, with its own flow and limits."""
-    own: Any = getattr(case, "of_scenario", None)
-    return own(name) if own else case
+    return case.of_scenario(name)
 
 
 def _package(name: str) -> Any:

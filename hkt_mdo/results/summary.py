@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import (
+    AliasChoices,
     BaseModel,
     ConfigDict,
     Field,
@@ -187,12 +188,13 @@ class PassEntry(_Entry):
 
 
 class ObjectiveEntry(_Entry):
-    """What was maximized: by collocation, by the integration, and its upper bound."""
+    """What was optimized: by collocation, by the integration, and its upper bound."""
 
     kind: str
-    value_J: _Number = None
-    simulated_J: _Number = None
-    bound_J: _Number = None
+    unit: str = "J"
+    value: _Number = Field(None, validation_alias=AliasChoices("value", "value_J"))
+    simulated: _Number = Field(None, validation_alias=AliasChoices("simulated", "simulated_J"))
+    bound: _Number = Field(None, validation_alias=AliasChoices("bound", "bound_J"))
 
 
 class OperationEntry(_Entry):
@@ -434,7 +436,9 @@ class Summary(_Entry, Mapping[str, Any]):
         yield Row("energy, electrical", self.electrical_energy_J, "J", losses)
         yield Row("share of quasi-steady bound", share, "%")
         if self.objective is not None and self.objective.kind != "captured":
-            yield Row(f"objective, {self.objective.kind}", self.objective.simulated_J, "J")
+            yield Row(
+                f"objective, {self.objective.kind}", self.objective.simulated, self.objective.unit
+            )
         gap = "-" if self.certified_gap is None else f"{max(100.0 * self.certified_gap, 0.0):.2g}"
         yield Row("certificate", f"within {gap} % of the best possible")
 

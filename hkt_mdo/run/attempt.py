@@ -13,7 +13,7 @@ from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes
 from hkt_mdo.results.summary import CheckEntry, PassEntry
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
-from hkt_mdo.run.flight import Flight, Optimized, fly, total
+from hkt_mdo.run.flight import Flight, Optimized, fly, simulated_objective
 from hkt_mdo.run.judge import BELOW_START, curve_errors, is_false, judge, recovers
 from hkt_mdo.run.mesh import Division, division, too_close_to_stall
 from hkt_mdo.run.optimization import assembled
@@ -86,12 +86,8 @@ class Judged:
         """
         large = sum(check.value > max(check.limit, BELOW_START) for check in self.checks)
         refused = sum(not check.passed for check in self.checks)
-        return -large, -refused, simulated_objective(self.physics, self.flights)
-
-
-def simulated_objective(physics: Physics, flights: tuple[Flight, ...]) -> float:
-    """Return the objective of the integrations, J."""
-    return total(flights, lambda flight: flight.objective(physics.objective))
+        worth = self.physics.objective.sign * simulated_objective(self.physics, self.flights)
+        return -large, -refused, worth
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,7 +310,7 @@ class Attempt:
         stands = as_it_stands(self.state, physics, self.begin.start, result)
         flights = fly(physics, stands)
         for flight in flights:
-            held = [each for each in physics.limits if each.place == "time"]
+            held = physics.limits_in(flight.scenario)
             parts = flight.at_nodes, flight.flown  # a law with states meets others than at rest
             over = [np.max(each.excess(known)) for each in held for known in parts]
             if flight.simulation.stopped_at is not None or max(over) > START_EXCESS:
@@ -334,6 +330,8 @@ def quasi_steady_reference(physics: Physics, start: StartingPoint) -> float:
     start
         Found by quasi-steady co-design.
     """
+    if physics.start_objective is not physics.objective:  # the start makes something else large
+        return 0.0
     state = start.operation
     kept = state.running and bool(np.all(state.margin >= LEAST)) and not physics.start_breaks(start)
     return physics.objective_at(start) if kept else 0.0

@@ -387,7 +387,7 @@ def _bounds(found: Findings) -> Rows:
     in_case = {"chord": metres, "twist": degrees, "set_angle": degrees, "gain": plain}
     in_case["thickness"] = plain
     in_case["radius"] = "m", 1.0 / np.cos(point.blade.cone)
-    for limit in found.physics.limits:
+    for limit in found.physics.design_limits:
         if isinstance(limit, DesignBounds):
             key, (unit, scale) = f"design.{limit.name}_bounds", in_case[limit.name]
             low, high = (number(scale * end) for end in (limit.lower, limit.upper))
@@ -406,7 +406,7 @@ def _limits(found: Findings) -> Rows:
     """
     for name, (first, *_) in found.groups.items():
         scenario, values = found.physics.scenarios[first], found.at_start[name]
-        limits = getattr(scenario, "limits", None) or found.physics.limits
+        limits = *found.physics.limits_in(scenario), *found.physics.design_limits
         for row in _of_scenario(found, limits, values):
             several = len(found.groups) > 1
             yield replace(row, label=f"{name}: {row.label}") if several else row

@@ -29,6 +29,7 @@ from hkt_mdo.problem.physics import BEM, Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
+from hkt_mdo.quantities import names
 from hkt_mdo.solve.drivers import Outcome
 
 SAMPLES = 20  # a segment, of the integration and between the nodes
@@ -137,8 +138,8 @@ class Flight:
         return np.abs(self.simulation.speed_at(nodes["time"]) / nodes["rotor_speed"] - 1.0)
 
     def objective(self, objective) -> float:
-        """Return the integral of an objective over the integration, J."""
-        rate = objective.rate_of(self.integrated | self.scalars)
+        """Return the integral of an objective's rate over the integration, in its unit."""
+        rate = objective.rate_of(self.flown)
         return float(simpson(rate, x=self.simulation.time))
 
     def between_nodes(self, limit: Limit) -> tuple[np.ndarray, np.ndarray]:
@@ -213,6 +214,22 @@ def _flown(plant, scenario, controller, initial_speed, **options) -> Simulation:
         if failed is None:
             return flown
         return replace(flown, stopped_at=flown.stopped_at or failed.time)
+
+
+def simulated_objective(physics: Physics, flights: tuple[Flight, ...]) -> float:
+    """Return the objective of the integrations, in its unit."""
+    if physics.objective.is_rate:
+        return physics.united(flight.objective(physics.objective) for flight in flights)
+    return float(physics.objective.value_of(design_and_result(flights)))
+
+
+def design_and_result(flights: tuple[Flight, ...]) -> dict[str, Any]:
+    """Return what is known of the design and of the whole result, by the names of quantities."""
+    energies = {
+        name: total(flights, lambda flight, name=name: getattr(flight.simulation, name))
+        for name in names(over="result")
+    }
+    return flights[0].scalars | energies
 
 
 def total(flights: tuple[Flight, ...], of) -> float:

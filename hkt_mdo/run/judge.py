@@ -22,16 +22,22 @@ from hkt_mdo.dynamics.limits import (
 )
 from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
-from hkt_mdo.dynamics.trajectory import LOADS
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import StartingPoint
+from hkt_mdo.quantities import LOADS, names
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.scales import power_scale, torque_scale
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.run.certified import certified_energy
-from hkt_mdo.run.flight import Flight, Optimized, total
+from hkt_mdo.run.flight import (
+    Flight,
+    Optimized,
+    design_and_result,
+    simulated_objective,
+    total,
+)
 
 # Limits of the judges, as README.md explains them
 ENERGY_ERROR, SPEED_ERROR = 2e-4, 1e-2
@@ -140,9 +146,8 @@ def _of_design(physics, optimum, reference, result, flights):
         stored = total(flights, lambda flight: abs(flight.simulation.kinetic_energy_change))
         share = stored / max(abs(energy), 1e-9)
         yield "stored_energy", share, STORED, "change of kinetic energy over captured energy"
-    objective = energy
+    objective = simulated_objective(physics, flights)
     if not isinstance(physics.objective, CapturedEnergy):
-        objective = total(flights, lambda flight: flight.objective(physics.objective))
         yield (
             "objective_error",
             abs(result.objective - objective) / max(abs(objective), 1e-9),
@@ -152,12 +157,15 @@ def _of_design(physics, optimum, reference, result, flights):
     if reference > 0.0:
         yield (
             "energy_below_start",
-            1.0 - objective / reference,
+            physics.objective.behind(objective, reference),
             BELOW_START,
             "a worse optimum than where the run began",
         )
-    for limit in physics.limits:
-        yield from _of_limit(physics, limit, result, flights)
+    for limit in physics.design_limits:
+        yield _of_design_limit(physics, limit, result, flights)
+    for flight, suffix in _suffixed(flights):
+        for limit in physics.limits_in(flight.scenario):
+            yield from _of_limit(physics, limit, flight, suffix)
 
 
 def _recovery(physics, result, flights):
@@ -207,27 +215,30 @@ def _closed_loop(flights):
     return "closed_loop", value, 0.0, word
 
 
-def _of_limit(physics, limit, result, flights):
-    """Yield how far a limit is exceeded: by the design, or at and between the nodes."""
-    if limit.place != "time":
-        over = limit.excess(flights[0].scalars | designed(physics, result.point))
-        worst, where = int(np.argmax(over)), f"the {limit.name.replace('_', ' ')}"
-        if limit.place == "span":
-            where = f"r = {result.point.blade.r[worst]:.3f} m"
-        yield f"{limit.name}_bounds", max(over[worst], 0.0), NODE_VIOLATION, f"at {where}"
-        return
-    for flight, suffix in _suffixed(flights):
-        over = limit.excess(flight.at_nodes)
+def _of_design_limit(physics, limit, result, flights):
+    """Return how far the design, or the whole result, exceeds a limit."""
+    over = limit.excess(design_and_result(flights) | designed(physics, result.point))
+    worst, where = int(np.argmax(over)), f"the {limit.name.replace('_', ' ')}"
+    if limit.place == "span" and over.size == result.point.blade.r.size:
+        where = f"r = {result.point.blade.r[worst]:.3f} m"
+    # the integration has energies of its own
+    most = ENERGY_ERROR if limit.is_of(names(over="result")) else NODE_VIOLATION
+    return f"{limit.name}_bounds", max(over[worst], 0.0), most, f"at {where}"
+
+
+def _of_limit(physics, limit, flight, suffix):
+    """Yield how far a limit over time is exceeded in a scenario, at and between the nodes."""
+    over = limit.excess(flight.at_nodes)
+    worst = int(np.argmax(over))
+    when = f"at t = {flight.trajectory['time'][worst]:.2f} s"
+    # an optimization has loads from tables, which are as exact as this asks
+    most = BETWEEN if limit.is_of(LOADS) else NODE_VIOLATION
+    yield f"{limit.name}_at_nodes{suffix}", max(over[worst], 0.0), most, when
+    if limit.constrains(physics.case.control):
+        over, when = flight.between_nodes(limit)
         worst = int(np.argmax(over))
-        when = f"at t = {flight.trajectory['time'][worst]:.2f} s"
-        # an optimization has loads from tables, which are as exact as this asks
-        most = BETWEEN if LOADS.keys() & set(limit.inputs) else NODE_VIOLATION
-        yield f"{limit.name}_at_nodes{suffix}", max(over[worst], 0.0), most, when
-        if limit.constrains(physics.case.control):
-            over, when = flight.between_nodes(limit)
-            worst = int(np.argmax(over))
-            place = f"at t = {when[worst]:.2f} s"
-            yield f"{limit.name}_between_nodes{suffix}", over[worst], most_between(limit), place
+        place = f"at t = {when[worst]:.2f} s"
+        yield f"{limit.name}_between_nodes{suffix}", over[worst], most_between(limit), place
 
 
 def most_between(limit: Limit) -> float:

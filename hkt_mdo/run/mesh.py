@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.flight import Flight, Optimized
 from hkt_mdo.run.judge import (
@@ -116,7 +117,7 @@ def division(
     for marks, close, flight in zip(coarse, near, flights, strict=True):
         if not unchanged:  # by the last division: what is close to stall then is so at the nodes
             marks |= close
-        for limit in held(physics) if len(before) < RULES.few else ():
+        for limit in held(physics, flight.scenario) if len(before) < RULES.few else ():
             marks |= flight.between_nodes(limit)[0] > most_between(limit)
     if physics.law is None:
         error = _open_loop(physics, result, flights, coarse, before, branch)
@@ -185,17 +186,17 @@ def too_close_to_stall(
     return found
 
 
-def held(physics: Physics) -> list[Limit]:
-    """Return the limits over time that the optimization constrains."""
+def held(physics: Physics, scenario: Scenario) -> list[Limit]:
+    """Return the limits over time that the optimization constrains in a scenario."""
     control = physics.case.control
-    return [each for each in physics.limits if each.place == "time" and each.constrains(control)]
+    return [limit for limit in physics.limits_in(scenario) if limit.constrains(control)]
 
 
 def _switches(physics, flight) -> np.ndarray:
     """Return the segments in which a limit begins or ceases to bind, and their neighbours."""
     scenario, nodes = flight.scenario, flight.at_nodes
     found = np.zeros(scenario.segments, dtype=bool)
-    for limit in held(physics):
+    for limit in held(physics, scenario):
         binds = limit.excess(nodes) > -RULES.near_limit
         first, *others = binds.reshape(scenario.segments, -1).T
         last = others[-1]

@@ -46,8 +46,12 @@ def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry])
 
 def _in_flow(physics, start, name) -> str:
     """Return in which flow a starting point exceeds a limit most."""
-    (limit,) = (each for each in physics.limits if each.name == name)
-    excesses = [(limit.excess(known), known["inflow_speed"]) for known in physics.on_start(start)]
+    excesses = [
+        (limit.excess(known), known["inflow_speed"])
+        for scenario, known in zip(physics.scenarios, physics.on_start(start), strict=True)
+        for limit in (*physics.limits_in(scenario), *physics.design_limits)
+        if limit.name == name
+    ]
     over, flow = max(excesses, key=lambda pair: np.max(pair[0]))
     if over.size != flow.size:  # a limit on the design alone
         return "in any flow"
@@ -63,7 +67,7 @@ def nearest_law(physics: Physics) -> str:
         return ""
     case, optimum = physics.case, steady_optimum(physics, physics.blade)
     given = {"torque_limit": case.control.torque_limit, "cut_out": case.control.cut_out}
-    powers = any(isinstance(each, PowerLimit | ElectricalPowerLimit) for each in physics.limits)
+    powers = any(isinstance(each, PowerLimit | ElectricalPowerLimit) for each in physics.all_limits)
     for kind in LAWS:
         if isinstance(physics.law, kind) or (kind is RatedFeedback and not powers):
             continue

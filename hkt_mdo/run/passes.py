@@ -124,11 +124,11 @@ def lowered_limits(attempt: Attempt) -> Begin | None:
     if not attempt.converged:
         return None
     shares, worst = dict(attempt.setup.shares), 0.0
-    for limit in held(attempt.physics):
-        if not np.isfinite(limit.upper):
-            continue
-        most = most_between(limit)
-        for flight in attempt.flights:
+    for flight in attempt.flights:
+        for limit in held(attempt.physics, flight.scenario):
+            if not np.isfinite(limit.upper):
+                continue
+            most = most_between(limit)
             over, _ = flight.between_nodes(limit)
             share = attempt.setup.share(limit, flight.scenario)
             # where it has not helped, or the limit is exceeded by much, no lower limit mends it

@@ -110,8 +110,9 @@ class RunState:
 
     def keep(self, point: StartingPoint, objective: float) -> None:
         """Keep a feasible point of the physics at work if it is the best so far."""
-        if objective > self._highest:
-            self.best, self._highest = (self.physics, point), objective
+        worth = self.first.objective.sign * objective
+        if worth > self._highest:
+            self.best, self._highest = (self.physics, point), worth
 
     def go_on_from(self, physics: Physics, point: StartingPoint, reference: float) -> None:
         """Take a point of some physics as the last iterate, and have it written.

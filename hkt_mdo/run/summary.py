@@ -28,7 +28,13 @@ from hkt_mdo.rotor.steady_optimum import SteadyOptimum, best_operation
 from hkt_mdo.rotor.strength import place_weights
 from hkt_mdo.run import loads
 from hkt_mdo.run.findings import Stations
-from hkt_mdo.run.flight import Flight, Optimized, total
+from hkt_mdo.run.flight import (
+    Flight,
+    Optimized,
+    design_and_result,
+    simulated_objective,
+    total,
+)
 from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.judge import energy_bound, explain_all
 
@@ -157,9 +163,10 @@ def _energies(finished):
         "certified_gap": None if over is None or not finished.turning else -over,
         "objective": {
             "kind": physics.objective.kind,
-            "value_J": finished.result.objective,
-            "simulated_J": total(flights, lambda flight: flight.objective(physics.objective)),
-            "bound_J": None if closed else physics.objective_bound(bound),
+            "unit": physics.objective.unit or "",
+            "value": finished.result.objective,
+            "simulated": simulated_objective(physics, flights),
+            "bound": None if closed else physics.objective_bound(bound),
         },
         "bound_power_coefficient": finished.optimum.power_coefficient,
         "bound_tip_speed_ratio": finished.optimum.tip_speed_ratio,
@@ -208,12 +215,10 @@ def _extremes(finished, scenarios):
             if load not in found or entry["value"] > found[load]["value"]:
                 found[load] = entry | ({"scenario": name} if several else {})
     limits, over_time = {}, _over_time(finished, finished.flights)
-    for limit in physics.limits:
-        if isinstance(limit, DesignBounds) or not np.isfinite(limit.upper):
-            continue
-        if limit.name not in over_time:
-            value = float(np.max(limit.told(finished.flights[0].at_nodes)))
-            limits[limit.name] = _entry(limit, value)
+    whole = design_and_result(finished.flights)
+    for limit in physics.design_limits:
+        if not isinstance(limit, DesignBounds) and np.isfinite(limit.upper):
+            limits[limit.name] = _entry(limit, float(np.max(limit.told(whole))))
     for name, pairs in over_time.items():
         limits[name] = _limit(pairs) | {"worth": finished.worths.get(name)}
         if several:
@@ -231,7 +236,7 @@ def _extremes(finished, scenarios):
 
 def _scenario(finished, flights):
     """Return what one scenario gives by itself, by the keys of `ScenarioEntry`."""
-    scenario, objective = flights[0].scenario, finished.physics.objective
+    scenario, objective = flights[0].scenario, finished.physics.start_objective
     turning, duration = _turning(flights), scenario.mesh.duration
     sums = {
         key: sum(getattr(flight.simulation, name) for flight in flights) if turning else None
@@ -331,8 +336,7 @@ def _over_time(finished, flights):
     """Return limits over time, each with the flights in which it holds, by its name."""
     pairs = {}
     for flight in flights:
-        # a scenario may have limits of its own
-        for limit in getattr(flight.scenario, "limits", None) or finished.physics.limits:
+        for limit in finished.physics.limits_in(flight.scenario):
             if limit.caps_series:
                 pairs.setdefault(limit.name, []).append((limit, flight))
     return pairs

@@ -26,10 +26,18 @@ def worths(
     and the problem with a little more of the limit, at the same design. `nodes` has what limits
     take at the nodes of each scenario; `scratch`: where OpenMDAO puts its own files.
     """
-    limits = [each for each in physics.limits if each.caps_series]
-    far = {each.name: all(np.all(each.excess(known) < -FAR) for known in nodes) for each in limits}
-    if all(far.values()):
-        return dict.fromkeys(far, 0.0)
+    if not physics.objective.is_energy:
+        return {}
+    pairs = [
+        (limit, known)
+        for scenario, known in zip(physics.scenarios, nodes, strict=True)
+        for limit in physics.limits_in(scenario)
+        if limit.caps_series
+    ]
+    near = {limit.name for limit, known in pairs if np.any(limit.excess(known) >= -FAR)}
+    limits = {limit.name: limit for limit, _ in pairs}
+    if not near:
+        return dict.fromkeys(limits, 0.0)
     optimum = State.of(result.problem.driver)
     found = multipliers(result.problem.driver, optimum)
 
@@ -40,14 +48,16 @@ def worths(
             changed = _with_more_torque(physics, result, scratch)
         return MORE / STEP * gain(optimum, found, changed)
 
-    return {each.name: 0.0 if far[each.name] else worth(each) for each in limits}
+    return {name: worth(limit) if name in near else 0.0 for name, limit in limits.items()}
 
 
 def _with_more(physics, setup, limit, optimum) -> State:
     """Return an optimum's state with bounds that are a little wider for a limit."""
     lower, upper = optimum.lower.copy(), optimum.upper.copy()
-    for place, scenario in enumerate(physics.scenarios):
-        rows = optimum.rows[constraint_of(limit, place, scenario)]
+    for number, scenario in enumerate(physics.scenarios):
+        if limit.name not in {each.name for each in physics.limits_in(scenario)}:
+            continue
+        rows = optimum.rows[constraint_of(limit, number, scenario)]
         share = setup.share_at(limit, scenario, limited_nodes(limit, scenario))
         more = STEP * np.abs(upper[rows]) / share
         upper[rows] += more
