@@ -35,7 +35,6 @@ from hkt_mdo.problem.physics import BEM, Physics
 from hkt_mdo.problem.scenario import Scales, Scenario, add_phase, set_start
 from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
 from hkt_mdo.quantities import QUANTITIES, RATES, is_over_time
-from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.components import (
     AngleComp,
     InertiaComp,
@@ -45,7 +44,7 @@ from hkt_mdo.rotor.components import (
     rotor_inputs,
 )
 from hkt_mdo.rotor.scales import torque_scale
-from hkt_mdo.rotor.stall import SLOWER, stall_fence
+from hkt_mdo.rotor.stall import SLOWER
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.solve import drivers
 from hkt_mdo.solve.totals import Substitution
@@ -85,11 +84,11 @@ def assemble(
     _add_rates(model, physics)
     _add_energies(model, physics)
     for limit in physics.design_limits:
-        if limit.constrains(physics.case.control):
+        if limit.constrains(physics.law):
             _add_design_limit(model, physics, setup, limit)
     for number, scenario in enumerate(physics.scenarios):
         for limit in (*physics.limits_in(scenario), *_distance_from_stall(physics, setup)):
-            if limit.constrains(physics.case.control):
+            if limit.constrains(physics.law):
                 _add_limit(model, physics, setup, limit, number, scales)
         if scenario.mesh.final_speed == "initial":
             _close_cycle(model, scenario, scales)
@@ -128,7 +127,7 @@ def _scales(physics, setup):
     torque = float(np.max(np.abs(operation.hydrodynamic_torque)))
     _, inertia = physics.mass_and_inertia(setup.start.blade)
     speed = float(np.mean(operation.rotor_speed))
-    limit = physics.torque_limit
+    limit = physics.law.torque_limit
     if limit is not None:
         limit *= min(np.min(setup.share(TorqueLimit(), each)) for each in physics.scenarios)
     return Scales(speed, torque, torque / inertia, limit, _state_scales(physics, setup.start))
@@ -215,9 +214,8 @@ def _add_phases(model, physics, hydrodynamics, parameters, scales, speed_bounds)
     trajectory = Trajectory()
     options = {"hydrodynamics": lambda nodes: HydrodynamicsComp(num_nodes=nodes, **hydrodynamics)}
     options["generator"] = physics.generator
-    unknown = getattr(physics.case.control, "unknown", "speed")
     phases = [
-        add_phase(trajectory, each, physics.law, unknown, options, parameters, scales, speed_bounds)
+        add_phase(trajectory, each, physics.law, options, parameters, scales, speed_bounds)
         for each in physics.scenarios
     ]
     model.add_subsystem("traj", trajectory)
@@ -364,7 +362,7 @@ def _add_attached(model, physics, setup):
     blade = setup.start.blade
     ratios = [known["tip_speed_ratio"] for known in physics.on_start(setup.start)]
     lowest = float(min(map(np.min, ratios)))
-    fence = stall_fence(physics.polar, physics.shape, blade, lowest)
+    fence = physics.rotor.stall_fence(physics.shape, blade, lowest)
     if not fence.stations.size:
         return
     model.design.add_output("lowest_ratio", lowest, desc="below every w R / v of the trajectories")
@@ -385,7 +383,7 @@ def _add_attached(model, physics, setup):
 def _near_stall(physics, setup, limit, place, scenario):
     """Return the nodes at which the start is near stall, or at least the nearest ones."""
     start = setup.start
-    table = bem.rotor_coefficients(start.blade, physics.polar, limit.spline.nodes)
+    table = physics.rotor.coefficients(start.blade, limit.spline.nodes)
     known = physics.on_start(start)[place]
     known |= {"torque_coefficient_table": table.torque, "gains": start.gains}
     unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])
