@@ -20,6 +20,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.shipped import POLAR_FAMILIES, shipped_names
 from hkt_mdo.files.yaml_text import parse
+from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.sections import Section
 
 ROOT = Path(__file__).parent.parent
@@ -204,6 +205,35 @@ def test_commands_of_the_pages_exist(page):
             assert set(re.findall(r"(?<= )--[a-z-]+", line.partition("  #")[0])) <= known, line
         elif line.startswith("python scripts/"):
             assert (ROOT / line.split()[1]).is_file(), line
+
+
+ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+EXTENSION = ROOT / "tests" / "data" / "extension.py"
+
+
+def test_architecture_names_every_quantity_with_its_unit():
+    part = ARCHITECTURE.partition("## Quantities")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| `(\w+)` \| ([^|]*) \| ([^|]*) \| ([^|]*) \|$", part, re.MULTILINE)
+    over = {"design": "the design", "result": "the whole result"}
+    known = [(e.name, e.unit or "-", over.get(e.over, e.over), e.text) for e in QUANTITIES.values()]
+    assert [tuple(map(str.strip, row)) for row in rows] == known
+
+
+def test_extensions_of_the_architecture_are_those_that_are_tested():
+    source, flags = EXTENSION.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
+    code, cases = (
+        re.findall(rf"^```{kind}\n(.*?)^```$", ARCHITECTURE, flags) for kind in ("python", "yaml")
+    )
+    shown = [block.partition("\n\n\nclass ")[2] for block in code]
+    assert sum(map(bool, shown)) == 3
+    assert all(f"class {text}" in source for text in shown if text)
+    for text in cases:
+        load_case(parse(text, "architecture.md"), extensions=[EXTENSION])
+
+
+def test_files_that_the_architecture_names_are_there():
+    for name in re.findall(r"`(\w+/\w+\.py)`", ARCHITECTURE):
+        assert any((folder / name).is_file() for folder in (ROOT, ROOT / "hkt_mdo")), name
 
 
 @pytest.mark.slow
