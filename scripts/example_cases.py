@@ -71,8 +71,8 @@ RUNS = {
     "two_flows_open_loop": ("two_flows", "control.law=open_loop"),
     "two_flows_unlimited": (
         "two_flows",
-        "scenarios=[{name: slow, inflow: {profile: sine, mean: 1.2}, weight: 0.75},"
-        " {name: fast, inflow: {profile: sine, mean: 1.5}, weight: 0.25}]",
+        "scenarios=[{name: slow, weight: 0.75},"
+        " {name: fast, weight: 0.25, inflow: {profile: sine, mean: 1.5}}]",
     ),
 }
 """By the name of the result: the case, and what is set otherwise in it."""
