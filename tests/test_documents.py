@@ -13,6 +13,7 @@ from jsonschema import Draft202012Validator
 from typer.main import get_command
 
 from hkt_mdo.case import Case, case_json_schema, case_markdown, load_case, read_case
+from hkt_mdo.case.messages import TAGS
 from hkt_mdo.case.turbine import SectionFile
 from hkt_mdo.cli import app, main
 from hkt_mdo.cli.new_case import KINDS, write_new_case
@@ -56,7 +57,7 @@ def test_page_has_every_key_with_its_whole_docstring(section):
     if section is not Case:
         assert one_line(section.__doc__) in page
     for name, field in section.model_fields.items():
-        tag = name in ("profile", "law", "kind")
+        tag = name in TAGS.values()
         if section is Case and name != "name":
             assert f"`{name}`" in page
         elif not tag:
@@ -275,9 +276,11 @@ def test_schema_says_what_it_is():
     schema = case_json_schema()
     assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
     assert schema["title"] == "Case"
-    assert schema["required"] == ["inflow", "control"]
-    for whole in (schema, *schema["$defs"].values()):
-        section = whole.get("anyOf", [whole])[-1]  # a limit may be its bound alone
+    assert schema["required"] == ["control"]
+    assert schema["anyOf"] == [{"required": ["inflow"]}, {"required": ["scenarios"]}]
+    # a limit may be its bound alone
+    parts = (whole.get("anyOf", [whole])[-1] for whole in schema["$defs"].values())
+    for section in (schema, *parts):
         assert section["additionalProperties"] is False
         for value in section["properties"].values():
             if "description" in value:  # editors keep line ends
@@ -379,6 +382,9 @@ def test_schema_refuses_unions_that_a_case_refuses(validator, text):
 
 # New cases ----------------------------------------------------------------------------------------
 
+UNUSUAL = {"name", "scenarios", "robustness", "version"}
+"""Keys that a new case does not show."""
+
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_new_case_loads_and_explains_itself(tmp_path, validator, kind):
@@ -390,9 +396,7 @@ def test_new_case_loads_and_explains_itself(tmp_path, validator, kind):
     assert case.name == "mine"
     validator.validate(parse(text, path.name))
     comments = " ".join(re.findall(r"^ *# (.*)$", text, re.MULTILINE))
-    for name in Case.model_fields:
-        if name == "name":
-            continue
+    for name in Case.model_fields.keys() - UNUSUAL:
         assert re.search(rf"^(# )?{name}:$", text, re.MULTILINE), name
         section = type(getattr(case, name))
         assert one_line(section.__doc__) in comments
@@ -400,8 +404,7 @@ def test_new_case_loads_and_explains_itself(tmp_path, validator, kind):
         shown = [
             key
             for key in section.model_fields
-            if re.search(rf"^  (# )?{key}: ", part, re.MULTILINE)
-            and key not in ("profile", "law", "kind")
+            if re.search(rf"^  (# )?{key}: ", part, re.MULTILINE) and key not in TAGS.values()
         ]
         assert shown or name == "objective"  # which has no keys
         for key in shown:
