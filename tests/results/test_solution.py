@@ -186,7 +186,10 @@ def test_an_allowable_stress_is_that_of_the_material(result_folder):
     """Which the case gives in place of a number; figures draw it."""
     folder = result_folder
     case = (folder / "case.yaml").read_text(encoding="utf-8")
-    given = {"limits.stress=allowable", "rotor.material={density: 2700, allowable_stress: 90 MPa}"}
+    given = {
+        "limits.stress=allowable",
+        "rotor.material={density: 2700, modulus: 70 GPa, allowable_stress: 90 MPa}",
+    }
     allowed = read_case(case, sorted(given)).to_yaml()
     (folder / "case.yaml").write_text(allowed, encoding="utf-8")
     solution = Solution.load(folder)
