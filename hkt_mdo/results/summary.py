@@ -474,8 +474,9 @@ class Summary(_Entry, Mapping[str, Any]):
         work = joined(f"{self.optimizer} ({self.package})", iterations, f"{seconds} s")
         yield Row("optimizer", work if self.optimizer else None)
         if self.passes:
-            remedies = "; ".join(f"{each.remedy}: {each.why}" for each in self.passes if each.remedy)
-            yield Row("optimizations", str(len(self.passes)), "", remedies.replace("_", " "))
+            remedies = (f"{each.remedy}: {each.why}" for each in self.passes if each.remedy)
+            told = "; ".join(remedies).replace("_", " ")
+            yield Row("optimizations", str(len(self.passes)), "", told)
         if self.starts:
             kept = next((each.strategy for each in self.starts if each.kept), "none")
             yield Row("starts", f"{len(self.starts)} tried", "", f"began with: {kept}")
