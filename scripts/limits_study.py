@@ -276,7 +276,7 @@ def worths(found):
         (
             "The worth follows from the multipliers of the optimum, to first order;",
             "optimizing again",
-            "with the larger limit confirms it within ten per cent (`tests/run/test_worth.py`).",
+            "with the larger limit confirms it within ten per cent (`tests/start/test_worth.py`).",
         ),
     )
 
