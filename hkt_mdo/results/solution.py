@@ -226,7 +226,8 @@ class Solution:
             (found,) = self.tables.values()
         else:
             problem = f"has several scenarios: {', '.join(self.tables)}"
-            remedy = f"choose one, such as solution.scenario({next(iter(self.tables))!r})"
+            first = next(iter(self.tables))
+            remedy = f"choose one, such as solution.scenario({first!r}), or --scenario {first}"
             raise InputError(problem, remedy, file=self.folder)
         return found
 

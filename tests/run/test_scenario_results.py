@@ -80,7 +80,7 @@ def test_the_largest_are_told_with_their_scenario(solution):
     assert rows["largest thrust"].endswith("in fast")
     energy = summary.scenarios["slow"].simulated_energy_J
     assert rows["slow: energy, simulated"].startswith(f"{energy / 1e3:#.5g} kJ, on average ")
-    assert "weight 0.6" in rows["slow: flow"]
+    assert "share of time 0.48" in rows["slow: flow"]
 
 
 def test_no_table_is_silently_the_first(solution):
