@@ -221,7 +221,7 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
     yield Row("standard deviation", flow.deviation, "m/s", share, 3)
     yield Row("time", duration(flow.duration), "", why)
     if len(found.flows) > 1:
-        yield Row("weight", flow.weight)
+        yield Row("share of time", flow.share)
     yield Row("changes", changes)
     yield Row("power through the rotor", passing, "W", "mean", 4)
     yield Row("power a square metre", passing / area, "W", "mean", 4)
