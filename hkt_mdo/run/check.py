@@ -466,6 +466,9 @@ def _first_line(kind) -> str:
 
 def _sizes(sizes: dict[str, int]) -> str:
     """Return a total and what it is made of, by the last parts of the names in the problem."""
-    lasts = (name.removesuffix(".value").rpartition(".")[2] for name in sizes)
-    parts = [f"{size} {last}" for size, last in zip(sizes.values(), lasts, strict=True)]
-    return f"{sum(sizes.values())}: {joined(*parts) or 'none'}"
+    parts: dict[str, int] = {}
+    for name, size in sizes.items():
+        last = name.removesuffix(".value").rpartition(".")[2]
+        parts[last] = parts.get(last, 0) + size
+    told = joined(*(f"{size} {last}" for last, size in parts.items()))
+    return f"{sum(sizes.values())}: {told or 'none'}"
