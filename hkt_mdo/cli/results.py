@@ -143,7 +143,7 @@ def simulate(
     if quiet.stopped_at is not None:
         told = f"rotor stops at t = {quiet.stopped_at:.2f} s, not generating; energy n/a"
     echo(f"{title}\n  without noise: {told}")
-    if snr is not None and design.law is None:
+    if snr is not None and not design.law.is_feedback:
         echo("  open loop reads no sensor: the noise changes nothing")
     elif snr is not None:
         sensor = Sensor(snr, reference, rate, cutoff or None)

@@ -5,7 +5,7 @@ import openmdao.api as om
 
 from hkt_mdo.dynamics.formulas import STEP
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
-from hkt_mdo.dynamics.laws import FeedbackLaw
+from hkt_mdo.dynamics.laws import FeedbackLaw, Law, OpenLoop
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
@@ -29,9 +29,9 @@ class RotorODE(om.Group):
     """Speed dynamics of a rigid rotor, I dw/dt = Q - u.
 
     Three ways to close it, by what is unknown:
-    - a feedback law: u follows from w (`law`);
-    - open loop in torque: u is an input, dw/dt an output (`unknown="torque"`);
-    - open loop in speed: w and its rate are inputs, u = Q - I dw/dt an output (`unknown="speed"`).
+    - a feedback law: u follows from w;
+    - open loop in torque: u is an input, dw/dt an output;
+    - open loop in speed: w and its rate are inputs, u = Q - I dw/dt an output.
       The rotor is differentially flat in w, which turns a singular control into a regular one
       (docs/theory.md).
     """
@@ -40,8 +40,7 @@ class RotorODE(om.Group):
         self.options.declare("num_nodes", types=int)
         self.options.declare("inflow", recordable=False)
         self.options.declare("hydrodynamics", desc="num_nodes -> component", recordable=False)
-        self.options.declare("law", default=None, allow_none=True, recordable=False)
-        self.options.declare("unknown", values=("speed", "torque"), default="speed")
+        self.options.declare("law", default=OpenLoop(), types=Law, recordable=False)
         self.options.declare("generator", default=LOSSLESS, types=Generator, recordable=False)
 
     def setup(self):
@@ -50,9 +49,9 @@ class RotorODE(om.Group):
             "flow": InflowComp(num_nodes=n, inflow=options["inflow"]),
             "hydrodynamics": options["hydrodynamics"](n),
         }
-        if options["law"] is not None:
+        if options["law"].is_feedback:
             parts["controller"] = FeedbackComp(num_nodes=n, law=options["law"])
-        inverse = options["law"] is None and options["unknown"] == "speed"
+        inverse = options["law"].chooses_speed
         parts["shaft"] = ShaftComp(num_nodes=n, inverse=inverse, generator=options["generator"])
         for name, part in parts.items():
             self.add_subsystem(name, part, promotes=["*"])

@@ -14,7 +14,7 @@ from hkt_mdo.case import Case
 from hkt_mdo.dynamics.aggregates import Aggregate
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.generator import Generator
-from hkt_mdo.dynamics.laws import FeedbackLaw
+from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.limits import (
     CavitationLimit,
     DesignBounds,
@@ -66,10 +66,9 @@ class Physics:
     `case` is complete: its time span and segments are numbers. `shape` has the blade as given and
     what of it is designed; `rotor` what follows from any of its blades. thickness (over chord) is
     one number, or one a station; where it is designed, the start's. There is usually one
-    scenario; with a cut-out speed, one for each interval of operation. `law` None: open loop.
+    scenario; with a cut-out speed, one for each interval of operation.
     `messages` tell what was converted, repaired or left out, `warnings` what was hardly meant.
-    `torque_limit` (N*m) is None, and `law` has none, also where the case gives one that no blade
-    can reach in its flow.
+    `law` has no torque limit where the case gives one that no blade can reach in its flow.
     """
 
     case: Case
@@ -77,12 +76,11 @@ class Physics:
     rotor: RotorModel
     thickness: float | np.ndarray
     scenarios: tuple[Scenario, ...]
-    law: FeedbackLaw | None
+    law: Law
     limits: tuple[Limit, ...]
     objective: Objective
     messages: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
-    torque_limit: float | None = None
 
     @property
     def polar(self) -> Any:
@@ -175,6 +173,12 @@ class Physics:
             means[scenario.group] += float(integral) / scenario.mesh.duration
         return np.array(list(means.values()))
 
+    def epigraph(self, point) -> tuple[np.ndarray, int]:
+        """Return the aggregate's unknowns at a starting point, and the number of its rows."""
+        rates, shares = self.mean_rates(self.on_start(point)), np.array(list(self.shares.values()))
+        unknowns = self.aggregate.best_unknowns(rates, shares)
+        return unknowns, np.size(self.aggregate.rows(rates, shares, unknowns))
+
     def loads_along(self, blade: Blade, known: dict, names: tuple[str, ...]) -> dict:
         """Return the largest loads along a blade at each time of a trajectory, SI units.
 
@@ -187,7 +191,7 @@ class Physics:
         if self.rotor.follows_reynolds:  # the flow counts too: every instant by itself
             parts = np.array_split(np.arange(ratio.size), -(-ratio.size // RATIOS))
             found = [
-                self.loads_in(flow[part]).coefficients(blade, ratio[part], names=names)
+                self.rotor.at_flow(flow[part]).loads.coefficients(blade, ratio[part], names=names)
                 for part in parts
             ]
             largest = {
@@ -200,13 +204,6 @@ class Physics:
             if at is not ratio:
                 largest = {name: np.interp(ratio, at, each) for name, each in largest.items()}
         return {name: 0.5 * self.density * flow**2 * each for name, each in largest.items()}
-
-    def loads_in(self, flow: float | np.ndarray) -> LoadModel:
-        """Return what loads follow from in a flow (m/s), with the polars at their Reynolds numbers.
-
-        Polars that do not follow the Reynolds number are the same in every flow.
-        """
-        return self.rotor.at_flow(flow).loads
 
     @property
     def generator(self) -> Generator:
@@ -241,17 +238,16 @@ class Physics:
     @property
     def gain_units(self) -> tuple[str, ...]:
         """Units of the feedback gains; empty for open loop."""
-        return self.law.gain_units if self.law else ()
+        return self.law.gain_units
 
     @property
     def states(self) -> dict[str, tuple[str, str]]:
         """Unit and description of each state of the control law, by its name."""
-        return self.law.states if self.law else {}
+        return self.law.states
 
     def states_at_rest(self, torque, inflow_speed) -> dict[str, np.ndarray]:
         """Return the states of the control law in equilibrium, by name; SI units."""
-        found = self.law.at_rest(torque, inflow_speed) if self.law else ()
-        return dict(zip(self.states, found, strict=True))
+        return dict(zip(self.states, self.law.at_rest(torque, inflow_speed), strict=True))
 
     @property
     def several_sections(self) -> bool:
@@ -395,7 +391,7 @@ def complete(case: Case) -> Case:
     duration, segments = _span(case.inflow, phase.duration, phase.segments)
     final = phase.final_speed
     if final == "auto":
-        sells = case.objective.closes and not isinstance(case.control, FeedbackLaw)
+        sells = case.objective.closes and not case.control.is_feedback
         final = "initial" if sells else "free"
     found = {"duration": duration, "segments": segments, "final_speed": final}
     return case.model_copy(update={"phase": phase.model_copy(update=found)})
@@ -470,8 +466,7 @@ def physics(case: Case) -> Physics:
     if control.cut_out is not None:
         fastest = min(fastest, control.cut_out)
         speed = np.minimum(speed, control.cut_out)
-    if isinstance(control, FeedbackLaw):
-        control = control.in_flow(float(np.min(speed)), float(np.max(speed)))
+    control = control.in_flow(float(np.min(speed)), float(np.max(speed)))
     # the speed at which most energy passes; only a local Reynolds number asks for it
     speed = float(weights @ speed**4 / (weights @ speed**3))
     turbine = build_turbine(case.rotor, case.fluid, speed, case.design)
@@ -495,7 +490,7 @@ def physics(case: Case) -> Physics:
     if limit is not None and limit > most:
         text = f"control.torque_limit = {limit:g} N m is out of reach of any blade in this flow"
         messages += (f"{text}, at most {most:.3g} N m: it counts as none",)
-        control = control.model_copy(update={"torque_limit": None})
+        control = control.with_torque_limit(None)
     limits = _limits(case, shape, control.torque_limit)
     return Physics(
         case,
@@ -503,12 +498,11 @@ def physics(case: Case) -> Physics:
         _rotor_model(case, turbine, shape),
         turbine.thickness,
         tuple(_with_limits(each, limits, case, shape) for each in scenarios),
-        control if isinstance(control, FeedbackLaw) else None,
+        control,
         limits,
         case.objective,
         messages,
         tuple(_doubts(case, mean)),
-        control.torque_limit,
     )
 
 
@@ -581,8 +575,7 @@ def _doubts(case: Case, mean: float) -> Iterator[str]:
             f"of its speeds, such as {mean:.4g} cm/s"
         )
     rated = any(limit.is_of(RATES) for limit in case.limits.given)
-    by_torque = getattr(case.control, "unknown", "speed") == "torque"
-    if rated and by_torque and case.design.blade == "optimized":
+    if rated and case.control.chooses_torque and case.design.blade == "optimized":
         yield (
             "control.unknown = torque may end several per cent below the best under "
             "limits.torque_rate: give control.unknown: speed"

@@ -231,19 +231,16 @@ class Radau(_Lean, dm.Radau):
 _TRANSCRIPTIONS = {"gauss-lobatto": GaussLobatto, "radau": Radau}
 
 
-def add_phase(trajectory, scenario, law, unknown, ode_options, parameters, scales, speed_bounds):
+def add_phase(trajectory, scenario, law, ode_options, parameters, scales, speed_bounds):
     """Add a scenario's phase to a trajectory and return it.
 
-    `law` None: open loop, which chooses `unknown`, "speed" or "torque". `ode_options` are those of
-    `RotorODE` besides law, unknown and inflow; `parameters` the ODE inputs that the model feeds,
-    with their units; `speed_bounds` (rad/s) a pair.
+    `ode_options` are those of `RotorODE` besides law and inflow; `parameters` the ODE inputs that
+    the model feeds, with their units; `speed_bounds` (rad/s) a pair.
     """
     mesh = scenario.mesh
     phase = dm.Phase(
         ode_class=RotorODE,
-        ode_init_kwargs={
-            "law": law, "unknown": unknown, "inflow": scenario.inflow, **ode_options
-        },
+        ode_init_kwargs={"law": law, "inflow": scenario.inflow, **ode_options},
         transcription=_TRANSCRIPTIONS[mesh.transcription](
             num_segments=scenario.segments,
             order=mesh.order,
@@ -257,7 +254,7 @@ def add_phase(trajectory, scenario, law, unknown, ode_options, parameters, scale
         phase.add_parameter(name, opt=False, units=units, static_targets=True)
 
     speed = {"lower": speed_bounds[0], "upper": speed_bounds[1], "ref": scales.rotor_speed}
-    inverse = law is None and unknown == "speed"
+    inverse = law.chooses_speed
     if inverse:
         _add_control(phase, "rotor_speed", rate_targets=["rotor_acceleration"], **speed)
     else:
@@ -269,18 +266,18 @@ def add_phase(trajectory, scenario, law, unknown, ode_options, parameters, scale
             defect_ref=scales.acceleration,
             **speed,
         )
-    for name, (unit, _) in (law.states if law else {}).items():
+    for name, (unit, _) in law.states.items():
         ref, rate = scales.states[name]
         source = f"{name}_rate"
         phase.add_state(
             name, rate_source=source, targets=[name], units=unit, ref=ref, defect_ref=rate
         )
         phase.add_boundary_constraint(source, loc="initial", equals=0.0, ref=rate)
-    if law is None and unknown == "torque":
+    if law.chooses_torque:
         limits = {"lower": 0.0, "upper": scales.torque_limit}
         _add_control(phase, "control_torque", ref=scales.torque, **limits)
     balanced = mesh.initial_speed == "equilibrium"
-    if balanced or (mesh.initial_speed == "auto" and law is not None):
+    if balanced or (mesh.initial_speed == "auto" and law.is_feedback):
         # where speed is the control, its acceleration is the control's rate
         phase.add_boundary_constraint(
             "rotor_speed_rate" if inverse else "rotor_acceleration",

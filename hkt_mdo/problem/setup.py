@@ -11,7 +11,6 @@ from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.scenario import Scenario
-from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 TWIST_UNIT, THICKNESS_UNIT = np.deg2rad(5.0), 0.03  # typical changes of twist and thickness / chord
@@ -45,7 +44,6 @@ class MoveLimits:
         chord, twist, thick = shape.control(start.blade)
         radius = np.full(int(shape.radius_bounds is not None), start.blade.rotor_radius)
         own = gain_bounds(physics)
-        moves = physics.law.moves if physics.law else lambda *_: (gains, gains)
         return {
             "rotor_speed": (self.slower * np.min(speed), self.faster * np.max(speed)),
             "chord_control": _within(chord / self.chord, chord * self.chord, shape.chord_bounds),
@@ -56,7 +54,7 @@ class MoveLimits:
             "rotor_radius": _within(
                 radius / self.radius, radius * self.radius, shape.radius_bounds or own
             ),
-            "gain": _within(*moves(gains, self.gain), own),
+            "gain": _within(*physics.law.moves(gains, self.gain), own),
         }
 
     def reached(self, physics: Physics, start: StartingPoint, end: StartingPoint) -> bool:
@@ -163,7 +161,7 @@ def _coefficients(physics, blade, ratios):
 
     The torque's decides the energy; a load's only how far its limit is kept.
     """
-    torque = bem.rotor_coefficients(blade, physics.polar, ratios).torque
+    torque = physics.rotor.coefficients(blade, ratios).torque
     yield torque, 0.05 * physics.case.hydrodynamics.tolerance
     for load in physics.loads.coefficients(blade, ratios, names=physics.load_names).values():
         yield load.envelope(physics.loads.exponent).values, LOAD_ERROR

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.case import Case
-from hkt_mdo.dynamics.laws import FeedbackLaw
+from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.problem.physics import Physics, physics
 from hkt_mdo.problem.turbine import Turbine, build_turbine
 from hkt_mdo.results.summary import Summary
@@ -32,8 +32,8 @@ class Design:
     outlines : tuple of Outline
         One for all stations, or one a station; where the thickness is designed, those of the
         case's sections, from thin to thick.
-    law : FeedbackLaw or None
-        The control law; None for open loop, whose torque is in the trajectory.
+    law : Law
+        The control law; the torque of an open loop is in the trajectory.
     gains : ndarray, shape (n_gains,)
         Gains of the law, in its `gain_units`; empty for open loop.
     inertia : float
@@ -47,7 +47,7 @@ class Design:
     blade: Blade
     polars: Any
     outlines: tuple[Outline, ...]
-    law: FeedbackLaw | None
+    law: Law
     gains: np.ndarray
     inertia: float
     turbine: Turbine

@@ -10,9 +10,6 @@ from hkt_mdo.dynamics.certificate import RAMP, BestPower, Passing, between, cert
 from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.best_section import best_sections
-from hkt_mdo.rotor.inertia import mass_and_inertia
-from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 
 LOWEST, HIGHEST = 0.3, 20.0  # tip speed ratios for which the bound holds
@@ -29,8 +26,8 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
     only the torque limit is regarded. None where polars follow the Reynolds number, the radius or
     the thickness is designed, or the best tip speed ratio is near `HIGHEST`.
     """
-    shape, law, limit = physics.shape, physics.law, physics.torque_limit
-    if isinstance(physics.polar, LocalReynolds) or shape.radius_bounds is not None:
+    shape, law, limit = physics.shape, physics.law, physics.law.torque_limit
+    if physics.rotor.follows_reynolds or shape.radius_bounds is not None:
         return None
     if shape.designs_thickness:
         return None
@@ -77,10 +74,8 @@ def _best_power(physics, optimum):
         )
     )
     if shape.designs_chord:
-        points = ratios / np.cos(blade.cone)
-        load = best_sections(
-            blade, physics.polar, points, shape.chord_bounds, shape.twist_bounds
-        ).load
+        bounds = shape.chord_bounds, shape.twist_bounds
+        load = physics.rotor.best_sections(blade, ratios, *bounds).load
         power = ratios * (load @ bem.torque_weights(blade))
     elif shape.designs_set_angle:
         chord, *_ = shape.control(blade)
@@ -97,7 +92,7 @@ def _best_power(physics, optimum):
 
 def _power(physics, blade, ratios):
     """Return the power coefficients of a blade."""
-    return bem.rotor_coefficients(blade, physics.polar, ratios).power
+    return physics.rotor.coefficients(blade, ratios).power
 
 
 def _inertia_of_heavy(physics, optimum):
@@ -113,14 +108,12 @@ def _inertia_of_heavy(physics, optimum):
     blade, rotor, best = physics.blade, physics.case.rotor, optimum.blade
     bounds, twist_bounds = physics.shape.chord_bounds, physics.shape.twist_bounds
     unit = np.ones(blade.r.size)
-    slope = mass_and_inertia(
-        blade.with_shape(unit, unit), physics.section_area, rotor.blade_material.density
-    ).inertia_by_chord
+    slope = physics.rotor.mass_and_inertia(blade.with_shape(unit, unit)).inertia_by_chord
     lightest = physics.mass_and_inertia(blade.with_shape(bounds[0] * unit, unit))[1]
     prices = PRICES * optimum.power_coefficient / physics.mass_and_inertia(best)[1]
     ratios = optimum.tip_speed_ratio * np.linspace(0.25, 1.3, RATIOS)
-    points, weights = ratios / np.cos(blade.cone), bem.torque_weights(blade)
-    whole = best_sections(blade, physics.polar, points, bounds, twist_bounds)
+    weights = bem.torque_weights(blade)
+    whole = physics.rotor.best_sections(blade, ratios, bounds, twist_bounds)
     chords, twists = np.geomspace(*bounds, CHORDS + 1), np.linspace(*twist_bounds, TWISTS)
     sums = np.zeros((prices.size, RATIOS))
     for j, r in enumerate(blade.r):
@@ -131,7 +124,7 @@ def _inertia_of_heavy(physics, optimum):
                 each.ravel() for each in np.meshgrid(chords[first:-1], twists, indexing="ij")
             )
             strip = replace(blade, r=np.full(chord.size, r), chord=chord, twist=twist)
-            found = bem.sections(strip, bem.polar_at(physics.polar, j), points).tangential_load
+            found = physics.rotor.at_station(j).sections(strip, ratios).tangential_load
             # what a parabola adds between twists, then the best of this and larger chords
             load[:, first:] = peak(found.reshape(-1, TWISTS)).reshape(RATIOS, -1)
             load = np.maximum.accumulate(load[:, ::-1], axis=1)[:, ::-1]

@@ -261,7 +261,7 @@ def _fast_changes(found: Findings, flow: Flow) -> Rows:
 
 def _control(found: Findings) -> Rows:
     """Yield the law; warn of a torque limit and of a gain that were hardly meant."""
-    control, law, limit = found.case.control, found.physics.law, found.physics.torque_limit
+    control, law, limit = found.case.control, found.physics.law, found.physics.law.torque_limit
     yield Row("law", _first_line(control) or control.law)
     smooth = f"approached smoothly (smoothing {control.smoothing:g})" if law and limit else ""
     yield Row("torque limit", "none" if limit is None else limit, "N*m", smooth, 4)
@@ -274,7 +274,7 @@ def _control(found: Findings) -> Rows:
             f"the starting blade has {measured(found.torque(speed, fastest), 'N*m', 4)} in the "
             f"fastest flow, {fastest:.4g} m/s",
         )
-    if law is not None:
+    if law.is_feedback:
         gains, own = law.starting_gains(), law.starting_gains() is None
         how = "suits the starting blade; the run finds its own" if own else "as the case says"
         yield Row("gain at the start", amounts(found.start.gains, law.gain_units, 4), "", how)
@@ -288,7 +288,7 @@ def _control(found: Findings) -> Rows:
                 f"{100.0 * found.captured:.2g} % of what its largest power coefficient gives",
             )
     initial = found.case.phase.initial_speed
-    free = initial == "free" or (initial == "auto" and law is None)
+    free = initial == "free" or (initial == "auto" and not law.is_feedback)
     balance = "hydrodynamic and control torque balance"
     yield Row("at t = 0", "the rotor's speed is free" if free else balance)
 
@@ -313,7 +313,7 @@ def _start(found: Findings) -> Rows:
     there = f"at {mean:.4g} m/s, {measured(torque, 'N*m', 4)}, {measured(speed, 'rad/s', 4)}"
     yield Row("there, in the mean flow", torque * speed, "W", there, 4)
     if np.isfinite(found.rated_speed):
-        power = found.physics.torque_limit * speed * found.rated_speed / mean
+        power = found.physics.law.torque_limit * speed * found.rated_speed / mean
         above = f"flow above it {100.0 * found.above_rated:.3g} % of the time"
         note = f"at {found.rated_speed:.4g} m/s, {above}"
         yield Row("there, at the torque limit", power, "W", note, 4)
@@ -326,7 +326,7 @@ def _start(found: Findings) -> Rows:
         yield Row("under the control law", "it does not turn unstalled throughout this flow")
         yield _not_turning(found)
     if found.time_constant is not None:
-        how = "the rotor's own" if found.physics.law is None else "of rotor and control law"
+        how = "the rotor's own" if not found.physics.law.is_feedback else "of rotor and control law"
         at = f"at {mean:.4g} m/s and {measured(found.steady_speed, 'rad/s', 4)}"
         yield Row("time constant", found.time_constant, "s", f"{how}, {at}", 3)
 
@@ -355,7 +355,7 @@ def _optimization(found: Findings, package: str) -> Rows:
     elif found.cutoff:
         periods = f" ({1.0 / (found.cutoff * length):.3g} in the flow's shortest period)"
     constant = found.time_constant or np.inf
-    if phase.transcription == "radau" and found.physics.law and length > 2.0 * constant:
+    if phase.transcription == "radau" and found.physics.law.is_feedback and length > 2.0 * constant:
         yield _warning(
             "phase.transcription",
             f"radau with segments of {measured(length, 's', 3)}, longer than "

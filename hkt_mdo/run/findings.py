@@ -23,7 +23,7 @@ from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.shape import spline_basis
-from hkt_mdo.rotor.steady_optimum import SteadyOptimum, best_operation
+from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.judge import energy_bound
 from hkt_mdo.start.find import find_start
@@ -183,7 +183,7 @@ class Findings:
         _, inertia = physics.mass_and_inertia(blade)
         solver = BEM[case.hydrodynamics.check]
         self.plant = Plant(blade, physics.built(blade), inertia, physics.density, solver)
-        self.best = best_operation(blade, physics.polar)
+        self.best = physics.rotor.best_operation(blade)
         self.rated_speed = self.rated(self.best.tip_speed_ratio)
         self.above_rated = self.average(lambda flow: flow.above(self.rated_speed))
         self._start()
@@ -217,14 +217,14 @@ class Findings:
     def _settle(self):
         """Set speed and time constant of the starting blade in the mean flow."""
         physics, gains = self.physics, self.start.gains
-        law = physics.law and physics.law.beginning_with(gains)
+        law = physics.law.beginning_with(gains) if physics.law.is_feedback else physics.law
         constant = _one_flow(replace(physics, law=law), ConstantInflow(speed=self.mean))
         steady = find_start(constant, self.best, improve=False).operation
         self.steady_speed = self.time_constant = None
         if steady.running:
             self.steady_speed = float(steady.rotor_speed[0])
             slope = 0.0
-            if law:
+            if law.is_feedback:
                 speed, torque = steady.rotor_speed[:1], steady.hydrodynamic_torque[:1]
                 states = law.at_rest(torque, np.array([self.mean]))
                 slope = float(law.torque_by_speed(speed, gains, *states)[0])
@@ -265,7 +265,7 @@ class Findings:
         0.5 rho pi R³ Cq v² = torque, by iteration, for Cq depends on v where polars follow the
         Reynolds number. Infinite without a limit, and where the rotor has no torque.
         """
-        limit, flow = self.physics.torque_limit, 1.0
+        limit, flow = self.physics.law.torque_limit, 1.0
         for _ in range(50):
             speed = tip_speed_ratio * flow / self.plant.blade.rotor_radius
             torque = self.torque(speed, flow)

@@ -175,8 +175,10 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
 
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
         mesh, law = scenario.mesh, physics.law
-        controller = FeedbackTorque(law, gains) if law else None
-        controller = controller or RecordedTorque.of(plant, nodes, physics.torque_limit)
+        if law.is_feedback:
+            controller = FeedbackTorque(law, gains)
+        else:
+            controller = RecordedTorque.of(plant, nodes, law.torque_limit)
         flown = _flown(
             plant,
             scenario,

@@ -26,7 +26,6 @@ from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.quantities import LOADS, names
 from hkt_mdo.results.summary import CheckEntry
-from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.scales import power_scale, torque_scale
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.torque_curve import TorqueSpline
@@ -125,7 +124,7 @@ def _of_design(physics, optimum, reference, result, flights):
     worst = int(np.argmax(errors))
     place = f"at tip speed ratio {ratios[worst]:.3f}"
     yield "surrogate_error", errors[worst], physics.case.hydrodynamics.tolerance, place
-    if physics.law is None:
+    if not physics.law.is_feedback:
         change = "change of the objective on a finer mesh, as far as it is known"
         yield "mesh_error", result.mesh_error, MESH_ERROR, change
     else:
@@ -234,7 +233,7 @@ def _of_limit(physics, limit, flight, suffix):
     # an optimization has loads from tables, which are as exact as this asks
     most = BETWEEN if limit.is_of(LOADS) else NODE_VIOLATION
     yield f"{limit.name}_at_nodes{suffix}", max(over[worst], 0.0), most, when
-    if limit.constrains(physics.case.control):
+    if limit.constrains(physics.law):
         over, when = flight.between_nodes(limit)
         worst = int(np.argmax(over))
         place = f"at t = {when[worst]:.2f} s"
@@ -276,14 +275,14 @@ def curve_errors(physics: Physics, result: Optimized) -> tuple[np.ndarray, np.nd
     if not result.curve.size:
         return probe, np.zeros(probe.size)
     blade = result.point.blade
-    exact = bem.rotor_coefficients(blade, physics.built(blade), probe).torque
+    exact = physics.rotor.as_built(blade).coefficients(blade, probe).torque
     curve = TorqueSpline(result.setup.nodes).basis(probe) @ result.curve
     return probe, np.abs(curve / exact - 1.0)
 
 
 def recovers(physics: Physics, result: Optimized) -> bool:
     """Tell whether a rotor under feedback recovers from a small loss of speed, by the curve."""
-    if physics.law is None or not result.curve.size:
+    if not (physics.law.is_feedback and result.curve.size):
         return True
     limit = DistanceFromStall(law=physics.law, spline=TorqueSpline(result.setup.nodes))
     design = physics.scalars(result.point.blade, result.inertia)

@@ -10,7 +10,6 @@ from hkt_mdo.problem.physics import Physics
 from hkt_mdo.quantities import LOADS, QUANTITIES
 from hkt_mdo.results.summary import LoadEntry
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.reynolds import LocalReynolds
 
 Known = dict[str, Any]
 """Quantities and loads of a trajectory, (n_times,), and the scalars of `Physics.scalars`."""
@@ -50,7 +49,7 @@ def over_span(
         worst = int(np.argmax(known[name]))
         flow = float(known["inflow_speed"][worst])
         ratio = max(float(known["tip_speed_ratio"][worst]), SLOWEST_RATIO)
-        model, pressure = physics.loads_in(flow), 0.5 * physics.density * flow**2
+        model, pressure = physics.rotor.at_flow(flow).loads, 0.5 * physics.density * flow**2
         load = model.coefficients(blade, ratio, names=(name,))[name]
         if name == "cavitation":
             both_surfaces = load.exact[0].reshape(2, -1)
@@ -64,7 +63,7 @@ def over_span(
 
 def tip_deflection(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> float | None:
     """Return the largest deflection of a tip, m; None where polars follow the Reynolds number."""
-    if isinstance(physics.polar, LocalReynolds):
+    if physics.rotor.follows_reynolds:
         return None
     most = 0.0
     for known in trajectories:

@@ -12,7 +12,6 @@ from scipy.interpolate import CubicSpline
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.scenario import Scenario
-from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.flight import Flight, Optimized
 from hkt_mdo.run.judge import (
     MESH_ERROR,
@@ -119,7 +118,7 @@ def division(
             marks |= close
         for limit in held(physics, flight.scenario) if len(before) < RULES.few else ():
             marks |= flight.between_nodes(limit)[0] > most_between(limit)
-    if physics.law is None:
+    if not physics.law.is_feedback:
         error = _open_loop(physics, result, flights, coarse, before, branch)
     divided = any(map(np.any, coarse))
     return Division(
@@ -136,7 +135,7 @@ def _denied(physics, flights, before) -> list[np.ndarray]:
         errors = flight.speed_errors.reshape(marks.size, -1)
         marks |= np.max(errors, axis=1) > RULES.speed * SPEED_ERROR
     # a second time it is another trajectory, which no mesh will mend; Radau's ends are free
-    radau = physics.law is not None and physics.case.phase.transcription == "radau"
+    radau = physics.law.is_feedback and physics.case.phase.transcription == "radau"
     if radau or (before and np.mean(np.concatenate(coarse)) > 0.5):
         return [np.zeros_like(marks) for marks in coarse]
     return coarse
@@ -149,7 +148,7 @@ def _open_loop(physics, result, flights, coarse, before, branch) -> float:
 
     @cache
     def ideal():
-        best = best_operation(blade, physics.polar)
+        best = physics.rotor.best_operation(blade)
         return find_start(known, best, improve=False, branch=branch)
 
     values = [*(before[-2:] or [physics.objective_at(ideal())]), result.objective]
@@ -177,7 +176,7 @@ def too_close_to_stall(
     list of numpy.ndarray
         Of bool, of shape (n_segments,) each.
     """
-    if physics.law is None or not physics.has_curve:
+    if not (physics.law.is_feedback and physics.has_curve):
         return [np.zeros(each.scenario.segments, dtype=bool) for each in flights]
     found = []
     for flight in flights:
@@ -188,8 +187,7 @@ def too_close_to_stall(
 
 def held(physics: Physics, scenario: Scenario) -> list[Limit]:
     """Return the limits over time that the optimization constrains in a scenario."""
-    control = physics.case.control
-    return [limit for limit in physics.limits_in(scenario) if limit.constrains(control)]
+    return [limit for limit in physics.limits_in(scenario) if limit.constrains(physics.law)]
 
 
 def _switches(physics, flight) -> np.ndarray:

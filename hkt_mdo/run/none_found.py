@@ -63,7 +63,7 @@ def nearest_law(physics: Physics) -> str:
 
     Open loop has no other: what it cannot keep, no law can.
     """
-    if physics.law is None:
+    if not physics.law.is_feedback:
         return ""
     case, optimum = physics.case, steady_optimum(physics, physics.blade)
     given = {"torque_limit": case.control.torque_limit, "cut_out": case.control.cut_out}

@@ -82,7 +82,7 @@ def farther_from_stall(attempt: Attempt) -> Begin | None:
     The false speeds of Radau's collocation are its own.
     """
     physics, slowed = attempt.physics, 2.0 * SLOWED
-    if not attempt.converged or physics.law is None or not physics.has_curve:
+    if not attempt.converged or not (physics.law.is_feedback and physics.has_curve):
         return None
     if physics.case.phase.transcription == "radau" or attempt.setup.slowed > SLOWED:
         return None

@@ -23,8 +23,7 @@ from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES
 from hkt_mdo.results.folder import to_json, write_csv
 from hkt_mdo.results.summary import VERSION, CheckEntry, Summary
-from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.steady_optimum import SteadyOptimum, best_operation
+from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.strength import place_weights
 from hkt_mdo.run import loads
 from hkt_mdo.run.findings import Stations
@@ -178,7 +177,7 @@ def _energies(finished):
 def _controller(finished):
     """Return gains, tip speed ratios and the largest torque, and the rotor's best operation."""
     blade, gains = finished.result.point.blade, finished.result.point.gains.tolist()
-    peak, torques = best_operation(blade, finished.physics.polar), _nodes(finished.flights, TORQUE)
+    peak, torques = finished.physics.rotor.best_operation(blade), _nodes(finished.flights, TORQUE)
     return {
         "gain": None if not gains else gains[0] if len(gains) == 1 else gains,
         "gain_units": list(finished.physics.gain_units),
@@ -432,10 +431,8 @@ def write_tables(out: Path, finished: Finished) -> None:
         span = loads.over_span(physics, blade, flown)
         _write_loads(out / f"loads{suffix}.csv", blade, span)
     _write_blade(out / "blade.csv", physics, blade)
-    ratios = np.linspace(0.3, 1.7, 141) * best_operation(blade, physics.polar).tip_speed_ratio
-    power = [
-        bem.rotor_coefficients(each, physics.polar, ratios).power for each in (blade, physics.blade)
-    ]
+    ratios = np.linspace(0.3, 1.7, 141) * physics.rotor.best_operation(blade).tip_speed_ratio
+    power = [physics.rotor.coefficients(each, ratios).power for each in (blade, physics.blade)]
     header = ("tip_speed_ratio", "power_coefficient", "start_power_coefficient")
     write_csv(out / "power_curve.csv", header, zip(ratios, *power, strict=True))
 

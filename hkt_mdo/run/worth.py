@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from hkt_mdo.problem.build import assemble, constraint_of, limited_nodes
+from hkt_mdo.problem.build import assemble
+from hkt_mdo.problem.constraints import constraint_of, limited_nodes
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.run.flight import Optimized
 from hkt_mdo.solve.multipliers import State, gain, multipliers
@@ -42,7 +43,7 @@ def worths(
     found = multipliers(result.problem.driver, optimum)
 
     def worth(limit):
-        if limit.constrains(physics.case.control):
+        if limit.constrains(physics.law):
             changed = _with_more(physics, result.setup, limit, optimum)
         else:  # the torque's, which a law or the bounds of a control hold
             changed = _with_more_torque(physics, result, scratch)
@@ -67,9 +68,8 @@ def _with_more(physics, setup, limit, optimum) -> State:
 
 def _with_more_torque(physics, result, scratch) -> State:
     """Return the state of the problem with a little more of the torque, at the same design."""
-    most = (1.0 + STEP) * physics.torque_limit
-    law = physics.law and physics.law.model_copy(update={"torque_limit": most})
-    physics = replace(physics, law=law, torque_limit=most)
+    most = (1.0 + STEP) * physics.law.torque_limit
+    physics = replace(physics, law=physics.law.with_torque_limit(most))
     problem = assemble(physics, result.setup, work_dir=scratch)
     problem.final_setup()
     design = result.problem.driver.get_design_var_values(driver_scaling=False)

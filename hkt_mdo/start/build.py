@@ -8,7 +8,6 @@ from hkt_mdo.case import Case
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
-from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.solve.threads import one_thread
 from hkt_mdo.start.find import find_start, improves, steady_optimum
 
@@ -42,6 +41,6 @@ def build_problem(case: Case, *, improve: bool | None = None) -> om.Problem:
         if improves(world, improve):
             optimum = steady_optimum(world, world.blade)
         else:
-            optimum = best_operation(world.blade, world.polar)
+            optimum = world.rotor.best_operation(world.blade)
         start = find_start(world, optimum, improve=improve)
     return assemble(world, Setup(start, curve_nodes(world, start)))

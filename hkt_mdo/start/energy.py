@@ -12,9 +12,8 @@ import numpy as np
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import KEPT_EXCESS, Operation, StartingPoint
 from hkt_mdo.problem.setup import TWIST_UNIT
-from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.stall import SLOWER, stall_fence
+from hkt_mdo.rotor.stall import SLOWER
 from hkt_mdo.start.improve import Round, Search, Settings, Values
 from hkt_mdo.start.quasi_steady import SAFE, QuasiSteady
 
@@ -91,9 +90,7 @@ class EnergySearch(Search):
         """Return the point at x; derivatives of `delivered` and margins, row by row."""
         blade, gains = self.blade(x), self.gains(x)
         problem = replace(self.problem, rotor_radius=blade.rotor_radius)
-        rotor = bem.rotor_coefficients(
-            blade, self.physics.polar, problem.spline.nodes, derivatives=True
-        )
+        rotor = self.physics.rotor.coefficients(blade, problem.spline.nodes, derivatives=True)
         state = problem.operate(rotor.torque, gains)
         by_table, by_gain, by_radius = np.split(state.gradient, [rotor.torque.size, -1], axis=1)
         by_radius = by_radius[:, 0] + by_table @ rotor.torque_by_rotor_radius
@@ -103,10 +100,10 @@ class EnergySearch(Search):
 
     def _room(self, point):
         """Return the function of x with the room below a point's `StallFence`, and its slopes."""
-        shape, polar, ends = self.shape, self.physics.polar, self.ends
+        shape, rotor, ends = self.shape, self.physics.rotor, self.ends
         ratio = point.operation.rotor_speed / self.problem.inflow_speed * point.blade.rotor_radius
         ratio = float(np.min(ratio))
-        fence = stall_fence(polar, shape, point.blade, ratio)
+        fence = rotor.stall_fence(shape, point.blade, ratio)
         places = fence.stations
 
         def at(x):
@@ -114,7 +111,7 @@ class EnergySearch(Search):
             if not places.size:
                 return np.empty(0), slopes
             blade = self.blade(x)
-            flow = bem.angles_of_attack(blade, polar, SLOWER * ratio)
+            flow = rotor.angles_of_attack(blade, SLOWER * ratio)
             angle, _, by_chord, by_twist = (values[places] for values in flow)
             slopes[:, : ends[0]] = -by_chord[:, None] * shape.chord_basis[places]
             slopes[:, ends[0] : ends[1]] = -by_twist[:, None] * shape.twist_basis[places]

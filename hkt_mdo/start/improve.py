@@ -118,7 +118,7 @@ class Search:
         x = np.concatenate((*self.shape.control(point.blade), radius, point.gains))
         x = np.clip(x, *self._own)
         units = np.where(self._typical > 0.0, self._typical, np.abs(x))
-        if self.law is not None:
+        if self.law.is_feedback:
             units[self.ends[-1] :] = self.law.sizes(self.gains(x))
         return x, units
 

@@ -13,7 +13,6 @@ import numpy as np
 from hkt_mdo.dynamics.laws import STEP
 from hkt_mdo.dynamics.limits import TYPICAL
 from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint
-from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.start.improve import Round, Search, Settings, Values
@@ -52,7 +51,7 @@ class LimitedSearch(Search):
     def _balances(self):
         """Whether a law's balance of torques ties the ratios to the gains."""
         physics = self.physics
-        return physics.law is not None and not physics.states
+        return physics.law.is_static
 
     def around(self, point: StartingPoint) -> Round:
         """Return the optimization round a point, its ratios within `RATIO_MOVE`."""
@@ -181,7 +180,7 @@ class LimitedSearch(Search):
             "rotor_radius": by_all((*3 * [none], np.ones(1)))[:1],
             "inertia": by_all((*by, np.array([3.0 * mass.inertia / blade.rotor_radius])))[:1],
         }
-        rotor = bem.rotor_coefficients(blade, physics.polar, ratio, derivatives=True)
+        rotor = physics.rotor.coefficients(blade, ratio, derivatives=True)
         values["torque"] = rotor.torque
         by = rotor.torque_by_chord, rotor.torque_by_twist, rotor.torque_by_thickness
         by = *by, rotor.torque_by_rotor_radius

@@ -7,13 +7,14 @@ solutions; its energy lies within about 1e-5 of the dynamic one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hkt_mdo.dynamics.formulas import STEP
 from hkt_mdo.dynamics.generator import Generator
-from hkt_mdo.dynamics.laws import STEP
+from hkt_mdo.dynamics.laws import Law, OpenLoop
 from hkt_mdo.dynamics.limits import SLOWED, TYPICAL
 from hkt_mdo.problem.point import Operation
 from hkt_mdo.rotor.scales import torque_scale
@@ -50,11 +51,8 @@ class QuasiSteady:
         Of the water, kg/m**3, and of the swept disc, m.
     spline : TorqueSpline
         Over the tip speed ratio.
-    law : FeedbackLaw or None
-        None: open loop, the torque that captures most power at each instant, up to `torque_limit`;
-        a feedback law has its own limit.
-    torque_limit : float or None
-        Of open loop, N m.
+    law : Law
+        Under open loop, the torque that captures most power at each instant, up to its limit.
     slowed : float
         Share of its speed that a rotor under feedback must be able to lose.
     generator : Generator or None
@@ -66,8 +64,7 @@ class QuasiSteady:
     density: float
     rotor_radius: float
     spline: TorqueSpline
-    law: object = None
-    torque_limit: float | None = None
+    law: Law = field(default_factory=OpenLoop)
     slowed: float = SLOWED
     generator: Generator | None = None
 
@@ -83,7 +80,6 @@ class QuasiSteady:
             physics.blade.rotor_radius,
             TorqueSpline(np.linspace(*SPAN, CURVE_NODES) * optimum.tip_speed_ratio),
             physics.law,
-            physics.torque_limit,
             slowed,
             physics.starting_generator,
         )
@@ -126,7 +122,7 @@ class QuasiSteady:
             With its gradient and, under a law, its margins.
         """
         v, law, gains = self.inflow_speed, self.law, np.asarray(gains, dtype=float)
-        if law is None:
+        if not law.is_feedback:
             held, ratio, running = self._open_loop(table)
             slope, by_gains = np.zeros(v.size), np.zeros((0, v.size))
         else:
@@ -135,7 +131,7 @@ class QuasiSteady:
                 table, lambda w: law.torque(w, gains), lambda w: law.torque_by_speed(w, gains)
             )
         w = ratio * v / self.rotor_radius
-        if law is not None:
+        if law.is_feedback:
             slope, by_gains = law.torque_by_speed(w, gains), law.torque_by_gain(w, gains)
         torque, by_speed, by_radius, by_table = self._driving(table, v, w)
         # Where the controller holds the speed, Q(w) = u(w) moves w. Elsewhere w is where the power
@@ -146,7 +142,7 @@ class QuasiSteady:
         by_torque = self.weights * (power_by_torque + moved)
         by_all = by_torque @ by_table, -by_gains @ (self.weights * moved), [by_torque @ by_radius]
         gradient, margin = np.concatenate(by_all)[None], np.empty(0)
-        if law is not None:
+        if law.is_feedback:
             margin, by_margin = self._recovery(table, gains, w, stiffness)
             gradient = np.vstack((gradient, by_margin))
         energy, delivered = (float(self.weights @ rate) for rate in (torque * w, power))
@@ -204,7 +200,7 @@ class QuasiSteady:
         if self.generator is not None:
             best = self._best_electrical_ratios
         ratio = np.broadcast_to(best(curve), self.inflow_speed.shape).copy()
-        limit = np.inf if self.torque_limit is None else self.torque_limit
+        limit = np.inf if self.law.torque_limit is None else self.law.torque_limit
         scale = torque_scale(self.density, self.rotor_radius, self.inflow_speed)
         held, running = scale * curve(ratio) > limit, True
         if held.any():

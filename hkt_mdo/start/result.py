@@ -85,7 +85,7 @@ def _gains(physics: Physics, solution: Solution) -> np.ndarray | None:
     The gains of a law over the range of the flow's speeds are others in another flow.
     """
     law, theirs, gains = physics.law, solution.case.control, solution.gain
-    if law is None or gains is None or theirs.law != law.law:
+    if not law.is_feedback or gains is None or theirs.law != law.law:
         return None
     gains = np.atleast_1d(np.asarray(gains, dtype=float))
     fixed = type(law).in_flow is FeedbackLaw.in_flow

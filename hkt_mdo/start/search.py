@@ -15,6 +15,7 @@ from operator import attrgetter
 
 import numpy as np
 
+from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.problem.physics import START_EXCESS, Physics
 from hkt_mdo.problem.point import KEPT_EXCESS, Operation, StartingPoint, StartRecord, records
 from hkt_mdo.rotor.torque_curve import TorqueSpline
@@ -50,7 +51,7 @@ SCHEDULE, WORTH = _Schedule(), attrgetter("worth")
 
 def follows_schedule(physics: Physics) -> bool:
     """Tell whether a start needs a schedule: for limits but torque's, or a law that follows it."""
-    follows = physics.law is not None and (physics.states or physics.law.coarser() is not None)
+    follows = physics.states or physics.law.coarser() is not None
     return bool(follows) or has_branches(physics)
 
 
@@ -100,7 +101,7 @@ class ScheduleSearch:
         that leads to another's optimum is left out. Of a branch that is given up, far behind the
         other, the objective is what it had reached.
         """
-        found = self.open_loop() if self.physics.law is None else self._of_law()
+        found = self.open_loop() if not self.physics.law.is_feedback else self._of_law()
         found = [replace(point, branch=self.steady.side(point)) for point in found]
         best, *others = sorted(found, key=WORTH, reverse=True)
         others = [point for point in others if point.branch != best.branch][:1]
@@ -144,7 +145,9 @@ class ScheduleSearch:
 
     def _guides(self, coarser):
         """Return points whose schedules a law is fitted to, and the name of the strategy."""
-        other = ScheduleSearch(self._whole.under(coarser))
+        other = ScheduleSearch(
+            self._whole.under(coarser or OpenLoop(torque_limit=self.physics.law.torque_limit))
+        )
         guides = other.open_loop() if coarser is None else other.ends()
         self.starts += other.starts
         running = [point for point in guides if point.excess < np.inf] or guides[:1]
@@ -181,7 +184,7 @@ class ScheduleSearch:
             rivals = [other.objective for other in others if other.worth[0] and not asked]
             search = LimitedSearch(self.steady, self.task.problem.slowed)
             end = improve(search, best, max(rivals, default=-np.inf))
-        if self.physics.law is not None and not self.physics.states:
+        if self.physics.law.is_static:
             end = self._fastest(end)
         self.starts += [(end if point is best else point).record for point in points]
         return end
@@ -223,7 +226,7 @@ def start_of(
     steady = SteadyFlow.of(physics, problem.spline, SCHEDULE.fine)
     curves = steady.curves(best.blade)
     whole = replace(problem, rotor_radius=best.blade.rotor_radius)
-    if law is None:
+    if not law.is_feedback:
         operation = _on_exact_schedule(steady, whole, best)
     elif physics.states:
         speed = law.speed_at_rest(problem.inflow_speed, best.gains)

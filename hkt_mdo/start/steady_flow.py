@@ -16,7 +16,6 @@ from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import KEPT_EXCESS, Operation, StartingPoint
 from hkt_mdo.quantities import LOADS, TRAJECTORY
-from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.torque_curve import TorqueSpline
@@ -94,7 +93,7 @@ class SteadyFlow:
         """Return the curves of a blade, which are computed once."""
         if blade not in self._curves:
             physics, nodes = self.physics, self.spline.nodes
-            values = {"torque": bem.rotor_coefficients(blade, physics.polar, nodes).torque}
+            values = {"torque": physics.rotor.coefficients(blade, nodes).torque}
             loads = physics.loads.coefficients(blade, nodes, names=physics.load_names)
             for name, load in loads.items():
                 values[name] = load.envelope(physics.loads.exponent).values
@@ -247,11 +246,10 @@ def _kept(physics: Physics) -> tuple[Limit, ...]:
     In any of the scenarios: a speed of the flow has one schedule. Those of rates are none, as a
     schedule has no time, nor those of what is not known of a schedule.
     """
-    control = physics.case.control
+    law = physics.law
 
     def constrains(limit):  # a torque limit is held by a law's saturation
-        saturates = physics.law is not None and not physics.states
-        return limit.constrains(control) or (isinstance(limit, TorqueLimit) and not saturates)
+        return limit.constrains(law) or (isinstance(limit, TorqueLimit) and not law.is_static)
 
     known = {*TRAJECTORY, *LOADS, "rotor_radius", "density", "inertia"}
     return tuple(

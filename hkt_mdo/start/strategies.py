@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hkt_mdo.dynamics.laws import Law, OpenLoop
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import gain_bounds
-from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import torque_scale
-from hkt_mdo.rotor.steady_optimum import SteadyOptimum, best_blade
+from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.start.energy import EnergySearch, operating_point
 from hkt_mdo.start.quasi_steady import QuasiSteady
 from hkt_mdo.start.steady_flow import SteadyFlow
@@ -104,8 +104,8 @@ class Task:
     improves: bool
     steady: SteadyFlow | None = None
 
-    def under(self, law) -> Task:
-        """Return the task of another law, None for open loop, whose gains are not given."""
+    def under(self, law: Law) -> Task:
+        """Return the task of another law, whose gains are not given."""
         physics = replace(self.physics, law=law)
         candidates = tuple(each._replace(gains=None) for each in self.candidates)
         problem = replace(self.problem, law=law)
@@ -120,7 +120,7 @@ class Task:
 
 def blade_as_given(physics: Physics) -> Iterator[Candidate]:
     """Yield the blade of the case, with the gains that it gives."""
-    gains = physics.law.starting_gains() if physics.law else None
+    gains = physics.law.starting_gains()
     yield Candidate(GIVEN, physics.shape.blade, gains)
 
 
@@ -138,12 +138,11 @@ def best_blades(physics: Physics, optimum: SteadyOptimum) -> Iterator[Candidate]
     Candidate
     """
     shape, tolerance = physics.shape, BEST_BLADES.tolerance
-    bounds = shape.chord_bounds, shape.twist_bounds
     for ratios in (BEST_BLADES.below, BEST_BLADES.above) if shape.designs_chord else ():
         blade = optimum.blade
         for share in ratios:
-            about = physics.polar, share * optimum.tip_speed_ratio, *bounds, blade
-            blade = best_blade(shape.blade, *about, tolerance=tolerance).blade
+            ratio = share * optimum.tip_speed_ratio
+            blade = physics.rotor.best_blade(shape, ratio, blade, tolerance).blade
             yield Candidate(BEST, shape.nearest(blade))
 
 
@@ -164,13 +163,13 @@ def with_gains(physics: Physics, problem: QuasiSteady, candidate: Candidate) -> 
     """
     strategy, blade, gains = candidate
     problem, law = replace(problem, rotor_radius=blade.rotor_radius), problem.law
-    table = bem.rotor_coefficients(blade, physics.polar, problem.spline.nodes).torque
-    if law is None:
+    table = physics.rotor.coefficients(blade, problem.spline.nodes).torque
+    if not law.is_feedback:
         return operating_point(blade, np.empty(0), problem.operate(table), strategy)
     if gains is None:
         flow = {"inflow_speed": problem.inflow_speed, "weights": problem.weights}
         few = replace(problem, **{name: values[:: FIT.every] for name, values in flow.items()})
-        ideal = replace(few, law=None, torque_limit=law.torque_limit).operate(table)
+        ideal = replace(few, law=OpenLoop(torque_limit=law.torque_limit)).operate(table)
         fitted = law.fit(ideal.rotor_speed, ideal.hydrodynamic_torque)
         tried = [np.clip(law.eased(fitted, share), *gain_bounds(physics)) for share in FIT.shares]
         points = (operating_point(blade, gains, few.operate(table, gains)) for gains in tried)
@@ -229,12 +228,11 @@ def constant_torque(task: Task) -> Iterator[StartingPoint]:
     law, shape, optimum = task.physics.law, task.physics.shape, task.optimum
     if law.torque_limit is None or not shape.designs_chord:
         return
-    bounds = shape.chord_bounds, shape.twist_bounds
     ratio = SOLID_BLADE.ratio * optimum.tip_speed_ratio
-    blade = best_blade(shape.blade, task.physics.polar, ratio, *bounds, optimum.blade).blade
+    blade = task.physics.rotor.best_blade(shape, ratio, optimum.blade).blade
     blade = shape.nearest(blade)
     torque = task.steady.curves(blade).values["torque"]
-    held = replace(task.problem, law=None, torque_limit=law.torque_limit).operate(torque)
+    held = replace(task.problem, law=OpenLoop(torque_limit=law.torque_limit)).operate(torque)
     demand = np.full(held.rotor_speed.shape, SOLID_BLADE.saturated * law.torque_limit)
     gains = np.clip(law.fit(held.rotor_speed, demand), *gain_bounds(task.physics))
     point = StartingPoint(blade, gains, held, strategy=CONSTANT_TORQUE)

@@ -94,7 +94,7 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
     operation = fly(design.controller, speed, start, end, states)
     shut_down = None
     if stop is not None and operation.stopped_at is None:
-        most = design.physics.torque_limit
+        most = design.law.torque_limit
         last = float(operation.rotor_speed[-1])
         shut_down = fly(lambda _, speed: most + 0.0 * speed, last, stop, duration)
     return StartStop(run_up, start, operation, shut_down)
@@ -102,7 +102,7 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
 
 def _check(design, duration, stop):
     """Refuse what cannot be started or shut down."""
-    if design.law is None:
+    if not design.law.is_feedback:
         problem, remedy = "open loop has no torque for a start", "take a result with a feedback law"
         raise InputError(problem, remedy, key="--start-up", file=design.solution.folder)
     if stop is None:
@@ -110,6 +110,6 @@ def _check(design, duration, stop):
     if not 0.0 < stop < duration:
         remedy = f"give a time before the end of the run, {duration:g} s"
         raise InputError("is out of range", remedy, key="--shut-down", value=stop)
-    if design.physics.torque_limit is None:
+    if design.law.torque_limit is None:
         problem = "there is no limit of the torque that could stop the rotor"
         raise InputError(problem, "take a result with control.torque_limit", key="--shut-down")

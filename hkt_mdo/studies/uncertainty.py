@@ -18,7 +18,7 @@ from hkt_mdo.case import Case
 from hkt_mdo.compiled import compiled
 from hkt_mdo.dynamics.estimate import FlowEstimate
 from hkt_mdo.dynamics.flows import Inflow
-from hkt_mdo.dynamics.laws import FeedbackLaw
+from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.simulation import (
     SLOWEST_RATIO,
     FeedbackTorque,
@@ -118,14 +118,14 @@ class Design:
         return cls(solution, world, plant, plant, made.gains)
 
     @property
-    def law(self) -> FeedbackLaw | None:
-        """The feedback law; None: open loop."""
+    def law(self) -> Law:
+        """The control law."""
         return self.physics.law
 
     @cached_property
     def controller(self) -> FeedbackTorque:
         """The torque of the feedback law, which hears of the flow what it would as built."""
-        if self.law is None:
+        if not self.law.is_feedback:
             raise ValueError("open loop has no law")
         estimate = FlowEstimate(self.known) if self.law.estimates_flow else None
         return FeedbackTorque(self.law, self.gains, estimate)
@@ -152,10 +152,10 @@ class Design:
         """
         phase, law = self.physics.case.phase, self.law
         self.refuse_standstill(inflow)
-        if law is None:
+        if not law.is_feedback:
             recorded = self.solution.trajectory
             torque = recorded["time_s"], recorded["control_torque_Nm"]
-            controller = RecordedTorque(*torque, self.physics.torque_limit)
+            controller = RecordedTorque(*torque, law.torque_limit)
         else:
             controller = self.controller
         speed, samples = initial_speed or self.initial_speed(inflow), 20 * phase.segments + 1
@@ -166,7 +166,7 @@ class Design:
 
     def initial_states(self, inflow, speed, time=0.0):
         """Return the states of the law in equilibrium with a speed (rad/s) and the flow then."""
-        if self.law is None:
+        if not self.law.is_feedback:
             return ()
         flow = inflow.speed_at(np.array([time]))
         states = self.law.at_rest(self.plant.torque(np.array([speed]), flow), flow)
@@ -181,7 +181,7 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
     below what the noise changes. `seed` is of all repeats. Raises InputError for an open loop, and
     if the integration fails.
     """
-    if design.law is None:
+    if not design.law.is_feedback:
         folder = design.solution.folder
         raise InputError("open loop reads no sensor", "leave out the noise", file=folder)
     duration = design.physics.case.phase.duration

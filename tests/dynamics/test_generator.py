@@ -9,7 +9,7 @@ from scipy.optimize import minimize_scalar
 
 from hkt_mdo import InputError, load_case
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
-from hkt_mdo.dynamics.laws import STEP, QuadraticFeedback
+from hkt_mdo.dynamics.laws import STEP, OpenLoop, QuadraticFeedback
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.torque_curve import TorqueSpline
@@ -171,8 +171,8 @@ def curve(blade, polar):
 
 def quasi_steady(generator, law=None, limit=None):
     weights = np.full(FLOW.size, 1.5)
-    given = FLOW, weights, DENSITY, RADIUS, SPLINE, law, limit
-    return QuasiSteady(*given, generator=generator)
+    law = law or OpenLoop(torque_limit=limit)
+    return QuasiSteady(FLOW, weights, DENSITY, RADIUS, SPLINE, law, generator=generator)
 
 
 def electrical(curve, ratio, flow, generator):

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
-from hkt_mdo.dynamics.laws import smooth_saturation
+from hkt_mdo.dynamics.laws import OpenLoop, smooth_saturation
 from hkt_mdo.dynamics.limits import DistanceFromStall
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
 from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, simulate
@@ -257,4 +257,4 @@ def test_knots_span_the_design_flow():
         )
     )
     assert still.law.flow_range[0] < still.law.flow_range[1]
-    assert replace(world, law=None).states == {}
+    assert replace(world, law=OpenLoop()).states == {}

@@ -7,6 +7,7 @@ from openmdao.utils.assert_utils import assert_check_partials
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.dynamics.generator import Generator
+from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
 from hkt_mdo.dynamics.wide_laws import CurveFeedback, PowerLawFeedback, RatedFeedback
 from hkt_mdo.rotor import bem
@@ -23,7 +24,10 @@ LOSSES = Generator(rated_torque=600.0, copper_loss=900.0)
 SPLINE = TorqueSpline(np.linspace(2.0, 18.0, 161))
 
 
-def quasi_steady(law=None, **options):
+OPEN_LOOP = OpenLoop()
+
+
+def quasi_steady(law=OPEN_LOOP, **options):
     weights = np.full(TIME.size, TIME[1])
     weights[[0, -1]] *= 0.5
     return QuasiSteady(FLOW, weights, 1000.0, 1.4, SPLINE, law, **options)

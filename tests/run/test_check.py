@@ -301,8 +301,7 @@ def test_a_torque_limit_out_of_reach_is_none(law: str) -> None:
         "torque_limit = 1e+06 N m is out of reach of any blade" in x for x in map(str, report.notes)
     )
     world = report.findings.physics
-    assert world.torque_limit is None
-    assert world.law is None or world.law.torque_limit is None
+    assert world.law.torque_limit is None
     assert np.isinf(world.limits[0].upper)
     assert world.case.control.torque_limit == 1e6
 

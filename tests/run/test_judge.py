@@ -8,6 +8,7 @@ import pytest
 
 from hkt_mdo.case import Phase, load_case
 from hkt_mdo.dynamics.flows import GustInflow, StepInflow, SumInflow
+from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.dynamics.limits import Limit, TipSpeedLimit, TorqueRateLimit
 from hkt_mdo.dynamics.simulation import FeedbackTorque, RecordedTorque
 from hkt_mdo.problem.physics import physics
@@ -132,8 +133,9 @@ def lower_bound_of_the_energy(solved):
 
 def smaller_generator(solved):
     """The certificate takes the limit from the physics, all other judges from the limits."""
-    limit = 0.9 * solved.physics.torque_limit
-    return replace(solved, physics=replace(solved.physics, torque_limit=limit))
+    law = solved.physics.law
+    law = law.with_torque_limit(0.9 * law.torque_limit)
+    return replace(solved, physics=replace(solved.physics, law=law))
 
 
 def better_start(solved):
@@ -364,7 +366,7 @@ def test_the_simplest_law_that_keeps_the_limits_is_told():
     control = {"law": "quadratic", "torque_limit": 700.0}
     world = physics(load_case({"inflow": "sine", "control": control, "limits": {"power": 5000.0}}))
     assert nearest_law(world) == "rated"
-    assert nearest_law(replace(world, law=None)) == ""
+    assert nearest_law(replace(world, law=OpenLoop())) == ""
 
 
 class LargestInertia(Limit):

@@ -120,7 +120,7 @@ def test_local_reynolds_numbers_are_those_of_each_instant():
     assert world.loads.names == ("thrust", "root_moment", "stress")
     known = trajectory(world, RATIOS + 20)
     for at in (0, RATIOS - 1, RATIOS, RATIOS + 19):
-        model = world.loads_in(known["inflow_speed"][at])
+        model = world.rotor.at_flow(known["inflow_speed"][at]).loads
         found = model.coefficients(world.blade, known["tip_speed_ratio"][at])
         for name, load in found.items():
             expected = pressure(world, known, at) * load.largest[0]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
+from hkt_mdo.dynamics.laws import LinearFeedback, OpenLoop, QuadraticFeedback
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.rotor.torque_curve import TorqueSpline
@@ -20,7 +20,8 @@ SPLINE = TorqueSpline(np.linspace(2.0, 15.0, 131))
 
 
 def quasi_steady(law=None, limit=None):
-    return QuasiSteady(FLOW, WEIGHTS, DENSITY, RADIUS, SPLINE, law, limit)
+    law = law or OpenLoop(torque_limit=limit)
+    return QuasiSteady(FLOW, WEIGHTS, DENSITY, RADIUS, SPLINE, law)
 
 
 @pytest.fixture(scope="module")

@@ -51,7 +51,7 @@ def test_the_limit_of_the_torque_stops_a_rotor_that_it_exceeds(design):
     assert parts.operation.time[-1] == pytest.approx(50.0)
     assert 50.0 < parts.shut_down.stopped_at < 51.0
     assert any("700 N m stop the rotor within" in line for line in parts.told())
-    weak = replace(design, physics=replace(design.physics, torque_limit=100.0))
+    weak = replace(design, physics=replace(design.physics, law=design.law.with_torque_limit(100.0)))
     parts = start_and_stop(weak, design.physics.inflow, stop=50.0)
     assert parts.shut_down.stopped_at is None
     assert any("needs a brake" in line for line in parts.told())
@@ -71,7 +71,9 @@ def test_a_rotor_that_does_not_start_is_told(design):
     [(60.0, 700.0, "--shut-down = 60"), (5.0, None, "no limit of the torque")],
 )
 def test_an_impossible_stop_is_refused(design, stop, limit, words):
-    changed = replace(design, physics=replace(design.physics, torque_limit=limit))
+    changed = replace(
+        design, physics=replace(design.physics, law=design.law.with_torque_limit(limit))
+    )
     with pytest.raises(InputError, match=words):
         start_and_stop(changed, design.physics.inflow, stop)
 
