@@ -30,7 +30,7 @@ from hkt_mdo.dynamics.objectives import (
     Objective,
 )
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
-from hkt_mdo.dynamics.trajectory import quantities
+from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.contradictions import redundant_limits, refuse_contradictions
 from hkt_mdo.problem.operation import in_operation
@@ -272,7 +272,7 @@ class Physics:
     def on_start(self, point) -> list[dict]:
         """Return the quantities of a quasi-steady starting point, one dict a scenario.
 
-        Those of `hkt_mdo.dynamics.trajectory.SERIES`, of loads those that the case limits, and the
+        Those of `hkt_mdo.quantities.OVER_TIME`, of loads those that the case limits, and the
         scalars that limits and objectives may take; the control torque balances the flow's, and
         states of the control law are in equilibrium.
         """
@@ -283,7 +283,7 @@ class Physics:
         ):
             time, radius = scenario.samples, point.blade.rotor_radius
             flow = scenario.inflow.speed_at(time)
-            known = quantities(time, flow, speed, torque, torque, radius, self.generator)
+            known = trajectory_of(time, flow, speed, torque, torque, radius, self.generator)
             known |= self.loads_along(point.blade, known, self.load_names)
             known["torque_rate"] = np.gradient(torque, time)
             found.append(known | scalars | self.states_at_rest(torque, flow))

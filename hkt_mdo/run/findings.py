@@ -10,12 +10,12 @@ import numpy as np
 
 from hkt_mdo.dynamics.flows import ConstantInflow
 from hkt_mdo.dynamics.simulation import Plant
-from hkt_mdo.dynamics.trajectory import SERIES
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import BEM, Physics
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.problem.turbine import build_turbine
+from hkt_mdo.quantities import OVER_TIME
 from hkt_mdo.results.words import measured, number, powers
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
@@ -206,7 +206,7 @@ class Findings:
             name: several[first]
             | {
                 quantity: np.concatenate([several[i][quantity] for i in (first, *others)])
-                for quantity in SERIES.keys() & several[first].keys()
+                for quantity in several[first].keys() & set(OVER_TIME)
             }
             for name, (first, *others) in self.groups.items()
         }

@@ -15,12 +15,12 @@ from scipy.integrate import trapezoid
 
 from hkt_mdo.dynamics.limits import DesignBounds
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
-from hkt_mdo.dynamics.trajectory import COLUMNS, LOADS
 from hkt_mdo.files.blade import write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.yaml_text import Dumper
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import StartingPoint
+from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES
 from hkt_mdo.results.folder import to_json, write_csv
 from hkt_mdo.results.summary import VERSION, CheckEntry, Summary
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
@@ -426,8 +426,8 @@ def write_tables(out: Path, finished: Finished) -> None:
         nodes = [x.trajectory | x.loads_at_nodes | x.rates_at_nodes for x in flights]
         for name, values in (("trajectory", nodes), ("simulation", flown)):
             table = {
-                column: np.concatenate([each[quantity] for each in values])
-                for quantity, column in COLUMNS.items()
+                QUANTITIES[quantity].column: np.concatenate([each[quantity] for each in values])
+                for quantity in OVER_TIME
                 if quantity in values[0]
             }
             write_csv(out / f"{name}{suffix}.csv", table, zip(*table.values(), strict=True))
