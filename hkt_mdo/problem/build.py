@@ -7,6 +7,8 @@ design variables --> inertia ------------------.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import openmdao.api as om
 from dymos import Trajectory
@@ -186,24 +188,20 @@ def _add_rotor(model, physics, setup):
     """
     case, blade = physics.case, setup.start.blade
     model.add_subsystem("shape", ShapeComp(shape=physics.shape), promotes=["*"])
-    inertia = InertiaComp(
-        blade=blade,
-        section_area=physics.section_area,
-        density=case.rotor.blade_material.density,
-        hub_inertia=case.rotor.hub_inertia,
-    )
-    model.add_subsystem("inertia", inertia, promotes=["*"])
+    about = {"blade": blade, "rotor": physics.rotor}
+    model.add_subsystem("inertia", InertiaComp(**about), promotes=["*"])
     if physics.asks_for("blade_area"):
         model.add_subsystem("planform", AreaComp(blade=blade), promotes=["*"])
-    solver = {"polar": physics.polar, "coefficients": BEM[case.hydrodynamics.bem]}
     parameters = {"density": "kg/m**3", "inertia": "kg*m**2", "rotor_radius": "m"}
     if physics.has_curve:
-        table = TorqueTable(blade=blade, nodes=np.asarray(setup.nodes, dtype=float), **solver)
+        solver = {"rotor": replace(physics.rotor, solver=case.hydrodynamics.bem)}
+        table = TorqueTable(nodes=np.asarray(setup.nodes, dtype=float), **about | solver)
         model.add_subsystem("torque_table", table, promotes=["*"])
         options = {"spline": TorqueSpline(setup.nodes)}
         parameters["torque_coefficient_table"] = None
     else:
-        options = {"blade": blade, **solver}
+        solver = BEM[case.hydrodynamics.bem]
+        options = {"blade": blade, "polar": physics.polar, "coefficients": solver}
         parameters |= {"chord": "m", "twist": "rad"}
     parameters |= {f"gain_{i}": units for i, units in enumerate(physics.gain_units)}
     return options, parameters
@@ -253,7 +251,7 @@ def _add_loads(model, physics, setup):
     names, nodes = physics.load_names, np.asarray(setup.nodes, dtype=float)
     if not names:
         return
-    about = {"blade": setup.start.blade, "model": physics.loads, "nodes": nodes}
+    about = {"blade": setup.start.blade, "rotor": physics.rotor, "nodes": nodes}
     model.add_subsystem("load_table", LoadTable(names=names, **about), promotes=["*"])
     inputs = ["rotor_radius", "density", *(f"{name}_table" for name in names)]
     for scenario in physics.scenarios:
@@ -367,7 +365,7 @@ def _add_attached(model, physics, setup):
         return
     model.design.add_output("lowest_ratio", lowest, desc="below every w R / v of the trajectories")
     model.add_design_var("lowest_ratio", lower=0.5 * lowest, upper=2.0 * lowest, ref=lowest)
-    about = {"blade": blade, "polar": physics.polar, "stations": fence.stations}
+    about = {"blade": blade, "rotor": physics.rotor, "stations": fence.stations}
     component = AngleComp(**about, slowed=SLOWER)
     model.add_subsystem(
         "sections", component, promotes_inputs=[*rotor_inputs(blade), "lowest_ratio"]

@@ -34,20 +34,6 @@ class Hydrodynamics:
     polar: Polar | tuple[Polar, ...] | LocalReynolds | ByThickness
     solver: str = "vectorized"
 
-    @classmethod
-    def of(cls, rotor):
-        """Return the hydrodynamics of a rotor, which may be given by its polars alone.
-
-        Parameters
-        ----------
-        rotor : Hydrodynamics, or what `Hydrodynamics.polar` is
-
-        Returns
-        -------
-        Hydrodynamics
-        """
-        return rotor if isinstance(rotor, Hydrodynamics) else Hydrodynamics(rotor)
-
     @property
     def follows_reynolds(self):
         """Whether polars follow the Reynolds number, and with it the speed of the flow."""

@@ -4,8 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
-
 SLOWER = 0.97  # of the tip speed ratio at which sections must still be attached
 DISTANCE = np.deg2rad(1.0)  # from the angle of attack of stall
 
@@ -35,7 +33,7 @@ def stall_fence(rotor, shape, blade, tip_speed_ratio):
 
     Parameters
     ----------
-    rotor : Hydrodynamics, or its polars
+    rotor : Hydrodynamics
     shape : Shape
         What of the blade is designed.
     blade : Blade
@@ -46,7 +44,6 @@ def stall_fence(rotor, shape, blade, tip_speed_ratio):
     -------
     StallFence
     """
-    rotor = Hydrodynamics.of(rotor)
     if not isinstance(rotor.polar, tuple) or not shape.designs_chord:
         return StallFence(np.empty(0, dtype=int), np.empty(0))
     stall = np.array([polar.stall for polar in rotor.polar])

@@ -53,7 +53,7 @@ def best_blade(
     Parameters
     ----------
     blade : Blade
-    rotor : Hydrodynamics, or its polars
+    rotor : Hydrodynamics
     tip_speed_ratio : float
         Omega R / V of the disc.
     chord_bounds : tuple of float
@@ -69,7 +69,7 @@ def best_blade(
     -------
     SteadyOptimum
     """
-    rotor, bounds = Hydrodynamics.of(rotor), (chord_bounds, twist_bounds)
+    bounds = chord_bounds, twist_bounds
     if start is None:
         (start,) = _candidates(blade, rotor, [tip_speed_ratio], *bounds)
     return _climb(start, rotor, tip_speed_ratio, *bounds, tolerance)
@@ -83,7 +83,7 @@ def best_rotor(blade, rotor, chord_bounds, twist_bounds):
     Parameters
     ----------
     blade : Blade
-    rotor : Hydrodynamics, or its polars
+    rotor : Hydrodynamics
     chord_bounds : tuple of float
         Smallest and largest chord (m).
     twist_bounds : tuple of float
@@ -93,7 +93,7 @@ def best_rotor(blade, rotor, chord_bounds, twist_bounds):
     -------
     SteadyOptimum
     """
-    rotor, bounds = Hydrodynamics.of(rotor), (chord_bounds, twist_bounds)
+    bounds = chord_bounds, twist_bounds
 
     def peaks(ratios, count):
         """Return the best blade at each of the highest peaks, and the ratios around it."""
@@ -130,13 +130,13 @@ def best_operation(blade, rotor):
     Parameters
     ----------
     blade : Blade
-    rotor : Hydrodynamics, or its polars
+    rotor : Hydrodynamics
 
     Returns
     -------
     SteadyOptimum
     """
-    rotor, ratios = Hydrodynamics.of(rotor), np.linspace(1.0, 20.0, 200)
+    ratios = np.linspace(1.0, 20.0, 200)
     power = rotor.coefficients(blade, ratios).power
 
     def at(ratio):
@@ -154,7 +154,7 @@ def best_set_angle(shape, blade, rotor):
     shape : Shape
         The family of blades.
     blade : Blade
-    rotor : Hydrodynamics, or its polars
+    rotor : Hydrodynamics
 
     Returns
     -------
