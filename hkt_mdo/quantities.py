@@ -44,12 +44,24 @@ class Described:
 
     @property
     def column(self) -> str:
-        """Header of its column in the tables of a result."""
+        """Header of its column in the tables of a result.
+
+        Returns
+        -------
+        str
+            Name and unit, such as ``rotor_speed_rad_s``.
+        """
         return self.name + _SUFFIXES.get(self.unit, f"_{self.unit}")
 
     @property
     def meta(self) -> dict[str, str | None]:
-        """Units and description, as OpenMDAO's `add_input` takes them."""
+        """Units and description, as OpenMDAO's `add_input` takes them.
+
+        Returns
+        -------
+        dict
+            With the keys units and desc.
+        """
         return {"units": self.unit, "desc": self.text}
 
 
@@ -120,7 +132,7 @@ def names(over: str = "", source: str = "") -> tuple[str, ...]:
 
     Parameters
     ----------
-    over, source
+    over, source : str
         As in `Described`; empty for any.
 
     Returns
@@ -140,12 +152,34 @@ RATES = names(source="rates")
 
 
 def is_over_time(name: str) -> bool:
-    """Tell whether a name is that of a quantity over time."""
+    """Tell whether a name is that of a quantity over time.
+
+    Parameters
+    ----------
+    name : str
+        Of a quantity, or of anything else.
+
+    Returns
+    -------
+    bool
+        False for a name that is not in the registry.
+    """
     return name in QUANTITIES and QUANTITIES[name].over == "time"
 
 
 def nearest(name: str) -> str:
-    """Return a remedy for an unknown name: the nearest ones and all of them."""
+    """Return a remedy for an unknown name.
+
+    Parameters
+    ----------
+    name : str
+        A name that is not in the registry.
+
+    Returns
+    -------
+    str
+        The nearest name, if one is near, and all of them.
+    """
     close = difflib.get_close_matches(name, QUANTITIES, n=1)
     guess = f"did you mean {close[0]}? " if close else ""
     return f"{guess}known: {', '.join(QUANTITIES)}"

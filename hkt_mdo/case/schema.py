@@ -359,7 +359,10 @@ def case_class(kinds: Kinds) -> type[Case]:
     several = _BaseCase.model_fields["scenarios"].description
     made = _subclass(
         Case,
-        scenarios=(tuple[scenario, ...], Field((), max_length=200, description=several)),
+        scenarios=(
+            tuple[scenario, ...],  # type: ignore[valid-type]
+            Field((), max_length=200, description=several),
+        ),
         robustness=_choice("robustness", kinds.aggregates),
         inflow=_choice("inflow", [*profiles, total]),
         control=_choice("control", kinds.laws),

@@ -173,6 +173,12 @@ class Physics:
             means[scenario.group] += float(integral) / scenario.mesh.duration
         return np.array(list(means.values()))
 
+    def epigraph(self, point) -> tuple[np.ndarray, int]:
+        """Return the aggregate's unknowns at a starting point, and the number of its rows."""
+        rates, shares = self.mean_rates(self.on_start(point)), np.array(list(self.shares.values()))
+        unknowns = self.aggregate.best_unknowns(rates, shares)
+        return unknowns, np.size(self.aggregate.rows(rates, shares, unknowns))
+
     def loads_along(self, blade: Blade, known: dict, names: tuple[str, ...]) -> dict:
         """Return the largest loads along a blade at each time of a trajectory, SI units.
 

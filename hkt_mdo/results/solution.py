@@ -308,7 +308,9 @@ class Solution:
     def limits(self) -> tuple[Limit, ...]:
         """Limits that the case gives of what changes over time, that of the torque first."""
         torque = TorqueLimit(bound=self.case.control.torque_limit)
-        given = (torque, *self.case.limits.given)
+        material = self.case.rotor.blade_material  # which may say what stress is allowable
+        over_time = (each for each in self.case.limits.given if each.place == "time")
+        given = (torque, *(each.on(None, material) for each in over_time))
         return tuple(each for each in given if each.caps_series)
 
     def limit_shares(self, table: str = "simulation") -> dict[str, np.ndarray]:

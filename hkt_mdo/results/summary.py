@@ -473,6 +473,13 @@ class Summary(_Entry, Mapping[str, Any]):
         iterations = f"{measured(self.iterations)} iterations"
         work = joined(f"{self.optimizer} ({self.package})", iterations, f"{seconds} s")
         yield Row("optimizer", work if self.optimizer else None)
+        if self.passes:
+            remedies = (f"{each.remedy}: {each.why}" for each in self.passes if each.remedy)
+            told = "; ".join(remedies).replace("_", " ")
+            yield Row("optimizations", str(len(self.passes)), "", told)
+        if self.starts:
+            kept = next((each.strategy for each in self.starts if each.kept), "none")
+            yield Row("starts", f"{len(self.starts)} tried", "", f"began with: {kept}")
 
     def _operation(self, case: Case) -> Iterator[Row]:
         """Yield the rows of standstill, limits, loads and branches."""

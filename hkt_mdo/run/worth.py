@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from hkt_mdo.problem.build import assemble, constraint_of, limited_nodes
+from hkt_mdo.problem.build import assemble
+from hkt_mdo.problem.constraints import constraint_of, limited_nodes
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.run.flight import Optimized
 from hkt_mdo.solve.multipliers import State, gain, multipliers

@@ -49,13 +49,13 @@ def test_the_start_has_the_thickness_of_the_file_within_the_bounds():
 def test_partials_of_the_problem(control):
     problem = build_problem(case(control=control), improve=False)
     problem.run_model()
-    names = "shape", "inertia", "torque_table", "load_table"
+    names = [f"rotor.{part}" for part in ("shape", "inertia", "torque_table", "load_table")]
     found = problem.check_partials(
-        out_stream=None, form="central", step=1e-6, includes=list(names), compact_print=True
+        out_stream=None, form="central", step=1e-6, includes=names, compact_print=True
     )
     assert set(found) == set(names)
     for component, partials in found.items():
-        assert any(by == "thickness" or component == "shape" for _, by in partials)
+        assert any(by == "thickness" or component == "rotor.shape" for _, by in partials)
         for pair, each in partials.items():
             (error,) = (own for own in each["abs error"][:2] if own is not None)
             assert error <= 2e-6 * max(each["magnitude"].fd, 1e-9), (component, pair)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hkt_mdo.case import read_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.results import solution as results
 from hkt_mdo.results.folder import write_json
@@ -179,3 +180,21 @@ def test_a_missing_table_is_told(result_folder: Path) -> None:
         solution.table("simulation")
     with pytest.raises(InputError, match="unknown table; known: trajectory, simulation"):
         solution.to_pandas("sumlation")
+
+
+def test_an_allowable_stress_is_that_of_the_material(result_folder):
+    """Which the case gives in place of a number; figures draw it."""
+    folder = result_folder
+    case = (folder / "case.yaml").read_text(encoding="utf-8")
+    given = {
+        "limits.stress=allowable",
+        "rotor.material={density: 2700, modulus: 70 GPa, allowable_stress: 90 MPa}",
+    }
+    allowed = read_case(case, sorted(given)).to_yaml()
+    (folder / "case.yaml").write_text(allowed, encoding="utf-8")
+    solution = Solution.load(folder)
+    (stress,) = (limit for limit in solution.limits if limit.name == "stress")
+    assert stress.upper == 90e6
+    share = solution.limit_shares()["stress"]
+    np.testing.assert_allclose(share, solution.simulation["stress_Pa"] / 90e6)
+    assert solution.limit_levels("stress")["stress"] == 90e6

@@ -190,14 +190,14 @@ def test_partials_of_the_loads_in_the_problem():
     problem = assemble(case, Setup(found, curve_nodes(case, found)))
     problem.run_model()
     checked = problem.check_partials(
-        includes=["loads_phase"],
+        includes=["operation.loads_phase"],
         method="fd",
         form="central",
         step=1e-4,
         step_calc="rel_avg",
         out_stream=None,
     )
-    for pair, each in checked["loads_phase"].items():
+    for pair, each in checked["operation.loads_phase"].items():
         size = np.max(np.abs(each["J_fd"])) or 1.0
         assert np.max(np.abs(each["J_fwd"] - each["J_fd"])) < 1e-5 * size, pair
 

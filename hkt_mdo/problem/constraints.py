@@ -1,0 +1,135 @@
+"""The limits over time as constraints of the optimization: where each is held, and how scaled."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hkt_mdo.dynamics.limits import (
+    SLOWED,
+    TYPICAL,
+    DistanceFromStall,
+    FartherFromStall,
+    Limit,
+    settled,
+)
+from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.scenario import Scales, Scenario
+from hkt_mdo.problem.setup import Setup
+from hkt_mdo.quantities import QUANTITIES, RATES
+from hkt_mdo.rotor.scales import torque_scale
+from hkt_mdo.rotor.torque_curve import TorqueSpline
+
+NEAR = 0.2  # of a typical torque: the recovery below which a node is held to its distance
+FEWEST_NEAR = 20  # nodes, at least as many of which are held to their distance from stall
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """A limit over time in one scenario, as the optimization holds it.
+
+    Attributes
+    ----------
+    limit, scenario
+        What is held, and where.
+    constraint
+        Name of the constraint in the model.
+    nodes
+        Places of the nodes at which it is held, (n,).
+    options
+        Bounds, reference and unit, as OpenMDAO's `add_constraint` takes them.
+    """
+
+    limit: Limit
+    scenario: Scenario
+    constraint: str
+    nodes: np.ndarray
+    options: dict[str, Any]
+
+    @property
+    def component(self) -> str:
+        """Name of the component with the limit's formula; empty for a quantity as it is."""
+        name = self.constraint.removesuffix(".value")
+        return "" if name == self.constraint else name
+
+
+def held_limits(physics: Physics, setup: Setup, scales: Scales) -> Iterator[Held]:
+    """Yield the limits over time that the optimization holds, scenario by scenario."""
+    for number, scenario in enumerate(physics.scenarios):
+        for limit in (*physics.limits_in(scenario), *_distance_from_stall(physics, setup)):
+            if limit.constrains(physics.law):
+                yield _held(physics, setup, limit, number, scales)
+
+
+def _held(physics, setup, limit, number, scales) -> Held:
+    """Return a limit over time as it is held in the number-th scenario."""
+    scenario, ref = physics.scenarios[number], None
+    nodes = limited_nodes(limit, scenario)
+    if isinstance(limit, DistanceFromStall):
+        nodes, ref = _near_stall(physics, setup, limit, number, scenario), scales.torque
+    elif limit.is_of(["control_torque"]) and limit.unit == "N*m":
+        ref = scales.torque
+    bounds = {"lower": limit.lower if np.isfinite(limit.lower) else None, "upper": None}
+    if np.isfinite(limit.upper):
+        less = (1.0 - setup.share_at(limit, scenario, nodes)) * abs(limit.upper)
+        bounds["upper"] = limit.upper - less
+        if bounds["lower"] is not None:
+            bounds["lower"] = limit.lower + less
+    options = {"ref": ref or size_of(limit), "units": limit.unit} | bounds
+    return Held(limit, scenario, constraint_of(limit, number, scenario), nodes, options)
+
+
+def _distance_from_stall(physics, setup):
+    """Yield the distances from stall as limits, where the setup asks for them."""
+    if setup.slowed and physics.has_curve:
+        about = {"law": physics.law, "spline": TorqueSpline(setup.nodes)}
+        yield DistanceFromStall(**about)
+        if setup.slowed > SLOWED:
+            yield FartherFromStall(**about, slowed=setup.slowed)
+
+
+def _near_stall(physics, setup, limit, place, scenario):
+    """Return the nodes at which the start is near stall, or at least the nearest ones."""
+    start = setup.start
+    table = physics.rotor.coefficients(start.blade, limit.spline.nodes)
+    known = physics.on_start(start)[place]
+    known |= {"torque_coefficient_table": table.torque, "gains": start.gains}
+    unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])
+    margin = limit.value_of(known) / (TYPICAL * unit) + limit.least
+    still = settled(known)
+    if np.mean(still) > 0.5:  # a heavy rotor never settles
+        margin = np.where(still, margin, np.inf)
+    margin = np.interp(scenario.node_times, scenario.samples, margin)
+    return np.flatnonzero(margin <= max(NEAR, np.sort(margin)[min(FEWEST_NEAR, margin.size - 1)]))
+
+
+def source_of(scenario, name) -> str:
+    """Return where the values over time of a quantity, or of a law's state, are in the model."""
+    source = QUANTITIES[name].source if name in QUANTITIES else "trajectory"
+    home = scenario.path if source == "trajectory" else f"{source}_{scenario.name}"
+    return f"{home}.{name}"
+
+
+def constraint_of(limit: Limit, number: int, scenario: Scenario) -> str:
+    """Return the name of the constraint that holds a limit over time in the number-th scenario."""
+    if type(limit).value is Limit.value and len(limit.inputs) == 1:  # a quantity as it is
+        return source_of(scenario, limit.inputs[0])
+    return f"limit_{limit.name}{f'_{scenario.name}' * (number > 0)}.value"
+
+
+def limited_nodes(limit: Limit, scenario: Scenario) -> np.ndarray:
+    """Return the nodes of a scenario at which a limit over time is held.
+
+    One where two segments meet: a limit that is held there twice has no definite multipliers. The
+    rate of the torque alone may differ from one segment to the other.
+    """
+    return np.arange(scenario.node_times.size) if limit.is_of(RATES) else scenario.distinct_nodes
+
+
+def size_of(limit: Limit) -> float:
+    """Return the magnitude of a limit's bounds; 1 where they are none."""
+    ends = np.abs(np.hstack((limit.lower, limit.upper)))
+    return float(np.max(ends[np.isfinite(ends)], initial=0.0)) or 1.0

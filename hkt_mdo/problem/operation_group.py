@@ -1,0 +1,201 @@
+"""The operation of a rotor as an OpenMDAO group: phases, loads, limits and integrals."""
+
+from __future__ import annotations
+
+import numpy as np
+import openmdao.api as om
+from dymos import Trajectory
+
+from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
+from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
+from hkt_mdo.problem.components import (
+    AboveComp,
+    AggregateComp,
+    FormulaComp,
+    IntegralComp,
+    LoadComp,
+    TorqueRateComp,
+)
+from hkt_mdo.problem.constraints import held_limits, source_of
+from hkt_mdo.problem.physics import BEM, Physics
+from hkt_mdo.problem.scenario import Scales, add_phase
+from hkt_mdo.problem.setup import Setup
+from hkt_mdo.quantities import QUANTITIES, RATES, is_over_time
+from hkt_mdo.rotor.torque_curve import TorqueSpline
+
+
+class OperationGroup(om.Group):
+    """The operation of a rotor over time, in every scenario.
+
+    Inputs are what the rotor and its controller are: rotor_radius (m), density (kg/m**3), inertia
+    (kg*m**2), torque_coefficient_table[n_nodes] (or chord and twist[n_stations] with direct BEM),
+    <load>_table[n_nodes] of each load that is asked for, gain_0, gain_1, … in the law's units; and
+    what limits and objective take of the design. Outputs: ``traj.<scenario>.timeseries``, the loads
+    and rates that are asked for, ``limit_<name>.value``, energy, generator_energy,
+    electrical_energy (J) and objective.
+    """
+
+    def initialize(self):
+        declare = self.options.declare
+        declare("physics", types=Physics, recordable=False, desc="turbine, flows and controller")
+        declare("start", types=Setup, recordable=False, desc="where the optimization begins")
+        declare("scales", types=Scales, recordable=False, desc="reference magnitudes")
+        declare("above_lowest", default=False, desc="whether lowest_ratio is below all ratios")
+
+    def setup(self):
+        self._add_phases()
+        self._add_loads()
+        self._add_rates()
+        self._add_energies()
+        for held in held_limits(*self._given, self.options["scales"]):
+            if held.component:
+                size = held.nodes.size
+                self._add_formula(held.component, held.limit, size, n_times=size)
+                for name in held.limit.series:
+                    nodes = om.slicer[held.nodes, :]
+                    source, target = source_of(held.scenario, name), f"{held.component}.{name}"
+                    self.connect(source, target, src_indices=nodes)
+        for limit in self._physics.design_limits:
+            if limit.constrains(self._physics.law):
+                start = self._physics.on_start(self.options["start"].start)[0]
+                self._add_formula(f"limit_{limit.name}", limit, np.size(limit.value_of(start)))
+        for scenario in self._physics.scenarios:
+            if scenario.mesh.final_speed == "initial":
+                self._close_cycle(scenario)
+            if self.options["above_lowest"]:
+                name, n = f"above_{scenario.name}", scenario.node_times.size
+                self.add_subsystem(name, AboveComp(num_nodes=n), promotes_inputs=["lowest_ratio"])
+                self.connect(f"{scenario.path}.tip_speed_ratio", f"{name}.tip_speed_ratio")
+        self._add_objective()
+
+    @property
+    def _physics(self) -> Physics:
+        return self.options["physics"]
+
+    @property
+    def _given(self) -> tuple[Physics, Setup]:
+        return self.options["physics"], self.options["start"]
+
+    def _add_phases(self):
+        """Add one phase a scenario, and promote what feeds them."""
+        physics, setup = self._given
+        bounds = setup.moves.bounds(physics, setup.start)["rotor_speed"]
+        hydrodynamics, parameters = self._hydrodynamics()
+        options = {
+            "hydrodynamics": lambda nodes: HydrodynamicsComp(num_nodes=nodes, **hydrodynamics),
+            "generator": physics.generator,
+        }
+        trajectory = Trajectory()
+        about = physics.law, options, parameters, self.options["scales"], bounds
+        self.phases = [add_phase(trajectory, each, *about) for each in physics.scenarios]
+        self.add_subsystem("traj", trajectory)
+        inputs = [
+            (f"{each.name}.parameters:{name}", name)
+            for each in physics.scenarios
+            for name in parameters
+        ]
+        self.promotes("traj", inputs=inputs)
+
+    def _hydrodynamics(self):
+        """Return the options of `HydrodynamicsComp` and the ODE's inputs, with units."""
+        physics, setup = self._given
+        names = ["density", "inertia", "rotor_radius"]
+        if physics.has_curve:
+            options = {"spline": TorqueSpline(setup.nodes)}
+        else:
+            solver = BEM[physics.case.hydrodynamics.bem]
+            options = {"blade": setup.start.blade, "polar": physics.polar, "coefficients": solver}
+            names += ["chord", "twist"]
+        parameters = {name: QUANTITIES[name].unit for name in names}
+        if physics.has_curve:
+            parameters["torque_coefficient_table"] = None
+        gains = {f"gain_{i}": units for i, units in enumerate(physics.gain_units)}
+        return options, parameters | gains
+
+    def _add_loads(self):
+        """Add the loads that are asked for, at the nodes of every phase."""
+        physics, setup = self._given
+        names, nodes = physics.load_names, np.asarray(setup.nodes, dtype=float)
+        inputs = ["rotor_radius", "density", *(f"{name}_table" for name in names)]
+        for scenario in physics.scenarios if names else ():
+            name, n = f"loads_{scenario.name}", scenario.node_times.size
+            component = LoadComp(num_nodes=n, names=names, spline=TorqueSpline(nodes))
+            self.add_subsystem(name, component, promotes_inputs=inputs)
+            for quantity in ("rotor_speed", "inflow_speed"):
+                self.connect(f"{scenario.path}.{quantity}", f"{name}.{quantity}")
+
+    def _add_rates(self):
+        """Add the rate of the control torque, if it is asked for, at the nodes of every phase."""
+        asked = any(map(self._physics.asks_for, RATES))
+        for scenario in self._physics.scenarios if asked else ():
+            name = f"rates_{scenario.name}"
+            self.add_subsystem(name, TorqueRateComp(matrix=scenario.differentiation))
+            self.connect(f"{scenario.path}.control_torque", f"{name}.control_torque")
+
+    def _close_cycle(self, scenario):
+        """Add what a scenario's final rotor speed is above its initial one."""
+        name = f"{scenario.name}_gain_of_speed"
+        change = om.ExecComp("change = final - initial", units="rad/s", has_diag_partials=True)
+        self.add_subsystem(name, change)
+        for end, index in (("initial", 0), ("final", -1)):
+            source = f"{scenario.path}.rotor_speed"
+            self.connect(source, f"{name}.{end}", src_indices=om.slicer[[index], 0])
+
+    def _add_formula(self, name, formula, size, outputs=(), **about):
+        """Add a formula, fed with all but what it takes over time."""
+        physics, setup = self._given
+        component = FormulaComp(
+            formula=formula,
+            size=size,
+            n_stations=physics.blade.r.size,
+            n_table=setup.nodes.size,
+            gain_units=physics.gain_units,
+            **about,
+        )
+        gains = [f"gain_{i}" for i in range(len(physics.gain_units))]
+        inputs = [each for each in formula.inputs if each not in {*formula.series, "gains"}]
+        inputs += gains if "gains" in formula.inputs else []
+        self.add_subsystem(name, component, promotes_inputs=inputs, promotes_outputs=list(outputs))
+
+    def _add_integrals(self, name, integrands, weights, **about):
+        """Add the integrals of some rates over all scenarios."""
+        n_stations = self._physics.blade.r.size
+        component = IntegralComp(
+            weights=weights, integrands=integrands, n_stations=n_stations, **about
+        )
+        needed = {each for integrand in integrands.values() for each in integrand.inputs}
+        fixed = sorted(each for each in needed if not is_over_time(each))
+        self.add_subsystem(name, component, promotes_inputs=fixed, promotes_outputs=["*"])
+        for scenario in self._physics.scenarios:
+            for quantity in sorted(filter(is_over_time, needed)):
+                target = f"{name}.{scenario.name}:{quantity}"
+                self.connect(source_of(scenario, quantity), target)
+
+    def _add_energies(self):
+        """Add the energies of all scenarios together."""
+        kinds = CapturedEnergy(), GeneratorEnergy(), ElectricalEnergy()
+        names = "energy", "generator_energy", "electrical_energy"
+        scenarios = self._physics.scenarios
+        weights = {each.name: each.weight * each.node_weights for each in scenarios}
+        self._add_integrals("integrals", dict(zip(names, kinds, strict=True)), weights)
+
+    def _add_objective(self):
+        """Add the objective: an aggregate of scenarios' mean rates, or a value of the design."""
+        physics = self._physics
+        if not physics.objective.is_rate:
+            return self._add_formula("value", physics.objective, 1, [("value", "objective")])
+        groups, scenarios = list(physics.shares), physics.scenarios
+        rows = {each.name: groups.index(each.group) for each in scenarios}
+        weights = {each.name: each.node_weights / each.mesh.duration for each in scenarios}
+        rate = {"mean_rate": physics.objective}
+        self._add_integrals("rates", rate, weights, rows=rows, mean=True)
+        _, n_rows = physics.epigraph(self.options["start"].start)
+        component = AggregateComp(
+            aggregate=physics.aggregate,
+            shares=np.array(list(physics.shares.values())),
+            duration=physics.duration,
+            unit=physics.objective.unit,
+            n_rows=n_rows,
+        )
+        self.add_subsystem("aggregate", component, promotes=["*"])
+        return None
