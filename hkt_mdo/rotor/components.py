@@ -25,6 +25,7 @@ def rotor_inputs(blade):
     Parameters
     ----------
     blade : Blade
+        The blade.
 
     Returns
     -------
@@ -94,7 +95,13 @@ class BladeComp(om.ExplicitComponent):
 
     @property
     def inputs_of_blade(self):
-        """Names of what the component takes of the blade."""
+        """Names of what the component takes of the blade.
+
+        Returns
+        -------
+        list of str
+            Names of `QUANTITIES`.
+        """
         return rotor_inputs(self.options["blade"])
 
     def blade_of(self, inputs):
@@ -108,6 +115,7 @@ class BladeComp(om.ExplicitComponent):
         Returns
         -------
         Blade
+            The blade in the model's present state.
         """
         start = self.options["blade"]
         thickness = (inputs["thickness"],) if start.thickness is not None else ()
@@ -237,7 +245,13 @@ class InertiaComp(BladeComp):
 
     @property
     def inputs_of_blade(self):
-        """Names of what decides the sections' areas, and the radius."""
+        """Names of what decides the sections' areas, and the radius.
+
+        Returns
+        -------
+        list of str
+            Names of `QUANTITIES`.
+        """
         return [name for name in rotor_inputs(self.options["blade"]) if name != "twist"]
 
     def _evaluate(self, inputs):

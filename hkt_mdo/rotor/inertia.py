@@ -30,10 +30,12 @@ def between(values):
     Parameters
     ----------
     values : ndarray of shape (n_edges,)
+        Values at the edges.
 
     Returns
     -------
     ndarray of shape (3, n_edges - 1)
+        Values at three points between each two edges.
     """
     return values[:-1] + SHARES * np.diff(values)
 
@@ -44,10 +46,12 @@ def carried(values):
     Parameters
     ----------
     values : ndarray of shape (n_stations,)
+        Values at the stations.
 
     Returns
     -------
     ndarray of shape (n_stations + 2,)
+        Values at hub, stations and tip.
     """
     return np.concatenate((values[:1], values, values[-1:]))
 
@@ -64,6 +68,7 @@ def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
     Parameters
     ----------
     blade : Blade
+        The blade.
     section_area : float or ndarray of shape (n_stations,) or CubicSpline
         Area of a section's material over chord squared: one, one a station, or over the
         thickness.
@@ -75,6 +80,7 @@ def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
     Returns
     -------
     RotorMass
+        Mass, inertia and their gradients.
     """
     by_thickness = 0.0
     if callable(section_area):

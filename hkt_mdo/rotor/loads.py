@@ -58,12 +58,24 @@ class Load(NamedTuple):
 
     @property
     def largest(self):
-        """Largest load along the blade, shape (n,)."""
+        """Largest load along the blade, shape (n,).
+
+        Returns
+        -------
+        ndarray of shape (n,)
+            Load over q.
+        """
         return np.max(np.real(self.exact), axis=1)
 
     @property
     def largest_at(self):
-        """Radius along the blade where the largest load is, m, shape (n,)."""
+        """Radius along the blade where the largest load is, m, shape (n,).
+
+        Returns
+        -------
+        ndarray of shape (n,)
+            Radius (m).
+        """
         return self.r[np.argmax(np.real(self.exact), axis=1)]
 
     def envelope(self, exponent=EXPONENT):
@@ -77,6 +89,7 @@ class Load(NamedTuple):
         Returns
         -------
         Envelope
+            The smooth largest load and its derivatives.
         """
         if self.r.size == 1:
             values, share = self.values[:, 0], np.ones(self.values.shape)
@@ -142,7 +155,13 @@ class LoadModel:
 
     @property
     def names(self):
-        """Names of the loads that the model gives."""
+        """Names of the loads that the model gives.
+
+        Returns
+        -------
+        tuple of str
+            Some of thrust, root_moment, stress and cavitation.
+        """
         structural = ("stress",) if self.structure else ()
         return "thrust", "root_moment", *structural, *(("cavitation",) if self.cavitation else ())
 
@@ -163,6 +182,7 @@ class LoadModel:
         Parameters
         ----------
         blade : Blade
+            The blade.
         tip_speed_ratio : array_like of shape (n_points,)
             Omega R / V of the disc, positive.
         derivatives : bool
@@ -173,6 +193,7 @@ class LoadModel:
         Returns
         -------
         dict of str to Load
+            The loads by name.
 
         Raises
         ------
@@ -204,6 +225,7 @@ class LoadModel:
         Parameters
         ----------
         blade : Blade
+            The blade.
         tip_speed_ratio : array_like of shape (n_points,)
             Omega R / V of the disc, positive.
         r : ndarray of shape (n_r,)
@@ -229,6 +251,7 @@ class LoadModel:
         Parameters
         ----------
         blade : Blade
+            The blade.
         tip_speed_ratio : array_like of shape (n_points,)
             Omega R / V of the disc, positive.
 
@@ -269,6 +292,7 @@ def moment_weights(blade, r):
     Parameters
     ----------
     blade : Blade
+        The blade.
     r : ndarray of shape (n_places,)
         Radii along the blade (m).
 

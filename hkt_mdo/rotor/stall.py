@@ -34,15 +34,18 @@ def stall_fence(rotor, shape, blade, tip_speed_ratio):
     Parameters
     ----------
     rotor : Hydrodynamics
+        Its sections and their flow.
     shape : Shape
         What of the blade is designed.
     blade : Blade
+        The blade at the start.
     tip_speed_ratio : float
         The lowest one of the disc at which the blade works.
 
     Returns
     -------
     StallFence
+        The stations, and their highest angles of attack.
     """
     if not isinstance(rotor.polar, tuple) or not shape.designs_chord:
         return StallFence(np.empty(0, dtype=int), np.empty(0))

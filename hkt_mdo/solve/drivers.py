@@ -252,6 +252,11 @@ class _PyOptSparseDriver(_ReportEachEvaluation, om.pyOptSparseDriver):
         """Return an evaluation's values, or raise the interrupt that OpenMDAO has caught.
 
         OpenMDAO hands it to the optimizer as a failed evaluation, which SLSQP ignores.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            If there was one.
         """
         if self._user_termination_flag:
             raise KeyboardInterrupt
