@@ -545,10 +545,12 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     given = [*case.limits.given, *(each for part in case.scenarios for each in part.limits.given)]
     limited = {name: each for each in given for name in each.inputs if name in LOADS}
     direct = case.hydrodynamics.torque == "direct"
-    if limited and (direct or flow.follows_reynolds):
-        problem = "limits a load, which takes a curve over the tip speed ratio"
+    optimized = case.objective.is_of(LOADS)
+    if (limited or optimized) and (direct or flow.follows_reynolds):
+        key = "objective" if optimized else f"limits.{next(iter(limited))}"
+        problem = "takes a load, which needs a curve over the tip speed ratio"
         remedy = "give hydrodynamics.torque: curve and rotor.reynolds: invariant"
-        raise InputError(problem, remedy, key=f"limits.{next(iter(limited))}")
+        raise InputError(problem, remedy, key=key)
     if flow.follows_thickness and (direct or case.hydrodynamics.bem != "vectorized"):
         problem = "takes hydrodynamics.torque: curve and hydrodynamics.bem: vectorized"
         raise InputError(problem, "give these", key="design.thickness_points")
