@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from hkt_mdo.dynamics.flows import Inflow
-from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Simulation, simulate
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Simulation, Start, simulate
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.words import measured
 from hkt_mdo.studies.uncertainty import Design
@@ -73,15 +73,15 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
     design.refuse_standstill(inflow)
     radius = plant.blade.rotor_radius
 
-    def fly(controller, speed, begin, end, states=()):
-        about = speed, end - begin, SAMPLES, duration / design.physics.case.phase.segments
-        return simulate(plant, inflow, controller, *about, begin=begin, initial_states=states)
+    def fly(controller, start, end):
+        step = duration / design.physics.case.phase.segments
+        return simulate(plant, inflow, controller, start, end - start.time, SAMPLES, step)
 
     def missing(time):
         return run_up.speed_at(time) - design.initial_speed(inflow, time)
 
     first = FIRST * float(inflow.speed_at(0.0)) / radius
-    run_up = fly(lambda _, speed: 0.0 * speed, first, 0.0, duration)
+    run_up = fly(lambda _, speed: 0.0 * speed, Start(first), duration)
     fast = np.flatnonzero(missing(run_up.time) >= 0.0)
     if not fast.size:
         return StartStop(run_up, None, None, None)
@@ -90,13 +90,12 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
     if start >= end:
         return StartStop(run_up, start, None, None)
     speed = float(run_up.speed_at(start))
-    states = design.initial_states(inflow, speed, start)
-    operation = fly(design.controller, speed, start, end, states)
+    operation = fly(design.controller, design.start(inflow, speed, start), end)
     shut_down = None
     if stop is not None and operation.stopped_at is None:
         most = design.law.torque_limit
-        last = float(operation.rotor_speed[-1])
-        shut_down = fly(lambda _, speed: most + 0.0 * speed, last, stop, duration)
+        last = Start(float(operation.rotor_speed[-1]), time=stop)
+        shut_down = fly(lambda _, speed: most + 0.0 * speed, last, duration)
     return StartStop(run_up, start, operation, shut_down)
 
 

@@ -25,6 +25,7 @@ from hkt_mdo.dynamics.simulation import (
     Plant,
     RecordedTorque,
     Simulation,
+    Start,
     simulate,
 )
 from hkt_mdo.errors import InputError
@@ -160,17 +161,31 @@ class Design:
             controller = self.controller
         speed, samples = initial_speed or self.initial_speed(inflow), 20 * phase.segments + 1
         step, end = phase.duration / phase.segments / refined, phase.duration
-        about = speed, end, samples, step, tolerance
-        states = self.initial_states(inflow, speed)
-        return simulate(self.plant, inflow, controller, *about, initial_states=states)
+        about = self.start(inflow, speed), end, samples, step, tolerance
+        return simulate(self.plant, inflow, controller, *about)
 
-    def initial_states(self, inflow, speed, time=0.0):
-        """Return the states of the law in equilibrium with a speed (rad/s) and the flow then."""
+    def start(self, inflow, speed, time=0.0):
+        """Return a start with the law's states in equilibrium with a speed and the flow then.
+
+        Parameters
+        ----------
+        inflow : Inflow
+            The flow.
+        speed : float
+            Rotor speed, rad/s.
+        time : float
+            Time of the start, s.
+
+        Returns
+        -------
+        Start
+            Speed, states and time; an open loop has no states.
+        """
         if not self.law.is_feedback:
-            return ()
+            return Start(speed, (), time)
         flow = inflow.speed_at(np.array([time]))
         states = self.law.at_rest(self.plant.torque(np.array([speed]), flow), flow)
-        return [float(each[0]) for each in states]
+        return Start(speed, [float(state[0]) for state in states], time)
 
 
 def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed: int) -> Ensemble:
@@ -187,18 +202,15 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
     duration = design.physics.case.phase.duration
     quiet = design.fly(inflow)
     deviation = sensor.deviation(quiet.speed_at(np.linspace(0.0, quiet.time[-1], 2001)))
-    torque, plant, h = _Torque(design.plant), design.plant, 1e-4 * quiet.rotor_speed
-    faster = plant.torque(quiet.rotor_speed + h, quiet.inflow_speed)
-    slopes = np.abs((faster - quiet.hydrodynamic_torque) / h)
-    ratio = quiet.rotor_speed / quiet.inflow_speed
-    slope = float(np.max(slopes[ratio >= 0.5 * ratio[0]]))  # a rotor below is about to stop
+    torque, plant = _Torque(design.plant), design.plant
     n_samples = round(duration * sensor.rate)
     period = duration / n_samples
-    substeps = max(int(np.ceil(period / (LONGEST_STEP * plant.inertia / slope))), 1)
+    longest = LONGEST_STEP * plant.inertia / _largest_slope(plant, quiet)
+    substeps = max(int(np.ceil(period / longest)), 1)
     step = period / substeps
     law, speed = design.law, np.full(repeats, design.initial_speed(inflow))
     estimate, before, control = design.controller.estimate, None, 0.0
-    states = [np.full(repeats, each) for each in design.initial_states(inflow, speed[0])]
+    states = [np.full(repeats, each) for each in design.start(inflow, speed[0]).states]
     low_pass = memory = None
     if sensor.cutoff is not None:
         low_pass = signal.butter(2, sensor.cutoff, fs=1.0 / period)
@@ -214,23 +226,15 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
         if low_pass is not None:
             measured, memory = signal.lfilter(*low_pass, measured, axis=0, zi=memory)
         measured = np.maximum(measured[0], 0.1 * slowest[k])  # a law may divide by it
-        told = law.sensed(np.full(repeats, flows[k, 0]), random)
+        heard = law.sensed(np.full(repeats, flows[k, 0]), random)
         if estimate is not None and before is not None:
-            told = estimate(measured, control, (measured - before) / period)
+            heard = estimate(measured, control, (measured - before) / period)
         before, control = measured, law.torque(measured, design.gains, *states)
-        states = _advanced(law, measured, told, design.gains, states, period)
+        states = _advanced(law, measured, heard, design.gains, states, period)
         record[:, k] = speed[0], control[0], torque(speed[:1], flows[k, 0])[0]
-        scale = torque_scale(plant.density, torque.radius, flows[k])
-        speed, captured = _runge_kutta(
-            speed,
-            control,
-            step,
-            plant.inertia,
-            scale,
-            torque.radius / flows[k],
-            torque.curve.x,
-            torque.curve.c,
-        )
+        scales = torque_scale(plant.density, torque.radius, flows[k]), torque.radius / flows[k]
+        curve = torque.curve.x, torque.curve.c
+        speed, captured = _runge_kutta(speed, control, step, plant.inertia, *scales, *curve)
         energy += captured
         if not np.all(np.isfinite(speed)):  # which is not the same as a rotor that stops
             problem = f"the integration of the noisy runs fails at t = {times[k]:.6g} s"
@@ -242,6 +246,15 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
     flow, record = flows[kept, 0], record[:, kept]
     error = torque.error(record[0, ::10], flow[::10])
     return Ensemble(energy, stopped, deviation, times[kept], flow, *record, error)
+
+
+def _largest_slope(plant, run):
+    """Return the largest slope of the torque over the rotor's speed along a run, N*m*s/rad."""
+    step = 1e-4 * run.rotor_speed
+    faster = plant.torque(run.rotor_speed + step, run.inflow_speed)
+    slopes = np.abs((faster - run.hydrodynamic_torque) / step)
+    ratio = run.rotor_speed / run.inflow_speed
+    return float(np.max(slopes[ratio >= 0.5 * ratio[0]]))  # a rotor below is about to stop
 
 
 class _Torque:
