@@ -33,8 +33,14 @@ class StartStop:
     operation: Simulation | None
     shut_down: Simulation | None
 
-    def told(self) -> Iterator[str]:
-        """Yield a line for each part."""
+    def lines(self) -> Iterator[str]:
+        """Describe each part in a line.
+
+        Yields
+        ------
+        str
+            Such as ``run-up: without torque to 4.2 rad/s in 3.10 s``.
+        """
         up, down, speed = self.run_up, self.shut_down, self.run_up.rotor_speed
         if self.started_at is None:
             what = "the rotor does not start by itself: without torque it comes to"
@@ -64,9 +70,27 @@ class StartStop:
 def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) -> StartStop:
     """Start a design from standstill in a flow and, at the time `stop` (s), shut it down.
 
-    The run ends with the time span of the design's case. Raises InputError for an open loop, which
-    has a torque for every instant and none for a start, for a stop beyond the run, and for one
-    without a torque limit.
+    The run ends with the time span of the design's case.
+
+    Parameters
+    ----------
+    design : Design
+        A finished design with a feedback law.
+    inflow : Inflow
+        The flow.
+    stop : float or None
+        Time from which the torque is at its limit, s; None: there is no shut-down.
+
+    Returns
+    -------
+    StartStop
+        The parts of the run.
+
+    Raises
+    ------
+    InputError
+        For an open loop, which has a torque for every instant and none for a start, for a stop
+        beyond the run, and for one without a torque limit.
     """
     plant, duration = design.plant, design.physics.case.phase.duration
     _check(design, duration, stop)

@@ -51,10 +51,20 @@ class Sensor:
 
     The paper gives 20 dB 'compared with the turbine rotational speed signal', and neither the rate
     nor whether the signal's mean counts. Both matter: filtered noise falls with the square root of
-    the rate. snr (dB; infinity: no noise) is of the signal named by reference: the speed's
-    `fluctuation` about its mean, which the controller has to follow, or the `total` speed, whose
-    rms is some ten times larger. rate (Hz) is of the samples of sensor and controller; cutoff (Hz)
-    that of the second-order Butterworth low-pass, which delays the torque; None: no filter.
+    the rate.
+
+    Attributes
+    ----------
+    snr
+        Signal-to-noise ratio, dB; infinity: no noise.
+    reference
+        What is the signal: the speed's `fluctuation` about its mean, which the controller has to
+        follow, or the `total` speed, whose rms is some ten times larger.
+    rate
+        Samples of sensor and controller, Hz.
+    cutoff
+        Frequency of the second-order Butterworth low-pass, which delays the torque, Hz; None: no
+        filter.
     """
 
     snr: float = 20.0
@@ -63,7 +73,18 @@ class Sensor:
     cutoff: float | None = 0.5
 
     def deviation(self, speed):
-        """Return the noise's standard deviation, rad/s, for a speed signal sampled evenly."""
+        """Return the standard deviation of the noise.
+
+        Parameters
+        ----------
+        speed : array, shape (n_times,)
+            Rotor speed at even times, rad/s.
+
+        Returns
+        -------
+        float
+            Standard deviation, rad/s.
+        """
         signal_part = speed - np.mean(speed) if self.reference == "fluctuation" else speed
         return float(np.sqrt(np.mean(signal_part**2)) * 10.0 ** (-self.snr / 20.0))
 
@@ -110,7 +131,17 @@ class Design:
     def of(cls, solution: Solution):
         """Rebuild the plant and controller of a result.
 
-        Raises InputError if it is of an interrupted run, or a file of its case is gone.
+        It raises InputError if the result is of an interrupted run, or a file of its case is gone.
+
+        Parameters
+        ----------
+        solution : Solution
+            The result.
+
+        Returns
+        -------
+        Design
+            The design; its controller knows the plant as it is.
         """
         made = solution.design()
         world, blade = made.physics, made.blade
@@ -132,12 +163,36 @@ class Design:
         return FeedbackTorque(self.law, self.gains, estimate)
 
     def initial_speed(self, inflow, time=0.0):
-        """Return a speed for times (s) of another flow: at the design's first tip speed ratio."""
+        """Return the rotor speed of the design's first tip speed ratio in another flow.
+
+        Parameters
+        ----------
+        inflow : Inflow
+            The flow.
+        time : float or array
+            Times, s, of any shape.
+
+        Returns
+        -------
+        float or array
+            Rotor speeds, rad/s, of the shape of the times.
+        """
         start = float(self.solution.trajectory["rotor_speed_rad_s"][0])
         return start * inflow.speed_at(time) / float(self.physics.inflow.speed_at(0.0))
 
     def refuse_standstill(self, inflow: Inflow) -> None:
-        """Refuse, by InputError, a flow in which the machine does not operate throughout."""
+        """Refuse a flow in which the machine does not operate throughout.
+
+        Parameters
+        ----------
+        inflow : Inflow
+            The flow.
+
+        Raises
+        ------
+        InputError
+            If this flow, or that of the design, exceeds the cut-out speed.
+        """
         cut_out, duration = self.physics.case.control.cut_out, self.physics.case.phase.duration
         for flow in (inflow, self.physics.inflow) if cut_out is not None else ():
             if np.sum(np.diff(flow.spans_below(cut_out, duration))) < duration:
@@ -149,7 +204,21 @@ class Design:
     def fly(self, inflow: Inflow, initial_speed=None, tolerance=1e-9, refined=1) -> Simulation:
         """Integrate the design in a flow with direct BEM and a perfect, unfiltered sensor.
 
-        `refined` tells how many times the longest step fits into a segment.
+        Parameters
+        ----------
+        inflow : Inflow
+            The flow.
+        initial_speed : float or None
+            Rotor speed at t = 0, rad/s; None: at the design's first tip speed ratio.
+        tolerance : float
+            As of `simulate`.
+        refined : int
+            How many times the longest step fits into a segment.
+
+        Returns
+        -------
+        Simulation
+            The run over the time span of the design's case.
         """
         phase, law = self.physics.case.phase, self.law
         self.refuse_standstill(inflow)
@@ -193,8 +262,28 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
 
     Between samples the speed is integrated by the classical Runge-Kutta method. The plant's torque
     coefficient is direct BEM, tabulated so finely that its error (`Ensemble.torque_error`) is far
-    below what the noise changes. `seed` is of all repeats. Raises InputError for an open loop, and
-    if the integration fails.
+    below what the noise changes.
+
+    Parameters
+    ----------
+    design : Design
+        A finished design with a feedback law.
+    inflow : Inflow
+        The flow.
+    sensor : Sensor
+        The sensor of the rotor's speed, and its filter.
+    repeats, seed : int
+        Number of the runs, and seed of the random numbers of all of them.
+
+    Returns
+    -------
+    Ensemble
+        Energies of the runs, and the samples of the first.
+
+    Raises
+    ------
+    InputError
+        For an open loop, and if the integration fails.
     """
     if not design.law.is_feedback:
         folder = design.solution.folder
@@ -330,10 +419,24 @@ def _runge_kutta(speed, control, step, inertia, scale, ratio_of_speed, nodes, co
 
 
 def flow_given(text: str, case: Case) -> Inflow:
-    """Return a flow by its name in `PAPER_FLOWS`, or of an inflow section in YAML.
+    """Return a flow by its name, or of an inflow section in YAML.
 
-    Raises InputError, as reading a case does, for a flow that is not valid, ends before the time
-    span of the case does, stands still or turns back.
+    Parameters
+    ----------
+    text : str
+        A name of `PAPER_FLOWS`, or a section such as ``{profile: sine, mean: 1.4}``.
+    case : Case
+        The case whose flow is changed.
+
+    Returns
+    -------
+    Inflow
+        The flow.
+
+    Raises
+    ------
+    InputError
+        If the flow is not valid, ends before the time span of the case, stands still or turns back.
     """
     if text.lstrip().startswith("{"):
         inflow = case.with_overrides(f"inflow={text}").inflow
@@ -352,7 +455,25 @@ def flow_given(text: str, case: Case) -> Inflow:
 
 
 def flow_named(name: str, inflow: Inflow) -> Inflow:
-    """Return an inflow as one of `PAPER_FLOWS`; InputError if there is none or it is no sine."""
+    """Return a sinusoidal flow as the paper changes it.
+
+    Parameters
+    ----------
+    name : str
+        One of `PAPER_FLOWS`.
+    inflow : Inflow
+        The flow that is changed.
+
+    Returns
+    -------
+    Inflow
+        The flow of that name.
+
+    Raises
+    ------
+    InputError
+        If there is no such name, or the flow that it would change is no sine.
+    """
     if name not in PAPER_FLOWS:
         remedy = "choose design, A, B, C or give an inflow section"
         raise InputError("unknown", remedy, key=f"--flow {name}")
