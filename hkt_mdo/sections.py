@@ -228,6 +228,30 @@ def find_file(value: str, info: ValidationInfo, remedy: str) -> tuple[Path, bool
         raise refusal("cannot be a path", remedy) from None
 
 
+def existing_file(value: str, info: ValidationInfo, remedy: str) -> str:
+    """Return the absolute path of a file that a case names, which must exist.
+
+    Parameters
+    ----------
+    value, info, remedy
+        As of `find_file`.
+
+    Returns
+    -------
+    str
+        The absolute path.
+
+    Raises
+    ------
+    pydantic_core.PydanticCustomError
+        If there is no such file.
+    """
+    path, fine = find_file(value, info, remedy)
+    if not fine:
+        raise refusal("is not a file", f"{remedy}, which counts from the case's folder")
+    return str(path)
+
+
 class Section(BaseModel):
     """A frozen part of a case: unknown keys, NaN and infinity are refused."""
 

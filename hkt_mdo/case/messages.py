@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterable
 from typing import Any, NamedTuple, get_args
@@ -11,7 +10,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from hkt_mdo.errors import InputError
+from hkt_mdo.errors import InputError, did_you_mean
 from hkt_mdo.files.yaml_text import dotted
 from hkt_mdo.sections import Section
 
@@ -160,21 +159,20 @@ def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, d
 def _suggest(value: object, choices: Iterable[object]) -> str:
     """Return the nearest choice and all of them."""
     words = list(map(str, choices))
-    near = difflib.get_close_matches(value[:60], words, n=1) if isinstance(value, str) else []
-    return f"{f'did you mean {near[0]}? ' if near else ''}give one of {', '.join(words)}"
+    guess = did_you_mean(value, words) if isinstance(value, str) else ""
+    return f"{guess}give one of {', '.join(words)}"
 
 
 def _suggest_key(place: _Place, key: str, root: type[BaseModel]) -> str:
     """Return the nearest key of the section, or the sections that do have the key."""
     fields = place.section.model_fields.items()
     known = [field.alias or name for name, field in fields]
-    near = difflib.get_close_matches(key[:60], known, n=1)
-    if not near:
-        near = [
-            f"{name}.{key}"
-            for name, field in root.model_fields.items()
-            for home in _members(field).values() or [field.annotation]
-            if key in getattr(home, "model_fields", ()) and f"{name}.{key}" != place.key
-        ]
-    guess = f"did you mean {' or '.join(dict.fromkeys(near))}? " if near else ""
+    elsewhere = dict.fromkeys(
+        f"{name}.{key}"
+        for name, field in root.model_fields.items()
+        for home in _members(field).values() or [field.annotation]
+        if key in getattr(home, "model_fields", ()) and f"{name}.{key}" != place.key
+    )
+    guess = f"did you mean {' or '.join(elsewhere)}? " if elsewhere else ""
+    guess = did_you_mean(key, known) or guess
     return f"{guess}known here: {', '.join(known) or 'none'}"

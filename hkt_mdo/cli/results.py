@@ -133,7 +133,7 @@ def simulate(
             raise InputError(problem, remedy, key="--start-up")
         from hkt_mdo.studies.start_stop import start_and_stop
 
-        echo("\n  ".join((title, *start_and_stop(design, inflow, stop).told())))
+        echo("\n  ".join((title, *start_and_stop(design, inflow, stop).lines())))
         return
     quiet = design.fly(inflow)
     energies = [(quiet.energy, "captured"), (quiet.generator_energy, "generated")]

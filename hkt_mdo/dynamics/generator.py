@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import ValidationInfo, field_validator, model_validator
 
 from hkt_mdo.files.efficiency import read_efficiency
-from hkt_mdo.sections import Quantity, Section, find_file, refusal
+from hkt_mdo.sections import Quantity, Section, existing_file, refusal
 
 _LOSSES = {
     "copper_loss": "rated_torque",
@@ -58,13 +58,7 @@ class Generator(Section):
     @field_validator("table")
     @classmethod
     def _find_table(cls, value: str | None, info: ValidationInfo) -> str | None:
-        if value is None:
-            return None
-        remedy = "give the path of a CSV file"
-        path, fine = find_file(value, info, remedy)
-        if not fine:
-            raise refusal("is not a file", f"{remedy}, which counts from the case's folder")
-        return str(path)
+        return value and existing_file(value, info, "give the path of a CSV file")
 
     @model_validator(mode="after")
     def _check_one_way(self) -> Generator:

@@ -64,21 +64,25 @@ class Objective(Formula):
         return None
 
 
-class CapturedEnergy(Objective):
+class _Energy(Objective):
+    """The integral of one power; none exceeds the captured energy, as no loss is negative."""
+
+    def rate(self, **power):
+        return self.value(**power)
+
+    def bound(self, captured):
+        return captured
+
+
+class CapturedEnergy(_Energy):
     """The energy that the rotor takes from the flow, the integral of Q w (paper, eq. 5)."""
 
     kind: Literal["captured"] = "captured"
     """What is maximized."""
     inputs: ClassVar[tuple[str, ...]] = ("hydrodynamic_power",)
 
-    def rate(self, hydrodynamic_power):
-        return hydrodynamic_power
 
-    def bound(self, captured):
-        return captured
-
-
-class GeneratorEnergy(Objective):
+class GeneratorEnergy(_Energy):
     """The energy that the generator takes from the shaft, the integral of u w."""
 
     closes: ClassVar[bool] = True
@@ -87,14 +91,8 @@ class GeneratorEnergy(Objective):
     """What is maximized."""
     inputs: ClassVar[tuple[str, ...]] = ("generator_power",)
 
-    def rate(self, generator_power):
-        return generator_power
 
-    def bound(self, captured):
-        return captured
-
-
-class ElectricalEnergy(Objective):
+class ElectricalEnergy(_Energy):
     """The energy that the generator delivers, the integral of u w less its losses.
 
     The section `generator` says what these are; where they exceed the shaft's power, energy is
@@ -106,9 +104,3 @@ class ElectricalEnergy(Objective):
     kind: Literal["electrical"] = "electrical"
     """What is maximized."""
     inputs: ClassVar[tuple[str, ...]] = ("electrical_power",)
-
-    def rate(self, electrical_power):
-        return electrical_power
-
-    def bound(self, captured):
-        return captured  # no loss is negative

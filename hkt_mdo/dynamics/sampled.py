@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, Strict, ValidationInfo, field_validator, model_validator
 
 from hkt_mdo.dynamics.flows import Inflow
-from hkt_mdo.sections import Quantity, find_file, ordered, refusal
+from hkt_mdo.sections import Quantity, existing_file, ordered, refusal
 
 SAMPLES_PER_PERIOD = 8  # at least, of turbulence in the shortest period that it contains
 MOST_WAVES = 1_000_000  # frequencies that turbulence is made of
@@ -102,11 +102,7 @@ class RecordInflow(SampledInflow):
     @field_validator("file")
     @classmethod
     def _find_file(cls, value: str, info: ValidationInfo) -> str:
-        remedy = "give the path of a CSV, NetCDF or Parquet file"
-        path, fine = find_file(value, info, remedy)
-        if not fine:
-            raise refusal("is not a file", f"{remedy}, which counts from the case's folder")
-        return str(path)
+        return existing_file(value, info, "give the path of a CSV, NetCDF or Parquet file")
 
     @cached_property
     def _record(self):

@@ -7,6 +7,7 @@ and divided until their estimated errors are within the tolerance.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import PPoly
@@ -198,34 +199,75 @@ class IntegrationError(InputError):
         return type(self), (self.time,)
 
 
+class Start(NamedTuple):
+    """Where a simulation begins.
+
+    Attributes
+    ----------
+    speed
+        Rotor speed, rad/s.
+    states
+        Values of the controller's states, (n_states,).
+    time
+        Time, s.
+    """
+
+    speed: float
+    states: Sequence[float] = ()
+    time: float = 0.0
+
+
 def simulate(
     plant: Plant,
     inflow: Inflow,
     controller: Callable,
-    initial_speed: float,
+    start: float | Start,
     duration: float,
     samples: int | np.ndarray = 601,
     max_step: float | None = None,
     tolerance: float = 1e-9,
-    begin: float = 0.0,
-    initial_states: Sequence[float] = (),
 ) -> Simulation:
     """Integrate I dw/dt = Q(w, v(t)) - u(t, w) (paper eq. 6) and the three energies.
 
     No step passes an end of the flow's `pieces`, and the flow is looked at sixteen times in each,
-    so that no gust is stepped over. controller(time, speed) is the torque, N*m, for arrays of one
-    shape; it is smooth between its `ends` (s), if it has such. A controller with states takes their
-    values too, and has their `rates`, like `FeedbackTorque`; they begin with `initial_states` and
-    are integrated with the speed. Speeds are in rad/s, times in s.
-    The run lasts for the duration from `begin` on. `samples` is a number of points that are
-    returned, or their times from its begin to its end, which shrink if the rotor stops; `max_step`
-    None is a hundredth of the duration; `tolerance` is the largest error of a step, relative to the
-    speed, to a state and to the energy so far. Raises IntegrationError if the integration fails,
-    which is not the same as a rotor that stops.
+    so that no gust is stepped over.
+
+    Parameters
+    ----------
+    plant : Plant
+        The rotor in water.
+    inflow : Inflow
+        The flow.
+    controller : callable
+        controller(time, speed) is the torque, N*m, for arrays of one shape; it is smooth between
+        its `ends` (s), if it has such. A controller with states takes their values too, and has
+        their `rates`, like `FeedbackTorque`; they are integrated with the speed.
+    start : Start or float
+        Where the run begins; a number is the rotor's speed at t = 0, rad/s.
+    duration : float
+        How long it lasts, s.
+    samples : int or array, shape (n_times,)
+        Number of points that are returned, or their times (s) from the run's begin to its end,
+        which shrink if the rotor stops.
+    max_step : float or None
+        Longest step, s; None: a hundredth of the duration.
+    tolerance : float
+        Largest error of a step, relative to the speed, to a state and to the energy so far.
+
+    Returns
+    -------
+    Simulation
+        The trajectory and its energies.
+
+    Raises
+    ------
+    IntegrationError
+        If the integration fails, which is not the same as a rotor that stops.
     """
-    motion = _Motion(plant, inflow, controller, begin, duration, tolerance)
-    start = np.array([initial_speed, *initial_states], dtype=float)
-    path, energies, stopped = motion.march(start, max_step or duration / 100.0)
+    start = start if isinstance(start, Start) else Start(start)
+    motion, begin = _Motion(plant, inflow, controller, start.time, duration, tolerance), start.time
+    values = np.array([start.speed, *start.states], dtype=float)
+    path, energies, stopped = motion.march(values, max_step or duration / 100.0)
     end = float(path.x[-1])
     if isinstance(samples, int):
         time = np.linspace(begin, end, samples)
@@ -239,7 +281,7 @@ def simulate(
         plant.torque(speed, flow),
         np.asarray(controller(time, speed, *states), dtype=float) * np.ones(time.size),
         *map(float, energies),
-        0.5 * plant.inertia * float(path(end)[0] ** 2 - initial_speed**2),
+        0.5 * plant.inertia * float(path(end)[0] ** 2 - start.speed**2),
         end if stopped else None,
         lambda at: path(np.minimum(at, end))[..., 0],
         np.array(states),

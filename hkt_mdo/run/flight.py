@@ -22,6 +22,7 @@ from hkt_mdo.dynamics.simulation import (
     Plant,
     RecordedTorque,
     Simulation,
+    Start,
     simulate,
 )
 from hkt_mdo.dynamics.trajectory import trajectory_of
@@ -184,24 +185,22 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
             scenario,
             controller,
             float(nodes["rotor_speed"][0]),
-            max_step=mesh.duration / mesh.segments,
-            initial_states=[nodes[name][0] for name in physics.states],
+            [nodes[name][0] for name in physics.states],
+            mesh.duration / mesh.segments,
         )
         limited = bool(physics.load_names)
         flights.append(Flight(scenario, nodes, flown, controller, scalars, plant, loads, limited))
     return tuple(flights)
 
 
-def _flown(plant, scenario, controller, initial_speed, **options) -> Simulation:
+def _flown(plant, scenario, controller, speed, states, max_step) -> Simulation:
     """Integrate a scenario; where that has no solution to the end, up to there, as to a stop."""
     first, duration = float(scenario.edges[0]), scenario.duration
+    start = Start(speed, states, first)
     samples = np.append(scenario.within(np.arange(SAMPLES) / SAMPLES), scenario.edges[-1])
 
     def until(duration, samples):
-        return simulate(
-            plant, scenario.inflow, controller, initial_speed, duration,
-            samples=samples, begin=first, **options,
-        )  # fmt: skip
+        return simulate(plant, scenario.inflow, controller, start, duration, samples, max_step)
 
     share, failed = 1.0, None
     while True:

@@ -14,9 +14,26 @@ CODESIGN = tuple(f"{scenario}_{law}" for scenario in SCENARIOS for law in LAWS)
 
 
 def case_file(folder: Path | None, name: str, overrides: Sequence[str] = ()) -> Case:
-    """Return a case by the name of its file in a folder (None: the shipped cases).
+    """Return a case by the name of its file.
 
-    Raises InputError if there is no such file, or something in the case or an override is wrong.
+    Parameters
+    ----------
+    folder : pathlib.Path or None
+        Folder of the case files; None: the shipped ones.
+    name : str
+        Name of the file without its ending.
+    overrides : sequence of str
+        As of `load_case`.
+
+    Returns
+    -------
+    Case
+        The case.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or something in the case or an override is wrong.
     """
     path = (folder or shipped_cases()) / f"{name}.yaml"
     if not path.is_file():
@@ -26,7 +43,22 @@ def case_file(folder: Path | None, name: str, overrides: Sequence[str] = ()) -> 
 
 
 def with_blade(case: Case, chord: Iterable[float], twist: Iterable[float], design="") -> Case:
-    """Return a case with a blade of given chord (m) and twist (deg), and another `design.blade`."""
+    """Return a case with another blade.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    chord, twist : iterable of float
+        Chord (m) and twist (deg) at the stations of the case, (n_stations,).
+    design : str
+        Another `design.blade`; empty: that of the case.
+
+    Returns
+    -------
+    Case
+        The case with this blade at the start.
+    """
     shape = {"chord": tuple(map(float, chord)), "twist": tuple(map(float, twist))}
     changed = {"rotor": case.rotor.model_copy(update=shape)}
     if design:
@@ -35,11 +67,35 @@ def with_blade(case: Case, chord: Iterable[float], twist: Iterable[float], desig
 
 
 def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    """Return the lines of a table in Markdown."""
+    """Return the lines of a table in Markdown.
+
+    Parameters
+    ----------
+    header : sequence of str
+        Titles of the columns.
+    rows : iterable of sequences of str
+        Cells of each row.
+
+    Returns
+    -------
+    list of str
+        One line a row, and two of the header.
+    """
     lines = ["| " + " | ".join(cells) + " |" for cells in (header, *rows)]
     return [lines[0], "|" + "---|" * len(header), *lines[1:]]
 
 
 def percent(value: float | None, reference: float | None) -> float | None:
-    """Return by how much a value exceeds a reference, %; None where either is missing."""
+    """Return by how much a value exceeds a reference.
+
+    Parameters
+    ----------
+    value, reference : float or None
+        In the same unit.
+
+    Returns
+    -------
+    float or None
+        The difference over the reference, %; None where either is missing.
+    """
     return None if value is None or not reference else 100.0 * (value / reference - 1.0)

@@ -31,10 +31,28 @@ def reproduce(
 ) -> dict:
     """Reproduce the paper in a folder and return what its paper.json holds.
 
-    `out` gets cases/, uncertainty/, figures/, paper.json, report.md and report.html. `cases` is the
-    folder of the case files, None: the shipped ones; `jobs` the number of processes, None: one per
-    core; `repeats` and `seed` are of the noisy simulations; report(line) is called whenever
-    something is done. Raises InputError if the case files are not found or a case cannot be run.
+    Parameters
+    ----------
+    out : pathlib.Path
+        Folder that gets cases/, uncertainty/, figures/, paper.json, report.md and report.html.
+    cases : pathlib.Path or None
+        Folder of the case files; None: the shipped ones.
+    jobs : int or None
+        Number of processes; None: one a core.
+    repeats, seed : int
+        Number of the noisy simulations of each design, and seed of their random numbers.
+    report : callable
+        report(line) is called whenever something is done.
+
+    Returns
+    -------
+    dict
+        What paper.json holds.
+
+    Raises
+    ------
+    InputError
+        If the case files are not found or a case cannot be run.
     """
     shipped = {name: case_file(cases, name) for name in (*CODESIGN, "sine_baseline_oloc")}
 

@@ -46,16 +46,42 @@ ROWS_OF = "rows of "
 
 
 def ensemble_key(law: str, flow: str, sensor: Sensor | None = DEFAULT) -> str:
-    """Return the name of a law's runs in a flow; without a sensor there is no noise."""
+    """Return the name of a law's runs in a flow.
+
+    Parameters
+    ----------
+    law, flow : str
+        One of `LAWS` and one of `FLOWS`.
+    sensor : Sensor or None
+        The sensor; None: there is no noise.
+
+    Returns
+    -------
+    str
+        The key of the runs among the ensembles.
+    """
     return f"{law}_{flow}_" + (f"{sensor.reference}_{sensor.rate:g}Hz" if sensor else "quiet")
 
 
 def write_report(solutions: dict, ensembles: dict, out: Path, report: Callable) -> dict:
     """Write paper.json, report.md, report.html and the figures; return what paper.json holds.
 
-    The solutions are those of the ten shipped cases, of sequential design
-    (`sine_sequential_oloc`, ...) and of optimal control in another flow (`redesigned_A`, ...); the
-    ensembles are named by `ensemble_key`.
+    Parameters
+    ----------
+    solutions : dict of Solution
+        Those of the ten shipped cases, of sequential design (`sine_sequential_oloc`, ...) and of
+        optimal control in another flow (`redesigned_A`, ...), by name.
+    ensembles : dict of dict
+        Results of the simulations in other flows, by `ensemble_key`.
+    out : pathlib.Path
+        Folder of the files.
+    report : callable
+        report(line) is called when the figures are written.
+
+    Returns
+    -------
+    dict
+        What paper.json holds.
     """
     printed = yaml.safe_load(data_path("amini2023", "reported").read_text(encoding="utf-8"))
     data = {

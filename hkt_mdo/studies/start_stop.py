@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from hkt_mdo.dynamics.flows import Inflow
-from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Simulation, simulate
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Simulation, Start, simulate
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.words import measured
 from hkt_mdo.studies.uncertainty import Design
@@ -33,8 +33,14 @@ class StartStop:
     operation: Simulation | None
     shut_down: Simulation | None
 
-    def told(self) -> Iterator[str]:
-        """Yield a line for each part."""
+    def lines(self) -> Iterator[str]:
+        """Describe each part in a line.
+
+        Yields
+        ------
+        str
+            Such as ``run-up: without torque to 4.2 rad/s in 3.10 s``.
+        """
         up, down, speed = self.run_up, self.shut_down, self.run_up.rotor_speed
         if self.started_at is None:
             what = "the rotor does not start by itself: without torque it comes to"
@@ -64,23 +70,41 @@ class StartStop:
 def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) -> StartStop:
     """Start a design from standstill in a flow and, at the time `stop` (s), shut it down.
 
-    The run ends with the time span of the design's case. Raises InputError for an open loop, whose
-    start-up cannot be simulated, for a stop beyond the run, and for one without a torque limit.
+    The run ends with the time span of the design's case.
+
+    Parameters
+    ----------
+    design : Design
+        A finished design with a feedback law.
+    inflow : Inflow
+        The flow.
+    stop : float or None
+        Time from which the torque is at its limit, s; None: there is no shut-down.
+
+    Returns
+    -------
+    StartStop
+        The parts of the run.
+
+    Raises
+    ------
+    InputError
+        For an open loop, whose start-up cannot be simulated, for a stop beyond the run, and for one without a torque limit.
     """
     plant, duration = design.plant, design.physics.case.phase.duration
     _check(design, duration, stop)
     design.refuse_standstill(inflow)
     radius = plant.blade.rotor_radius
 
-    def fly(controller, speed, begin, end, states=()):
-        about = speed, end - begin, SAMPLES, duration / design.physics.case.phase.segments
-        return simulate(plant, inflow, controller, *about, begin=begin, initial_states=states)
+    def fly(controller, start, end):
+        step = duration / design.physics.case.phase.segments
+        return simulate(plant, inflow, controller, start, end - start.time, SAMPLES, step)
 
     def missing(time):
         return run_up.speed_at(time) - design.initial_speed(inflow, time)
 
     first = FIRST * float(inflow.speed_at(0.0)) / radius
-    run_up = fly(lambda _, speed: 0.0 * speed, first, 0.0, duration)
+    run_up = fly(lambda _, speed: 0.0 * speed, Start(first), duration)
     fast = np.flatnonzero(missing(run_up.time) >= 0.0)
     if not fast.size:
         return StartStop(run_up, None, None, None)
@@ -89,13 +113,12 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
     if start >= end:
         return StartStop(run_up, start, None, None)
     speed = float(run_up.speed_at(start))
-    states = design.initial_states(inflow, speed, start)
-    operation = fly(design.controller, speed, start, end, states)
+    operation = fly(design.controller, design.start(inflow, speed, start), end)
     shut_down = None
     if stop is not None and operation.stopped_at is None:
         most = design.law.torque_limit
-        last = float(operation.rotor_speed[-1])
-        shut_down = fly(lambda _, speed: most + 0.0 * speed, last, stop, duration)
+        last = Start(float(operation.rotor_speed[-1]), time=stop)
+        shut_down = fly(lambda _, speed: most + 0.0 * speed, last, duration)
     return StartStop(run_up, start, operation, shut_down)
 
 

@@ -25,6 +25,7 @@ from hkt_mdo.dynamics.simulation import (
     Plant,
     RecordedTorque,
     Simulation,
+    Start,
     simulate,
 )
 from hkt_mdo.errors import InputError
@@ -50,10 +51,20 @@ class Sensor:
 
     The paper gives 20 dB 'compared with the turbine rotational speed signal', and neither the rate
     nor whether the signal's mean counts. Both matter: filtered noise falls with the square root of
-    the rate. snr (dB; infinity: no noise) is of the signal named by reference: the speed's
-    `fluctuation` about its mean, which the controller has to follow, or the `total` speed, whose
-    rms is some ten times larger. rate (Hz) is of the samples of sensor and controller; cutoff (Hz)
-    that of the second-order Butterworth low-pass, which delays the torque; None: no filter.
+    the rate.
+
+    Attributes
+    ----------
+    snr
+        Signal-to-noise ratio, dB; infinity: no noise.
+    reference
+        What is the signal: the speed's `fluctuation` about its mean, which the controller has to
+        follow, or the `total` speed, whose rms is some ten times larger.
+    rate
+        Samples of sensor and controller, Hz.
+    cutoff
+        Frequency of the second-order Butterworth low-pass, which delays the torque, Hz; None: no
+        filter.
     """
 
     snr: float = 20.0
@@ -62,7 +73,18 @@ class Sensor:
     cutoff: float | None = 0.5
 
     def deviation(self, speed):
-        """Return the noise's standard deviation, rad/s, for a speed signal sampled evenly."""
+        """Return the standard deviation of the noise.
+
+        Parameters
+        ----------
+        speed : array, shape (n_times,)
+            Rotor speed at even times, rad/s.
+
+        Returns
+        -------
+        float
+            Standard deviation, rad/s.
+        """
         signal_part = speed - np.mean(speed) if self.reference == "fluctuation" else speed
         return float(np.sqrt(np.mean(signal_part**2)) * 10.0 ** (-self.snr / 20.0))
 
@@ -87,7 +109,7 @@ class Ensemble:
     torque_error: float
 
     @property
-    def stalled(self):
+    def stalled(self):  # numpydoc ignore=RT01
         """Number of repeats in which the rotor stopped."""
         return int(np.sum(np.isfinite(self.stopped_at)))
 
@@ -109,7 +131,17 @@ class Design:
     def of(cls, solution: Solution):
         """Rebuild the plant and controller of a result.
 
-        Raises InputError if it is of an interrupted run, or a file of its case is gone.
+        It raises InputError if the result is of an interrupted run, or a file of its case is gone.
+
+        Parameters
+        ----------
+        solution : Solution
+            The result.
+
+        Returns
+        -------
+        Design
+            The design; its controller knows the plant as it is.
         """
         made = solution.design()
         world, blade = made.physics, made.blade
@@ -118,12 +150,12 @@ class Design:
         return cls(solution, world, plant, plant, made.gains)
 
     @property
-    def law(self) -> Law:
+    def law(self) -> Law:  # numpydoc ignore=RT01
         """The control law."""
         return self.physics.law
 
     @cached_property
-    def controller(self) -> FeedbackTorque:
+    def controller(self) -> FeedbackTorque:  # numpydoc ignore=RT01
         """The torque of the feedback law, which hears of the flow what it would as built."""
         if not self.law.is_feedback:
             raise ValueError("open loop has no law")
@@ -131,12 +163,36 @@ class Design:
         return FeedbackTorque(self.law, self.gains, estimate)
 
     def initial_speed(self, inflow, time=0.0):
-        """Return a speed for times (s) of another flow: at the design's first tip speed ratio."""
+        """Return the rotor speed of the design's first tip speed ratio in another flow.
+
+        Parameters
+        ----------
+        inflow : Inflow
+            The flow.
+        time : float or array
+            Times, s, of any shape.
+
+        Returns
+        -------
+        float or array
+            Rotor speeds, rad/s, of the shape of the times.
+        """
         start = float(self.solution.trajectory["rotor_speed_rad_s"][0])
         return start * inflow.speed_at(time) / float(self.physics.inflow.speed_at(0.0))
 
     def refuse_standstill(self, inflow: Inflow) -> None:
-        """Refuse, by InputError, a flow in which the machine does not operate throughout."""
+        """Refuse a flow in which the machine does not operate throughout.
+
+        Parameters
+        ----------
+        inflow : Inflow
+            The flow.
+
+        Raises
+        ------
+        InputError
+            If this flow, or that of the design, exceeds the cut-out speed.
+        """
         cut_out, duration = self.physics.case.control.cut_out, self.physics.case.phase.duration
         for flow in (inflow, self.physics.inflow) if cut_out is not None else ():
             if np.sum(np.diff(flow.spans_below(cut_out, duration))) < duration:
@@ -148,7 +204,21 @@ class Design:
     def fly(self, inflow: Inflow, initial_speed=None, tolerance=1e-9, refined=1) -> Simulation:
         """Integrate the design in a flow with direct BEM and a perfect, unfiltered sensor.
 
-        `refined` tells how many times the longest step fits into a segment.
+        Parameters
+        ----------
+        inflow : Inflow
+            The flow.
+        initial_speed : float or None
+            Rotor speed at t = 0, rad/s; None: at the design's first tip speed ratio.
+        tolerance : float
+            As of `simulate`.
+        refined : int
+            How many times the longest step fits into a segment.
+
+        Returns
+        -------
+        Simulation
+            The run over the time span of the design's case.
         """
         phase, law = self.physics.case.phase, self.law
         self.refuse_standstill(inflow)
@@ -160,17 +230,31 @@ class Design:
             controller = self.controller
         speed, samples = initial_speed or self.initial_speed(inflow), 20 * phase.segments + 1
         step, end = phase.duration / phase.segments / refined, phase.duration
-        about = speed, end, samples, step, tolerance
-        states = self.initial_states(inflow, speed)
-        return simulate(self.plant, inflow, controller, *about, initial_states=states)
+        about = self.start(inflow, speed), end, samples, step, tolerance
+        return simulate(self.plant, inflow, controller, *about)
 
-    def initial_states(self, inflow, speed, time=0.0):
-        """Return the states of the law in equilibrium with a speed (rad/s) and the flow then."""
+    def start(self, inflow, speed, time=0.0):
+        """Return a start with the law's states in equilibrium with a speed and the flow then.
+
+        Parameters
+        ----------
+        inflow : Inflow
+            The flow.
+        speed : float
+            Rotor speed, rad/s.
+        time : float
+            Time of the start, s.
+
+        Returns
+        -------
+        Start
+            Speed, states and time; an open loop has no states.
+        """
         if not self.law.is_feedback:
-            return ()
+            return Start(speed, (), time)
         flow = inflow.speed_at(np.array([time]))
         states = self.law.at_rest(self.plant.torque(np.array([speed]), flow), flow)
-        return [float(each[0]) for each in states]
+        return Start(speed, [float(state[0]) for state in states], time)
 
 
 def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed: int) -> Ensemble:
@@ -178,8 +262,28 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
 
     Between samples the speed is integrated by the classical Runge-Kutta method. The plant's torque
     coefficient is direct BEM, tabulated so finely that its error (`Ensemble.torque_error`) is far
-    below what the noise changes. `seed` is of all repeats. Raises InputError for an open loop, and
-    if the integration fails.
+    below what the noise changes.
+
+    Parameters
+    ----------
+    design : Design
+        A finished design with a feedback law.
+    inflow : Inflow
+        The flow.
+    sensor : Sensor
+        The sensor of the rotor's speed, and its filter.
+    repeats, seed : int
+        Number of the runs, and seed of the random numbers of all of them.
+
+    Returns
+    -------
+    Ensemble
+        Energies of the runs, and the samples of the first.
+
+    Raises
+    ------
+    InputError
+        For an open loop, and if the integration fails.
     """
     if not design.law.is_feedback:
         folder = design.solution.folder
@@ -187,18 +291,15 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
     duration = design.physics.case.phase.duration
     quiet = design.fly(inflow)
     deviation = sensor.deviation(quiet.speed_at(np.linspace(0.0, quiet.time[-1], 2001)))
-    torque, plant, h = _Torque(design.plant), design.plant, 1e-4 * quiet.rotor_speed
-    faster = plant.torque(quiet.rotor_speed + h, quiet.inflow_speed)
-    slopes = np.abs((faster - quiet.hydrodynamic_torque) / h)
-    ratio = quiet.rotor_speed / quiet.inflow_speed
-    slope = float(np.max(slopes[ratio >= 0.5 * ratio[0]]))  # a rotor below is about to stop
+    torque, plant = _Torque(design.plant), design.plant
     n_samples = round(duration * sensor.rate)
     period = duration / n_samples
-    substeps = max(int(np.ceil(period / (LONGEST_STEP * plant.inertia / slope))), 1)
+    longest = LONGEST_STEP * plant.inertia / _largest_slope(plant, quiet)
+    substeps = max(int(np.ceil(period / longest)), 1)
     step = period / substeps
     law, speed = design.law, np.full(repeats, design.initial_speed(inflow))
     estimate, before, control = design.controller.estimate, None, 0.0
-    states = [np.full(repeats, each) for each in design.initial_states(inflow, speed[0])]
+    states = [np.full(repeats, each) for each in design.start(inflow, speed[0]).states]
     low_pass = memory = None
     if sensor.cutoff is not None:
         low_pass = signal.butter(2, sensor.cutoff, fs=1.0 / period)
@@ -214,23 +315,15 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
         if low_pass is not None:
             measured, memory = signal.lfilter(*low_pass, measured, axis=0, zi=memory)
         measured = np.maximum(measured[0], 0.1 * slowest[k])  # a law may divide by it
-        told = law.sensed(np.full(repeats, flows[k, 0]), random)
+        heard = law.sensed(np.full(repeats, flows[k, 0]), random)
         if estimate is not None and before is not None:
-            told = estimate(measured, control, (measured - before) / period)
+            heard = estimate(measured, control, (measured - before) / period)
         before, control = measured, law.torque(measured, design.gains, *states)
-        states = _advanced(law, measured, told, design.gains, states, period)
+        states = _advanced(law, measured, heard, design.gains, states, period)
         record[:, k] = speed[0], control[0], torque(speed[:1], flows[k, 0])[0]
-        scale = torque_scale(plant.density, torque.radius, flows[k])
-        speed, captured = _runge_kutta(
-            speed,
-            control,
-            step,
-            plant.inertia,
-            scale,
-            torque.radius / flows[k],
-            torque.curve.x,
-            torque.curve.c,
-        )
+        scales = torque_scale(plant.density, torque.radius, flows[k]), torque.radius / flows[k]
+        curve = torque.curve.x, torque.curve.c
+        speed, captured = _runge_kutta(speed, control, step, plant.inertia, *scales, *curve)
         energy += captured
         if not np.all(np.isfinite(speed)):  # which is not the same as a rotor that stops
             problem = f"the integration of the noisy runs fails at t = {times[k]:.6g} s"
@@ -242,6 +335,15 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
     flow, record = flows[kept, 0], record[:, kept]
     error = torque.error(record[0, ::10], flow[::10])
     return Ensemble(energy, stopped, deviation, times[kept], flow, *record, error)
+
+
+def _largest_slope(plant, run):
+    """Return the largest slope of the torque over the rotor's speed along a run, N*m*s/rad."""
+    step = 1e-4 * run.rotor_speed
+    faster = plant.torque(run.rotor_speed + step, run.inflow_speed)
+    slopes = np.abs((faster - run.hydrodynamic_torque) / step)
+    ratio = run.rotor_speed / run.inflow_speed
+    return float(np.max(slopes[ratio >= 0.5 * ratio[0]]))  # a rotor below is about to stop
 
 
 class _Torque:
@@ -317,10 +419,24 @@ def _runge_kutta(speed, control, step, inertia, scale, ratio_of_speed, nodes, co
 
 
 def flow_given(text: str, case: Case) -> Inflow:
-    """Return a flow by its name in `PAPER_FLOWS`, or of an inflow section in YAML.
+    """Return a flow by its name, or of an inflow section in YAML.
 
-    Raises InputError, as reading a case does, for a flow that is not valid, ends before the time
-    span of the case does, stands still or turns back.
+    Parameters
+    ----------
+    text : str
+        A name of `PAPER_FLOWS`, or a section such as ``{profile: sine, mean: 1.4}``.
+    case : Case
+        The case whose flow is changed.
+
+    Returns
+    -------
+    Inflow
+        The flow.
+
+    Raises
+    ------
+    InputError
+        If the flow is not valid, ends before the time span of the case, stands still or turns back.
     """
     if text.lstrip().startswith("{"):
         inflow = case.with_overrides(f"inflow={text}").inflow
@@ -339,7 +455,25 @@ def flow_given(text: str, case: Case) -> Inflow:
 
 
 def flow_named(name: str, inflow: Inflow) -> Inflow:
-    """Return an inflow as one of `PAPER_FLOWS`; InputError if there is none or it is no sine."""
+    """Return a sinusoidal flow as the paper changes it.
+
+    Parameters
+    ----------
+    name : str
+        One of `PAPER_FLOWS`.
+    inflow : Inflow
+        The flow that is changed.
+
+    Returns
+    -------
+    Inflow
+        The flow of that name.
+
+    Raises
+    ------
+    InputError
+        If there is no such name, or the flow that it would change is no sine.
+    """
     if name not in PAPER_FLOWS:
         remedy = "choose design, A, B, C or give an inflow section"
         raise InputError("unknown", remedy, key=f"--flow {name}")

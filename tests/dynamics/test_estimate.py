@@ -8,7 +8,7 @@ import pytest
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.estimate import FlowEstimate
 from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
-from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, simulate
+from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, Start, simulate
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor import bem
@@ -55,18 +55,16 @@ def test_motion_is_that_with_an_exact_sensor_and_settles_where_the_estimate_says
     best = best_operation(plant.blade, Hydrodynamics(plant.polar))
     unit = best.tip_speed_ratio / plant.blade.rotor_radius
     gains, estimate = np.array([unit, 2.0 * unit, 150.0, 600.0]), FlowEstimate(plant)
-    start = 1.5 * unit, 20.0, 401, 0.2
     states = [float(plant.torque(np.array([1.5 * unit]), np.array([1.5]))[0]), 1.5]
+    start = Start(1.5 * unit, states), 20.0, 401, 0.2
     sensed, estimated = (
-        simulate(
-            plant, SineInflow(), FeedbackTorque(LAW, gains, each), *start, initial_states=states
-        )
+        simulate(plant, SineInflow(), FeedbackTorque(LAW, gains, each), *start)
         for each in (None, estimate)
     )
     np.testing.assert_allclose(estimated.rotor_speed, sensed.rotor_speed, rtol=1e-5)
     dense, flow = replace(plant, density=1100.0), ConstantInflow(speed=1.5)
     controller = FeedbackTorque(LAW, gains, estimate)
-    run = simulate(dense, flow, controller, *start, initial_states=states)
+    run = simulate(dense, flow, controller, *start)
     told = run.states[1, -1]
     assert run.rotor_speed[-1] == pytest.approx(unit * told, rel=1e-6)
     torque = dense.torque(run.rotor_speed[-1:], np.array([1.5]))

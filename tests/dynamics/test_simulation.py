@@ -16,6 +16,7 @@ from hkt_mdo.dynamics.simulation import (
     IntegrationError,
     Plant,
     RecordedTorque,
+    Start,
     _Motion,
     simulate,
 )
@@ -334,7 +335,7 @@ def test_a_run_may_begin_at_any_time_of_the_flow(plant, law):
     there = simulate(plant, later, controller(0.0), 8.0, duration, samples, **options)
     at = begin + samples
     here = simulate(
-        plant, SineInflow(), controller(begin), 8.0, duration, at, begin=begin, **options
+        plant, SineInflow(), controller(begin), Start(8.0, time=begin), duration, at, **options
     )
     np.testing.assert_allclose(here.time, at, rtol=1e-14)
     for name in ("rotor_speed", "inflow_speed", "control_torque", "hydrodynamic_torque"):

@@ -13,7 +13,7 @@ from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
 from hkt_mdo.dynamics.laws import OpenLoop, smooth_saturation
 from hkt_mdo.dynamics.limits import DistanceFromStall
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
-from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, simulate
+from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, Start, simulate
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor import bem
@@ -56,7 +56,7 @@ def following(*overrides):
     speed, torque = start.operation.rotor_speed[0], start.operation.hydrodynamic_torque[0]
     states = world.law.at_rest(torque, float(world.inflow.speed_at(0.0)))
     loop, span = FeedbackTorque(world.law, start.gains), world.case.phase.duration
-    run = simulate(plant_of(world), world.inflow, loop, speed, span, 2001, initial_states=states)
+    run = simulate(plant_of(world), world.inflow, loop, Start(speed, states), span, 2001)
     return world, run, start
 
 
@@ -123,7 +123,7 @@ def test_steady_flow_gives_the_open_loops_energy(plant, blade, polar):
     gains, speed, torque, _ = steady(LAW, plant, 1.5, best.tip_speed_ratio)
     loop, flow = FeedbackTorque(LAW, gains), ConstantInflow(speed=1.5)
     states = np.array(LAW.at_rest(torque, 1.5))
-    run = simulate(plant, flow, loop, speed[0] - 0.5, 20.0, initial_states=0.9 * states)
+    run = simulate(plant, flow, loop, Start(speed[0] - 0.5, 0.9 * states), 20.0)
     assert run.rotor_speed[-1] == pytest.approx(speed[0], rel=1e-9)
     ideal = 0.5 * 1000.0 * np.pi * blade.rotor_radius**2 * best.power_coefficient * 1.5**3
     assert run.hydrodynamic_torque[-1] * run.rotor_speed[-1] == pytest.approx(ideal, rel=1e-9)
@@ -172,7 +172,7 @@ def test_underspeed_is_held_where_a_static_law_is_unstable():
 def test_motion_is_that_of_scipys_radau(plant):
     law = LAW.model_copy(update={"torque_limit": 600.0, "bias": 0.03})
     loop, flow, start = FeedbackTorque(law, GAINS), SineInflow(), [7.0, 300.0, 1.4]
-    run = simulate(plant, flow, loop, start[0], 20.0, 201, 1.0, initial_states=start[1:])
+    run = simulate(plant, flow, loop, Start(start[0], start[1:]), 20.0, 201, 1.0)
 
     def rates(time, values):
         w, v = np.array([values[0]]), np.atleast_1d(flow.speed_at(time))
@@ -242,7 +242,7 @@ def test_partials_of_the_distance_from_stall():
 
 def test_rate_of_the_torque_is_along_the_motion(plant):
     loop = FeedbackTorque(LAW, GAINS)
-    run = simulate(plant, SineInflow(), loop, 7.0, 5.0, 5001, initial_states=(300.0, 1.4))
+    run = simulate(plant, SineInflow(), loop, Start(7.0, (300.0, 1.4)), 5.0, 5001)
     acceleration = (run.hydrodynamic_torque - run.control_torque) / INERTIA
     rate = loop.rate(run.time, run.rotor_speed, acceleration, run.inflow_speed, *run.states)
     expected = np.gradient(run.control_torque, run.time)

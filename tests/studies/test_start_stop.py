@@ -50,11 +50,11 @@ def test_the_limit_of_the_torque_stops_a_rotor_that_it_exceeds(design):
     parts = start_and_stop(design, design.physics.inflow, stop=50.0)
     assert parts.operation.time[-1] == pytest.approx(50.0)
     assert 50.0 < parts.shut_down.stopped_at < 51.0
-    assert any("700 N m stop the rotor within" in line for line in parts.told())
+    assert any("700 N m stop the rotor within" in line for line in parts.lines())
     weak = replace(design, physics=replace(design.physics, law=design.law.with_torque_limit(100.0)))
     parts = start_and_stop(weak, design.physics.inflow, stop=50.0)
     assert parts.shut_down.stopped_at is None
-    assert any("needs a brake" in line for line in parts.told())
+    assert any("needs a brake" in line for line in parts.lines())
 
 
 def test_a_rotor_that_does_not_start_is_told(design):
@@ -62,7 +62,7 @@ def test_a_rotor_that_does_not_start_is_told(design):
     parts = start_and_stop(heavy, design.physics.inflow)
     assert parts.started_at is None
     assert parts.operation is None
-    (line,) = parts.told()
+    (line,) = parts.lines()
     assert "does not start by itself" in line
 
 
