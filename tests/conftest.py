@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from hkt_mdo.case import load_case, read_case
-from hkt_mdo.dynamics.trajectory import COLUMNS, LOADS
+from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES
 from hkt_mdo.results.folder import write_csv, write_json
 
 CASES = Path(__file__).parent.parent / "cases"
@@ -43,7 +43,7 @@ def operate(time: np.ndarray, limit: float | None, law: str) -> dict[str, np.nda
     loads = 2600.0 * flow**2, 680.0 * flow**2, 3.1e7 * flow**2, 0.3 * flow**2
     values = (time, flow, speed, ratio, torque, control, *powers, *loads)
     values += (35.0 * np.cos(0.25 * time),)
-    return dict(zip(COLUMNS.values(), values, strict=True))
+    return {QUANTITIES[name].column: x for name, x in zip(OVER_TIME, values, strict=True)}
 
 
 def make_result(folder: Path, law: str = "quadratic", limit: float | None = 700.0) -> Path:
@@ -119,11 +119,12 @@ def make_result(folder: Path, law: str = "quadratic", limit: float | None = 700.
         },
         "loads": {
             name: {
-                "value": simulation[COLUMNS[name]].max(),
-                "unit": unit or "",
-                "time_s": simulation["time_s"][np.argmax(simulation[COLUMNS[name]])],
+                "value": simulation[load.column].max(),
+                "unit": load.unit or "",
+                "time_s": simulation["time_s"][np.argmax(simulation[load.column])],
             }
-            for name, (unit, _) in LOADS.items()
+            for name in LOADS
+            for load in [QUANTITIES[name]]
         },
         "tip_deflection_m": 0.0321,
         "rotor_radius_m": 1.4,

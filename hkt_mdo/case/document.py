@@ -2,6 +2,8 @@
 
 import textwrap
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from pathlib import Path
+from string import Template
 from typing import Any
 
 import yaml
@@ -63,62 +65,12 @@ def _inlined(value: Any, sections: Mapping[str, Any]) -> Any:
     if not isinstance(value, dict):
         return value
     if "$ref" in value:
-        value = value | sections[value["$ref"].rpartition("/")[2]]
+        value = sections[value["$ref"].rpartition("/")[2]] | value
     return {
         key: _inlined(item, sections)
         for key, item in value.items()
         if key != "$ref" and not (isinstance(item, dict) and "const" in item)
     }
-
-
-_PREFACE = """\
-# The case file
-
-<!-- Made by hkt schema --markdown > docs/cases.md: change the docstrings, not this page. -->
-
-A case is one experiment: a turbine in a flow under a control law, and how it is optimized. It is a
-YAML file of the sections below. Only `inflow` and `control` must be given, so this is a whole case:
-
-```yaml
-inflow: {profile: sine}
-control: {law: quadratic, torque_limit: 700}
-```
-
-`hkt new NAME` writes a commented case to begin from; `hkt schema --markdown` prints this page.
-
-- **YAML.** Plain YAML 1.2 in UTF-8, up to 1 MiB: `yes`, `on` and `2024-05-01` are texts, `1e-4` is
-  a number. Refused are anchors, aliases and tags, unknown keys, and keys that are given twice.
-- **Units.** A number is in the unit that its key has below. A text of a number and another unit of
-  that kind is converted: `1400 mm`, `150 cm/s`, `0.7 kN m`, `105 rpm`, `1.025 g/cm^3`,
-  `0.1 rad`. Units are spelled as OpenMDAO spells them; a product is a space, `*` or `·`, and `Nm`
-  is N m. A key without a unit takes a plain number.
-- **null.** Where a key says "or null", null is a value, and the text says what it means. A section
-  that is not needed is left out; it cannot be null.
-- **Paths.** A relative path counts from the folder of the case file, also in `--set`. A shipped
-  name goes before a file of that name.
-- **Overrides.** `hkt run CASE --set rotor.radius=2 --set "inflow.mean=150 cm/s"`. What stands after
-  the first `=` is YAML, so that a section can be replaced as a whole, such as
-  `--set "control={law: linear}"`. An entry of a list cannot be overridden alone.
-
-## In an editor
-
-`hkt schema` prints the same as a JSON schema. Editors with yaml-language-server (VS Code with the
-YAML extension, Neovim, Emacs, Helix and others) then complete keys and choices, show these texts,
-and mark unknown keys, wrong types and values out of range. Write the schema once,
-
-```
-hkt schema > case.schema.json
-```
-
-and name it in the first line of a case, its path counted from the folder of the case:
-
-```yaml
-# yaml-language-server: $schema=case.schema.json
-```
-
-The schema sees each value by itself, and not whether files exist or values fit together: reading
-the case checks that as well.
-"""
 
 
 def case_markdown(extensions: Iterable[Extension] = ()) -> str:
@@ -129,29 +81,39 @@ def case_markdown(extensions: Iterable[Extension] = ()) -> str:
     `hkt_mdo.case.load_case`.
     """
     schema = case_json_schema(extensions)
-    contents, blocks = ["## Sections", ""], []
+    contents, blocks = [], []
+    needs = {"inflow": ", required unless `scenarios` have theirs", "control": ", required"}
     for key, value, sections in _chapters(schema):
-        if not sections:
+        entry = value.get("items", {})
+        if not sections and "properties" not in entry:
             contents.append(_bullet(key, value))
             continue
-        needed = ", required" if key in ("inflow", "control") else ""
         first = value["description"].partition("\n\n")[0]
-        contents.append(f"- [`{key}`](#{key}){needed}: {first}")
+        contents.append(f"- [`{key}`](#{key}){needs.get(key, '')}: {first}")
         blocks += [f"## {key}", value["description"]]
+        if entry:
+            blocks += [f"### An entry of `{key}`", entry["description"]]
+            blocks += _keys(key, entry, schema["properties"])
         for tag, section in sections.items():
             if tag:
                 blocks += [f"### `{section['title']}`", section["description"]]
             blocks += _keys(key, section)
-    parts = (_PREFACE.rstrip(), "\n".join(contents), *blocks, *_shipped(), *_cases())
-    return "\n\n".join(parts) + "\n"
+    parts = {"contents": "\n".join(contents), "sections": "\n\n".join(blocks)}
+    page = Template(Path(__file__).with_name("page.md").read_text(encoding="utf-8"))
+    return page.substitute(parts | _shipped_names()) + _cases()
 
 
-def _keys(path: str, section: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the list of a section's keys, then the sections that are values or entries of keys."""
+def _keys(path: str, section: Mapping[str, Any], known: Collection[str] = ()) -> Iterator[str]:
+    """Yield the list of a section's keys, then the sections that are values or entries of keys.
+
+    Sections of `known` keys are told elsewhere.
+    """
     keys, required = section["properties"], section.get("required", ())
     if keys:
         yield "\n".join(_bullet(key, value, key in required) for key, value in keys.items())
     for key, value in keys.items():
+        if key in known:
+            continue
         inner = [("", each) for each in value.get("anyOf", [value])]
         for words, part in [("An entry of ", value.get("items", {})), *inner]:
             if part.get("properties", {}).keys() - {"bound"}:  # a bound alone has been told
@@ -202,58 +164,47 @@ def _yaml(value: object) -> str:
         return f"{value:.7g}"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_yaml, value))}]"
+    if isinstance(value, dict):
+        value = {key: each for key, each in value.items() if each is not None}
     text: str = yaml.dump([value], Dumper=Dumper, default_flow_style=True, width=10_000)
     return text.strip()[1:-1]
 
 
-def _table(*rows: Iterable[str]) -> Iterator[str]:
-    """Yield the table of some rows, the first of which is its header."""
+def _table(*rows: Iterable[str]) -> str:
+    """Return the table of some rows, the first of which is its header."""
     lines = [f"| {' | '.join(cells)} |" for cells in rows]
     rule = f"| {' | '.join(['---'] * (lines[0].count('|') - 1))} |"
-    yield "\n".join((lines[0], rule, *lines[1:]))
+    return "\n".join((lines[0], rule, *lines[1:]))
 
 
 def _code(names: Iterable[str]) -> str:
     return ", ".join(f"`{name}`" for name in names)
 
 
-def _shipped() -> Iterator[str]:
-    """Yield what the page says about the names that need no file."""
-    yield "## Shipped names"
-    yield (
-        "`rotor.blade`: a shipped blade fills in these keys of `rotor` where they are not given. "
-        "Sources are in [hkt_mdo/files/data/README.md](../hkt_mdo/files/data/README.md)."
-    )
+def _shipped_names() -> dict[str, str]:
+    """Return the lists and tables of the names that need no file, by their place in the page."""
     brought = {name: shipped_rotor(name) for name in shipped_names("blade")}
     keys = list(dict.fromkeys(key for own in brought.values() for key in own))
-    yield from _table(
-        map("`{}`".format, ["blade", *keys]),
-        *(
-            [f"`{name}`", *(_yaml(own[key]) if key in own else "" for key in keys)]
-            for name, own in brought.items()
-        ),
-    )
-    yield (
-        "`rotor.polar`: the name of a section stands for its polars at several Reynolds numbers, "
-        "as `rotor.reynolds: local` needs them."
-    )
+    blades = [
+        [f"`{name}`", *(_yaml(own[key]) if key in own else "" for key in keys)]
+        for name, own in brought.items()
+    ]
     families = {f"`{name}`": _code(polars) for name, polars in POLAR_FAMILIES.items()}
     grouped = {name for polars in POLAR_FAMILIES.values() for name in polars}
     alone = [f"`{name}`" for name in shipped_names("polar") if name not in grouped]
     families |= dict.fromkeys(alone, "all angles")
-    yield from _table(["section", "its polars"], *families.items())
-    yield f"`rotor.outline`: {_code(shipped_names('outline'))}."
-    yield (
-        "`rotor.material`, in kg/m**3, Pa and Pa. The allowable stress is the least yield stress "
-        "of metals and the strength of laminates along the blade, under a load that does not "
-        "change: no factor of safety, weld, fatigue or sea water is in it."
-    )
     numbers = [[f"`{name}`", *map(_yaml, each.values())] for name, each in MATERIALS.items()]
-    yield from _table(["material", "`density`", "`modulus`", "`allowable_stress`"], *numbers)
+    strengths = ["material", "`density`", "`modulus`", "`allowable_stress`"]
+    return {
+        "blades": _table(map("`{}`".format, ["blade", *keys]), *blades),
+        "polars": _table(["section", "its polars"], *families.items()),
+        "outlines": _code(shipped_names("outline")),
+        "materials": _table(strengths, *numbers),
+    }
 
 
-def _cases() -> Iterator[str]:
-    """Yield the table of the shipped case files, where they are there."""
+def _cases() -> str:
+    """Return the table of the shipped case files; empty where they are not there."""
     folder, rows = shipped_cases(), []
     for file in (*sorted(folder.glob("*.yaml")), *sorted(folder.glob("*/*.yaml"))):
         text = read_text(file, "case file in YAML")
@@ -263,9 +214,8 @@ def _cases() -> Iterator[str]:
         link = f"[{file.stem}](../cases/{file.relative_to(folder).as_posix()})"
         kinds = data["inflow"]["profile"], data["control"]["law"]
         rows.append((link, *kinds, first.replace("|", "\\|")))
-    if rows:
-        yield "## Shipped cases"
-        yield from _table(["case", "`inflow.profile`", "`control.law`", "what"], *rows)
+    table = _table(["case", "`inflow.profile`", "`control.law`", "what"], *rows)
+    return f"\n## Shipped cases\n\n{table}\n" if rows else ""
 
 
 def commented_case(values: Mapping[str, Mapping[str, Any]], usual: Collection[str]) -> str:

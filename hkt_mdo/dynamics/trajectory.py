@@ -1,23 +1,9 @@
 """The quantities of a rotor's trajectory, from its speeds and torques."""
 
-from hkt_mdo import quantities as registry
 from hkt_mdo.dynamics.generator import LOSSLESS
 
 
-def _about(names):
-    return {
-        name: (registry.QUANTITIES[name].unit, registry.QUANTITIES[name].text) for name in names
-    }
-
-
-QUANTITIES = _about(registry.TRAJECTORY)
-LOADS = _about(registry.LOADS)
-RATES = _about(registry.RATES)
-SERIES = QUANTITIES | LOADS | RATES
-COLUMNS = {name: registry.QUANTITIES[name].column for name in SERIES}
-
-
-def quantities(
+def trajectory_of(
     time,
     inflow_speed,
     rotor_speed,

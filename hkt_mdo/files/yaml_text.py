@@ -42,7 +42,7 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
 
 
 class Dumper(yaml.SafeDumper):
-    """Lists on one line; quotes round a text that YAML 1.1 or 1.2 would take for another type."""
+    """Lists of numbers and texts on one line; quotes where YAML 1.1 or 1.2 has another type."""
 
     def ignore_aliases(self, data: Any) -> bool:
         """Return that every value is written out, also where it is there twice.
@@ -60,7 +60,7 @@ class Dumper(yaml.SafeDumper):
         return True
 
     def represent_flow_list(self, data: list[Any]) -> yaml.Node:
-        """Return the node of a list that is written on one line.
+        """Return the node of a list, which is written on one line unless it is one of sections.
 
         Parameters
         ----------
@@ -70,9 +70,10 @@ class Dumper(yaml.SafeDumper):
         Returns
         -------
         yaml.Node
-            A sequence in flow style.
+            A sequence, in flow style where it holds no sections.
         """
-        return self.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=True)
+        inline = None if data and isinstance(data[0], dict) else True
+        return self.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=inline)
 
 
 Dumper.add_representer(list, Dumper.represent_flow_list)

@@ -19,7 +19,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hkt_mdo.dynamics.trajectory import COLUMNS, QUANTITIES
+from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 from hkt_mdo.results import style
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import LimitEntry
@@ -68,7 +68,7 @@ def _series(
     x: str, quantity: str, solutions: Solutions, ax: Axes | None, scale: float = 1.0
 ) -> Axes:
     """Plot a quantity times a scale over another one: as simulated, or else at the nodes."""
-    chosen, ax, column = _scenarios(solutions), ax or style.new_axes(), COLUMNS[quantity]
+    chosen, ax, column = _scenarios(solutions), ax or style.new_axes(), QUANTITIES[quantity].column
     for index, (solution, name) in enumerate(chosen):
         table, label = solution.simulation, name or "simulation"
         if column not in table:
@@ -77,7 +77,7 @@ def _series(
             look = style.line(index)
             if name:
                 look |= _few_markers(index, len(chosen), table[column].size)
-            across, along = _broken(solution, table, COLUMNS[x], scale * table[column])
+            across, along = _broken(solution, table, QUANTITIES[x].column, scale * table[column])
             ax.plot(across, along, label=label, **look)
     return ax
 
@@ -99,13 +99,13 @@ def _few_markers(index: int, count: int, size: int) -> dict[str, Any]:
 def _over_time(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a quantity over time, of one solution at the nodes too, and its limit."""
     chosen, ax = _scenarios(solutions), _series("time", quantity, solutions, ax)
-    nodes = chosen[0][0].trajectory
+    nodes, about = chosen[0][0].trajectory, QUANTITIES[quantity]
     if len(chosen) == 1 and nodes:
         size = 3.2 if nodes["time_s"].size <= _MANY_NODES else 1.2
         look = style.marker(0, size) | {"linestyle": "none", "markerfacecolor": "none"}
         look |= {"color": style.COLORS[1], "zorder": 2.5}
-        ax.plot(nodes["time_s"], nodes[COLUMNS[quantity]], label="collocation nodes", **look)
-    words, unit = quantity.replace("_", " "), (QUANTITIES[quantity][0] or "-").replace("*", " ")
+        ax.plot(nodes["time_s"], nodes[about.column], label="collocation nodes", **look)
+    words, unit = quantity.replace("_", " "), (about.unit or "-").replace("*", " ")
     limits = (_limits(each).get(quantity) for each, _ in chosen)
     for bound in sorted({entry.limit for entry in limits if entry} - {None}):
         label = f"{words} limit {bound:g} {unit}"
@@ -125,7 +125,7 @@ def plot_control_torque(solutions: Solutions, ax: Axes | None = None) -> Axes:
     ax = ax or style.new_axes()
     for solution, name in _scenarios(solutions):
         for limit, entry in _limits(solution).items():
-            if limit not in QUANTITIES:  # else it is drawn beside its quantity
+            if limit not in TRAJECTORY:  # else it is drawn beside its quantity
                 text = f"largest {limit.replace('_', ' ')} {entry}"
                 ax.plot([], [], " ", label=f"{name}: {text}" if name else text)
     return _over_time("control_torque", solutions, ax)
@@ -222,7 +222,7 @@ def _over_span(column: str, solutions: Solutions, ax: Axes | None = None) -> Axe
             if name:
                 look |= _few_markers(index, len(chosen), values.size)
             ax.plot(solution.loads["r_over_R"], values, label=name or words, **look)
-    if column == COLUMNS[load]:
+    if column == QUANTITIES[load].column:
         _draw_levels((load,), scale, solutions, ax)
     ax.set_ylim(bottom=0.0)
     return style.finish(ax, "radius over that of the tip (-)", label)
@@ -236,16 +236,19 @@ plot_suction = partial(_over_span, "cavitation")
 
 def _draw_levels(quantities: Sequence[str], scale: float, solutions: Solutions, ax: Axes) -> None:
     """Draw the limits of some quantities as lines, one for equal ones."""
-    drawn: dict[tuple[str, float], str] = {}
-    for solution, _ in _scenarios(solutions):
+    drawn: dict[tuple[str, float], list[str]] = {}
+    chosen = _scenarios(solutions)
+    for solution, name in chosen:
         levels: dict[str, float] = {}
         for each in quantities:
             levels |= solution.limit_levels(each)
         for limit in (each for each in solution.limits if each.name in levels):
             told = measured(float(limit.upper), limit.unit or "", 4)
-            drawn[limit.name, levels[limit.name]] = f"{limit.name.replace('_', ' ')} limit {told}"
-    for dashes, ((_, level), label) in zip(cycle(_DASHES), drawn.items(), strict=False):
-        ax.axhline(scale * level, linestyle=dashes, label=label, **style.REFERENCE)
+            label = f"{limit.name.replace('_', ' ')} limit {told}"
+            drawn.setdefault((label, levels[limit.name]), []).append(name)
+    for dashes, ((label, level), names) in zip(cycle(_DASHES), drawn.items(), strict=False):
+        where = "" if len(names) == len(chosen) else f" in {' and '.join(names)}"
+        ax.axhline(scale * level, linestyle=dashes, label=label + where, **style.REFERENCE)
 
 
 def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:
@@ -307,7 +310,7 @@ FIGURES: dict[str, tuple[list[Panel], float, float]] = {
     "operation": (_panels(*_OPERATION, tables=_TIMES), 7.0, 8.2),
     "schedule": (
         _panels(*_SCHEDULE, tables=_TIMES)
-        + _panels(plot_thrust_schedule, tables=_TIMES, column=COLUMNS["thrust"]),
+        + _panels(plot_thrust_schedule, tables=_TIMES, column=QUANTITIES["thrust"].column),
         *(7.0, 8.2),
     ),
     "limits": ([Panel(plot_limits, _limited)], 7.0, 4.2),

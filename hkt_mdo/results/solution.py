@@ -18,9 +18,9 @@ import numpy as np
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.dynamics.limits import Limit, TorqueLimit
-from hkt_mdo.dynamics.trajectory import COLUMNS, LOADS, QUANTITIES, RATES, SERIES
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import Csv, number_columns, parse_number, read_bytes, read_text
+from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES, RATES
 from hkt_mdo.results.summary import BLADE, ScenarioEntry, Summary
 from hkt_mdo.results.words import measured, printable
 
@@ -32,7 +32,7 @@ __all__ = ["TABLES", "ScenarioTables", "Solution"]
 MAX_BYTES, MAX_CSV_BYTES = 16 * 1024**2, 64 * 1024**2
 """Largest summary and largest table that are read."""
 
-_OVER_TIME = {COLUMNS[name]: about for name, about in SERIES.items()}
+_OVER_TIME = {x.column: (x.unit, x.text) for x in map(QUANTITIES.get, OVER_TIME)}
 
 TABLES: dict[str, dict[str, tuple[str | None, str]]] = {
     "trajectory": _OVER_TIME,
@@ -52,7 +52,7 @@ TABLES: dict[str, dict[str, tuple[str | None, str]]] = {
         ),
     },
     "power_curve": {
-        "tip_speed_ratio": QUANTITIES["tip_speed_ratio"],
+        "tip_speed_ratio": _OVER_TIME["tip_speed_ratio"],
         "power_coefficient": (None, "power coefficient"),
         "start_power_coefficient": (None, "power coefficient of the blade at the start"),
     },
@@ -72,9 +72,10 @@ TABLES: dict[str, dict[str, tuple[str | None, str]]] = {
 }
 """Unit (None: dimensionless) and description of each column of each table of a result."""
 
+_ASKED = {QUANTITIES[name].column for name in (*LOADS, *RATES)}
 _MAYBE = {
-    "trajectory": {COLUMNS[name] for name in LOADS | RATES},
-    "simulation": {COLUMNS[name] for name in LOADS | RATES},
+    "trajectory": _ASKED,
+    "simulation": _ASKED,
     "loads": {"stress_Pa", "flapwise_moment_Nm", "cavitation"},
 }
 """Columns that are there only if they are known of the rotor; older results lack them."""
@@ -210,7 +211,7 @@ class Solution:
         changes = dict.fromkeys(("objective", "energy_bound_J", "certified_gap"))
         changes |= {key: getattr(entry, key) for key in shared} | {"scenarios": {name: entry}}
         summary = self.summary.model_copy(update=changes)
-        case, tables = _case_of(self.case, name), {name: self.tables[name]}
+        case, tables = self.case.of_scenario(name), {name: self.tables[name]}
         return replace(self, case=case, summary=summary, tables=tables)
 
     @property
@@ -226,7 +227,8 @@ class Solution:
             (found,) = self.tables.values()
         else:
             problem = f"has several scenarios: {', '.join(self.tables)}"
-            remedy = f"choose one, such as solution.scenario({next(iter(self.tables))!r})"
+            first = next(iter(self.tables))
+            remedy = f"choose one, such as solution.scenario({first!r}), or --scenario {first}"
             raise InputError(problem, remedy, file=self.folder)
         return found
 
@@ -320,7 +322,8 @@ class Solution:
         that of an older result.
         """
         columns: dict[str, Any] = getattr(self, table)
-        known = {name: columns[COLUMNS[name]] for name in SERIES if COLUMNS[name] in columns}
+        headers = {name: QUANTITIES[name].column for name in OVER_TIME}
+        known = {name: columns[header] for name, header in headers.items() if header in columns}
         known |= {
             "rotor_radius": self.summary.rotor_radius_m,
             "density": self.case.fluid.density,
@@ -423,11 +426,6 @@ class Solution:
             for row in self.summary.rows(self.case)
         )
         return f"<table>{rows}</table>"
-
-
-def _case_of(case: Case, name: str) -> Case:
-    """Return the case of one scenario alone, with its own flow and limits."""
-    return case.of_scenario(name)
 
 
 def _package(name: str) -> Any:

@@ -24,7 +24,7 @@ from hkt_mdo.dynamics.simulation import (
     Simulation,
     simulate,
 )
-from hkt_mdo.dynamics.trajectory import quantities
+from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.problem.physics import BEM, Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.scenario import Scenario
@@ -122,7 +122,7 @@ class Flight:
         """The quantities of the integration, by their names in a trajectory."""
         names = "time inflow_speed rotor_speed hydrodynamic_torque control_torque".split()
         flown = (getattr(self.simulation, name) for name in names)
-        return quantities(*flown, self.scalars["rotor_radius"], self.plant.generator)
+        return trajectory_of(*flown, self.scalars["rotor_radius"], self.plant.generator)
 
     @property
     def energy_error(self) -> float:

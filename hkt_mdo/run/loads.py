@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
-from hkt_mdo.dynamics.trajectory import LOADS
 from hkt_mdo.problem.physics import Physics
+from hkt_mdo.quantities import LOADS, QUANTITIES
 from hkt_mdo.results.summary import LoadEntry
 from hkt_mdo.rotor.blade import Blade
 
@@ -19,7 +19,7 @@ def largest(trajectories: Iterable[Known]) -> dict[str, LoadEntry]:
     """Return the largest loads of some trajectories, and the largest power and speeds."""
     found: dict[str, LoadEntry] = {}
     for known in trajectories:
-        told = {name: (known[name], unit) for name, (unit, _) in LOADS.items() if name in known}
+        told = {n: (known[n], QUANTITIES[n].unit) for n in LOADS if n in known}
         told["power"] = known["generator_power"], "W"
         told["rotor_speed"] = known["rotor_speed"], "rad/s"
         told["tip_speed"] = known["rotor_speed"] * known["rotor_radius"], "m/s"

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from hkt_mdo.dynamics.trajectory import QUANTITIES
 from hkt_mdo.problem.build import assemble, make_driver
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import Operation, StartingPoint
 from hkt_mdo.problem.setup import NARROW, Setup
+from hkt_mdo.quantities import TRAJECTORY
 from hkt_mdo.rotor.components import rotor_inputs
 from hkt_mdo.run.flight import Optimized
 from hkt_mdo.run.state import RunState
@@ -89,7 +89,7 @@ def collect(physics: Physics, setup: Setup, problem, outcome: Outcome) -> Optimi
         How the optimizer ended.
     """
     trajectories = tuple(
-        {name: _series(problem, scenario, name) for name in (*QUANTITIES, *physics.states)}
+        {name: _series(problem, scenario, name) for name in (*TRAJECTORY, *physics.states)}
         for scenario in physics.scenarios
     )
     return Optimized(

@@ -15,12 +15,12 @@ from scipy.integrate import trapezoid
 
 from hkt_mdo.dynamics.limits import DesignBounds
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
-from hkt_mdo.dynamics.trajectory import COLUMNS, LOADS
 from hkt_mdo.files.blade import write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.yaml_text import Dumper
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import StartingPoint
+from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES
 from hkt_mdo.results.folder import to_json, write_csv
 from hkt_mdo.results.summary import VERSION, CheckEntry, Summary
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
@@ -248,6 +248,7 @@ def _scenario(finished, flights):
     mean = passed / sum(time[-1] - time[0] for time in times)
     limits = _over_time(finished, flights)
     return {
+        "share": finished.physics.shares[scenario.group],
         "weight": scenario.weight,
         "duration_s": duration,
         "energy_J": sum(
@@ -364,13 +365,15 @@ def _limit(pairs):
     With its time and the share of the time in which it binds; `pairs` has limit and flight.
     """
     found, binds, spans = [], 0.0, 0.0
+    counts = any(flight.scenario.weight for _, flight in pairs)
     for limit, flight in pairs:
         flown, time = limit.told(flight.flown), flight.flown["time"]
         value = float(max(np.max(flown), np.max(limit.told(flight.at_nodes))))
         found.append(_entry(limit, value) | {"time_s": time[np.argmax(flown)]})
         binding = np.where(flown >= _least(limit), 1.0, 0.0)
-        binds += flight.scenario.weight * trapezoid(binding, time)
-        spans += flight.scenario.weight * (time[-1] - time[0])
+        weight = flight.scenario.weight if counts else 1.0
+        binds += weight * trapezoid(binding, time)
+        spans += weight * (time[-1] - time[0])
     return max(found, key=_over) | {"share_of_time": binds / spans}
 
 
@@ -423,8 +426,8 @@ def write_tables(out: Path, finished: Finished) -> None:
         nodes = [x.trajectory | x.loads_at_nodes | x.rates_at_nodes for x in flights]
         for name, values in (("trajectory", nodes), ("simulation", flown)):
             table = {
-                column: np.concatenate([each[quantity] for each in values])
-                for quantity, column in COLUMNS.items()
+                QUANTITIES[quantity].column: np.concatenate([each[quantity] for each in values])
+                for quantity in OVER_TIME
                 if quantity in values[0]
             }
             write_csv(out / f"{name}{suffix}.csv", table, zip(*table.values(), strict=True))

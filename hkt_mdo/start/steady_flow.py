@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from hkt_mdo.dynamics.limits import Limit, TorqueLimit
-from hkt_mdo.dynamics.trajectory import quantities
+from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import KEPT_EXCESS, Operation, StartingPoint
 from hkt_mdo.quantities import LOADS, TRAJECTORY
@@ -121,7 +121,7 @@ class SteadyFlow:
         torque = torque_scale(physics.density, radius, flow) * coefficients["torque"]
         speed = ratio * flow / radius
         both = torque, torque  # of the flow and of the generator
-        series = quantities(np.zeros(flow.shape), flow, speed, *both, radius, physics.generator)
+        series = trajectory_of(np.zeros(flow.shape), flow, speed, *both, radius, physics.generator)
         for name in physics.load_names:
             if name in coefficients:
                 series[name] = 0.5 * physics.density * flow**2 * coefficients[name]

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from hkt_mdo.dynamics.trajectory import COLUMNS
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
+from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results.folder import write_json
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.batch import in_processes, run_batch
@@ -112,5 +112,5 @@ def _one_ensemble(source, flow, sensor, repeats, seed):
         }
     thin = slice(None, None, max(run.time.size // 1200, 1))
     names = ("time", "inflow_speed", "rotor_speed", "control_torque", "hydrodynamic_torque")
-    series = {COLUMNS[name]: np.asarray(getattr(run, name))[thin].tolist() for name in names}
+    series = {QUANTITIES[name].column: getattr(run, name)[thin].tolist() for name in names}
     return result | {"series": series}

@@ -41,6 +41,8 @@ TITLES = {
     "sine_limited": "Table IV: sine flow, torque limit 700 N m",
 }
 TITLE = "Amini et al. (ACC 2023), reproduced"
+ROWS_OF = "rows of "
+"""With the name of a table, a line of the template above the table's header and cells."""
 
 
 def ensemble_key(law: str, flow: str, sensor: Sensor | None = DEFAULT) -> str:
@@ -80,7 +82,7 @@ def write_report(solutions: dict, ensembles: dict, out: Path, report: Callable) 
         shown[number] = f"![{caption}](figures/{name}.png)\n\n*{caption}*"
     style.save(figures, out / "figures", ("png", "pdf"))
     report(f"{len(figures)} figures")
-    text = "\n\n".join(_blocks(data, shown)) + "\n"
+    text = _text(data, shown)
     write_json(out / "paper.json", data)
     write_text(out / "report.md", text)
     write_text(out / "report.html", _page(text, out))
@@ -237,89 +239,45 @@ def _named(solution, name, series=None):
     return replace(renamed, simulation=columns, trajectory={})
 
 
-def _blocks(data, figures):
-    """Yield the report in Markdown: headings, paragraphs, tables and figures."""
-    passed = sum(check["passed"] for check in data["checks"])
-    yield f"# {TITLE}"
-    yield (
-        f"By `hkt paper` of hkt_mdo {data['version']}, Python {data['python']}: {passed} of "
-        f"{len(data['checks'])} checks pass (last section). Energies are those of the independent "
-        "integration with direct BEM (`simulated_energy_J`). 'Gap' is relative to OLOC in the same "
-        "table; 'difference' to the paper. All numbers are in paper.json. What the paper leaves "
-        "out, and how it was inferred, is in docs/reproduction.md."
-    )
-    for scenario, *numbers in (("step", 3), ("sine", 4, 5, 6), ("sine_limited", 7, 8, 9)):
-        yield from _section(
-            TITLES[scenario],
-            " | energy / J | paper / J | difference | gap | paper | gain | paper"
-            " | TSR at max C_P | paper",
-            "{label} | {energy_J:.0f} | {reported_energy_J:.0f} | {difference_percent:+.2f} %"
-            " | {gap_percent:+.4f} % | {reported_gap_percent:+.3f} %"
-            " | {gain:.2f} | {reported_gain:.2f}"
-            " | {tip_speed_ratio_at_power_coefficient_max:.2f} | {reported_tip_speed_ratio:.2f}",
-            [{"label": LABELS[name]} | row for name, row in data["tables"][scenario].items()],
-            [figures[number] for number in numbers],
-        )
+def _text(data, figures):
+    """Return the report in Markdown: the template with its numbers, tables and figures."""
+    rows = _rows(data)
+    about = {"title": TITLE, "titles": TITLES, "figures": figures} | data
+    about |= {"passed": sum(x["passed"] for x in data["checks"]), "asked": len(data["checks"])}
+    blocks = []
+    template = Path(__file__).with_name("report.md").read_text(encoding="utf-8")
+    for block in template.strip().split("\n\n"):
+        if block.startswith(ROWS_OF):
+            name, header, cells = block.removeprefix(ROWS_OF).split("\n")
+            lines = [[_filled(cell, row) for cell in cells.split(" | ")] for row in rows[name]]
+            blocks += ["\n".join(markdown_table(header.split(" | "), lines))]
+        else:
+            blocks += [block.format(**about)]
+    return "\n\n".join(blocks) + "\n"
+
+
+def _rows(data):
+    """Return the rows of each table of the report, by the names that the template has."""
     replayed = LABELS | {"oloc": "OLOC replayed"}
-    yield from _section(
-        "Table V: uncertain flows",
-        "flow | controller | energy / J | paper / J | gap | paper | stalled",
-        "{flow} | {label} | {energy_J:.0f} ± {spread_J:.0f} (worst {worst_J:.0f})"
-        " || {energy_J:.0f} || rotor stops at t = {stopped_at_s:.1f} s, not generating"
-        " | {reported_energy_J:.0f} | {gap_percent:+.2f} % | {reported_gap_percent:+.1f} %"
-        " | {stalled} of {repeats}",
-        [
+    return {
+        scenario: [{"label": LABELS[name]} | row for name, row in rows.items()]
+        for scenario, rows in data["tables"].items()
+    } | {
+        "uncertain_flow": [
             {"flow": flow, "label": replayed[name]} | row
             for flow, rows in data["uncertain_flow"].items()
             for name, row in rows.items()
         ],
-        [figures[number] for number in (10, 11, 12)],
-        "Designs of Table IV in flows that they were not made for, from the tip speed ratio that "
-        "each starts at. Feedback reads a speed sensor with 20 dB of the speed's fluctuation, "
-        "sampled at 100 Hz, behind a second-order Butterworth low-pass at 0.5 Hz; mean and "
-        "standard deviation over the repeats. OLOC replays its recorded torque. 'Redesigned' is "
-        "the optimal control of the blade of sine_limited_oloc in the actual flow: the ceiling.",
-    )
-    yield from _section(
-        "What the sensor's open choices do",
-        "law | flow | 20 dB of | rate / Hz | σ / (rad/s) | stalled | energy, to no noise",
-        "{law} | {flow} | {reference} | {rate_Hz:g} | {noise_deviation_rad_s:.3f}"
-        " | {stalled} of {repeats} | {loss_percent:+.3f} %",
-        data["sensor"],
-        text="The paper does not say what the 20 dB refer to (the speed's fluctuation about its "
-        "mean, or the whole speed, whose rms is some ten times larger), nor how often the sensor "
-        "is sampled. Stalled repeats are counted here and left out of the energies. The default, "
-        "fluctuation at 100 Hz, is the coarsest choice under which nothing stalls, as in the "
-        "paper.",
-    )
-    yield from _section(
-        "Sequential against simultaneous design",
-        "flow | controller | sequential / J | co-design / J | co-design gains",
-        "{flow} | {label} | {kept:.0f} || no success | {co_design_J:.0f} | {gain_percent:+.4f} %",
-        [
+        "sensor": data["sensor"],
+        "sequential": [
             {"flow": TITLES[scenario].partition(": ")[2], "label": LABELS[law]}
             | {"kept": row["sequential_J"] if row["sequential_success"] else None}
             | row
             for scenario, rows in data["sequential"].items()
             for law, row in rows.items()
         ],
-        text="Sequential: the best steady blade first, then the controller on it. Without a torque "
-        "limit both lead to the same rotor under OLOC and quadratic feedback; with it, or with "
-        "linear feedback, the controller changes the best blade (paper Sec. IV, from its ref. 11).",
-    )
-    yield from _section(
-        "Checks",
-        "statement | found | asked | holds",
-        "{statement} | {value:.4g} | {low:g} … {high:g} | {holds}",
-        [check | {"holds": "yes" if check["passed"] else "NO"} for check in data["checks"]],
-    )
-
-
-def _section(title, header, cells, rows, figures=(), text=""):
-    """Yield a section in Markdown: its text, a table from a template of its rows, and figures."""
-    lines = [[_filled(cell, row) for cell in cells.split(" | ")] for row in rows]
-    table = "\n".join(markdown_table(header.split(" | "), lines))
-    yield from filter(None, (f"## {title}", text, table, *figures))
+        "checks": [x | {"holds": "yes" if x["passed"] else "NO"} for x in data["checks"]],
+    }
 
 
 def _filled(templates, row):

@@ -64,9 +64,8 @@ class StartStop:
 def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) -> StartStop:
     """Start a design from standstill in a flow and, at the time `stop` (s), shut it down.
 
-    The run ends with the time span of the design's case. Raises InputError for an open loop, which
-    has a torque for every instant and none for a start, for a stop beyond the run, and for one
-    without a torque limit.
+    The run ends with the time span of the design's case. Raises InputError for an open loop, whose
+    start-up cannot be simulated, for a stop beyond the run, and for one without a torque limit.
     """
     plant, duration = design.plant, design.physics.case.phase.duration
     _check(design, duration, stop)

@@ -5,10 +5,10 @@ import warnings
 from types import SimpleNamespace
 
 from hkt_mdo.case import read_case
-from hkt_mdo.dynamics.trajectory import QUANTITIES
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import BEM, physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
+from hkt_mdo.quantities import TRAJECTORY
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.flight import fly
@@ -57,7 +57,7 @@ def integrate(world, problem):
     (scenario,) = world.scenarios
     blade = world.blade.with_shape(problem.get_val("chord"), problem.get_val("twist"))
     gains = [problem.get_val(f"gain_{i}")[0] for i in range(len(world.gain_units))]
-    nodes = {name: problem.get_val(f"{scenario.path}.{name}").ravel() for name in QUANTITIES}
+    nodes = {name: problem.get_val(f"{scenario.path}.{name}").ravel() for name in TRAJECTORY}
     result = SimpleNamespace(
         point=SimpleNamespace(blade=blade, gains=gains),
         inertia=float(problem.get_val("inertia")[0]),

@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 from hkt_mdo import InputError, load_case
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import STEP, OpenLoop, QuadraticFeedback
-from hkt_mdo.dynamics.trajectory import quantities
+from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.quasi_steady import QuasiSteady
@@ -92,9 +92,9 @@ def test_derivatives_by_complex_step(kind, tmp_path):
 
 
 def test_the_trajectory_has_the_electrical_power():
-    known = quantities(SPEED, 1.5, SPEED, TORQUE, TORQUE, 1.4, LOSSY)
+    known = trajectory_of(SPEED, 1.5, SPEED, TORQUE, TORQUE, 1.4, LOSSY)
     np.testing.assert_array_equal(known["electrical_power"], LOSSY.electrical_power(TORQUE, SPEED))
-    known = quantities(SPEED, 1.5, SPEED, TORQUE, TORQUE, 1.4)
+    known = trajectory_of(SPEED, 1.5, SPEED, TORQUE, TORQUE, 1.4)
     np.testing.assert_array_equal(known["electrical_power"], known["generator_power"])
 
 
