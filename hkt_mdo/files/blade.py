@@ -15,7 +15,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.aerodyn import read_blade_definition
 from hkt_mdo.files.blade_table import EDGE, BladeTable, check_rows
 from hkt_mdo.files.shipped import locate
-from hkt_mdo.files.table import Csv, line_error, lines_of, read_text
+from hkt_mdo.files.table import Csv, line_error, lines_of, read_text, write_files
 from hkt_mdo.files.windio import read_windio
 
 _AERODYN = re.compile(
@@ -187,13 +187,4 @@ def write_blade_csv(path: str | Path, blade, remarks: Iterable[str] = ()) -> Non
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(columns)
     writer.writerows(rows)
-
-    path = Path(path)
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_text(stream.getvalue(), encoding="utf-8", newline="")
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        problem = f"cannot be written ({error.strerror})"
-        raise InputError(problem, "choose another place", file=path) from None
+    write_files({Path(path): stream.getvalue().encode()})

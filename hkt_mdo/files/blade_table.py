@@ -142,15 +142,10 @@ class BladeTable:
         if not np.any(keep):
             problem = f"has no row between the hub ({hub:g}) and the tip"
             raise InputError(problem, "add rows there, or lessen the hub radius", file=self.file)
-        return replace(
-            self,
-            r=self.r[keep],
-            chord=self.chord[keep],
-            twist=self.twist[keep],
-            thickness=None if self.thickness is None else self.thickness[keep],
-            section=self.section and tuple(compress(self.section, keep)),
-            hub_radius=hub,
-        )
+        given = {name: getattr(self, name) for name in ("r", "chord", "twist", "thickness")}
+        kept = {name: values[keep] for name, values in given.items() if values is not None}
+        section = self.section and tuple(compress(self.section, keep))
+        return replace(self, **kept, section=section, hub_radius=hub)
 
     def blend(self, r: np.ndarray) -> tuple[tuple[str, str, float], ...]:
         """Return the two sections between which each station lies.

@@ -1,4 +1,4 @@
-"""Files as text, columns of numbers, and the reader of all CSV tables."""
+"""Files read and written whole, columns of numbers, and the reader of all CSV tables."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import csv
 import io
 import math
 import re
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -97,6 +98,37 @@ def read_text(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> str:
         line = content.count(b"\n", 0, wrong) + 1
         raise line_error(path, line, "is not UTF-8 text", "save it as UTF-8")
     return text
+
+
+def write_files(contents: Mapping[Path, bytes]) -> None:
+    """Replace files, whole or not at all: a reader never sees an incomplete one.
+
+    Their folder must be there: one that was taken away during a run must not come back with half a
+    result in it.
+
+    Parameters
+    ----------
+    contents : mapping of pathlib.Path to bytes
+        What each file is to hold.
+
+    Raises
+    ------
+    InputError
+        If one cannot be written.
+    """
+    parts = {file: file.with_name(f"{file.name}.part") for file in contents}
+    try:
+        for file, content in contents.items():
+            parts[file].write_bytes(content)
+        for file, part in parts.items():
+            part.replace(file)
+    except OSError as error:
+        problem = f"cannot be written ({error.strerror})"
+        raise InputError(problem, "make room or choose another folder", file=file) from error
+    finally:
+        for part in parts.values():
+            with suppress(OSError):  # such as of a folder that has been taken away
+                part.unlink(missing_ok=True)
 
 
 def lines_of(text: str) -> list[str]:

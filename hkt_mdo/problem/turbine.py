@@ -108,8 +108,8 @@ def build_turbine(
     else:
         polar = tuple(_invariant(family, rotor.reynolds_number) for family in families)
         polar = polar if len(polar) > 1 else polar[0]
-    area, thickness = (np.array(each) if len(each) > 1 else each[0] for each in (area, thickness))
-    structure = _structure(rotor, sections, area)
+    area, thickness = map(_together, (area, thickness))
+    structure = _structure(rotor, sections)
     outlines, told = tuple(each.outline for each in sections), (*read, *messages, *blended)
     return Turbine(blade, polar, area, thickness, structure, told, outlines)
 
@@ -222,16 +222,9 @@ def _by_thickness(rotor, design, named):
         raise InputError(problem, remedy, key="design.thickness_bounds", value=list(bounds))
     bounds = tuple(float(each) for each in np.clip(bounds, low, high))
     polars = [_invariant(each.polars, rotor.reynolds_number) for each in sections]
-    material, walls = rotor.blade_material, None
-    if sections[0].wall is not None:
-        walls = np.array([each.wall for each in sections])
-    outlines, area = [each.outline for each in sections], np.array([s.area for s in sections])
-    properties = material.density, material.modulus
-    structure = StructureByThickness.of(thickness, outlines, *properties, walls)
-    moments = sections[0].moments and SecondMoments(*np.transpose([s.moments for s in sections]))
-    if _given(rotor, sections):
-        structure = structure.with_section(thickness, area, moments)
-    return ByThickness.of(thickness, polars, bounds), over_thickness(thickness, area), structure
+    area = over_thickness(thickness, [each.area for each in sections])
+    structure = _structure(rotor, sections, thickness)
+    return ByThickness.of(thickness, polars, bounds), area, structure
 
 
 def _starting_thickness(rotor, table, named) -> np.ndarray:
@@ -244,28 +237,30 @@ def _starting_thickness(rotor, table, named) -> np.ndarray:
     return np.array([each.thickness for each in _sections(rotor, table, named)[0]])
 
 
-def _given(rotor, sections) -> bool:
-    """Tell whether area or second moments of the sections are not those of solid outlines."""
-    own = any(each.area is not None for each in rotor.sections)
-    return own or sections[0].wall is not None or sections[0].moments is not None
+def _together(values):
+    """Return values of sections as one array; of one section its value, None where they are."""
+    first, *others = values
+    return np.array([first, *others]) if others and first is not None else first
 
 
-def _structure(rotor, sections, area) -> Structure:
-    """Return what the blade's one section, or those of its stations, resist.
+def _structure(rotor, sections, thickness=None) -> Structure | StructureByThickness:
+    """Return what the blade's one section, or those of its stations or of a thickness, resist.
 
     Solid sections have the area of their outline, which is blended between stations; a hollow or a
     given one has the area of the mass, over chord squared.
     """
-    outlines = [each.outline for each in sections]
-    walls, moments = sections[0].wall, sections[0].moments
-    if len(sections) > 1:
-        walls = None if walls is None else np.array([each.wall for each in sections])
-        moments = moments and SecondMoments(*np.transpose([each.moments for each in sections]))
+    material, outlines = rotor.blade_material, [each.outline for each in sections]
+    wall = _together(each.wall for each in sections)
+    about = material.density, material.modulus, wall
+    if thickness is not None:
+        structure = StructureByThickness.of(thickness, outlines, *about)
     else:
-        (outlines,) = outlines
-    material = rotor.blade_material
-    structure = Structure.of(outlines, material.density, material.modulus, walls)
-    return structure.with_section(area, moments) if _given(rotor, sections) else structure
+        structure = Structure.of(outlines if len(outlines) > 1 else outlines[0], *about)
+    moments = sections[0].moments and zip(*(each.moments for each in sections), strict=True)
+    moments = moments and SecondMoments(*map(_together, moments))
+    given = moments or wall is not None or any(each.area is not None for each in rotor.sections)
+    area = _together(each.area for each in sections)
+    return structure.with_section(area, moments) if given else structure
 
 
 def _named_sections(rotor, table) -> dict[str, _Section]:

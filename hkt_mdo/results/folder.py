@@ -3,13 +3,14 @@
 import re
 import sqlite3
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pydantic_core
 
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.table import write_files
 
 MARKER = ".hkt_result"
 """The file by which a run marks a folder as its own; without it nothing there is replaced."""
@@ -114,30 +115,6 @@ def make_folder(path: Path) -> None:
     """Make a folder in a result's; InputError if that cannot be written or was taken away."""
     with _usable(path):
         path.mkdir(exist_ok=True)
-
-
-def write_files(contents: Mapping[Path, bytes]) -> None:
-    """Replace files, whole or not at all: a reader never sees an incomplete one.
-
-    Raises InputError where that is not possible: the folder must be there, for one that was taken
-    away during a run must not come back with half a result in it.
-    """
-    parts = {file: file.with_name(f"{file.name}.part") for file in contents}
-    try:
-        for file, content in contents.items():
-            parts[file].write_bytes(content)
-        for file, part in parts.items():
-            part.replace(file)
-    except OSError as error:
-        problem, remedy = (
-            f"cannot be written ({error.strerror})",
-            "make room or choose another folder",
-        )
-        raise InputError(problem, remedy, file=file) from error
-    finally:
-        for part in parts.values():
-            with suppress(OSError):  # such as of a folder that has been taken away
-                part.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -548,42 +548,6 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False):
     return Sections(*state.transpose(0, 2, 1), branch.T, gradient.transpose(0, 1, 3, 2))
 
 
-def angles_of_attack(blade, polar, tip_speed_ratio, derivatives=True):
-    """Return the stations' angles of attack (rad) at one tip speed ratio of the disc.
-
-    Behind them their derivatives by tip speed ratio, chord and twist (copies of the angle unless
-    requested). Each has the shape (n_stations,).
-
-    Parameters
-    ----------
-    blade : Blade
-        The blade.
-    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
-        Polars of the sections: one, one a station, or what they follow.
-    tip_speed_ratio : float
-        Omega R / V of the disc.
-    derivatives : bool
-        Whether the derivatives are computed.
-
-    Returns
-    -------
-    angle, by_tip_speed_ratio, by_chord, by_twist : ndarray of shape (n_stations,)
-        In rad; derivatives in rad, rad/m and rad/rad.
-
-    Raises
-    ------
-    ValueError
-        As `sections`.
-    """
-    cosine = float(np.cos(blade.cone))
-    flow = sections(blade, polar, tip_speed_ratio / cosine, derivatives)
-    angle = flow.angle_of_attack[0]
-    if not derivatives:
-        return (angle,) * 4
-    by_ratio, by_chord, by_twist, _ = flow.derivatives[2, :, 0]
-    return angle, by_ratio / cosine, by_chord, by_twist - 1.0
-
-
 def torque_weights(blade):
     """Return the weights w[n_stations] with torque coefficient = w @ tangential_load.
 

@@ -87,17 +87,8 @@ def ccblade(blade, polar, derivatives=False):
             "hydrodynamics.bem = ccblade: WISDEM is not installed; `pip install wisdem`, or choose "
             "vectorized"
         ) from error
-    return CCBlade(
-        blade.r,
-        blade.chord,
-        np.rad2deg(blade.twist),
-        [polar_at(polar, station) for station in range(blade.r.size)],
-        blade.hub_radius,
-        blade.tip_radius,
-        B=blade.blade_count,
-        precone=np.rad2deg(blade.cone),
-        rho=1.0,
-        mu=1.0,
-        shearExp=0.0,
-        derivatives=derivatives,
-    )
+    polars = [polar_at(polar, station) for station in range(blade.r.size)]
+    stations = blade.r, blade.chord, np.rad2deg(blade.twist), polars
+    about = {"B": blade.blade_count, "precone": np.rad2deg(blade.cone), "derivatives": derivatives}
+    water = {"rho": 1.0, "mu": 1.0, "shearExp": 0.0}
+    return CCBlade(*stations, blade.hub_radius, blade.tip_radius, **about, **water)

@@ -12,7 +12,7 @@ from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.best_section import best_sections
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.suction import section_suction
-from hkt_mdo.rotor.thickness import ByThickness, as_built
+from hkt_mdo.rotor.thickness import ByThickness
 
 SOLVERS = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficients}
 """What computes the coefficients of a rotor, by the name that a case gives it."""
@@ -141,7 +141,9 @@ class Hydrodynamics:
         Hydrodynamics
             Of the same class as this one.
         """
-        return replace(self, polar=as_built(self.polar, blade))
+        if not self.follows_thickness:
+            return self
+        return replace(self, polar=self.polar.at(blade.thickness))
 
     def sections(self, blade, tip_speed_ratio, derivatives=False):
         """Solve the flow at every station of a blade; see `hkt_mdo.rotor.bem.sections`.
@@ -260,4 +262,9 @@ class Hydrodynamics:
         by_tip_speed_ratio, by_chord, by_twist : ndarray of shape (n_stations,)
             Its derivatives (rad, rad/m, rad/rad).
         """
-        return bem.angles_of_attack(blade, self.polar, tip_speed_ratio, derivatives)
+        flow = self.sections(blade, tip_speed_ratio, derivatives)
+        angle = flow.angle_of_attack[0]
+        if not derivatives:
+            return (angle,) * 4
+        by_ratio, by_chord, by_twist, _ = flow.derivatives[2, :, 0]
+        return angle, by_ratio / np.cos(blade.cone), by_chord, by_twist - 1.0

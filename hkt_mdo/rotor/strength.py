@@ -220,10 +220,12 @@ class Structure:
 class StructureByThickness:
     """The structure of sections whose thickness over chord is designed, linear between stations.
 
-    numbers is a spline over the thickness: area, xx, yy, xy and the coordinates of the points, as
-    `Structure` has them. density (kg/m³) and modulus (Pa) are the material's.
+    thickness[n_sections] is that of the sections, which increases; numbers is a spline over it:
+    area, xx, yy, xy and the coordinates of the points, as `Structure` has them. density (kg/m³) and
+    modulus (Pa) are the material's.
     """
 
+    thickness: np.ndarray
     numbers: CubicSpline
     density: float
     modulus: float | None = None
@@ -265,17 +267,15 @@ class StructureByThickness:
         numbers = np.array([(area, *moments) for area, moments, _ in sections])
         points = _governing([points for _, _, points in sections], same=True)
         table = np.hstack((numbers, points.reshape(at.size, -1)))
-        return cls(CubicSpline(at, table), float(density), modulus)
+        return cls(thickness, CubicSpline(at, table), float(density), modulus)
 
-    def with_section(self, thickness, area, second_moments=None):
+    def with_section(self, area, second_moments=None):
         """Return the structure with another area and `SecondMoments` of the sections.
 
         As `Structure.with_section`, with values[n_sections] at the sections' thickness.
 
         Parameters
         ----------
-        thickness : ndarray of shape (n_sections,)
-            Thickness over chord of the sections, increasing.
         area : ndarray of shape (n_sections,)
             Over chord squared.
         second_moments : SecondMoments, optional
@@ -288,9 +288,9 @@ class StructureByThickness:
         """
         at = self.numbers.x
         table = self.numbers(at)
-        table[:, 0] = over_thickness(thickness, area)(at)
+        table[:, 0] = over_thickness(self.thickness, area)(at)
         if second_moments is not None:
-            table[:, 1:4] = over_thickness(thickness, np.transpose(second_moments))(at)
+            table[:, 1:4] = over_thickness(self.thickness, np.transpose(second_moments))(at)
         return replace(self, numbers=CubicSpline(at, table))
 
     def at(self, thickness, order=0):

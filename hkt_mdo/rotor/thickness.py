@@ -188,21 +188,3 @@ class ByThickness:
             np.sum(weights * by_angle, axis=-1),
             np.sum(slopes * suction, axis=-1),
         )
-
-
-def as_built(polar, blade):
-    """Return the polars of a blade: those at its thickness where polars follow the thickness.
-
-    Parameters
-    ----------
-    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
-        Polars of the sections: one, one a station, or what they follow.
-    blade : Blade
-        Gives the thickness of its stations.
-
-    Returns
-    -------
-    Polar or tuple of Polar or LocalReynolds
-        Polars that no longer follow the thickness.
-    """
-    return polar.at(blade.thickness) if isinstance(polar, ByThickness) else polar

@@ -15,7 +15,7 @@ from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.steady_optimum import best_rotor
 from hkt_mdo.rotor.strength import Structure, StructureByThickness
 from hkt_mdo.rotor.suction import section_suction
-from hkt_mdo.rotor.thickness import ByThickness, as_built, over_thickness
+from hkt_mdo.rotor.thickness import ByThickness, over_thickness
 
 THICKNESS = np.array([0.12, 0.15, 0.24])
 RATIO = np.linspace(3.0, 11.0, 9)
@@ -98,12 +98,12 @@ def test_at_a_sections_thickness_the_rotor_is_that_of_the_section(thick, family,
 
 
 def test_a_blade_as_built_has_polars_of_its_thickness(thick, family):
-    built = as_built(family, thick)
+    built = Hydrodynamics(family).as_built(thick).polar
     assert isinstance(built, tuple)
     mine = bem.sections(thick, family, RATIO)
     its = bem.sections(thick, built, RATIO)
     np.testing.assert_allclose(mine.normal_load, its.normal_load, rtol=1e-9, atol=1e-13)
-    assert as_built(built, thick) is built
+    assert Hydrodynamics(built).as_built(thick).polar is built
 
 
 def test_ellipses_have_their_closed_forms_between_the_sections():
@@ -126,7 +126,7 @@ def test_the_stress_at_a_sections_thickness_is_that_of_the_section(thick, family
     same = replace(thick, thickness=np.full(thick.r.size, THICKNESS[1]))
     found = model_of(family, structure=structure).coefficients(same, RATIO, names=("stress",))
     single = Structure.of(outlines()[1], METAL, wall=wall)
-    model = LoadModel(Hydrodynamics(as_built(family, same)), 1000.0, single)
+    model = LoadModel(Hydrodynamics(family).as_built(same), 1000.0, single)
     expected = model.coefficients(same, RATIO, names=("stress",))["stress"]
     np.testing.assert_allclose(found["stress"].exact, expected.exact, rtol=2e-3)
 
