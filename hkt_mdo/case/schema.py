@@ -240,8 +240,8 @@ class Case(Section):
             if scenario.limits.torque is not None:
                 problem = "is the controller's, which all scenarios share"
                 remedy = "give control.torque_limit"
-                value = scenario.limits.torque
-                raise refusal(problem, remedy, key=f"{key}.limits.torque", value=value)
+                where = f"{key}.limits.torque"
+                raise refusal(problem, remedy, key=where, value=scenario.limits.torque)
             for limit in scenario.limits.given:
                 if limit.place != "time":
                     problem = "is a limit of the design, which all scenarios share"
