@@ -67,6 +67,13 @@ RUNS = {
     "river_resized_kept": ("river_resized", "design.radius_bounds=null"),
     "own_files": ("own_files",),
     "own_files_kept": ("own_files", "design={blade: fixed}"),
+    "two_flows": ("two_flows",),
+    "two_flows_open_loop": ("two_flows", "control.law=open_loop"),
+    "two_flows_unlimited": (
+        "two_flows",
+        "scenarios=[{name: slow, weight: 0.75},"
+        " {name: fast, weight: 0.25, inflow: {profile: sine, mean: 1.5}}]",
+    ),
 }
 """By the name of the result: the case, and what is set otherwise in it."""
 
@@ -129,7 +136,8 @@ def table(solutions):
             rows.add_row(name, "no", solution.message)
             continue
         turned = np.subtract(get("twist_deg"), get("start_twist_deg"))
-        fastest = solution.simulation["rotor_speed_rad_s"].max() * get("rotor_radius_m")
+        speeds = (one.simulation["rotor_speed_rad_s"].max() for one in solution.by_scenario)
+        fastest = max(speeds) * get("rotor_radius_m")
         rows.add_row(
             name,
             "yes" if solution.success else "no",

@@ -287,7 +287,7 @@ def table(found, flow):
             " / ".join(cell(found, flow, limit, law, blade) for blade in BLADES) for limit in limits
         )
         rows.append([law, *cells])
-    words = "Energy over that of open loop, %: blade designed with the law / blade kept."
+    words = "Energy difference from open loop, %: blade designed with the law / blade kept."
     return [
         f"## {flow[0].upper()}{flow[1:]}",
         "",
@@ -391,18 +391,20 @@ def answer(found, flights):
         f"feedback {most('linear', fast)}.",
         f"Without such a limit quadratic feedback loses at most {most('quadratic', free)} and "
         f"linear feedback {most('linear', free)}.",
-        f"Laws near open loop want its blade (in the sine with 5 kW {area['rated']}·10⁻³ m² for "
-        f"rated, {area[OPEN[0]]} for open loop), with which rated loses at most "
-        f"{most('rated', fast, 'kept')} and quadratic feedback {most('quadratic', fast, 'kept')}; "
-        f"quadratic feedback wants a solid and slow one of {area['quadratic']}·10⁻³ m².",
+        "Laws close to open loop end with nearly its blade (in the sine with 5 kW an area of "
+        f"{area['rated']}·10⁻³ m² for rated, {area[OPEN[0]]} for open loop), with which rated "
+        f"loses at most {most('rated', fast, 'kept')} and quadratic feedback "
+        f"{most('quadratic', fast, 'kept')}; quadratic feedback ends with a solid and slow "
+        f"one of {area['quadratic']}·10⁻³ m².",
     ]
     least = [losses(law, slow)[0][0] for law in static if losses(law, slow)]
     tracked = [each[0] for each in losses(TRACKING, slow)]
     if least and tracked:
         sentences.append(
-            "They break where open loop keeps its limits by underspeed, as it does with 5 kW and a "
-            "limit of the thrust: no law of the speed alone can be stable there, and each loses "
-            f"{min(least):.2g} % or more, tracking {tracked[0]:.2g} to {tracked[-1]:.2g} %."
+            "They lose most where open loop slows the rotor to keep a limit (underspeed), as it "
+            "does with 5 kW and a limit on the thrust: no law of the speed alone is stable there, "
+            f"and each loses {min(least):.2g} % or more, tracking {tracked[0]:.2g} to "
+            f"{tracked[-1]:.2g} %."
         )
     sentences.append(breaking(flights))
 
@@ -439,20 +441,23 @@ def breaking(flights):
     """Return a sentence on flows that no design has seen."""
     if not flights:
         return ""
-    stalls = {}
+    stalls, flown = {}, {}
     for (_, _, law, _), each in flights.items():
         stalls[law] = stalls.get(law, 0) + each["stopped"]
+        flown[law] = flown.get(law, 0) + each["seeds"]
     lag = [each["excess"][0] for key, each in flights.items() if key[2] == TRACKING]
     told = TRACKING, ESTIMATED
     static = [each["excess"] for key, each in flights.items() if key[2] not in told]
     quiet, noisy = (100.0 * max(0.0, *ends) for ends in zip(*static, strict=True))
-    fell = ", ".join(f"{named(law)} in {count}" for law, count in stalls.items() if count)
+    fell = ", under ".join(
+        f"{named(law)} in {count} of {flown[law]}" for law, count in stalls.items() if count
+    )
     count = max(each["seeds"] for each in flights.values())
     kept = "keep every limit" if quiet < 0.05 else f"exceed limits by up to {quiet:.1f} %"
     return (
-        f"In {count} other seeds of the turbulence (10 %) static laws {kept}, with a noisy sensor "
-        f"they exceed one by {noisy:.1f} %, tracking by {100.0 * max(lag, default=0.0):.0f} %; "
-        f"rotors stall under {fell} flights of {count} for each set of limits."
+        f"In {count} other seeds of the turbulence (10 %) static laws {kept}; with a noisy sensor "
+        f"they exceed one by {noisy:.1f} %. Tracking exceeds one by "
+        f"{100.0 * max(lag, default=0.0):.0f} %. The rotor stalls under {fell} simulations."
     )
 
 

@@ -217,8 +217,8 @@ def optimum_without(solution):
         [told],
         (
             "The deflection is that of a linear beam and no prediction where it is large. In what",
-            "follows, suction is in shares of what a section stands: above 1 it cavitates. It is",
-            "told where the depth of the hub is given.",
+            "follows, suction is a fraction of the cavitation limit: above 1 a section cavitates.",
+            "It is given where the depth of the hub is known.",
         ),
     )
 
@@ -242,12 +242,12 @@ def costs(found, free):
         rows,
         (
             "The limits are 5 kW, 9 rad/s (all: 11), 6 kN (all: 6.5), 100 MPa, and no cavitation",
-            "at 3 m. The cost is against the same law without the limit. A law that has no way to",
-            "keep a limit but by its blade pays for it: K₂ω² cannot hold a power, and its blade is",
-            "made for the fastest flow. With a limit of the power it has several optima, in most",
-            "of which it works at its torque limit nearly always; the start looks at both kinds,",
-            "and `make verify PART=limits` at what random blades lead to",
-            "([verification.md](verification.md)).",
+            "at 3 m. The cost is against the same law without the limit. A law that cannot hold a",
+            "limit by its torque needs a worse blade, which costs energy: K₂ω² cannot hold a",
+            "power, and its blade is made for the fastest flow. With a limit of the power it has",
+            "several optima, in most of which it works at its torque limit nearly always; the",
+            "start tries both kinds, and `make verify PART=limits` shows what random blades lead",
+            "to ([verification.md](verification.md)).",
         ),
     )
 
@@ -276,7 +276,7 @@ def worths(found):
         (
             "The worth follows from the multipliers of the optimum, to first order;",
             "optimizing again",
-            "with the larger limit confirms it within ten per cent (`tests/run/test_worth.py`).",
+            "with the larger limit confirms it within ten per cent (`tests/start/test_worth.py`).",
         ),
     )
 

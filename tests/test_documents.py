@@ -13,6 +13,7 @@ from jsonschema import Draft202012Validator
 from typer.main import get_command
 
 from hkt_mdo.case import Case, case_json_schema, case_markdown, load_case, read_case
+from hkt_mdo.case.messages import TAGS
 from hkt_mdo.case.turbine import SectionFile
 from hkt_mdo.cli import app, main
 from hkt_mdo.cli.new_case import KINDS, write_new_case
@@ -20,6 +21,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.shipped import POLAR_FAMILIES, shipped_names
 from hkt_mdo.files.yaml_text import parse
+from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.sections import Section
 
 ROOT = Path(__file__).parent.parent
@@ -55,7 +57,7 @@ def test_page_has_every_key_with_its_whole_docstring(section):
     if section is not Case:
         assert one_line(section.__doc__) in page
     for name, field in section.model_fields.items():
-        tag = name in ("profile", "law", "kind")
+        tag = name in TAGS.values()
         if section is Case and name != "name":
             assert f"`{name}`" in page
         elif not tag:
@@ -206,6 +208,35 @@ def test_commands_of_the_pages_exist(page):
             assert (ROOT / line.split()[1]).is_file(), line
 
 
+ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+EXTENSION = ROOT / "tests" / "data" / "extension.py"
+
+
+def test_architecture_names_every_quantity_with_its_unit():
+    part = ARCHITECTURE.partition("## Quantities")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| `(\w+)` \| ([^|]*) \| ([^|]*) \| ([^|]*) \|$", part, re.MULTILINE)
+    over = {"design": "the design", "result": "the whole result"}
+    known = [(e.name, e.unit or "-", over.get(e.over, e.over), e.text) for e in QUANTITIES.values()]
+    assert [tuple(map(str.strip, row)) for row in rows] == known
+
+
+def test_extensions_of_the_architecture_are_those_that_are_tested():
+    source, flags = EXTENSION.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
+    code, cases = (
+        re.findall(rf"^```{kind}\n(.*?)^```$", ARCHITECTURE, flags) for kind in ("python", "yaml")
+    )
+    shown = [block.partition("\n\n\nclass ")[2] for block in code]
+    assert sum(map(bool, shown)) == 3
+    assert all(f"class {text}" in source for text in shown if text)
+    for text in cases:
+        load_case(parse(text, "architecture.md"), extensions=[EXTENSION])
+
+
+def test_files_that_the_architecture_names_are_there():
+    for name in re.findall(r"`(\w+/\w+\.py)`", ARCHITECTURE):
+        assert any((folder / name).is_file() for folder in (ROOT, ROOT / "hkt_mdo")), name
+
+
 @pytest.mark.slow
 def test_first_commands_of_the_how_to_work(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -245,9 +276,11 @@ def test_schema_says_what_it_is():
     schema = case_json_schema()
     assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
     assert schema["title"] == "Case"
-    assert schema["required"] == ["inflow", "control"]
-    for whole in (schema, *schema["$defs"].values()):
-        section = whole.get("anyOf", [whole])[-1]  # a limit may be its bound alone
+    assert schema["required"] == ["control"]
+    assert schema["anyOf"] == [{"required": ["inflow"]}, {"required": ["scenarios"]}]
+    # a limit may be its bound alone
+    parts = (whole.get("anyOf", [whole])[-1] for whole in schema["$defs"].values())
+    for section in (schema, *parts):
         assert section["additionalProperties"] is False
         for value in section["properties"].values():
             if "description" in value:  # editors keep line ends
@@ -349,6 +382,9 @@ def test_schema_refuses_unions_that_a_case_refuses(validator, text):
 
 # New cases ----------------------------------------------------------------------------------------
 
+UNUSUAL = {"name", "scenarios", "robustness", "version"}
+"""Keys that a new case does not show."""
+
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_new_case_loads_and_explains_itself(tmp_path, validator, kind):
@@ -360,9 +396,7 @@ def test_new_case_loads_and_explains_itself(tmp_path, validator, kind):
     assert case.name == "mine"
     validator.validate(parse(text, path.name))
     comments = " ".join(re.findall(r"^ *# (.*)$", text, re.MULTILINE))
-    for name in Case.model_fields:
-        if name == "name":
-            continue
+    for name in Case.model_fields.keys() - UNUSUAL:
         assert re.search(rf"^(# )?{name}:$", text, re.MULTILINE), name
         section = type(getattr(case, name))
         assert one_line(section.__doc__) in comments
@@ -370,8 +404,7 @@ def test_new_case_loads_and_explains_itself(tmp_path, validator, kind):
         shown = [
             key
             for key in section.model_fields
-            if re.search(rf"^  (# )?{key}: ", part, re.MULTILINE)
-            and key not in ("profile", "law", "kind")
+            if re.search(rf"^  (# )?{key}: ", part, re.MULTILINE) and key not in TAGS.values()
         ]
         assert shown or name == "objective"  # which has no keys
         for key in shown:

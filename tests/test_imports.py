@@ -48,7 +48,17 @@ ALLOWED = {
         "run",
         "start",
     },
-    "cli": {"case", "errors", "files", "problem", "results", "rotor", "run", "studies"},
+    "cli": {
+        "case",
+        "dynamics",
+        "errors",
+        "files",
+        "problem",
+        "results",
+        "rotor",
+        "run",
+        "studies",
+    },
     "__init__": set(),
     "__main__": {"cli"},
 }

@@ -65,7 +65,7 @@ def _inlined(value: Any, sections: Mapping[str, Any]) -> Any:
     if not isinstance(value, dict):
         return value
     if "$ref" in value:
-        value = value | sections[value["$ref"].rpartition("/")[2]]
+        value = sections[value["$ref"].rpartition("/")[2]] | value
     return {
         key: _inlined(item, sections)
         for key, item in value.items()
@@ -80,15 +80,20 @@ def case_markdown(extensions: Iterable[Extension] = ()) -> str:
     files of its folder ``cases`` and of the folders in it. `extensions` are those of
     `hkt_mdo.case.load_case`.
     """
+    schema = case_json_schema(extensions)
     contents, blocks = [], []
-    for key, value, sections in _chapters(case_json_schema(extensions)):
-        if not sections:
+    needs = {"inflow": ", required unless `scenarios` have theirs", "control": ", required"}
+    for key, value, sections in _chapters(schema):
+        entry = value.get("items", {})
+        if not sections and "properties" not in entry:
             contents.append(_bullet(key, value))
             continue
-        needed = ", required" if key in ("inflow", "control") else ""
         first = value["description"].partition("\n\n")[0]
-        contents.append(f"- [`{key}`](#{key}){needed}: {first}")
+        contents.append(f"- [`{key}`](#{key}){needs.get(key, '')}: {first}")
         blocks += [f"## {key}", value["description"]]
+        if entry:
+            blocks += [f"### An entry of `{key}`", entry["description"]]
+            blocks += _keys(key, entry, schema["properties"])
         for tag, section in sections.items():
             if tag:
                 blocks += [f"### `{section['title']}`", section["description"]]
@@ -98,12 +103,17 @@ def case_markdown(extensions: Iterable[Extension] = ()) -> str:
     return page.substitute(parts | _shipped_names()) + _cases()
 
 
-def _keys(path: str, section: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the list of a section's keys, then the sections that are values or entries of keys."""
+def _keys(path: str, section: Mapping[str, Any], known: Collection[str] = ()) -> Iterator[str]:
+    """Yield the list of a section's keys, then the sections that are values or entries of keys.
+
+    Sections of `known` keys are told elsewhere.
+    """
     keys, required = section["properties"], section.get("required", ())
     if keys:
         yield "\n".join(_bullet(key, value, key in required) for key, value in keys.items())
     for key, value in keys.items():
+        if key in known:
+            continue
         inner = [("", each) for each in value.get("anyOf", [value])]
         for words, part in [("An entry of ", value.get("items", {})), *inner]:
             if part.get("properties", {}).keys() - {"bound"}:  # a bound alone has been told
@@ -154,6 +164,8 @@ def _yaml(value: object) -> str:
         return f"{value:.7g}"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_yaml, value))}]"
+    if isinstance(value, dict):
+        value = {key: each for key, each in value.items() if each is not None}
     text: str = yaml.dump([value], Dumper=Dumper, default_flow_style=True, width=10_000)
     return text.strip()[1:-1]
 

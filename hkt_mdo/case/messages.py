@@ -90,7 +90,7 @@ def _members(field: FieldInfo | None) -> dict[str, type[BaseModel]]:
     """Return the sections that a union chooses from, by tag; empty where there is no union."""
     if field is None or not isinstance(field.discriminator, str):
         return {}
-    members = get_args(field.annotation)
+    members = [m for m in get_args(field.annotation) if m is not type(None)]
     return {get_args(m.model_fields[field.discriminator].annotation)[0]: m for m in members}
 
 
@@ -123,6 +123,8 @@ def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, d
     problem, remedy = error["msg"], place.what
     if error["type"] in _PLAIN:
         problem, remedy = (words.format(**context) for words in _PLAIN[error["type"]])
+    if remedy == _NAME[1] and place.section is not root:
+        problem, remedy = "cannot be its name", f"give the {place.what[:1].lower()}{place.what[1:]}"
     match error["type"]:
         case "hkt_mdo":
             problem, remedy = context["problem"], context["remedy"]

@@ -19,6 +19,7 @@ from pydantic import (
     create_model,
     model_validator,
 )
+from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError
 
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, Phase, Start
@@ -74,21 +75,21 @@ class FlowScenario(Section):
     What it does not say it takes from the case.
     """
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z]\w*$", max_length=40)] | None = None
-    """Name of the scenario and of its tables: letters, digits and `_`; null: `flow_1`, and so
-    on."""
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=40)] | None = None
+    """Name of the scenario and of its tables: up to 40 letters and digits and `_` that begin with a
+    letter; null: `flow_1`, and so on."""
     inflow: SerializeAsAny[Inflow] | None = None
-    """Inflow speed over time; null: that of the case."""
+    """Inflow speed over time, given as `inflow` of the case; null: that of the case."""
     weight: Annotated[float, Quantity(ge=0)] = 1.0
     """Share of time, over the sum of all weights. A scenario of weight 0 counts in no energy, and
     its limits hold."""
     duration: Annotated[float, Quantity("s", gt=0, le=3.2e7)] | None = None
     """Duration; null: `phase.duration`, or that of the flow's record, or 60 s."""
     segments: Annotated[int, Strict(), Field(ge=2, le=20000)] | None = None
-    """Number of collocation segments; null: as `phase.segments`."""
+    """Number of collocation segments; null: `phase.segments`, or as many as the flow needs."""
     limits: SerializeAsAny[Limits] = Limits()
-    """Limits that hold in this scenario besides those of the case, or in place of those that the
-    case gives under the same names."""
+    """Limits over time, given as `limits` of the case. They hold in this scenario besides those of
+    the case, or in place of those under the same names."""
 
 
 class Case(Section):
@@ -111,8 +112,11 @@ class Case(Section):
     generator: Generator = Generator()
 
     scenarios: SerializeAsAny[tuple[FlowScenario, ...]] = Field((), max_length=200)
-    """Several flows, for which one blade and one controller are designed; feedback laws share their
-    gains, an open loop has a trajectory in each. None: one, that of `inflow`."""
+    """Several flows, for which one blade and one controller are designed.
+
+    Feedback laws share their gains, an open loop has a trajectory in each. The objective is the
+    mean power times `phase.duration`, where each scenario counts with its share of time. Without
+    entries there is one flow, `inflow`."""
     robustness: SerializeAsAny[Aggregate] = Expected()
     """What unites the scenarios' mean powers to one objective; `measure` says which."""
 
@@ -212,8 +216,10 @@ class Case(Section):
         for own in self.scenarios:
             if own.name == name:
                 limits = {limit.name: limit for limit in own.limits.given}
-                duration = own.duration or (None if own.inflow else self.phase.duration)
-                mesh = {"duration": duration, "segments": own.segments}
+                mesh = {
+                    "duration": own.duration or self.phase.duration,
+                    "segments": own.segments or self.phase.segments,
+                }
                 update = {
                     "inflow": own.inflow or self.inflow,
                     "limits": self.limits.model_copy(update=limits),
@@ -225,10 +231,10 @@ class Case(Section):
 
     def _check_scenarios(self) -> None:
         """Refuse scenarios that share a name, weigh nothing, or limit what they do not own."""
-        names = [each.name for each in self.scenarios]
+        names = [(each.name or "").lower() for each in self.scenarios]  # they name files
         for number, scenario in enumerate(self.scenarios):
             key = f"scenarios[{number}]"
-            if scenario.name in names[:number]:
+            if names[number] in names[:number]:
                 problem, remedy = "is the name of two scenarios", "give each its own"
                 raise refusal(problem, remedy, key=f"{key}.name", value=scenario.name)
             if scenario.limits.torque is not None:
@@ -240,7 +246,8 @@ class Case(Section):
                 if limit.place != "time":
                     problem = "is a limit of the design, which all scenarios share"
                     remedy = f"give it as limits.{limit.name}"
-                    raise refusal(problem, remedy, key=f"{key}.limits.{limit.name}", value="...")
+                    value = getattr(limit, "bound", None)
+                    raise refusal(problem, remedy, key=f"{key}.limits.{limit.name}", value=value)
         if self.scenarios and not any(each.weight > 0.0 for each in self.scenarios):
             problem, remedy = "weigh nothing together", "give one of them a weight above 0"
             weights = [each.weight for each in self.scenarios]
@@ -346,15 +353,11 @@ def case_class(kinds: Kinds) -> type[Case]:
         for each in kinds.limits
     }
     section = _subclass(Limits, **limits)
-    flow: Any = Annotated[Union[*profiles, total], Field(discriminator="profile")]
-    about = FlowScenario.model_fields["inflow"].description
+    own = FlowScenario.model_fields
     scenario = _subclass(
         FlowScenario,
-        inflow=(flow | None, Field(None, description=about)),
-        limits=(
-            section,
-            Field(section(), description=FlowScenario.model_fields["limits"].description),
-        ),
+        inflow=_choice("inflow", [*profiles, total, None], own["inflow"]),
+        limits=(section, Field(section(), description=own["limits"].description)),
     )
     several = _BaseCase.model_fields["scenarios"].description
     made = _subclass(
@@ -378,19 +381,26 @@ def _subclass(base: Any, **fields: Any) -> Any:
     return create_model(base.__name__, __base__=base, __doc__=base.__doc__, **fields)
 
 
-def _choice(key: str, classes: Sequence[type[Section]]) -> Any:
-    """Return the field of a case that takes one of some sections, which a tag tells apart."""
-    plain = [e for e in classes if not any(f.is_required() for f in e.model_fields.values())]
+def _choice(
+    key: str, classes: Sequence[type[Section] | None], field: FieldInfo | None = None
+) -> Any:
+    """Return a field that takes one of some sections, which a tag tells apart; None: or null.
+
+    `field` has default and description, by default those of the case's key.
+    """
+    field = field or _BaseCase.model_fields[key]
+    kinds = [each for each in classes if each is not None]
+    plain = [e for e in kinds if not any(f.is_required() for f in e.model_fields.values())]
 
     def describe(schema: dict[str, Any]) -> None:
         """Let the JSON schema take the bare name of a kind that has no required keys."""
-        whole = schema.pop("oneOf", None) or [{"$ref": schema.pop("$ref")}]
-        schema["oneOf"] = [*whole, {"enum": [kind_name(each) for each in plain]}]
-        schema.setdefault("discriminator", {"propertyName": TAGS[key]})
+        for part in schema.get("anyOf", [schema])[:1]:
+            whole = part.pop("oneOf", None) or [{"$ref": part.pop("$ref")}]
+            part["oneOf"] = [*whole, {"enum": [kind_name(each) for each in plain]}]
+            part.setdefault("discriminator", {"propertyName": TAGS[key]})
 
-    field = _BaseCase.model_fields[key]
     options: dict[str, Any] = {"default": field.default, "description": field.description}
-    if len(classes) > 1:
+    if len(kinds) > 1:
         options["discriminator"] = TAGS[key]
     return Union[tuple(classes)], Field(json_schema_extra=describe, **options)  # noqa: UP007
 

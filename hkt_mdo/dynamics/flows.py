@@ -349,8 +349,8 @@ class SumInflow(Inflow):
     """A sum of flows: the first one whole, of every other its fluctuation about its own mean.
 
     So `[{profile: tide, ...}, {profile: turbulence, mean: 1.8}]` is turbulence, drifting at 1.8
-    m/s, on a tidal current. Of a step the speed before it counts as the mean, of a gust the speed
-    around it.
+    m/s, on a tidal current. For a step, the speed before it is its mean; for a gust,
+    the speed around it.
     """
 
     profile: Literal["sum"] = "sum"

@@ -28,7 +28,9 @@ _WAYS = "give efficiency, losses at rated torque and speed, or table: one of the
 
 
 class Generator(Section):
-    """What the generator delivers: a constant efficiency, losses, or a table; without keys, all.
+    """What the generator delivers: a constant efficiency, losses, or a table.
+
+    Without keys there are no losses.
 
     Losses are P = u w - copper_loss (u/rated_torque)^2 - friction_loss (w/rated_speed) - iron_loss
     (w/rated_speed)^2, u the torque and w the speed of the rotor's shaft. Where the losses exceed

@@ -257,8 +257,8 @@ class CavitationLimit(Limit):
 class Taper(Limit):
     """Outboard of a place along the span the chord does not grow, for manufacture.
 
-    The value is the chord of each station over that of the one inboard of it, at most 1; zero where
-    nothing is asked. The chord is linear between stations.
+    The value is the chord of each station over that of the one inboard of it, at most 1; it is
+    reported as zero inboard of that place. The chord is linear between stations.
     """
 
     name: ClassVar[str] = "taper_from"

@@ -59,7 +59,7 @@ class Tracking(FeedbackLaw):
     lag: Annotated[float, Quantity("s", ge=0.001)] = 0.1
     """Time constant with which the sensor, or the filter of the estimate, follows the flow."""
     bias: Annotated[float, Quantity("m/s")] = 0.0
-    """What the sensor tells too much, in the optimization too."""
+    """Offset of the sensor, also used in the optimization."""
     noise: Annotated[float, Quantity("m/s", ge=0)] = 0.0
     """Standard deviation of a sample of the sensor; in noisy simulations only."""
 

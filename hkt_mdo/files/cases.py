@@ -6,7 +6,13 @@ _PACKAGE = Path(__file__).parents[1]
 
 
 def shipped_cases() -> Path:
-    """Return the folder of the shipped case files: in an installed package, or in the checkout."""
+    """Return the folder of the shipped case files: in an installed package, or in the checkout.
+
+    Returns
+    -------
+    pathlib.Path
+        The folder.
+    """
     installed = _PACKAGE / "cases"
     return installed if installed.is_dir() else _PACKAGE.parent / "cases"
 

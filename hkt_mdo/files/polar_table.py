@@ -164,10 +164,7 @@ def polar_table(
 
 
 def _angles(given: Column, in_degrees: bool, constant: bool) -> tuple[np.ndarray, bool]:
-    """Return the angles in radians, and whether they run round the full circle.
-
-    `constant` says that lift and drag are the same at every angle.
-    """
+    """Return the angles in radians, and whether they run round; constant: lift and drag are so."""
     angle = given.values if in_degrees else np.rad2deg(given.values)
     remedy = "angles of attack run from -180 to 180 degrees"
     remedy += "" if in_degrees else "; if these are degrees, name the column alpha_deg"

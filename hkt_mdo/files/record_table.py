@@ -391,7 +391,7 @@ def read_csv(path: Path, options: RecordOptions) -> Columns:
     ------
     InputError
         If the file is broken, or its columns or units are not clear; with file, line and column.
-    """
+    """  # noqa: DOC501 - `line_error` returns an InputError
     file = str(path)
     table = Csv(read_text(path, "record", MAX_BYTES), path, "a header such as time_s,speed_m_s")
     names = choose(table.header, table.header[0], options, file)

@@ -86,7 +86,7 @@ def read_text(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> str:
     ------
     InputError
         As of `read_bytes`, and, with the line, if it is no UTF-8 text.
-    """
+    """  # noqa: DOC501 - `line_error` returns an InputError
     content = read_bytes(path, largest, what)
     try:
         text = content.decode("utf-8-sig")
@@ -263,7 +263,7 @@ def number_columns(
     ------
     InputError
         If a row has more or fewer cells than `names`, or a cell is no number.
-    """
+    """  # noqa: DOC501 - `line_error` returns an InputError
     for line, cells in rows:
         if len(cells) != len(names):
             problem = f"has {len(cells)} numbers where the table has {len(names)} columns"
@@ -381,7 +381,18 @@ class Csv:
 
     @cached_property
     def rows(self) -> list[Row]:
-        """All rows, one at least; without any InputError is raised."""
+        """All rows, one at least.
+
+        Returns
+        -------
+        list of (int, list of str)
+            Line number and cells of each row.
+
+        Raises
+        ------
+        InputError
+            If there are none.
+        """
         rows = list(self)
         if not rows:
             raise InputError("has a header but no rows", "add rows of numbers", file=self.file)

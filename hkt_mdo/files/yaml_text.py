@@ -42,14 +42,25 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
 
 
 class Dumper(yaml.SafeDumper):
-    """Lists on one line; quotes round a text that YAML 1.1 or 1.2 would take for another type."""
+    """Lists of numbers and texts on one line; quotes where YAML 1.1 or 1.2 has another type."""
 
     def ignore_aliases(self, data: Any) -> bool:
-        """Return that every value is written out, also where it is there twice."""
+        """Return that every value is written out, also where it is there twice.
+
+        Parameters
+        ----------
+        data : object
+            The value.
+
+        Returns
+        -------
+        bool
+            True.
+        """
         return True
 
     def represent_flow_list(self, data: list[Any]) -> yaml.Node:
-        """Return the node of a list that is written on one line.
+        """Return the node of a list, which is written on one line unless it is one of sections.
 
         Parameters
         ----------
@@ -59,9 +70,10 @@ class Dumper(yaml.SafeDumper):
         Returns
         -------
         yaml.Node
-            A sequence in flow style.
+            A sequence, in flow style where it holds no sections.
         """
-        return self.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=True)
+        inline = None if data and isinstance(data[0], dict) else True
+        return self.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=inline)
 
 
 Dumper.add_representer(list, Dumper.represent_flow_list)
@@ -74,7 +86,7 @@ for _word, _pattern in _WORDS.items():
 class Place:
     """A value in a YAML file with its dotted key.
 
-    Parameters
+    Attributes
     ----------
     node : yaml.Node
         The value.
@@ -90,7 +102,13 @@ class Place:
 
     @property
     def shown(self) -> str:
-        """The key with its line, as messages have it."""
+        """The key with its line, as messages have it.
+
+        Returns
+        -------
+        str
+            Such as ``rotor.polar (line 7)``.
+        """
         return f"{self.key} (line {self.node.start_mark.line + 1})"
 
     def refuse(self, problem: str, remedy: str) -> InputError:
@@ -184,14 +202,26 @@ class Place:
         return self.find(path, remedy)  # type: ignore[return-value]
 
     def items(self) -> list[Place]:
-        """Return the members of a list; raise InputError if it is no list or empty."""
+        """Return the members of a list; raise InputError if it is no list or empty.
+
+        Returns
+        -------
+        list of Place
+            The members with their keys.
+        """
         self._expect(yaml.SequenceNode, "a list")
         if not self.node.value:
             raise self.refuse("is empty", "give what belongs there")
         return [self.below(node, f"[{index}]") for index, node in enumerate(self.node.value)]
 
     def text(self) -> str:
-        """Return a scalar as text; raise InputError if it is none."""
+        """Return a scalar as text; raise InputError if it is none.
+
+        Returns
+        -------
+        str
+            The text without spaces round it.
+        """
         self._expect(yaml.ScalarNode, "a word")
         return self.node.value.strip()
 
@@ -224,7 +254,13 @@ class Place:
         return number
 
     def numbers(self) -> Column:
-        """Return a list of numbers; raise InputError if it is none."""
+        """Return a list of numbers; raise InputError if it is none.
+
+        Returns
+        -------
+        Column
+            The numbers with the place of each.
+        """
         return places_column(self.key, self.items())
 
     def pair(self, one: str, other: str) -> tuple[Column, Column]:

@@ -212,7 +212,8 @@ def _declare_objective(model, physics, setup):
         return
     (unknowns, n_rows), scale = physics.epigraph(setup.start), reference / physics.duration
     if unknowns.size:
-        model.design.add_output("unknowns", unknowns, desc="unknowns of the aggregate")
+        units = f"({objective.unit})/s" if objective.unit else "1/s"
+        model.design.add_output("unknowns", unknowns, units=units, desc="of the aggregate")
         model.add_design_var("unknowns", ref=scale)
     if n_rows:
         model.add_constraint("rows", lower=0.0, ref=scale)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -384,9 +385,10 @@ class Physics:
 
 
 def complete(case: Case) -> Case:
-    """Return a case whose time span and segments are numbers, taken from its flow if need be."""
+    """Return a case whose time spans and segments are numbers, taken from its flows if need be."""
     phase = case.phase
-    if None not in (phase.duration, phase.segments) and phase.final_speed != "auto":
+    done = None not in (phase.duration, phase.segments) and phase.final_speed != "auto"
+    if done and not case.scenarios:
         return case
     duration, segments = _span(case.inflow, phase.duration, phase.segments)
     final = phase.final_speed
@@ -394,7 +396,25 @@ def complete(case: Case) -> Case:
         sells = case.objective.closes and not case.control.is_feedback
         final = "initial" if sells else "free"
     found = {"duration": duration, "segments": segments, "final_speed": final}
-    return case.model_copy(update={"phase": phase.model_copy(update=found)})
+    scenarios = []
+    for number, own in enumerate(case.scenarios):
+        given = own.duration or phase.duration, own.segments or phase.segments
+        with _in_scenario(number):
+            duration, segments = _span(own.inflow or case.inflow, *given)
+        scenarios.append(own.model_copy(update={"duration": duration, "segments": segments}))
+    update = {"phase": phase.model_copy(update=found), "scenarios": tuple(scenarios)}
+    return case.model_copy(update=update)
+
+
+@contextmanager
+def _in_scenario(number: int) -> Iterator[None]:
+    """Tell an error in the flow of one of the scenarios with its key."""
+    try:
+        yield
+    except InputError as error:
+        key = error.key.removeprefix("phase.")
+        error.key = f"scenarios[{number}].{key}" if key else f"scenarios[{number}]"
+        raise
 
 
 def _span(inflow: Inflow, duration: float | None, segments: int | None) -> tuple[float, int]:
@@ -426,18 +446,17 @@ def _whole_scenarios(case: Case) -> list[Scenario]:
         return [_checked(case, Scenario(case.inflow, case.phase))]
     found, total = [], sum(each.weight for each in case.scenarios)
     for number, own in enumerate(case.scenarios):
-        inflow, phase = own.inflow or case.inflow, case.phase
-        given = own.duration or (None if own.inflow else phase.duration), own.segments
-        try:
-            duration, segments = _span(inflow, *given)
-            mesh = phase.model_copy(update={"duration": duration, "segments": segments})
-            weight = own.weight / total * phase.duration / duration
-            limits = {limit.name: limit for limit in own.limits.given}
-            scenario = Scenario(inflow, mesh, weight, own.name, own_limits=limits)
+        mesh = {"duration": own.duration, "segments": own.segments}
+        weight = own.weight / total * case.phase.duration / own.duration
+        scenario = Scenario(
+            own.inflow or case.inflow,
+            case.phase.model_copy(update=mesh),
+            weight,
+            own.name,
+            own_limits={limit.name: limit for limit in own.limits.given},
+        )
+        with _in_scenario(number):
             found.append(_checked(case, scenario))
-        except InputError as error:
-            error.key = f"scenarios[{number}].{error.key}" if error.key else f"scenarios[{number}]"
-            raise
     return found
 
 
@@ -526,10 +545,12 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     given = [*case.limits.given, *(each for part in case.scenarios for each in part.limits.given)]
     limited = {name: each for each in given for name in each.inputs if name in LOADS}
     direct = case.hydrodynamics.torque == "direct"
-    if limited and (direct or flow.follows_reynolds):
-        problem = "limits a load, which takes a curve over the tip speed ratio"
+    optimized = case.objective.is_of(LOADS)
+    if (limited or optimized) and (direct or flow.follows_reynolds):
+        key = "objective" if optimized else f"limits.{next(iter(limited))}"
+        problem = "takes a load, which needs a curve over the tip speed ratio"
         remedy = "give hydrodynamics.torque: curve and rotor.reynolds: invariant"
-        raise InputError(problem, remedy, key=f"limits.{next(iter(limited))}")
+        raise InputError(problem, remedy, key=key)
     if flow.follows_thickness and (direct or case.hydrodynamics.bem != "vectorized"):
         problem = "takes hydrodynamics.torque: curve and hydrodynamics.bem: vectorized"
         raise InputError(problem, "give these", key="design.thickness_points")

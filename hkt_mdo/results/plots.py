@@ -236,16 +236,19 @@ plot_suction = partial(_over_span, "cavitation")
 
 def _draw_levels(quantities: Sequence[str], scale: float, solutions: Solutions, ax: Axes) -> None:
     """Draw the limits of some quantities as lines, one for equal ones."""
-    drawn: dict[tuple[str, float], str] = {}
-    for solution, _ in _scenarios(solutions):
+    drawn: dict[tuple[str, float], list[str]] = {}
+    chosen = _scenarios(solutions)
+    for solution, name in chosen:
         levels: dict[str, float] = {}
         for each in quantities:
             levels |= solution.limit_levels(each)
         for limit in (each for each in solution.limits if each.name in levels):
             told = measured(float(limit.upper), limit.unit or "", 4)
-            drawn[limit.name, levels[limit.name]] = f"{limit.name.replace('_', ' ')} limit {told}"
-    for dashes, ((_, level), label) in zip(cycle(_DASHES), drawn.items(), strict=False):
-        ax.axhline(scale * level, linestyle=dashes, label=label, **style.REFERENCE)
+            label = f"{limit.name.replace('_', ' ')} limit {told}"
+            drawn.setdefault((label, levels[limit.name]), []).append(name)
+    for dashes, ((label, level), names) in zip(cycle(_DASHES), drawn.items(), strict=False):
+        where = "" if len(names) == len(chosen) else f" in {' and '.join(names)}"
+        ax.axhline(scale * level, linestyle=dashes, label=label + where, **style.REFERENCE)
 
 
 def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:

@@ -211,7 +211,7 @@ class Solution:
         changes = dict.fromkeys(("objective", "energy_bound_J", "certified_gap"))
         changes |= {key: getattr(entry, key) for key in shared} | {"scenarios": {name: entry}}
         summary = self.summary.model_copy(update=changes)
-        case, tables = _case_of(self.case, name), {name: self.tables[name]}
+        case, tables = self.case.of_scenario(name), {name: self.tables[name]}
         return replace(self, case=case, summary=summary, tables=tables)
 
     @property
@@ -227,7 +227,8 @@ class Solution:
             (found,) = self.tables.values()
         else:
             problem = f"has several scenarios: {', '.join(self.tables)}"
-            remedy = f"choose one, such as solution.scenario({next(iter(self.tables))!r})"
+            first = next(iter(self.tables))
+            remedy = f"choose one, such as solution.scenario({first!r}), or --scenario {first}"
             raise InputError(problem, remedy, file=self.folder)
         return found
 
@@ -425,11 +426,6 @@ class Solution:
             for row in self.summary.rows(self.case)
         )
         return f"<table>{rows}</table>"
-
-
-def _case_of(case: Case, name: str) -> Case:
-    """Return the case of one scenario alone, with its own flow and limits."""
-    return case.of_scenario(name)
 
 
 def _package(name: str) -> Any:

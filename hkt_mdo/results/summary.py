@@ -229,11 +229,13 @@ class OperationEntry(_Entry):
 class ScenarioEntry(_Entry):
     """What one scenario gives by itself: energies, flow, limits and loads.
 
-    `weight` is the scenario's share of the energies of the whole result; `mean_power_W` that of
-    the objective over `duration_s`. A flow with a cut-out speed is one scenario, its energies those
+    `share` is the scenario's share of time; its energies count in those of the whole result with
+    `weight`, that share times the case's duration over `duration_s`. `mean_power_W` is that of the
+    objective over `duration_s`. A flow with a cut-out speed is one scenario, its energies those
     of all its intervals of operation.
     """
 
+    share: _Number = None
     weight: _Number = None
     duration_s: _Number = None
     energy_J: _Number = None
@@ -250,7 +252,7 @@ class ScenarioEntry(_Entry):
     def rows(self) -> Iterator[Row]:
         """Yield the entry as rows."""
         flow, ratio = self.inflow_speed or Span(), self.tip_speed_ratio or Span()
-        lasts = f"mean of {measured(self.duration_s, 's')}, weight {measured(self.weight)}"
+        lasts = f"mean of {measured(self.duration_s, 's')}, share of time {measured(self.share)}"
         yield Row("flow", flow.mean, "m/s", f"{lasts}, at most {measured(flow.max, 'm/s')}")
         yield Row("energy", self.energy_J, "J")
         power = f"on average {measured(self.mean_power_W, 'W')}"

@@ -54,6 +54,7 @@ class Polar:
         Returns
         -------
         Polar
+            The polar over the full circle.
 
         Raises
         ------
@@ -77,7 +78,13 @@ class Polar:
 
     @cached_property
     def stall(self):
-        """Angle of attack (rad) before lift first falls by `STALL`; infinite if it never does."""
+        """Angle of attack (rad) before lift first falls by `STALL`; infinite if it never does.
+
+        Returns
+        -------
+        float
+            Angle of attack (rad).
+        """
         alpha = np.deg2rad(np.arange(0.0, 45.0, 0.125))
         lift, _ = self.evaluate(alpha)
         highest = np.maximum.accumulate(lift)
@@ -92,12 +99,14 @@ class Polar:
         Parameters
         ----------
         other : Polar
+            The other one, of weight 1.
         weight : float
             Weight of the other, 0 to 1.
 
         Returns
         -------
         Polar
+            The weighted mean.
         """
         with_suction = self.suction is not None and other.suction is not None
         return Polar(
@@ -120,6 +129,7 @@ class Polar:
         Returns
         -------
         lift, drag : float or ndarray
+            The coefficients, of the angle's shape.
         """
         return _values(*_locate(self.coefficients, alpha))
 
@@ -155,6 +165,7 @@ class Polar:
         Returns
         -------
         suction, slopes : ndarray of shape (2, *alpha.shape)
+            -Cp min, and its slope per rad.
 
         Raises
         ------
@@ -208,6 +219,7 @@ class PolarFamily:
         Returns
         -------
         PolarFamily
+            Polars over the Reynolds number.
 
         Raises
         ------
@@ -229,6 +241,7 @@ class PolarFamily:
         Returns
         -------
         PolarFamily
+            Polars over the Reynolds number.
 
         Raises
         ------
@@ -248,6 +261,7 @@ class PolarFamily:
         Returns
         -------
         Polar
+            Interpolated in the logarithm of the Reynolds number.
         """
         numbers = np.log(self.reynolds)
         position = np.interp(np.log(reynolds), numbers, np.arange(numbers.size))

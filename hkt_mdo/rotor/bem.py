@@ -417,6 +417,11 @@ def _solve(
     Station j has the polar section[j] or, where mixture is not empty, the polars from section[j] on
     times the weights mixture[0, j, i], whose derivatives by what they follow are mixture[1, j, i];
     mixture[:, j, 0] where all points have the same.
+
+    Raises
+    ------
+    ValueError
+        For speed ratios that are not positive, and stations that do not lie on the blade.
     """
     n_points, n_stations, n_mixed = tip_speed_ratio.size, r.size, mixture.shape[3]
     last = mixture.shape[2] - 1
@@ -474,6 +479,7 @@ def polar_at(polar, station):
     Returns
     -------
     Polar
+        The station's own.
     """
     return polar if isinstance(polar, Polar) else polar[station]
 
@@ -518,6 +524,7 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False):
     Parameters
     ----------
     blade : Blade
+        The blade.
     polar : Polar or sequence of Polar or LocalReynolds or ByThickness
         Polars of the sections: one, one a station, or what they follow.
     tip_speed_ratio : array_like of shape (n_points,)
@@ -528,6 +535,7 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False):
     Returns
     -------
     Sections
+        State of the flow, (n_points, n_stations).
 
     Raises
     ------
@@ -549,6 +557,7 @@ def angles_of_attack(blade, polar, tip_speed_ratio, derivatives=True):
     Parameters
     ----------
     blade : Blade
+        The blade.
     polar : Polar or sequence of Polar or LocalReynolds or ByThickness
         Polars of the sections: one, one a station, or what they follow.
     tip_speed_ratio : float
@@ -585,10 +594,12 @@ def torque_weights(blade):
     Parameters
     ----------
     blade : Blade
+        The blade.
 
     Returns
     -------
     ndarray of shape (n_stations,)
+        Weights, 1/m.
     """
     spacing = 0.5 * (blade.edges[2:] - blade.edges[:-2])
     return blade.blade_count * spacing * blade.r / (np.pi * blade.tip_radius**3)
@@ -607,6 +618,7 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     Parameters
     ----------
     blade : Blade
+        The blade.
     polar : Polar or sequence of Polar or LocalReynolds or ByThickness
         Polars of the sections: one, one a station, or what they follow.
     tip_speed_ratio : array_like of shape (n_points,)
@@ -617,6 +629,7 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     Returns
     -------
     Coefficients
+        Coefficients at the points.
 
     Raises
     ------

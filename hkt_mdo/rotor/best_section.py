@@ -237,6 +237,7 @@ def best_sections(blade, polar, tip_speed_ratio, chord_bounds, twist_bounds):
     Parameters
     ----------
     blade : Blade
+        The blade.
     polar : Polar or sequence of Polar or LocalReynolds or ByThickness
         Polars of the sections: one, one a station, or what they follow.
     tip_speed_ratio : array_like of shape (n_points,)
@@ -249,6 +250,7 @@ def best_sections(blade, polar, tip_speed_ratio, chord_bounds, twist_bounds):
     Returns
     -------
     BestSections
+        Arrays (n_points, n_stations).
     """
     r, _, _, *ends, stacked, section, _ = bem._arguments(blade, polar)
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))

@@ -25,12 +25,24 @@ class Blade:
 
     @property
     def rotor_radius(self):
-        """Radius of the swept disc, tip_radius cos(cone), m."""
+        """Radius of the swept disc, tip_radius cos(cone), m.
+
+        Returns
+        -------
+        float
+            Radius (m).
+        """
         return self.tip_radius * float(np.cos(self.cone))
 
     @property
     def edges(self):
-        """Radii of hub, stations and tip along the blade, m, shape (n_stations + 2,)."""
+        """Radii of hub, stations and tip along the blade, m, shape (n_stations + 2,).
+
+        Returns
+        -------
+        ndarray of shape (n_stations + 2,)
+            Radii (m).
+        """
         return np.concatenate(([self.hub_radius], self.r, [self.tip_radius]))
 
     def with_shape(self, chord, twist, thickness=None):
@@ -50,6 +62,7 @@ class Blade:
         Returns
         -------
         Blade
+            The changed blade.
         """
         chord, twist = np.array(chord, dtype=float), np.array(twist, dtype=float)
         thickness = self.thickness if thickness is None else np.array(thickness, dtype=float)
@@ -68,6 +81,7 @@ class Blade:
         Returns
         -------
         Blade
+            The blade of that radius.
         """
         if rotor_radius == self.rotor_radius:
             return self

@@ -17,6 +17,7 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     Parameters
     ----------
     blade : Blade
+        The blade.
     polar : Polar or sequence of Polar or LocalReynolds or ByThickness
         Polars of the sections: one, one a station, or what they follow.
     tip_speed_ratio : array_like of shape (n_points,)
@@ -27,6 +28,7 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     Returns
     -------
     Coefficients
+        Coefficients at the points.
 
     Raises
     ------
@@ -62,6 +64,7 @@ def ccblade(blade, polar, derivatives=False):
     Parameters
     ----------
     blade : Blade
+        The blade.
     polar : Polar or sequence of Polar or LocalReynolds or ByThickness
         Polars of the sections: one, one a station, or what they follow.
     derivatives : bool
@@ -70,6 +73,7 @@ def ccblade(blade, polar, derivatives=False):
     Returns
     -------
     wisdem.ccblade.ccblade.CCBlade
+        The rotor, ready to be evaluated.
 
     Raises
     ------

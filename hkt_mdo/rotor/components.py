@@ -6,7 +6,7 @@ import numpy as np
 import openmdao.api as om
 
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.hydrodynamics import SOLVERS, Hydrodynamics
+from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.loads import COEFFICIENT_UNITS
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.shape import Shape
@@ -17,7 +17,6 @@ QUANTITIES = {
     "thickness": {"desc": "thickness over chord at the stations, where it is designed"},
     "rotor_radius": {"units": "m", "desc": "radius of the swept disc"},
 }
-SIZES = "chord", "thickness"
 
 
 def rotor_inputs(blade):
@@ -26,6 +25,7 @@ def rotor_inputs(blade):
     Parameters
     ----------
     blade : Blade
+        The blade.
 
     Returns
     -------
@@ -82,17 +82,11 @@ class BladeComp(om.ExplicitComponent):
     it is designed, and rotor_radius (m), with which hub, stations and tip move.
     """
 
-    def __init__(self, polar=None, coefficients=SOLVERS["vectorized"], **options):
-        if polar is not None:
-            solver = next(name for name, function in SOLVERS.items() if function is coefficients)
-            options["rotor"] = Hydrodynamics(polar, solver)
-        super().__init__(**options)
-
     def initialize(self):
         about = "the start `Blade`: stations, hub, tip, count"
         self.options.declare("blade", types=Blade, desc=about, recordable=False)
-        about = {"desc": "sections, polars, material", "recordable": False}
-        self.options.declare("rotor", None, types=Hydrodynamics, allow_none=True, **about)
+        about = "sections, polars, material"
+        self.options.declare("rotor", types=Hydrodynamics, desc=about, recordable=False)
 
     def setup(self):
         for name in self.inputs_of_blade:
@@ -101,7 +95,13 @@ class BladeComp(om.ExplicitComponent):
 
     @property
     def inputs_of_blade(self):
-        """Names of what the component takes of the blade."""
+        """Names of what the component takes of the blade.
+
+        Returns
+        -------
+        list of str
+            Names of `QUANTITIES`.
+        """
         return rotor_inputs(self.options["blade"])
 
     def blade_of(self, inputs):
@@ -115,6 +115,7 @@ class BladeComp(om.ExplicitComponent):
         Returns
         -------
         Blade
+            The blade in the model's present state.
         """
         start = self.options["blade"]
         thickness = (inputs["thickness"],) if start.thickness is not None else ()
@@ -162,10 +163,6 @@ class LoadTable(BladeComp):
     blade (`Envelope`). The option rotor is a `RotorModel`.
     """
 
-    def __init__(self, model=None, **options):
-        super().__init__(**options)
-        self._model = model
-
     def initialize(self):
         super().initialize()
         self.options.declare("names", types=tuple, desc="names of the loads")
@@ -188,9 +185,8 @@ class LoadTable(BladeComp):
                 partials[f"{name}_table", by] = getattr(envelope, f"by_{by}")
 
     def _solve(self, inputs, derivatives=False):
-        model, nodes = self._model or self.options["rotor"].loads, self.options["nodes"]
-        names = self.options["names"]
-        loads = model.coefficients(self.blade_of(inputs), nodes, derivatives, names)
+        model, about = self.options["rotor"].loads, (self.options["nodes"], derivatives)
+        loads = model.coefficients(self.blade_of(inputs), *about, self.options["names"])
         return {name: load.envelope(model.exponent) for name, load in loads.items()}
 
 
@@ -241,16 +237,6 @@ class InertiaComp(BladeComp):
     `RotorModel`.
     """
 
-    def __init__(self, section_area=None, density=None, hub_inertia=0.0, **options):
-        if section_area is not None:
-            options["rotor"] = RotorModel(
-                polar=None,
-                section_area=section_area,
-                material_density=density,
-                hub_inertia=hub_inertia,
-            )
-        super().__init__(**options)
-
     def setup(self):
         super().setup()
         self.add_output("mass", units="kg", desc="mass of the blades")
@@ -259,17 +245,19 @@ class InertiaComp(BladeComp):
 
     @property
     def inputs_of_blade(self):
-        """Names of what decides the sections' areas, and the radius."""
-        return [*self._sizes, "rotor_radius"]
+        """Names of what decides the sections' areas, and the radius.
 
-    @property
-    def _sizes(self):
-        return [name for name in SIZES if getattr(self.options["blade"], name) is not None]
+        Returns
+        -------
+        list of str
+            Names of `QUANTITIES`.
+        """
+        return [name for name in rotor_inputs(self.options["blade"]) if name != "twist"]
 
     def _evaluate(self, inputs):
         """Return the blades' `RotorMass` at the start's radius, and the radius over the start's."""
-        start = self.options["blade"]
-        blade = replace(start, **{name: inputs[name] for name in self._sizes})
+        start, (*sizes, _) = self.options["blade"], self.inputs_of_blade
+        blade = replace(start, **{name: inputs[name] for name in sizes})
         blades = replace(self.options["rotor"], hub_inertia=0.0)
         return blades.mass_and_inertia(blade), inputs["rotor_radius"][0] / start.rotor_radius
 
@@ -280,9 +268,9 @@ class InertiaComp(BladeComp):
 
     def compute_partials(self, inputs, partials):
         blades, stretch = self._evaluate(inputs)
-        radius = self.options["blade"].rotor_radius
+        radius, (*sizes, _) = self.options["blade"].rotor_radius, self.inputs_of_blade
         for power, name in ((1, "mass"), (3, "inertia")):
-            for by in self._sizes:
+            for by in sizes:
                 partials[name, by] = getattr(blades, f"{name}_by_{by}") * stretch**power
             slope = power * getattr(blades, name) * stretch ** (power - 1) / radius
             partials[name, "rotor_radius"] = slope

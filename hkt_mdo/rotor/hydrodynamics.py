@@ -34,38 +34,48 @@ class Hydrodynamics:
     polar: Polar | tuple[Polar, ...] | LocalReynolds | ByThickness
     solver: str = "vectorized"
 
-    @classmethod
-    def of(cls, rotor):
-        """Return the hydrodynamics of a rotor, which may be given by its polars alone.
-
-        Parameters
-        ----------
-        rotor : Hydrodynamics, or what `Hydrodynamics.polar` is
+    @property
+    def follows_reynolds(self):
+        """Whether polars follow the Reynolds number, and with it the speed of the flow.
 
         Returns
         -------
-        Hydrodynamics
+        bool
+            True for a `LocalReynolds`.
         """
-        return rotor if isinstance(rotor, Hydrodynamics) else Hydrodynamics(rotor)
-
-    @property
-    def follows_reynolds(self):
-        """Whether polars follow the Reynolds number, and with it the speed of the flow."""
         return isinstance(self.polar, LocalReynolds)
 
     @property
     def follows_thickness(self):
-        """Whether polars follow the thickness of the blade, which is then designed."""
+        """Whether polars follow the thickness of the blade, which is then designed.
+
+        Returns
+        -------
+        bool
+            True for a `ByThickness`.
+        """
         return isinstance(self.polar, ByThickness)
 
     @property
     def several_sections(self):
-        """Whether the stations have polars of their own, which are rougher together than one."""
+        """Whether the stations have polars of their own, which are rougher together than one.
+
+        Returns
+        -------
+        bool
+            False for one section of all stations.
+        """
         return isinstance(self.polar, tuple | ByThickness)
 
     @property
     def thickness_bounds(self):
-        """Smallest and largest thickness over chord; 0 and 1 where it is not designed."""
+        """Smallest and largest thickness over chord; 0 and 1 where it is not designed.
+
+        Returns
+        -------
+        tuple of float
+            Over the chord.
+        """
         return self.polar.bounds if self.follows_thickness else (0.0, 1.0)
 
     def polars_at(self, station):
@@ -79,6 +89,7 @@ class Hydrodynamics:
         Returns
         -------
         tuple of Polar
+            All that the station's sections are mixed of.
         """
         if self.follows_reynolds or self.follows_thickness:
             return self.polar.polars[station % len(self.polar.polars)]
@@ -95,6 +106,7 @@ class Hydrodynamics:
         Returns
         -------
         Hydrodynamics
+            With the polar of that station alone.
         """
         return replace(self, polar=bem.polar_at(self.polar, station))
 
@@ -137,6 +149,7 @@ class Hydrodynamics:
         Parameters
         ----------
         blade : Blade
+            The blade.
         tip_speed_ratio : array_like of shape (n_points,)
             Omega R / V of the disc, positive.
         derivatives : bool
@@ -163,6 +176,7 @@ class Hydrodynamics:
         Parameters
         ----------
         blade : Blade
+            The blade.
         tip_speed_ratio : array_like of shape (n_points,)
             Omega R / V of the disc, positive.
         derivatives : bool
@@ -171,6 +185,7 @@ class Hydrodynamics:
         Returns
         -------
         Coefficients
+            Coefficients at the points.
 
         Raises
         ------
@@ -188,7 +203,7 @@ class Hydrodynamics:
         ----------
         angle_of_attack : ndarray of shape (n_points, n_stations)
             Angle of attack (rad).
-        thickness : ndarray of shape (n_stations,)
+        *thickness : ndarray of shape (n_stations,)
             Over chord; given where polars follow it.
 
         Returns
@@ -232,6 +247,7 @@ class Hydrodynamics:
         Parameters
         ----------
         blade : Blade
+            The blade.
         tip_speed_ratio : float
             Omega R / V of the disc.
         derivatives : bool

@@ -4,8 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Three points are exact for (linear chord)² times linear shape times r², a quintic.
+# Gauss's rule between two edges: three points are exact for (linear chord)² times linear shape
+# times r², a quintic.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+SHARES, WEIGHTS = 0.5 * (_POINTS + 1.0)[:, None], 0.5 * _WEIGHTS[:, None]
 
 
 class RotorMass(NamedTuple):
@@ -22,6 +24,38 @@ class RotorMass(NamedTuple):
     inertia_by_thickness: np.ndarray
 
 
+def between(values):
+    """Return what is linear between edges at the points of Gauss's rule.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n_edges,)
+        Values at the edges.
+
+    Returns
+    -------
+    ndarray of shape (3, n_edges - 1)
+        Values at three points between each two edges.
+    """
+    return values[:-1] + SHARES * np.diff(values)
+
+
+def carried(values):
+    """Return values at stations with those that they are carried on with to hub and tip.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n_stations,)
+        Values at the stations.
+
+    Returns
+    -------
+    ndarray of shape (n_stations + 2,)
+        Values at hub, stations and tip.
+    """
+    return np.concatenate((values[:1], values, values[-1:]))
+
+
 def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
     """Return the `RotorMass` of solid blades.
 
@@ -34,6 +68,7 @@ def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
     Parameters
     ----------
     blade : Blade
+        The blade.
     section_area : float or ndarray of shape (n_stations,) or CubicSpline
         Area of a section's material over chord squared: one, one a station, or over the
         thickness.
@@ -45,30 +80,23 @@ def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
     Returns
     -------
     RotorMass
+        Mass, inertia and their gradients.
     """
     by_thickness = 0.0
     if callable(section_area):
         by_thickness, section_area = section_area(blade.thickness, 1), section_area(blade.thickness)
-    edges = blade.edges
-
-    def carried(values):
-        return np.concatenate((values[:1], values, values[-1:]))
-
-    chord = carried(np.asarray(blade.chord))
     shape = carried(np.broadcast_to(np.asarray(section_area, dtype=float), blade.r.shape))
-    inner, width = edges[:-1], np.diff(edges)
-    share = 0.5 * (_POINTS + 1.0)[:, None]
-    local_r = (inner + share * width) * np.cos(blade.cone)
-    local_c = chord[:-1] + share * np.diff(chord)
-    unit = _WEIGHTS[:, None] * 0.5 * width * blade.blade_count * density
-    area = unit * (shape[:-1] + share * np.diff(shape))
+    local_r = between(blade.edges) * np.cos(blade.cone)
+    local_c = between(carried(np.asarray(blade.chord)))
+    unit = WEIGHTS * np.diff(blade.edges) * blade.blade_count * density
+    area = unit * between(shape)
     mass = np.sum(area * local_c**2)
     inertia = np.sum(area * local_c**2 * local_r**2) + hub_inertia
 
     def gradient(inside):
-        by_edge = np.zeros(edges.size, dtype=inside.dtype)
-        by_edge[:-1] += np.sum(inside * (1.0 - share), axis=0)
-        by_edge[1:] += np.sum(inside * share, axis=0)
+        by_edge = np.zeros(blade.r.size + 2, dtype=inside.dtype)
+        by_edge[:-1] += np.sum(inside * (1.0 - SHARES), axis=0)
+        by_edge[1:] += np.sum(inside * SHARES, axis=0)
         by_edge[1] += by_edge[0]
         by_edge[-2] += by_edge[-1]
         return by_edge[1:-1]

@@ -12,6 +12,7 @@ import numpy as np
 
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
+from hkt_mdo.rotor.inertia import SHARES, WEIGHTS, between, carried
 from hkt_mdo.rotor.strength import (
     EXPONENT,
     Structure,
@@ -22,10 +23,6 @@ from hkt_mdo.rotor.strength import (
 
 # Unit of the coefficient of each load, the load over q (Pa)
 COEFFICIENT_UNITS = {"thrust": "m**2", "root_moment": "m**3", "stress": None, "cavitation": "1/Pa"}
-
-# Three points are exact for (linear chord)² times linear shape times r², a quintic.
-_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
-_SHARES, _WEIGHTS = 0.5 * (_POINTS + 1.0)[:, None], 0.5 * _WEIGHTS[:, None]
 
 
 class Envelope(NamedTuple):
@@ -61,12 +58,24 @@ class Load(NamedTuple):
 
     @property
     def largest(self):
-        """Largest load along the blade, shape (n,)."""
+        """Largest load along the blade, shape (n,).
+
+        Returns
+        -------
+        ndarray of shape (n,)
+            Load over q.
+        """
         return np.max(np.real(self.exact), axis=1)
 
     @property
     def largest_at(self):
-        """Radius along the blade where the largest load is, m, shape (n,)."""
+        """Radius along the blade where the largest load is, m, shape (n,).
+
+        Returns
+        -------
+        ndarray of shape (n,)
+            Radius (m).
+        """
         return self.r[np.argmax(np.real(self.exact), axis=1)]
 
     def envelope(self, exponent=EXPONENT):
@@ -80,6 +89,7 @@ class Load(NamedTuple):
         Returns
         -------
         Envelope
+            The smooth largest load and its derivatives.
         """
         if self.r.size == 1:
             values, share = self.values[:, 0], np.ones(self.values.shape)
@@ -131,7 +141,7 @@ class Cavitation:
 class LoadModel:
     """What the loads of a rotor follow from, besides its blade.
 
-    polar is what `bem.sections` takes, water_density in kg/m³. Without a `Structure` there is no
+    rotor has the flow at its sections, water_density is in kg/m³. Without a `Structure` there is no
     stress, without a `Cavitation` no cavitation. exponent is that of the norms which stand for the
     largest stress over an outline and, in `Load.envelope`, along the blade: a larger one is closer
     to the largest, and less smooth.
@@ -144,13 +154,14 @@ class LoadModel:
     exponent: int = EXPONENT
 
     @property
-    def flow(self):
-        """The `Hydrodynamics` of the rotor, which may be given by its polars alone."""
-        return Hydrodynamics.of(self.rotor)
-
-    @property
     def names(self):
-        """Names of the loads that the model gives."""
+        """Names of the loads that the model gives.
+
+        Returns
+        -------
+        tuple of str
+            Some of thrust, root_moment, stress and cavitation.
+        """
         structural = ("stress",) if self.structure else ()
         return "thrust", "root_moment", *structural, *(("cavitation",) if self.cavitation else ())
 
@@ -171,6 +182,7 @@ class LoadModel:
         Parameters
         ----------
         blade : Blade
+            The blade.
         tip_speed_ratio : array_like of shape (n_points,)
             Omega R / V of the disc, positive.
         derivatives : bool
@@ -181,19 +193,20 @@ class LoadModel:
         Returns
         -------
         dict of str to Load
+            The loads by name.
 
         Raises
         ------
         ValueError
             See above.
         """
-        if derivatives and self.flow.follows_reynolds:
+        if derivatives and self.rotor.follows_reynolds:
             raise ValueError("loads have no derivatives with local Reynolds numbers")
         names = self.names if names is None else names
         if missing := [name for name in names if name not in self.names]:
             raise ValueError(f"the model gives no {', '.join(missing)}")
         ratio = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-        flow = self.flow.sections(blade, ratio, derivatives)
+        flow = self.rotor.sections(blade, ratio, derivatives)
         return {name: _LOADS[name](self, blade, flow, ratio) for name in names}
 
     def _structure(self, blade):
@@ -212,6 +225,7 @@ class LoadModel:
         Parameters
         ----------
         blade : Blade
+            The blade.
         tip_speed_ratio : array_like of shape (n_points,)
             Omega R / V of the disc, positive.
         r : ndarray of shape (n_r,)
@@ -222,7 +236,7 @@ class LoadModel:
         ndarray of shape (n_points, n_r)
             In m**3.
         """
-        flow = self.flow.sections(blade, tip_speed_ratio)
+        flow = self.rotor.sections(blade, tip_speed_ratio)
         return _moments(blade, flow, np.asarray(r, dtype=float))[0]
 
     def tip_deflection(self, blade, tip_speed_ratio):
@@ -237,6 +251,7 @@ class LoadModel:
         Parameters
         ----------
         blade : Blade
+            The blade.
         tip_speed_ratio : array_like of shape (n_points,)
             Omega R / V of the disc, positive.
 
@@ -252,22 +267,20 @@ class LoadModel:
         """
         if self.structure is None:
             raise ValueError("deflections need a structure")
-        flow = self.flow.sections(blade, tip_speed_ratio)
+        flow = self.rotor.sections(blade, tip_speed_ratio)
         weights = place_weights(blade.r.size)
         structure, _ = self._structure(blade)
         edges = np.concatenate(([blade.hub_radius], weights @ blade.r, [blade.tip_radius]))
-        r = (edges[:-1] + _SHARES * np.diff(edges)).ravel()
+        r = between(edges).ravel()
 
         def spread(values):
-            ends = np.broadcast_to(values, len(weights))
-            ends = np.concatenate((ends[:1], ends, ends[-1:]))
-            return (ends[:-1] + _SHARES * np.diff(ends)).ravel()
+            return between(carried(np.broadcast_to(values, len(weights)))).ravel()
 
         chord, twist = spread(weights @ blade.chord), spread(weights @ blade.twist)
         numbers = {name: spread(getattr(structure, name)) for name in ("xx", "yy", "xy")}
         weak, strong = _about_chord(*_moments(blade, flow, r), twist)
         curvature = replace(structure, **numbers).curvature(weak, strong, chord, twist)
-        return curvature @ ((_WEIGHTS * np.diff(edges)).ravel() * (blade.tip_radius - r))
+        return curvature @ ((WEIGHTS * np.diff(edges)).ravel() * (blade.tip_radius - r))
 
 
 def moment_weights(blade, r):
@@ -279,6 +292,7 @@ def moment_weights(blade, r):
     Parameters
     ----------
     blade : Blade
+        The blade.
     r : ndarray of shape (n_places,)
         Radii along the blade (m).
 
@@ -407,21 +421,15 @@ def _outboard(blade, area, r, chord):
     are (2, n_places), and (2, n_places, n_places) for the derivatives by the chord and by the area
     at the places.
     """
-    n = r.size
-
-    def between(values, end):
-        width = np.diff(np.concatenate((values, [end])))
-        return values + _SHARES * width
-
-    s, local = between(r, blade.tip_radius), between(chord, chord[-1])
-    width = np.diff(np.concatenate((r, [blade.tip_radius])))
-    weight = _WEIGHTS * width * between(area, area[-1]) * s
-    weight, unit = (np.stack((factor, factor * s)) for factor in (weight, _WEIGHTS * width * s))
+    n, edges = r.size, np.append(r, blade.tip_radius)
+    s, local, areas = map(between, (edges, carried(chord)[1:], carried(area)[1:]))
+    unit = WEIGHTS * np.diff(edges)
+    weight, unit = (np.stack((factor, factor * s)) for factor in (unit * areas * s, unit * s))
     integrals = np.cumsum(np.sum(weight * local**2, axis=1)[:, ::-1], axis=1)[:, ::-1]
 
     def slopes(by):
-        inner = np.sum(by * (1.0 - _SHARES), axis=1)  # by the value at the inner end
-        outer = np.sum(by * _SHARES, axis=1)
+        inner = np.sum(by * (1.0 - SHARES), axis=1)  # by the value at the inner end
+        outer = np.sum(by * SHARES, axis=1)
         slopes = np.triu(np.ones((n, n))) * inner[:, None]
         slopes[:, :, 1:] += np.triu(np.ones((n, n - 1)), 0) * outer[:, None, :-1]
         slopes[:, :, -1] += outer[:, None, -1]

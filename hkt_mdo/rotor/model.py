@@ -44,7 +44,13 @@ class RotorModel(Hydrodynamics):
 
     @property
     def loads(self):
-        """The `LoadModel`, which tells the loads of a blade."""
+        """The `LoadModel`, which tells the loads of a blade.
+
+        Returns
+        -------
+        LoadModel
+            The loads of any blade of this rotor.
+        """
         return LoadModel(self, self.water_density, self.structure, self.cavitation)
 
     def mass_and_inertia(self, blade):
@@ -53,6 +59,7 @@ class RotorModel(Hydrodynamics):
         Parameters
         ----------
         blade : Blade
+            The blade.
 
         Returns
         -------
@@ -69,12 +76,14 @@ class RotorModel(Hydrodynamics):
         shape : Shape
             What of the blade is designed.
         blade : Blade
+            The blade at the start.
         tip_speed_ratio : float
             The lowest one of the disc at which the blade works.
 
         Returns
         -------
         StallFence
+            The stations, and their highest angles of attack.
         """
         return stall.stall_fence(self, shape, blade, tip_speed_ratio)
 
@@ -84,10 +93,12 @@ class RotorModel(Hydrodynamics):
         Parameters
         ----------
         blade : Blade
+            The blade.
 
         Returns
         -------
         SteadyOptimum
+            Tip speed ratio and power coefficient there.
         """
         return steady_optimum.best_operation(blade, self)
 
@@ -104,6 +115,7 @@ class RotorModel(Hydrodynamics):
         Returns
         -------
         SteadyOptimum
+            The best blade, where it works, and its power coefficient.
         """
         if shape.designs_chord:
             bounds = shape.chord_bounds, shape.twist_bounds
@@ -129,6 +141,7 @@ class RotorModel(Hydrodynamics):
         Returns
         -------
         SteadyOptimum
+            The best blade and its power coefficient.
         """
         bounds = shape.chord_bounds, shape.twist_bounds
         return steady_optimum.best_blade(

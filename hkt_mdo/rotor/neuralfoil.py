@@ -46,6 +46,7 @@ def compute_polars(
     Parameters
     ----------
     outline : Outline
+        Outline of the section.
     reynolds : sequence of float
         Reynolds numbers by the chord.
     alpha : ndarray of shape (n_rows,)
@@ -60,6 +61,7 @@ def compute_polars(
     Returns
     -------
     tuple of ComputedPolar
+        Polar and confidence, one for each Reynolds number.
 
     Raises
     ------

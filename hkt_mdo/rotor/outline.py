@@ -49,6 +49,7 @@ class Outline:
         Returns
         -------
         Outline
+            The outline.
 
         Raises
         ------
@@ -59,7 +60,13 @@ class Outline:
 
     @cached_property
     def area(self):
-        """Area over chord squared (shoelace formula)."""
+        """Area over chord squared (shoelace formula).
+
+        Returns
+        -------
+        float
+            Over chord squared.
+        """
         return 0.5 * abs(self._twice)
 
     @cached_property
@@ -69,12 +76,24 @@ class Outline:
 
     @property
     def upper_first(self):
-        """The points, (n, 2), from the trailing edge over the upper side."""
+        """The points, (n, 2), from the trailing edge over the upper side.
+
+        Returns
+        -------
+        ndarray of shape (n, 2)
+            x and y over the chord.
+        """
         return np.column_stack((self.x, self.y))[:: -1 if self._twice < 0.0 else 1]
 
     @cached_property
     def thickness(self):
-        """Largest thickness over the chord, measured perpendicular to the chord line."""
+        """Largest thickness over the chord, measured perpendicular to the chord line.
+
+        Returns
+        -------
+        float
+            Over the chord.
+        """
         next_x, next_y = np.roll(self.x, -1), np.roll(self.y, -1)
         run, rise = next_x - self.x, next_y - self.y
         largest = 0.0
@@ -88,7 +107,13 @@ class Outline:
 
     @cached_property
     def centroid(self):
-        """Centroid (x, y) over the chord."""
+        """Centroid (x, y) over the chord.
+
+        Returns
+        -------
+        tuple of float
+            x and y over the chord.
+        """
         x, y, next_x, next_y, cross = self._sides()
         weight = cross / (3.0 * np.sum(cross))
         return float(np.dot(x + next_x, weight)), float(np.dot(y + next_y, weight))
@@ -99,6 +124,11 @@ class Outline:
 
         Sums over the sides of cross (a² + a b + b²) / 12 with cross = x0 y1 - x1 y0 (Green's
         theorem), taken with the centroid as origin.
+
+        Returns
+        -------
+        SecondMoments
+            Over chord to the fourth power.
         """
         x, y, next_x, next_y, cross = self._sides(*self.centroid)
         cross = cross * np.sign(np.sum(cross))
@@ -119,6 +149,7 @@ class Outline:
         Returns
         -------
         Outline
+            The stretched outline.
         """
         return Outline(self.x, factor * self.y)
 
@@ -131,12 +162,14 @@ class Outline:
         Parameters
         ----------
         other : Outline
+            The outline at a share of 1.
         share : float
             Share of the other, 0 to 1.
 
         Returns
         -------
         Outline
+            The outline between both.
         """
         if share == 0.0 or other is self:
             return self
@@ -147,7 +180,13 @@ class Outline:
         return Outline(np.concatenate((x[::-1], x)), np.concatenate((upper[::-1], lower)))
 
     def resampled(self):
-        """Return x, and y of the upper and the lower side, from leading to trailing edge."""
+        """Return x, and y of the upper and the lower side, from leading to trailing edge.
+
+        Returns
+        -------
+        x, upper, lower : ndarray of shape (n_fractions,)
+            Over the chord, at `FRACTIONS` of it.
+        """
         x = np.min(self.x) + FRACTIONS * np.ptp(self.x)
         return x, *_sides_at(x, self.x, self.y)[:: self._turn]
 
@@ -165,6 +204,7 @@ class Outline:
         Returns
         -------
         Outline or None
+            The outline of the hollow; None where the section is solid.
         """
         run, rise = np.gradient(self.x), np.gradient(self.y)
         step = self._turn * wall / np.maximum(np.hypot(run, rise), np.finfo(float).tiny)

@@ -31,6 +31,7 @@ def potential_suction(outline, alpha, lift):
     Parameters
     ----------
     outline : Outline
+        Outline of the section.
     alpha : ndarray of shape (n_rows,)
         Angle of attack (rad).
     lift : ndarray of shape (n_rows,)
@@ -39,6 +40,7 @@ def potential_suction(outline, alpha, lift):
     Returns
     -------
     ndarray of shape (2, n_rows)
+        -Cp min of the upper and the lower surface.
     """
     x, y = faired(outline)
     flow = surface_speed(x, y)
@@ -69,6 +71,7 @@ def faired(outline, n_panels=PANELS):
     Parameters
     ----------
     outline : Outline
+        Outline of the section.
     n_panels : int
         Panels of each side.
 
@@ -139,6 +142,7 @@ def surface_speed(x, y):
     Returns
     -------
     SurfaceSpeed
+        Speed along the surface at the nodes.
     """
     n = x.size
     influence, weight = _influence(x, y)

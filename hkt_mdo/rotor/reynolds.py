@@ -43,6 +43,7 @@ class LocalReynolds:
         Returns
         -------
         LocalReynolds
+            The polars of the stations.
 
         Raises
         ------
@@ -73,6 +74,7 @@ class LocalReynolds:
         Returns
         -------
         LocalReynolds
+            With the other speed.
         """
         return replace(self, flow_speed=flow_speed)
 
@@ -90,12 +92,14 @@ class LocalReynolds:
         Parameters
         ----------
         blade : Blade
+            The blade.
         blade_ratio : array_like of shape (n_points,)
             Omega R / V with R along the blade.
 
         Returns
         -------
         ndarray of shape (2, n_stations, n_points, n_reynolds)
+            Weights, and their slopes over ln(Re).
         """
         lambda_r = blade.r[:, None] / blade.tip_radius * blade_ratio
         unit = self.flow_speed * np.cos(blade.cone) / self.viscosity

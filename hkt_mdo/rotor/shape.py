@@ -36,6 +36,7 @@ def spline_basis(points, position, low, high):
     Returns
     -------
     ndarray of shape (n, points)
+        Rows that sum to one.
     """
     degree = min(DEGREE, points - 1)
     inner = np.linspace(low, high, points - degree + 1)
@@ -94,18 +95,24 @@ class Shape:
         Parameters
         ----------
         blade : Blade
-        chord_points, twist_points, thickness_points : int or None
+            The blade as given.
+        chord_points, twist_points : int or None
             Numbers of control points; if not fewer than the stations, they are the stations.
-        chord_bounds, twist_bounds, thickness_bounds : tuple of float
-            Smallest and largest chord (m), twist (rad), thickness over chord.
+        chord_bounds, twist_bounds : tuple of float
+            Smallest and largest chord (m) and twist (rad).
         radius_bounds : tuple of float, optional
             Smallest and largest radius of the disc (m); None: it is not designed.
         several_sections : bool
             Whether stations have sections of their own.
+        thickness_points : int or None
+            Number of control points, as of the chord.
+        thickness_bounds : tuple of float
+            Smallest and largest thickness over chord.
 
         Returns
         -------
         Shape
+            The family of blades.
         """
         n = blade.r.size
         usual = n if n <= FREE_STATIONS and not several_sections else POINTS
@@ -137,6 +144,7 @@ class Shape:
         Parameters
         ----------
         blade : Blade
+            The blade as given.
         set_angle : float
             That of the blade as given (rad).
         set_angle_bounds : tuple of float, optional
@@ -147,6 +155,7 @@ class Shape:
         Returns
         -------
         Shape
+            The family of blades.
         """
         n = blade.r.size
         turned = np.ones((n, 1)) if set_angle_bounds else np.empty((n, 0))
@@ -156,28 +165,58 @@ class Shape:
 
     @property
     def designs_chord(self):
-        """Whether the chord is designed."""
+        """Whether the chord is designed.
+
+        Returns
+        -------
+        bool
+            True if the chord has control points.
+        """
         return self.chord_basis.shape[1] > 0
 
     @property
     def bases(self):
-        """The bases by the name of what is designed; that of the thickness may be empty."""
+        """The bases by the name of what is designed; that of the thickness may be empty.
+
+        Returns
+        -------
+        dict of str to ndarray
+            Of shape (n_stations, n_control) each.
+        """
         names = "chord", "twist", "thickness"
         return {name: getattr(self, f"{name}_basis") for name in names}
 
     @property
     def points(self):
-        """Number of control points, or of stations designed, by the name of what is designed."""
+        """Number of control points, or of stations designed, by the name of what is designed.
+
+        Returns
+        -------
+        dict of str to int
+            Numbers by the names of `bases`.
+        """
         return {name: basis.shape[1] for name, basis in self.bases.items()}
 
     @property
     def designs_thickness(self):
-        """Whether the thickness is designed."""
+        """Whether the thickness is designed.
+
+        Returns
+        -------
+        bool
+            True if the thickness has control points.
+        """
         return self.points["thickness"] > 0
 
     @property
     def designs_set_angle(self):
-        """Whether the set angle of a fixed blade is designed."""
+        """Whether the set angle of a fixed blade is designed.
+
+        Returns
+        -------
+        bool
+            True if it is the only control point.
+        """
         return not self.designs_chord and self.points["twist"] > 0
 
     def stretch(self, rotor_radius):
@@ -191,6 +230,7 @@ class Shape:
         Returns
         -------
         float
+            The factor; 1 where the chord is designed.
         """
         return 1.0 if self.designs_chord else rotor_radius / self.blade.rotor_radius
 
@@ -202,6 +242,7 @@ class Shape:
         Parameters
         ----------
         blade : Blade
+            The blade to come near to.
 
         Returns
         -------
@@ -263,6 +304,7 @@ class Shape:
         Returns
         -------
         Blade
+            The blade of this design.
         """
         radius = self.blade.rotor_radius if rotor_radius is None else rotor_radius
         chord, *others = self.stations(chord_control, twist_control, thickness_control)
@@ -275,6 +317,7 @@ class Shape:
         Parameters
         ----------
         blade : Blade
+            The blade to come near to.
 
         Returns
         -------
@@ -291,9 +334,11 @@ class Shape:
         Parameters
         ----------
         blade : Blade
+            The blade to come near to.
 
         Returns
         -------
         Blade
+            The nearest blade.
         """
         return self.at(*self.within(blade), blade.rotor_radius)

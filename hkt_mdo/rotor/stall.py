@@ -4,8 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
-
 SLOWER = 0.97  # of the tip speed ratio at which sections must still be attached
 DISTANCE = np.deg2rad(1.0)  # from the angle of attack of stall
 
@@ -35,18 +33,20 @@ def stall_fence(rotor, shape, blade, tip_speed_ratio):
 
     Parameters
     ----------
-    rotor : Hydrodynamics, or its polars
+    rotor : Hydrodynamics
+        Its sections and their flow.
     shape : Shape
         What of the blade is designed.
     blade : Blade
+        The blade at the start.
     tip_speed_ratio : float
         The lowest one of the disc at which the blade works.
 
     Returns
     -------
     StallFence
+        The stations, and their highest angles of attack.
     """
-    rotor = Hydrodynamics.of(rotor)
     if not isinstance(rotor.polar, tuple) or not shape.designs_chord:
         return StallFence(np.empty(0, dtype=int), np.empty(0))
     stall = np.array([polar.stall for polar in rotor.polar])

@@ -53,7 +53,9 @@ def best_blade(
     Parameters
     ----------
     blade : Blade
-    rotor : Hydrodynamics, or its polars
+        Gives stations, hub, tip, blade count and cone.
+    rotor : Hydrodynamics
+        Its sections and their flow.
     tip_speed_ratio : float
         Omega R / V of the disc.
     chord_bounds : tuple of float
@@ -68,8 +70,9 @@ def best_blade(
     Returns
     -------
     SteadyOptimum
+        The best blade and its power coefficient.
     """
-    rotor, bounds = Hydrodynamics.of(rotor), (chord_bounds, twist_bounds)
+    bounds = chord_bounds, twist_bounds
     if start is None:
         (start,) = _candidates(blade, rotor, [tip_speed_ratio], *bounds)
     return _climb(start, rotor, tip_speed_ratio, *bounds, tolerance)
@@ -83,7 +86,9 @@ def best_rotor(blade, rotor, chord_bounds, twist_bounds):
     Parameters
     ----------
     blade : Blade
-    rotor : Hydrodynamics, or its polars
+        Gives stations, hub, tip, blade count and cone.
+    rotor : Hydrodynamics
+        Its sections and their flow.
     chord_bounds : tuple of float
         Smallest and largest chord (m).
     twist_bounds : tuple of float
@@ -92,11 +97,12 @@ def best_rotor(blade, rotor, chord_bounds, twist_bounds):
     Returns
     -------
     SteadyOptimum
+        The best blade, where it works, and its power coefficient.
     """
-    rotor, bounds = Hydrodynamics.of(rotor), (chord_bounds, twist_bounds)
+    bounds = chord_bounds, twist_bounds
 
     def peaks(ratios, count):
-        """Return the best blade at each of the highest peaks, and the ratios around it."""
+        # the best blade at each of the highest peaks, and the ratios around it
         starts = _candidates(blade, rotor, ratios, *bounds, SCAN)
         power = [_power(start, rotor, ratio) for start, ratio in zip(starts, ratios, strict=True)]
         padded = np.array([-np.inf, *power, -np.inf])
@@ -105,7 +111,7 @@ def best_rotor(blade, rotor, chord_bounds, twist_bounds):
         return [(starts[peak], ratios[max(peak - 1, 0) : peak + 2]) for peak in places]
 
     def refined(start, near):
-        """Return the best optimum between the ratios, by continuation from a blade."""
+        # the best optimum between the ratios, by continuation from a blade
         return _bracketed(lambda ratio: _climb(start, rotor, ratio, *bounds, tolerance=1e-12), near)
 
     # Stations that jump between stalled and attached flow leave several peaks over the ratio.
@@ -130,13 +136,16 @@ def best_operation(blade, rotor):
     Parameters
     ----------
     blade : Blade
-    rotor : Hydrodynamics, or its polars
+        The blade.
+    rotor : Hydrodynamics
+        Its sections and their flow.
 
     Returns
     -------
     SteadyOptimum
+        Tip speed ratio and power coefficient of the peak.
     """
-    rotor, ratios = Hydrodynamics.of(rotor), np.linspace(1.0, 20.0, 200)
+    ratios = np.linspace(1.0, 20.0, 200)
     power = rotor.coefficients(blade, ratios).power
 
     def at(ratio):
@@ -154,11 +163,14 @@ def best_set_angle(shape, blade, rotor):
     shape : Shape
         The family of blades.
     blade : Blade
-    rotor : Hydrodynamics, or its polars
+        Gives the radius.
+    rotor : Hydrodynamics
+        Its sections and their flow.
 
     Returns
     -------
     SteadyOptimum
+        The best blade, where it works, and its power coefficient.
     """
     chord, _, none = shape.control(blade)
 

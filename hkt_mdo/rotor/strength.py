@@ -79,6 +79,7 @@ class Structure:
         Returns
         -------
         Structure
+            What the sections resist.
         """
         same = isinstance(outlines, Outline)
         if same and np.ndim(wall) == 0:
@@ -114,6 +115,7 @@ class Structure:
         Returns
         -------
         Structure
+            The changed structure.
 
         Raises
         ------
@@ -157,6 +159,7 @@ class Structure:
         Returns
         -------
         Bending
+            The largest stress, and its derivatives.
         """
         d = (self.xx * self.yy - self.xy**2) * chord**3
         u, v = self._gradient(weak, strong, d)
@@ -248,6 +251,7 @@ class StructureByThickness:
         Returns
         -------
         StructureByThickness
+            What the sections resist.
         """
         parts = [np.linspace(*ends, PARTS + 1) for ends in pairwise(thickness)]
         at = np.unique(np.concatenate(parts))
@@ -280,6 +284,7 @@ class StructureByThickness:
         Returns
         -------
         StructureByThickness
+            The changed structure.
         """
         at = self.numbers.x
         table = self.numbers(at)
@@ -301,6 +306,7 @@ class StructureByThickness:
         Returns
         -------
         Structure
+            The structure at the places, or its rate.
         """
         table = self.numbers(thickness, order)
         points = table[:, 4:].reshape(table.shape[0], -1, 2)
@@ -317,10 +323,12 @@ def place_weights(n_stations):
     Parameters
     ----------
     n_stations : int
+        Number of stations.
 
     Returns
     -------
     ndarray of shape (n_places, n_stations)
+        Rows that sum to one.
     """
     parts = max(3, -(-PLACES // max(n_stations - 1, 1)))
     at = np.arange((n_stations - 1) * parts + 1)[:, None] / parts
@@ -336,6 +344,7 @@ def norm(values, exponent=EXPONENT):
     Parameters
     ----------
     values : ndarray of shape (..., n)
+        Loads of either sign.
     exponent : int
         Exponent of the norm that stands for the largest.
 
@@ -426,6 +435,7 @@ def material_section(outline, wall=None):
     Parameters
     ----------
     outline : Outline
+        Outline of the section.
     wall : float, optional
         Thickness of the wall over the chord; None: solid.
 

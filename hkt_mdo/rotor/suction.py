@@ -86,6 +86,7 @@ def split_at_kink(alpha, suction):
     Returns
     -------
     ndarray of shape (2, n_rows)
+        Suction of the upper and the lower surface.
     """
     near = np.flatnonzero(np.abs(alpha) <= KINK_RANGE)
     lowest = near[np.argmin(suction[near])] if near.size else 0
@@ -129,6 +130,7 @@ def section_suction(polar, angle_of_attack):
     Returns
     -------
     suction, by_angle : ndarray of shape (2, n_points, n_stations)
+        -Cp min of both surfaces, and its slopes per rad.
 
     Raises
     ------
@@ -148,6 +150,7 @@ def require_suction(polars):
     Parameters
     ----------
     polars : iterable of Polar
+        Polars that a limit on cavitation takes.
 
     Raises
     ------

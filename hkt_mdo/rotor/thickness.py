@@ -28,6 +28,7 @@ def over_thickness(thickness, values):
     Returns
     -------
     CubicSpline
+        The curve over the thickness.
     """
     return CubicSpline(thickness, values, bc_type="natural")
 
@@ -61,6 +62,7 @@ class ByThickness:
         Returns
         -------
         ByThickness
+            The polars over the thickness.
 
         Raises
         ------
@@ -82,7 +84,13 @@ class ByThickness:
 
     @property
     def polars(self):
-        """The tables by station, one tuple for all, as `LocalReynolds` has them."""
+        """The tables by station, one tuple for all, as `LocalReynolds` has them.
+
+        Returns
+        -------
+        tuple of tuple of Polar
+            The sections from thin to thick.
+        """
         return (self.sections,)
 
     @cached_property
@@ -100,6 +108,7 @@ class ByThickness:
         Returns
         -------
         ndarray of shape (2, n, n_sections)
+            Weights, and their slopes by the thickness.
         """
         return np.stack((self._cardinal(thickness), self._cardinal(thickness, 1)))
 
@@ -109,12 +118,14 @@ class ByThickness:
         Parameters
         ----------
         blade : Blade
+            Gives the thickness of its stations.
         _blade_ratio : array_like
             Without effect.
 
         Returns
         -------
         ndarray of shape (2, n_stations, 1, n_sections)
+            Weights, and their slopes by the thickness.
         """
         return self.weights(blade.thickness)[:, :, None]
 
@@ -129,6 +140,7 @@ class ByThickness:
         Returns
         -------
         tuple of Polar
+            One polar for each thickness.
         """
         return tuple(self._polar(weights) for weights in self.weights(thickness)[0])
 
@@ -160,6 +172,7 @@ class ByThickness:
         Returns
         -------
         suction, by_angle, by_thickness : ndarray of shape (2, n_points, n_stations)
+            -Cp min of both surfaces, its slopes per rad and by the thickness.
 
         Raises
         ------
@@ -185,9 +198,11 @@ def as_built(polar, blade):
     polar : Polar or sequence of Polar or LocalReynolds or ByThickness
         Polars of the sections: one, one a station, or what they follow.
     blade : Blade
+        Gives the thickness of its stations.
 
     Returns
     -------
     Polar or tuple of Polar or LocalReynolds
+        Polars that no longer follow the thickness.
     """
     return polar.at(blade.thickness) if isinstance(polar, ByThickness) else polar

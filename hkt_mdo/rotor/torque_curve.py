@@ -11,6 +11,11 @@ class TorqueSpline:
 
     Its value is linear in the table, q(tsr) = basis(tsr) @ table, so both partials are exact and
     cost a small matrix product; the basis does not change during an optimization.
+
+    Parameters
+    ----------
+    nodes : array_like of shape (n_nodes,)
+        Tip speed ratios of the table, increasing.
     """
 
     def __init__(self, nodes):
@@ -26,12 +31,14 @@ class TorqueSpline:
         Parameters
         ----------
         tip_speed_ratio : ndarray of shape (n_points,)
+            Omega R / V of the disc.
         derivative : int
             Order of the derivative, 0 to 2.
 
         Returns
         -------
         ndarray of shape (n_points, n_nodes)
+            The matrix, or its derivative.
         """
         points = np.asarray(tip_speed_ratio)
         inside = np.clip(points.real, self.nodes[0], self.nodes[-1])
@@ -51,6 +58,7 @@ class TorqueSpline:
         Returns
         -------
         PPoly
+            The curve or curves of the tables.
         """
         return PPoly.construct_fast(self._cardinal.c @ table, self.nodes)
 
@@ -64,10 +72,12 @@ class TorqueSpline:
         table : ndarray of shape (n_nodes,) or (n_nodes, n_tables)
             Coefficients at the nodes.
         tip_speed_ratio : ndarray of shape (n_points,)
+            Omega R / V of the disc.
 
         Returns
         -------
         values, slopes : ndarray of shape (n_points,) or (n_points, n_tables)
+            Coefficients, and their slopes by the tip speed ratio.
         """
         points = np.asarray(tip_speed_ratio)
         inside = np.clip(points.real, self.nodes[0], self.nodes[-1])

@@ -221,7 +221,7 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
     yield Row("standard deviation", flow.deviation, "m/s", share, 3)
     yield Row("time", duration(flow.duration), "", why)
     if len(found.flows) > 1:
-        yield Row("weight", flow.weight)
+        yield Row("share of time", flow.share)
     yield Row("changes", changes)
     yield Row("power through the rotor", passing, "W", "mean", 4)
     yield Row("power a square metre", passing / area, "W", "mean", 4)
@@ -466,6 +466,9 @@ def _first_line(kind) -> str:
 
 def _sizes(sizes: dict[str, int]) -> str:
     """Return a total and what it is made of, by the last parts of the names in the problem."""
-    lasts = (name.removesuffix(".value").rpartition(".")[2] for name in sizes)
-    parts = [f"{size} {last}" for size, last in zip(sizes.values(), lasts, strict=True)]
-    return f"{sum(sizes.values())}: {joined(*parts) or 'none'}"
+    parts: dict[str, int] = {}
+    for name, size in sizes.items():
+        last = name.removesuffix(".value").rpartition(".")[2]
+        parts[last] = parts.get(last, 0) + size
+    told = joined(*(f"{size} {last}" for last, size in parts.items()))
+    return f"{sum(sizes.values())}: {told or 'none'}"

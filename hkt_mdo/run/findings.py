@@ -117,8 +117,8 @@ class Flow:
     ----------
     name : str
         Name of the scenario.
-    weight : float
-        Its share of the result.
+    share : float
+        Its share of time.
     inflow : Inflow
         The flow.
     duration : float
@@ -131,8 +131,8 @@ class Flow:
         Highest frequency, Hz; 0 for a steady flow.
     """
 
-    def __init__(self, name: str, scenario: Scenario):
-        self.name, self.weight, self.inflow = name, scenario.weight, scenario.inflow
+    def __init__(self, name: str, scenario: Scenario, share: float):
+        self.name, self.share, self.inflow = name, share, scenario.inflow
         self.duration = scenario.mesh.duration
         self.cutoff = self.inflow.highest_frequency or 0.0
         instants = int(np.clip(16.0 * self.duration * self.cutoff, 2048, MOST_INSTANTS)) + 1
@@ -153,7 +153,7 @@ class Flow:
 class Findings:
     """A case's flows, and its starting blade in them, in SI units.
 
-    - `flows`: a `Flow` for each scenario; `mean` and `cutoff` are the mean speed by their weights
+    - `flows`: a `Flow` for each scenario; `mean` and `cutoff` are the mean speed over time
       and the highest of their frequencies, `slowest` and `fastest` speeds in operation.
     - `plant`: the rotor with the starting blade, as it would be simulated; `given`: the blade of
       the file, which splines may have left; `best`: its largest power coefficient.
@@ -172,7 +172,10 @@ class Findings:
         case, blade = physics.case, physics.blade
         self.physics, self.case = physics, case
         self.groups = by_scenario(physics.scenarios)
-        self.flows = [Flow(name, physics.scenarios[i]) for name, (i, *_) in self.groups.items()]
+        self.flows = [
+            Flow(name, physics.scenarios[i], physics.shares[name])
+            for name, (i, *_) in self.groups.items()
+        ]
         self.mean = self.average(lambda flow: flow.mean)
         self.cutoff = max(flow.cutoff for flow in self.flows)
         self.slowest = min(float(flow.speed.min()) for flow in self.flows)
@@ -242,9 +245,9 @@ class Findings:
         self.reynolds = relative / self.case.fluid.kinematic_viscosity
 
     def average(self, of: Callable[[Flow], float]) -> float:
-        """Return the mean of something of each flow, by their weights."""
-        weights = [flow.weight for flow in self.flows]
-        return float(np.average([of(flow) for flow in self.flows], weights=weights))
+        """Return the mean of something of each flow, by their shares of time."""
+        shares = [flow.share for flow in self.flows]
+        return float(np.average([of(flow) for flow in self.flows], weights=shares))
 
     def passing(self, flow: Flow) -> float:
         """Return the mean kinetic power of a flow through the rotor's disc, W."""

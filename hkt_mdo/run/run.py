@@ -1,8 +1,8 @@
 """Run a case: optimize, integrate independently, judge, record.
 
-The optimizer is not the judge. A result is a success only if the optimizer converged and an
-integration that shares neither torque curve nor collocation with it, the quasi-steady bound and
-every limit of the problem agree (`hkt_mdo.run.judge`).
+A result is a success only if the optimizer converged and an integration that shares neither torque
+curve nor collocation with it, the quasi-steady bound and every limit of the problem agree
+(`hkt_mdo.run.judge`).
 
 A run can be killed at any moment: files appear whole or not at all, `success` is false until all
 else is written, and `resume_case` goes on from the last iterate in `iterate.json`.

@@ -248,6 +248,7 @@ def _scenario(finished, flights):
     mean = passed / sum(time[-1] - time[0] for time in times)
     limits = _over_time(finished, flights)
     return {
+        "share": finished.physics.shares[scenario.group],
         "weight": scenario.weight,
         "duration_s": duration,
         "energy_J": sum(
@@ -364,13 +365,15 @@ def _limit(pairs):
     With its time and the share of the time in which it binds; `pairs` has limit and flight.
     """
     found, binds, spans = [], 0.0, 0.0
+    counts = any(flight.scenario.weight for _, flight in pairs)
     for limit, flight in pairs:
         flown, time = limit.told(flight.flown), flight.flown["time"]
         value = float(max(np.max(flown), np.max(limit.told(flight.at_nodes))))
         found.append(_entry(limit, value) | {"time_s": time[np.argmax(flown)]})
         binding = np.where(flown >= _least(limit), 1.0, 0.0)
-        binds += flight.scenario.weight * trapezoid(binding, time)
-        spans += flight.scenario.weight * (time[-1] - time[0])
+        weight = flight.scenario.weight if counts else 1.0
+        binds += weight * trapezoid(binding, time)
+        spans += weight * (time[-1] - time[0])
     return max(found, key=_over) | {"share_of_time": binds / spans}
 
 

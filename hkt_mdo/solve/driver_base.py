@@ -51,7 +51,13 @@ class ReportingDriver(Driver):
         return Outcome(success, self._message, self.iterations, self.package, optimizer)
 
     def get_exit_status(self) -> str:
-        """Return the optimizer's own words for how the last run ended."""
+        """Return the optimizer's own words for how the last run ended.
+
+        Returns
+        -------
+        str
+            As `Outcome.message`.
+        """
         return self._message
 
     def _declare_options(self) -> None:

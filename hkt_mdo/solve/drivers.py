@@ -47,12 +47,6 @@ NEAR_START: Settings = dict.fromkeys(
 RELAXED = 10.0
 """Violation, in tolerances, up to which a converged run counts as feasible; as in SLSQP's test."""
 
-REMEDIES = {
-    "pyoptsparse": "conda install -c conda-forge pyoptsparse",
-    "casadi": "pip install casadi",
-    "scipy": "pip install scipy",
-}
-
 
 def make_driver(
     package: str = "auto",
@@ -161,7 +155,8 @@ def _carrier(package: str, optimizer: str) -> str:
             )
         if _is_usable(candidate, optimizer):
             return candidate
-    remedies = " or ".join(REMEDIES[candidate] for candidate in candidates)
+    conda = {"pyoptsparse": "conda install -c conda-forge pyoptsparse"}
+    remedies = " or ".join(conda.get(each, f"pip install {each}") for each in candidates)
     raise InputError(f"{optimizer} is not installed", remedies, key="driver.package", value=package)
 
 
@@ -257,6 +252,11 @@ class _PyOptSparseDriver(_ReportEachEvaluation, om.pyOptSparseDriver):
         """Return an evaluation's values, or raise the interrupt that OpenMDAO has caught.
 
         OpenMDAO hands it to the optimizer as a failed evaluation, which SLSQP ignores.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            If there was one.
         """
         if self._user_termination_flag:
             raise KeyboardInterrupt

@@ -137,6 +137,7 @@ def gain(optimum: State, multiplier: np.ndarray, changed: State) -> float:
     at_upper = optimum.upper - optimum.values <= optimum.values - optimum.lower
     bounds = (np.where(at_upper, state.upper, state.lower) for state in (changed, optimum))
     active = multiplier != 0.0
-    change = (changed.values - optimum.values - np.subtract(*bounds))[active]
+    new, old = (each[active] for each in bounds)  # the others may have none
+    change = (changed.values - optimum.values)[active] - (new - old)
     lagrangian = changed.objective - optimum.objective + float(multiplier[active] @ change)
     return lagrangian / optimum.scaler

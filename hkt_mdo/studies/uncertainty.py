@@ -110,7 +110,13 @@ class Ensemble:
 
     @property
     def stalled(self):
-        """Number of repeats in which the rotor stopped."""
+        """Number of repeats in which the rotor stopped.
+
+        Returns
+        -------
+        int
+            At most the number of repeats.
+        """
         return int(np.sum(np.isfinite(self.stopped_at)))
 
 
@@ -151,12 +157,29 @@ class Design:
 
     @property
     def law(self) -> Law:
-        """The control law."""
+        """The control law.
+
+        Returns
+        -------
+        Law
+            That of the design's case.
+        """
         return self.physics.law
 
     @cached_property
     def controller(self) -> FeedbackTorque:
-        """The torque of the feedback law, which hears of the flow what it would as built."""
+        """The torque of the feedback law, which hears of the flow what it would as built.
+
+        Returns
+        -------
+        FeedbackTorque
+            With an estimate of the flow, where the law has no sensor of it.
+
+        Raises
+        ------
+        ValueError
+            For an open loop.
+        """
         if not self.law.is_feedback:
             raise ValueError("open loop has no law")
         estimate = FlowEstimate(self.known) if self.law.estimates_flow else None

@@ -17,6 +17,7 @@ from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, Start, simulate
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.find import find_start
@@ -49,7 +50,9 @@ def plant_of(world):
 def following(*overrides):
     """Return physics, run and start of a blade as it is that follows its open loop's schedule."""
     world = physics(load_case(CASES / "sine_oloc.yaml", overrides))
-    start = find_start(world, best_operation(world.blade, world.polar), improve=False)
+    start = find_start(
+        world, best_operation(world.blade, Hydrodynamics(world.polar)), improve=False
+    )
     speed, torque = start.operation.rotor_speed[0], start.operation.hydrodynamic_torque[0]
     states = world.law.at_rest(torque, float(world.inflow.speed_at(0.0)))
     loop, span = FeedbackTorque(world.law, start.gains), world.case.phase.duration
@@ -116,7 +119,7 @@ def test_schedule_is_its_knots_and_a_straight_line_where_they_are():
 
 def test_steady_flow_gives_the_open_loops_energy(plant, blade, polar):
     """Begun off its equilibrium, the rotor ends at the best tip speed ratio: power P v³."""
-    best = best_operation(blade, polar)
+    best = best_operation(blade, Hydrodynamics(polar))
     gains, speed, torque, _ = steady(LAW, plant, 1.5, best.tip_speed_ratio)
     loop, flow = FeedbackTorque(LAW, gains), ConstantInflow(speed=1.5)
     states = np.array(LAW.at_rest(torque, 1.5))
@@ -132,7 +135,7 @@ def test_slow_sine_and_a_quick_sensor_give_the_open_loops_energy():
     """Of the same blade, kept, in quasi-steady operation."""
     overrides = ["design.blade=fixed", "inflow.angular_frequency=0.05", "phase.duration=125.66"]
     world = physics(load_case(CASES / "sine_oloc.yaml", overrides))
-    best = best_operation(world.blade, world.polar)
+    best = best_operation(world.blade, Hydrodynamics(world.polar))
     ideal = find_start(world, best, improve=False).operation
     world, run, _ = following(*overrides, "control={law: tracking, lag: 0.01}")
     assert run.energy == pytest.approx(ideal.energy, rel=1e-4)

@@ -15,6 +15,7 @@ from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
+from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.start.find import find_start, steady_optimum
 
@@ -38,7 +39,7 @@ def coarse_physics(control, more="", segments=5):
 
 def assembled(world, **options):
     """Return the problem of some physics at the start of its own blade, run once."""
-    start = find_start(world, best_operation(world.blade, world.polar))
+    start = find_start(world, best_operation(world.blade, Hydrodynamics(world.polar)))
     problem = assemble(world, Setup(start, NODES, **options))
     problem.run_model()
     return problem, start

@@ -6,6 +6,7 @@ import pytest
 from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
+from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.build import build_problem
@@ -65,7 +66,7 @@ def test_partials_of_the_problem(control):
 def test_derivatives_of_the_start_under_limits():
     found = physics(case())
     blade = found.blade
-    whole = QuasiSteady.of(found, best_operation(blade, found.polar))
+    whole = QuasiSteady.of(found, best_operation(blade, Hydrodynamics(found.polar)))
     steady = SteadyFlow.of(found, TorqueSpline(whole.spline.nodes[::4]), 4)
     search = LimitedSearch(steady, whole.slowed)
     x = np.concatenate([*found.shape.control(blade)])

@@ -8,6 +8,7 @@ from hkt_mdo.dynamics.certificate import Passing
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.operation import MOST_INTERVALS
 from hkt_mdo.problem.physics import physics
+from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.start.find import find_start
@@ -60,7 +61,7 @@ def test_a_cut_sine_is_what_is_left_of_it():
 def test_quasi_steady_energy_of_a_cut_sine():
     """Quadratic feedback with its best gain has the largest power coefficient in every flow."""
     found = world()
-    best = best_operation(found.blade, found.polar)
+    best = best_operation(found.blade, Hydrodynamics(found.polar))
     gain = power_scale(found.density, found.blade.rotor_radius, 1.0) * best.power_coefficient
     gain *= (found.blade.rotor_radius / best.tip_speed_ratio) ** 3
     found = world(control={"law": "quadratic", "cut_out": 1.6, "gain": gain})
@@ -75,7 +76,9 @@ def test_a_limit_that_the_fast_flow_alone_breaks_is_kept():
     broken = []
     for cut_out in (None, 1.6):
         found = world(cut_out, limits=limits)
-        start = find_start(found, best_operation(found.blade, found.polar), improve=False)
+        start = find_start(
+            found, best_operation(found.blade, Hydrodynamics(found.polar)), improve=False
+        )
         broken.append(found.broken_limits(start))
     assert broken == [["power"], []]
 

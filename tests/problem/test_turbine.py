@@ -8,6 +8,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import shipped_names
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor.airfoil import PolarFamily
+from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.steady_optimum import best_operation
 
@@ -50,7 +51,7 @@ def turbine(tmp_path):
 @pytest.mark.parametrize("name", shipped_names("blade"))
 def test_a_shipped_blade_brings_its_turbine_with_it(name, turbine):
     found = turbine(f"blade: {name}")
-    best = best_operation(found.blade, found.polar)
+    best = best_operation(found.blade, Hydrodynamics(found.polar))
     # bahaj2007: as measured; RM1: ROSCO (hkt_mdo/files/data/README.md); river: designed for 5
     expected, ratio = {"bahaj2007": (0.458, 5.37), "rm1": (0.447, 7.0), "river": (0.45, 5.0)}[name]
     assert best.power_coefficient == pytest.approx(expected, rel=0.04)

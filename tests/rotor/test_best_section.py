@@ -9,6 +9,7 @@ from hkt_mdo.case import load_case
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.best_section import best_sections
+from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_rotor
 
 STEADY = {"inflow": {"profile": "constant", "speed": 2.0}, "control": {"law": "quadratic"}}
@@ -66,7 +67,7 @@ def test_the_bound_of_a_blade_with_a_cylindrical_root_is_the_sum_of_its_best_sec
     turbine = {"rotor": {"blade": "rm1"}, "design": {"chord_points": 100, "twist_points": 100}}
     world = physics(load_case(STEADY | turbine))
     bounds = world.shape.chord_bounds, world.shape.twist_bounds
-    best = best_rotor(world.blade, world.polar, *bounds)
+    best = best_rotor(world.blade, Hydrodynamics(world.polar), *bounds)
     for ratio in np.append(np.linspace(5.0, 15.0, 11), best.tip_speed_ratio):
         load = best_sections(world.blade, world.polar, ratio, *bounds).load[0]
         power = ratio * bem.torque_weights(world.blade) @ load

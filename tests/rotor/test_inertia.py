@@ -8,6 +8,7 @@ from openmdao.utils.assert_utils import assert_check_partials
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.components import InertiaComp
 from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.rotor.model import RotorModel
 
 AREA, DENSITY, HUB, TIP, COUNT = 0.094, 2700.0, 0.2, 1.4, 3
 R = np.array([0.3, 0.55, 0.9, 1.2, 1.38])
@@ -87,12 +88,8 @@ def test_section_area_may_run_along_the_span():
 def test_partials_are_exact():
     chord = np.array([0.2, 0.18, 0.15, 0.1, 0.08])
     problem = om.Problem()
-    component = InertiaComp(
-        blade=blade(chord, 0.1),
-        section_area=AREA,
-        density=DENSITY,
-        hub_inertia=0.5,
-    )
+    rotor = RotorModel(None, section_area=AREA, material_density=DENSITY, hub_inertia=0.5)
+    component = InertiaComp(blade=blade(chord, 0.1), rotor=rotor)
     problem.model.add_subsystem("inertia", component, promotes=["*"])
     problem.setup(force_alloc_complex=True)
     problem.set_val("rotor_radius", 1.1 * TIP)

@@ -12,6 +12,7 @@ from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.components import LoadTable
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.loads import Cavitation, LoadModel, moment_weights
+from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.strength import Structure, place_weights
@@ -30,7 +31,9 @@ def suction(angle):
 
 def model_of(polar, **changes):
     structure = Structure.of(Outline.from_file("naca63815"), METAL, 70e9)
-    return replace(LoadModel(polar, WATER, structure, Cavitation(suction, 3.0)), **changes)
+    return replace(
+        LoadModel(Hydrodynamics(polar), WATER, structure, Cavitation(suction, 3.0)), **changes
+    )
 
 
 def rectangle(height=0.2):
@@ -101,7 +104,7 @@ def test_stress_of_a_uniformly_loaded_rectangle(loaded):
     """6 M / (b h²) by the normal load and 6 M / (h b²) by the tangential one, at the root."""
     blade, q = uniform_blade(401), 1.0
     n = blade.r.size
-    model = LoadModel(None, WATER, Structure.of(rectangle(), 1e-12))
+    model = LoadModel(Hydrodynamics(None), WATER, Structure.of(rectangle(), 1e-12))
     width, height = 0.1, 0.02
     for normal, tangential, twist in ((5.0, 0.0, 0.0), (0.0, 3.0, 0.0), (5.0, 3.0, 0.3)):
         loaded(np.full(n, normal), np.full(n, tangential))
@@ -118,7 +121,7 @@ def test_stress_of_a_uniformly_loaded_rectangle(loaded):
 def test_a_bar_turning_without_loads_has_the_centrifugal_stress(nothing):
     """rho w² (R² - r²) / 2 with a free end."""
     blade = Blade(np.array([0.3, 0.55, 0.9, 1.2]), np.full(4, 0.1), np.zeros(4), 0.2, 1.4, 3)
-    model = LoadModel(nothing, WATER, Structure.of(rectangle(), METAL))
+    model = LoadModel(Hydrodynamics(nothing), WATER, Structure.of(rectangle(), METAL))
     found = model.coefficients(blade, RATIO, derivatives=True)["stress"]
     flow_speed = 1.7
     speed = RATIO[:, None] * flow_speed / 1.4
@@ -136,7 +139,7 @@ def test_a_tapered_bar_has_the_centrifugal_stress_of_its_mass_model(nothing):
     r = np.array([0.3, 0.6, 1.0, 1.3])
     chord = np.array([0.2, 0.15, 0.12, 0.08])
     blade = Blade(r, chord, np.zeros(4), 0.2, 1.4, 3)
-    model = LoadModel(nothing, WATER, Structure.of(rectangle(), METAL))
+    model = LoadModel(Hydrodynamics(nothing), WATER, Structure.of(rectangle(), METAL))
     found = model.coefficients(blade, [6.0])["stress"]
     for place, stress in zip(found.r[::7], found.exact[0, ::7], strict=True):
         s = np.linspace(place, 1.4, 20001)
@@ -149,7 +152,7 @@ def test_the_centrifugal_force_bends_coned_blades(nothing):
     """A uniform bar: rho A w² cos sin integral of s (s - r), on 6 / (b h²)."""
     cone, hub, tip, chord, height = 0.2, 0.2, 1.4, 0.1, 0.02
     blade = uniform_blade(5, cone=cone, chord=chord)
-    model = LoadModel(nothing, WATER, Structure.of(rectangle(), METAL))
+    model = LoadModel(Hydrodynamics(nothing), WATER, Structure.of(rectangle(), METAL))
     found = model.coefficients(blade, [6.0])["stress"]
     r = found.r
     rate = METAL * 2.0 * 36.0 / (WATER * (tip * np.cos(cone)) ** 2) * np.cos(cone)  # of w²
@@ -166,7 +169,7 @@ def test_deflection_of_a_uniformly_loaded_cantilever(loaded, twist):
     blade = uniform_blade(801, twist=twist)
     loaded(np.full(801, 4.0), np.zeros(801))
     modulus, length, height = 70e9, 1.2, 0.02
-    model = LoadModel(None, WATER, Structure.of(rectangle(), METAL, modulus))
+    model = LoadModel(Hydrodynamics(None), WATER, Structure.of(rectangle(), METAL, modulus))
     weak, strong = 0.1 * height**3 / 12.0, height * 0.1**3 / 12.0
     flexibility = np.cos(twist) ** 2 / weak + np.sin(twist) ** 2 / strong
     expected = 4.0 * length**4 / (8.0 * modulus) * flexibility
@@ -284,7 +287,7 @@ def test_a_negative_thrust_keeps_its_sign(blade, study):
     """A propeller brake has no positive load to bound."""
     alpha = np.linspace(-np.pi, np.pi, 73)
     polar = study.circle_polar(alpha, -0.5 * np.ones(73), np.full(73, 0.01))
-    thrust = LoadModel(polar).coefficients(blade, [6.0])["thrust"]
+    thrust = LoadModel(Hydrodynamics(polar)).coefficients(blade, [6.0])["thrust"]
     assert thrust.envelope().values[0] == thrust.largest[0] < 0.0
 
 
@@ -310,7 +313,7 @@ def stepped_loads(model, blade, points, **steps):
     """
     h = 1e-30j
     cosine = np.cos(blade.cone)
-    flow = bem.sections(blade, model.flow.polar, points / cosine, True)
+    flow = bem.sections(blade, model.rotor.polar, points / cosine, True)
     by_ratio, by_chord, by_twist = (
         flow.derivatives[:, 0],
         flow.derivatives[:, 1],
@@ -412,7 +415,10 @@ def test_derivatives_are_those_of_differences(blade, polar, cone):
 
 def test_partials_of_the_table(blade, polar):
     problem = om.Problem()
-    component = LoadTable(blade=blade, model=model_of(polar), names=NAMES, nodes=RATIO)
+    model = model_of(polar)
+    about = {"structure": model.structure, "cavitation": model.cavitation}
+    rotor = RotorModel(polar, section_area=0.1, material_density=METAL, **about)
+    component = LoadTable(blade=blade, rotor=rotor, names=NAMES, nodes=RATIO)
     problem.model.add_subsystem("table", component, promotes=["*"])
     problem.setup()
     problem.set_val("rotor_radius", 1.3 * blade.rotor_radius)
@@ -443,15 +449,15 @@ def test_what_cannot_be_computed_is_refused(blade, polar):
     with pytest.raises(ValueError, match="stations"):
         other.coefficients(blade, RATIO)
     with pytest.raises(ValueError, match="no stress, cavitation"):
-        LoadModel(polar).coefficients(blade, RATIO, names=NAMES)
+        LoadModel(Hydrodynamics(polar)).coefficients(blade, RATIO, names=NAMES)
     with pytest.raises(ValueError, match="structure"):
-        LoadModel(polar).tip_deflection(blade, RATIO)
+        LoadModel(Hydrodynamics(polar)).tip_deflection(blade, RATIO)
     with pytest.raises(ValueError, match="modulus"):
         model_of(polar, structure=Structure.of(outline, METAL)).tip_deflection(blade, RATIO)
 
 
 def test_a_model_has_the_loads_that_it_can_compute(blade, polar):
-    assert LoadModel(polar).names == ("thrust", "root_moment")
+    assert LoadModel(Hydrodynamics(polar)).names == ("thrust", "root_moment")
     assert tuple(model_of(polar).coefficients(blade, RATIO)) == model_of(polar).names == NAMES
     assert tuple(model_of(polar).coefficients(blade, RATIO, names=["stress"])) == ("stress",)
 

@@ -79,7 +79,8 @@ def test_its_best_blade_is_that_of_the_shape(rotor, blade):
     turned = rotor.best_of_shape(Shape.fixed(blade, 0.0, (-0.1, 0.1)), blade)
     assert fixed.power_coefficient < turned.power_coefficient < best.power_coefficient
     assert (
-        steady_optimum.best_operation(blade, rotor.polar).tip_speed_ratio == fixed.tip_speed_ratio
+        steady_optimum.best_operation(blade, Hydrodynamics(rotor.polar)).tip_speed_ratio
+        == fixed.tip_speed_ratio
     )
 
 
@@ -93,7 +94,7 @@ def test_polars_follow_reynolds_number_or_thickness_or_neither(rotor, blade):
     local = replace(rotor, polar=LocalReynolds.of((family,) * blade.r.size, 1.5, 1e-6))
     faster = local.at_flow(3.0)
     assert faster.follows_reynolds
-    assert faster.loads.flow.polar.flow_speed == 3.0
+    assert faster.loads.rotor.polar.flow_speed == 3.0
     assert len(local.polars_at(0)) == family.reynolds.size
     assert np.all(faster.coefficients(blade, [6.0]).power > local.coefficients(blade, [6.0]).power)
     sections = [

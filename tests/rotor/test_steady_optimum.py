@@ -6,6 +6,7 @@ import pytest
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_blade, best_operation, best_rotor
 
 CHORDS, TWISTS = (0.01, 1.0), (np.deg2rad(-30.0), np.deg2rad(30.0))
@@ -13,7 +14,7 @@ CHORDS, TWISTS = (0.01, 1.0), (np.deg2rad(-30.0), np.deg2rad(30.0))
 
 @pytest.fixture(scope="module")
 def best(blade, polar):
-    return best_rotor(blade, polar, CHORDS, TWISTS)
+    return best_rotor(blade, Hydrodynamics(polar), CHORDS, TWISTS)
 
 
 # Theory
@@ -23,7 +24,7 @@ def test_without_drag_and_losses_the_best_angles_are_glauerts(ideal_polar):
     """Glauert's optimum with rotating wake has phi = 2/3 arctan(1 / lambda_r)."""
     r = np.linspace(0.3, 0.9, 7)
     start = Blade(r, np.full(7, 1e-3), np.zeros(7), 0.1, 1.0, 3000)
-    found = best_blade(start, ideal_polar, 5.0, (1e-6, 1e-3), (-0.3, 0.9))
+    found = best_blade(start, Hydrodynamics(ideal_polar), 5.0, (1e-6, 1e-3), (-0.3, 0.9))
     phi = bem.sections(found.blade, ideal_polar, 5.0).inflow_angle[0]
     assert np.allclose(phi, 2.0 / 3.0 * np.arctan(1.0 / (5.0 * r)), atol=2e-4)  # a flat optimum
 
@@ -51,23 +52,26 @@ def test_no_random_blade_is_better(best, polar):
 @pytest.mark.parametrize("twists", [TWISTS, (0.05, 0.2)])
 def test_no_tip_speed_ratio_is_better(twists, blade, polar):
     """With few twists to choose from, the power has several peaks over the tip speed ratio."""
-    best = best_rotor(blade, polar, CHORDS, twists)
+    best = best_rotor(blade, Hydrodynamics(polar), CHORDS, twists)
     for ratio in np.linspace(4.0, 9.0, 11):
-        found = best_blade(blade, polar, ratio, CHORDS, twists)
+        found = best_blade(blade, Hydrodynamics(polar), ratio, CHORDS, twists)
         assert found.power_coefficient <= best.power_coefficient + 1e-9
 
 
 def test_a_cylindrical_root_does_not_stop_the_search(blade, polar):
     """The best load of its stations is negative; the others reach their own optimum."""
     polars = [PolarFamily.from_file("cylinder").polars[0]] * 2 + [polar] * (blade.r.size - 2)
-    free, mixed = (best_blade(blade, each, 7.0, CHORDS, TWISTS).blade for each in (polar, polars))
+    free, mixed = (
+        best_blade(blade, Hydrodynamics(each), 7.0, CHORDS, TWISTS).blade
+        for each in (polar, polars)
+    )
     load = [bem.sections(each, polar, 7.0).tangential_load[0, 2:] for each in (free, mixed)]
     np.testing.assert_allclose(load[1], load[0], rtol=1e-6)
 
 
 def test_a_neighbouring_start_gives_the_same_blade(best, blade, polar):
-    whole = best_blade(blade, polar, 8.0, CHORDS, TWISTS)
-    near = best_blade(blade, polar, 8.0, CHORDS, TWISTS, start=best.blade)
+    whole = best_blade(blade, Hydrodynamics(polar), 8.0, CHORDS, TWISTS)
+    near = best_blade(blade, Hydrodynamics(polar), 8.0, CHORDS, TWISTS, start=best.blade)
     assert near.power_coefficient == pytest.approx(whole.power_coefficient, abs=1e-10)
 
 
@@ -82,7 +86,7 @@ def test_gradient_of_power_vanishes_at_the_optimum(best, polar):
 
 
 def test_one_blade_works_best_at_the_peak_of_its_curve(blade, polar):
-    found = best_operation(blade, polar)
+    found = best_operation(blade, Hydrodynamics(polar))
     sweep = bem.rotor_coefficients(blade, polar, np.linspace(4.0, 12.0, 801)).power
     assert found.power_coefficient >= sweep.max() - 1e-9
 
@@ -93,4 +97,6 @@ def test_one_blade_works_best_at_the_peak_of_its_curve(blade, polar):
 def test_optimum_is_that_of_the_exploratory_model(best, blade, polar):
     assert best.power_coefficient == pytest.approx(0.4657, abs=2e-3)  # its polar was smoothed
     assert best.tip_speed_ratio == pytest.approx(7.25, abs=0.3)
-    assert best_operation(blade, polar).power_coefficient == pytest.approx(0.4458, abs=3e-4)
+    assert best_operation(blade, Hydrodynamics(polar)).power_coefficient == pytest.approx(
+        0.4458, abs=3e-4
+    )

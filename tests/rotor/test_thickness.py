@@ -8,6 +8,7 @@ import pytest
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import PolarFamily
+from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.loads import Cavitation, LoadModel
 from hkt_mdo.rotor.outline import Outline
@@ -46,7 +47,8 @@ def outlines():
 def model_of(family, **changes):
     structure = StructureByThickness.of(THICKNESS, outlines(), METAL)
     return replace(
-        LoadModel(family, 1000.0, structure, Cavitation(family.suction_at, 3.0)), **changes
+        LoadModel(Hydrodynamics(family), 1000.0, structure, Cavitation(family.suction_at, 3.0)),
+        **changes,
     )
 
 
@@ -124,7 +126,7 @@ def test_the_stress_at_a_sections_thickness_is_that_of_the_section(thick, family
     same = replace(thick, thickness=np.full(thick.r.size, THICKNESS[1]))
     found = model_of(family, structure=structure).coefficients(same, RATIO, names=("stress",))
     single = Structure.of(outlines()[1], METAL, wall=wall)
-    model = LoadModel(as_built(family, same), 1000.0, single)
+    model = LoadModel(Hydrodynamics(as_built(family, same)), 1000.0, single)
     expected = model.coefficients(same, RATIO, names=("stress",))["stress"]
     np.testing.assert_allclose(found["stress"].exact, expected.exact, rtol=2e-3)
 
@@ -207,9 +209,12 @@ def test_mass_and_inertia_follow_the_area(thick):
 
 
 def test_more_freedom_of_the_thickness_never_lowers_the_steady_optimum(thick, family, sections):
-    fixed = [best_rotor(thick, each, CHORDS, TWISTS).power_coefficient for each in sections]
+    fixed = [
+        best_rotor(thick, Hydrodynamics(each), CHORDS, TWISTS).power_coefficient
+        for each in sections
+    ]
     narrow, wide = (
-        best_rotor(thick, replace(family, bounds=bounds), CHORDS, TWISTS)
+        best_rotor(thick, Hydrodynamics(replace(family, bounds=bounds)), CHORDS, TWISTS)
         for bounds in ((0.14, 0.2), (0.12, 0.24))
     )
     assert max(fixed) <= wide.power_coefficient + 1e-8

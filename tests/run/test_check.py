@@ -20,6 +20,7 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.results.words import texts
 from hkt_mdo.rotor.bem import LocalReynolds, rotor_coefficients
+from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.check import CheckReport, check_case
 from hkt_mdo.run.findings import power_spectrum, problem_size
@@ -174,7 +175,7 @@ def test_spectrum_has_the_variance() -> None:
 )
 def test_counts_are_those_of_the_problem(overrides: tuple[str, ...]) -> None:
     whole = physics(read_case(BASE, overrides))
-    best = best_operation(whole.blade, whole.polar)
+    best = best_operation(whole.blade, Hydrodynamics(whole.polar))
     size = problem_size(whole, best)
     start = find_start(whole, best, improve=False)
     problem = assemble(whole, Setup(start, np.linspace(0.5, 1.6, 40) * best.tip_speed_ratio))

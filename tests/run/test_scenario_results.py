@@ -1,19 +1,14 @@
-"""What a run with several scenarios leaves, by their names.
-
-The program is told of the scenarios through its physics.
-"""
+"""What a run with several scenarios leaves, by their names."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from hkt_mdo.case import Phase, load_case
+from hkt_mdo.case import load_case
 from hkt_mdo.cli import main
-from hkt_mdo.dynamics.flows import SineInflow
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.physics import Physics, physics
-from hkt_mdo.problem.scenario import Scenario
+from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.plots import plot_rotor_speed, plot_speed_schedule, save_figures
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import texts
@@ -28,21 +23,20 @@ CASE = {
     "limits": {"power": "6 kW"},
     "phase": {"duration": 15.0, "segments": 15},
 }
-WEIGHTS = {"slow": 0.6, "fast": 0.4}
-
-
-def two(world: Physics) -> Physics:
-    slow = Scenario(SineInflow(mean=1.2), Phase(segments=12, duration=12.0), 0.6, "slow")
-    fast = Scenario(SineInflow(), world.scenarios[0].mesh, 0.4, "fast")
-    return replace(world, scenarios=(slow, fast))
+SLOW = {
+    "name": "slow",
+    "inflow": {"profile": "sine", "mean": 1.2},
+    "duration": 12.0,
+    "segments": 12,
+}
+TWO = CASE | {"scenarios": [SLOW | {"weight": 0.6}, {"name": "fast", "weight": 0.4}]}
+WEIGHTS = {"slow": 0.6 * 15.0 / 12.0, "fast": 0.4}
 
 
 @pytest.fixture(scope="module")
 def solution(tmp_path_factory) -> Solution:
     out = tmp_path_factory.mktemp("scenarios") / "result"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(runner, "physics", lambda case: two(physics(case)))
-        return runner.run_case(load_case(CASE), out, records=False)
+    return runner.run_case(load_case(TWO), out, records=False)
 
 
 def test_energies_are_those_of_the_tables(solution):
@@ -55,7 +49,7 @@ def test_energies_are_those_of_the_tables(solution):
         assert entry.simulated_energy_J == pytest.approx(energy, rel=1e-5)
         assert entry.energy_J == pytest.approx(energy, rel=2e-4)
         assert entry.mean_power_W == pytest.approx(energy / entry.duration_s, rel=1e-5)
-        assert entry.weight == WEIGHTS[name]
+        assert entry.weight == pytest.approx(WEIGHTS[name], rel=1e-12)
         flow = table["inflow_speed_m_s"]
         assert entry.inflow_speed.max == pytest.approx(flow.max(), rel=1e-8)
         mean = np.trapezoid(flow, table["time_s"]) / table["time_s"][-1]
@@ -80,7 +74,7 @@ def test_the_largest_are_told_with_their_scenario(solution):
     assert rows["largest thrust"].endswith("in fast")
     energy = summary.scenarios["slow"].simulated_energy_J
     assert rows["slow: energy, simulated"].startswith(f"{energy / 1e3:#.5g} kJ, on average ")
-    assert "weight 0.6" in rows["slow: flow"]
+    assert "share of time 0.6" in rows["slow: flow"]
 
 
 def test_no_table_is_silently_the_first(solution):
@@ -152,9 +146,8 @@ def test_a_design_needs_a_finished_run_and_its_files(solution, tmp_path):
         replace(solution, case=solution.case.model_copy(update={"rotor": rotor})).design()
 
 
-def test_a_check_tells_every_flow(monkeypatch):
-    monkeypatch.setattr("hkt_mdo.run.check.physics", lambda case: two(physics(case)))
-    report = check_case(load_case(CASE))
+def test_a_check_tells_every_flow():
+    report = check_case(load_case(TWO))
     for name, mean in (("slow", 1.2), ("fast", 1.5)):
         assert f"mean {mean} m/s" in texts(report.tables[f"Flow of {name}"])["kind"]
         assert f"inflow_{name}" in report.figures
@@ -170,21 +163,9 @@ def test_two_of_one_flow_are_two_and_intervals_are_one():
     same = [replace(one, name="a"), replace(one, name="b")]
     assert by_scenario(same) == {"a": [0], "b": [1]}
     parts = [
-        replace(one, name=f"a_interval_{n}", edges=np.array(ends))
+        replace(one, name=f"a_interval_{n}", interval_of="a", edges=np.array(ends))
         for n, ends in ((1, [0.0, 2.0]), (2, [3.0, 4.0]))
     ]
     assert by_scenario([*parts, same[1]]) == {"a": [0, 1], "b": [2]}
-    assert by_scenario([replace(one, name="interval_1")]) == {"phase": [0]}
-
-
-def test_a_result_of_one_scenario_leaves_no_table_of_others(solution, tmp_path):
-    out = tmp_path / "again"
-    out.mkdir()
-    for path in solution.folder.iterdir():
-        if path.is_file():
-            (out / path.name).write_bytes(path.read_bytes())
-    one = load_case(CASE | {"phase": {"duration": 6.0, "segments": 6}})
-    runner.run_case(one, out, force=True, figures=False, records=False)
-    assert not list(out.glob("*_fast.csv"))
-    assert not list(out.glob("*_slow.csv"))
-    assert Solution.load(out).scenarios == ("phase",)
+    interval = replace(one, name="interval_1", interval_of="phase")
+    assert by_scenario([interval]) == {"phase": [0]}

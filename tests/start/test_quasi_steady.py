@@ -7,6 +7,7 @@ import pytest
 
 from hkt_mdo.dynamics.laws import LinearFeedback, OpenLoop, QuadraticFeedback
 from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.quasi_steady import MOST_SPEEDS, QuasiSteady
@@ -34,7 +35,7 @@ def ideal_energy(power_coefficient):
 
 
 def test_unlimited_open_loop_captures_the_largest_power_at_each_instant(blade, polar, table):
-    best = best_operation(blade, polar)
+    best = best_operation(blade, Hydrodynamics(polar))
     operation = quasi_steady().operate(table)
     assert operation.energy == pytest.approx(ideal_energy(best.power_coefficient), rel=1e-4)
     np.testing.assert_allclose(

@@ -6,6 +6,7 @@ import pytest
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.problem.physics import physics
+from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.start.find import LOCAL, find_start, steady_optimum
@@ -39,14 +40,14 @@ def test_the_optimum_of_one_blade_is_start_enough(optimum):
     case = world(limit=700.0)
     energy = [
         find_start(case, each).operation.energy
-        for each in (optimum, best_operation(case.blade, case.polar))
+        for each in (optimum, best_operation(case.blade, Hydrodynamics(case.polar)))
     ]
     assert energy[1] == pytest.approx(energy[0], rel=1e-5)
 
 
 def test_a_fixed_blade_is_kept():
     case = world("quadratic", blade="fixed")
-    best = best_operation(case.blade, case.polar)
+    best = best_operation(case.blade, Hydrodynamics(case.polar))
     start, radius = find_start(case, best), case.blade.rotor_radius
     np.testing.assert_array_equal(start.blade.chord, case.blade.chord)
     gain = 0.5 * case.density * np.pi * radius**5 * best.power_coefficient

@@ -1,0 +1,404 @@
+"""Cases of several flows through every command: run, show, plot, compare, simulate, resume.
+
+One blade and one controller are designed for all flows of `scenarios`. Weights are shares of time:
+the objective is the mean power, the sum of weight times mean power, times the case's duration.
+"""
+
+import base64
+import json
+import re
+import subprocess
+import sys
+import time
+import zlib
+
+import numpy as np
+import pytest
+
+from hkt_mdo.case import case_json_schema, case_markdown, load_case, read_case
+from hkt_mdo.cli import main
+from hkt_mdo.errors import InputError
+from hkt_mdo.problem.physics import complete, physics
+from hkt_mdo.results.solution import Solution
+from hkt_mdo.results.words import texts
+from hkt_mdo.run.run import run_case, write_n2
+
+SLOW = {"name": "slow", "inflow": {"profile": "sine", "mean": 1.1}, "weight": 0.5}
+FAST = {"name": "fast", "inflow": "sine", "weight": 0.5}
+TIGHT = {"tolerance": 1e-10}
+
+
+def case(law="quadratic", *scenarios, duration=8.0, segments=6, **sections):
+    """Return the data of a short case; without scenarios, of one sine."""
+    flows = {"scenarios": list(scenarios)} if scenarios else {"inflow": "sine"}
+    control = {"law": law, "torque_limit": 700.0}
+    phase = {"duration": duration, "segments": segments}
+    return {"control": control, "phase": phase, **flows, **sections}
+
+
+def run(out, data, **options):
+    return run_case(load_case(data), out, figures=False, records=False, **options)
+
+
+def hkt(*arguments):
+    return subprocess.Popen(
+        [sys.executable, "-m", "hkt_mdo", *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+@pytest.fixture(scope="module")
+def one(tmp_path_factory):
+    return run(tmp_path_factory.mktemp("scenarios") / "one", case(driver=TIGHT))
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory):
+    """Flows of different durations and weights, under feedback."""
+    flows = SLOW | {"duration": 6.0, "weight": 1.0}, FAST | {"weight": 3.0}
+    return run(tmp_path_factory.mktemp("scenarios") / "two", case("quadratic", *flows))
+
+
+@pytest.fixture(
+    scope="module",
+    params=["two", *(pytest.param(x, marks=pytest.mark.slow) for x in ("quadratic", "open_loop"))],
+)
+def solution(request, tmp_path_factory):
+    """The result of two sines; those that are slow keep 5 kW and, in one of them, 6 kN too."""
+    if request.param == "two":
+        return request.getfixturevalue("two")
+    flows = SLOW, FAST | {"limits": {"thrust": "6 kN"}}
+    limits = {"limits": {"power": "5 kW"}}
+    data = case(request.param, *flows, duration=15.0, segments=15, **limits)
+    return run(tmp_path_factory.mktemp("scenarios") / request.param, data)
+
+
+# Results of two flows -----------------------------------------------------------------------------
+
+
+def test_energies_are_integrals_and_the_total_is_the_mean_power_times_the_duration(solution):
+    assert solution.success, solution.message
+    summary, duration = solution.summary, solution.case.phase.duration
+    weights = {each.name: each.weight for each in solution.case.scenarios}
+    shares = {name: weight / sum(weights.values()) for name, weight in weights.items()}
+    power = 0.0
+    for name, share in shares.items():
+        own, table = summary.scenarios[name], solution.to_pandas("simulation", name)
+        for key, column in (
+            ("simulated_energy_J", "hydrodynamic_power_W"),
+            ("generator_energy_J", "generator_power_W"),
+            ("electrical_energy_J", "electrical_power_W"),
+        ):
+            energy = np.trapezoid(table[column], table["time_s"])
+            assert getattr(own, key) == pytest.approx(energy, rel=1e-5), (name, key)
+        assert own.energy_J == pytest.approx(own.simulated_energy_J, rel=2e-4)
+        assert own.mean_power_W == pytest.approx(own.simulated_energy_J / own.duration_s, rel=1e-5)
+        assert own.share == pytest.approx(share, rel=1e-12)
+        power += share * own.mean_power_W
+    assert summary.objective.simulated == pytest.approx(duration * power, rel=1e-9)
+    assert summary.simulated_energy_J == pytest.approx(duration * power, rel=1e-5)
+    assert summary.energy_J == pytest.approx(summary.objective.value, rel=1e-9)
+    assert summary.energy_J < summary.energy_bound_J
+
+
+def test_limits_hold_in_their_scenarios(solution):
+    scenarios, several = solution.summary.scenarios, len(solution.case.limits.given) > 0
+    assert ("thrust" in scenarios["fast"].limits) == several
+    assert "thrust" not in scenarios["slow"].limits
+    torque = solution.summary.limits["control_torque"]
+    assert torque.value <= 700.0 * (1.0 + 1e-4)
+    if several:
+        assert scenarios["fast"].limits["thrust"].value <= 6e3 * (1.0 + 1e-4)
+        assert solution.summary.limits["power"].scenario == "fast"
+
+
+def test_a_result_gives_each_flow_and_one_design(solution):
+    assert solution.scenarios == ("slow", "fast")
+    slow = solution.scenario("slow")
+    assert slow.energy == solution.summary.scenarios["slow"].energy_J
+    assert slow.case.phase.duration == slow.summary.scenarios["slow"].duration_s
+    assert slow.case.inflow.mean == 1.1
+    speed = slow.to_pandas("trajectory")["inflow_speed_m_s"]
+    assert 0.9 <= speed.min() < speed.max() <= 1.3
+    with pytest.raises(InputError, match=r"several scenarios: slow, fast; choose one.*--scenario"):
+        solution.to_pandas()
+    design = solution.design()
+    np.testing.assert_allclose(design.blade.chord, solution.summary.chord_m, rtol=1e-12)
+    gains = [] if solution.gain is None else [solution.gain]
+    assert list(design.gains) == pytest.approx(gains)
+
+
+def test_commands_take_two_flows(solution, one, tmp_path, capsys):
+    folder, other = str(solution.folder), str(one.folder)
+    assert main(["show", folder]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "slow: energy, simulated" in shown
+    assert "share of time 0." in shown
+    assert main(["plot", folder, "--out", str(tmp_path / "figures")]) == 0
+    figures = {path.name for path in (tmp_path / "figures").iterdir()}
+    drawn = {"operation_slow.png", "operation_fast.png", "limits_slow.png", "limits_fast.png"}
+    assert drawn | {"schedule.png", "loads.png", "blade.png"} <= figures
+    capsys.readouterr()
+    for beside, figures in ((other, ["--out", str(tmp_path / "both")]), (folder, [])):
+        assert main(["compare", folder, beside, *figures]) == 0
+        assert "fast: energy, simulated" in " ".join(capsys.readouterr().out.split())
+    both = {path.name for path in (tmp_path / "both").iterdir()}
+    assert drawn | {"operation_phase.png", "limits_phase.png"} <= both
+    assert main(["simulate", folder]) == 2
+    assert "--scenario slow" in capsys.readouterr().err
+    assert main(["simulate", folder, "--scenario", "medium"]) == 2
+    assert "give one of slow, fast" in capsys.readouterr().err
+    for name, own in solution.summary.scenarios.items():
+        assert main(["simulate", folder, "--scenario", name]) == 0
+        found = float(re.search(r"([\d.]+) kJ captured", capsys.readouterr().out)[1])
+        if "does not hold its speed" not in " ".join(solution.notes):  # torque alone is replayed
+            assert 1e3 * found == pytest.approx(own.simulated_energy_J, rel=1e-4)
+
+
+def test_the_case_of_a_run_is_that_case(two):
+    """`case.yaml` has every default of every scenario, and means the same."""
+    text = (two.folder / "case.yaml").read_text(encoding="utf-8")
+    assert "\nscenarios:\n- name: slow\n  inflow:\n    profile: sine\n    mean: 1.1\n" in text
+    again = read_case(text)
+    assert again == two.case == complete(again)
+    assert [each.duration for each in again.scenarios] == [6.0, 8.0]
+    ours, theirs = physics(again), physics(two.case)
+    for here, there in zip(ours.scenarios, theirs.scenarios, strict=True):
+        assert (here.name, here.weight) == (there.name, there.weight)
+        np.testing.assert_array_equal(here.edges, there.edges)
+
+
+@pytest.mark.slow
+def test_a_killed_run_of_two_flows_is_resumed(two, tmp_path):
+    folder, file = tmp_path / "out", tmp_path / "case.yaml"
+    file.write_text(two.case.to_yaml(), encoding="utf-8")
+    process = hkt("run", file, "--out", folder, "--quiet", "--no-figures")
+    while not (folder / "iterate.json").exists() and process.poll() is None:
+        time.sleep(0.01)
+    process.kill()
+    process.communicate()
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    assert not summary["success"]
+    assert main(["show", str(folder)]) == 0
+    process = hkt("run", "--resume", folder, "--quiet", "--no-figures")
+    said, _ = process.communicate()
+    assert process.returncode == 0, said
+    resumed = Solution.load(folder)
+    assert resumed.scenarios == ("slow", "fast")
+    assert resumed.energy == pytest.approx(two.energy, rel=1e-6)
+
+
+def test_force_leaves_no_table_of_the_run_before(tmp_path):
+    out, quick = tmp_path / "out", {"driver": {"max_iterations": 2}}
+    data = {"one": case(**quick), "two": case("quadratic", SLOW, FAST, **quick)}
+    tables = {
+        "one": {"simulation.csv", "trajectory.csv", "loads.csv"},
+        "two": {
+            f"{table}_{name}.csv"
+            for table in ("simulation", "trajectory", "loads")
+            for name in ("slow", "fast")
+        },
+    }
+    shared = {"blade.csv", "power_curve.csv", "convergence.csv"}
+    for name in ("two", "one", "two"):
+        run(out, data[name], force=True)
+        assert {path.name for path in out.glob("*.csv")} == tables[name] | shared
+    assert Solution.load(out).scenarios == ("slow", "fast")
+
+
+def test_a_check_and_the_diagram_name_the_flows(tmp_path, capsys):
+    file = tmp_path / "case.yaml"
+    data = case("quadratic", SLOW, FAST | {"limits": {"thrust": "6 kN"}})
+    file.write_text(load_case(data).to_yaml(), encoding="utf-8")
+    assert main(["check", str(file), "--no-figures"]) == 0
+    checked = " ".join(capsys.readouterr().out.split())
+    assert "Flow of slow" in checked
+    assert "fast: limits.thrust" in checked
+    write_n2(load_case(data), tmp_path / "n2.html")
+    page = (tmp_path / "n2.html").read_text(encoding="utf-8")
+    model = re.search(r'compressedModel = "([^"]*)"', page)[1]
+    names = zlib.decompress(base64.b64decode(model)).decode()
+    for name in ("slow", "fast"):
+        assert f'"name": "{name}", "type": "subsystem"' in names
+
+
+# Weights and order --------------------------------------------------------------------------------
+
+
+def same_design(found, expected, rel):
+    assert found.success, found.message
+    assert found.energy == pytest.approx(expected.energy, rel=rel)
+    for key in ("chord_m", "twist_deg"):
+        largest = np.max(np.abs(expected.summary[key]))
+        np.testing.assert_allclose(
+            found.summary[key], expected.summary[key], rtol=0.0, atol=rel * largest
+        )
+    if expected.gain is not None:
+        assert found.gain == pytest.approx(expected.gain, rel=rel)
+
+
+@pytest.mark.parametrize("weight", [0.5, 2.0])
+def test_two_equal_flows_are_one(one, tmp_path, weight):
+    flows = [{"name": name, "inflow": "sine", "weight": weight} for name in ("a", "b")]
+    same_design(run(tmp_path / "out", case("quadratic", *flows, driver=TIGHT)), one, 1e-8)
+
+
+@pytest.mark.slow
+def test_two_equal_flows_are_one_in_open_loop(tmp_path):
+    one = run(tmp_path / "one", case("open_loop", driver=TIGHT))
+    flows = [{"name": name, "inflow": "sine", "weight": 0.5} for name in ("a", "b")]
+    found = run(tmp_path / "two", case("open_loop", *flows, driver=TIGHT))
+    same_design(found, one, 1e-8)
+
+
+@pytest.mark.parametrize("law", ["quadratic", pytest.param("open_loop", marks=pytest.mark.slow)])
+def test_the_order_of_the_flows_does_not_matter(law, tmp_path):
+    flows = SLOW | {"weight": 0.3}, FAST
+    found = [
+        run(tmp_path / str(number), case(law, *order))
+        for number, order in enumerate((flows, flows[::-1]))
+    ]
+    same_design(found[1], found[0], 1e-6)
+    assert found[1].scenarios == ("fast", "slow")
+
+
+@pytest.mark.slow
+def test_a_flow_of_weight_0_counts_in_no_energy_and_keeps_its_limits(one, tmp_path):
+    gust = {"profile": "gust", "mean": 1.6, "amplitude": 0.3, "time": 1.0, "width": 6.0}
+    flows = FAST, {"name": "gust", "inflow": gust, "weight": 0.0}
+    free = run(tmp_path / "free", case("quadratic", *flows))
+    assert free.energy == pytest.approx(one.energy, rel=1e-6)
+    thrust = free.summary.scenarios["gust"].loads["thrust"].value
+    flows[1]["limits"] = {"thrust": 0.97 * thrust}
+    kept = run(tmp_path / "kept", case("quadratic", *flows))
+    assert kept.success, kept.message
+    own = kept.summary.scenarios
+    assert kept.summary.simulated_energy_J == own["fast"].simulated_energy_J
+    assert own["gust"].limits["thrust"].value <= 0.97 * thrust * (1.0 + 1e-4)
+    assert 0.0 <= own["gust"].limits["thrust"].share_of_time <= 1.0
+    assert kept.summary.limits["thrust"].scenario == "gust"
+    assert kept.energy < free.energy
+    assert own["gust"].share == 0.0
+
+
+def test_one_of_two_flows_is_cut(tmp_path):
+    flows = SLOW | {"inflow": {"profile": "sine", "mean": 1.2}}, FAST
+    data = case("quadratic", *flows, duration=16.0, segments=12)
+    data["control"]["cut_out"] = 1.65
+    found = run(tmp_path / "out", data)
+    assert found.success, found.message
+    own = found.summary.scenarios
+    assert own["slow"].operation is None
+    spans = own["fast"].operation.intervals_s
+    assert len(spans) == 2
+    still = 16.0 - sum(end - begin for begin, end in spans)
+    assert own["fast"].operation.standstill_s == pytest.approx(still, rel=1e-9)
+    table = found.table("simulation", "fast")
+    assert table["inflow_speed_m_s"].max() <= 1.65 * (1.0 + 1e-9)
+    energies = [own[name].simulated_energy_J for name in ("slow", "fast")]
+    assert found.summary.simulated_energy_J == pytest.approx(sum(energies) / 2.0, rel=1e-12)
+    assert found.scenarios == ("slow", "fast")
+    rows = texts(found.summary.rows(found.case))
+    assert "fast: operation" in rows
+    assert main(["plot", str(found.folder), "--out", str(tmp_path / "figures")]) == 0
+
+
+# Cases --------------------------------------------------------------------------------------------
+
+BAD = {
+    "one name twice": ([{"name": "a"}, {"name": "a"}], r"scenarios\[1\].name = 'a'", "its own"),
+    "names of one file": ([{"name": "a"}, {"name": "A"}], r"\[1\].name = 'A'", "its own"),
+    "name of another": ([{"name": "flow_2"}, {}], r"scenarios\[1\].name = 'flow_2'", "its own"),
+    "no weight": ([{"weight": 0}, {"weight": 0}], r"scenarios = \[0.0, 0.0\]", "weight above 0"),
+    "negative weight": ([{"weight": -1}, {}], r"scenarios\[0\].weight = -1", "at least 0"),
+    "unknown key": ([{"wieght": 1}], r"scenarios\[0\].wieght = 1", "did you mean weight"),
+    "limit of the design": (
+        [{"limits": {"taper_from": 0.5}}],
+        r"scenarios\[0\].limits.taper_from = 0.5",
+        "give it as limits.taper_from",
+    ),
+    "torque": (
+        [{"limits": {"torque": 600}}],
+        r"scenarios\[0\].limits.torque = 600",
+        "give control.torque_limit",
+    ),
+    "unknown limit": ([{"limits": {"thrst": 1}}], r"\[0\].limits.thrst = 1", "did you mean thrust"),
+    "name": ([{"name": "a b"}], r"scenarios\[0\].name = 'a b'", "letters and digits and `_`"),
+    "name in another script": ([{"name": "ä"}], r"scenarios\[0\].name = 'ä'", "letters and digits"),
+    "bare profile": ([{"inflow": "sin"}], r"\[0\].inflow.profile = 'sin'", "did you mean sine"),
+    "profile": (
+        [{"inflow": {"profile": "sinee"}}],
+        r"scenarios\[0\].inflow.profile = 'sinee'",
+        "did you mean sine",
+    ),
+    "no profile": ([{"inflow": {"mean": 1}}], r"scenarios\[0\].inflow.profile: is missing", "sine"),
+    "key of a flow": (
+        [{"inflow": {"profile": "sine", "maen": 1}}],
+        r"scenarios\[0\].inflow.maen = 1",
+        "did you mean mean",
+    ),
+    "unit": ([{"duration": "6 m"}], r"scenarios\[0\].duration = '6 m'", "in s"),
+    "section": ({}, r"scenarios = \{\}", "must be a list"),
+    "text": ("two", r"scenarios = 'two'", "must be a list"),
+    "null": (None, r"scenarios = null", "must be a list"),
+    "bare flow": (["sine"], r"scenarios\[0\] = 'sine'", "keys and values"),
+}
+
+
+@pytest.mark.parametrize(("scenarios", "place", "remedy"), BAD.values(), ids=BAD)
+def test_bad_scenarios_are_refused_in_a_line(tmp_path, capsys, scenarios, place, remedy):
+    file = tmp_path / "case.yaml"
+    text = json.dumps(case() | {"scenarios": scenarios})
+    file.write_text(text, encoding="utf-8")
+    assert main(["check", str(file), "--no-figures"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert re.search(place, line), line
+    assert remedy in line
+
+
+@pytest.mark.parametrize("scenarios", [[], [{"weight": 2.0}], [{}, FAST]])
+def test_a_flow_must_be_given_somewhere(scenarios):
+    data = case() | {"scenarios": scenarios}
+    del data["inflow"]
+    with pytest.raises(InputError, match=r"inflow: is missing; give inflow: \{profile: \.\.\.\}"):
+        load_case(data)
+
+
+def test_what_a_scenario_does_not_say_is_the_case_s(tmp_path):
+    record = tmp_path / "flow.csv"
+    times = np.linspace(0.0, 20.0, 201)
+    rows = "\n".join(f"{t:.2f},{1.4 + 0.1 * np.sin(t):.6f}" for t in times)
+    record.write_text(f"time_s,speed_m_s\n{rows}\n", encoding="utf-8")
+    flow = {"profile": "record", "file": str(record)}
+    scenarios = [{"inflow": flow}, {"duration": 12.0}, {"segments": 9}]
+    data = {"inflow": "sine", "control": "quadratic", "scenarios": scenarios}
+    whole = complete(load_case(data)).scenarios
+    assert [each.duration for each in whole] == pytest.approx([20.0, 12.0, 60.0])
+    assert whole[2].segments == 9
+    given = complete(load_case(data | {"phase": {"duration": 10.0, "segments": 8}}))
+    assert [each.duration for each in given.scenarios] == [10.0, 12.0, 10.0]
+    assert [each.segments for each in given.scenarios] == [8, 8, 9]
+    assert given.of_scenario("flow_1").inflow.profile == "record"
+    assert given.of_scenario("flow_1").phase.duration == 10.0
+    with pytest.raises(InputError, match=r"scenarios\[0\]\."):
+        physics(load_case(data | {"phase": {"duration": 30.0}}))
+
+
+def test_the_page_and_the_schema_have_the_scenarios():
+    page = case_markdown()
+    for text in (
+        "- [`scenarios`](#scenarios): Several flows,",
+        "### An entry of `scenarios`",
+        "- **`weight`**: number, at least 0. Default: `1`.",
+        "- **`duration`**: number in s, greater than 0",
+        "## robustness",
+        "### `measure: expected`",
+        "- **`version`**: whole number. Default: `1`.",
+    ):
+        assert text in page
+    entry = case_json_schema()["$defs"]["FlowScenario"]["properties"]
+    assert entry["duration"]["title"] == "duration [s]"
+    flows = entry["inflow"]["anyOf"][0]["oneOf"]
+    assert "sine" in flows[-1]["enum"]
