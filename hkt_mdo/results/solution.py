@@ -32,7 +32,7 @@ __all__ = ["TABLES", "ScenarioTables", "Solution"]
 MAX_BYTES, MAX_CSV_BYTES = 16 * 1024**2, 64 * 1024**2
 """Largest summary and largest table that are read."""
 
-_OVER_TIME = {x.column: (x.unit, x.text) for x in map(QUANTITIES.get, OVER_TIME)}
+_OVER_TIME = {x.column: (x.unit, x.text) for x in map(QUANTITIES.__getitem__, OVER_TIME)}
 
 TABLES: dict[str, dict[str, tuple[str | None, str]]] = {
     "trajectory": _OVER_TIME,
