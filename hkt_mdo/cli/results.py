@@ -15,9 +15,7 @@ from hkt_mdo.cli.parts import OutFolder, ResultFolder, Seed, print_result, read_
 from hkt_mdo.errors import InputError
 
 if TYPE_CHECKING:
-    from hkt_mdo.dynamics.flows import Inflow
-    from hkt_mdo.dynamics.simulation import Simulation
-    from hkt_mdo.studies.uncertainty import Design, Sensor
+    from hkt_mdo.studies.uncertainty import Design, Inflow, Sensor, Simulation
 
 _FORMAT = "File format, such as pdf or svg; may be given several times. Default: png."
 _FLOW = (

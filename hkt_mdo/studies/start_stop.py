@@ -89,8 +89,8 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
     Raises
     ------
     InputError
-        For an open loop, whose start-up cannot be simulated, for a stop beyond the run, and for
-        one without a torque limit.
+        For an open loop, whose start-up cannot be simulated, for a stop beyond the run,
+        and for one without a torque limit.
     """
     plant, duration = design.plant, design.physics.case.phase.duration
     _check(design, duration, stop)

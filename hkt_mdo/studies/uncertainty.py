@@ -109,8 +109,14 @@ class Ensemble:
     torque_error: float
 
     @property
-    def stalled(self):  # numpydoc ignore=RT01
-        """Number of repeats in which the rotor stopped."""
+    def stalled(self):
+        """Number of repeats in which the rotor stopped.
+
+        Returns
+        -------
+        int
+            At most the number of repeats.
+        """
         return int(np.sum(np.isfinite(self.stopped_at)))
 
 
@@ -150,13 +156,30 @@ class Design:
         return cls(solution, world, plant, plant, made.gains)
 
     @property
-    def law(self) -> Law:  # numpydoc ignore=RT01
-        """The control law."""
+    def law(self) -> Law:
+        """The control law.
+
+        Returns
+        -------
+        Law
+            That of the design's case.
+        """
         return self.physics.law
 
     @cached_property
-    def controller(self) -> FeedbackTorque:  # numpydoc ignore=RT01
-        """The torque of the feedback law, which hears of the flow what it would as built."""
+    def controller(self) -> FeedbackTorque:
+        """The torque of the feedback law, which hears of the flow what it would as built.
+
+        Returns
+        -------
+        FeedbackTorque
+            With an estimate of the flow, where the law has no sensor of it.
+
+        Raises
+        ------
+        ValueError
+            For an open loop.
+        """
         if not self.law.is_feedback:
             raise ValueError("open loop has no law")
         estimate = FlowEstimate(self.known) if self.law.estimates_flow else None
