@@ -263,7 +263,11 @@ def _control(found: Findings) -> Rows:
     """Yield the law; warn of a torque limit and of a gain that were hardly meant."""
     control, law, limit = found.case.control, found.physics.law, found.physics.law.torque_limit
     yield Row("law", _first_line(control) or control.law)
-    smooth = f"approached smoothly (smoothing {control.smoothing:g})" if law and limit else ""
+    smooth = (
+        f"approached smoothly (smoothing {control.smoothing:g})"
+        if law.is_feedback and limit
+        else ""
+    )
     yield Row("torque limit", "none" if limit is None else limit, "N*m", smooth, 4)
     if limit is not None and not found.above_rated:
         fastest = found.fastest

@@ -18,6 +18,7 @@ from markdown_it import MarkdownIt
 from hkt_mdo.files.shipped import data_path
 from hkt_mdo.results import plots, style
 from hkt_mdo.results.folder import write_json, write_text
+from hkt_mdo.results.solution import ScenarioTables
 from hkt_mdo.studies.common import LAWS, SCENARIOS, markdown_table, percent
 from hkt_mdo.studies.uncertainty import REFERENCES, Sensor
 
@@ -262,7 +263,8 @@ def _named(solution, name, series=None):
     if series is None:
         return renamed
     columns = {key: np.array(values) for key, values in series.items()}
-    return replace(renamed, simulation=columns, trajectory={})
+    tables = {name: ScenarioTables({}, columns, {}) for name in solution.tables}
+    return replace(renamed, tables=tables)
 
 
 def _text(data, figures):

@@ -87,17 +87,17 @@ def test_a_steady_rotor_gives_all_its_power_to_the_generator():
     [
         {"law": QuadraticFeedback(torque_limit=700.0)},
         {"law": QuadraticFeedback()},
-        {"unknown": "speed"},
-        {"unknown": "torque"},
+        {"law": OpenLoop(unknown="speed")},
+        {"law": OpenLoop(unknown="torque")},
     ],
     ids=["saturated", "unlimited", "speed", "torque"],
 )
 def test_partials_by_complex_step(options):
     problem = problem_of(hydrodynamics=spline_hydrodynamics, **options)
     problem.set_val("torque_coefficient_table", TABLE)
-    if "law" in options:
+    if options["law"].is_feedback:
         problem.set_val("gain_0", 7.2)
-    elif options["unknown"] == "torque":
+    elif options["law"].chooses_torque:
         problem.set_val("control_torque", np.linspace(300.0, 700.0, N))
     else:
         problem.set_val("rotor_acceleration", np.linspace(-1.0, 1.0, N))
