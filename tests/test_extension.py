@@ -77,6 +77,7 @@ def test_an_objective_is_maximized(run):
     assert told["simulated"] > plain.summary["simulated_energy_J"] - price(plain)
 
 
+@pytest.mark.slow
 def test_a_law_of_two_gains_is_at_least_as_good_as_its_parts(run):
     limited = {
         law: run(control={"law": law, "torque_limit": 700})

@@ -130,6 +130,7 @@ def test_a_result_gives_each_flow_and_one_design(solution):
     assert list(design.gains) == pytest.approx(gains)
 
 
+@pytest.mark.slow
 def test_commands_take_two_flows(solution, one, tmp_path, capsys):
     folder, other = str(solution.folder), str(one.folder)
     assert main(["show", folder]) == 0
@@ -190,6 +191,7 @@ def test_a_killed_run_of_two_flows_is_resumed(two, tmp_path):
     assert resumed.energy == pytest.approx(two.energy, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_force_leaves_no_table_of_the_run_before(tmp_path):
     out, quick = tmp_path / "out", {"driver": {"max_iterations": 2}}
     data = {"one": case(**quick), "two": case("quadratic", SLOW, FAST, **quick)}

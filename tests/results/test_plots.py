@@ -249,6 +249,7 @@ def test_start_is_drawn_once_and_not_for_a_fixed_blade(
     assert legend_texts(plots.plot_chord(Solution.load(result_folder))) == ["blade"]
 
 
+@pytest.mark.slow
 def test_save_figures_writes_all(solution: Solution, tmp_path: Path) -> None:
     written = plots.save_figures(solution, tmp_path / "new" / "figures", ("png", "pdf"))
     assert [path.name for path in written] == [

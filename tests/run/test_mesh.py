@@ -37,6 +37,7 @@ def test_a_gust_between_two_nodes_is_seen(solve_physics, width):
     assert with_gust.result.energy == pytest.approx(finer.result.energy, rel=2e-5)
 
 
+@pytest.mark.slow
 def test_open_loop_is_never_below_feedback_where_a_limit_switches(solve_physics):
     """On 15 segments open loop loses 3e-4 and comes out below quadratic feedback."""
     best = solved(solve_physics, "open_loop", limit=500, **FAST)

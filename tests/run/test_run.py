@@ -246,6 +246,7 @@ def test_notes_tell_what_the_found_blade_meets(solve):
     )
 
 
+@pytest.mark.slow
 def test_a_false_solution_is_no_success(tmp_path):
     """Dymos' Radau collocates left ends only: on stiff feedback it finds false speeds."""
     case = short_case("sine_limited_linear", "phase.transcription=radau")

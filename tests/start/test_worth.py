@@ -11,6 +11,7 @@ def worth(solution, name):
     return solution.summary.limits[name].worth
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["open_loop", "linear", "quadratic"])
 def test_torque(solve, law):
     first, more = (

@@ -64,6 +64,7 @@ def test_a_law_with_states_is_sampled_too(tracking):
     assert chatter > 100.0 * np.std(np.diff(sampled.control_torque))
 
 
+@pytest.mark.slow
 def test_the_flow_is_estimated_from_speeds_and_torques_that_were_read(tracking):
     """At fast samples as well as an exact sensor tells it; noise of the speed reaches it, too."""
     law = tracking.law.model_copy(update={"flow": "estimated"})
@@ -91,6 +92,7 @@ def test_noise_of_the_flows_sensor_passes_its_lag():
     assert np.mean(states[1]) == pytest.approx(1.5, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_noise_of_the_flows_sensor_costs_energy(tracking):
     law = tracking.law.model_copy(update={"noise": 0.2})
     noisy = replace(tracking, physics=replace(tracking.physics, law=law))
