@@ -373,4 +373,4 @@ def test_a_constant_efficiency_moves_no_optimum(run):
     assert share.summary.electrical_energy_J == pytest.approx(0.92 * energy, rel=1e-12)
     assert energy == pytest.approx(plain.summary.generator_energy_J, rel=1e-7)
     assert plain.summary.electrical_energy_J == plain.summary.generator_energy_J
-    assert share.summary.objective.bound_J == pytest.approx(0.92 * plain.summary.energy_bound_J)
+    assert share.summary.objective.bound == pytest.approx(0.92 * plain.summary.energy_bound_J)
