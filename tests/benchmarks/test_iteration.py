@@ -12,7 +12,9 @@ import openmdao.api as om
 import pytest
 
 from cases import case_of, optimize, start_of
-from hkt_mdo.problem import build as builder
+from hkt_mdo.problem import operation_group
+from hkt_mdo.problem.build import assemble
+from hkt_mdo.rotor import components
 
 SEGMENTS = (30, 100, 300, 1000, 3000)
 STATIONS = (9, 20, 50, 100)
@@ -53,7 +55,7 @@ class BareHydrodynamics(om.ExplicitComponent):
 
 
 def built(prepared):
-    problem = builder.assemble(*prepared)
+    problem = assemble(*prepared)
     problem.run_model()
     return problem
 
@@ -87,12 +89,12 @@ def test_over_the_bare_phase(benchmark, full, in_turns, monkeypatch):
     }
     bare = start_of(case_of(segments=segments, design="{blade: fixed}"), cold=True)
     monkeypatch.setattr(
-        builder,
+        operation_group,
         "HydrodynamicsComp",
         lambda num_nodes, spline: BareHydrodynamics(num_nodes=num_nodes, nodes=spline.nodes),
     )
     monkeypatch.setattr(
-        builder,
+        components,
         "TorqueTable",
         lambda nodes, **_: om.IndepVarComp("torque_coefficient_table", np.zeros(nodes.size)),
     )

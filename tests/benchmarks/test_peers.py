@@ -50,7 +50,7 @@ def by_this_package(plant):
     problem = assemble(plant.world, plant.setup)
     at = plant.world.scenarios[0].samples
     speed = plant.ratio * plant.world.inflow.speed_at(at) / plant.radius
-    set_start(problem.model.traj.phases.phase, at, speed, 0.0 * at, {})
+    set_start(problem.model.operation.traj.phases.phase, at, speed, 0.0 * at, {})
     problem.run_model()
     problem.run_driver()
     ended = problem.driver.outcome()
