@@ -149,6 +149,8 @@ OVER_TIME = names(over="time")
 TRAJECTORY = names(source="trajectory")
 LOADS = names(source="loads")
 RATES = names(source="rates")
+STEADY = frozenset((*TRAJECTORY, *LOADS, "rotor_radius", "density", "inertia"))
+"""What is known of a rotor in steady operation, without time, as the search for a start has it."""
 
 
 def is_over_time(name: str) -> bool:

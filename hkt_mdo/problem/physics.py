@@ -36,7 +36,7 @@ from hkt_mdo.problem.contradictions import redundant_limits, refuse_contradictio
 from hkt_mdo.problem.operation import in_operation
 from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
 from hkt_mdo.problem.turbine import Turbine, build_turbine
-from hkt_mdo.quantities import LOADS, RATES, TRAJECTORY, names
+from hkt_mdo.quantities import LOADS, RATES, STEADY, names
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.hydrodynamics import SOLVERS, Hydrodynamics
 from hkt_mdo.rotor.loads import Cavitation, LoadModel
@@ -149,11 +149,15 @@ class Physics:
 
         Those of `scenarios`, in their order, over the time of each.
         """
+        shares = np.array(list(self.shares.values()))
+        return self.duration * self.aggregate.of(self._means(integrals), shares)
+
+    def _means(self, integrals: Iterable[float]) -> np.ndarray:
+        """Return integrals over the scenarios over their durations, intervals of one together."""
         means = dict.fromkeys(self.shares, 0.0)
         for scenario, integral in zip(self.scenarios, integrals, strict=True):
-            means[scenario.group] += integral / scenario.mesh.duration
-        rates, shares = (np.array(list(each.values())) for each in (means, self.shares))
-        return self.duration * self.aggregate.of(rates, shares)
+            means[scenario.group] += float(integral) / scenario.mesh.duration
+        return np.array(list(means.values()))
 
     def mean_rates(self, starts: list[dict]) -> np.ndarray:
         """Return the mean rate of the objective in each scenario, of quantities over the samples.
@@ -168,11 +172,8 @@ class Physics:
         array
             (n_scenarios,), in the objective's unit a second.
         """
-        means = dict.fromkeys(self.shares, 0.0)
-        for scenario, start in zip(self.scenarios, starts, strict=True):
-            integral = scenario.sample_weights @ self.objective.rate_of(start)
-            means[scenario.group] += float(integral) / scenario.mesh.duration
-        return np.array(list(means.values()))
+        pairs = zip(self.scenarios, starts, strict=True)
+        return self._means(each.sample_weights @ self.objective.rate_of(x) for each, x in pairs)
 
     def epigraph(self, point) -> tuple[np.ndarray, int]:
         """Return the aggregate's unknowns at a starting point, and the number of its rows."""
@@ -368,8 +369,7 @@ class Physics:
         Else the captured energy: what makes a cost small would make the rotor stand still. So it is
         for an energy less a price of what a schedule does not know.
         """
-        known = {*TRAJECTORY, *LOADS, "rotor_radius", "density", "inertia"}
-        simple = self.objective.is_energy and known >= {*self.objective.inputs}
+        simple = self.objective.is_energy and STEADY >= {*self.objective.inputs}
         return self.objective if simple else CapturedEnergy()
 
     def objective_bound(self, captured: float) -> float | None:

@@ -15,7 +15,7 @@ from hkt_mdo.dynamics.limits import Limit, TorqueLimit
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import KEPT_EXCESS, Operation, StartingPoint
-from hkt_mdo.quantities import LOADS, TRAJECTORY
+from hkt_mdo.quantities import STEADY
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.torque_curve import TorqueSpline
@@ -251,9 +251,8 @@ def _kept(physics: Physics) -> tuple[Limit, ...]:
     def constrains(limit):  # a torque limit is held by a law's saturation
         return limit.constrains(law) or (isinstance(limit, TorqueLimit) and not law.is_static)
 
-    known = {*TRAJECTORY, *LOADS, "rotor_radius", "density", "inertia"}
     return tuple(
         limit
         for limit in physics.all_limits
-        if limit.caps_series and known >= {*limit.inputs} and constrains(limit)
+        if limit.caps_series and STEADY >= {*limit.inputs} and constrains(limit)
     )
