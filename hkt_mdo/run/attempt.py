@@ -224,7 +224,7 @@ class Attempt:
     def division(self) -> Division:
         """Error of the mesh, and the segments to divide."""
         about = self.physics, self.result, self.flights, self.near_stall
-        return division(*about, self.before.coarser, self.begin.start.branch)
+        return division(*about, self.before.coarser)
 
     def begin_again(self, why: str, **changes) -> Begin:
         """Return what the next optimization begins with: changes of the setup, or the physics."""

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.problem.physics import Physics
@@ -21,7 +19,6 @@ from hkt_mdo.run.judge import (
     most_between,
     short_of_recovery,
 )
-from hkt_mdo.start.find import find_start
 
 
 @dataclass(frozen=True)
@@ -33,8 +30,8 @@ class Rules:
     near_limit : float
         Distance from its bound within which a limit binds at a node.
     short_of : float
-        Of the energy: what segments together may fall short of quasi-steady operation; a third of
-        the error of the mesh that the judges allow.
+        Of the energy: what the segments that are not divided may leave together; a third of the
+        error of the mesh that the judges allow.
     speed : float
         Of the judges' error of speed: what a segment may have before it is divided.
     unchanged : float
@@ -43,6 +40,10 @@ class Rules:
         Divisions after which a limit that is exceeded between the nodes is lowered instead.
     parts : int
         Parts of a divided segment.
+    nearly_all : float
+        Share of the segments that are too coarse from which an open loop's polynomials are too low.
+    higher : int
+        Order of the polynomials then.
     most, most_dense : int
         Segments: the problem takes several gigabytes; that of a dense optimizer, minutes.
     """
@@ -53,6 +54,8 @@ class Rules:
     unchanged: float = 1e-7
     few: int = 4
     parts: int = 4
+    nearly_all: float = 0.5
+    higher: int = 5
     most: int = 10_000
     most_dense: int = 400
 
@@ -70,10 +73,13 @@ class Division:
         Relative change of the objective on a finer mesh, as far as it is known.
     parts : list of numpy.ndarray
         Of shape (n_segments,) each; empty where the mesh is fine enough.
+    order : int
+        Higher order that all segments' polynomials need instead; 0: none.
     """
 
     error: float
     parts: list[np.ndarray]
+    order: int = 0
 
     def allowed(self, optimizer: str) -> bool:
         """Tell whether there is something to divide and the optimizer can bear the segments."""
@@ -87,18 +93,19 @@ def division(
     flights: tuple[Flight, ...],
     near: list[np.ndarray],
     before: Sequence[float],
-    branch: str,
 ) -> Division:
     """Return by how much a finer mesh may change the objective, and what to divide.
 
-    Under open loop the error is how much the last division has changed it; of two divisions that
-    form a geometric series, the rest of that series. Before a division it is how far the objective
-    is from that of quasi-steady operation of the found blade, which needs no mesh. A feedback law
-    leaves the optimizer no torque over time to choose, and its error is none.
+    Under open loop the error is the smaller of two: how much the last division has changed the
+    objective (of two divisions that form a geometric series, the rest of that series), and the
+    power in the distance that the polynomials keep from the limits that bind in their segments. A
+    feedback law leaves the optimizer no torque over time to choose, and its error is none.
 
     Divided are segments where the integration denies the collocation, where it exceeds a limit or
     is closer to stall between the nodes than at them and, under open loop, those in which a limit
-    begins or ceases to bind, or the trajectory falls short of quasi-steady operation.
+    begins or ceases to bind, or that keep most of that power. Where these are nearly all, as with a
+    heavy rotor, whose torque has an error of the acceleration, polynomials of a higher order do
+    better than shorter segments.
 
     Parameters
     ----------
@@ -108,8 +115,6 @@ def division(
         What `too_close_to_stall` returns.
     before
         Objectives on the coarser meshes, J, the last one's at the end.
-    branch
-        That of the start.
     """
     coarse, error = _denied(physics, flights, before), 0.0
     unchanged = before and abs(result.objective / before[-1] - 1.0) < RULES.unchanged
@@ -117,13 +122,24 @@ def division(
         if not unchanged:  # by the last division: what is close to stall then is so at the nodes
             marks |= close
         for limit in held(physics, flight.scenario) if len(before) < RULES.few else ():
-            marks |= flight.between_nodes(limit)[0] > most_between(limit)
+            over = flight.between_nodes(limit)[0]
+            found = over > most_between(limit)
+            lost = np.sum(_energies(flight, result.energy), axis=1) @ np.where(found, over, 0.0)
+            if physics.law.is_feedback or lost > RULES.short_of:
+                marks |= found  # else lowering an open loop's limit there costs next to nothing
     if not physics.law.is_feedback:
-        error = _open_loop(physics, result, flights, coarse, before, branch)
-    divided = any(map(np.any, coarse))
-    return Division(
-        float(error), [np.where(marks, RULES.parts, 1) for marks in coarse] if divided else []
-    )
+        error = _open_loop(physics, result, flights, coarse, before)
+    if not any(map(np.any, coarse)):
+        return Division(float(error), [])
+    mesh = physics.scenarios[0].mesh
+    if (
+        error > MESH_ERROR
+        and mesh.transcription == "gauss-lobatto"
+        and mesh.order < RULES.higher
+        and np.mean(np.concatenate(coarse)) > RULES.nearly_all
+    ):
+        return Division(float(error), [np.ones(x.size, dtype=int) for x in coarse], RULES.higher)
+    return Division(float(error), [np.where(marks, RULES.parts, 1) for marks in coarse])
 
 
 def _denied(physics, flights, before) -> list[np.ndarray]:
@@ -141,29 +157,20 @@ def _denied(physics, flights, before) -> list[np.ndarray]:
     return coarse
 
 
-def _open_loop(physics, result, flights, coarse, before, branch) -> float:
+def _open_loop(physics, result, flights, coarse, before) -> float:
     """Return the error of the mesh under open loop, and mark in `coarse` what causes it."""
-    blade = result.point.blade
-    known = replace(physics, shape=replace(physics.shape, blade=blade))
-
-    @cache
-    def ideal():
-        best = physics.rotor.best_operation(blade)
-        return find_start(known, best, improve=False, branch=branch)
-
-    values = [*(before[-2:] or [physics.objective_at(ideal())]), result.objective]
-    *change, error = np.abs(np.diff(values)) / max(abs(result.objective), 1e-9)
-    if change and error < 0.5 * change[0]:
-        error *= error / (change[0] - error)
+    left = [_left(physics, flight, result.energy) for flight in flights]
+    values = [*before[-2:], result.objective]
+    changes = np.abs(np.diff(values)) / max(abs(result.objective), 1e-9)
+    error = changes[-1] if changes.size else np.inf
+    if changes.size > 1 and error < 0.5 * changes[0]:
+        error *= error / (changes[0] - error)
+    error = min(error, float(sum(map(np.sum, left))))
     if error <= MESH_ERROR:
         return error
-    steady = not known.broken_limits(ideal())  # a limited rate of the torque may forbid it
-    for marks, flight, best in zip(coarse, flights, known.on_start(ideal()), strict=True):
-        marks |= _switches(physics, flight)
-        if steady or not np.any(marks):
-            marks |= _falls_short(flight, best, result.energy)
-    # what the first speed stores is no error of a mesh
-    return error if any(map(np.any, coarse)) else RULES.short_of
+    for marks, flight, own in zip(coarse, flights, left, strict=True):
+        marks |= _switches(physics, flight) | _most(own)
+    return error
 
 
 def too_close_to_stall(
@@ -204,15 +211,31 @@ def _switches(physics, flight) -> np.ndarray:
     return found
 
 
-def _falls_short(flight, best, energy) -> np.ndarray:
-    """Return the segments that together lose most against quasi-steady operation."""
-    scenario, nodes = flight.scenario, flight.trajectory
-    steady = CubicSpline(best["time"], best["hydrodynamic_power"])(nodes["time"])
-    # where a limit binds, the rotor's inertia moves the captured power, else the generator's
-    short = [nodes[name] - steady for name in ("hydrodynamic_power", "generator_power")]
-    shape = 2, scenario.segments, scenario.nodes_per_segment
-    lost = np.reshape(scenario.node_weights * short, shape).sum(axis=2) / energy
-    lost = np.min(np.abs(lost), axis=0)
-    found, order = np.zeros(scenario.segments, dtype=bool), np.argsort(lost)
+def _left(physics, flight, energy) -> np.ndarray:
+    """Return what the mesh may leave of the energy in every segment, as a share of the whole.
+
+    In a segment in which a limit binds at a node, the polynomials keep it at the others as well, at
+    a distance. The power in that distance is what a finer mesh may gain, to first order.
+    """
+    scenario, nodes = flight.scenario, flight.at_nodes
+    over = [limit.excess(nodes) for limit in held(physics, scenario)]
+    if not over:
+        return np.zeros(scenario.segments)
+    room = np.maximum(-np.max(np.broadcast_arrays(*over), axis=0), 0.0)
+    room = room.reshape(scenario.segments, -1)
+    binds = np.min(room, axis=1) < RULES.near_limit
+    return np.where(binds, np.sum(room * _energies(flight, energy), axis=1), 0.0)
+
+
+def _energies(flight, energy) -> np.ndarray:
+    """Return what the nodes of every segment add to the energy: shares, (segments, nodes)."""
+    scenario = flight.scenario
+    power = np.abs(flight.trajectory["hydrodynamic_power"]) * scenario.node_weights
+    return power.reshape(scenario.segments, -1) * (scenario.weight / abs(energy))
+
+
+def _most(lost: np.ndarray) -> np.ndarray:
+    """Return the segments that together lose most: what the others lose is small."""
+    found, order = np.zeros(lost.size, dtype=bool), np.argsort(lost)
     found[order] = np.cumsum(lost[order]) > RULES.short_of
     return found

@@ -102,16 +102,23 @@ def finer_mesh(attempt: Attempt) -> Begin | None:
     division = attempt.division
     if not division.allowed(physics.case.driver.optimizer):
         return None
-    parts = division.parts
-    scenarios = [each.divided(own) for each, own in zip(physics.scenarios, parts, strict=True)]
+    parts, order, meshes = division.parts, division.order, [each.mesh for each in physics.scenarios]
+    why = f"error of the mesh {division.error:.2g}"
+    if order:
+        meshes = [mesh.model_copy(update={"order": order}) for mesh in meshes]
+        why = f"polynomials of order {order} for nearly all segments are too coarse, {why}"
+    else:
+        why = f"{sum(np.sum(own > 1) for own in parts)} segments are too coarse, {why}"
+    scenarios = [
+        replace(each.divided(own), mesh=mesh)
+        for each, own, mesh in zip(physics.scenarios, parts, meshes, strict=True)
+    ]
     by_name = {each.name: own for each, own in zip(scenarios, parts, strict=True)}
     physics = replace(physics, scenarios=tuple(scenarios))
     shares = {  # a finer mesh may need no lower limit
         (limit, scenario): np.repeat(np.where(by_name[scenario] > 1, 1.0, share), by_name[scenario])
         for (limit, scenario), share in attempt.setup.shares.items()
     }
-    divided = sum(np.sum(own > 1) for own in parts)
-    why = f"{divided} segments are too coarse, error of the mesh {division.error:.2g}"
     point = point_of(physics, attempt.result.problem)
     return attempt.begin_again(why, physics=physics, start=point, shares=shares)
 
