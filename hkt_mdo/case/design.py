@@ -116,8 +116,9 @@ class Phase(Section):
     stored energy counts, and only open loop can do; `auto`: initial for open loop with an objective
     that counts what the generator takes, else free."""
     stored_energy: Literal["limited", "allowed"] = "limited"
-    """`limited`: a result whose rotor gains or loses more kinetic energy than 1 % of the captured
-    energy is refused, as that is not delivered; `allowed`: it is not refused."""
+    """Of an objective that counts what the rotor stores as captured: `limited`: an open loop whose
+    rotor would store more than 1 % of the captured energy ends at its first speed, and a rotor
+    under feedback whose last speed is so far from equilibrium is refused; `allowed`: neither."""
 
 
 class Start(Section):

@@ -72,8 +72,11 @@ def compare(
 ) -> None:
     """Compare results in a table and, with --out, in overlaid figures.
 
-    The table has the figures of merit side by side, and each energy relative to the largest.
+    The table has the figures of merit side by side, and each energy relative to the largest. Below
+    it stands which results are not the best that their case allows: of one turbine in one flow,
+    another one keeps their limits, and is better.
     """
+    from hkt_mdo.results.nesting import beaten
     from hkt_mdo.results.words import texts
 
     solutions = [read_result(result) for result in results]
@@ -87,6 +90,8 @@ def compare(
     for name in dict.fromkeys(key for column in columns for key in column):
         table.add_row(name, *(column.get(name, "") for column in columns))
     Console(highlight=False).print(table)
+    for line in beaten(solutions):
+        echo(f"note: {line}")
     if out is not None:
         from hkt_mdo.results.plots import save_figures
 

@@ -87,6 +87,10 @@ class Law(Section):
         """
         return np.stack((gains, gains))
 
+    def contains(self, other: Law) -> bool:
+        """Tell whether another law is a special case: whatever it does, this one can do."""
+        return self == other
+
     def coarser(self) -> Law | None:
         """Return a law of fewer gains whose optimum is a start for this one, if any."""
         return None
@@ -106,6 +110,11 @@ class OpenLoop(Law):
     inverse dynamics, or the torque itself, from which the speed follows by integration."""
     chooses_speed = property(lambda self: self.unknown == "speed")  # type: ignore[assignment]
     chooses_torque = property(lambda self: self.unknown == "torque")  # type: ignore[assignment]
+
+    def contains(self, other):
+        limit = np.inf if self.torque_limit is None else self.torque_limit
+        same = self.cut_out == other.cut_out
+        return same and (np.inf if other.torque_limit is None else other.torque_limit) <= limit
 
 
 class FeedbackLaw(Law):

@@ -49,6 +49,13 @@ class PowerLawFeedback(FeedbackLaw):
         """K, and p where it is designed."""
         return ("N*m",) if self.exponent is not None else ("N*m", None)
 
+    def contains(self, other):
+        power = {"linear": 1.0, "quadratic": 2.0}.get(other.law)
+        if power is None or self.exponent not in (None, power):
+            return super().contains(other)
+        names = "torque_limit", "cut_out", "smoothing"
+        return all(getattr(self, name) == getattr(other, name) for name in names)
+
     def _exponent(self, gains):
         return gains[1] if self.exponent is None else self.exponent
 

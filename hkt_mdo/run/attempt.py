@@ -23,6 +23,9 @@ from hkt_mdo.start.find import bounding_optimum, find_start
 WORTHWHILE = 1e-6
 """Relative gain of the objective for which a move limit is re-centred again."""
 
+FEW = 0.1
+"""Share of the segments up to which a division may mend what the integration denies."""
+
 AT_OPTIMUM = "finer mesh", "lowered limits"
 """Remedies that follow an optimum on its mesh."""
 
@@ -126,7 +129,8 @@ class Before:
     objective : float
         Objective of the last that was useful, J.
     coarser : tuple of float
-        Objectives after which the mesh was divided, J, the last one's at the end.
+        Objectives after which the mesh was divided, J, the last one's at the end; of polynomials of
+        one order and one kind of cycle.
     optimum : tuple of Physics, Optimized and flights, or None
         The last end that no remedy but for the mesh or the limits between its nodes applied to.
     """
@@ -189,6 +193,13 @@ class Attempt:
         """Whether the integration denies what the collocation has solved."""
         return is_false(self.flights)
 
+    @property
+    def few_denied(self) -> bool:
+        """Whether it is the first mesh, and its few segments that are too coarse may be why."""
+        parts = self.division.parts
+        divided = np.mean(np.concatenate(parts) > 1) if parts else 1.0
+        return not self.before.coarser and bool(divided < FEW)
+
     @cached_property
     def near_stall(self) -> list[np.ndarray]:
         """The segments of each scenario in which a feedback law is too close to stall."""
@@ -208,6 +219,18 @@ class Attempt:
     def gain(self) -> float:
         """Relative change of the objective by this optimization; 1 for the first."""
         return abs(self.result.objective / self.before.objective - 1.0)
+
+    @property
+    def fallen(self) -> float:
+        """Share by which the objective is below that of the optimum that it began with.
+
+        An open loop can do on a finer mesh, or within other moves, what it did before; a law loses
+        by a limit that a coarse mesh let it exceed.
+        """
+        after = self.begin.remedy in ("finer mesh", "recentred moves")
+        if self.physics.law.is_feedback or not (self.useful and after):
+            return 0.0
+        return self.physics.objective.behind(self.result.objective, self.before.objective)
 
     @cached_property
     def at_limit(self) -> bool:
@@ -260,13 +283,16 @@ class Attempt:
     def after(self, again: Begin) -> Before:
         """Return what the passes have found before the next one, which begins again."""
         before = replace(self.before, passes=self.before.passes + 1)
-        if self.useful:
+        if self.useful and again.remedy != "smaller moves":  # else it has fallen
             before = replace(before, objective=self.result.objective)
         if again.remedy in AT_OPTIMUM:
             result = replace(self.result, mesh_error=self.division.error)
             before = replace(before, optimum=(self.physics, result, self.flights))
         if again.physics is not self.physics:
-            before = replace(before, coarser=(*before.coarser, self.result.objective))
+            meshes = [each.scenarios[0].mesh for each in (self.physics, again.physics)]
+            same = meshes[0] == meshes[1]  # else they are no series
+            coarser = (*before.coarser, self.result.objective) if same else ()
+            before = replace(before, coarser=coarser)
         return before
 
     @cached_property

@@ -16,7 +16,7 @@ from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes
 from hkt_mdo.run.attempt import Attempt, Before, Begin, Judged, quasi_steady_reference
-from hkt_mdo.run.judge import most_between
+from hkt_mdo.run.judge import STORED, most_between, sells, sold
 from hkt_mdo.run.mesh import held
 from hkt_mdo.run.optimization import point_of, solve
 from hkt_mdo.run.state import RunState
@@ -26,6 +26,8 @@ MAX_PASSES = 24
 """Optimizations from one start; runs that end well need at most ten."""
 FAR = 0.05
 """Relative excess of a limit from which a start is far from any optimum."""
+FALLEN = 1e-4
+"""Share of the objective by which an optimum may be below one that a finer mesh began with."""
 NEAR_STALL = 0.022
 """Recovery of a start, over a typical torque, below which it is constrained from the beginning."""
 MOST_LOWERED = 5e-3
@@ -36,9 +38,12 @@ MOST_EXCEEDED = 0.02
 
 def smaller_moves(attempt: Attempt) -> Begin | None:
     """Begin within narrow moves after an optimization that lost its way."""
+    setup, last = attempt.setup, attempt.state.last
+    if attempt.fallen > FALLEN and setup.moves != NARROW:
+        why = f"the optimum is {100.0 * attempt.fallen:.2g} % below that of the pass before"
+        return attempt.begin_again(why, moves=NARROW)
     if attempt.converged or attempt.lost:
         return None
-    setup, last = attempt.setup, attempt.state.last
     why = f"the optimizer did not converge in {attempt.result.outcome.iterations} iterations"
     if last.operation.energy > setup.start.operation.energy:
         nodes = curve_nodes(attempt.physics, last)
@@ -79,14 +84,14 @@ def recentred_moves(attempt: Attempt) -> Begin | None:
 def farther_from_stall(attempt: Attempt) -> Begin | None:
     """Ask for twice the loss of speed where the collocation may follow a false branch near stall.
 
-    The false speeds of Radau's collocation are its own.
+    The false speeds of Radau's collocation are its own; those of a few segments may be coarse.
     """
     physics, slowed = attempt.physics, 2.0 * SLOWED
     if not attempt.converged or not (physics.law.is_feedback and physics.has_curve):
         return None
     if physics.case.phase.transcription == "radau" or attempt.setup.slowed > SLOWED:
         return None
-    if not attempt.is_false:
+    if not attempt.is_false or attempt.few_denied:
         return None
     error = max(np.max(flight.speed_errors) for flight in attempt.flights)
     return attempt.begin_again(
@@ -150,6 +155,22 @@ def lowered_limits(attempt: Attempt) -> Begin | None:
     return attempt.from_end(why, shares=shares) if worst else None
 
 
+def closed_cycle(attempt: Attempt) -> Begin | None:
+    """Close the cycle of an open loop that counts as captured what its rotor only stores."""
+    physics = attempt.physics
+    if not attempt.converged or physics.law.is_feedback or not sells(physics):
+        return None
+    share = sold(physics, attempt.result, attempt.flights)
+    if share <= STORED:
+        return None
+    scenarios = [
+        replace(each, mesh=each.mesh.model_copy(update={"final_speed": "initial"}))
+        for each in physics.scenarios
+    ]
+    why = f"the rotor stores {100.0 * share:.2g} % of what it captures"
+    return attempt.from_end(why, physics=replace(physics, scenarios=tuple(scenarios)))
+
+
 def other_branch(attempt: Attempt) -> Begin | None:
     """Begin on the start's other branch where a judge refuses the end on the first one."""
     physics, optimum = attempt.state.first, attempt.state.optimum
@@ -175,6 +196,7 @@ REMEDIES: tuple[Callable[[Attempt], Begin | None], ...] = (
     distance_from_stall,
     finer_torque_curve,
     recentred_moves,
+    closed_cycle,
     farther_from_stall,
     finer_mesh,
     lowered_limits,

@@ -153,7 +153,8 @@ def _energies(finished):
         sums[name] for name in ("energy", "generator_energy", "kinetic_energy_change")
     )
     bound, over = energy_bound(physics, finished.optimum), finished.check("energy_over_certificate")
-    closed = physics.objective.closes and physics.case.phase.final_speed != "initial"
+    meshes = [each.mesh for each in physics.scenarios]
+    open_ended = physics.objective.closes and any(x.final_speed != "initial" for x in meshes)
     return {
         "energy_J": finished.result.energy,
         **{key: sums[name] if finished.turning else None for name, key in SIMULATED.items()},
@@ -165,7 +166,7 @@ def _energies(finished):
             "unit": physics.objective.unit or "",
             "value": finished.result.objective,
             "simulated": simulated_objective(physics, flights),
-            "bound": None if closed else physics.objective_bound(bound),
+            "bound": None if open_ended else physics.objective_bound(bound),
         },
         "bound_power_coefficient": finished.optimum.power_coefficient,
         "bound_tip_speed_ratio": finished.optimum.tip_speed_ratio,

@@ -1,0 +1,132 @@
+"""Nested cases: a result is allowed in every case that asks less of it, and may be better there.
+
+Limits nest, for one more of them can only cost energy; so do control laws of which one is a
+special case of another (`Law.contains`), and designs of which one is held. So several results of
+one turbine in one flow judge each other, without any other program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from hkt_mdo.results.solution import Solution
+
+BETTER = 1e-4
+"""Share of the objective by which another result must be better to be told."""
+EXCEEDED = 1e-3
+"""Relative excess of a limit along an integration with which a result counts as allowed."""
+OWN = {"name", "control", "limits", "design", "start", "driver", "hydrodynamics", "phase"}
+"""Sections of a case in which two cases of one turbine in one flow may differ."""
+
+
+class Beaten(NamedTuple):
+    """A result, and the best of the others that its case allows, which is better.
+
+    Attributes
+    ----------
+    result, by : Solution
+    gain : float
+        By how much the other's objective is better, as a share; infinite where the result was
+        refused by its judges and the other one was not.
+    """
+
+    result: Solution
+    by: Solution
+    gain: float
+
+    def __str__(self) -> str:
+        how = "was refused" if np.isinf(self.gain) else "is not the best that its case allows"
+        better = "" if np.isinf(self.gain) else f" and is {100.0 * self.gain:.2g} % better"
+        return f"{self.result.folder} {how}: {self.by.folder} keeps its limits{better}"
+
+
+def beaten(solutions: Iterable[Solution]) -> list[Beaten]:
+    """Return the results that another one beats in their own case.
+
+    Parameters
+    ----------
+    solutions : iterable of Solution
+        Finished results.
+
+    Returns
+    -------
+    list of Beaten
+        One for each result that is beaten, with the best of those that beat it.
+    """
+    known, found = list(solutions), []
+    verified = [each for each in known if each.success]
+    for result in known:
+        others = [each for each in verified if each is not result and allows(result, each)]
+        if others:
+            best = max(others, key=lambda other: _gain(result, other))
+            gain = _gain(result, best) if result.success else np.inf
+            found += [Beaten(result, best, gain)] if gain > BETTER else []
+    return found
+
+
+def allows(result: Solution, other: Solution) -> bool:
+    """Tell whether a result's case allows another result as it is.
+
+    Parameters
+    ----------
+    result : Solution
+        Whose case is asked.
+    other : Solution
+
+    Returns
+    -------
+    bool
+        False too where that cannot be told: of limits on the design, of several scenarios, and of
+        quantities that the other's tables lack.
+    """
+    own, theirs = result.case, other.case
+    if own.scenarios or own.model_dump(exclude=OWN) != theirs.model_dump(exclude=OWN):
+        return False
+    phases = [(x.phase.duration, x.phase.initial_speed, x.phase.final_speed) for x in (own, theirs)]
+    if phases[0] != phases[1] or not own.control.contains(theirs.control):
+        return False
+    return _allows_blade(result, other) and _keeps_limits(result, other)
+
+
+def _allows_blade(result, other) -> bool:
+    """Tell whether the other's blade is one that the result's case may design."""
+    own, theirs = result.case.design, other.case.design
+    if own == theirs:
+        return own.blade == "optimized" or _same_blade(result, other)
+    if own.blade == "fixed" or own.chord_points or own.twist_points or own.thickness_points:
+        return False
+    chord, twist = other.summary.chord_m, other.summary.twist_deg
+    bounds = (chord, own.chord_bounds), (twist, own.twist_bounds)
+    within = all(low <= min(values) and max(values) <= high for values, (low, high) in bounds)
+    return within and other.summary.rotor_radius_m == result.summary.rotor_radius_m
+
+
+def _same_blade(result, other) -> bool:
+    blades = [(x.summary.chord_m, x.summary.twist_deg) for x in (result, other)]
+    return bool(np.allclose(*blades, rtol=1e-9, atol=0.0))
+
+
+def _keeps_limits(result, other) -> bool:
+    """Tell whether the other's integration keeps every limit of the result's case."""
+    given = [each for each in result.case.limits.given if each.caps_series]
+    if len(given) < len(result.case.limits.given) or other.summary.loads is None:
+        return False
+    theirs = {each.name: each for each in other.case.limits.given}
+    # what the tables have of it depends on its depth and margin
+    if any(x.name == "cavitation" and theirs.get(x.name) not in (None, x) for x in given):
+        return False
+    shares = replace(other, case=result.case).limit_shares()
+    if not {each.name for each in given} <= shares.keys():
+        return False
+    return all(np.max(share) <= 1.0 + EXCEEDED for share in shares.values())
+
+
+def _gain(result, other) -> float:
+    """Return by how much the other's objective is better than a result's, as a share."""
+    objective = result.case.objective
+    own, theirs = (each.summary.objective.simulated for each in (result, other))
+    return objective.behind(own or 0.0, theirs)
