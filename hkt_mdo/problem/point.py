@@ -9,7 +9,7 @@ import numpy as np
 
 from hkt_mdo.rotor.blade import Blade
 
-KEPT_EXCESS = 1e-6  # relative excess of a limit that counts as none in the search for a start
+KEPT_EXCESS = 1e-4  # relative excess of a limit that counts as none in the search for a start
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +128,11 @@ class StartingPoint:
     @property
     def worth(self) -> tuple[bool, float]:
         """What ranks points: those that keep the limits by objective, the others by excess."""
-        kept = self.excess <= KEPT_EXCESS
+        return self.worth_within(KEPT_EXCESS)
+
+    def worth_within(self, excess: float) -> tuple[bool, float]:
+        """Return what ranks points if a relative excess of the limits counts as none."""
+        kept = self.excess <= excess
         return kept, self.objective if kept else -self.excess
 
     @property

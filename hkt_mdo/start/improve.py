@@ -175,7 +175,7 @@ def improve(search: Search, point: StartingPoint, rival: float = -np.inf) -> Sta
     -------
     StartingPoint
     """
-    settings, slack = search.settings, 0.0
+    settings, slack, best = search.settings, 0.0, point
     if settings.tightens:
         slack = point.excess if np.isfinite(point.excess) else 1.0
     for _ in range(settings.rounds):
@@ -190,9 +190,10 @@ def improve(search: Search, point: StartingPoint, rival: float = -np.inf) -> Sta
             break
         gained, missing = better.objective - point.objective, rival - better.objective
         point = better
+        best = point if slack else max(point, best, key=search.rank)
         if missing > max(settings.behind * abs(rival), settings.last * gained):
             break
-    return point
+    return best
 
 
 def _maximized(here: Round, settings: Settings, slack: float, size: float):

@@ -12,6 +12,7 @@ import numpy as np
 
 from hkt_mdo.dynamics.laws import STEP
 from hkt_mdo.dynamics.limits import TYPICAL
+from hkt_mdo.problem.physics import START_EXCESS
 from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.scales import torque_scale
@@ -64,7 +65,7 @@ class LimitedSearch(Search):
             np.r_[low, ratio / RATIO_MOVE],
             np.r_[high, ratio * RATIO_MOVE],
             self.values,
-            lambda _, point: self.rank(point),
+            lambda _, point: point.worth_within(START_EXCESS),
         )
 
     def point(self, unknowns: np.ndarray, values: Values, origin: StartingPoint) -> StartingPoint:
