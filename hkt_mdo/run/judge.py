@@ -45,6 +45,7 @@ STORED = 0.01  # share of the captured energy that the rotor may have stored
 RECOVERY_ERROR = 0.2  # of the least recovery torque, which is a small difference of torques
 BELOW_START = 2e-3  # what the rotor's inertia and its distance from stall may cost
 BOUND_MARGIN, NODE_VIOLATION = 1e-5, 1e-6
+SLOWER = 1.0 - SLOWED  # share of its speed at which a rotor must recover
 CUT_BETWEEN = 1e-3  # of a torque's polynomial, which the generator cuts at its limit
 
 
@@ -180,19 +181,17 @@ def sold(physics: Physics, result: Optimized, flights: tuple[Flight, ...]) -> fl
     Open loop chooses the last speed. A rotor under feedback is where the flow has left it: it has
     stored more only by as much as its last speed is from that of equilibrium.
     """
-    law, gains = physics.law, result.point.gains
 
     def stored(flight) -> float:
-        flown, inertia = flight.simulation, flight.plant.inertia
-        if not law.is_feedback:
+        flown = flight.simulation
+        if not physics.law.is_feedback:
             return abs(flown.kinetic_energy_change)
-        last = flown.rotor_speed[-1] * np.array([1.0, 1.0 - SLOWED])
-        driving = flight.plant.torque(last, np.full(2, flown.inflow_speed[-1]))
-        net = driving - law.torque(last, gains, *(np.full(2, x[-1]) for x in flown.states))
-        slope = (net[0] - net[1]) / (last[0] - last[1])
-        if slope >= 0.0:  # no speed near the last one is an equilibrium that holds
+        speed = flown.rotor_speed
+        net, slowed = (_net_torque(physics, result, flight, x)[-1] for x in (speed, SLOWER * speed))
+        slope = (slowed - net) / ((1.0 - SLOWER) * speed[-1])
+        if slope <= 0.0:  # no speed near the last one is an equilibrium that holds
             return abs(flown.kinetic_energy_change)
-        return inertia * last[0] * abs(net[0] / slope)
+        return flight.plant.inertia * speed[-1] * abs(net / slope)
 
     return total(flights, stored) / max(abs(total(flights, lambda f: f.simulation.energy)), 1e-9)
 
@@ -218,17 +217,23 @@ def short_of_recovery(physics: Physics, result: Optimized, flight: Flight) -> np
     does not recover, at most 0 where all is well. It is asked where the rotor is `settled`, else
     -inf: in a gust that is faster than the rotor, the integration tells whether it comes back.
     """
-    flown, gains = flight.simulation, result.point.gains
-
-    def net(speed):
-        driving = flight.plant.torque(speed, flown.inflow_speed)
-        return driving - physics.law.torque(speed, gains, *flown.states)
-
+    flown = flight.simulation
     speed, radius = flown.rotor_speed, flight.scalars["rotor_radius"]
     unit = TYPICAL * torque_scale(physics.density, radius, flown.inflow_speed)
-    recovery = (net((1.0 - SLOWED) * speed) - net(speed)) / unit
+    net, slowed = (_net_torque(physics, result, flight, x) for x in (speed, SLOWER * speed))
+    recovery = (slowed - net) / unit
     known = settled(flight.integrated | flight.scalars)
     return np.where(known, 1.0 - recovery / LEAST, -np.inf)
+
+
+def _net_torque(physics, result, flight, speed):
+    """Return the torque that accelerates a rotor under feedback at other speeds, N*m, (n_times,).
+
+    In the flow, and with the states of the law, of its integration.
+    """
+    flown = flight.simulation
+    driving = flight.plant.torque(speed, flown.inflow_speed)
+    return driving - physics.law.torque(speed, result.point.gains, *flown.states)
 
 
 def _closed_loop(flights):

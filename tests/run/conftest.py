@@ -56,7 +56,7 @@ def _solve(
         start = find_start(world, state.optimum)
         reference = world.objective_at(start)
         end = optimize(state, start, reference)
-    about = end.physics, start, end.optimum, reference, end.result, end.flights
+    about = end.physics, start, end.optimum, end.reference, end.result, end.flights
     return Solved(*about, world, state.passes)
 
 

@@ -155,9 +155,13 @@ def other_mesh(solved):
 
 
 def wound_up(solved):
-    """The rotor has stored two per cent of the energy."""
-    flown = solved.flights[0].simulation
-    return with_flight(solved, simulation=replace(flown, kinetic_energy_change=0.02 * flown.energy))
+    """A heavy rotor whose last speed is so far from equilibrium that it stores two per cent."""
+    (flight,) = solved.flights
+    flown, speed = flight.simulation, flight.simulation.rotor_speed.copy()
+    inertia = 0.02 * flown.energy / (0.01 * speed[-1] ** 2)
+    speed[-1] *= 1.01
+    plant = replace(flight.plant, inertia=inertia)
+    return with_flight(solved, simulation=replace(flown, rotor_speed=speed), plant=plant)
 
 
 def near_stall(solved):
@@ -228,7 +232,7 @@ REFUSALS = [
     ("max_speed_error", "feedback", faster_at_a_node, 0.0196, ["at t = 5.50 s", "phase.segments"]),
     ("flow_error", "feedback", coarse_mesh, 0.02, ["between t = 3 and 4 s", "phase.segments"]),
     ("mesh_error", "open_loop", other_mesh, 2e-5, ["finer mesh", "phase.segments"]),
-    ("stored_energy", "feedback", wound_up, 0.02, ["kinetic", "phase.stored_energy"]),
+    ("stored_energy", "feedback", wound_up, 0.02, ["equilibrium", "phase.stored_energy"]),
     ("distance_from_stall", "feedback", near_stall, 1.0, ["slowed rotor", "start.method"]),
     ("surrogate_error", "feedback", wrong_curve, 2e-3, ["at tip speed ratio", "hydrodynamics"]),
     ("energy_over_bound", "feedback", lower_bound_of_the_energy, 0.07, ["bound", "phase.segments"]),
@@ -329,7 +333,7 @@ def test_the_rate_of_the_torque_is_judged_at_and_between_the_nodes(request, whos
     assert np.sum(inside) > 100
     assert np.max(np.abs(flown["torque_rate"] - slopes)[inside]) < 0.01 * largest
     ends = [largest, np.max(np.abs(flight.at_nodes["torque_rate"]))]
-    for bound, refused in ((1.01 * max(ends), []), (0.99 * min(ends), ["at", "between"])):
+    for bound, refused in ((1.01 * max(ends), []), (0.85 * min(ends), ["at", "between"])):
         limits = (*solved.physics.limits, TorqueRateLimit(bound=bound))
         limited = replace(solved, physics=replace(solved.physics, limits=limits))
         failed = [name for name, check in limited.checks().items() if not check.passed]
