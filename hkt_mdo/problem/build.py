@@ -35,6 +35,9 @@ DESIGNED = {
 # outweighs what the optimum is better than the start, the iterates leave the start for the middle
 # of all bounds, and most iterations lead back.
 BARRIER = 6e-3
+# A law leaves the optimizer as many freedoms as design variables, whatever the segments: few steps
+# tell its Hessian, and each of them is solved for over all segments in every iteration.
+FEW_STEPS, MANY_SEGMENTS = 15, 500
 
 
 def assemble(
@@ -107,6 +110,7 @@ def make_driver(physics: Physics, progress=None, most=None, near=True) -> om.Dri
         min(settings.max_iterations, most or settings.max_iterations),
         barrier=BARRIER / segments if near else None,
         cautious=physics.several_sections,
+        memory=FEW_STEPS if physics.law.is_feedback and segments > MANY_SEGMENTS else None,
         progress=progress,
     )
 

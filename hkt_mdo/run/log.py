@@ -54,8 +54,15 @@ class Log:
         """Write the summary."""
         write_json(self._out / "summary.json", dict(summary))
 
-    def add_recorders(self, problem: om.Problem) -> None:
-        """Record the final case and every iteration; the databases of earlier passes are kept."""
+    def add_recorders(self, problem: om.Problem, constraints: bool = True) -> None:
+        """Record the final case and every iteration; the databases of earlier passes are kept.
+
+        Parameters
+        ----------
+        problem : openmdao.api.Problem
+        constraints
+            Whether every iteration has its constraints, which of a long flow are a gigabyte.
+        """
         if not self._records:
             return
         number, history = 1, self._out / "history.db"
@@ -63,6 +70,7 @@ class Log:
             number += 1
             history = self._out / f"history_{number}.db"
         problem.driver.add_recorder(_Recorder(str(history.resolve()), record_viewer_data=False))
+        problem.driver.recording_options["record_constraints"] = constraints
         solution = self._out / "solution.db"
         solution.unlink(missing_ok=True)
         problem.add_recorder(_Recorder(str(solution.resolve())))

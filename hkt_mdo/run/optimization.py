@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from hkt_mdo.problem.build import assemble, make_driver
+from hkt_mdo.problem.build import MANY_SEGMENTS, assemble, make_driver
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import Operation, StartingPoint
 from hkt_mdo.problem.setup import NARROW, Setup
@@ -40,7 +40,8 @@ def solve(state: RunState, physics: Physics, setup: Setup, near: bool) -> Optimi
     """
     most = None if setup.moves == NARROW else FIRST_ITERATIONS
     problem = assemble(physics, setup, make_driver(physics, state, most, near), state.scratch)
-    state.log.add_recorders(problem)
+    segments = sum(each.segments for each in physics.scenarios)
+    state.log.add_recorders(problem, constraints=segments <= MANY_SEGMENTS)
     try:
         problem.final_setup()  # opens the recorders' files
         try:

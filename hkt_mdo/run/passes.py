@@ -64,14 +64,20 @@ def distance_from_stall(attempt: Attempt) -> Begin | None:
 
 
 def finer_torque_curve(attempt: Attempt) -> Begin | None:
-    """Halve the intervals of a torque curve that is too coarse for the found blade."""
+    """Halve the intervals of a torque curve that is too coarse for the found blade.
+
+    Segments that are too coarse are divided at once.
+    """
     physics = attempt.physics
     most = physics.case.hydrodynamics.tolerance
     if not (attempt.converged and physics.has_curve) or attempt.curve_error <= most:
         return None
-    return attempt.from_end(
-        f"error of the torque curve {attempt.curve_error:.2g}, allowed {most:.2g}", finer=True
-    )
+    why = f"error of the torque curve {attempt.curve_error:.2g}, allowed {most:.2g}"
+    begin = finer_mesh(attempt)
+    if begin is None:
+        return attempt.from_end(why, finer=True)
+    nodes = curve_nodes(begin.physics, begin.setup.start, finer=True)
+    return replace(begin, setup=replace(begin.setup, nodes=nodes), why=f"{why}; {begin.why}")
 
 
 def recentred_moves(attempt: Attempt) -> Begin | None:

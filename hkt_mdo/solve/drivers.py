@@ -56,6 +56,7 @@ def make_driver(
     *,
     barrier: float | None = None,
     cautious: bool = False,
+    memory: int | None = None,
     progress: Progress | None = None,
 ) -> ReportingDriver:
     """Return a driver for an optimizer.
@@ -74,6 +75,8 @@ def make_driver(
         First and largest barrier parameter of IPOPT, for a start that is near the optimum.
     cautious : bool
         Whether IPOPT is kept near its start: every step must improve.
+    memory : int, optional
+        Number of steps from which IPOPT approximates the Hessian.
     progress : Progress, optional
         Called at each iteration of IPOPT in CasADi, after each evaluation elsewhere.
 
@@ -98,6 +101,8 @@ def make_driver(
         settings |= {"mu_init": barrier, "mu_max": barrier} | NEAR_START
     if optimizer == "IPOPT" and cautious:
         settings |= CAUTIOUS
+    if optimizer == "IPOPT" and memory is not None:
+        settings["limited_memory_max_history"] = memory
     if carrier == "casadi":
         driver = CasadiIpoptDriver(progress=progress)
         driver.opt_settings = settings
