@@ -30,6 +30,7 @@ from hkt_mdo.dynamics.simulation import (
 )
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import BEM, Physics, complete
+from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
@@ -167,21 +168,20 @@ class Design:
         return self.physics.law
 
     @cached_property
-    def controller(self) -> FeedbackTorque:
-        """The torque of the feedback law, which hears of the flow what it would as built.
+    def controller(self) -> FeedbackTorque | RecordedTorque:
+        """The torque of the control law.
 
         Returns
         -------
-        FeedbackTorque
-            With an estimate of the flow, where the law has no sensor of it.
-
-        Raises
-        ------
-        ValueError
-            For an open loop.
+        FeedbackTorque or RecordedTorque
+            Of a feedback law, which hears of the flow what it would as built: with an estimate of
+            the flow, where the law has no sensor of it. Of an open loop, the history that the
+            judges of the run replay, with what holds the speed of a rotor that is unstable.
         """
         if not self.law.is_feedback:
-            raise ValueError("open loop has no law")
+            table = self.solution.trajectory
+            nodes = {name: table[QUANTITIES[name].column] for name in TRAJECTORY}
+            return RecordedTorque.of(self.known, nodes, self.law.torque_limit)
         estimate = FlowEstimate(self.known) if self.law.estimates_flow else None
         return FeedbackTorque(self.law, self.gains, estimate)
 
@@ -243,18 +243,12 @@ class Design:
         Simulation
             The run over the time span of the design's case.
         """
-        phase, law = self.physics.case.phase, self.law
+        phase = self.physics.case.phase
         self.refuse_standstill(inflow)
-        if not law.is_feedback:
-            recorded = self.solution.trajectory
-            torque = recorded["time_s"], recorded["control_torque_Nm"]
-            controller = RecordedTorque(*torque, law.torque_limit)
-        else:
-            controller = self.controller
         speed, samples = initial_speed or self.initial_speed(inflow), 20 * phase.segments + 1
         step, end = phase.duration / phase.segments / refined, phase.duration
         about = self.start(inflow, speed), end, samples, step, tolerance
-        return simulate(self.plant, inflow, controller, *about)
+        return simulate(self.plant, inflow, self.controller, *about)
 
     def start(self, inflow, speed, time=0.0):
         """Return a start with the law's states in equilibrium with a speed and the flow then.
@@ -441,7 +435,7 @@ def _runge_kutta(speed, control, step, inertia, scale, ratio_of_speed, nodes, co
     return after, captured
 
 
-def flow_given(text: str, case: Case) -> Inflow:
+def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:
     """Return a flow by its name, or of an inflow section in YAML.
 
     Parameters
@@ -450,6 +444,8 @@ def flow_given(text: str, case: Case) -> Inflow:
         A name of `PAPER_FLOWS`, or a section such as ``{profile: sine, mean: 1.4}``.
     case : Case
         The case whose flow is changed.
+    seed : int or None
+        Seed in place of the flow's own, of a flow that has one.
 
     Returns
     -------
@@ -465,6 +461,8 @@ def flow_given(text: str, case: Case) -> Inflow:
         inflow = case.with_overrides(f"inflow={text}").inflow
     else:
         inflow = flow_named(text, case.inflow)
+    if seed is not None:
+        inflow, text = seeded(inflow, seed), f"{text}, seed {seed}"
     duration = complete(case).phase.duration
     try:
         inflow.check(duration)
@@ -475,6 +473,37 @@ def flow_given(text: str, case: Case) -> Inflow:
         remedy = f"give a flow that runs one way for the {duration:.6g} s of the result"
         raise InputError(problem, remedy, key="--flow", value=text) from None
     return inflow
+
+
+def seeds_of(inflow: Inflow) -> int:
+    """Return how many seeds a flow has: one if it is random; of a sum, those of its parts."""
+    return int(hasattr(inflow, "seed")) + sum(map(seeds_of, getattr(inflow, "parts", ())))
+
+
+def seeded(inflow: Inflow, seed: int) -> Inflow:
+    """Return a flow with another seed; parts of a sum have it and those that follow.
+
+    Parameters
+    ----------
+    inflow : Inflow
+        A flow; one without a seed stays as it is.
+    seed : int
+        The seed.
+
+    Returns
+    -------
+    Inflow
+        The flow.
+    """
+    if hasattr(inflow, "seed"):
+        return inflow.model_copy(update={"seed": seed})
+    if not seeds_of(inflow):
+        return inflow
+    parts = []
+    for part in inflow.parts:
+        parts.append(seeded(part, seed))
+        seed += seeds_of(part)
+    return inflow.model_copy(update={"parts": tuple(parts)})
 
 
 def flow_named(name: str, inflow: Inflow) -> Inflow:
