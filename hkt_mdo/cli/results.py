@@ -135,7 +135,7 @@ def simulate(
     seeds, the largest of all.
     """
     from hkt_mdo.results.words import flow_words, joined
-    from hkt_mdo.studies.other_flows import largest, runs_of, seeds_given, write
+    from hkt_mdo.studies.other_flows import largest, runs_of, write
     from hkt_mdo.studies.start_stop import start_and_stop
     from hkt_mdo.studies.uncertainty import Sensor
 
@@ -145,7 +145,7 @@ def simulate(
         raise InputError("is for a start from standstill, without noise", remedy, key="--start-up")
     solution = read_result(result)
     chosen = solution if scenario is None else solution.scenario(scenario)
-    runs = runs_of(chosen, flow, seeds_given(flow_seeds) if flow_seeds else ())
+    runs = runs_of(chosen, flow, flow_seeds)
     several, told = len(runs) > 1, []
     words = f"{flow}: {len(runs)} simulations" if several else flow_words(runs[0].inflow)
     echo(f"{solution.name} in flow {words}")
@@ -162,11 +162,12 @@ def simulate(
                 sensor = Sensor(snr, reference, rate, cutoff or None)
                 lines += _with_noise(run, sensor, repeats, seed)
         echo("  " + "\n  ".join([joined(run.name, lines[0]), *lines[1:]]))
-    rows = [entry.row(name) for name, entry in largest(told).items()]
-    print_rows(rows, f"Largest of {len(told)} simulations" if several else "Largest")
+    most = largest(told)
+    rows = [entry.row(name) for name, entry in most.items()]
+    print_rows(rows, f"Largest values{f' of {len(told)} simulations' if several else ''}")
     for path in write(out, told) if out is not None else ():
         echo(str(path))
-    broken = dict.fromkeys(name for run in told for name in run.broken)
+    broken = [name.replace("_", " ") for name, entry in most.items() if entry.kept is False]
     if strict and broken:
         complain("error", f"not kept: {', '.join(broken)}")
         raise Exit(NO_SUCCESS)

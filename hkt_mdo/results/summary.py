@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -26,7 +25,7 @@ from hkt_mdo.case import Case
 from hkt_mdo.dynamics.limits import BETWEEN, CavitationLimit
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import dotted
-from hkt_mdo.results.words import Row, amounts, joined, measured, number, printable, tip_deflection
+from hkt_mdo.results.words import Row, amounts, joined, measured, printable, tip_deflection
 
 VERSION = 1
 """Version of `summary.json`; a summary without one is older, and is read too."""
@@ -157,9 +156,10 @@ class BoundEntry(_Entry):
 
     def row(self) -> Row:
         """Return the entry as a row."""
-        places = " and ".join(measured(span, digits=4) for span in self.r_over_R)
+        spans = (("at" if a == b else "from", measured((a, b), digits=4)) for a, b in self.r_over_R)
+        places = " and ".join(f"{word} r/R = {span}" for word, span in spans)
         label = f"{self.name.replace('_', ' ')} at its {self.end} bound"
-        return Row(label, self.bound, self.unit, places and f"at r/R = {places}")
+        return Row(label, self.bound, self.unit, places)
 
 
 class BranchEntry(_Entry):
@@ -553,15 +553,13 @@ def unasked(name: str, value: float | None, case: Case) -> str:
     str
         Such as ``cavitates: no limit was asked``.
     """
-    allowable, asked = case.rotor.blade_material.allowable_stress, "no limit was asked"
-    if name == "cavitation" and (value or 0.0) > CavitationLimit().margin:
-        return f"cavitates: {asked}"
-    if name == "stress" and (value or 0.0) > (allowable or inf):
-        return f"more than the material's {measured(allowable, 'Pa')}: {asked}"
-    if name == "tip_speed" and (value or 0.0) > FAST:
-        suction = number((FAST / (value or FAST)) ** 2, 2)
-        return f"fast: near the surface a suction coefficient of {suction} cavitates, {asked}"
-    return ""
+    slow = case.limits.cavitation or case.limits.rotor_speed
+    most, word = {
+        "cavitation": (CavitationLimit().margin, "cavitates"),
+        "stress": (case.rotor.blade_material.allowable_stress, "more than the material allows"),
+        "tip_speed": (None if slow else FAST, "fast, near the surface a usual section cavitates"),
+    }.get(name, (None, ""))
+    return f"{word}: no limit was asked" if most and (value or 0.0) > most else ""
 
 
 def _losses(generated: float | None, electrical: float | None) -> str:

@@ -206,11 +206,16 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
     return tuple(flights)
 
 
+def instants(scenario: Scenario) -> np.ndarray:
+    """Return the times (s) at which an integration is sampled."""
+    return np.append(scenario.within(np.arange(SAMPLES) / SAMPLES), scenario.edges[-1])
+
+
 def _flown(plant, scenario, controller, speed, states, max_step) -> Simulation:
     """Integrate a scenario; where that has no solution to the end, up to there, as to a stop."""
     first, duration = float(scenario.edges[0]), scenario.duration
     start = Start(speed, states, first)
-    samples = np.append(scenario.within(np.arange(SAMPLES) / SAMPLES), scenario.edges[-1])
+    samples = instants(scenario)
 
     def until(duration, samples):
         return simulate(plant, scenario.inflow, controller, start, duration, samples, max_step)

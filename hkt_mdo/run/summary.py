@@ -217,7 +217,7 @@ def _at_bounds(finished):
         value, (unit, scale) = limit.value_of(values), units[limit.name]
         for end in ("lower", "upper"):
             bound = getattr(limit, end)
-            at = np.isclose(value, bound, BINDING, 1e-6 * (limit.upper - limit.lower))
+            at = np.isclose(value, bound, BINDING, 0.1 * BINDING * np.max(np.abs(value)))
             if np.any(at):
                 spans = np.flatnonzero(np.diff(at, prepend=False, append=False)).reshape(-1, 2)
                 ratio = (

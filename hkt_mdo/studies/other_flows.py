@@ -15,6 +15,7 @@ from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.simulation import Simulation
 from hkt_mdo.errors import InputError
+from hkt_mdo.quantities import names
 from hkt_mdo.results.folder import write_json, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import LimitEntry, unasked
@@ -22,41 +23,50 @@ from hkt_mdo.results.words import Row, joined, measured
 from hkt_mdo.run.flight import Flown
 from hkt_mdo.run.judge import most_between
 from hkt_mdo.run.loads import placed
-from hkt_mdo.studies.uncertainty import Design, flow_given, seeds_of
+from hkt_mdo.studies.uncertainty import Design, flow_given
 
-ENERGIES = "energy", "generator_energy", "electrical_energy"
-MOST_SEEDS = 10_000
 FIELDS = "value", "unit", "limit", "share", "kept", "time_s", "r_m"
-"""What is written of each limit and load."""
+MOST_SEEDS = 10_000
 
 
 class Told(LimitEntry):
     """The largest value of a limit, or of a load without one, in a simulation."""
 
-    excess: float | None = None
-    """By how much the limit is exceeded, over its size."""
+    share: float | None = None
+    """The value over the limit; of a lower limit, 1 where it is met and more where it is broken."""
     kept: bool | None = None
-    """Whether the limit is kept, as exactly as a run asks; None without a limit."""
+    """Whether the limit is kept as exactly as a run asks; None without a limit."""
     remark: str = "not limited"
     """What is said of a load without a limit."""
 
     @property
-    def share(self) -> float | None:
-        """The value over the limit; None without one, or where it is zero."""
-        return self.value / self.limit if self.limit and self.value is not None else None
+    def verdict(self) -> str:
+        """The share in per cent, and whether the limit is broken."""
+        return f"{100.0 * (self.share or 0.0):.1f} %{'' if self.kept else ' BROKEN'}"
 
     def row(self, name: str, load: Any = None) -> Row:
         """Return the entry as a row; `name` is that of the limit or the load."""
         note = self.remark
         if self.limit is not None:
-            limit = f"limit {measured(self.limit, self.unit)}"
-            note = joined(limit, self.percent, "kept" if self.kept else "BROKEN")
+            word = ", kept" if self.kept else ""
+            note = f"limit {measured(self.limit, self.unit)}, {self.verdict}{word}"
         return Row(name.replace("_", " "), self.value, self.unit, joined(note, self.place))
 
-    @property
-    def percent(self) -> str:
-        """The share as text; empty if there is none."""
-        return "" if self.share is None else f"{100.0 * self.share:.1f} %"
+
+def _told(limit: Limit, known: dict[str, Any]) -> Told:
+    """Return what is told of a limit, of the quantities of a trajectory."""
+    value, over = limit.told(known), limit.excess(known)
+    kept, caps = bool(np.max(over) <= most_between(limit)), limit.caps_series
+    free = kept and not caps and limit.lower <= 0.0  # as a torque that is not limited
+    at = int(np.argmax(value if free or (caps and kept) else over))
+    most, time = float(value[at]), float(known["time"][at])
+    found = Told(value=most, unit=limit.unit or "", time_s=time)
+    if free:
+        return found
+    low = not caps or most < limit.lower
+    bound = float(limit.lower if low else limit.upper)
+    beyond = (bound - most if low else most - bound) / abs(bound) if bound else float(over[at])
+    return found.model_copy(update={"limit": bound, "share": 1.0 + beyond, "kept": kept})
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +103,6 @@ class Run:
         """Scenario and seed, as far as there are several."""
         return joined(self.scenario, "" if self.seed is None else f"seed {self.seed}")
 
-    @property
-    def energies(self) -> dict[str, float | None]:
-        """The energies (J) by their names; None where the rotor stops."""
-        stopped = self.simulation.stopped_at is not None
-        return {name: None if stopped else getattr(self.simulation, name) for name in ENERGIES}
-
     @cached_property
     def told(self) -> dict[str, Told]:
         """Largest value of each limit over time by its name, then of the loads without a limit."""
@@ -110,31 +114,34 @@ class Run:
             remark = unasked(name, load.value, physics.case) or "not limited"
             own = found.get(name, Told(**load.model_dump(), remark=remark))
             found[name] = own.model_copy(update={"r_m": load.r_m})
+        if (stopped := self.simulation.stopped_at) is not None:
+            remark = "not generating: nothing is known after it"
+            found["rotor stops"] = Told(value=stopped, unit="s", kept=False, remark=remark)
         return found
 
     @property
-    def broken(self) -> tuple[str, ...]:
-        """Names of the limits that are not kept, and whether the rotor stops."""
-        stops = () if self.simulation.stopped_at is None else ("rotor stops",)
-        return (*(name for name, entry in self.told.items() if entry.kept is False), *stops)
+    def energies(self) -> dict[str, float | None]:
+        """Energies by their names, J; None where the rotor stops."""
+        run = self.simulation
+        return {x: None if run.stopped_at else getattr(run, x) for x in names(over="result")}
 
     @property
     def outcome(self) -> str:
         """The energies as text, or when the rotor stops."""
         if (stopped := self.simulation.stopped_at) is not None:
             return f"rotor stops at t = {stopped:.2f} s, not generating; energy n/a"
-        count = 2 if self.design.physics.generator.lossless else 3
-        pairs = zip(self.energies.values(), ("captured", "generated", "electrical"), strict=True)
-        return ", ".join(f"{energy / 1e3:.3f} kJ {word}" for energy, word in list(pairs)[:count])
+        told = ("captured", "generated", "electrical"), self.energies.values()
+        texts = [f"{energy / 1e3:.3f} kJ {kind}" for kind, energy in zip(*told, strict=True)]
+        return joined(*texts[: 2 if self.design.physics.generator.lossless else 3])
 
     @property
     def verdicts(self) -> str:
-        """The share of each limit as text, and whether it is broken."""
-        told = ((name.replace("_", " "), x) for name, x in self.told.items() if x.kept is not None)
-        return ", ".join(f"{name} {x.percent}{'' if x.kept else ' BROKEN'}" for name, x in told)
+        """The verdicts on all limits, as text."""
+        limited = ((name, entry) for name, entry in self.told.items() if entry.limit is not None)
+        return joined(*(f"{name.replace('_', ' ')} {entry.verdict}" for name, entry in limited))
 
 
-def runs_of(solution: Solution, flow: str, seeds: Iterable[int] = ()) -> list[Run]:
+def runs_of(solution: Solution, flow: str, seeds: str | None = None) -> list[Run]:
     """Return the simulations of each scenario of a result in a flow, and with each seed of it.
 
     Parameters
@@ -143,13 +150,13 @@ def runs_of(solution: Solution, flow: str, seeds: Iterable[int] = ()) -> list[Ru
         A finished result.
     flow : str
         As `flow_given` takes it.
-    seeds : iterable of int
-        Seeds of the flow; none: it keeps its own.
+    seeds : str or None
+        Seeds of the flow, such as ``1..20`` or ``3,5,9``; None: it keeps its own.
 
     Returns
     -------
     list of Run
-        Nothing is simulated yet. A flow without a seed is simulated once.
+        Nothing is simulated yet.
 
     Raises
     ------
@@ -157,60 +164,22 @@ def runs_of(solution: Solution, flow: str, seeds: Iterable[int] = ()) -> list[Ru
         If there are seeds for a flow that has none, the run did not come to its end, or a flow is
         none for the turbine.
     """
-    runs, several = [], len(solution.scenarios) > 1
-    for part in solution.by_scenario:
-        (name,), design = part.scenarios, Design.of(part)
-        for seed in (seeds if seeds_of(flow_given(flow, part.case)) else ()) or (None,):
-            inflow = flow_given(flow, part.case, seed)
-            runs.append(Run(design, inflow, name if several else "", seed))
-    if seeds and all(run.seed is None for run in runs):
-        remedy = "give a turbulent --flow, or leave --flow-seeds out"
-        raise InputError("asks for seeds of a flow that has none", remedy, key="--flow-seeds")
-    return runs
+    several, numbers = len(solution.scenarios) > 1, (None,) if seeds is None else _seeds(seeds)
+    return [
+        Run(design, flow_given(flow, part.case, seed), part.scenarios[0] if several else "", seed)
+        for part, design in [(part, Design.of(part)) for part in solution.by_scenario]
+        for seed in numbers
+    ]
 
 
-def seeds_given(text: str) -> tuple[int, ...]:
-    """Return seeds from a text such as ``1..20`` or ``3,5,9``.
-
-    Parameters
-    ----------
-    text : str
-        Whole numbers and ranges, with commas between them.
-
-    Returns
-    -------
-    tuple of int
-        Each seed once.
-
-    Raises
-    ------
-    InputError
-        If the text is no such list, or has too many seeds.
-    """
-    found: dict[int, None] = {}
-    for part in text.split(","):
-        if not (match := re.fullmatch(r"\s*(\d{1,18})(?:\.\.(\d{1,18}))?\s*", part, re.ASCII)):
-            remedy = "give whole numbers and ranges, such as 1..20 or 3,5,9"
-            raise InputError("is no list of seeds", remedy, key="--flow-seeds", value=text)
-        first, last = int(match[1]), int(match[2] or match[1])
-        if not 0 <= last - first < MOST_SEEDS - len(found):
-            remedy = f"give rising ranges and at most {MOST_SEEDS} seeds"
-            raise InputError("has too many seeds or none", remedy, key="--flow-seeds", value=text)
-        found |= dict.fromkeys(range(first, last + 1))
-    return tuple(found)
-
-
-def _told(limit: Limit, known: dict[str, Any]) -> Told:
-    """Return what is told of a limit, of the quantities of a trajectory."""
-    value, over = limit.told(known), limit.excess(known)
-    kept = bool(np.max(over) <= most_between(limit))
-    # a torque that must not be negative and has no limit otherwise
-    free = kept and not limit.caps_series and limit.lower <= 0.0
-    at = int(np.argmax(value if free or (kept and limit.caps_series) else over))
-    low = value[at] < limit.lower or not limit.caps_series
-    found = Told(value=float(value[at]), unit=limit.unit or "", time_s=float(known["time"][at]))
-    bound = {"limit": float(limit.lower if low else limit.upper), "excess": float(np.max(over))}
-    return found if free else found.model_copy(update=bound | {"kept": kept})
+def _seeds(text: str) -> tuple[int | None, ...]:
+    """Return the whole numbers and ranges of a text."""
+    parts = [re.fullmatch(r" *(\d{1,9})(?:\.\.(\d{1,9}))? *", x) for x in text.split(",")]
+    spans = [range(int(x[1]), int(x[2] or x[1]) + 1) for x in parts if x]
+    if None in parts or not all(spans) or sum(map(len, spans)) > MOST_SEEDS:
+        remedy = f"give 1..20 or 3,5,9 or the like, at most {MOST_SEEDS} seeds"
+        raise InputError("is no list of seeds", remedy, key="--flow-seeds", value=text)
+    return tuple(dict.fromkeys(seed for span in spans for seed in span))
 
 
 def largest(runs: Iterable[Run]) -> dict[str, Told]:
@@ -224,21 +193,15 @@ def largest(runs: Iterable[Run]) -> dict[str, Told]:
     Returns
     -------
     dict of Told
-        By the names of limits and loads; of several runs, with the name of the run.
+        By the names of limits and loads; of several runs, with the name of the run. A run in which
+        a load is limited comes before those in which it is not.
     """
     found: dict[str, Told] = {}
     for run in runs:
         for name, entry in run.told.items():
-            before = found.get(name)
-            if before is None or _size(entry) > _size(before):
-                found[name] = entry.model_copy(update={"scenario": run.name or None})
+            both = entry.model_copy(update={"scenario": run.name or None}), found.get(name, entry)
+            found[name] = max(both, key=lambda x: (x.limit is not None, x.share or x.value))
     return found
-
-
-def _size(entry: Told) -> tuple[bool, float]:
-    """Return what ranks the entries of one limit or load; a limited one comes first."""
-    limited = entry.excess is not None
-    return limited, float((entry.excess if limited else entry.value) or 0.0)
 
 
 def write(folder: Path, runs: Iterable[Run]) -> list[Path]:
@@ -256,23 +219,14 @@ def write(folder: Path, runs: Iterable[Run]) -> list[Path]:
     list of Path
         The files.
     """
-    data, lines, runs = [], [",".join(("scenario", "seed", "quantity", *FIELDS))], list(runs)
+    header, rows = ("scenario", "seed", "quantity", *FIELDS), []
     for run in runs:
-        stopped = run.simulation.stopped_at
-        told = {name: {x: getattr(entry, x) for x in FIELDS} for name, entry in run.told.items()}
-        flow = run.inflow.model_dump(mode="json")
-        own = {"scenario": run.scenario, "seed": run.seed, "flow": flow, "stopped_at_s": stopped}
-        data.append(own | {f"{name}_J": x for name, x in run.energies.items()} | {"told": told})
-        energies = {name: {"value": x, "unit": "J"} for name, x in run.energies.items()}
-        for name, entry in (energies | told).items():
-            cells = run.scenario, run.seed, name, *(entry.get(each) for each in FIELDS)
-            lines.append(",".join("" if x is None else str(x) for x in cells))
-    most = {
-        name: {x: getattr(entry, x) for x in (*FIELDS, "scenario")}
-        for name, entry in largest(runs).items()
-    }
+        energies = {name: Told(value=x, unit="J") for name, x in run.energies.items()}
+        for name, entry in (energies | run.told).items():
+            rows.append((run.scenario, run.seed, name, *(getattr(entry, x) for x in FIELDS)))
+    lines = [",".join("" if x is None else str(x) for x in row) for row in (header, *rows)]
     folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / "simulations.json", folder / "simulations.csv"]
-    write_json(paths[0], {"runs": data, "largest": most})
-    write_text(paths[1], "\n".join([*lines, ""]))
-    return paths
+    table, data = folder / "simulations.csv", folder / "simulations.json"
+    write_text(table, "\n".join([*lines, ""]))
+    write_json(data, [dict(zip(header, row, strict=True)) for row in rows])
+    return [table, data]

@@ -30,10 +30,12 @@ from hkt_mdo.dynamics.simulation import (
 )
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import BEM, Physics, complete
+from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
+from hkt_mdo.run.flight import instants
 
 LONGEST_STEP = 0.25  # of Runge-Kutta, over the rotor's smallest time constant I / |dQ/dw|
 REFERENCES = ("fluctuation", "total")
@@ -245,7 +247,8 @@ class Design:
         """
         phase = self.physics.case.phase
         self.refuse_standstill(inflow)
-        speed, samples = initial_speed or self.initial_speed(inflow), 20 * phase.segments + 1
+        speed = initial_speed or self.initial_speed(inflow)
+        samples = instants(Scenario(inflow, phase).resolved())
         step, end = phase.duration / phase.segments / refined, phase.duration
         about = self.start(inflow, speed), end, samples, step, tolerance
         return simulate(self.plant, inflow, self.controller, *about)
@@ -445,7 +448,7 @@ def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:
     case : Case
         The case whose flow is changed.
     seed : int or None
-        Seed in place of the flow's own, of a flow that has one.
+        Seed in place of the flow's own.
 
     Returns
     -------
@@ -455,13 +458,17 @@ def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:
     Raises
     ------
     InputError
-        If the flow is not valid, ends before the time span of the case, stands still or turns back.
+        If the flow is not valid, has no seed where one is given, ends before the time span of the
+        case, stands still or turns back.
     """
     if text.lstrip().startswith("{"):
         inflow = case.with_overrides(f"inflow={text}").inflow
     else:
         inflow = flow_named(text, case.inflow)
     if seed is not None:
+        if seeded(inflow, 0) == seeded(inflow, 1):
+            remedy = "give a turbulent --flow, or leave --flow-seeds out"
+            raise InputError(f"the flow {inflow.profile} has no seed", remedy, key="--flow-seeds")
         inflow, text = seeded(inflow, seed), f"{text}, seed {seed}"
     duration = complete(case).phase.duration
     try:
@@ -475,18 +482,13 @@ def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:
     return inflow
 
 
-def seeds_of(inflow: Inflow) -> int:
-    """Return how many seeds a flow has: one if it is random; of a sum, those of its parts."""
-    return int(hasattr(inflow, "seed")) + sum(map(seeds_of, getattr(inflow, "parts", ())))
-
-
 def seeded(inflow: Inflow, seed: int) -> Inflow:
-    """Return a flow with another seed; parts of a sum have it and those that follow.
+    """Return a flow with another seed; of a sum, the last part has it, those before the next ones.
 
     Parameters
     ----------
     inflow : Inflow
-        A flow; one without a seed stays as it is.
+        A flow; one that is not random stays as it is.
     seed : int
         The seed.
 
@@ -497,13 +499,9 @@ def seeded(inflow: Inflow, seed: int) -> Inflow:
     """
     if hasattr(inflow, "seed"):
         return inflow.model_copy(update={"seed": seed})
-    if not seeds_of(inflow):
-        return inflow
-    parts = []
-    for part in inflow.parts:
-        parts.append(seeded(part, seed))
-        seed += seeds_of(part)
-    return inflow.model_copy(update={"parts": tuple(parts)})
+    parts = getattr(inflow, "parts", ())
+    own = tuple(seeded(part, seed + len(parts) - i) for i, part in enumerate(parts, 1))
+    return inflow.model_copy(update={"parts": own}) if parts else inflow
 
 
 def flow_named(name: str, inflow: Inflow) -> Inflow:
