@@ -11,16 +11,8 @@ from rich.console import Console
 from rich.table import Table
 from typer import Argument, Exit, Option, echo
 
-from hkt_mdo.cli.parts import (
-    NO_SUCCESS,
-    OutFolder,
-    ResultFolder,
-    Seed,
-    complain,
-    print_result,
-    print_rows,
-    read_result,
-)
+from hkt_mdo.cli import parts
+from hkt_mdo.cli.parts import OutFolder, ResultFolder, Seed, print_result, read_result
 from hkt_mdo.errors import InputError
 
 if TYPE_CHECKING:
@@ -151,9 +143,9 @@ def simulate(
     echo(f"{solution.name} in flow {words}")
     for run in runs:
         if start:
-            parts = start_and_stop(run.design, run.inflow, stop)
-            lines, flown = list(parts.lines()), replace(run, given=parts.operation)
-            told += [flown] if parts.operation is not None else []
+            began = start_and_stop(run.design, run.inflow, stop)
+            lines, flown = list(began.lines()), replace(run, given=began.operation)
+            told += [flown] if began.operation is not None else []
         else:
             lines, told = [f"without noise: {run.outcome}"], [*told, run]
             if several:
@@ -164,13 +156,14 @@ def simulate(
         echo("  " + "\n  ".join([joined(run.name, lines[0]), *lines[1:]]))
     most = largest(told)
     rows = [entry.row(name) for name, entry in most.items()]
-    print_rows(rows, f"Largest values{f' of {len(told)} simulations' if several else ''}")
+    if rows:
+        parts.print_rows(rows, f"Largest values{f' of {len(told)} simulations' if several else ''}")
     for path in write(out, told) if out is not None else ():
         echo(str(path))
     broken = [name.replace("_", " ") for name, entry in most.items() if entry.kept is False]
     if strict and broken:
-        complain("error", f"not kept: {', '.join(broken)}")
-        raise Exit(NO_SUCCESS)
+        parts.complain("error", f"not kept: {', '.join(broken)}")
+        raise Exit(parts.NO_SUCCESS)
 
 
 def _check_sensor(snr: float | None, reference: str, rate: float, cutoff: float) -> None:

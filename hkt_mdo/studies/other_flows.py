@@ -39,17 +39,12 @@ class Told(LimitEntry):
     remark: str = "not limited"
     """What is said of a load without a limit."""
 
-    @property
-    def verdict(self) -> str:
-        """The share in per cent, and whether the limit is broken."""
-        return f"{100.0 * (self.share or 0.0):.1f} %{'' if self.kept else ' BROKEN'}"
-
     def row(self, name: str, load: Any = None) -> Row:
         """Return the entry as a row; `name` is that of the limit or the load."""
         note = self.remark
         if self.limit is not None:
-            word = ", kept" if self.kept else ""
-            note = f"limit {measured(self.limit, self.unit)}, {self.verdict}{word}"
+            share = f"{100.0 * (self.share or 0.0):.1f} %, {'kept' if self.kept else 'BROKEN'}"
+            note = f"limit {measured(self.limit, self.unit)}, {share}"
         return Row(name.replace("_", " "), self.value, self.unit, joined(note, self.place))
 
 
@@ -137,8 +132,10 @@ class Run:
     @property
     def verdicts(self) -> str:
         """The verdicts on all limits, as text."""
-        limited = ((name, entry) for name, entry in self.told.items() if entry.limit is not None)
-        return joined(*(f"{name.replace('_', ' ')} {entry.verdict}" for name, entry in limited))
+        told = ((name.replace("_", " "), x) for name, x in self.told.items() if x.share is not None)
+        return joined(
+            *(f"{n} {100.0 * x.share:.1f} %{'' if x.kept else ' BROKEN'}" for n, x in told)
+        )
 
 
 def runs_of(solution: Solution, flow: str, seeds: str | None = None) -> list[Run]:

@@ -27,7 +27,7 @@ def told(finished):
 
 
 def test_a_larger_rotor_and_gain_would_capture_more(solve_physics):
-    """Without a limit of the torque; K = 0.5 rho pi R^5 Cp / lambda^3 is the best gain, about 26."""
+    """Without a limit of the torque; the best gain is 0.5 rho pi R^5 Cp / lambda^3."""
     design = {"blade": "fixed", "radius_bounds": [1.3, 1.45], "gain_bounds": [2.0, 10.0]}
     solved = solve_physics(SHORT | {"design": design, "rotor": {"cone": 10}})
     peak = solved.physics.rotor.best_operation(solved.result.point.blade)
