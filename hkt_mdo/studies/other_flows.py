@@ -43,7 +43,7 @@ class Told(LimitEntry):
         """Return the entry as a row; `name` is that of the limit or the load."""
         note = self.remark
         if self.limit is not None:
-            share = f"{100.0 * (self.share or 0.0):.1f} %, {'kept' if self.kept else 'BROKEN'}"
+            share = f"{100.0 * (self.share or 0.0):.2f} %, {'kept' if self.kept else 'BROKEN'}"
             note = f"limit {measured(self.limit, self.unit)}, {share}"
         return Row(name.replace("_", " "), self.value, self.unit, joined(note, self.place))
 
@@ -134,7 +134,7 @@ class Run:
         """The verdicts on all limits, as text."""
         told = ((name.replace("_", " "), x) for name, x in self.told.items() if x.share is not None)
         return joined(
-            *(f"{n} {100.0 * x.share:.1f} %{'' if x.kept else ' BROKEN'}" for n, x in told)
+            *(f"{n} {100.0 * x.share:.2f} %{'' if x.kept else ' BROKEN'}" for n, x in told)
         )
 
 

@@ -86,7 +86,7 @@ def test_a_limit_is_kept_up_to_its_bound(quadratic):
         assert (told.value, told.kept) == (pytest.approx(thrust, rel=1e-12), kept)
         assert told.share == pytest.approx(share, rel=1e-12)
         text = told.row("thrust").text
-        assert f"{100.0 * share:.1f} %" in text
+        assert f"{100.0 * share:.2f} %" in text
         assert ("kept" in text, "BROKEN" in text) == (kept, not kept)
 
 
@@ -219,7 +219,7 @@ def test_strict_ends_with_3_where_a_limit_is_broken(folder, open_loop, capsys):
     assert main(fast) == 0
     assert main([*fast, "--strict"]) == 3
     told = capsys.readouterr()
-    assert re.search(r"thrust +1[\d.]+ kN, limit 8 kN, 1\d\d\.\d %,\s+BROKEN", told.out)
+    assert re.search(r"thrust +1[\d.]+ kN, limit 8 kN, 1\d\d\.\d\d %,\s+BROKEN", told.out)
     assert told.err == "error: not kept: thrust\n"
     stopped = ["simulate", str(open_loop.solution.folder), "--flow", "C", "--strict"]
     assert main(stopped) == 3
