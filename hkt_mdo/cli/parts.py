@@ -24,8 +24,8 @@ BAD_INPUT, NO_SUCCESS, INTERRUPTED, BUG = 2, 3, 130, 1
 
 EXIT_CODES = (
     "Exit codes: 0 done; 1 an error of this program; 2 bad input, or a file that cannot be read or "
-    "written; 3 the run is no success (everything is written all the same); 130 interrupted by "
-    "Ctrl-C."
+    "written; 3 the run is no success, or with --strict a limit is broken (everything is written "
+    "all the same); 130 interrupted by Ctrl-C."
 )
 
 _CASE = "Case file in YAML, such as cases/sine_quadratic.yaml; see hkt schema."

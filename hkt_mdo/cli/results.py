@@ -9,23 +9,28 @@ from typing import TYPE_CHECKING, Annotated
 
 from rich.console import Console
 from rich.table import Table
-from typer import Argument, Option, echo
+from typer import Argument, Exit, Option, echo
 
+from hkt_mdo.cli import parts
 from hkt_mdo.cli.parts import OutFolder, ResultFolder, Seed, print_result, read_result
 from hkt_mdo.errors import InputError
 
 if TYPE_CHECKING:
-    from hkt_mdo.studies.uncertainty import Design, Inflow, Sensor, Simulation
+    from hkt_mdo.studies.other_flows import Run
+    from hkt_mdo.studies.uncertainty import Sensor
 
 _FORMAT = "File format, such as pdf or svg; may be given several times. Default: png."
 _FLOW = (
     "design: the result's own; A, B or C: the paper's uncertain flows (amplitude x 1.1, frequency "
     "0.225 rad/s, phase 0.2 pi); or an inflow section in YAML, such as {profile: sine, mean: 1.4}."
 )
-_SCENARIO = "The scenario whose operation the controller repeats, of a result with several."
+_SCENARIO = "Simulate the operation of this scenario only, of a result with several."
 _SNR = "Signal-to-noise ratio of the speed sensor."
 _REFERENCE = "What is the signal: the speed's fluctuation about its mean, or the total speed."
 _RATE = "Samples of the sensor a second."
+_SEEDS = "Seeds of a turbulent flow, such as 1..20 or 3,5,9: each is simulated."
+_TABLES = "Folder for simulations.json and simulations.csv; files of these names are replaced."
+_STRICT = "Exit with 3 where a limit is broken or the rotor stops."
 _START = "Start from standstill, without torque, and let the law take over in operation."
 _STOP = "With --start-up: the time (s) from which the torque is at its limit, to stop the rotor."
 _CUTOFF = (
@@ -110,47 +115,60 @@ def simulate(
     cutoff: Annotated[float, Option("--filter-cutoff", metavar="HZ", help=_CUTOFF)] = 0.5,
     repeats: Annotated[int, Option(min=1, max=100_000, help="Noisy runs.")] = 20,
     seed: Seed = 1,
+    flow_seeds: Annotated[str | None, Option(metavar="SEEDS", help=_SEEDS)] = None,
     scenario: Annotated[str | None, Option(metavar="NAME", help=_SCENARIO)] = None,
     start: Annotated[bool, Option("--start-up", help=_START)] = False,
     stop: Annotated[float | None, Option("--shut-down", metavar="SECONDS", help=_STOP)] = None,
+    out: Annotated[Path | None, Option(metavar="DIR", help=_TABLES)] = None,
+    strict: Annotated[bool, Option("--strict", help=_STRICT)] = False,
 ) -> None:
     """Simulate a result in another flow, with sensor noise, or from standstill.
 
     Blade and controller of a finished result are held and simulated with direct BEM. Open loop
-    replays its recorded torque; feedback reads a noisy, filtered speed sensor when --noise-snr is
-    given, many times over. A rotor that stops is said to stop, and its energy is not counted.
+    replays its recorded torque, and what holds the speed of a rotor that is unstable under it;
+    feedback reads a noisy, filtered speed sensor when --noise-snr is given, many times over. A
+    rotor that stops is said to stop, and its energy is not counted. The largest value of each limit
+    over time is told, without noise, and of the loads that have no limit; of several scenarios and
+    seeds, the largest of all.
     """
-    from hkt_mdo.studies.uncertainty import Design, Sensor, flow_given
+    from hkt_mdo.results.words import flow_words, joined
+    from hkt_mdo.studies.other_flows import largest, runs_of, write
+    from hkt_mdo.studies.start_stop import start_and_stop
+    from hkt_mdo.studies.uncertainty import Sensor
 
     _check_sensor(snr, reference, rate, cutoff)
+    if (start or stop is not None) and (not start or snr is not None):
+        remedy = "give --start-up with --shut-down" if snr is None else "leave --noise-snr out"
+        raise InputError("is for a start from standstill, without noise", remedy, key="--start-up")
     solution = read_result(result)
-    if scenario is not None:
-        solution = solution.scenario(scenario)
-    inflow = flow_given(flow, solution.case)
-    design = Design.of(solution)
-    title = f"{solution.name} in flow {inflow.model_dump()}"
-    if start or stop is not None:
-        if not start or snr is not None:
-            remedy = "give --start-up with --shut-down" if snr is None else "leave --noise-snr out"
-            problem = "is for a start from standstill, without noise"
-            raise InputError(problem, remedy, key="--start-up")
-        from hkt_mdo.studies.start_stop import start_and_stop
-
-        echo("\n  ".join((title, *start_and_stop(design, inflow, stop).lines())))
-        return
-    quiet = design.fly(inflow)
-    energies = [(quiet.energy, "captured"), (quiet.generator_energy, "generated")]
-    if not design.physics.generator.lossless:
-        energies.append((quiet.electrical_energy, "electrical"))
-    told = ", ".join(f"{energy / 1e3:.3f} kJ {word}" for energy, word in energies)
-    if quiet.stopped_at is not None:
-        told = f"rotor stops at t = {quiet.stopped_at:.2f} s, not generating; energy n/a"
-    echo(f"{title}\n  without noise: {told}")
-    if snr is not None and not design.law.is_feedback:
-        echo("  open loop reads no sensor: the noise changes nothing")
-    elif snr is not None:
-        sensor = Sensor(snr, reference, rate, cutoff or None)
-        echo(_with_noise(design, inflow, quiet, sensor, repeats, seed))
+    chosen = solution if scenario is None else solution.scenario(scenario)
+    runs = runs_of(chosen, flow, flow_seeds)
+    several, told = len(runs) > 1, []
+    words = f"{flow}: {len(runs)} simulations" if several else flow_words(runs[0].inflow)
+    echo(f"{solution.name} in flow {words}")
+    for run in runs:
+        if start:
+            began = start_and_stop(run.design, run.inflow, stop)
+            lines, flown = list(began.lines()), replace(run, given=began.operation)
+            told += [flown] if began.operation is not None else []
+        else:
+            lines, told = [f"without noise: {run.outcome}"], [*told, run]
+            if several:
+                lines[0] += f"; limits: {run.verdicts}"
+            if snr is not None:
+                sensor = Sensor(snr, reference, rate, cutoff or None)
+                lines += _with_noise(run, sensor, repeats, seed)
+        echo("  " + "\n  ".join([joined(run.name, lines[0]), *lines[1:]]))
+    most = largest(told)
+    rows = [entry.row(name) for name, entry in most.items()]
+    if rows:
+        parts.print_rows(rows, f"Largest values{f' of {len(told)} simulations' if several else ''}")
+    for path in write(out, told) if out is not None else ():
+        echo(str(path))
+    broken = [name.replace("_", " ") for name, entry in most.items() if entry.kept is False]
+    if strict and broken:
+        parts.complain("error", f"not kept: {', '.join(broken)}")
+        raise Exit(parts.NO_SUCCESS)
 
 
 def _check_sensor(snr: float | None, reference: str, rate: float, cutoff: float) -> None:
@@ -170,12 +188,13 @@ def _check_sensor(snr: float | None, reference: str, rate: float, cutoff: float)
         raise InputError("is unknown", remedy, key="--noise-reference", value=reference)
 
 
-def _with_noise(
-    design: Design, inflow: Inflow, quiet: Simulation, sensor: Sensor, repeats: int, seed: int
-) -> str:
-    """Return what many runs with a noisy sensor give; `quiet` is the run without noise."""
+def _with_noise(run: Run, sensor: Sensor, repeats: int, seed: int) -> list[str]:
+    """Return what many runs with a noisy sensor give, in lines."""
     from hkt_mdo.studies.uncertainty import fly_noisy
 
+    design, inflow, quiet = run.design, run.inflow, run.simulation
+    if not design.law.is_feedback:
+        return ["open loop reads no sensor: the noise changes nothing"]
     behind = "none"
     if sensor.cutoff:
         behind = f"second-order Butterworth low-pass of {sensor.cutoff:g} Hz (--filter-cutoff)"
@@ -192,10 +211,11 @@ def _with_noise(
         change = 100.0 * (mean / quiet.energy - 1.0)
         told += f"{spread / 1e3:.3f} kJ, worst {energy.min() / 1e3:.3f} kJ "
         told += f"({change:+.3f} % of the run without noise)"
-    return (
-        f"  sensor: {sensor.snr:g} dB of the {sensor.reference} speed, sigma = "
+    return [
+        f"sensor: {sensor.snr:g} dB of the {sensor.reference} speed, sigma = "
         f"{noisy.noise_deviation:.4f} rad/s, {sensor.rate:g} Hz, seed {seed}; "
-        f"BEM table within {noisy.torque_error:.1e}\n"
-        f"  filter behind it: {behind}\n"
-        f"  rotor stopped in {noisy.stalled} of {repeats} runs\n  {told}"
-    )
+        f"BEM table within {noisy.torque_error:.1e}",
+        f"filter behind it: {behind}",
+        f"rotor stopped in {noisy.stalled} of {repeats} runs",
+        told,
+    ]

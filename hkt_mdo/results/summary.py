@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     AliasChoices,
@@ -22,7 +22,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from hkt_mdo.case import Case
-from hkt_mdo.dynamics.limits import BETWEEN
+from hkt_mdo.dynamics.limits import BETWEEN, CavitationLimit
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import dotted
 from hkt_mdo.results.words import Row, amounts, joined, measured, printable, tip_deflection
@@ -38,6 +38,9 @@ BLADE = (
     *("start_chord_m", "start_twist_deg"),
 )
 """Fields that hold one value for each blade station; thickness where it is designed."""
+
+FAST = 14.1
+"""Speed (m/s) at which the dynamic pressure of water is that of the air above it, less vapour's."""
 
 _Number = float | None
 _Column = list[float] | None
@@ -139,6 +142,24 @@ class LimitEntry(LoadEntry):
         limit = f"limit {measured(self.limit, self.unit)}"
         place = (load or self).place
         return Row(_largest(name), self.value, self.unit, joined(limit, self.margin, place))
+
+
+class BoundEntry(_Entry):
+    """A design variable that ends at one of its bounds, in the unit of the case."""
+
+    name: str
+    end: Literal["lower", "upper"]
+    bound: float
+    unit: str = ""
+    r_over_R: list[tuple[float, float]] = []
+    """First and last station of each part of the span that is at the bound."""
+
+    def row(self) -> Row:
+        """Return the entry as a row."""
+        spans = (("at" if a == b else "from", measured((a, b), digits=4)) for a, b in self.r_over_R)
+        places = " and ".join(f"{word} r/R = {span}" for word, span in spans)
+        label = f"{self.name.replace('_', ' ')} at its {self.end} bound"
+        return Row(label, self.bound, self.unit, places)
 
 
 class BranchEntry(_Entry):
@@ -249,8 +270,8 @@ class ScenarioEntry(_Entry):
     limits: dict[str, LimitEntry] | None = None
     loads: dict[str, LoadEntry] | None = None
 
-    def rows(self) -> Iterator[Row]:
-        """Yield the entry as rows."""
+    def rows(self, case: Case) -> Iterator[Row]:
+        """Yield the entry as rows; the case says what else is known of loads without a limit."""
         flow, ratio = self.inflow_speed or Span(), self.tip_speed_ratio or Span()
         lasts = f"mean of {measured(self.duration_s, 's')}, share of time {measured(self.share)}"
         yield Row("flow", flow.mean, "m/s", f"{lasts}, at most {measured(flow.max, 'm/s')}")
@@ -260,7 +281,7 @@ class ScenarioEntry(_Entry):
         yield Row("tip speed ratio", ratio.ends, note=f"mean {measured(ratio.mean)}")
         if self.operation is not None:
             yield self.operation.row(self.duration_s)
-        yield from _largest_rows(self.limits, self.loads)
+        yield from _largest_rows(self.limits, self.loads, case)
 
 
 class Summary(_Entry, Mapping[str, Any]):
@@ -313,6 +334,8 @@ class Summary(_Entry, Mapping[str, Any]):
     rotor speed and tip speed."""
     tip_deflection_m: _Number = None
     """Largest deflection of a tip out of the rotor plane, of a linear beam."""
+    at_bounds: list[BoundEntry] | None = None
+    """What of the design ends at a bound of the case: a wider one may give more."""
     scenarios: dict[Annotated[str, StringConstraints(pattern=SCENARIO)], ScenarioEntry] | None = (
         None
     )
@@ -417,7 +440,7 @@ class Summary(_Entry, Mapping[str, Any]):
             *(
                 replace(row, label=f"{name}: {row.label}")
                 for name, entry in scenarios.items()
-                for row in entry.rows()
+                for row in entry.rows(case)
                 if len(scenarios) > 1
             ),
         ]
@@ -482,6 +505,7 @@ class Summary(_Entry, Mapping[str, Any]):
         if self.starts:
             kept = next((each.strategy for each in self.starts if each.kept), "none")
             yield Row("starts", f"{len(self.starts)} tried", "", f"began with: {kept}")
+        yield from (each.row() for each in self.at_bounds or ())
 
     def _operation(self, case: Case) -> Iterator[Row]:
         """Yield the rows of standstill, limits, loads and branches."""
@@ -489,7 +513,7 @@ class Summary(_Entry, Mapping[str, Any]):
             yield self.operation.row(case.phase.duration)
         limits = self.limits or {}
         rest = {name: entry for name, entry in limits.items() if name != "control_torque"}
-        yield from _largest_rows(rest, self.loads)  # the torque has a row of its own
+        yield from _largest_rows(rest, self.loads, case)  # the torque has a row of its own
         if self.tip_deflection_m is not None:
             yield tip_deflection(self.tip_deflection_m, self.tip_radius_m)
         yield from (branch.row() for branch in self.branches or ())
@@ -501,12 +525,41 @@ def _largest(name: str) -> str:
 
 
 def _largest_rows(
-    limits: dict[str, LimitEntry] | None, loads: dict[str, LoadEntry] | None
+    limits: dict[str, LimitEntry] | None, loads: dict[str, LoadEntry] | None, case: Case
 ) -> Iterator[Row]:
     """Yield the rows of limits and of the loads that are not limited."""
     limits, loads = limits or {}, loads or {}
     yield from (entry.row(name, loads.get(name)) for name, entry in limits.items())
-    yield from (entry.row(name) for name, entry in loads.items() if name not in limits)
+    for name, entry in loads.items():
+        if name not in limits:
+            row = entry.row(name)
+            yield replace(row, note=joined(row.note, unasked(name, entry.value, case)))
+
+
+def unasked(name: str, value: float | None, case: Case) -> str:
+    """Return what is to be said of a load that is large and has no limit; empty if it is not.
+
+    Parameters
+    ----------
+    name : str
+        Name of the load, as in `Summary.loads`.
+    value : float or None
+        Its largest value, in SI units; None: it is not known.
+    case : Case
+        The case that was run.
+
+    Returns
+    -------
+    str
+        Such as ``cavitates: no limit was asked``.
+    """
+    slow = case.limits.cavitation or case.limits.rotor_speed
+    most, word = {
+        "cavitation": (CavitationLimit().margin, "cavitates"),
+        "stress": (case.rotor.blade_material.allowable_stress, "more than the material allows"),
+        "tip_speed": (None if slow else FAST, "fast, near the surface a usual section cavitates"),
+    }.get(name, (None, ""))
+    return f"{word}: no limit was asked" if most and (value or 0.0) > most else ""
 
 
 def _losses(generated: float | None, electrical: float | None) -> str:

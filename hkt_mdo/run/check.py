@@ -27,7 +27,7 @@ from hkt_mdo.results.words import (
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.run import loads
 from hkt_mdo.run.findings import Findings, Flow, figure_data, problem_size
-from hkt_mdo.run.judge import FLOW_ERROR, designed
+from hkt_mdo.run.judge import FLOW_ERROR, designed, in_case
 
 FIT = {"chord": 2.0, "twist": 0.5}  # % of the largest, deg: splines may leave the file's blade
 POOR = 0.2  # largest power coefficient below which a blade was hardly meant as it stands
@@ -387,13 +387,10 @@ def _bounds(found: Findings) -> Rows:
     control = found.physics.shape.control(point.blade)
     control = dict(zip(found.physics.shape.points, control, strict=True))
     values = designed(found.physics, point) | control
-    metres, degrees, plain = ("m", 1.0), ("deg", np.rad2deg(1.0)), ("", 1.0)
-    in_case = {"chord": metres, "twist": degrees, "set_angle": degrees, "gain": plain}
-    in_case["thickness"] = plain
-    in_case["radius"] = "m", 1.0 / np.cos(point.blade.cone)
+    units = in_case(point.blade)
     for limit in found.physics.design_limits:
         if isinstance(limit, DesignBounds):
-            key, (unit, scale) = f"design.{limit.name}_bounds", in_case[limit.name]
+            key, (unit, scale) = f"design.{limit.name}_bounds", units[limit.name]
             low, high = (number(scale * end) for end in (limit.lower, limit.upper))
             value = measured(scale * limit.value_of(values), unit, 4)
             words = f"at least {low} and at most {high} {unit}".rstrip()

@@ -58,11 +58,9 @@ class Optimized:
 
 
 @dataclass(frozen=True, eq=False)
-class Flight:
-    """A scenario of a result: its collocated trajectory and the independent integration."""
+class Flown:
+    """An integration of a design, and what is told of it."""
 
-    scenario: Scenario
-    trajectory: dict[str, np.ndarray]
     simulation: Simulation
     controller: RecordedTorque | FeedbackTorque
     scalars: dict[str, Any]
@@ -70,13 +68,17 @@ class Flight:
     plant: Plant
     loads: Callable[[dict], dict]
     """Returns all loads that are known, of a trajectory's quantities, by direct BEM."""
-    limits_loads: bool
-    """Whether the case limits loads; without, they are computed for the tables only."""
 
-    @cached_property
-    def loads_at_nodes(self) -> dict[str, np.ndarray]:
-        """All loads that are known, at the nodes."""
-        return self.loads(self.trajectory)
+    @classmethod
+    def of(cls, physics: Physics, plant: Plant, simulation: Simulation, controller, **others):
+        """Return an integration of a plant, with `others` of the fields of a subclass."""
+        blade, names = plant.blade, physics.loads.names
+        scalars = physics.scalars(blade, plant.inertia)
+
+        def loads(known):
+            return physics.loads_along(blade, known, names)
+
+        return cls(simulation, controller, scalars, plant, loads, **others)
 
     @cached_property
     def loads_flown(self) -> dict[str, np.ndarray]:
@@ -89,17 +91,39 @@ class Flight:
         return self.integrated | self.loads_flown | self.rates_flown | self.scalars
 
     @property
-    def rates_at_nodes(self) -> dict[str, np.ndarray]:
-        """All rates, at the nodes: those of each segment's polynomial."""
-        return {"torque_rate": self.scenario.differentiation @ self.trajectory["control_torque"]}
-
-    @property
     def rates_flown(self) -> dict[str, np.ndarray]:
         """All rates, along the integration."""
         flown = self.simulation
         acceleration = (flown.hydrodynamic_torque - flown.control_torque) / self.plant.inertia
         known = flown.time, flown.rotor_speed, acceleration, flown.inflow_speed, *flown.states
         return {"torque_rate": self.controller.rate(*known)}
+
+    @property
+    def integrated(self) -> dict[str, np.ndarray]:
+        """The quantities of the integration, by their names in a trajectory."""
+        names = "time inflow_speed rotor_speed hydrodynamic_torque control_torque".split()
+        flown = (getattr(self.simulation, name) for name in names)
+        return trajectory_of(*flown, self.scalars["rotor_radius"], self.plant.generator)
+
+
+@dataclass(frozen=True, eq=False)
+class Flight(Flown):
+    """A scenario of a result: its collocated trajectory and the independent integration."""
+
+    scenario: Scenario
+    trajectory: dict[str, np.ndarray]
+    limits_loads: bool
+    """Whether the case limits loads; without, they are computed for the tables only."""
+
+    @cached_property
+    def loads_at_nodes(self) -> dict[str, np.ndarray]:
+        """All loads that are known, at the nodes."""
+        return self.loads(self.trajectory)
+
+    @property
+    def rates_at_nodes(self) -> dict[str, np.ndarray]:
+        """All rates, at the nodes: those of each segment's polynomial."""
+        return {"torque_rate": self.scenario.differentiation @ self.trajectory["control_torque"]}
 
     @property
     def recorded(self) -> RecordedTorque | None:
@@ -117,13 +141,6 @@ class Flight:
         """What limits take, along the integration."""
         loads = self.loads_flown if self.limits_loads else {}
         return self.integrated | loads | self.rates_flown | self.scalars
-
-    @property
-    def integrated(self) -> dict[str, np.ndarray]:
-        """The quantities of the integration, by their names in a trajectory."""
-        names = "time inflow_speed rotor_speed hydrodynamic_torque control_torque".split()
-        flown = (getattr(self.simulation, name) for name in names)
-        return trajectory_of(*flown, self.scalars["rotor_radius"], self.plant.generator)
 
     @property
     def energy_error(self) -> float:
@@ -169,11 +186,7 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
     check = BEM[physics.case.hydrodynamics.check]
     polar, water, generator = physics.built(blade), physics.density, physics.generator
     plant = Plant(blade, polar, result.inertia, water, check, generator)
-    scalars, flights = physics.scalars(blade, result.inertia), []
-
-    def loads(known):
-        return physics.loads_along(blade, known, physics.loads.names)
-
+    limited, flights = bool(physics.load_names), []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
         mesh, law = scenario.mesh, physics.law
         if law.is_feedback:
@@ -188,16 +201,21 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
             [nodes[name][0] for name in physics.states],
             mesh.duration / mesh.segments,
         )
-        limited = bool(physics.load_names)
-        flights.append(Flight(scenario, nodes, flown, controller, scalars, plant, loads, limited))
+        own = {"scenario": scenario, "trajectory": nodes, "limits_loads": limited}
+        flights.append(Flight.of(physics, plant, flown, controller, **own))
     return tuple(flights)
+
+
+def instants(scenario: Scenario) -> np.ndarray:
+    """Return the times (s) at which an integration is sampled."""
+    return np.append(scenario.within(np.arange(SAMPLES) / SAMPLES), scenario.edges[-1])
 
 
 def _flown(plant, scenario, controller, speed, states, max_step) -> Simulation:
     """Integrate a scenario; where that has no solution to the end, up to there, as to a stop."""
     first, duration = float(scenario.edges[0]), scenario.duration
     start = Start(speed, states, first)
-    samples = np.append(scenario.within(np.arange(SAMPLES) / SAMPLES), scenario.edges[-1])
+    samples = instants(scenario)
 
     def until(duration, samples):
         return simulate(plant, scenario.inflow, controller, start, duration, samples, max_step)

@@ -26,6 +26,7 @@ from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.quantities import LOADS, names
 from hkt_mdo.results.summary import CheckEntry
+from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import power_scale, torque_scale
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.torque_curve import TorqueSpline
@@ -291,6 +292,14 @@ def designed(physics: Physics, point: StartingPoint) -> dict[str, np.ndarray]:
         "radius": np.array([point.blade.rotor_radius]),
         "gain": point.gains,
     }
+
+
+def in_case(blade: Blade) -> dict[str, tuple[str, float]]:
+    """Return the unit in which a case gives what `DesignBounds` look at, and its factor from SI."""
+    metres, degrees, plain = ("m", 1.0), ("deg", np.rad2deg(1.0)), ("", 1.0)
+    radius = "m", 1.0 / np.cos(blade.cone)  # that of the tip, in place of the disc's
+    units = {"chord": metres, "twist": degrees, "set_angle": degrees, "radius": radius}
+    return units | {"thickness": plain, "gain": plain}
 
 
 def energy_bound(physics: Physics, optimum: SteadyOptimum) -> float:

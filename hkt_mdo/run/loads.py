@@ -61,6 +61,17 @@ def over_span(
     return found
 
 
+def placed(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> dict[str, LoadEntry]:
+    """Return what `largest` does, with the places along the blade of what `over_span` knows."""
+    several = list(trajectories)
+    found = largest(several)
+    for name, (r, values) in over_span(physics, blade, several).items():
+        if name in found:
+            place = {"r_m": float(r[np.argmax(values)])}
+            found[name] = found[name].model_copy(update=place)
+    return found
+
+
 def tip_deflection(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> float | None:
     """Return the largest deflection of a tip, m; None where polars follow the Reynolds number."""
     if physics.rotor.follows_reynolds:

@@ -35,7 +35,7 @@ from hkt_mdo.run.flight import (
     total,
 )
 from hkt_mdo.run.groups import by_scenario
-from hkt_mdo.run.judge import energy_bound, explain_all
+from hkt_mdo.run.judge import designed, energy_bound, explain_all, in_case
 
 # relative distance from its bound within which a limit counts as binding; that of a load, of whose
 # values along the blade the optimization has a smooth largest that is up to as much above them
@@ -120,6 +120,7 @@ def summarize(finished: Finished) -> Summary:
         **_controller(finished),
         **_blade(finished),
         **_extremes(finished, scenarios),
+        "at_bounds": list(_at_bounds(finished)),
         "scenarios": scenarios,
         "branches": [
             {
@@ -205,6 +206,26 @@ def _blade(finished):
         "start_chord_m": physics.blade.chord,
         "start_twist_deg": np.rad2deg(physics.blade.twist),
     }
+
+
+def _at_bounds(finished):
+    """Yield what of the design ends at a bound of the case, and where along the blade."""
+    point = finished.result.point
+    values, units, blade = designed(finished.physics, point), in_case(point.blade), point.blade
+    for limit in finished.physics.design_limits:
+        if not isinstance(limit, DesignBounds):
+            continue
+        value, (unit, scale) = limit.value_of(values), units[limit.name]
+        for end in ("lower", "upper"):
+            bound = getattr(limit, end)
+            at = np.isclose(value, bound, BINDING, 0.1 * BINDING * np.max(np.abs(value)))
+            if np.any(at):
+                spans = np.flatnonzero(np.diff(at, prepend=False, append=False)).reshape(-1, 2)
+                ratio = (
+                    (blade.r / blade.tip_radius)[spans - [0, 1]] if limit.place == "span" else []
+                )
+                about = {"unit": unit, "r_over_R": ratio}
+                yield {"name": limit.name, "end": end, "bound": scale * bound} | about
 
 
 def _extremes(finished, scenarios):
@@ -381,14 +402,8 @@ def _limit(pairs):
 def _loads(finished, flights):
     """Return the largest loads along some integrations, when and where along the blade."""
     flown = [flight.told for flight in flights]
-    found = {
-        name: entry.model_dump(exclude_unset=True) for name, entry in loads.largest(flown).items()
-    }
-    span = loads.over_span(finished.physics, finished.result.point.blade, flown)
-    for name, (r, values) in span.items():
-        if name in found:
-            found[name]["r_m"] = r[np.argmax(values)]
-    return found
+    found = loads.placed(finished.physics, finished.result.point.blade, flown)
+    return {name: entry.model_dump(exclude_unset=True) for name, entry in found.items()}
 
 
 def _set_angle(physics, blade):

@@ -30,9 +30,12 @@ from hkt_mdo.dynamics.simulation import (
 )
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import BEM, Physics, complete
+from hkt_mdo.problem.scenario import Scenario
+from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
+from hkt_mdo.run.flight import instants
 
 LONGEST_STEP = 0.25  # of Runge-Kutta, over the rotor's smallest time constant I / |dQ/dw|
 REFERENCES = ("fluctuation", "total")
@@ -167,21 +170,20 @@ class Design:
         return self.physics.law
 
     @cached_property
-    def controller(self) -> FeedbackTorque:
-        """The torque of the feedback law, which hears of the flow what it would as built.
+    def controller(self) -> FeedbackTorque | RecordedTorque:
+        """The torque of the control law.
 
         Returns
         -------
-        FeedbackTorque
-            With an estimate of the flow, where the law has no sensor of it.
-
-        Raises
-        ------
-        ValueError
-            For an open loop.
+        FeedbackTorque or RecordedTorque
+            Of a feedback law, which hears of the flow what it would as built: with an estimate of
+            the flow, where the law has no sensor of it. Of an open loop, the history that the
+            judges of the run replay, with what holds the speed of a rotor that is unstable.
         """
         if not self.law.is_feedback:
-            raise ValueError("open loop has no law")
+            table = self.solution.trajectory
+            nodes = {name: table[QUANTITIES[name].column] for name in TRAJECTORY}
+            return RecordedTorque.of(self.known, nodes, self.law.torque_limit)
         estimate = FlowEstimate(self.known) if self.law.estimates_flow else None
         return FeedbackTorque(self.law, self.gains, estimate)
 
@@ -243,18 +245,13 @@ class Design:
         Simulation
             The run over the time span of the design's case.
         """
-        phase, law = self.physics.case.phase, self.law
+        phase = self.physics.case.phase
         self.refuse_standstill(inflow)
-        if not law.is_feedback:
-            recorded = self.solution.trajectory
-            torque = recorded["time_s"], recorded["control_torque_Nm"]
-            controller = RecordedTorque(*torque, law.torque_limit)
-        else:
-            controller = self.controller
-        speed, samples = initial_speed or self.initial_speed(inflow), 20 * phase.segments + 1
+        speed = initial_speed or self.initial_speed(inflow)
+        samples = instants(Scenario(inflow, phase).resolved())
         step, end = phase.duration / phase.segments / refined, phase.duration
         about = self.start(inflow, speed), end, samples, step, tolerance
-        return simulate(self.plant, inflow, controller, *about)
+        return simulate(self.plant, inflow, self.controller, *about)
 
     def start(self, inflow, speed, time=0.0):
         """Return a start with the law's states in equilibrium with a speed and the flow then.
@@ -441,7 +438,7 @@ def _runge_kutta(speed, control, step, inertia, scale, ratio_of_speed, nodes, co
     return after, captured
 
 
-def flow_given(text: str, case: Case) -> Inflow:
+def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:
     """Return a flow by its name, or of an inflow section in YAML.
 
     Parameters
@@ -450,6 +447,8 @@ def flow_given(text: str, case: Case) -> Inflow:
         A name of `PAPER_FLOWS`, or a section such as ``{profile: sine, mean: 1.4}``.
     case : Case
         The case whose flow is changed.
+    seed : int or None
+        Seed in place of the flow's own.
 
     Returns
     -------
@@ -459,12 +458,18 @@ def flow_given(text: str, case: Case) -> Inflow:
     Raises
     ------
     InputError
-        If the flow is not valid, ends before the time span of the case, stands still or turns back.
+        If the flow is not valid, has no seed where one is given, ends before the time span of the
+        case, stands still or turns back.
     """
     if text.lstrip().startswith("{"):
         inflow = case.with_overrides(f"inflow={text}").inflow
     else:
         inflow = flow_named(text, case.inflow)
+    if seed is not None:
+        if seeded(inflow, 0) == seeded(inflow, 1):
+            remedy = "give a turbulent --flow, or leave --flow-seeds out"
+            raise InputError(f"the flow {inflow.profile} has no seed", remedy, key="--flow-seeds")
+        inflow, text = seeded(inflow, seed), f"{text}, seed {seed}"
     duration = complete(case).phase.duration
     try:
         inflow.check(duration)
@@ -475,6 +480,28 @@ def flow_given(text: str, case: Case) -> Inflow:
         remedy = f"give a flow that runs one way for the {duration:.6g} s of the result"
         raise InputError(problem, remedy, key="--flow", value=text) from None
     return inflow
+
+
+def seeded(inflow: Inflow, seed: int) -> Inflow:
+    """Return a flow with another seed; of a sum, the last part has it, those before the next ones.
+
+    Parameters
+    ----------
+    inflow : Inflow
+        A flow; one that is not random stays as it is.
+    seed : int
+        The seed.
+
+    Returns
+    -------
+    Inflow
+        The flow.
+    """
+    if hasattr(inflow, "seed"):
+        return inflow.model_copy(update={"seed": seed})
+    parts = getattr(inflow, "parts", ())
+    own = tuple(seeded(part, seed + len(parts) - i) for i, part in enumerate(parts, 1))
+    return inflow.model_copy(update={"parts": own}) if parts else inflow
 
 
 def flow_named(name: str, inflow: Inflow) -> Inflow:

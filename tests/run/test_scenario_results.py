@@ -120,8 +120,8 @@ def test_commands_take_it(solution, capsys, tmp_path):
     assert "slow: energy, simulated" in capsys.readouterr().out
     assert main(["plot", folder, "--out", str(tmp_path)]) == 0
     assert (tmp_path / "operation_slow.png").is_file()
-    assert main(["simulate", folder]) == 2
-    assert "has several scenarios: slow, fast" in capsys.readouterr().err
+    assert main(["simulate", folder]) == 0
+    assert "in fast" in capsys.readouterr().out
     assert main(["simulate", folder, "--scenario", "fast"]) == 0
 
 

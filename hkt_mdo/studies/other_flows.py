@@ -1,0 +1,229 @@
+"""A finished design in other flows: its energies, and the largest value of every limit and load."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hkt_mdo.dynamics.flows import Inflow
+from hkt_mdo.dynamics.limits import Limit
+from hkt_mdo.dynamics.simulation import Simulation
+from hkt_mdo.errors import InputError
+from hkt_mdo.quantities import names
+from hkt_mdo.results.folder import write_json, write_text
+from hkt_mdo.results.solution import Solution
+from hkt_mdo.results.summary import LimitEntry, unasked
+from hkt_mdo.results.words import Row, joined, measured
+from hkt_mdo.run.flight import Flown
+from hkt_mdo.run.judge import most_between
+from hkt_mdo.run.loads import placed
+from hkt_mdo.studies.uncertainty import Design, flow_given
+
+FIELDS = "value", "unit", "limit", "share", "kept", "time_s", "r_m"
+MOST_SEEDS = 10_000
+
+
+class Told(LimitEntry):
+    """The largest value of a limit, or of a load without one, in a simulation."""
+
+    share: float | None = None
+    """The value over the limit; of a lower limit, 1 where it is met and more where it is broken."""
+    kept: bool | None = None
+    """Whether the limit is kept as exactly as a run asks; None without a limit."""
+    remark: str = "not limited"
+    """What is said of a load without a limit."""
+
+    def row(self, name: str, load: Any = None) -> Row:
+        """Return the entry as a row; `name` is that of the limit or the load."""
+        note = self.remark
+        if self.limit is not None:
+            share = f"{100.0 * (self.share or 0.0):.2f} %, {'kept' if self.kept else 'BROKEN'}"
+            note = f"limit {measured(self.limit, self.unit)}, {share}"
+        return Row(name.replace("_", " "), self.value, self.unit, joined(note, self.place))
+
+
+def _told(limit: Limit, known: dict[str, Any]) -> Told:
+    """Return what is told of a limit, of the quantities of a trajectory."""
+    value, over = limit.told(known), limit.excess(known)
+    kept, caps = bool(np.max(over) <= most_between(limit)), limit.caps_series
+    free = kept and not caps and limit.lower <= 0.0  # as a torque that is not limited
+    at = int(np.argmax(value if free or (caps and kept) else over))
+    most, time = float(value[at]), float(known["time"][at])
+    found = Told(value=most, unit=limit.unit or "", time_s=time)
+    if free:
+        return found
+    low = not caps or most < limit.lower
+    bound = float(limit.lower if low else limit.upper)
+    beyond = (bound - most if low else most - bound) / abs(bound) if bound else float(over[at])
+    return found.model_copy(update={"limit": bound, "share": 1.0 + beyond, "kept": kept})
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A simulation of a design in a flow.
+
+    Attributes
+    ----------
+    design : Design
+        The design, in the operation of one scenario.
+    inflow : Inflow
+        The flow.
+    scenario : str
+        Name of the scenario; empty if only one is simulated.
+    seed : int or None
+        Seed of the flow, where several were asked for.
+    given : Simulation or None
+        What the design does in the flow; None: it is simulated when it is asked for.
+    """
+
+    design: Design
+    inflow: Inflow
+    scenario: str = ""
+    seed: int | None = None
+    given: Simulation | None = None
+
+    @cached_property
+    def simulation(self) -> Simulation:
+        """What the design does in the flow."""
+        return self.given or self.design.fly(self.inflow)
+
+    @property
+    def name(self) -> str:
+        """Scenario and seed, as far as there are several."""
+        return joined(self.scenario, "" if self.seed is None else f"seed {self.seed}")
+
+    @cached_property
+    def told(self) -> dict[str, Told]:
+        """Largest value of each limit over time by its name, then of the loads without a limit."""
+        physics, plant = self.design.physics, self.design.plant
+        known = Flown.of(physics, plant, self.simulation, self.design.controller).told
+        limits = physics.limits_in(physics.scenarios[0])
+        found = {each.name: _told(each, known) for each in limits if not each.bounded}
+        for name, load in placed(physics, plant.blade, [known]).items():
+            remark = unasked(name, load.value, physics.case) or "not limited"
+            own = found.get(name, Told(**load.model_dump(), remark=remark))
+            found[name] = own.model_copy(update={"r_m": load.r_m})
+        if (stopped := self.simulation.stopped_at) is not None:
+            remark = "not generating: nothing is known after it"
+            found["rotor stops"] = Told(value=stopped, unit="s", kept=False, remark=remark)
+        return found
+
+    @property
+    def energies(self) -> dict[str, float | None]:
+        """Energies by their names, J; None where the rotor stops."""
+        run = self.simulation
+        return {x: None if run.stopped_at else getattr(run, x) for x in names(over="result")}
+
+    @property
+    def outcome(self) -> str:
+        """The energies as text, or when the rotor stops."""
+        if (stopped := self.simulation.stopped_at) is not None:
+            return f"rotor stops at t = {stopped:.2f} s, not generating; energy n/a"
+        told = ("captured", "generated", "electrical"), self.energies.values()
+        texts = [f"{energy / 1e3:.3f} kJ {kind}" for kind, energy in zip(*told, strict=True)]
+        return joined(*texts[: 2 if self.design.physics.generator.lossless else 3])
+
+    @property
+    def verdicts(self) -> str:
+        """The verdicts on all limits, as text."""
+        told = ((name.replace("_", " "), x) for name, x in self.told.items() if x.share is not None)
+        return joined(
+            *(f"{n} {100.0 * x.share:.2f} %{'' if x.kept else ' BROKEN'}" for n, x in told)
+        )
+
+
+def runs_of(solution: Solution, flow: str, seeds: str | None = None) -> list[Run]:
+    """Return the simulations of each scenario of a result in a flow, and with each seed of it.
+
+    Parameters
+    ----------
+    solution : Solution
+        A finished result.
+    flow : str
+        As `flow_given` takes it.
+    seeds : str or None
+        Seeds of the flow, such as ``1..20`` or ``3,5,9``; None: it keeps its own.
+
+    Returns
+    -------
+    list of Run
+        Nothing is simulated yet.
+
+    Raises
+    ------
+    InputError
+        If there are seeds for a flow that has none, the run did not come to its end, or a flow is
+        none for the turbine.
+    """
+    several, numbers = len(solution.scenarios) > 1, (None,) if seeds is None else _seeds(seeds)
+    return [
+        Run(design, flow_given(flow, part.case, seed), part.scenarios[0] if several else "", seed)
+        for part, design in [(part, Design.of(part)) for part in solution.by_scenario]
+        for seed in numbers
+    ]
+
+
+def _seeds(text: str) -> tuple[int | None, ...]:
+    """Return the whole numbers and ranges of a text."""
+    parts = [re.fullmatch(r" *(\d{1,9})(?:\.\.(\d{1,9}))? *", x) for x in text.split(",")]
+    spans = [range(int(x[1]), int(x[2] or x[1]) + 1) for x in parts if x]
+    if None in parts or not all(spans) or sum(map(len, spans)) > MOST_SEEDS:
+        remedy = f"give 1..20 or 3,5,9 or the like, at most {MOST_SEEDS} seeds"
+        raise InputError("is no list of seeds", remedy, key="--flow-seeds", value=text)
+    return tuple(dict.fromkeys(seed for span in spans for seed in span))
+
+
+def largest(runs: Iterable[Run]) -> dict[str, Told]:
+    """Return what is told of each limit and load in the run that has the most of it.
+
+    Parameters
+    ----------
+    runs : iterable of Run
+        Simulations.
+
+    Returns
+    -------
+    dict of Told
+        By the names of limits and loads; of several runs, with the name of the run. A run in which
+        a load is limited comes before those in which it is not.
+    """
+    found: dict[str, Told] = {}
+    for run in runs:
+        for name, entry in run.told.items():
+            both = entry.model_copy(update={"scenario": run.name or None}), found.get(name, entry)
+            found[name] = max(both, key=lambda x: (x.limit is not None, x.share or x.value))
+    return found
+
+
+def write(folder: Path, runs: Iterable[Run]) -> list[Path]:
+    """Write what simulations told, as simulations.json and simulations.csv.
+
+    Parameters
+    ----------
+    folder : Path
+        Is made if need be; files of these names are replaced.
+    runs : iterable of Run
+        The simulations.
+
+    Returns
+    -------
+    list of Path
+        The files.
+    """
+    header, rows = ("scenario", "seed", "quantity", *FIELDS), []
+    for run in runs:
+        energies = {name: Told(value=x, unit="J") for name, x in run.energies.items()}
+        for name, entry in (energies | run.told).items():
+            rows.append((run.scenario, run.seed, name, *(getattr(entry, x) for x in FIELDS)))
+    lines = [",".join("" if x is None else str(x) for x in row) for row in (header, *rows)]
+    folder.mkdir(parents=True, exist_ok=True)
+    table, data = folder / "simulations.csv", folder / "simulations.json"
+    write_text(table, "\n".join([*lines, ""]))
+    write_json(data, [dict(zip(header, row, strict=True)) for row in rows])
+    return [table, data]

@@ -1,0 +1,305 @@
+"""Limits and loads of a finished design in other flows: theory first, then the run's own flow."""
+
+import csv
+import json
+import re
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from hkt_mdo.cli import main
+from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow, SumInflow
+from hkt_mdo.dynamics.limits import (
+    Limit,
+    RotorSpeedLimit,
+    StressLimit,
+    ThrustLimit,
+    TorqueLimit,
+    TorqueRateLimit,
+)
+from hkt_mdo.dynamics.sampled import TurbulentInflow
+from hkt_mdo.dynamics.simulation import RecordedTorque, simulate
+from hkt_mdo.errors import InputError
+from hkt_mdo.results.solution import ScenarioTables, Solution
+from hkt_mdo.results.summary import FAST
+from hkt_mdo.studies.other_flows import Run, largest, runs_of
+from hkt_mdo.studies.uncertainty import Design, flow_given, seeded
+
+TURBULENCE = "{profile: turbulence, mean: 1.5, intensity: 0.1, cutoff: 0.3}"
+
+
+class SlowestRotor(Limit):
+    """A limit from below only, as an extension may give."""
+
+    name: ClassVar[str] = "slowest_rotor"
+    unit: ClassVar[str | None] = "rad/s"
+    inputs: ClassVar[tuple[str, ...]] = ("rotor_speed",)
+    least: float
+    lower = property(lambda self: self.least)
+
+
+@pytest.fixture(scope="module")
+def quadratic(solve):
+    return Design.of(solve("sine_limited_quadratic", "driver.optimizer=IPOPT"))
+
+
+@pytest.fixture(scope="module")
+def free(solve):
+    """A design under quadratic feedback without a torque limit."""
+    return Design.of(solve("sine_quadratic", "driver.optimizer=IPOPT"))
+
+
+@pytest.fixture(scope="module")
+def open_loop(solve):
+    return Design.of(solve("sine_limited_oloc", "driver.optimizer=IPOPT"))
+
+
+def limited(design, *limits):
+    return replace(design, physics=replace(design.physics, limits=limits))
+
+
+# Theory -------------------------------------------------------------------------------------------
+
+
+def test_under_a_square_law_loads_grow_with_the_square_of_the_flow(free):
+    """K w² has the same tip speed ratios in every steady flow: speeds ~ v, loads ~ v², power ~ v³.
+
+    The distance travelled by the water takes the place of time, so the ratios are the same after
+    the same distance.
+    """
+    slow, fast = (Run(free, ConstantInflow(speed=speed)).told for speed in (0.8, 1.6))
+    powers = {"rotor_speed": 1, "tip_speed": 1, "thrust": 2, "root_moment": 2, "stress": 2}
+    for name, power in (powers | {"control_torque": 2, "power": 3}).items():
+        assert fast[name].value == pytest.approx(2.0**power * slow[name].value, rel=1e-6), name
+        assert fast[name].limit is fast[name].kept is None
+
+
+def test_a_limit_is_kept_up_to_its_bound(quadratic):
+    flow = ConstantInflow(speed=1.5)
+    thrust = Run(quadratic, flow).told["thrust"].value
+    for share, kept in ((0.5, True), (0.9999, True), (1.001, False), (2.0, False)):
+        told = Run(limited(quadratic, ThrustLimit(bound=thrust / share)), flow).told["thrust"]
+        assert (told.value, told.kept) == (pytest.approx(thrust, rel=1e-12), kept)
+        assert told.share == pytest.approx(share, rel=1e-12)
+        text = told.row("thrust").text
+        assert f"{100.0 * share:.2f} %" in text
+        assert ("kept" in text, "BROKEN" in text) == (kept, not kept)
+
+
+def test_a_limit_from_below_and_one_of_both_signs(quadratic):
+    flow = SineInflow()
+    run = quadratic.fly(flow)
+    slowest, at = run.rotor_speed.min(), np.argmin(run.rotor_speed)
+    for least, kept in ((0.5 * slowest, True), (1.1 * slowest, False)):
+        told = Run(limited(quadratic, SlowestRotor(least=least)), flow).told["slowest_rotor"]
+        assert (told.limit, told.kept, told.value) == (least, kept, pytest.approx(slowest))
+        assert told.time_s == run.time[at]
+        assert told.share == pytest.approx(2.0 - slowest / least)
+    told = Run(limited(quadratic, TorqueRateLimit(bound=1.0)), flow).told["torque_rate"]
+    rate = np.gradient(run.control_torque, run.time)
+    assert told.value == pytest.approx(np.max(np.abs(rate)), rel=0.05)
+    assert told.share == pytest.approx(told.value)
+    assert not told.kept
+
+
+def test_a_torque_that_drives_the_rotor_is_told(open_loop):
+    """The generator's torque is never negative, whatever its largest value is."""
+    for bound in (700.0, None):
+        heavy = replace(open_loop, plant=replace(open_loop.plant, inertia=1e6))
+        heavy = limited(heavy, TorqueLimit(bound=bound))
+        heavy.__dict__["controller"] = _Driving()
+        told = Run(heavy, SineInflow()).told["control_torque"]
+        assert (told.value, told.limit, told.kept) == (-5.0, 0.0, False)
+
+
+class _Driving:
+    """A torque of -5 N m."""
+
+    def __call__(self, time, speed, *_):
+        return -5.0 + 0.0 * speed
+
+    def rate(self, time, *_):
+        return 0.0 * time
+
+
+def test_the_speed_of_an_unstable_rotor_is_held_as_in_the_run(open_loop):
+    """Below the speed of the largest torque, a constant torque in a steady flow stops the rotor.
+
+    What the judges of a run add holds the speed instead; a stable rotor needs nothing.
+    """
+    assert open_loop.controller.stiffness == 0.0
+    plant, flow = open_loop.plant, ConstantInflow(speed=1.5)
+    time = (np.arange(60.0)[:, None] + [0.0, 0.5, 1.0]).ravel()
+    speeds = np.linspace(4.0, 9.0, 501)
+    torques = plant.torque(speeds, np.full(501, 1.5))
+    place = np.argmax(torques) - 30
+    speed, torque = speeds[place], torques[place]
+    assert torques[place + 10] > torque > torques[place - 10]
+    table = {name: np.ones(180) for name in open_loop.solution.trajectory} | {
+        "time_s": time,
+        "inflow_speed_m_s": np.full(180, 1.5),
+        "rotor_speed_rad_s": np.full(180, speed),
+        "control_torque_Nm": np.full(180, torque),
+    }
+    tables = {"phase": ScenarioTables(table, {}, {})}
+    unstable = Design.of(replace(open_loop.solution, tables=tables))
+    held = unstable.fly(flow, 0.99 * speed)
+    assert unstable.controller.stiffness > 0.0
+    assert held.stopped_at is None
+    assert held.rotor_speed[-1] == pytest.approx(speed, rel=1e-6)
+    alone = RecordedTorque(table["time_s"], table["control_torque_Nm"])
+    assert simulate(plant, flow, alone, 0.99 * speed, 60.0).stopped_at < 60.0
+
+
+def test_parts_of_a_sum_keep_seeds_of_their_own():
+    one, other = TurbulentInflow(mean=1.5, seed=7), TurbulentInflow(mean=1.5, seed=7)
+    whole = SumInflow(parts=(SineInflow(), one, SumInflow(parts=(SineInflow(), other))))
+    made = seeded(whole, 3)
+    assert made.parts[0] == SineInflow()
+    assert made.parts[1].seed == 4
+    assert made.parts[2].parts[1].seed == 3
+    assert made.speed_at(1.0) != whole.speed_at(1.0)
+    assert seeded(SineInflow(), 3) == SineInflow()
+
+
+# The flow of the run ------------------------------------------------------------------------------
+
+
+def test_in_the_flow_of_the_run_it_tells_what_the_run_does(quadratic, open_loop):
+    for design in (quadratic, open_loop):
+        (run,), summary = runs_of(design.solution, "design"), design.solution.summary
+        assert run.energies["energy"] == pytest.approx(summary.simulated_energy_J, rel=1e-7)
+        for name, entry in (summary.loads | summary.limits).items():
+            assert run.told[name].value == pytest.approx(entry.value, rel=2e-4), name
+            assert run.told[name].r_m == (
+                summary.loads[name].r_m if name in summary.loads else None
+            )
+        torque = run.told["control_torque"]
+        assert (torque.limit, torque.kept) == (700.0, True)
+
+
+def test_loads_without_a_limit_are_told_where_they_are_large(quadratic):
+    """The paper's blade has 2 GPa, more than any aluminium; at 14 m/s water boils at Cp = -1."""
+    told = Run(quadratic, ConstantInflow(speed=1.5)).told
+    assert told["stress"].remark == "more than the material allows: no limit was asked"
+    assert told["thrust"].remark == told["tip_speed"].remark == "not limited"
+    assert told["tip_speed"].value < FAST
+    fast = Run(quadratic, ConstantInflow(speed=2.0)).told["tip_speed"]
+    assert fast.value > FAST
+    assert "a usual section cavitates: no limit was asked" in fast.row("tip_speed").text
+    asked = limited(quadratic, StressLimit(bound=1e6), RotorSpeedLimit(bound=1.0))
+    told = Run(asked, ConstantInflow(speed=1.5)).told
+    assert (told["stress"].kept, told["rotor_speed"].kept) == (False, False)
+    assert "rpm" in told["rotor_speed"].row("rotor_speed").text
+
+
+# The command --------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def folder(quadratic, tmp_path_factory):
+    """A result whose case has a limit of the thrust that its own flow keeps."""
+    folder = tmp_path_factory.mktemp("other_flows") / "result"
+    shutil.copytree(quadratic.solution.folder, folder)
+    text = (folder / "case.yaml").read_text(encoding="utf-8")
+    changed = text.replace("\n  thrust: null\n", "\n  thrust: 8 kN\n")
+    assert changed != text
+    (folder / "case.yaml").write_text(changed, encoding="utf-8")
+    return folder
+
+
+def test_strict_ends_with_3_where_a_limit_is_broken(folder, open_loop, capsys):
+    assert main(["simulate", str(folder), "--strict"]) == 0
+    assert "limit 8 kN, " in capsys.readouterr().out
+    fast = ["simulate", str(folder), "--flow", "{profile: constant, speed: 2}"]
+    assert main(fast) == 0
+    assert main([*fast, "--strict"]) == 3
+    told = capsys.readouterr()
+    assert re.search(r"thrust +1[\d.]+ kN, limit 8 kN, 1\d\d\.\d\d %,\s+BROKEN", told.out)
+    assert told.err == "error: not kept: thrust\n"
+    stopped = ["simulate", str(open_loop.solution.folder), "--flow", "C", "--strict"]
+    assert main(stopped) == 3
+    told = capsys.readouterr()
+    assert "not generating: nothing is known after it" in " ".join(told.out.split())
+    assert told.err == "error: not kept: rotor stops\n"
+
+
+def test_seeds_are_simulated_one_by_one_and_written(folder, tmp_path, capsys):
+    out = tmp_path / "made" / "tables"
+    given = ["--flow", TURBULENCE, "--flow-seeds", "3,5..6"]
+    assert main(["simulate", str(folder), *given, "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "Largest values of 3 simulations" in printed
+    rows = json.loads((out / "simulations.json").read_text())
+    with (out / "simulations.csv").open(encoding="utf-8", newline="") as file:
+        table = list(csv.DictReader(file))
+    assert [row["quantity"] for row in table] == [row["quantity"] for row in rows]
+    assert {row["seed"] for row in rows} == {3, 5, 6}
+    runs = {}
+    for number, (text, row) in enumerate(zip(table, rows, strict=True)):
+        assert list(text) == list(row), number
+        assert float(text["value"]) == row["value"]
+        runs.setdefault(row["seed"], {})[row["quantity"]] = row
+    for seed, told in runs.items():
+        flow = TURBULENCE.replace("}", f", seed: {seed}" + "}")
+        (alone,) = runs_of(Solution.load(folder), flow)
+        assert told["energy"]["value"] == pytest.approx(alone.energies["energy"], rel=1e-12)
+        assert f"seed {seed}, without noise: {alone.outcome}; limits: {alone.verdicts}" in printed
+        for name, entry in alone.told.items():
+            assert told[name]["value"] == pytest.approx(entry.value, rel=1e-12), name
+    worst = max(runs, key=lambda seed: runs[seed]["thrust"]["share"])
+    assert f"in seed {worst}" in " ".join(
+        re.search("thrust  .*?root", printed, re.DOTALL)[0].split()
+    )
+
+
+def test_of_several_runs_the_most_used_limit_is_told(quadratic):
+    """A run with a limit comes before a larger one without it."""
+    slow = Run(limited(quadratic, ThrustLimit(bound=8e3)), ConstantInflow(speed=1.2), "slow")
+    fast = Run(limited(quadratic), ConstantInflow(speed=1.6), "fast")
+    for runs in ((slow, fast), (fast, slow)):
+        told = largest(runs)
+        assert (told["thrust"].scenario, told["thrust"].limit) == ("slow", 8e3)
+        assert told["root_moment"].scenario == "fast"
+    tighter = replace(slow, design=limited(quadratic, ThrustLimit(bound=5e3)), scenario="tighter")
+    assert largest([slow, tighter])["thrust"].scenario == "tighter"
+
+
+@pytest.mark.parametrize("seeds", ["", "1..", "3..1", "-1", "a", "1..20001", "1,,2", "1.5", "²"])
+def test_what_is_no_list_of_seeds_is_refused(folder, capsys, seeds):
+    assert main(["simulate", str(folder), "--flow", TURBULENCE, f"--flow-seeds={seeds}"]) == 2
+    assert f"--flow-seeds = {seeds!r}: is no list of seeds" in capsys.readouterr().err
+
+
+def test_a_flow_without_a_seed_has_no_seeds(folder, quadratic, capsys):
+    assert main(["simulate", str(folder), "--flow-seeds", "1..3"]) == 2
+    told = "--flow-seeds: the flow sine has no seed; give a turbulent --flow"
+    assert told in capsys.readouterr().err
+    weak = "{profile: turbulence, mean: 1, intensity: 0.9, length_scale: 2}"
+    with pytest.raises(InputError, match=r"seed 2'.*turns back"):
+        flow_given(weak, quadratic.solution.case, 2)
+
+
+def test_a_start_up_tells_the_limits_of_its_operation(folder, capsys):
+    assert main(["simulate", str(folder), "--start-up"]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert re.search(r"run-up: .* operation: .* Largest values .* thrust [\d.]+ kN, limit", printed)
+
+
+def test_the_commands_of_the_page_work(folder, monkeypatch, tmp_path, capsys):
+    """Those of docs/own_turbine.md that simulate, with this result in place of theirs."""
+    page = Path(__file__).parents[2] / "docs" / "own_turbine.md"
+    lines = re.sub(r" *\\\n *", " ", page.read_text(encoding="utf-8")).splitlines()
+    found = [line.partition("  #")[0] for line in lines if line.startswith("hkt simulate ")]
+    assert len(found) == 2
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(folder, tmp_path / "results" / "mine")
+    for line in found:
+        words = [a or b for a, b in re.findall(r'"([^"]*)"|(\S+)', line)]
+        words = [word.replace("1..20", "1..2") for word in words]  # for seconds
+        assert main(words[1:]) in ((0, 3) if "--strict" in words else (0,)), line
+    assert (tmp_path / "results" / "flows" / "simulations.csv").is_file()
