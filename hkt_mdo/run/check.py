@@ -12,6 +12,7 @@ from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.problem.build import make_driver
 from hkt_mdo.problem.physics import START_EXCESS, physics
+from hkt_mdo.problem.scenario import FLOW_MISSED
 from hkt_mdo.problem.turbine import POLAR
 from hkt_mdo.results.words import (
     Row,
@@ -203,12 +204,13 @@ def _polars(rotor) -> dict[str, tuple]:
 
 
 def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
-    """Yield a flow; warn of a cutoff that segments, disc or rotor cannot follow."""
+    """Yield a flow; warn of changes that mesh, disc or rotor cannot follow."""
     cutoff, changes = flow.cutoff, "none: it is steady"
     if cutoff:
         period = measured(1.0 / cutoff, "s", 3)
         changes = f"up to {cutoff:.3g} Hz, a period of {period}"
         yield from _fast_changes(found, flow)
+    yield from _unresolved(found, flow)
     why = "as the case says"
     if by_default:
         own = flow.inflow.length
@@ -227,22 +229,37 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
     yield Row("power a square metre", passing / area, "W", "mean", 4)
 
 
-def _fast_changes(found: Findings, flow: Flow) -> Rows:
-    """Warn of a flow that changes too fast for segments, disc or rotor."""
-    cutoff, diameter = flow.cutoff, 2.0 * found.plant.blade.rotor_radius
-    sampled = any(hasattr(part, "cutoff") for part in getattr(flow.inflow, "parts", [flow.inflow]))
+def _sampled(flow: Flow) -> bool:
+    """Return whether a flow, or a part of it, has a cutoff that a case may lower."""
+    return any(hasattr(part, "cutoff") for part in getattr(flow.inflow, "parts", [flow.inflow]))
+
+
+def _unresolved(found: Findings, flow: Flow) -> Rows:
+    """Warn of a flow that the mesh does not resolve."""
     scenarios = [found.physics.scenarios[place] for place in found.groups[flow.name]]
+    lower = ", or a lower cutoff" if _sampled(flow) else ""
     error = max(float(np.sum(scenario.flow_errors)) for scenario in scenarios)
     if error > FLOW_ERROR:
         segments = sum(scenario.segments for scenario in scenarios)
-        lower = ", or a lower cutoff" if sampled else ""
         yield _warning(
             "phase.duration",
             f"{segments} segments leave the integral of v³ uncertain by {error:.1g}, more than "
             f"{FLOW_ERROR:g}: give a shorter phase.duration{lower}",
         )
+    missed = max(float(np.max(scenario.flow_missed)) for scenario in scenarios)
+    if missed > FLOW_MISSED:
+        yield _warning(
+            "inflow",
+            f"the mesh misses up to {100.0 * missed:.2g} % of the flow's speed between the instants "
+            f"at which limits are judged: give a shorter phase.duration{lower}",
+        )
+
+
+def _fast_changes(found: Findings, flow: Flow) -> Rows:
+    """Warn of a flow that changes too fast for disc or rotor."""
+    cutoff, diameter = flow.cutoff, 2.0 * found.plant.blade.rotor_radius
     eddies = flow.mean / diameter
-    if sampled and cutoff > EDDY * eddies:
+    if _sampled(flow) and cutoff > EDDY * eddies:
         yield _warning(
             "inflow.cutoff",
             f"the flow has frequencies up to {cutoff:.3g} Hz, and a rotor averages over eddies "

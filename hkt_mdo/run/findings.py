@@ -123,20 +123,23 @@ class Flow:
         The flow.
     duration : float
         How long it lasts, s.
+    even : ndarray, shape (n_even,)
+        Even instants, s.
     time, speed : ndarray, shape (n,)
-        Even instants, s, and the flow speed then, m/s.
+        These and the samples of the meshes, which resolve the flow, s; the flow speed then, m/s.
     mean, deviation : float
         Mean and standard deviation of the speed, m/s.
     cutoff : float
         Highest frequency, Hz; 0 for a steady flow.
     """
 
-    def __init__(self, name: str, scenario: Scenario, share: float):
-        self.name, self.share, self.inflow = name, share, scenario.inflow
-        self.duration = scenario.mesh.duration
+    def __init__(self, name: str, scenarios: Sequence[Scenario], share: float):
+        self.name, self.share, self.inflow = name, share, scenarios[0].inflow
+        self.duration = scenarios[0].mesh.duration
         self.cutoff = self.inflow.highest_frequency or 0.0
         instants = int(np.clip(16.0 * self.duration * self.cutoff, 2048, MOST_INSTANTS)) + 1
-        self.time = np.linspace(0.0, self.duration, instants)
+        self.even = np.linspace(0.0, self.duration, instants)
+        self.time = np.unique(np.concatenate([self.even, *(each.samples for each in scenarios)]))
         self.speed = np.asarray(self.inflow.speed_at(self.time))
         self.mean = self.average(self.speed)
         self.deviation = float(np.sqrt(self.average((self.speed - self.mean) ** 2)))
@@ -173,8 +176,8 @@ class Findings:
         self.physics, self.case = physics, case
         self.groups = by_scenario(physics.scenarios)
         self.flows = [
-            Flow(name, physics.scenarios[i], physics.shares[name])
-            for name, (i, *_) in self.groups.items()
+            Flow(name, [physics.scenarios[i] for i in places], physics.shares[name])
+            for name, places in self.groups.items()
         ]
         self.mean = self.average(lambda flow: flow.mean)
         self.cutoff = max(flow.cutoff for flow in self.flows)
@@ -392,7 +395,8 @@ def _flow_data(flow: Flow, rated_speed: float) -> dict:
         "cutoff_hz": flow.cutoff or None,
     }
     if flow.deviation > 1e-9 * flow.mean:
-        data["spectrum"] = power_spectrum(flow.speed, float(flow.time[1]))
+        speed = np.asarray(flow.inflow.speed_at(flow.even))
+        data["spectrum"] = power_spectrum(speed, float(flow.even[1]))
     return data
 
 
