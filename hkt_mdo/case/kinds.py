@@ -303,4 +303,3 @@ def _load(path: Path) -> ModuleType:
         key, problem = f"line {line}" if line else "", f"cannot be run: {one_line(error)}"
         raise InputError(problem, "mend the extension", file=path, key=key) from error
     return module
-

@@ -21,7 +21,7 @@ CHECKS_PER_PIECE, FEWEST_CHECKS = 16, 1024
 LOOKS = 8  # between two times, to see how far a flow is from a straight line
 UNKNOWN_PIECES = 1000  # of a flow that does not tell where it changes
 PIECES_AT_ONCE = 50_000
-FASTEST = 1e3  # m/s
+SLOWEST, FASTEST = 1e-4, 1e3  # m/s, of a flow in which a turbine could work
 
 
 class Inflow(Section):
@@ -168,8 +168,8 @@ class Inflow(Section):
     def check(self, duration: float) -> None:
         """Refuse, by InputError, a flow that ends, stands still or turns back within a time (s).
 
-        Or is no current at all. It is looked at sixteen times in its shortest period: turbines here
-        do not reverse.
+        Or is faster than any current. It is looked at sixteen times in its shortest period:
+        turbines here do not reverse.
         """
         if duration > self.last_time * (1.0 + 1e-9):
             problem = f"is longer than the record of the flow, {self.last_time:.6g} s"
@@ -178,7 +178,7 @@ class Inflow(Section):
         for time in self._looks(duration):
             speed = np.asarray(self.speed_at(time))
             low = int(np.argmin(speed))
-            if not speed[low] > 0.0:
+            if not speed[low] >= SLOWEST:
                 place = f"reaches {speed[low]:.3g} m/s at t = {time[low]:.6g} s"
                 problem = f"{place}: it stands still or turns back, which the turbine does not"
                 remedy = "give a larger mean, smaller fluctuations or a shorter phase.duration"

@@ -24,7 +24,7 @@ MOST_SEGMENTS = 20_000
 RESOLVED = 5e-6  # sum of the errors of the segments' quadratures of v³, over the whole
 SAMPLES = 20  # a segment, of the independent integration and between the nodes
 FLOW_MISSED = 1e-4  # what a segment's samples may miss of the flow, over its largest speed there
-MORE_SEGMENTS = 5_000  # than `MOST_SEGMENTS`, to resolve the flow's features where they are
+MORE_SEGMENTS = 0.25  # of `MOST_SEGMENTS`, to resolve the flow's features where they are
 SHORTEST = 1e-9  # segment that is divided for a feature, over the duration
 LONG = 10.0  # s, length of a segment in which a rotor comes into balance with the flow
 
@@ -98,8 +98,8 @@ class Scenario:
         while True:
             long = np.diff(made.edges) > SHORTEST * self.duration
             coarse = (made.flow_missed > FLOW_MISSED) & long
-            most = MOST_SEGMENTS + MORE_SEGMENTS - made.segments
-            if not 0 < np.sum(coarse) <= most:
+            most = (1.0 + MORE_SEGMENTS) * MOST_SEGMENTS
+            if not np.any(coarse) or made.segments + np.sum(coarse) > most:
                 return made
             made = made.divided(1 + coarse)
 

@@ -168,3 +168,15 @@ def test_a_limit_is_kept_in_a_gust_of_seconds_in_a_season(tmp_path):
     assert thrust.value == pytest.approx(12e3, rel=1e-4)
     assert thrust.time_s == pytest.approx(GUST.time + 0.5 * GUST.width, abs=0.5)
     assert np.max(solution.simulation["inflow_speed_m_s"]) == pytest.approx(2.4, rel=1e-4)
+
+
+@pytest.mark.parametrize("speed", [1e-300, 1e-100, 9e-5])
+def test_still_water_is_refused(speed):
+    case = load_case({"inflow": {"profile": "constant", "speed": speed}, "control": "quadratic"})
+    with pytest.raises(InputError, match=r"inflow: reaches .* m/s at t = 0 s: it stands still"):
+        physics(case)
+
+
+def test_a_flow_of_millimetres_a_second_is_none_of_these():
+    case = load_case({"inflow": {"profile": "constant", "speed": "1 mm/s"}, "control": "quadratic"})
+    assert physics(case).scenarios[0].segments == 60
