@@ -130,7 +130,7 @@ class Start(Section):
     from_: Annotated[str | None, AfterValidator(_find_result), Field(alias="from")] = None
     """Folder of an earlier result whose design the search for a start tries as well: its blade on
     the stations of this case, its radius where that is designed, and its gains under the same law.
-    With `method: blade` the optimization begins with it as it is."""
+    With `method: blade` the optimization begins with it as it is. `hkt check` tells of it."""
     branch: Literal["best", "overspeed", "underspeed"] = "best"
     """Where limits can be kept by turning faster or slower than where the rotor captures most:
     which of both to start from; `best`: that of the larger objective in quasi-steady operation."""

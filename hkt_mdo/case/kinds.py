@@ -24,6 +24,7 @@ from typing import Any, Literal, get_args
 from pydantic import Field, create_model
 
 from hkt_mdo import quantities
+from hkt_mdo.case.guard import guard, one_line
 from hkt_mdo.dynamics import flows, laws, sampled, wide_laws
 from hkt_mdo.dynamics.aggregates import Aggregate, Expected
 from hkt_mdo.dynamics.flows import Inflow
@@ -49,8 +50,8 @@ from hkt_mdo.dynamics.objectives import (
     Objective,
 )
 from hkt_mdo.dynamics.tracking import Tracking
-from hkt_mdo.errors import InputError
-from hkt_mdo.sections import Section
+from hkt_mdo.errors import InputError, show
+from hkt_mdo.sections import Quantity, Section
 
 ENTRY_POINTS = "hkt_mdo.extensions"
 _SORTS: dict[type[Section], tuple[str, str]] = {
@@ -108,7 +109,7 @@ class Kinds:
             slip = f"has the name {name} of another kind", f"give its {attribute} another"
         if slip:
             raise InputError(*slip, file=source, key=kind.__name__)
-        return replace(self, **{sort: (*known, kind)})
+        return replace(self, **{sort: (*known, guard(kind, source))})
 
 
 def _slip(kind: Any, sort: str, attribute: str, name: str) -> tuple[str, str] | None:
@@ -126,7 +127,29 @@ def _slip(kind: Any, sort: str, attribute: str, name: str) -> tuple[str, str] | 
     for method, base in _FORMULAS.items():
         if issubclass(kind, base) and getattr(kind, method) is getattr(base, method):
             return f"has no method {method}", f"write {method} as in docs/architecture.md"
-    return _slip_of_formula(kind) if issubclass(kind, Formula) else None
+    slip = _slip_of_formula(kind) if issubclass(kind, Formula) else None
+    return slip or _slip_of_units(kind)
+
+
+def _slip_of_units(kind: Any) -> tuple[str, str] | None:
+    """Return which unit of a class is none that OpenMDAO knows, and the remedy; None if all are."""
+    from openmdao.utils import units  # type: ignore[import-untyped]
+
+    about = (each for field in kind.model_fields.values() for each in field.metadata)
+    given = [each.unit for each in about if isinstance(each, Quantity)]
+    for name in ("unit", "gain_units"):
+        value = getattr(kind, name, None)
+        given += [value] if isinstance(value, str) else value if isinstance(value, tuple) else []
+    for unit in filter(None, given):
+        if not (isinstance(unit, str) and units.valid_units(unit)):
+            remedy = "write one such as m/s, N*m or kg*m**2, or None for a plain number"
+            return f"has the unknown unit {show(unit)}", remedy
+    if issubclass(kind, Limit) and kind.value is Formula.value and isinstance(kind.inputs, tuple):
+        own = quantities.QUANTITIES[kind.inputs[0]].unit
+        if kind.unit != own:
+            problem = f"has the unit {kind.unit}, and {kind.inputs[0]} is in {own}"
+            return problem, f"write unit = {own!r}, or a method value that converts it"
+    return None
 
 
 def _slip_of_formula(kind: Any) -> tuple[str, str] | None:
@@ -159,7 +182,8 @@ def _with_tag(kind: Any, attribute: str, name: str) -> Any:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the name that becomes a field
         tag: Any = (Literal[name], Field(name, description=(kind.__doc__ or "").strip()))
-        return create_model(kind.__name__, __base__=kind, __doc__=kind.__doc__, **{attribute: tag})
+        about = {"__doc__": kind.__doc__, "__module__": kind.__module__}
+        return create_model(kind.__name__, __base__=kind, **about, **{attribute: tag})
 
 
 BUILT_IN = Kinds(
@@ -227,7 +251,7 @@ def _installed() -> Kinds:
         try:
             extension = point.load()
         except (Exception, SystemExit) as error:
-            problem = f"cannot be imported: {_one_line(error)}"
+            problem = f"cannot be imported: {one_line(error)}"
             remedy = "mend or uninstall the package that declares it"
             place = f"extension {point.name}"
             raise InputError(problem, remedy, file=place, key=point.value) from error
@@ -276,11 +300,6 @@ def _load(path: Path) -> ModuleType:
         frames = extract_tb(error.__traceback__)
         lines = [each.lineno for each in frames if each.filename == str(path)]
         line = error.lineno if isinstance(error, SyntaxError) else [None, *lines][-1]
-        key, problem = f"line {line}" if line else "", f"cannot be run: {_one_line(error)}"
+        key, problem = f"line {line}" if line else "", f"cannot be run: {one_line(error)}"
         raise InputError(problem, "mend the extension", file=path, key=key) from error
     return module
-
-
-def _one_line(error: BaseException) -> str:
-    """Return an error's class and text, on one line of limited length."""
-    return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"

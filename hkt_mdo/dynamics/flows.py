@@ -18,7 +18,10 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.sections import Quantity, Section, refusal
 
 CHECKS_PER_PIECE, FEWEST_CHECKS = 16, 1024
+LOOKS = 8  # between two times, to see how far a flow is from a straight line
+UNKNOWN_PIECES = 1000  # of a flow that does not tell where it changes
 PIECES_AT_ONCE = 50_000
+SLOWEST, FASTEST = 1e-4, 1e3  # m/s, of a flow in which a turbine could work
 
 
 class Inflow(Section):
@@ -29,7 +32,9 @@ class Inflow(Section):
     - length: time (s) after which it has nothing new to say; None: it has no end.
     - highest_frequency: the highest frequency (Hz) that matters in it; None: it is steady.
     - features: where it changes as fast, (from, to, period) in s; by default everywhere, at its
-      highest frequency. What looks at the flow does so many times in each period (`pieces`).
+      highest frequency. What looks at the flow does so many times in each period (`pieces`). A flow
+      that tells neither is looked at in `UNKNOWN_PIECES` of the time span, and that is said: what
+      is shorter can be missed.
     - mean_speed: what it fluctuates about, m/s, which a sum of flows asks for: its key `mean`,
       times its key `scale`; if it has no mean, the speed at t = 0.
     - messages: what was done to its data, one line each.
@@ -69,12 +74,18 @@ class Inflow(Section):
         cutoff = self.highest_frequency
         return ((-np.inf, np.inf, 1.0 / cutoff),) if cutoff else ()
 
+    @property
+    def tells_features(self) -> bool:
+        """Whether the class says where the flow changes, or how fast at most."""
+        return bool(self.highest_frequency) or type(self).features is not Inflow.features
+
     def pieces(self, last: float, first: float = 0.0) -> np.ndarray:
         """Return times, s, rising from the first to the last, between which the flow is smooth.
 
         They are no farther apart than the shortest period there, and features begin and end there.
         """
-        found = [np.array([first, last])]
+        count = 1 if self.tells_features else UNKNOWN_PIECES
+        found = [np.linspace(first, last, count + 1)]
         for begin, end, period in self.features:
             begin, end = np.clip((begin, end), first, last)
             if end > begin:
@@ -133,10 +144,32 @@ class Inflow(Section):
         whole[1:] = np.cumsum(step * found[0])
         return np.diff(whole[np.searchsorted(ends, edges)])
 
+    def off_lines(self, times: np.ndarray) -> np.ndarray:
+        """Return how far the flow leaves the straight lines between its speeds at rising times.
+
+        It is looked at `LOOKS` times between two of the times (s), and in each of its `pieces`.
+
+        Returns
+        -------
+        array
+            Largest distance after each time but the last, m/s, (n_times - 1,).
+        """
+        ends = np.union1d(times, self.pieces(times[-1], times[0]))
+        speed, share = self.speed_at(times), (np.arange(LOOKS) + 0.5) / LOOKS
+        found = np.zeros(times.size - 1)
+        for first in range(0, ends.size - 1, PIECES_AT_ONCE):
+            some = ends[first : first + PIECES_AT_ONCE + 1]
+            looks = some[:-1, None] + share * np.diff(some)[:, None]
+            off = np.abs(self.speed_at(looks) - np.interp(looks, times, speed))
+            place = np.searchsorted(times, some[:-1], side="right") - 1
+            np.maximum.at(found, place, np.max(off, axis=1))
+        return found
+
     def check(self, duration: float) -> None:
         """Refuse, by InputError, a flow that ends, stands still or turns back within a time (s).
 
-        It is looked at sixteen times in its shortest period: turbines here do not reverse.
+        Or is faster than any current. It is looked at sixteen times in its shortest period:
+        turbines here do not reverse.
         """
         if duration > self.last_time * (1.0 + 1e-9):
             problem = f"is longer than the record of the flow, {self.last_time:.6g} s"
@@ -145,11 +178,14 @@ class Inflow(Section):
         for time in self._looks(duration):
             speed = np.asarray(self.speed_at(time))
             low = int(np.argmin(speed))
-            if not speed[low] > 0.0:
+            if not speed[low] >= SLOWEST:
                 place = f"reaches {speed[low]:.3g} m/s at t = {time[low]:.6g} s"
                 problem = f"{place}: it stands still or turns back, which the turbine does not"
                 remedy = "give a larger mean, smaller fluctuations or a shorter phase.duration"
                 raise InputError(problem, remedy, key="inflow")
+            if (fastest := float(np.max(speed))) > FASTEST:
+                remedy = f"give speeds of at most {FASTEST:g} m/s"
+                raise InputError(f"reaches {fastest:.3g} m/s", remedy, key="inflow")
 
 
 class ConstantInflow(Inflow):
@@ -159,6 +195,7 @@ class ConstantInflow(Inflow):
     """The kind of flow."""
     speed: Annotated[float, Quantity("m/s", gt=0)]
     """Inflow speed v."""
+    features: ClassVar[tuple] = ()
 
     def speed_at(self, time):
         return self.speed + 0.0 * np.asarray(time)
@@ -369,6 +406,10 @@ class SumInflow(Inflow):
     @property
     def features(self):
         return sum(self._each("features"), ())
+
+    @property
+    def tells_features(self):
+        return all(self._each("tells_features"))
 
     @property
     def mean_speed(self):

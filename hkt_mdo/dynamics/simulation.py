@@ -331,7 +331,8 @@ class _Motion:
 
     def _mesh(self, longest):
         """Return the longest steps: none passes an end of the controller's or flow's pieces."""
-        begin, end, near = self.begin, self.begin + self.duration, 1e-9 * self.duration
+        begin, end = self.begin, self.begin + self.duration
+        near = 1e-12 * end  # what rounding may part
         ends = np.union1d(getattr(self.controller, "ends", ()), self.inflow.pieces(end, begin))
         inside = ends[(ends > begin + near) & (ends < end - near)]
         inside = inside[np.diff(inside, prepend=begin) > near]

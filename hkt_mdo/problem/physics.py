@@ -52,7 +52,6 @@ DURATION = 60.0  # s, of a flow that has no end of its own
 SEGMENTS_PER_PERIOD = 8.0  # of the highest frequency that lasts
 FEWEST_SEGMENTS = 60
 MOST_PERIODS = 1_000_000  # of the flow's highest frequencies that can be looked at
-FASTEST = 1e3  # m/s
 MOST_TORQUE = 1.0  # torque coefficient that no rotor has; good ones have 0.06
 CURRENT, WATER = 10.0, (900.0, 1300.0)  # m/s and kg/m**3: beyond, a unit was hardly meant
 RATIOS = 1001  # tip speed ratios at which loads are computed at most
@@ -466,10 +465,6 @@ def _checked(case: Case, scenario: Scenario) -> Scenario:
     for duration in (inflow.length, scenario.mesh.duration):
         if duration is not None:
             inflow.check(duration)
-    fastest = float(np.max(inflow.speed_at(scenario.samples)))
-    if fastest > FASTEST:
-        problem = f"reaches {fastest:.3g} m/s"
-        raise InputError(problem, f"give speeds of at most {FASTEST:g} m/s", key="inflow")
     return scenario.resolved()
 
 
@@ -501,7 +496,7 @@ def physics(case: Case) -> Physics:
         scenarios += found
         told += messages
     refuse_contradictions(case, shape, fastest)
-    flows = {message: None for each in whole for message in each.inflow.messages}
+    flows = {message: None for each in whole for message in each.messages}
     messages = (*turbine.messages, *flows, *dict.fromkeys(told), *redundant_limits(case, shape))
     limit = control.torque_limit
     radius = max(shape.blade.rotor_radius, *(shape.radius_bounds or (0.0,)))

@@ -14,7 +14,7 @@ from dymos.utils.lgr import lgr
 from scipy.sparse import block_diag, csr_array, diags_array, kron
 
 from hkt_mdo.case import Phase
-from hkt_mdo.dynamics.flows import Inflow
+from hkt_mdo.dynamics.flows import UNKNOWN_PIECES, Inflow
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.radau import divided
 from hkt_mdo.dynamics.rotor_ode import RotorODE
@@ -22,6 +22,11 @@ from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 
 MOST_SEGMENTS = 20_000
 RESOLVED = 5e-6  # sum of the errors of the segments' quadratures of v³, over the whole
+SAMPLES = 20  # a segment, of the independent integration and between the nodes
+FLOW_MISSED = 1e-4  # what a segment's samples may miss of the flow, over its largest speed there
+MORE_SEGMENTS = 0.25  # of `MOST_SEGMENTS`, to resolve the flow's features where they are
+SHORTEST = 1e-9  # segment that is divided for a feature, over the duration
+LONG = 10.0  # s, length of a segment in which a rotor comes into balance with the flow
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +81,9 @@ class Scenario:
     def resolved(self) -> Scenario:
         """Return this scenario with segments that are divided until they resolve the flow.
 
-        That is: until `flow_errors` are small in all, or there are too many segments.
+        That is: until `flow_errors` and `flow_missed` are small in all, or there are too many
+        segments. The first weighs a gust by its energy; but a gust of seconds in a season, which
+        has none, may still be the one that breaks a limit.
         """
         made = self
         while made.segments < MOST_SEGMENTS:
@@ -88,7 +95,13 @@ class Scenario:
             if not np.any(coarse):
                 break
             made = made.divided(1 + coarse)
-        return made
+        while True:
+            long = np.diff(made.edges) > SHORTEST * self.duration
+            coarse = (made.flow_missed > FLOW_MISSED) & long
+            most = (1.0 + MORE_SEGMENTS) * MOST_SEGMENTS
+            if not np.any(coarse) or made.segments + np.sum(coarse) > most:
+                return made
+            made = made.divided(1 + coarse)
 
     @property
     def flow_errors(self) -> np.ndarray:
@@ -97,6 +110,35 @@ class Scenario:
         cubes = self.node_weights * self.inflow.speed_at(self.node_times) ** 3
         found = cubes.reshape(self.segments, -1).sum(axis=1)
         return np.abs(found - exact) / np.sum(exact)
+
+    @cached_property
+    def flow_missed(self) -> np.ndarray:
+        """What `dense` misses of the flow in every segment, over its largest speed there.
+
+        The flow's largest distance from straight lines between its speeds at those times.
+        """
+        times = self.dense
+        speed = np.abs(self.inflow.speed_at(times))
+        largest = np.maximum(speed[:-1], speed[1:]).reshape(self.segments, -1).max(axis=1)
+        off = self.inflow.off_lines(times).reshape(self.segments, -1).max(axis=1)
+        return off / np.maximum(largest, off)
+
+    @property
+    def dense(self) -> np.ndarray:
+        """Times at which the independent integration is sampled, s: `SAMPLES` a segment."""
+        return np.append(self.within(np.arange(SAMPLES) / SAMPLES), self.edges[-1])
+
+    @property
+    def messages(self) -> tuple[str, ...]:
+        """What is to be told of the flow, one line each."""
+        if self.inflow.tells_features:
+            return self.inflow.messages
+        step = self.duration / UNKNOWN_PIECES
+        return (
+            *self.inflow.messages,
+            f"the flow {self.inflow.profile} tells neither features nor a highest_frequency: it is "
+            f"looked at several times every {step:.3g} s, and what is shorter can be missed",
+        )
 
     @property
     def samples(self) -> np.ndarray:
@@ -207,6 +249,21 @@ class _Lean:
         for name, options in phase.control_options.items():
             phase.control_comp.set_design_var_options(
                 f"controls:{name}", ref=options["ref"] * np.sqrt(np.max(spans) / spans)
+            )
+
+    def configure_defects(self, phase):
+        """Scale the defects of long segments by their lengths.
+
+        Dymos multiplies the defect of a state's rate by half the length of its segment. In segments
+        of hours the optimizer's tolerance would ask for a balance of torques to more digits than
+        numbers have.
+        """
+        super().configure_defects(phase)
+        grid, long = self.grid_data, np.diff(self.options["segment_ends"]) / LONG
+        factor = np.repeat(np.maximum(long, 1.0), grid.subset_num_nodes_per_segment["col"])
+        for name, options in phase.state_options.items():
+            phase.collocation_constraint.set_constraint_options(
+                f"defects:{name}", ref=options["defect_ref"] * factor
             )
 
     def setup_states(self, phase):

@@ -11,7 +11,8 @@ from hkt_mdo.dynamics.limits import DesignBounds, Limit, TorqueLimit
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.problem.build import make_driver
-from hkt_mdo.problem.physics import START_EXCESS, physics
+from hkt_mdo.problem.physics import START_EXCESS, Physics, physics
+from hkt_mdo.problem.scenario import FLOW_MISSED
 from hkt_mdo.problem.turbine import POLAR
 from hkt_mdo.results.words import (
     Row,
@@ -28,6 +29,7 @@ from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.run import loads
 from hkt_mdo.run.findings import Findings, Flow, figure_data, problem_size
 from hkt_mdo.run.judge import FLOW_ERROR, designed, in_case
+from hkt_mdo.start.result import design_of_result
 
 FIT = {"chord": 2.0, "twist": 0.5}  # % of the largest, deg: splines may leave the file's blade
 POOR = 0.2  # largest power coefficient below which a blade was hardly meant as it stands
@@ -86,7 +88,7 @@ def check_case(case: Case) -> CheckReport:
         If a file of the case is broken, files do not fit each other, or the optimizer that the case
         asks for is not installed.
     """
-    world = physics(case)
+    world = _begun(physics(case))
     package = make_driver(world).package
     found = Findings(world)
     rows = {"Turbine": [*_turbine(found), *_stations(found)]}
@@ -110,6 +112,16 @@ def check_case(case: Case) -> CheckReport:
         found,
         figure_data(found),
     )
+
+
+def _begun(world: Physics) -> Physics:
+    """Return the physics with the design that `start.from` names, if any, in place of the given."""
+    if world.case.start.from_ is None:
+        return world
+    (_, blade, gains), messages = design_of_result(world)
+    law = world.law if gains is None else world.law.beginning_with(gains)
+    shape, messages = replace(world.shape, blade=blade), (*world.messages, *messages)
+    return replace(world, shape=shape, law=law, messages=messages)
 
 
 def _warning(label: str, text: str, severity: str = "warning") -> Row:
@@ -140,6 +152,8 @@ def _turbine(found: Findings) -> Rows:
             )
     mass, inertia = found.physics.mass_and_inertia(blade)
     source = "given in the case" if rotor.chord is not None else Path(rotor.blade).name
+    if found.case.start.from_ is not None:
+        source = f"design of {found.case.start.from_}"
     material = f"{_kind(rotor)}blades of {rotor.blade_material.density:g} kg/m^3"
     besides = f"of which {rotor.hub_inertia:g} kg m^2 besides the blades"
     yield Row("blades", blade.blade_count)
@@ -203,19 +217,20 @@ def _polars(rotor) -> dict[str, tuple]:
 
 
 def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
-    """Yield a flow; warn of a cutoff that segments, disc or rotor cannot follow."""
+    """Yield a flow; warn of changes that mesh, disc or rotor cannot follow."""
     cutoff, changes = flow.cutoff, "none: it is steady"
     if cutoff:
         period = measured(1.0 / cutoff, "s", 3)
         changes = f"up to {cutoff:.3g} Hz, a period of {period}"
         yield from _fast_changes(found, flow)
+    yield from _unresolved(found, flow)
     why = "as the case says"
     if by_default:
         own = flow.inflow.length
         why = "the length of the flow's data" if own else "by default: the flow has no end"
     passing, area = found.passing(flow), np.pi * found.plant.blade.rotor_radius**2
     yield Row("kind", flow_words(flow.inflow))
-    yield Row("speed", flow.speed, "m/s", digits=4)
+    yield Row("speed", flow.range, "m/s", digits=4)
     yield Row("mean speed", flow.mean, "m/s", digits=4)
     share = f"{100.0 * flow.deviation / flow.mean:.3g} % of the mean"
     yield Row("standard deviation", flow.deviation, "m/s", share, 3)
@@ -227,22 +242,37 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
     yield Row("power a square metre", passing / area, "W", "mean", 4)
 
 
-def _fast_changes(found: Findings, flow: Flow) -> Rows:
-    """Warn of a flow that changes too fast for segments, disc or rotor."""
-    cutoff, diameter = flow.cutoff, 2.0 * found.plant.blade.rotor_radius
-    sampled = any(hasattr(part, "cutoff") for part in getattr(flow.inflow, "parts", [flow.inflow]))
+def _sampled(flow: Flow) -> bool:
+    """Return whether a flow, or a part of it, has a cutoff that a case may lower."""
+    return any(hasattr(part, "cutoff") for part in getattr(flow.inflow, "parts", [flow.inflow]))
+
+
+def _unresolved(found: Findings, flow: Flow) -> Rows:
+    """Warn of a flow that the mesh does not resolve."""
     scenarios = [found.physics.scenarios[place] for place in found.groups[flow.name]]
+    lower = ", or a lower cutoff" if _sampled(flow) else ""
     error = max(float(np.sum(scenario.flow_errors)) for scenario in scenarios)
     if error > FLOW_ERROR:
         segments = sum(scenario.segments for scenario in scenarios)
-        lower = ", or a lower cutoff" if sampled else ""
         yield _warning(
             "phase.duration",
             f"{segments} segments leave the integral of v³ uncertain by {error:.1g}, more than "
             f"{FLOW_ERROR:g}: give a shorter phase.duration{lower}",
         )
+    missed = max(float(np.max(scenario.flow_missed)) for scenario in scenarios)
+    if missed > FLOW_MISSED:
+        yield _warning(
+            "inflow",
+            f"up to {100.0 * missed:.2g} % of the flow's speed is missed between the instants at "
+            f"which limits are judged: give a shorter phase.duration{lower}",
+        )
+
+
+def _fast_changes(found: Findings, flow: Flow) -> Rows:
+    """Warn of a flow that changes too fast for disc or rotor."""
+    cutoff, diameter = flow.cutoff, 2.0 * found.plant.blade.rotor_radius
     eddies = flow.mean / diameter
-    if sampled and cutoff > EDDY * eddies:
+    if _sampled(flow) and cutoff > EDDY * eddies:
         yield _warning(
             "inflow.cutoff",
             f"the flow has frequencies up to {cutoff:.3g} Hz, and a rotor averages over eddies "

@@ -125,19 +125,23 @@ class Flow:
         How long it lasts, s.
     time, speed : ndarray, shape (n,)
         Even instants, s, and the flow speed then, m/s.
+    range : ndarray, shape (2,)
+        Lowest and highest speed, m/s, then and at the samples of the meshes.
     mean, deviation : float
         Mean and standard deviation of the speed, m/s.
     cutoff : float
         Highest frequency, Hz; 0 for a steady flow.
     """
 
-    def __init__(self, name: str, scenario: Scenario, share: float):
-        self.name, self.share, self.inflow = name, share, scenario.inflow
-        self.duration = scenario.mesh.duration
+    def __init__(self, name: str, scenarios: Sequence[Scenario], share: float):
+        self.name, self.share, self.inflow = name, share, scenarios[0].inflow
+        self.duration = scenarios[0].mesh.duration
         self.cutoff = self.inflow.highest_frequency or 0.0
         instants = int(np.clip(16.0 * self.duration * self.cutoff, 2048, MOST_INSTANTS)) + 1
         self.time = np.linspace(0.0, self.duration, instants)
         self.speed = np.asarray(self.inflow.speed_at(self.time))
+        parts = [self.speed, *(self.inflow.speed_at(each.samples) for each in scenarios)]
+        self.range = np.array([min(map(np.min, parts)), max(map(np.max, parts))])
         self.mean = self.average(self.speed)
         self.deviation = float(np.sqrt(self.average((self.speed - self.mean) ** 2)))
 
@@ -156,7 +160,8 @@ class Findings:
     - `flows`: a `Flow` for each scenario; `mean` and `cutoff` are the mean speed over time
       and the highest of their frequencies, `slowest` and `fastest` speeds in operation.
     - `plant`: the rotor with the starting blade, as it would be simulated; `given`: the blade of
-      the file, which splines may have left; `best`: its largest power coefficient.
+      the file, which splines may have left, or of the result that `start.from` names; `best`: its
+      largest power coefficient.
     - `start`: its quasi-steady operation under the control law, if it is `running`; `at_start`: the
       quantities then (`Physics.on_start`) and all loads, by scenario; `working`: the tip speed
       ratios, `MARGIN` round the best one if it does not turn; `captured`: its energy over that at
@@ -173,16 +178,17 @@ class Findings:
         self.physics, self.case = physics, case
         self.groups = by_scenario(physics.scenarios)
         self.flows = [
-            Flow(name, physics.scenarios[i], physics.shares[name])
-            for name, (i, *_) in self.groups.items()
+            Flow(name, [physics.scenarios[i] for i in places], physics.shares[name])
+            for name, places in self.groups.items()
         ]
         self.mean = self.average(lambda flow: flow.mean)
         self.cutoff = max(flow.cutoff for flow in self.flows)
-        self.slowest = min(float(flow.speed.min()) for flow in self.flows)
-        fastest = max(float(flow.speed.max()) for flow in self.flows)
+        self.slowest = min(float(flow.range[0]) for flow in self.flows)
+        fastest = max(float(flow.range[1]) for flow in self.flows)
         self.fastest = min(fastest, case.control.cut_out or np.inf)
 
-        self.given = build_turbine(case.rotor, case.fluid, self.mean).blade
+        begun = case.start.from_ is not None  # with the design of a result, not that of the file
+        self.given = blade if begun else build_turbine(case.rotor, case.fluid, self.mean).blade
         _, inertia = physics.mass_and_inertia(blade)
         solver = BEM[case.hydrodynamics.check]
         self.plant = Plant(blade, physics.built(blade), inertia, physics.density, solver)

@@ -28,12 +28,11 @@ from hkt_mdo.dynamics.simulation import (
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.problem.physics import BEM, Physics
 from hkt_mdo.problem.point import StartingPoint
-from hkt_mdo.problem.scenario import Scenario
+from hkt_mdo.problem.scenario import SAMPLES, Scenario
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import names
 from hkt_mdo.solve.drivers import Outcome
 
-SAMPLES = 20  # a segment, of the integration and between the nodes
 SHORTER, LEAST_SHARE = 0.9, 1e-3  # of the time to where a motion ends, and of the whole, at least
 
 
@@ -206,16 +205,11 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
     return tuple(flights)
 
 
-def instants(scenario: Scenario) -> np.ndarray:
-    """Return the times (s) at which an integration is sampled."""
-    return np.append(scenario.within(np.arange(SAMPLES) / SAMPLES), scenario.edges[-1])
-
-
 def _flown(plant, scenario, controller, speed, states, max_step) -> Simulation:
     """Integrate a scenario; where that has no solution to the end, up to there, as to a stop."""
     first, duration = float(scenario.edges[0]), scenario.duration
     start = Start(speed, states, first)
-    samples = instants(scenario)
+    samples = scenario.dense
 
     def until(duration, samples):
         return simulate(plant, scenario.inflow, controller, start, duration, samples, max_step)

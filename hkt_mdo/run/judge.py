@@ -24,6 +24,7 @@ from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import StartingPoint
+from hkt_mdo.problem.scenario import FLOW_MISSED
 from hkt_mdo.quantities import LOADS, names
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.rotor.blade import Blade
@@ -101,6 +102,15 @@ def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
         FLOW_ERROR,
         "the mesh's integral of v³ against an adaptive one; they differ most between "
         f"t = {edges[worst]:.6g} and {edges[worst + 1]:.6g} s",
+    )
+    missed = flight.scenario.flow_missed
+    worst = int(np.argmax(missed))
+    yield (
+        "flow_missed",
+        missed[worst],
+        FLOW_MISSED,
+        "the flow between the instants at which limits are judged, over its speed, between "
+        f"t = {edges[worst]:.10g} and {edges[worst + 1]:.10g} s",
     )
     word = "" if stopped is None else f"rotor stops at t = {stopped:.2f} s, not generating"
     if stopped is not None and integrated["tip_speed_ratio"][-1] > 2.0 * SLOWEST_RATIO:
@@ -342,6 +352,7 @@ FALSE_SOLUTION = (
 TRY = {
     "optimizer": "try hkt run --resume, the other driver.optimizer, or more driver.max_iterations",
     "flow_error": "try more phase.segments",
+    "flow_missed": "try more phase.segments, a shorter phase.duration or a smoother flow",
     "mesh_error": "try driver.optimizer=IPOPT, or more phase.segments",
     "distance_from_stall": "try hydrodynamics.torque=curve, or start.method=quasi_steady",
     "closed_loop": "try a larger control.proportional_gain",

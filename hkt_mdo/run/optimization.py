@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from hkt_mdo.case.guard import any_values
 from hkt_mdo.problem.build import MANY_SEGMENTS, assemble, make_driver
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import Operation, StartingPoint
@@ -48,7 +49,8 @@ def solve(state: RunState, physics: Physics, setup: Setup, near: bool) -> Optimi
             # OpenMDAO's drivers run only what the design moves; the flow at the nodes is not
             problem.run_model()
             state.point = lambda: point_of(physics, problem)
-            problem.run_driver()
+            with any_values():
+                problem.run_driver()
         finally:
             state.log.record_final(problem)
     finally:

@@ -35,7 +35,6 @@ from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
-from hkt_mdo.run.flight import instants
 
 LONGEST_STEP = 0.25  # of Runge-Kutta, over the rotor's smallest time constant I / |dQ/dw|
 REFERENCES = ("fluctuation", "total")
@@ -248,7 +247,7 @@ class Design:
         phase = self.physics.case.phase
         self.refuse_standstill(inflow)
         speed = initial_speed or self.initial_speed(inflow)
-        samples = instants(Scenario(inflow, phase).resolved())
+        samples = Scenario(inflow, phase).resolved().dense
         step, end = phase.duration / phase.segments / refined, phase.duration
         about = self.start(inflow, speed), end, samples, step, tolerance
         return simulate(self.plant, inflow, self.controller, *about)

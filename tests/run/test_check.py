@@ -309,10 +309,20 @@ def test_a_torque_limit_out_of_reach_is_none(law: str) -> None:
 
 def test_a_mesh_that_does_not_resolve_the_flow_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     case = read_case(BASE, ["phase.segments=20", TURBULENCE])
-    assert "integral of v³" not in " ".join(warnings(check_case(case)))
+    told = " ".join(warnings(check_case(case)))
+    assert not any(word in told for word in ("integral of v³", "missed"))
     monkeypatch.setattr("hkt_mdo.problem.scenario.MOST_SEGMENTS", 20)
     told = warnings(check_case(case))
     assert "20 segments leave the integral of v³ uncertain by 0.0" in " ".join(told)
+    assert "% of the flow's speed is missed between the instants at which" in " ".join(told)
+
+
+def test_a_gust_of_seconds_in_a_season_is_told() -> None:
+    gust = "{profile: gust, mean: 1.4, amplitude: 1.0, time: 1000001, width: 10}"
+    report = check(f"inflow={gust}", "phase.duration=7776000", "limits.thrust=5 kN")
+    (flow,) = report.findings.flows
+    np.testing.assert_allclose(flow.range, (1.4, 2.4), rtol=0.01)
+    assert any("limits.thrust" in text and "broken" in text for text in warnings(report))
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,148 @@
+"""The guard of extensions: what goes wrong in a user's class is told as such, with its place.
+
+An error in a method or property of an extension, or a result that no formula may have, is an
+`InputError` that names the class, its file, the method and what is wrong.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import cached_property, wraps
+from traceback import extract_tb
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+
+from hkt_mdo.dynamics.aggregates import Aggregate
+from hkt_mdo.dynamics.formulas import Formula
+from hkt_mdo.dynamics.laws import FeedbackLaw
+from hkt_mdo.dynamics.limits import Limit
+from hkt_mdo.errors import InputError, show
+from hkt_mdo.quantities import is_over_time
+
+_FINITE: ContextVar[bool] = ContextVar("finite", default=True)
+MAY_BE_NONE = "length", "highest_frequency", "bound"
+COMPLEX = "mend the method; it must take complex numbers, by which derivatives are taken"
+
+
+@contextmanager
+def any_values() -> Iterator[None]:
+    """Let values be NaN or infinite: an optimizer that meets them shortens its step."""
+    token = _FINITE.set(False)
+    try:
+        yield
+    finally:
+        _FINITE.reset(token)
+
+
+def guard(kind: Any, source: str) -> Any:
+    """Guard the methods and properties of a kind that are an extension's own; return the kind.
+
+    Parameters
+    ----------
+    kind : type
+        The extension's class.
+    source : str
+        What messages call the extension, where the class has no file.
+    """
+    file = getattr(sys.modules.get(kind.__module__), "__file__", None) or source
+    seen: set[str] = set()
+    for base in kind.__mro__:
+        if base.__module__.partition(".")[0] in ("hkt_mdo", "pydantic", "builtins", "typing"):
+            continue
+        for name, value in list(vars(base).items()):
+            if name.startswith("_") or name in seen:
+                continue
+            seen.add(name)
+            how = _HOW.get(type(value))
+            if how and callable(of := how[0](value)) and not hasattr(of, "__wrapped__"):
+                made = how[1](_guard(of, file, f"{kind.__name__}.{name}"))
+                setattr(kind, name, made)
+                if isinstance(made, cached_property):
+                    made.__set_name__(kind, name)
+    return kind
+
+
+_HOW: dict[type, tuple[Callable, Callable]] = {
+    FunctionType: (lambda method: method, lambda method: method),
+    property: (lambda value: value.fget, property),
+    cached_property: (lambda value: value.func, cached_property),
+}
+"""What guards take of an attribute of a class, and what they make of it again."""
+
+
+def _guard(method: Callable, file: str, place: str) -> Callable:
+    """Return a method of an extension whose errors and results are told with its place."""
+
+    @wraps(method)
+    def told(self, *args, **quantities):
+        try:
+            result = method(self, *args, **quantities)
+        except InputError:
+            raise
+        except Exception as error:
+            lines = [at.lineno for at in extract_tb(error.__traceback__) if at.filename == file]
+            line = f" in line {lines[-1]}" if lines else ""
+            given = [*args, *quantities.values()]
+            remedy = COMPLEX if any(map(np.iscomplexobj, given)) else "mend the method"
+            problem = f"raises {one_line(error)}{line}"
+            raise InputError(problem, remedy, file=file, key=place) from error
+        shape = _shape(self, method.__name__, args, quantities)
+        if shape is None or (result is None and method.__name__ in MAY_BE_NONE):
+            return result
+        problem, result = _checked(result, shape, (*args, *quantities.values()))
+        if problem:
+            raise InputError(problem, "mend the method", file=file, key=place)
+        return result
+
+    return told
+
+
+def one_line(error: BaseException) -> str:
+    """Return an error's class and text, on one line of limited length."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+
+
+def _shape(kind: Any, name: str, args: tuple, quantities: dict) -> tuple | None:
+    """Return the shape that a method's result must have, (...,) for any; None: it is not looked at.
+
+    A formula has one value for each instant if it takes anything over time.
+    """
+    if name in ("speed_at", "demand"):
+        return np.shape(args[0])
+    if name in (*MAY_BE_NONE, "mean_speed", "last_time"):
+        return ()
+    if isinstance(kind, FeedbackLaw) and name == "fit":
+        return (len(kind.gain_units),)
+    if isinstance(kind, Aggregate):
+        known = {"value": (), "rows": (...,), "best_unknowns": (kind.n_unknowns,)}
+        return known.get(name)
+    if isinstance(kind, Formula) and name in ("value", "rate"):
+        times = [np.shape(x) for each, x in quantities.items() if is_over_time(each)]
+        return times[0] if times else (...,) if isinstance(kind, Limit) else ()
+    return None
+
+
+def _checked(result: Any, shape: tuple, given: tuple) -> tuple[str, Any]:
+    """Return what is wrong with a result, empty if nothing, and the result in its shape."""
+    try:
+        found = np.asarray(result)
+    except ValueError:  # rows of several lengths
+        found = np.asarray(None)
+    if found.dtype.kind not in "biufc":
+        return f"returns {show(result)}, which is no number or array of numbers", result
+    if shape != (...,):
+        if found.ndim and found.shape != shape:
+            wanted = f"the shape {shape}" if shape else "one number"
+            return f"returns an array of the shape {found.shape} in place of {wanted}", result
+        if found.shape != shape:
+            result = found + np.zeros(shape)
+    if _FINITE.get() and not np.all(np.isfinite(found.real)):
+        if all(np.all(np.isfinite(np.real(each))) for each in given):
+            worst = found.real[~np.isfinite(found.real)].flat[0]
+            return f"returns {worst:g}", result
+    return "", result

@@ -1,0 +1,182 @@
+"""The mesh resolves every feature of a flow that a limit could meet, whatever its energy."""
+
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+import pytest
+
+from hkt_mdo import Inflow, InputError, Quantity, load_case, run_case
+from hkt_mdo.case import Phase
+from hkt_mdo.dynamics.flows import (
+    UNKNOWN_PIECES,
+    ConstantInflow,
+    GustInflow,
+    SineInflow,
+    StepInflow,
+    SumInflow,
+)
+from hkt_mdo.dynamics.sampled import TurbulentInflow
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.problem.scenario import FLOW_MISSED, Scenario
+
+SEASON = 90 * 86400.0
+GUST = GustInflow(mean=1.4, amplitude=1.0, time=1_000_001.0, width=10.0)
+
+
+def resolved(inflow, duration=60.0, segments=60):
+    return Scenario(inflow, Phase(duration=duration, segments=segments)).resolved()
+
+
+def test_a_gust_of_seconds_in_a_season_is_resolved():
+    coarse = Scenario(GUST, Phase(duration=SEASON, segments=60))
+    assert np.max(coarse.inflow.speed_at(coarse.dense)) < 1.401
+    assert np.sum(coarse.flow_errors) < 5e-6
+    assert np.max(coarse.flow_missed) > 0.3  # (2.4 - 1.4) / 2.4, seen through eight looks
+    fine = coarse.resolved()
+    assert np.max(fine.flow_missed) <= FLOW_MISSED
+    for times in (fine.node_times, fine.samples, fine.dense):
+        assert np.max(fine.inflow.speed_at(times)) == pytest.approx(2.4, rel=0.01)
+    assert np.max(fine.inflow.speed_at(fine.dense)) == pytest.approx(2.4, rel=FLOW_MISSED)
+    assert fine.segments < 2 * coarse.segments
+
+
+@pytest.mark.parametrize("width", [0.1, 3.0, 100.0])
+@pytest.mark.parametrize("amplitude", [-1.2, 0.002, 1.0])
+def test_what_is_missed_is_what_samples_do_not_show(width, amplitude):
+    """Against the flow on a grid of its own, a thousand points a width."""
+    gust = GUST.model_copy(update={"width": width, "amplitude": amplitude})
+    fine = resolved(gust, SEASON)
+    time = gust.time + width * np.linspace(-0.5, 1.5, 2001)
+    seen = np.interp(time, fine.dense, gust.speed_at(fine.dense))
+    assert np.max(np.abs(seen - gust.speed_at(time))) <= 1.1 * FLOW_MISSED * 2.4
+
+
+@pytest.mark.parametrize(
+    "inflow",
+    [SineInflow(), StepInflow(), ConstantInflow(speed=1.3), TurbulentInflow(cutoff=0.5)],
+    ids=lambda inflow: inflow.profile,
+)
+def test_a_flow_that_the_mesh_resolves_leaves_it_as_it_is(inflow):
+    segments = 240 if inflow.profile == "turbulence" else 60
+    assert resolved(inflow, segments=segments).segments == segments
+
+
+def test_each_of_many_gusts_is_resolved():
+    random = np.random.default_rng(5)
+    gusts = [
+        GustInflow(time=time, width=width, amplitude=0.5)
+        for time, width in zip(
+            random.uniform(0.0, SEASON, 19), 10.0 ** random.uniform(-1.0, 3.0, 19), strict=True
+        )
+    ]
+    fine = resolved(SumInflow(parts=(SineInflow(angular_frequency=1e-5), *gusts)), SEASON)
+    for gust in gusts:
+        peak = gust.time + 0.5 * gust.width
+        near = np.interp(peak, fine.dense, fine.inflow.speed_at(fine.dense))
+        assert near == pytest.approx(float(fine.inflow.speed_at(peak)), rel=2.0 * FLOW_MISSED)
+    assert fine.segments < 600
+
+
+def test_a_spike_in_a_record_of_days_is_resolved(tmp_path):
+    """The mesh has as many segments as are possible by default, and room for this one."""
+    time = np.arange(0.0, 3 * 86400.0, 5.0)
+    speed = 1.5 + 0.3 * np.sin(2.0 * np.pi * time / 44_714.0)
+    speed[20_000] = 3.0
+    (tmp_path / "record.csv").write_text(
+        "time_s,speed_m_s\n" + "\n".join(f"{t:g},{v:.6f}" for t, v in zip(time, speed, strict=True))
+    )
+    inflow = {"profile": "record", "file": "record.csv", "spikes": "keep"}
+    (tmp_path / "case.yaml").write_text(f"inflow: {inflow}\ncontrol: {{law: linear}}\n")
+    (scenario,) = physics(load_case(tmp_path / "case.yaml")).scenarios
+    assert 20_000 < scenario.segments < 20_200
+    spline = scenario.inflow.spline
+    peak = np.max(spline(np.linspace(99_990.0, 100_010.0, 4001)))
+    assert np.max(scenario.inflow.speed_at(scenario.dense)) == pytest.approx(peak, rel=FLOW_MISSED)
+
+
+class Silent(Inflow):
+    """A flow that does not tell where it changes: a bump, or a jump."""
+
+    profile: Literal["silent"] = "silent"
+    width: Annotated[float, Quantity("s")] = 1.0
+    jump: bool = False
+
+    def speed_at(self, time):
+        place = (np.asarray(time) - 40.25) / self.width
+        if self.jump:
+            return 1.4 + 0.2 * (np.real(place) > 0.0) + 0.0 * place
+        return 1.4 + 0.5 * np.exp(-(place**2))
+
+
+def silent(**flow):
+    phase = {"duration": 1000, "segments": 10}
+    data = {"inflow": {"profile": "silent", **flow}, "control": "linear", "phase": phase}
+    return physics(load_case(data, extensions=[Silent]))
+
+
+def test_a_flow_that_tells_no_features_is_looked_at_and_that_is_said():
+    world = silent(width=0.3)
+    (scenario,) = world.scenarios
+    assert np.max(scenario.inflow.speed_at(scenario.dense)) == pytest.approx(1.9, rel=1e-4)
+    assert scenario.inflow.pieces(1000.0).size == UNKNOWN_PIECES + 1
+    told = "the flow silent tells neither features nor a highest_frequency: it is looked at several"
+    assert any(message.startswith(f"{told} times every 1 s") for message in world.messages)
+    assert not Silent().tells_features
+    assert not SumInflow(parts=(SineInflow(), Silent())).tells_features
+    assert SumInflow(parts=(SineInflow(), GUST, ConstantInflow(speed=1.0))).tells_features
+
+
+class Told(Silent):
+    """The same, with its features."""
+
+    profile: Literal["told"] = "told"
+    highest_frequency: ClassVar[float] = 1.0
+
+
+def test_a_flow_that_tells_its_highest_frequency_is_not_told_of():
+    data = {"inflow": "told", "control": "linear", "phase": {"duration": 100, "segments": 100}}
+    assert not any("tells" in text for text in physics(load_case(data, extensions=[Told])).messages)
+
+
+def test_a_flow_that_no_mesh_resolves_is_left_to_the_judges():
+    (scenario,) = silent(jump=True).scenarios
+    assert np.max(scenario.flow_missed) > 0.05
+    assert scenario.segments < 100
+
+
+@pytest.mark.parametrize("speed", [1e5, 1e300])
+def test_no_current_is_that_fast(speed):
+    case = load_case({"inflow": {"profile": "gust", "amplitude": speed}, "control": "linear"})
+    with pytest.raises(InputError, match="at most 1000 m/s"):
+        physics(case)
+
+
+def test_a_limit_is_kept_in_a_gust_of_seconds_in_a_season(tmp_path):
+    """The blade is fixed, so that this is fast; its gain is designed for the gust."""
+    case = load_case(
+        {
+            "inflow": GUST.model_dump(),
+            "control": {"law": "quadratic"},
+            "design": {"blade": "fixed"},
+            "limits": {"thrust": "12 kN"},
+            "phase": {"duration": SEASON},
+        }
+    )
+    solution = run_case(case, tmp_path / "out", figures=False, records=False)
+    assert solution.success, solution.message
+    thrust = solution.summary.limits["thrust"]
+    assert thrust.value == pytest.approx(12e3, rel=1e-4)
+    assert thrust.time_s == pytest.approx(GUST.time + 0.5 * GUST.width, abs=0.5)
+    assert np.max(solution.simulation["inflow_speed_m_s"]) == pytest.approx(2.4, rel=1e-4)
+
+
+@pytest.mark.parametrize("speed", [1e-300, 1e-100, 9e-5])
+def test_still_water_is_refused(speed):
+    case = load_case({"inflow": {"profile": "constant", "speed": speed}, "control": "quadratic"})
+    with pytest.raises(InputError, match=r"inflow: reaches .* m/s at t = 0 s: it stands still"):
+        physics(case)
+
+
+def test_a_flow_of_millimetres_a_second_is_none_of_these():
+    case = load_case({"inflow": {"profile": "constant", "speed": "1 mm/s"}, "control": "quadratic"})
+    assert physics(case).scenarios[0].segments == 60
