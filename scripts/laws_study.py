@@ -393,7 +393,7 @@ def table(found, flow):
 
 
 def blades(found):
-    """Return what blade each law wants, in the sine."""
+    """Return the blade that each law ends with, in the sine."""
     flow, rows = "sine", []
     limits = [limit for limit in asked(found, flow) if POWER in LIMITS[limit][1]]
     for limit, law in product(limits[:1], LAWS):
@@ -405,7 +405,7 @@ def blades(found):
             cells = f"{ratio.mean:.2f}", f"{ratio.max:.2f}", blade_area(solution), f"{worst:.2f}"
             rows.append([law, *cells, f"{summary.power_coefficient_max:.4f}"])
     header = ["law", "mean tip speed ratio", "largest", "blade area, 10⁻³ m²", "thrust, kN"]
-    title = ["## The blade that each law wants", "", "In the sine with 700 N m and 5 kW.", ""]
+    title = ["## The blade of each law", "", "In the sine with 700 N m and 5 kW.", ""]
     return [*title, *markdown_table([*header, "largest C_P"], rows), ""] if rows else []
 
 

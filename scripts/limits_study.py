@@ -34,6 +34,7 @@ FRONTS = {  # unit, and values by the names of their runs
 SEQUENTIAL = ("power", "rotor_speed", "thrust")
 LOSSES = "{rated_torque: 700, rated_speed: 7.5, copper_loss: 500, friction_loss: 50, iron_loss: 50}"
 SAME = 1e-6  # relative difference of the energies of one optimum
+SATURATED = 100.0  # N m s²/rad²: a gain with which K₂ω² is beyond 700 N m at all useful speeds
 LOADS = ("thrust", "root_moment", "stress", "cavitation")
 IMAGE = "images/limits_fronts.png"
 
@@ -141,10 +142,14 @@ def in_short(found, free):
     ratios = [f"{each.tip_speed_ratio.mean:.1f}" for each in electrical]
     delivered = change(*(each.electrical_energy_J for each in reversed(electrical)), 1)
     laws = change(under["power_quadratic"], under["power_oloc"], 1)
+    stress = found["free/oloc"].summary.loads["stress"]
+    others = change(energy(found["cases/all_oloc"]), energy(found["cases/stress_oloc"]), 1)
     for text in (
         f"- What a limit does to the energy of open loop: 100 MPa {alone['stress']}, 6 kN of "
         f"thrust {alone['thrust']}, 9 rad/s {alone['rotor_speed']}, no cavitation at 3 m "
-        f"{alone['cavitation']}, 5 kW {alone['power']}; all together {alone['all']}.",
+        f"{alone['cavitation']}, 5 kW {alone['power']}; all together {alone['all']}. All of this "
+        f"counts from a blade with a stress of {measured(stress.value, stress.unit, 2)}, which no "
+        f"material allows: against the blade that keeps 100 MPa, all limits together are {others}.",
         f"- With 5 kW the energy of quadratic feedback is {laws} against open loop; without this "
         f"limit {change(free['quadratic'], free['oloc'], 3)}.",
         f"- Co-design gains {gains[0]} (power), {gains[1]} (speed) and {gains[2]} (thrust) over a "
@@ -248,7 +253,23 @@ def costs(found, free):
             "several optima, in most of which it works at its torque limit nearly always; the",
             "start tries both kinds, and `make verify PART=limits` shows what random blades lead",
             "to ([verification.md](verification.md)).",
+            *constant_torque(found["cases/power_quadratic"]),
         ),
+    )
+
+
+def constant_torque(solution):
+    """Yield a sentence on quadratic feedback whose gain no longer decides anything."""
+    if energy(solution) is None or solution.summary.gain < SATURATED:
+        return
+    summary = solution.summary
+    yield (
+        f"In `power_quadratic` the gain is {summary.gain:,.0f} N m s²/rad², so large that the law "
+        "is a constant torque of 700 N m at every speed, on "
+        f"{measured(summary.mass_kg, 'kg', 3)} of solid blades "
+        f"({measured(summary.inertia_kg_m2, 'kg m^2', 3)}): no feedback is left. Nothing "
+        "determines such a gain: another run ended at 5,050. That a rotor is stable at a constant "
+        "torque is shown for induction that answers at once alone (docs/theory.md)."
     )
 
 
@@ -345,7 +366,9 @@ def branches_text(found):
         rows,
         (
             "With a limit of the power, overspeed has the larger thrust, and underspeed is close",
-            "to stall: as an open loop it is unstable (docs/theory.md). Under all limits the slow",
+            "to stall: as an open loop it is unstable (docs/theory.md). That overspeed at the",
+            "limit is stable is not shown either: a wake needs seconds, and induction here answers",
+            "at once. Under all limits the slow",
             f"branch is {100.0 * (1.0 - min(start) / max(start)):.0f} % below the fast one in",
             f"quasi-steady operation, and an optimization from there {led}.",
         ),

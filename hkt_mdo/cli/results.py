@@ -77,9 +77,9 @@ def compare(
 ) -> None:
     """Compare results in a table and, with --out, in overlaid figures.
 
-    The table has the figures of merit side by side, and each energy relative to the largest. Below
-    it stands which results are not the best that their case allows: of one turbine in one flow,
-    another one keeps their limits, and is better.
+    The table has the figures of merit side by side, and each energy relative to the largest. Notes
+    below it name results that are not the best that their case allows: another result of the same
+    turbine in the same flow keeps its limits, and is better.
     """
     from hkt_mdo.results.nesting import beaten
     from hkt_mdo.results.words import texts

@@ -47,7 +47,7 @@ class Law(Section):
     """Largest control torque u_max; null: no limit."""
     cut_out: Annotated[float, Quantity("m/s", gt=0)] | None = None
     """Speed of the flow above which the machine stands still: there is no energy then, and no limit
-    is asked for (docs/theory.md); null: it never does."""
+    applies (docs/theory.md); null: it never does."""
     gain_units: ClassVar[tuple[str, ...]] = ()
     """Units of the gains, which are optimized."""
     states: ClassVar[dict[str, tuple[str, str]]] = {}

@@ -49,7 +49,7 @@ _Bins = tuple[Annotated[float, Quantity("m")], Annotated[float, Quantity("m")]]
 class RecordInflow(SampledInflow):
     """A measured flow: the samples of a file, low-passed, and a smooth cubic spline through them.
 
-    Nothing in the record is repaired unless a key below says so, and every repair is told.
+    Nothing in the record is repaired unless a key below says so, and every repair is reported.
     """
 
     profile: Literal["record"] = "record"
@@ -64,7 +64,7 @@ class RecordInflow(SampledInflow):
     """Column or variable of the speed; null: the only one besides the time."""
     time_unit: Literal["s", "ms", "min", "h", "days"] | None = None
     """Unit of times that are numbers; null: as the column's name says, such as `time_s` or
-    `time [h]`. Dates are told from numbers: `2024-05-01T12:00:00`, with or without a zone."""
+    `time [h]`. Dates are recognized: `2024-05-01T12:00:00`, with or without a zone."""
     speed_unit: (
         Literal["m/s", "cm/s", "mm/s", "km/h", "ft/s", "knot", "mph", "m3/s", "L/s", "ft3/s"] | None
     ) = None
@@ -161,7 +161,7 @@ class TurbulentInflow(SampledInflow):
 
     The phases are random, the spectrum is exact. Frequencies above the cutoff are missing, as are
     those below 1/duration, and the rest is not scaled up in their place: the share of the variance
-    that is kept is told.
+    that is kept is reported.
     """
 
     profile: Literal["turbulence"] = "turbulence"

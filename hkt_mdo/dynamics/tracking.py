@@ -26,15 +26,15 @@ class Tracking(FeedbackLaw):
 
     While u is not saturated, z' = ki (w - w_ref): z is the integral part. At the torque limit the
     same formula is anti-windup by back-calculation with the time kp / ki: z approaches the limit.
-    In equilibrium z = u = Q and w = w_ref. The loop is stable where kp du/dx > dQ/dw, x being what
-    is saturated (docs/controllers.md): it also holds a rotor that turns slower in a faster flow,
-    which no law of the rotor's speed alone can. s is what the sensor tells of the flow's speed;
-    w_ref is a natural cubic spline, linear beyond its knots.
+    In equilibrium z = u = Q and w = w_ref. With induction that answers at once, the loop is stable
+    where kp du/dx > dQ/dw, x being what is saturated (docs/controllers.md): it also holds a rotor
+    that turns slower in a faster flow, which no law of the rotor's speed alone can. s is what the
+    sensor tells of the flow's speed; w_ref is a natural cubic spline, linear beyond its knots.
 
-    An estimate of v from speed and torque needs a model of the rotor. In an optimization that is
-    the rotor itself, and the estimate is exact but for its filter, the lag: designs are the same
-    with either. They differ where the rotor or the water are not those of the design, and in noise
-    (docs/controllers.md).
+    An estimate of v from speed and torque needs a model of the rotor. The optimization assumes a
+    perfect model; only the filter's lag remains, so that designs are the same with a sensor and
+    with an estimate. They differ where the rotor or the water are not those of the design, and in
+    noise (docs/controllers.md).
     """
 
     law: Literal["tracking"] = "tracking"

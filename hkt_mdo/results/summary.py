@@ -313,7 +313,7 @@ class Summary(_Entry, Mapping[str, Any]):
     """Energy of a rotor that works at the steady optimum at every instant."""
     certified_gap: _Number = None
     """What the simulated energy lacks of an upper bound that knows the torque limit and the control
-    law, over that bound (docs/theory.md)."""
+    law, over that bound (docs/theory.md). Under a limit of the power it says nothing."""
     bound_power_coefficient: _Number = None
     bound_tip_speed_ratio: _Number = None
     energy_balance_error: _Number = None
@@ -465,7 +465,8 @@ class Summary(_Entry, Mapping[str, Any]):
                 f"objective, {self.objective.kind}", self.objective.simulated, self.objective.unit
             )
         gap = "-" if self.certified_gap is None else f"{max(100.0 * self.certified_gap, 0.0):.2g}"
-        yield Row("certificate", f"within {gap} % of the best possible")
+        known = "limits other than the torque's left out" if case.limits.given else ""
+        yield Row("certificate", f"within {gap} % of the best possible", "", known)
 
     def _design(self, case: Case) -> Iterator[Row]:
         """Yield the rows of controller, blade and computation."""
