@@ -97,8 +97,8 @@ def division(
     """Return by how much a finer mesh may change the objective, and what to divide.
 
     Under open loop the error is the smaller of two: how much the last division has changed the
-    objective (of two divisions that form a geometric series, the rest of that series), and the
-    power in the distance that the polynomials keep from the limits that bind in their segments. A
+    objective, and the power in the distance that the polynomials keep from the limits that bind in
+    their segments, which is too much where a limit begins or ceases to bind. A
     feedback law leaves the optimizer no torque over time to choose, and its error is none.
 
     Divided are segments where the integration denies the collocation, where it exceeds a limit or
@@ -160,11 +160,7 @@ def _denied(physics, flights, before) -> list[np.ndarray]:
 def _open_loop(physics, result, flights, coarse, before) -> float:
     """Return the error of the mesh under open loop, and mark in `coarse` what causes it."""
     left = [_left(physics, flight, result.energy) for flight in flights]
-    values = [*before[-2:], result.objective]
-    changes = np.abs(np.diff(values)) / max(abs(result.objective), 1e-9)
-    error = changes[-1] if changes.size else np.inf
-    if changes.size > 1 and error < 0.5 * changes[0]:
-        error *= error / (changes[0] - error)
+    error = abs(result.objective / before[-1] - 1.0) if before else np.inf
     error = min(error, float(sum(map(np.sum, left))))
     if error <= MESH_ERROR:
         return error

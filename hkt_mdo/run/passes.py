@@ -171,10 +171,12 @@ def closed_cycle(attempt: Attempt) -> Begin | None:
         return None
     scenarios = [
         replace(each, mesh=each.mesh.model_copy(update={"final_speed": "initial"}))
-        for each in physics.scenarios
+        for each in attempt.state.first.scenarios
     ]
     why = f"the rotor stores {100.0 * share:.2g} % of what it captures"
-    return attempt.from_end(why, physics=replace(physics, scenarios=tuple(scenarios)))
+    # from the start: an end that stores much is far from any closed cycle
+    physics, start = replace(physics, scenarios=tuple(scenarios)), attempt.begin.start
+    return replace(attempt.begin, physics=physics, setup=first_setup(physics, start), why=why)
 
 
 def other_branch(attempt: Attempt) -> Begin | None:
@@ -199,10 +201,10 @@ def first_setup(physics, start) -> Setup:
 
 REMEDIES: tuple[Callable[[Attempt], Begin | None], ...] = (
     smaller_moves,
+    closed_cycle,
     distance_from_stall,
     finer_torque_curve,
     recentred_moves,
-    closed_cycle,
     farther_from_stall,
     finer_mesh,
     lowered_limits,

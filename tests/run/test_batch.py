@@ -1,12 +1,14 @@
 """Many cases: finished results are reused, anything else is run again."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from hkt_mdo.case import read_case
+from hkt_mdo.case import load_case, read_case
 from hkt_mdo.problem.physics import complete
+from hkt_mdo.results.nesting import allows, beaten
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.batch import finished_result, run_batch
 from hkt_mdo.run.digest import digest
@@ -20,6 +22,7 @@ phase: {segments: 10, duration: 10}
 """
 
 
+ROOT = Path(__file__).parents[2]
 EXTENSION = Path(__file__).parents[1] / "data" / "extension.py"
 
 
@@ -150,3 +153,93 @@ def test_the_digest_covers_the_package(monkeypatch, tmp_path):
         (tmp_path / "bem.py").write_text(content)
         found.append(module._of_package.__wrapped__())
     assert found[0] != found[1]
+
+
+SHORT = {"duration": 15, "segments": 15}
+
+
+def fixed(**sections):
+    """Return a case of a few seconds; the blade is kept unless `design` is given."""
+    base = {"inflow": "sine", "phase": SHORT, "design": {"blade": "fixed"}}
+    return load_case(base | {"rotor": {"set_angle": 5}} | sections)
+
+
+@pytest.fixture(scope="module")
+def nested(tmp_path_factory):
+    """Laws of which one is a special case of another, stricter limits, a designed blade."""
+    folder = tmp_path_factory.mktemp("nested")
+    open_loop = {"law": "open_loop", "torque_limit": 700}
+    cases = {
+        "quadratic": fixed(control={"law": "quadratic", "torque_limit": 700}),
+        "power_law": fixed(control={"law": "power_law", "torque_limit": 700}),
+        "open_loop": fixed(control=open_loop),
+        "limited": fixed(control=open_loop, limits={"power": "4.5 kW"}),
+        "designed": fixed(control=open_loop, design={}),
+        "other_flow": fixed(control=open_loop, inflow={"profile": "sine", "mean": 1.4}),
+    }
+    found = run_batch({folder / name: case for name, case in cases.items()}, 1, records=False)
+    return {path.name: each for path, each in found.items()}
+
+
+def test_a_case_allows_what_asks_more_of_its_turbine(nested):
+    allowed = {
+        (own, other)
+        for own, result in nested.items()
+        for other, theirs in nested.items()
+        if own != other and allows(result, theirs)
+    }
+    assert allowed == {
+        ("power_law", "quadratic"),
+        ("open_loop", "quadratic"),
+        ("open_loop", "limited"),
+        ("open_loop", "power_law"),
+        ("designed", "quadratic"),
+        ("designed", "open_loop"),
+        ("designed", "limited"),
+        ("designed", "power_law"),
+    }
+
+
+def test_no_result_is_beaten_unless_it_is_worse_or_refused(nested):
+    assert beaten(nested.values()) == []
+    best, other = nested["open_loop"], nested["quadratic"]
+    objective = best.summary.objective.model_copy(
+        update={"simulated": 0.99 * other.summary.objective.simulated}
+    )
+    worse = best.summary.model_copy(update={"objective": objective})
+    (found,) = beaten([replace(best, summary=worse), other])
+    assert found.by is other
+    assert found.gain == pytest.approx(0.01)
+    refused = replace(best, summary=best.summary.model_copy(update={"success": False}))
+    (found,) = beaten([refused, other])
+    assert "was refused" in str(found)
+    assert str(other.folder) in str(found)
+
+
+@pytest.mark.slow
+def test_a_batch_passes_a_better_design_on(tmp_path):
+    """From the given blade alone a law ends far below what the search for a start finds."""
+    case = ROOT / "cases" / "limits" / "power_quadratic.yaml"
+    short = ["phase.duration=15", "phase.segments=15"]
+    cases = {
+        tmp_path / "searched": load_case(case, [*short, "control.torque_limit=650"]),
+        tmp_path / "local": load_case(
+            case, [*short, "control.torque_limit=650", "start.method=blade"]
+        ),
+    }
+    first = run_batch(cases, 2, records=False)
+    told = []
+    second = run_batch(cases, 2, lambda folder, word: told.append((folder.name, word)),
+                       records=False, pass_on=True)  # fmt: skip
+    assert beaten(second.values()) == []
+    for folder, each in second.items():
+        before, after = (x.summary.objective.simulated for x in (first[folder], each))
+        assert each.success
+        assert after >= before or not first[folder].success
+    if beaten(first.values()):
+        assert any(word == "better from another's design" for _, word in told)
+    assert [word for _, word in told if word == "reused"] == ["reused"] * 2
+    # what was begun from another's design is the case's result
+    again = []
+    run_batch(cases, 2, lambda folder, word: again.append(word), records=False)
+    assert again == ["reused"] * 2
