@@ -15,6 +15,7 @@ from openmdao.core.driver import RecordingDebugging
 from scipy.sparse import csc_matrix
 
 from hkt_mdo.solve.driver_base import ReportingDriver
+from hkt_mdo.solve.stationary import RULES, Stationary
 
 if TYPE_CHECKING:
     import casadi
@@ -89,6 +90,10 @@ class CasadiIpoptDriver(ReportingDriver):
         # IPOPT's solution need not be the last design evaluated; the last case is the optimum.
         self._evaluate_anew(design)
         self._message, self.iterations = status["return_status"], status["iter_count"]
+        if self._message == "User_Requested_Stop":  # by `_is_end`: an error has been raised
+            gap = self._stationary.gap
+            self._message = f"no better iterate in {RULES.patience} at an optimum within {gap:.1e}"
+            return False
         return self._message != "Solve_Succeeded"
 
     def _solve(self, start: np.ndarray) -> tuple[np.ndarray, dict]:
@@ -109,6 +114,12 @@ class CasadiIpoptDriver(ReportingDriver):
         def constraint_jacobian(point, _):
             return self._evaluate(point)[1], casadi.DM(jacobian, self._differentiate(point)[1])
 
+        bounds = np.append(lower, lower_g), np.append(upper, upper_g)
+        self._stationary = Stationary(*bounds, float(self.opt_settings.get("tol", 1e-8)))
+
+        def end_iteration(x, _, g, lam_x, lam_g, *__):
+            return (self._end_iteration(x, g, lam_x, lam_g),)
+
         # CasADi keeps no reference to a callback: these names must outlive the solver.
         inputs = {"x": x, "p": p}
         nlp = _callback("nlp", lambda x, _: self._evaluate(x), inputs, {"f": f, "g": g})
@@ -116,7 +127,7 @@ class CasadiIpoptDriver(ReportingDriver):
         jac_g = _callback("jac_g", constraint_jacobian, inputs, {"g": g, "jac_g_x": jacobian})
         state = {"f": f, "x": x, "lam_x": x, "g": g, "lam_g": g, "lam_p": p}
         after = {name: state[name] for name in casadi.nlpsol_out()}
-        iteration = _callback("iteration", lambda *_: (self._end_iteration(),), after, {"stop": f})
+        iteration = _callback("iteration", end_iteration, after, {"stop": f})
         solver = casadi.nlpsol("solver", "ipopt", nlp, {
             "grad_f": grad_f, "jac_g": jac_g, "iteration_callback": iteration,
             # Multipliers of parameters, of which there are none, would need reverse derivatives.
@@ -124,7 +135,9 @@ class CasadiIpoptDriver(ReportingDriver):
             "print_time": False, "show_eval_warnings": False, "ipopt": self.opt_settings,
         })  # fmt: skip
         solution = solver(x0=start, lbx=lower, ubx=upper, lbg=lower_g, ubg=upper_g)
-        return np.array(solution["x"]).ravel(), solver.stats()
+        status, best = solver.stats(), self._stationary.best
+        ends = status["return_status"] == "User_Requested_Stop" and self._error is None
+        return best if ends and best is not None else np.array(solution["x"]).ravel(), status
 
     def _get_ordered_nl_responses(self) -> list[str]:
         """Return all responses: linear constraints are treated as nonlinear ones."""
@@ -188,11 +201,27 @@ class CasadiIpoptDriver(ReportingDriver):
         rows, columns = self._pattern.tocoo().coords
         return totals[0].copy(), totals[1:][rows, columns]
 
-    def _end_iteration(self) -> int:
-        """Report an iteration, count it and return whether IPOPT must stop."""
+    def _end_iteration(self, design, constraints, of_design, of_constraints) -> int:
+        """Report an iteration, count it and return whether IPOPT must stop.
+
+        The last two are the multipliers of the bounds of the first two.
+        """
         self._guarded(lambda: self._report(self.iterations), None)
         self.iterations += 1
-        return int(self._error is not None)
+        ends = self._is_end(design, constraints, of_design, of_constraints)
+        return int(ends or self._error is not None)
+
+    def _is_end(self, design, constraints, of_design, of_constraints) -> bool:
+        """Tell whether no iterate has been better than an optimum for long."""
+        objective, _ = self._evaluate(design)
+        gradient, slopes = self._differentiate(design)
+        pattern = self._pattern
+        by = csc_matrix((slopes, pattern.indices, pattern.indptr), shape=pattern.shape)
+        lagrangian = gradient + by.T @ of_constraints + of_design
+        multipliers = np.append(of_design, of_constraints)
+        return self._stationary.note(
+            np.append(design, constraints), multipliers, objective, lagrangian
+        )
 
     def _guarded(self, work: Callable, otherwise: Any) -> Any:
         """Return what `work` returns, or `otherwise` if it fails or an error is stored already.

@@ -1,0 +1,97 @@
+"""When an optimizer has an optimum and no longer gets anywhere: iterates that are no better.
+
+On a function that is rough in its second derivatives, such as a torque of blended polars, the
+approximated Hessian of a quasi-Newton method is never good enough for the last digits of the
+gradient: hundreds of iterations move nothing. What such an iterate lacks is known: its multipliers
+bound it by the gap between the objective and its dual.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What an iterate must keep to count as an optimum, and when it is the end.
+
+    Attributes
+    ----------
+    gradient : float
+        Largest element of the Lagrangian's gradient, of the scaled problem.
+    gap : float
+        Sum of multipliers times distances from their bounds, over the objective: by as much the
+        optimum of a convex problem may be better. Half of what the judges allow of the energy.
+    better : float
+        Relative change of the objective that is an improvement.
+    patience : int
+        Iterations without one after which the best is the end.
+    """
+
+    gradient: float = 1e-4
+    gap: float = 5e-5
+    better: float = 1e-7
+    patience: int = 30
+
+
+RULES = Rules()
+
+
+@dataclass
+class Stationary:
+    """The best optimum among the iterates of a minimization, and whether it is the end.
+
+    Parameters
+    ----------
+    lower, upper : np.ndarray
+        Bounds of the unknowns, then of the constraints, shape (n_unknowns + n_constraints,).
+    tolerance : float
+        Largest violation of a bound.
+    """
+
+    lower: np.ndarray
+    upper: np.ndarray
+    tolerance: float
+    best: np.ndarray | None = None
+    gap: float = np.inf
+    _objective: float = np.inf
+    _improved: float = np.inf
+    _waited: int = 0
+
+    def note(
+        self, values: np.ndarray, multipliers: np.ndarray, objective: float, gradient: np.ndarray
+    ) -> bool:
+        """Note an iterate and return whether the best one is the end.
+
+        Parameters
+        ----------
+        values : np.ndarray
+            Unknowns, then constraints.
+        multipliers : np.ndarray
+            Of the bounds of `values`, positive at an upper one.
+        objective : float
+        gradient : np.ndarray
+            That of the Lagrangian by the unknowns.
+
+        Returns
+        -------
+        bool
+        """
+        self._waited += 1
+        over = np.max(np.maximum(self.lower - values, values - self.upper), initial=0.0)
+        bound = np.where(multipliers > 0.0, self.upper, self.lower)
+        room = np.where(np.isfinite(bound), np.abs(bound - values), 0.0)
+        gap = float(np.abs(multipliers) @ room) / max(abs(objective), 1e-9)
+        stationary = np.max(np.abs(gradient), initial=0.0) <= RULES.gradient
+        if over <= self.tolerance and gap <= RULES.gap and stationary:
+            if objective < self._objective:
+                self.best, self.gap, self._objective = (
+                    values[: gradient.size].copy(),
+                    gap,
+                    objective,
+                )
+            if objective < self._improved - RULES.better * abs(objective):
+                self._improved, self._waited = objective, 0
+        return self.best is not None and self._waited >= RULES.patience

@@ -1,0 +1,37 @@
+"""A machine is no input: kernels of its linear algebra change the last digit, and no result.
+
+OpenBLAS chooses its kernels by the processor; `OPENBLAS_CORETYPE` stands for other machines. Where
+OpenBLAS has no such kernel, or another BLAS is at work, the runs are equal and the test is idle.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+CASES = Path(__file__).parents[1] / "cases" / "limits"
+KERNELS = "Haswell", "Sandybridge", "Nehalem"
+
+
+def ran(name, kernel, folder):
+    """Return the summary of a case that was run with a kernel."""
+    environment = os.environ | {"OPENBLAS_CORETYPE": kernel, "OPENBLAS_NUM_THREADS": "1"}
+    command = [sys.executable, "-m", "hkt_mdo", "run", str(CASES / f"{name}.yaml")]
+    options = ["--out", str(folder / kernel), "--quiet", "--no-figures"]
+    done = subprocess.run(
+        command + options, env=environment, check=False, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads((folder / kernel / "summary.json").read_text(encoding="utf-8"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["power_oloc", "power_quadratic", "stress_oloc"])
+def test_a_limited_case_ends_alike_with_other_kernels(name, tmp_path):
+    found = [ran(name, kernel, tmp_path) for kernel in KERNELS]
+    assert all(each["success"] for each in found)
+    energies = [each["simulated_energy_J"] for each in found]
+    assert energies == pytest.approx([energies[0]] * len(KERNELS), rel=1e-4)
