@@ -61,7 +61,10 @@ def run(
             from hkt_mdo.run import run as runner
 
             how: dict[str, Any] = {"figures": ("png", "pdf") if pdf else not no_figures}
-            how["progress"] = None if quiet else _reporter(loaded.name, status)
+            if not quiet:
+                how["progress"], how["on_pass"] = _reporters(
+                    loaded.name, loaded.objective.unit or "", status
+                )
             if resume is None:
                 solution = runner.run_case(loaded, folder, force=force, **how)
             else:
@@ -83,23 +86,35 @@ def run(
         raise Exit(parts.NO_SUCCESS)
 
 
-def _reporter(name: str, status: Status) -> Callable[[int, float, float], None]:
-    """Return what a run reports to: a live line on a terminal, else a line every few seconds."""
+def _reporters(
+    name: str, unit: str, status: Status
+) -> tuple[Callable[..., None], Callable[..., None]]:
+    """Return what a run reports its evaluations and its passes to.
+
+    An evaluation is a live line on a terminal, else a line every few seconds; a pass is a line.
+    """
     from hkt_mdo.results.words import measured
 
-    last = time.monotonic()
+    began = last = time.monotonic()
 
-    def report(count: int, energy: float, infeasibility: float) -> None:
+    def evaluation(count: int, value: float, infeasibility: float) -> None:
         nonlocal last
-        line = f"{name}: evaluation {count}, energy {measured(energy, 'J')}"
+        now = time.monotonic()
+        line = f"{name}: {now - began:.0f} s, evaluation {count}, objective {measured(value, unit)}"
         line += f", infeasibility {infeasibility:.1e}"
         if status.console.is_terminal:
             status.update(line)
-        elif time.monotonic() - last >= _SECONDS_BETWEEN_LINES:
-            last = time.monotonic()
+        elif now - last >= _SECONDS_BETWEEN_LINES:
+            last = now
             echo(line)
 
-    return report
+    def passed(entry: Any) -> None:
+        ended = "converged" if entry.converged else "did not converge"
+        line = f"{name}: {time.monotonic() - began:.0f} s, pass {entry.number} {ended} in "
+        line += f"{entry.iterations} iterations, {measured(entry.objective_J, unit)}"
+        echo(f"{line}; next, {entry.remedy}: {entry.why}" if entry.remedy else line)
+
+    return evaluation, passed
 
 
 def _written(folder: Path) -> list[int]:
