@@ -111,7 +111,9 @@ def main():
 
     def run(plan):
         cases = {out / "/".join(key).replace(" ", "_"): case for key, case in plan.items()}
-        found = run_batch(cases, arguments.jobs, partial(print, flush=True), records=False)
+        found = run_batch(
+            cases, arguments.jobs, partial(print, flush=True), records=False, pass_on=True
+        )
         return dict(zip(plan, found.values(), strict=True))
 
     pairs = product(arguments.flows, arguments.limits)

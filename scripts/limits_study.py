@@ -60,7 +60,9 @@ def main():
 
     def run(plan):
         cases = {out / name: case for name, case in plan.items()}
-        return run_batch(cases, arguments.jobs, partial(print, flush=True), records=False)
+        return run_batch(
+            cases, arguments.jobs, partial(print, flush=True), records=False, pass_on=True
+        )
 
     runs = {
         name: load_case(ROOT / "cases" / file, changes)

@@ -80,10 +80,12 @@ def allows(result: Solution, other: Solution) -> bool:
     Returns
     -------
     bool
-        False too where that cannot be told: of limits on the design, of several scenarios, and of
-        quantities that the other's tables lack.
+        False too where a branch is asked for, or where it cannot be told: of limits on the design,
+        of several scenarios, and of quantities that the other's tables lack.
     """
     own, theirs = result.case, other.case
+    if own.start.branch not in ("best", theirs.start.branch):
+        return False
     if own.scenarios or own.model_dump(exclude=OWN) != theirs.model_dump(exclude=OWN):
         return False
     phases = [(x.phase.duration, x.phase.initial_speed, x.phase.final_speed) for x in (own, theirs)]
