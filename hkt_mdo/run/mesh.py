@@ -10,6 +10,7 @@ import numpy as np
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.scenario import Scenario
+from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run.flight import Flight, Optimized
 from hkt_mdo.run.judge import (
     MESH_ERROR,
@@ -159,7 +160,8 @@ def _denied(physics, flights, before) -> list[np.ndarray]:
 
 def _open_loop(physics, result, flights, coarse, before) -> float:
     """Return the error of the mesh under open loop, and mark in `coarse` what causes it."""
-    left = [_left(physics, flight, result.energy) for flight in flights]
+    best = physics.rotor.best_operation(result.point.blade).power_coefficient
+    left = [_left(physics, flight, result.energy, best) for flight in flights]
     error = abs(result.objective / before[-1] - 1.0) if before else np.inf
     error = min(error, float(sum(map(np.sum, left))))
     if error <= MESH_ERROR:
@@ -207,20 +209,29 @@ def _switches(physics, flight) -> np.ndarray:
     return found
 
 
-def _left(physics, flight, energy) -> np.ndarray:
+def _left(physics, flight, energy, best) -> np.ndarray:
     """Return what the mesh may leave of the energy in every segment, as a share of the whole.
 
     In a segment in which a limit binds at a node, the polynomials keep it at the others as well, at
-    a distance. The power in that distance is what a finer mesh may gain, to first order.
+    a distance. The power in that distance is what a finer mesh may gain, to first order. Elsewhere
+    it is what the power coefficient falls short of its largest, `best`, where the objective asks
+    for that.
     """
     scenario, nodes = flight.scenario, flight.at_nodes
+    flown = flight.integrated
+    short = np.zeros(scenario.segments)
+    if physics.objective.is_energy and physics.starting_generator is None:
+        scale = power_scale(physics.density, flight.scalars["rotor_radius"], flown["inflow_speed"])
+        short = scale * best - flown["hydrodynamic_power"]
+        short = np.mean(short[1:].reshape(scenario.segments, -1), axis=1)
+        short *= np.diff(scenario.edges) * scenario.weight / abs(energy)
     over = [limit.excess(nodes) for limit in held(physics, scenario)]
     if not over:
-        return np.zeros(scenario.segments)
+        return short
     room = np.maximum(-np.max(np.broadcast_arrays(*over), axis=0), 0.0)
     room = room.reshape(scenario.segments, -1)
     binds = np.min(room, axis=1) < RULES.near_limit
-    return np.where(binds, np.sum(room * _energies(flight, energy), axis=1), 0.0)
+    return np.where(binds, np.sum(room * _energies(flight, energy), axis=1), np.maximum(short, 0.0))
 
 
 def _energies(flight, energy) -> np.ndarray:
