@@ -1,9 +1,13 @@
 """Faults of a user's own kinds: the message names the class, its file, its method and the fault."""
 
 import re
+from typing import Annotated, ClassVar, Literal
 
+import numpy as np
 import pytest
 
+from hkt_mdo import FeedbackLaw, Inflow, InputError, Limit, Quantity, load_case
+from hkt_mdo.case.guard import any_values
 from hkt_mdo.cli import main
 
 HEAD = """
@@ -145,3 +149,83 @@ def test_an_unknown_unit_is_told(tmp_path, capsys, kind):
     assert main([*extend, "check", case, "--no-figures"]) == 2
     error = capsys.readouterr().err
     assert f"{tmp_path / 'own.py'}: Own: has the unknown unit 'furlong'" in error
+
+
+@pytest.mark.parametrize(
+    ("what", "value", "words"),
+    [
+        ("features", "[(0.0, 1.0)]", r"returns \[\(0.0, 1.0\)\] in place of rows of 3 numbers"),
+        ("features", "[(0.0, 1.0, np.nan)]", "returns nan"),
+        ("features", "'always'", "returns 'always', which is no number"),
+        ("highest_frequency", "[0.1, 0.2]", "shape (2,) in place of one number"),
+        ("highest_frequency", "1 / 0", "raises ZeroDivisionError"),
+        ("mean_speed", "np.inf", "returns inf"),
+    ],
+)
+def test_a_fault_of_a_property_of_a_flow_is_told(what, value, words):
+    namespace = {"__name__": __name__}
+    exec(
+        f"{HEAD}\nclass Own(Inflow):\n    profile: Literal['own'] = 'own'\n"
+        "    def speed_at(self, time):\n        return 1.4 + 0.0 * np.asarray(time)\n"
+        f"    @property\n    def {what}(self):\n        return {value}\n",
+        namespace,
+    )
+    data = {"inflow": "own", "control": "linear"}
+    flow = load_case(data, extensions=[namespace["Own"]]).inflow
+    with pytest.raises(InputError) as error:
+        getattr(flow, what)
+    assert f"{__file__}: Own.{what}: " in str(error.value)
+    assert re.search(words.replace("(2,)", r"\(2,\)"), str(error.value)), error.value
+
+
+def test_a_number_counts_for_all_instants_and_a_guard_leaves_values_as_they_are():
+    class Steady(Inflow):
+        profile: Literal["steady"] = "steady"
+        features: ClassVar[tuple] = ()
+
+        def speed_at(self, time):
+            return 1.4
+
+    class Constant(FeedbackLaw):
+        law: Literal["constant"] = "constant"
+        gain_units: ClassVar[tuple[str, ...]] = ("N*m",)
+
+        def demand(self, speed, gains):
+            return gains[0]
+
+    data = {"inflow": "steady", "control": "constant"}
+    case = load_case(data, extensions=[Steady, Constant])
+    assert list(case.inflow.speed_at(np.arange(3.0))) == [1.4, 1.4, 1.4]
+    assert list(case.control.torque(np.arange(3.0), np.array([5.0]))) == [5.0, 5.0, 5.0]
+    assert case.control.torque(2.0, np.array([5.0])) == 5.0
+    assert type(case.inflow) is Steady
+    assert case == load_case(data, extensions=[Steady, Constant])
+
+
+def test_a_value_that_is_not_finite_is_let_through_while_an_optimizer_works():
+    class Broken(FeedbackLaw):
+        law: Literal["broken"] = "broken"
+        gain_units: ClassVar[tuple[str, ...]] = ("N*m",)
+
+        def demand(self, speed, gains):
+            return gains[0] * np.sqrt(speed - 1.0)
+
+    law = load_case({"inflow": "sine", "control": "broken"}, extensions=[Broken]).control
+    gains = np.array([5.0])
+    with np.errstate(invalid="ignore"):
+        with any_values():
+            assert np.isnan(law.torque(np.array([0.5]), gains)[0])
+        assert np.isnan(law.torque(np.array([np.nan]), gains)[0])
+        with pytest.raises(InputError, match=r"Broken\.demand: returns nan"):
+            law.torque(np.array([0.5]), gains)
+
+
+def test_a_quantity_as_it_is_has_its_own_unit():
+    class Tonnes(Limit):
+        name: ClassVar[str] = "tonnes"
+        unit: ClassVar[str] = "t"
+        inputs: ClassVar[tuple[str, ...]] = ("mass",)
+        bound: Annotated[float, Quantity("t")]
+
+    with pytest.raises(InputError, match="has the unit t, and mass is in kg; write unit = 'kg'"):
+        load_case({"inflow": "sine", "control": "linear"}, extensions=[Tonnes])

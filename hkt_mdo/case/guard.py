@@ -26,6 +26,7 @@ from hkt_mdo.quantities import is_over_time
 
 _FINITE: ContextVar[bool] = ContextVar("finite", default=True)
 MAY_BE_NONE = "length", "highest_frequency", "bound"
+MAY_BE_INFINITE = "lower", "upper", "features", "last_time"
 COMPLEX = "mend the method; it must take complex numbers, by which derivatives are taken"
 
 
@@ -94,7 +95,8 @@ def _guard(method: Callable, file: str, place: str) -> Callable:
         shape = _shape(self, method.__name__, args, quantities)
         if shape is None or (result is None and method.__name__ in MAY_BE_NONE):
             return result
-        problem, result = _checked(result, shape, (*args, *quantities.values()))
+        infinite = method.__name__ in MAY_BE_INFINITE
+        problem, result = _checked(result, shape, (*args, *quantities.values()), infinite)
         if problem:
             raise InputError(problem, "mend the method", file=file, key=place)
         return result
@@ -108,7 +110,7 @@ def one_line(error: BaseException) -> str:
 
 
 def _shape(kind: Any, name: str, args: tuple, quantities: dict) -> tuple | None:
-    """Return the shape that a method's result must have, (...,) for any; None: it is not looked at.
+    """Return the shape that a method's result must have, (..., n) for any; None: it is free.
 
     A formula has one value for each instant if it takes anything over time.
     """
@@ -116,6 +118,8 @@ def _shape(kind: Any, name: str, args: tuple, quantities: dict) -> tuple | None:
         return np.shape(args[0])
     if name in (*MAY_BE_NONE, "mean_speed", "last_time"):
         return ()
+    if name in ("features", "lower", "upper"):
+        return (..., 3) if name == "features" else (...,)
     if isinstance(kind, FeedbackLaw) and name == "fit":
         return (len(kind.gain_units),)
     if isinstance(kind, Aggregate):
@@ -127,7 +131,7 @@ def _shape(kind: Any, name: str, args: tuple, quantities: dict) -> tuple | None:
     return None
 
 
-def _checked(result: Any, shape: tuple, given: tuple) -> tuple[str, Any]:
+def _checked(result: Any, shape: tuple, given: tuple, infinite: bool) -> tuple[str, Any]:
     """Return what is wrong with a result, empty if nothing, and the result in its shape."""
     try:
         found = np.asarray(result)
@@ -135,14 +139,15 @@ def _checked(result: Any, shape: tuple, given: tuple) -> tuple[str, Any]:
         found = np.asarray(None)
     if found.dtype.kind not in "biufc":
         return f"returns {show(result)}, which is no number or array of numbers", result
-    if shape != (...,):
-        if found.ndim and found.shape != shape:
-            wanted = f"the shape {shape}" if shape else "one number"
-            return f"returns an array of the shape {found.shape} in place of {wanted}", result
-        if found.shape != shape:
-            result = found + np.zeros(shape)
-    if _FINITE.get() and not np.all(np.isfinite(found.real)):
-        if all(np.all(np.isfinite(np.real(each))) for each in given):
-            worst = found.real[~np.isfinite(found.real)].flat[0]
-            return f"returns {worst:g}", result
+    if shape[:1] == (...,):
+        if found.size and found.ndim and shape[1:] not in ((), found.shape[-1:]):
+            return f"returns {show(result)} in place of rows of {shape[1]} numbers", result
+    elif found.ndim and found.shape != shape:
+        wanted = f"the shape {shape}" if shape else "one number"
+        return f"returns an array of the shape {found.shape} in place of {wanted}", result
+    elif found.shape != shape:
+        result = found + np.zeros(shape)
+    wrong = np.isnan(found.real) | (np.isinf(found.real) & (not infinite))
+    if _FINITE.get() and np.any(wrong) and all(np.all(np.isfinite(np.real(x))) for x in given):
+        return f"returns {found.real[wrong].flat[0]:g}", result
     return "", result

@@ -14,8 +14,6 @@ from pydantic import PrivateAttr
 from hkt_mdo.dynamics.formulas import STEP
 from hkt_mdo.sections import Quantity, Section
 
-STILL = 1e-3  # rad/s, slower than any rotor turns
-
 
 def smooth_saturation(torque, limit, smoothing):
     """Return the smoothly saturated torque (paper eq. 4), N*m.
@@ -142,12 +140,8 @@ class FeedbackLaw(Law):
         raise NotImplementedError
 
     def torque(self, speed, gains, *states):
-        """Return the generator torque, N*m; the parameters are those of `demand`.
-
-        Below `STILL` it is that at `STILL`: between nodes of very different speeds collocation
-        interpolates negative ones, at which a power or a logarithm of the speed has no value.
-        """
-        demand = self.demand(np.maximum(speed, STILL), gains, *states)
+        """Return the generator torque, N*m; the parameters are those of `demand`."""
+        demand = self.demand(speed, gains, *states)
         if self.torque_limit is None:
             return demand
         return smooth_saturation(demand, self.torque_limit, self.smoothing)

@@ -14,6 +14,16 @@ REACH = 1.05  # range of a curve's knots over that of the speeds that it is fitt
 LEAST_RANGE = 0.1  # and least half of it, of the speed's logarithm
 SPREAD, EVEN = 201, 0.5  # points of that range, and evenness of the knots
 COARSEST = 4  # knots of the curve from whose optimum one of more knots starts
+STILL = 1e-3  # rad/s, slower than any rotor turns
+
+
+def _forward(speed):
+    """Return speeds, rad/s, with `STILL` instead of what is less.
+
+    Between nodes of very different speeds collocation interpolates negative ones, of which there is
+    no power and no logarithm.
+    """
+    return np.maximum(speed, STILL)
 
 
 def _positive(torque):
@@ -60,7 +70,7 @@ class PowerLawFeedback(FeedbackLaw):
         return gains[1] if self.exponent is None else self.exponent
 
     def demand(self, speed, gains):
-        return gains[0] * speed ** self._exponent(gains)
+        return gains[0] * _forward(speed) ** self._exponent(gains)
 
     def fit(self, speed, torque):
         logarithm, torque = np.log(speed), _positive(torque)
@@ -177,7 +187,7 @@ class CurveFeedback(FeedbackLaw):
 
     def demand(self, speed, gains):
         place, height = np.log(gains).reshape(2, -1)
-        return np.exp(_natural_spline(place, np.log(speed)) @ height)
+        return np.exp(_natural_spline(place, np.log(_forward(speed))) @ height)
 
     def fit(self, speed, torque):
         speed, torque = np.log(speed), np.log(_positive(torque))

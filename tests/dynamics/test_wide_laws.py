@@ -7,9 +7,9 @@ from openmdao.utils.assert_utils import assert_check_partials
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.dynamics.generator import Generator
-from hkt_mdo.dynamics.laws import OpenLoop
+from hkt_mdo.dynamics.laws import LinearFeedback, OpenLoop, QuadraticFeedback
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
-from hkt_mdo.dynamics.wide_laws import CurveFeedback, PowerLawFeedback, RatedFeedback
+from hkt_mdo.dynamics.wide_laws import STILL, CurveFeedback, PowerLawFeedback, RatedFeedback
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.quasi_steady import QuasiSteady
@@ -36,6 +36,30 @@ def quasi_steady(law=OPEN_LOOP, **options):
 @pytest.fixture(scope="module")
 def table(blade, polar):
     return bem.rotor_coefficients(blade, polar, SPLINE.nodes).torque
+
+
+@pytest.mark.parametrize(
+    ("law", "gains"),
+    [
+        (LinearFeedback(), [50.0]),
+        (QuadraticFeedback(torque_limit=500.0), [7.0]),
+        (PowerLawFeedback(), [7.0, 1.7]),
+        (PowerLawFeedback(torque_limit=500.0), [300.0, -2.0]),
+        (RatedFeedback(), [7.0, 3600.0]),
+        (CurveFeedback(knots=5, torque_limit=500.0), [*KNOTS, *TORQUES]),
+    ],
+    ids=lambda value: getattr(value, "law", ""),
+)
+def test_a_law_has_a_torque_where_the_rotor_stands_or_turns_back(law, gains):
+    """Collocation interpolates such speeds between nodes that are far apart."""
+    speed, gains = np.array([-45.9, -1e-9, 0.0, STILL, 2.0 * STILL]), np.array(gains)
+    torque = law.torque(speed, gains)
+    assert np.all(np.isfinite(torque))
+    slopes = law.torque_by_speed(speed, gains), *law.torque_by_gain(speed, gains)
+    assert np.all(np.isfinite(slopes))
+    if isinstance(law, PowerLawFeedback | CurveFeedback):
+        assert np.all(torque[:4] == torque[3])
+        assert np.all(slopes[0][:3] == 0.0)
 
 
 # The curve
