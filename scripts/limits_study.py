@@ -119,6 +119,7 @@ def page(found):
             *in_short(found, free),
             *optimum_without(found["free/oloc"]),
             *costs(found, free),
+            *unresolved(found),
             *worths(found),
             *fronts_text(found, free),
             *branches_text(found),
@@ -273,6 +274,28 @@ def constant_torque(solution):
         "determines such a gain: another run ended at 5,050. That a rotor is stable at a constant "
         "torque is shown for induction that answers at once alone (docs/theory.md)."
     )
+
+
+def unresolved(found):
+    """Yield how much larger the loads are on a blade of many stations."""
+    yield "## What nine stations miss"
+    yield ""
+    yield (
+        "The blade has the paper's nine stations, at which BEM is solved, and its limits were held "
+        "on them. The same blades, with chord and twist linear between the stations, have larger "
+        "loads when 120 stations resolve them. `hkt run` tells this with every result; "
+        "`rotor.station_count: 40` with splines for chord and twist mends it."
+    )
+    yield ""
+    rows = []
+    for limit in LIMITS:
+        for law, name in LAWS.items():
+            notes = found[f"cases/{limit}_{law}"].notes
+            told = [each.partition(" has ")[2].partition(":")[0] for each in notes
+                    if each.startswith("loads are held on")]  # fmt: skip
+            rows += [(limit, name, text) for text in told]
+    yield from markdown_table(("limit", "law", "loads on 120 stations"), rows)
+    yield ""
 
 
 def worths(found):

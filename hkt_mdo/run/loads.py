@@ -7,9 +7,13 @@ import numpy as np
 
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.quantities import LOADS, QUANTITIES
 from hkt_mdo.results.summary import LoadEntry
 from hkt_mdo.rotor.blade import Blade
+
+STATIONS = 120
+"""Stations from which the loads of a blade change by less than a thousandth."""
 
 Known = dict[str, Any]
 """Quantities and loads of a trajectory, (n_times,), and the scalars of `Physics.scalars`."""
@@ -69,6 +73,34 @@ def placed(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> dic
         if name in found:
             place = {"r_m": float(r[np.argmax(values)])}
             found[name] = found[name].model_copy(update=place)
+    return found
+
+
+def resolved(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> dict[str, float]:
+    """Return by which share the loads that are asked for are larger on a blade of many stations.
+
+    Of `STATIONS`, between whose neighbours chord and twist are linear, as between the blade's own;
+    each at the time of its largest. Empty where the case gives chord and twist themselves, where
+    the thickness is designed, or where the blade has as many stations.
+    """
+    case, found, several = physics.case, {}, list(trajectories)
+    names = physics.load_names
+    if not names or case.rotor.chord or physics.shape.designs_thickness or blade.r.size >= STATIONS:
+        return {}
+    rotor = case.rotor.model_copy(update={"stations": None, "station_count": STATIONS})
+    finer = make_physics(case.model_copy(update={"rotor": rotor, "start": type(case.start)()}))
+    many = finer.blade.with_rotor_radius(blade.rotor_radius)
+    shape = (np.interp(many.r, blade.r, values) for values in (blade.chord, blade.twist))
+    many = many.with_shape(*shape, many.thickness)
+    for name in names:
+        known = max(several, key=lambda known, name=name: np.max(known[name]))  # type: ignore[misc]
+        worst = [int(np.argmax(known[name]))]
+        instant = {key: known[key][worst] for key in ("tip_speed_ratio", "inflow_speed")}
+        own, other = (
+            float(each.loads_along(of, instant, (name,))[name][0])
+            for each, of in ((physics, blade), (finer, many))
+        )
+        found[name] = other / own - 1.0
     return found
 
 

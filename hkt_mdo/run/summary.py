@@ -40,6 +40,7 @@ from hkt_mdo.run.judge import designed, energy_bound, explain_all, in_case
 # relative distance from its bound within which a limit counts as binding; that of a load, of whose
 # values along the blade the optimization has a smooth largest that is up to as much above them
 BINDING, ENVELOPE = 1e-3, 1e-2
+RESOLVED = 1e-2  # change of a load on a blade of many stations that is told
 
 SIMULATED = {
     "energy": "simulated_energy_J",
@@ -349,9 +350,21 @@ def _notes(finished):
         *physics.warnings,
         *finished.start.messages,
         *(text for _, text in met),
+        *_unresolved(physics, blade, finished.flights),
         *_outside_table(physics.generator, finished.flights),
         *_unstable(finished.flights),
     ]
+
+
+def _unresolved(physics, blade, flights):
+    """Yield by how much more the loads are on a blade of many stations, if that counts."""
+    changes = loads.resolved(physics, blade, [flight.told for flight in flights])
+    if max(map(abs, changes.values()), default=0.0) > RESOLVED:
+        told = ", ".join(f"{name} {100.0 * change:+.1f} %" for name, change in changes.items())
+        yield (
+            f"loads are held on {blade.r.size} stations; the same blade resolved with "
+            f"{loads.STATIONS} has {told}: give rotor.station_count: 40"
+        )
 
 
 def _over_time(finished, flights):
