@@ -241,4 +241,4 @@ def test_loads_of_a_resolved_blade_are_told(solve_physics):
     worst = [int(np.argmax(told[0]["stress"]))]
     instant = {key: told[0][key][worst] for key in ("tip_speed_ratio", "inflow_speed")}
     stress = fine.loads_along(many, instant, ("stress",))["stress"][0]
-    assert stress / told[0]["stress"][worst[0]] - 1.0 == pytest.approx(changes["stress"], abs=0.01)
+    assert stress / told[0]["stress"][worst[0]] - 1.0 == pytest.approx(changes["stress"], abs=0.02)
