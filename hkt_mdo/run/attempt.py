@@ -291,7 +291,8 @@ class Attempt:
         if again.physics is not self.physics:
             meshes = [each.scenarios[0].mesh for each in (self.physics, again.physics)]
             same = meshes[0] == meshes[1]  # else they are no series
-            coarser = (*before.coarser, self.result.objective) if same else ()
+            last = (self.result.objective,) if self.useful else ()
+            coarser = (*before.coarser, *last) if same else ()
             before = replace(before, coarser=coarser)
         return before
 

@@ -39,6 +39,9 @@ class Rules:
         Change of the objective by a division that changes nothing.
     few : int
         Divisions after which a limit that is exceeded between the nodes is lowered instead.
+    hair : float
+        Relative excess of an open loop's limit between the nodes up to which it may be lowered
+        instead, where that costs little.
     parts : int
         Parts of a divided segment.
     nearly_all : float
@@ -53,7 +56,8 @@ class Rules:
     short_of: float = 3e-6
     speed: float = 0.3
     unchanged: float = 1e-7
-    few: int = 4
+    few: int = 6
+    hair: float = 1e-3
     parts: int = 4
     nearly_all: float = 0.5
     higher: int = 5
@@ -126,7 +130,8 @@ def division(
             over = flight.between_nodes(limit)[0]
             found = over > most_between(limit)
             lost = np.sum(_energies(flight, result.energy), axis=1) @ np.where(found, over, 0.0)
-            if physics.law.is_feedback or lost > RULES.short_of:
+            by_a_hair = np.max(over) <= RULES.hair and lost <= RULES.short_of
+            if physics.law.is_feedback or not by_a_hair:
                 marks |= found  # else lowering an open loop's limit there costs next to nothing
     if not physics.law.is_feedback:
         error = _open_loop(physics, result, flights, coarse, before)

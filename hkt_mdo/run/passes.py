@@ -137,18 +137,35 @@ def finer_mesh(attempt: Attempt) -> Begin | None:
 def lowered_limits(attempt: Attempt) -> Begin | None:
     """Lower the limits that are exceeded between nodes, in the segments that need it.
 
-    Elsewhere a lower limit would only cost energy.
+    Elsewhere a lower limit would only cost energy. Where an optimization on a finer mesh is lost,
+    those of the last optimum are lowered on its mesh.
     """
-    if not attempt.converged:
+    if attempt.converged:
+        physics, setup, flights = attempt.physics, attempt.setup, attempt.flights
+        point = attempt.result.point
+    elif attempt.lost and attempt.before.optimum and attempt.begin.remedy == "finer mesh":
+        physics, result, flights = attempt.before.optimum
+        setup, point = result.setup, result.point
+    else:
         return None
-    shares, worst = dict(attempt.setup.shares), 0.0
-    for flight in attempt.flights:
-        for limit in held(attempt.physics, flight.scenario):
+    shares, worst = _lowered(physics, setup, flights)
+    if not worst:
+        return None
+    why = f"a limit is exceeded between the nodes by {100.0 * worst:.2g} %"
+    setup = replace(setup, start=point, nodes=curve_nodes(physics, point), shares=shares)
+    return replace(attempt.begin, physics=physics, setup=setup, why=why)
+
+
+def _lowered(physics, setup, flights):
+    """Return the shares of lowered limits, and the largest excess; 0 where none is lowered."""
+    shares, worst = dict(setup.shares), 0.0
+    for flight in flights:
+        for limit in held(physics, flight.scenario):
             if not np.isfinite(limit.upper):
                 continue
             most = most_between(limit)
             over, _ = flight.between_nodes(limit)
-            share = attempt.setup.share(limit, flight.scenario)
+            share = setup.share(limit, flight.scenario)
             # where it has not helped, or the limit is exceeded by much, no lower limit mends it
             mends = (share > 1.0 - MOST_LOWERED) & (over < MOST_EXCEEDED)
             over = np.where(mends, over, 0.0)
@@ -157,8 +174,7 @@ def lowered_limits(attempt: Attempt) -> Begin | None:
                 shares[limit.name, flight.scenario.name] = share * (
                     1.0 - np.where(over > 0.5 * most, over, 0.0)
                 )
-    why = f"a limit is exceeded between the nodes by {100.0 * worst:.2g} %"
-    return attempt.from_end(why, shares=shares) if worst else None
+    return shares, worst
 
 
 def closed_cycle(attempt: Attempt) -> Begin | None:

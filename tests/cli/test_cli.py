@@ -30,7 +30,9 @@ class FakeRun(types.ModuleType):
         self.error: BaseException | None = None
         self.saves = False
 
-    def run_case(self, case: Case, out: Path, *, force=False, progress=None, figures=True):
+    def run_case(
+        self, case: Case, out: Path, *, force=False, progress=None, on_pass=None, figures=True
+    ):
         self.case, self.out, self.force, self.figures = case, out, force, figures
         if progress is not None:
             progress(1, 320000.0, 1e-3)
@@ -41,7 +43,7 @@ class FakeRun(types.ModuleType):
             raise self.error
         return Solution.load(self.result)
 
-    def resume_case(self, out: Path, *, progress=None, figures=True, extensions=()):
+    def resume_case(self, out: Path, *, progress=None, on_pass=None, figures=True, extensions=()):
         self.out, self.extensions = out, extensions
         return Solution.load(self.result)
 
