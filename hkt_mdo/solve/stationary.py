@@ -43,12 +43,16 @@ RULES = Rules()
 class Stationary:
     """The best optimum among the iterates of a minimization, and whether it is the end.
 
-    Parameters
+    Attributes
     ----------
     lower, upper : np.ndarray
         Bounds of the unknowns, then of the constraints, shape (n_unknowns + n_constraints,).
     tolerance : float
         Largest violation of a bound.
+    best : np.ndarray or None
+        Unknowns of the best optimum so far, shape (n_unknowns,).
+    gap : float
+        Its gap, over the objective.
     """
 
     lower: np.ndarray
@@ -72,12 +76,14 @@ class Stationary:
         multipliers : np.ndarray
             Of the bounds of `values`, positive at an upper one.
         objective : float
+            What is minimized.
         gradient : np.ndarray
             That of the Lagrangian by the unknowns.
 
         Returns
         -------
         bool
+            True once no iterate has been better for `Rules.patience` iterations.
         """
         self._waited += 1
         over = np.max(np.maximum(self.lower - values, values - self.upper), initial=0.0)

@@ -39,8 +39,19 @@ class Told(LimitEntry):
     remark: str = "not limited"
     """What is said of a load without a limit."""
 
-    def row(self, name: str, load: Any = None) -> Row:
-        """Return the entry as a row; `name` is that of the limit or the load."""
+    def row(self, name: str) -> Row:
+        """Return the entry as a row.
+
+        Parameters
+        ----------
+        name : str
+            That of the limit or the load.
+
+        Returns
+        -------
+        Row
+            With its limit, when and where.
+        """
         note = self.remark
         if self.limit is not None:
             share = f"{100.0 * (self.share or 0.0):.2f} %, {'kept' if self.kept else 'BROKEN'}"
@@ -90,17 +101,35 @@ class Run:
 
     @cached_property
     def simulation(self) -> Simulation:
-        """What the design does in the flow."""
+        """What the design does in the flow.
+
+        Returns
+        -------
+        Simulation
+            Sampled densely over the flow.
+        """
         return self.given or self.design.fly(self.inflow)
 
     @property
     def name(self) -> str:
-        """Scenario and seed, as far as there are several."""
+        """Scenario and seed, as far as there are several.
+
+        Returns
+        -------
+        str
+            Empty where there is one of each.
+        """
         return joined(self.scenario, "" if self.seed is None else f"seed {self.seed}")
 
     @cached_property
     def told(self) -> dict[str, Told]:
-        """Largest value of each limit over time by its name, then of the loads without a limit."""
+        """Largest value of each limit over time by its name, then of the loads without a limit.
+
+        Returns
+        -------
+        dict of Told
+            In SI units.
+        """
         physics, plant = self.design.physics, self.design.plant
         known = Flown.of(physics, plant, self.simulation, self.design.controller).told
         limits = physics.limits_in(physics.scenarios[0])
@@ -116,13 +145,25 @@ class Run:
 
     @property
     def energies(self) -> dict[str, float | None]:
-        """Energies by their names, J; None where the rotor stops."""
+        """Energies by their names, J; None where the rotor stops.
+
+        Returns
+        -------
+        dict of float or None
+            By the names of `hkt_mdo.quantities`.
+        """
         run = self.simulation
         return {x: None if run.stopped_at else getattr(run, x) for x in names(over="result")}
 
     @property
     def outcome(self) -> str:
-        """The energies as text, or when the rotor stops."""
+        """The energies as text, or when the rotor stops.
+
+        Returns
+        -------
+        str
+            One line.
+        """
         if (stopped := self.simulation.stopped_at) is not None:
             return f"rotor stops at t = {stopped:.2f} s, not generating; energy n/a"
         told = ("captured", "generated", "electrical"), self.energies.values()
@@ -131,7 +172,13 @@ class Run:
 
     @property
     def verdicts(self) -> str:
-        """The verdicts on all limits, as text."""
+        """The verdicts on all limits, as text.
+
+        Returns
+        -------
+        str
+            One line.
+        """
         told = ((name.replace("_", " "), x) for name, x in self.told.items() if x.share is not None)
         return joined(
             *(f"{n} {100.0 * x.share:.2f} %{'' if x.kept else ' BROKEN'}" for n, x in told)
