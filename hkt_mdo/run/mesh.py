@@ -10,6 +10,7 @@ import numpy as np
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.scenario import Scenario
+from hkt_mdo.quantities import RATES
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run.flight import Flight, Optimized
 from hkt_mdo.run.judge import (
@@ -167,12 +168,15 @@ def _open_loop(physics, result, flights, coarse, before) -> float:
     """Return the error of the mesh under open loop, and mark in `coarse` what causes it."""
     best = physics.rotor.best_operation(result.point.blade).power_coefficient
     left = [_left(physics, flight, result.energy, best) for flight in flights]
-    error = abs(result.objective / before[-1] - 1.0) if before else np.inf
-    error = min(error, float(sum(map(np.sum, left))))
-    if error <= MESH_ERROR:
+    known = float(sum(map(np.sum, left)))
+    change = abs(result.objective / before[-1] - 1.0) if before else np.inf
+    # what a rate of the torque leaves is no power: its error is known by a division alone
+    rates = any(x.is_of(RATES) for each in flights for x in held(physics, each.scenario))
+    error = change if rates and before else min(change, known)
+    if error <= MESH_ERROR and (before or not rates):
         return error
     for marks, flight, own in zip(coarse, flights, left, strict=True):
-        marks |= _switches(physics, flight) | _most(own)
+        marks |= _switches(physics, flight) | (own > 0.0 if rates and not before else _most(own))
     return error
 
 

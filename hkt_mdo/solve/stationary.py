@@ -15,7 +15,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Rules:
-    """What an iterate must keep to count as an optimum, and when it is the end.
+    """What an iterate must keep to count as an optimum, in tolerances, and when it is the end.
 
     Attributes
     ----------
@@ -23,16 +23,17 @@ class Rules:
         Largest element of the Lagrangian's gradient, of the scaled problem.
     gap : float
         Sum of multipliers times distances from their bounds, over the objective: by as much the
-        optimum of a convex problem may be better. Half of what the judges allow of the energy.
+        optimum of a convex problem may be better. At a tolerance of 1e-7, half of what the judges
+        allow of the energy.
     better : float
         Relative change of the objective that is an improvement.
     patience : int
         Iterations without one after which the best is the end.
     """
 
-    gradient: float = 1e-4
-    gap: float = 5e-5
-    better: float = 1e-7
+    gradient: float = 1e3
+    gap: float = 500.0
+    better: float = 1.0
     patience: int = 30
 
 
@@ -48,7 +49,7 @@ class Stationary:
     lower, upper : np.ndarray
         Bounds of the unknowns, then of the constraints, shape (n_unknowns + n_constraints,).
     tolerance : float
-        Largest violation of a bound.
+        The optimizer's; the largest violation of a bound.
     best : np.ndarray or None
         Unknowns of the best optimum so far, shape (n_unknowns,).
     gap : float
@@ -90,14 +91,15 @@ class Stationary:
         bound = np.where(multipliers > 0.0, self.upper, self.lower)
         room = np.where(np.isfinite(bound), np.abs(bound - values), 0.0)
         gap = float(np.abs(multipliers) @ room) / max(abs(objective), 1e-9)
-        stationary = np.max(np.abs(gradient), initial=0.0) <= RULES.gradient
-        if over <= self.tolerance and gap <= RULES.gap and stationary:
+        slope = float(np.max(np.abs(gradient), initial=0.0))
+        unit = self.tolerance
+        if over <= unit and gap <= RULES.gap * unit and slope <= RULES.gradient * unit:
             if objective < self._objective:
                 self.best, self.gap, self._objective = (
                     values[: gradient.size].copy(),
                     gap,
                     objective,
                 )
-            if objective < self._improved - RULES.better * abs(objective):
+            if objective < self._improved - RULES.better * unit * abs(objective):
                 self._improved, self._waited = objective, 0
         return self.best is not None and self._waited >= RULES.patience

@@ -71,7 +71,7 @@ class Rough(om.ExplicitComponent):
 
 
 def test_ipopt_ends_where_nothing_is_gained():
-    driver = make_driver("casadi", "IPOPT", 1e-9, 500)
+    driver = make_driver("casadi", "IPOPT", 1e-7, 500)
     problem = om.Problem(driver=driver, reports=False)
     problem.model.add_subsystem("rough", Rough(), promotes=["*"])
     problem.model.add_design_var("x", lower=-5.0, upper=5.0)
