@@ -88,9 +88,10 @@ def _pass_on(found, cases, jobs, done, run) -> None:
                 except Exception as error:  # the result that there was stays
                     done(folder, f"{type(error).__name__}: {error}")
                     return
+                if better:
+                    own = cases[folder].extensions
+                    found[folder] = Solution.load(found[folder].folder, extensions=own)
                 done(folder, "better from another's design" if better else "not better")
-                own = cases[folder].extensions
-                found[folder] = Solution.load(found[folder].folder, extensions=own)
 
             in_processes(again, jobs, ended)
 

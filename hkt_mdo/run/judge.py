@@ -47,7 +47,6 @@ STORED = 0.01  # share of the captured energy that the rotor may have stored
 RECOVERY_ERROR = 0.2  # of the least recovery torque, which is a small difference of torques
 BELOW_START = 2e-3  # what the rotor's inertia and its distance from stall may cost
 BOUND_MARGIN, NODE_VIOLATION = 1e-5, 1e-6
-SLOWER = 1.0 - SLOWED  # share of its speed at which a rotor must recover
 CUT_BETWEEN = 1e-3  # of a torque's polynomial, which the generator cuts at its limit
 
 
@@ -198,8 +197,8 @@ def sold(physics: Physics, result: Optimized, flights: tuple[Flight, ...]) -> fl
         if not physics.law.is_feedback:
             return abs(flown.kinetic_energy_change)
         speed = flown.rotor_speed
-        net, slowed = (_net_torque(physics, result, flight, x)[-1] for x in (speed, SLOWER * speed))
-        slope = (slowed - net) / ((1.0 - SLOWER) * speed[-1])
+        net, slowed = (each[-1] for each in _net_torques(physics, result, flight))
+        slope = (slowed - net) / (SLOWED * speed[-1])
         if slope <= 0.0:  # no speed near the last one is an equilibrium that holds
             return abs(flown.kinetic_energy_change)
         return flight.plant.inertia * speed[-1] * abs(net / slope)
@@ -228,23 +227,27 @@ def short_of_recovery(physics: Physics, result: Optimized, flight: Flight) -> np
     does not recover, at most 0 where all is well. It is asked where the rotor is `settled`, else
     -inf: in a gust that is faster than the rotor, the integration tells whether it comes back.
     """
-    flown = flight.simulation
-    speed, radius = flown.rotor_speed, flight.scalars["rotor_radius"]
+    flown, radius = flight.simulation, flight.scalars["rotor_radius"]
     unit = TYPICAL * torque_scale(physics.density, radius, flown.inflow_speed)
-    net, slowed = (_net_torque(physics, result, flight, x) for x in (speed, SLOWER * speed))
+    net, slowed = _net_torques(physics, result, flight)
     recovery = (slowed - net) / unit
     known = settled(flight.integrated | flight.scalars)
     return np.where(known, 1.0 - recovery / LEAST, -np.inf)
 
 
-def _net_torque(physics, result, flight, speed):
-    """Return the torque that accelerates a rotor under feedback at other speeds, N*m, (n_times,).
+def _net_torques(physics, result, flight):
+    """Return the torque that accelerates a rotor under feedback, N*m, (n_times,), and when slowed.
 
-    In the flow, and with the states of the law, of its integration.
+    That is at its speed, and at what is left of it after a loss of `SLOWED`; in the flow, and with
+    the states of the law, of its integration.
     """
     flown = flight.simulation
-    driving = flight.plant.torque(speed, flown.inflow_speed)
-    return driving - physics.law.torque(speed, result.point.gains, *flown.states)
+
+    def net(speed):
+        driving = flight.plant.torque(speed, flown.inflow_speed)
+        return driving - physics.law.torque(speed, result.point.gains, *flown.states)
+
+    return net(flown.rotor_speed), net((1.0 - SLOWED) * flown.rotor_speed)
 
 
 def _closed_loop(flights):
