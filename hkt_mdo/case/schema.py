@@ -483,7 +483,7 @@ def _make_case(
     """Return the case of some data, which is changed, and overrides."""
     overrides = (overrides,) if isinstance(overrides, str) else overrides
     _leave_to_blade(data, overrides)
-    given = {_assign(data, override, file): override for override in overrides}
+    given = {assign(data, override, file): override for override in overrides}
     data.setdefault("name", name)
     made = case_class(kinds)
     try:
@@ -504,8 +504,11 @@ def _leave_to_blade(data: dict[str, Any], overrides: Sequence[str]) -> None:
                 del rotor[key]
 
 
-def _assign(data: dict[str, Any], override: str, file: str) -> str:
-    """Make an override and return its dotted key; a bare name of a kind becomes a section first."""
+def assign(data: dict[str, Any], override: str, file: str) -> str:
+    """Make an override and return its dotted key; a bare name of a kind becomes a section first.
+
+    `data` is changed; `file` is what messages call it. InputError if the override is none.
+    """
     key, equals, text = override.partition("=")
     key = key.strip()
     if not equals or not text.strip() or not re.fullmatch(r"\w+(\.\w+)*", key, re.ASCII):

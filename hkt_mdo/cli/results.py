@@ -1,4 +1,4 @@
-"""The commands that work on results: show, plot, compare, simulate."""
+"""The commands that work on results: show, plot, compare, simulate, export."""
 
 from __future__ import annotations
 
@@ -24,6 +24,9 @@ _FLOW = (
     "design: the result's own; A, B or C: the paper's uncertain flows (amplitude x 1.1, frequency "
     "0.225 rad/s, phase 0.2 pi); or an inflow section in YAML, such as {profile: sine, mean: 1.4}."
 )
+_TO = "Format, such as csv; may be given several times."
+_OPTION = "Option of a format, such as stl.trailing_edge='2 mm'; may be given several times."
+_ANYWAY = "Replace files that are there already; also export a result that is no success."
 _SCENARIO = "Simulate the operation of this scenario only, of a result with several."
 _SNR = "Signal-to-noise ratio of the speed sensor."
 _REFERENCE = "What is the signal: the speed's fluctuation about its mean, or the total speed."
@@ -102,6 +105,24 @@ def compare(
 
         for path in save_figures(solutions, out):
             echo(str(path))
+
+
+def export(
+    result: ResultFolder,
+    to: Annotated[list[str], Option("--to", metavar="FORMAT", help=_TO)],
+    out: Annotated[Path, Option(metavar="DIR", help="Folder for the files, made if need be.")],
+    options: Annotated[list[str] | None, Option("--set", metavar="OPTION", help=_OPTION)] = None,
+    force: Annotated[bool, Option("--force", help=_ANYWAY)] = False,
+) -> None:
+    """Write a result in the files that other programs read (docs/exports.md).
+
+    The files tell which result and case they come from. Of a bad option, a missing package or a
+    file that is there already nothing is written.
+    """
+    from hkt_mdo.exports.base import export
+
+    for path in export(read_result(result), to, out, options=options or (), force=force):
+        echo(str(path))
 
 
 def simulate(
