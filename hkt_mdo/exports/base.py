@@ -145,7 +145,8 @@ def chosen(names: Sequence[str], overrides: Iterable[str] = ()) -> list[Format]:
             problem = f"needs {', '.join(missing)}, which is not installed"
             raise InputError(problem, remedy, key="--to", value=name)
         fields[name] = kind, Field(default_factory=kind, description=f"Options of {name}.")
-    root, data = create_model("Exports", __base__=Section, **fields), {}
+    root = create_model("Exports", __base__=Section, **fields)
+    data: dict[str, Any] = {}
     given = {assign(data, override, "hkt export"): override for override in overrides}
     try:
         made = root.model_validate(data)
