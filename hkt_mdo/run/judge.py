@@ -380,7 +380,7 @@ TRY = {
     "mesh_error": "try driver.optimizer=IPOPT, or more phase.segments",
     "distance_from_stall": "try hydrodynamics.torque=curve, or start.method=quasi_steady",
     "closed_loop": "try a larger control.proportional_gain",
-    "loads_resolved": "give more stations: rotor.station_count=40",
+    "loads_resolved": "give rotor.station_count=40 in place of rotor.stations",
     "stored_energy": (
         "the captured energy counts what the rotor stores: try objective=generator, or "
         "phase.stored_energy=allowed"
