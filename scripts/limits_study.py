@@ -42,9 +42,10 @@ HEAD = """\
 # What limits cost, and what they buy
 
 Written by `python scripts/limits_study.py`, from cases/limits and variations of them: the paper's
-rotor in its sinusoidal flow with 700 N m, its blade on 40 stations. Each row is a whole co-design, blade and controller; each
-has been integrated again with direct BEM, and each limit was judged along that integration and
-between the nodes. Energies are captured energies of the integration.
+rotor in its sinusoidal flow with 700 N m, its blade on 40 stations. Each row is a whole co-design,
+blade and controller; each has been integrated again with direct BEM, and each limit was judged
+along that integration, between the nodes and on 120 stations. Energies are captured energies of the
+integration.
 """
 
 
