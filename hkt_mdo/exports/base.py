@@ -27,7 +27,12 @@ from hkt_mdo.sections import Section
 if TYPE_CHECKING:
     from hkt_mdo.results.design import Design
 
-FORMATS = {"csv": "tables:Csv"}
+FORMATS = {
+    "csv": "tables:Csv",
+    "sections": "solids:Sections",
+    "stl": "solids:Stl",
+    "step": "step:Step",
+}
 """Module and class of each format, by the name that `hkt export --to` takes."""
 
 
