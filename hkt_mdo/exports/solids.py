@@ -7,16 +7,21 @@ completes a right-handed system. The origin is where the blades' axes meet the s
 from __future__ import annotations
 
 from abc import ABC
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
 from scipy.interpolate import make_interp_spline
+from scipy.spatial.transform import Rotation
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source
 from hkt_mdo.files.blade import read_blade
+from hkt_mdo.problem.turbine import OUTLINE
 from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.rotor.strength import StructureByThickness
 from hkt_mdo.rotor.thickness import over_thickness
 from hkt_mdo.sections import Quantity
 
@@ -53,10 +58,10 @@ class Outer(Format, ABC):
     """What all formats of the blade's outer surface have in common."""
 
     trailing_edge: Annotated[float, Quantity("m", ge=0)] | None = None
-    """Thickness of the trailing edge: aft of its thickest place no section is thinner. Null: 0.5 %
+    """Thickness of the trailing edge; aft of its thickest place no section is thinner. Null: 0.5 %
     of the local chord; 0: as the outline has it."""
     stacking: Annotated[float, Quantity(ge=0, le=1)] = 0.25
-    """Where the blade's axis meets the chord line, over the chord from the leading edge."""
+    """Place of the blade's axis on the chord line, over the chord from the leading edge."""
     rotation: Literal["clockwise", "anticlockwise"] = "clockwise"
     """Sense of rotation, seen from upstream, looking along the flow."""
     points: Annotated[int, Field(ge=20, le=1000)] = 200
@@ -88,33 +93,20 @@ class Outer(Format, ABC):
         blade = design.blade
         chord, twist = (np.interp(r, blade.r, each) for each in (blade.chord, blade.twist))
         fractions = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, self.points // 2 + 1)))
-        sides = np.array([outline.resampled(fractions) for outline in design.outlines])
-        if blade.thickness is not None:
-            at = np.interp(r, blade.r, blade.thickness)
-            sides = over_thickness(design.turbine.structure.thickness, sides)(at)
-        elif len(sides) == 1:
-            sides = np.repeat(sides, r.size, axis=0)
-        else:
-            sides = make_interp_spline(blade.r, sides, k=1)(np.clip(r, blade.r[0], blade.r[-1]))
+        sides = along_span(design, [each.resampled(fractions) for each in design.outlines], r)
         x, upper, lower = np.moveaxis(sides, 1, 0)
         thickness = upper - lower
         largest = np.max(thickness, axis=1)
         least = TRAILING_EDGE if self.trailing_edge is None else self.trailing_edge / chord
-        if np.any(least > 0.5 * largest):
-            thin = int(np.argmin(largest * chord))
-            problem = (
-                f"is more than half the thickness of the section at r = {r[thin]:.4g} m, "
-                f"{1e3 * largest[thin] * chord[thin]:.3g} mm"
-            )
-            raise InputError(
-                problem,
-                "give a thinner trailing edge",
-                key=f"{self.name}.trailing_edge",
-                value=f"{self.trailing_edge:g} m",
-            )
+        least = np.broadcast_to(least, chord.shape)
+        thin = int(np.argmax(least / largest))
+        if least[thin] > 0.5 * largest[thin]:
+            given, whole = (1e3 * chord[thin] * each[thin] for each in (least, largest))
+            problem = f"is more than half of the section's {whole:.3g} mm at r = {r[thin]:.4g} m"
+            key, remedy = f"{self.name}.trailing_edge", "give a thinner trailing edge"
+            raise InputError(problem, remedy, key=key, value=f"{given:.3g} mm")
         aft = np.arange(x.shape[1]) > np.argmax(thickness, axis=1)[:, None]
-        least = np.broadcast_to(least, chord.shape)[:, None]
-        grown = np.where(aft, 0.5 * np.maximum(least - thickness, 0.0), 0.0)
+        grown = np.where(aft, 0.5 * np.maximum(least[:, None] - thickness, 0.0), 0.0)
         along = np.hstack((x[:, ::-1], x[:, 1:])) - self.stacking
         across = np.hstack(((upper + grown)[:, ::-1], (lower - grown)[:, 1:]))
         plane = chord[:, None, None] * np.stack((along, across), axis=-1)
@@ -161,7 +153,7 @@ class Outer(Format, ABC):
         InputError
             If the case gives no outline.
         """
-        require_outlines(source)
+        outlines = outline_names(source)
         blade = source.design.blade
         edge = f"{1e3 * (self.trailing_edge or 0.0):g} mm"
         if self.trailing_edge is None:
@@ -178,6 +170,7 @@ class Outer(Format, ABC):
             "edge is turned upstream",
             f"blade's axis: at {self.stacking:g} of the chord from the leading edge",
             f"trailing edge: aft of the thickest place no section is thinner than {edge}",
+            f"outlines: {outlines}",
         ]
 
 
@@ -213,8 +206,8 @@ class Solid(Outer, ABC):
 
     spanwise: Annotated[int, Field(ge=3, le=2000)] = 100
     """Smallest number of sections along the span; hub, stations and tip are always among them."""
-    hub: bool = False
-    """Whether the rotor has a hub: a cylinder of the hub's radius, into which its blades reach."""
+    hub: Literal["none", "cylinder"] = "none"
+    """Hub of the rotor; the blades reach into a cylinder, which has the hub's radius."""
 
     def radii(self, design: Design) -> np.ndarray:
         """Return the radii of the sections from hub to tip.
@@ -237,13 +230,13 @@ class Solid(Outer, ABC):
         )
         return np.append(np.concatenate(list(inner)), edges[-1])
 
-    def surface(self, source: Source, r: np.ndarray) -> np.ndarray:
+    def surface(self, design: Design, r: np.ndarray) -> np.ndarray:
         """Return the points of the first blade's sections in the rotor's axes.
 
         Parameters
         ----------
-        source : Source
-            The result and its design.
+        design : Design
+            The design.
         r : ndarray of shape (n_radii,)
             Radii along the blade (m).
 
@@ -252,43 +245,45 @@ class Solid(Outer, ABC):
         ndarray of shape (n_radii, n_points, 3)
             x, y and z (m).
         """
-        return self.placed(source.design, self.stations(source.design, r))
+        return self.placed(design, self.stations(design, r))
 
-    def reach(self, source: Source) -> float:
-        """Return the radius from which blades begin that reach into a hub, so that no gap is left.
+    def reaching(self, design: Design, r: np.ndarray) -> np.ndarray:
+        """Return radii with one before them at which a blade is inside the hub, without a gap.
 
         Parameters
         ----------
-        source : Source
-            The result and its design.
+        design : Design
+            The design.
+        r : ndarray of shape (n_radii,)
+            Radii along the blade (m), from the hub.
 
         Returns
         -------
-        float
-            Radius along the blade (m).
+        ndarray of shape (n_radii + 1,)
+            Radii along the blade (m); `r` itself for a rotor without a hub.
         """
-        hub = source.design.blade.hub_radius
-        wide = np.max(np.abs(self.surface(source, np.array([hub]))[..., 1])) / hub
-        return 0.95 * hub * float(np.sqrt(1.0 - min(wide, 0.8) ** 2))
+        if self.hub == "none":
+            return r
+        wide = np.max(np.abs(self.surface(design, r[:1])[..., 1])) / r[0]
+        return np.append(0.95 * r[0] * np.sqrt(1.0 - min(wide, 0.8) ** 2), r)
 
-    def cylinder(self, source: Source) -> tuple[float, float, float]:
+    def cylinder(self, design: Design) -> tuple[float, float, float]:
         """Return the hub: a cylinder about the shaft that covers the roots of the blades.
 
         Parameters
         ----------
-        source : Source
-            The result and its design.
+        design : Design
+            The design.
 
         Returns
         -------
         begin, end, radius : float
             Along the shaft, and about it (m).
         """
-        blade = source.design.blade
-        root = self.surface(source, np.array([self.reach(source), blade.hub_radius]))[..., 0]
-        beyond = 0.1 * blade.hub_radius
-        radius = blade.hub_radius * float(np.cos(blade.cone))
-        return float(np.min(root)) - beyond, float(np.max(root)) + beyond, radius
+        hub, cone = design.blade.hub_radius, design.blade.cone
+        root = self.surface(design, self.reaching(design, np.array([hub])))[..., 0]
+        begin, end = np.min(root) - 0.1 * hub, np.max(root) + 0.1 * hub
+        return float(begin), float(end), hub * float(np.cos(cone))
 
 
 class Stl(Solid):
@@ -297,38 +292,47 @@ class Stl(Solid):
     name = "stl"
 
     def files(self, source: Source) -> dict[str, bytes]:
-        remarks, blade = self.remarks(source), source.design.blade
-        r = self.radii(source.design)
-        one = body = triangles(self.surface(source, r))
-        if self.hub:
-            body = triangles(self.surface(source, np.append(self.reach(source), r)))
-        bodies = [body @ turn.T for turn in turns(blade.blade_count)]
-        if self.hub:
-            bodies.append(cylinder_triangles(*self.cylinder(source), self.points))
+        remarks, design = self.remarks(source), source.design
+        r, count = self.radii(design), design.blade.blade_count
+        blade = triangles(self.surface(design, r))
+        rooted = triangles(self.surface(design, self.reaching(design, r)))
+        turns = np.outer(2.0 * np.pi * np.arange(count) / count, (1.0, 0.0, 0.0))
+        bodies, whole = [rooted @ Rotation.from_rotvec(turn).as_matrix().T for turn in turns], ""
+        if self.hub != "none":
+            begin, end, radius = self.cylinder(design)
+            angle = np.linspace(0.0, 2.0 * np.pi, self.points + 1)[:-1]
+            x, circle = np.full(angle.size, 1.0), radius * np.array([np.cos(angle), np.sin(angle)])
+            rings = [np.column_stack((at * x, *circle)) for at in (begin, end)]
+            bodies, whole = [*bodies, triangles(np.array(rings))], ": blades and, last, hub"
         remarks += [
-            f"blade.stl: the first blade, closed at hub and tip, volume {volume(one):.6g} m**3; "
-            f"{outline_volume(source):.6g} m**3 is the integral of the outlines along the span",
+            f"blade.stl: the first blade, closed at hub and tip, volume {volume(blade):.6g} m**3; "
+            f"integral of the outlines along the span: {outline_volume(design):.6g} m**3",
             f"rotor.stl: {len(bodies)} closed bodies, volumes (m**3) "
-            + ", ".join(f"{volume(each):.6g}" for each in bodies)
-            + (": the blades, which reach into the hub, and the hub" if self.hub else ""),
+            f"{', '.join(f'{volume(body):.6g}' for body in bodies)}{whole}",
         ]
         header = f"Binary STL, metres, {source.provenance[0]}"
         return {
-            "blade.stl": binary_stl(one, header),
+            "blade.stl": binary_stl(blade, header),
             "rotor.stl": binary_stl(np.concatenate(bodies), header),
             "stl.txt": ("\n".join(remarks) + "\n").encode(),
         }
 
 
-def require_outlines(source: Source) -> None:
-    """Refuse a result whose case has polars of its own without the outlines that belong to them.
+def outline_names(source: Source) -> str:
+    """Return what the case calls its outlines.
 
-    The program then takes another outline, stretched, for mass and stress only.
+    A case may have polars of its own without the outlines that belong to them. The program then
+    takes another outline, for mass and stress only, which is none to build a blade from.
 
     Parameters
     ----------
     source : Source
         The result.
+
+    Returns
+    -------
+    str
+        Names of files and of shipped outlines.
 
     Raises
     ------
@@ -336,121 +340,90 @@ def require_outlines(source: Source) -> None:
         If a section has no outline.
     """
     rotor, key = source.solution.case.rotor, ""
-    if rotor.outline is not None:
-        return
-    lacking = [n for n, each in enumerate(rotor.sections) if each.outline is None]
-    if lacking:
-        key = f"rotor.sections[{lacking[0]}].outline"
-    elif not rotor.sections and rotor.polar is not None:
+    names = [each.outline or rotor.outline for each in rotor.sections]
+    if None in names:
+        key = f"rotor.sections[{names.index(None)}].outline"
+    elif not names and rotor.outline is None and rotor.polar is not None:
         key = "rotor.outline"
-    elif not rotor.sections and rotor.chord is None:
-        of_file = read_blade(rotor.blade, hub_radius=0.0).sections
-        key = "rotor.outline" if any(each.outline_x is None for each in of_file) else ""
+    elif not names and rotor.outline is None and rotor.chord is None:
+        own = read_blade(rotor.blade, hub_radius=0.0).sections
+        key = "rotor.outline" if any(each.outline_x is None for each in own) else ""
+        names = [rotor.blade] if own else []
     if key:
-        problem = "is not given: the polars alone do not say the shape of the sections"
+        problem = "is not given, and polars alone do not say the shape of a section"
         remedy = "give the outline in the case and run it again"
         raise InputError(problem, remedy, file=source.solution.folder, key=key)
+    names = names or [rotor.outline or OUTLINE]
+    return ", ".join(Path(name).name for name in dict.fromkeys(filter(None, names)))
 
 
-def outline_volume(source: Source) -> float:
+def along_span(design: Design, values: Sequence[Any], r: np.ndarray) -> np.ndarray:
+    """Return what belongs to the outlines of a design at some radii.
+
+    Linear between stations; where the thickness is designed, that is linear, and the values are a
+    spline over it.
+
+    Parameters
+    ----------
+    design : Design
+        The design.
+    values : array_like of shape (n_outlines, ...)
+        Of each of the design's outlines.
+    r : ndarray of shape (n_radii,)
+        Radii along the blade (m).
+
+    Returns
+    -------
+    ndarray of shape (n_radii, ...)
+        Values at the radii; those of the first and last station beyond them.
+    """
+    blade, structure, each = design.blade, design.turbine.structure, np.array(values)
+    if isinstance(structure, StructureByThickness) and blade.thickness is not None:
+        return over_thickness(structure.thickness, each)(np.interp(r, blade.r, blade.thickness))
+    if len(each) == 1:
+        return np.repeat(each, r.size, axis=0)
+    return make_interp_spline(blade.r, each, k=1)(np.clip(r, blade.r[0], blade.r[-1]))
+
+
+def outline_volume(design: Design) -> float:
     """Return the integral of the outlines' area along one blade, as the program's mass has it.
 
     Parameters
     ----------
-    source : Source
-        The result and its design.
+    design : Design
+        The design.
 
     Returns
     -------
     float
         Volume before the trailing edge is thickened (m**3).
     """
-    design, blade = source.design, source.design.blade
-    area = np.array([outline.area for outline in design.outlines])
-    if blade.thickness is not None:
-        area = over_thickness(design.turbine.structure.thickness, area)(blade.thickness)
-    return float(mass_and_inertia(blade, area, 1.0).mass) / blade.blade_count
-
-
-def turns(count: int) -> list[np.ndarray]:
-    """Return the rotations about the shaft from the first blade to each.
-
-    Parameters
-    ----------
-    count : int
-        Number of blades.
-
-    Returns
-    -------
-    list of ndarray of shape (3, 3)
-        The first one is the identity.
-    """
-    found = []
-    for angle in 2.0 * np.pi * np.arange(count) / count:
-        sine, cosine = np.sin(angle), np.cos(angle)
-        found.append(np.array([[1.0, 0.0, 0.0], [0.0, cosine, -sine], [0.0, sine, cosine]]))
-    return found
+    area = along_span(design, [each.area for each in design.outlines], design.blade.r)
+    return float(mass_and_inertia(design.blade, area, 1.0).mass) / design.blade.blade_count
 
 
 def triangles(points: np.ndarray) -> np.ndarray:
-    """Return the closed surface through sections: skin, trailing edge, and a cap at either end.
+    """Return the closed surface through plane sections, with a cap at either end.
 
     Parameters
     ----------
-    points : ndarray of shape (n_radii, n_points, 3)
-        Points of the sections, from the trailing edge round to it.
+    points : ndarray of shape (n_sections, n_points, 3)
+        Points of the sections, once round. The caps join the first and the last point, the second
+        and the last but one, and so on.
 
     Returns
     -------
     ndarray of shape (n_triangles, 3, 3)
-        Corners, with normals outwards; none is a point or a line.
+        Corners in single precision, normals outwards, without triangles that are points or lines.
     """
-    n_radii, n = points.shape[:2]
-    index = np.arange(n_radii * n).reshape(n_radii, n)
-    ring = np.hstack((index, index[:, :1]))
-    half = np.arange(n // 2)
+    n_sections, n = points.shape[:2]
+    index = np.arange(n_sections * n).reshape(n_sections, n)
+    ring, half = np.hstack((index, index[:, :1])), np.arange((n - 1) // 2)
     quads = [np.stack((ring[:-1, :-1], ring[:-1, 1:], ring[1:, 1:], ring[1:, :-1]), -1)]
     for end in (index[0], index[-1, ::-1]):
         quads.append(np.stack((end[half], end[-1 - half], end[-2 - half], end[half + 1]), -1))
-    corners = np.concatenate([quad.reshape(-1, 4) for quad in quads])
-    found = points.reshape(-1, 3)[np.concatenate((corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]))]
-    return _oriented(found)
-
-
-def cylinder_triangles(begin: float, end: float, radius: float, count: int) -> np.ndarray:
-    """Return a closed cylinder about the shaft.
-
-    Parameters
-    ----------
-    begin, end : float
-        Along the shaft (m).
-    radius : float
-        Radius (m).
-    count : int
-        Number of its sides.
-
-    Returns
-    -------
-    ndarray of shape (n_triangles, 3, 3)
-        Corners, with normals outwards.
-    """
-    angle = 2.0 * np.pi * np.arange(count) / count
-    ring = np.column_stack((np.full(count, begin), radius * np.cos(angle), radius * np.sin(angle)))
-    rings = np.stack((ring, ring + np.array([end - begin, 0.0, 0.0])))
-    following = np.roll(rings, -1, axis=1)
-    axis = np.zeros_like(rings)
-    axis[..., 0] = rings[..., 0]
-    parts = (
-        (rings[0], following[0], following[1]),
-        (rings[0], following[1], rings[1]),
-        (axis[0], following[0], rings[0]),
-        (axis[1], rings[1], following[1]),
-    )
-    return _oriented(np.concatenate([np.stack(part, axis=1) for part in parts]))
-
-
-def _oriented(corners: np.ndarray) -> np.ndarray:
-    """Return triangles as single precision has them, normals outwards, without degenerate ones."""
+    four = np.concatenate([quad.reshape(-1, 4) for quad in quads])
+    corners = points.reshape(-1, 3)[np.concatenate((four[:, [0, 1, 2]], four[:, [0, 2, 3]]))]
     corners = corners.astype(np.float32).astype(float)
     same = [np.all(corners[:, i] == corners[:, i - 1], axis=1) for i in range(3)]
     corners = corners[~np.any(same, axis=0)]

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import reduce
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from textwrap import wrap
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -17,6 +16,9 @@ from scipy.interpolate import PchipInterpolator, make_interp_spline
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Source
 from hkt_mdo.exports.solids import Solid, outline_volume
+
+if TYPE_CHECKING:
+    from hkt_mdo.results.design import Design
 
 DEGREE = 3
 """Degree of the surfaces round the sections and along the span."""
@@ -38,33 +40,37 @@ class Step(Solid):
     """Smallest number of sections that the surface goes through; hub, stations and tip always."""
 
     def files(self, source: Source) -> dict[str, bytes]:
-        remarks, count = self.remarks(source), source.design.blade.blade_count
-        r = self.radii(source.design)
-        blade = rooted = self.solid(self.surface(source, r), r)
-        if self.hub:
-            r = np.append(self.reach(source), r)
-            rooted = self.solid(self.surface(source, r), r)
+        from OCP.BRepAlgoAPI import BRepAlgoAPI_Fuse
+
+        remarks, design = self.remarks(source), source.design
+        r, count = self.radii(design), design.blade.blade_count
+        blade = rooted = self.solid(design, r)
+        if self.hub != "none":
+            rooted = self.solid(design, self.reaching(design, r))
         rotor = [turned(rooted, 2.0 * np.pi * n / count) for n in range(count)]
-        if self.hub:
-            rotor = [self.united([cylinder(*self.cylinder(source)), *rotor])]
+        if self.hub != "none":
+            whole = cylinder(*self.cylinder(design))
+            for each in rotor:
+                whole = BRepAlgoAPI_Fuse(whole, each).Shape()
+            rotor = [self.checked(whole)]
         remarks.append(
             f"volume of a blade from hub to tip: {solid_volume(blade):.6g} m**3; integral of the "
-            f"outlines along the span: {outline_volume(source):.6g} m**3"
+            f"outlines along the span: {outline_volume(design):.6g} m**3"
         )
         return {
             f"{name}.step": step_file(solids, name, remarks)
             for name, solids in (("blade", [blade]), ("rotor", rotor))
         }
 
-    def solid(self, points: np.ndarray, r: np.ndarray) -> Any:
-        """Return the closed solid through sections.
+    def solid(self, design: Design, r: np.ndarray) -> Any:
+        """Return the closed solid of a blade.
 
         Parameters
         ----------
-        points : ndarray of shape (n_radii, n_points, 3)
-            Points of the sections (m), from the trailing edge round to it.
+        design : Design
+            The design.
         r : ndarray of shape (n_radii,)
-            Their radii (m).
+            Radii of the sections that it goes through (m).
 
         Returns
         -------
@@ -86,7 +92,7 @@ class Step(Solid):
         from OCP.BRepLib import BRepLib
         from OCP.TopoDS import TopoDS
 
-        poles, knots = lofted(_MILLI * points, r)
+        poles, knots = lofted(_MILLI * self.surface(design, r), r)
         surfaces = [spline_surface(poles, knots, (DEGREE, DEGREE))]
         edge = poles[[-1, 0]]
         if np.max(np.linalg.norm(edge[1] - edge[0], axis=-1)) > _MILLI * SHARP:
@@ -104,28 +110,6 @@ class Step(Solid):
         solid = BRepBuilderAPI_MakeSolid(TopoDS.Shell(sewing.SewedShape())).Solid()
         BRepLib.OrientClosedSolid_s(solid)
         return self.checked(solid)
-
-    def united(self, solids: Sequence[Any]) -> Any:
-        """Return the union of solids that overlap.
-
-        Parameters
-        ----------
-        solids : sequence of OCP.TopoDS.TopoDS_Shape
-            The first one overlaps all others.
-
-        Returns
-        -------
-        OCP.TopoDS.TopoDS_Shape
-            One solid.
-
-        Raises
-        ------
-        InputError
-            If OpenCASCADE does not unite them to a valid solid.
-        """
-        from OCP.BRepAlgoAPI import BRepAlgoAPI_Fuse
-
-        return self.checked(reduce(lambda one, two: BRepAlgoAPI_Fuse(one, two).Shape(), solids))
 
     def checked(self, solid: Any) -> Any:
         """Return a solid as it is.
