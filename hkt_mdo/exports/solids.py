@@ -155,9 +155,11 @@ class Outer(Format, ABC):
         """
         outlines = outline_names(source)
         blade = source.design.blade
-        edge = f"{1e3 * (self.trailing_edge or 0.0):g} mm"
-        if self.trailing_edge is None:
-            edge = f"{100.0 * TRAILING_EDGE:g} % of the local chord"
+        edge = "that of the outlines"
+        if self.trailing_edge != 0.0:
+            thin = f"{100.0 * TRAILING_EDGE:g} % of the local chord"
+            thin = thin if self.trailing_edge is None else f"{1e3 * self.trailing_edge:g} mm"
+            edge = f"aft of the thickest place no section is thinner than {thin}"
         return [
             *source.provenance,
             *_AXES,
@@ -169,7 +171,7 @@ class Outer(Format, ABC):
             "twist: from the rotor plane to the chord, set angle included; positive: the leading "
             "edge is turned upstream",
             f"blade's axis: at {self.stacking:g} of the chord from the leading edge",
-            f"trailing edge: aft of the thickest place no section is thinner than {edge}",
+            f"trailing edge: {edge}",
             f"outlines: {outlines}",
         ]
 
@@ -204,7 +206,7 @@ class Sections(Outer):
 class Solid(Outer, ABC):
     """What the formats of closed bodies have in common."""
 
-    spanwise: Annotated[int, Field(ge=3, le=2000)] = 100
+    spanwise: Annotated[int, Field(ge=3, le=1000)] = 100
     """Smallest number of sections along the span; hub, stations and tip are always among them."""
     hub: Literal["none", "cylinder"] = "none"
     """Hub of the rotor; the blades reach into a cylinder, which has the hub's radius."""
@@ -310,7 +312,8 @@ class Stl(Solid):
             f"rotor.stl: {len(bodies)} closed bodies, volumes (m**3) "
             f"{', '.join(f'{volume(body):.6g}' for body in bodies)}{whole}",
         ]
-        header = f"Binary STL, metres, {source.provenance[0]}"
+        mark = "" if source.solution.success else ", THE RUN WAS NO SUCCESS"
+        header = f"STL in metres{mark}, {source.provenance[0]}"
         return {
             "blade.stl": binary_stl(blade, header),
             "rotor.stl": binary_stl(np.concatenate(bodies), header),

@@ -36,7 +36,7 @@ class Step(Solid):
     packages = ("OCP",)
     extra = "cad"
 
-    spanwise: Annotated[int, Field(ge=3, le=2000)] = 3
+    spanwise: Annotated[int, Field(ge=3, le=1000)] = 3
     """Smallest number of sections that the surface goes through; hub, stations and tip always."""
 
     def files(self, source: Source) -> dict[str, bytes]:
@@ -107,17 +107,20 @@ class Step(Solid):
                 wire.Add(BRepBuilderAPI_MakeEdge(surface.VIso(float(end))).Edge())
             sewing.Add(BRepBuilderAPI_MakeFace(wire.Wire(), True).Face())
         sewing.Perform()
-        solid = BRepBuilderAPI_MakeSolid(TopoDS.Shell(sewing.SewedShape())).Solid()
+        shell = self.checked(sewing.SewedShape(), closed=sewing.NbFreeEdges() == 0)
+        solid = BRepBuilderAPI_MakeSolid(TopoDS.Shell(shell)).Solid()
         BRepLib.OrientClosedSolid_s(solid)
         return self.checked(solid)
 
-    def checked(self, solid: Any) -> Any:
-        """Return a solid as it is.
+    def checked(self, solid: Any, *, closed: bool = True) -> Any:
+        """Return a solid, or its surface, as it is.
 
         Parameters
         ----------
         solid : OCP.TopoDS.TopoDS_Shape
             The solid.
+        closed : bool
+            Whether its surface is closed.
 
         Returns
         -------
@@ -127,11 +130,11 @@ class Step(Solid):
         Raises
         ------
         InputError
-            If OpenCASCADE finds that it is no valid solid.
+            If it is not closed, or OpenCASCADE finds that it is not valid.
         """
         from OCP.BRepCheck import BRepCheck_Analyzer
 
-        if not BRepCheck_Analyzer(solid).IsValid():
+        if not closed or not BRepCheck_Analyzer(solid).IsValid():
             problem = "OpenCASCADE makes no valid solid of this blade"
             remedy = "try other step.points or step.trailing_edge, no step.hub, or stl"
             raise InputError(problem, remedy, key="--to", value=self.name)

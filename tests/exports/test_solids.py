@@ -32,8 +32,11 @@ design: {{chord_points: 9, twist_points: 9, thickness_points: 9}}""",
 }
 
 
-def make_source(folder, text):
-    """Return the source of an invented result: the blade with which a case begins."""
+def make_source(folder, text, **told):
+    """Return the source of an invented result: the blade with which a case begins.
+
+    `told` are entries of its summary.
+    """
     folder = make_result(folder / "result")
     case = read_case(
         f"name: made\ninflow: sine\ncontrol: quadratic\n{text}\n", file=folder / "case.yaml"
@@ -51,6 +54,7 @@ def make_source(folder, text):
         "thickness_over_chord": thickness,
         "rotor_radius_m": blade.rotor_radius,
         "tip_radius_m": blade.tip_radius,
+        **told,
     }
     (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
     return Source(Solution.load(folder))
@@ -239,6 +243,16 @@ def test_binary_stl_says_where_it_comes_from(paper):
     for part in ("case made", "unit: metre", "clockwise", "0.5 % of the local chord"):
         assert part in text
     assert "outlines: naca63815" in text
+
+
+def test_files_of_a_failed_run_are_marked(tmp_path):
+    failed = make_source(tmp_path, "rotor: {radius: 1}", success=False, message="stalled")
+    mark = b"THE RUN WAS NO SUCCESS"
+    made = files(failed, "stl", "spanwise=3", "points=20")
+    assert mark in made["rotor.stl"][:80]
+    for content in (made["stl.txt"], files(failed, "step", "points=20")["rotor.step"]):
+        assert mark + b": stalled" in content
+    assert all(mark in each for each in files(failed, "sections").values())
 
 
 def test_polars_without_outlines_are_refused(tmp_path):
