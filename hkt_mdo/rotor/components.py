@@ -352,7 +352,7 @@ class BladeGroup(om.Group):
                 has_diag_partials=True,
                 **per_node,
             )
-            self.add_subsystem("power_table", power, promotes=["*"])
+            self.add_subsystem("power_coefficient", power, promotes=["*"])
         names = tuple(dict.fromkeys((*loads, *({"thrust"} & set(coefficients)))))
         if names:
             self.add_subsystem("load_table", LoadTable(**table, names=names), promotes=["*"])
