@@ -326,14 +326,8 @@ def add_phase(trajectory, scenario, law, ode_options, parameters, scales, speed_
         ),
     )  # fmt: skip
     trajectory.add_phase(scenario.name, phase)
-    phase.set_time_options(
-        fix_initial=True,
-        fix_duration=True,
-        initial_val=float(time[0]),
-        duration_val=float(time[-1] - time[0]),
-        units="s",
-        targets=["time"],
-    )
+    span = {"initial_val": float(time[0]), "duration_val": float(time[-1] - time[0])}
+    phase.set_time_options(fix_initial=True, fix_duration=True, units="s", targets=["time"], **span)
     for name, units in parameters.items():
         phase.add_parameter(name, opt=False, units=units, static_targets=True)
 

@@ -192,15 +192,11 @@ class LoadTable(_Table):
 
     def setup(self):
         super().setup()
-        self._add_tables(
-            {
-                f"{name}_table": {
-                    "units": COEFFICIENT_UNITS[name],
-                    "desc": f"{name} / (0.5 rho v^2)",
-                }
-                for name in self.options["names"]
-            }
-        )
+        tables = {}
+        for name in self.options["names"]:
+            about = {"units": COEFFICIENT_UNITS[name], "desc": f"{name} / (0.5 rho v^2)"}
+            tables[f"{name}_table"] = about
+        self._add_tables(tables)
 
     def compute(self, inputs, outputs):
         for name, envelope in self._solve(inputs).items():

@@ -172,6 +172,15 @@ def test_turbine_ends_at_the_optimum_of_the_case_by_another_driver(law):
     assert other["turbine.energy"] == pytest.approx(own["energy"], rel=1e-6)
 
 
+def test_turbine_begins_at_the_design_of_a_result(solve):
+    solution = solve("sine_limited_quadratic")
+    more = [f"start.from={solution.folder}", "start.method=blade"]
+    problem = model_of(TurbineGroup(load_case("sine_limited_quadratic", more)))
+    np.testing.assert_allclose(problem["chord"], solution.blade["chord_m"], rtol=1e-9)
+    assert problem["gain_0"][0] == pytest.approx(solution.summary.gain, rel=1e-9)
+    assert problem["energy"][0] == pytest.approx(solution.summary.energy_J, rel=1e-3)
+
+
 def test_partials_of_the_turbine_by_complex_step():
     """All of the package's components in it but those of BEM, which take no complex numbers."""
     case = load_case(SHORT | LAWS["quadratic"] | {"limits": {"power": 5000, "thrust": 6500}})
