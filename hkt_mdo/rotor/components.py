@@ -145,7 +145,12 @@ class _Table(BladeComp):
                 self.declare_partials(name, "tip_speed_ratio", rows=rows, cols=rows)
 
     def _ratios(self, inputs):
-        return inputs["tip_speed_ratio"] if self.options["vary"] else self.options["nodes"]
+        if not self.options["vary"]:
+            return self.options["nodes"]
+        ratios = inputs["tip_speed_ratio"]
+        if not np.all(np.isfinite(ratios) & (ratios > 0.0)):  # a driver may try another point
+            raise om.AnalysisError("a tip speed ratio is not a positive number: the rotor stands")
+        return ratios
 
     def _set_partials(self, partials, table, found, prefix=""):
         """Set the partials of a table, which are the attributes of what is found."""

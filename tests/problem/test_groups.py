@@ -142,6 +142,18 @@ def test_rotor_without_depth_has_no_cavitation_and_local_reynolds_numbers_are_re
         model_of(RotorGroup(case))
 
 
+@pytest.mark.parametrize(("given", "flow"), [("tip_speed_ratio", 1.0), ("rotor_speed", 0.0)])
+def test_a_point_without_a_tip_speed_ratio_is_one_that_a_driver_may_leave(given, flow):
+    problem = model_of(RotorGroup(case_of("paper"), num_points=2, given=given))
+    problem.set_val("inflow_speed", flow)
+    problem.set_val(given, [2.0, -1.0 if flow else 2.0])
+    with (
+        np.errstate(divide="ignore"),
+        pytest.raises(om.AnalysisError, match="tip speed ratio is not a positive number"),
+    ):
+        problem.run_model()
+
+
 # The turbine --------------------------------------------------------------------------------------
 
 LAWS = {
@@ -179,6 +191,40 @@ def test_turbine_begins_at_the_design_of_a_result(solve):
     np.testing.assert_allclose(problem["chord"], solution.blade["chord_m"], rtol=1e-9)
     assert problem["gain_0"][0] == pytest.approx(solution.summary.gain, rel=1e-9)
     assert problem["energy"][0] == pytest.approx(solution.summary.energy_J, rel=1e-3)
+
+
+MORE = {
+    "two flows": {
+        "scenarios": [
+            {"name": "slow", "inflow": {"profile": "sine", "mean": 1.2}, "weight": 0.75},
+            {"name": "fast", "inflow": {"profile": "sine"}, "weight": 0.25},
+        ]
+    },
+    "states of a law": {"control": {"law": "tracking", "torque_limit": 700}},
+    "local Reynolds numbers": {"rotor": {"polar": "naca63815", "reynolds": "local"}},
+    "torque as unknown": {"control": {"law": "open_loop", "unknown": "torque"}},
+    "several sections": SEVERAL,
+}
+
+
+@pytest.mark.parametrize("name", MORE)
+def test_turbine_has_the_values_and_constraints_of_the_cases_own_problem(name):
+    case = load_case(SHORT | LAWS["quadratic"] | MORE[name])
+    own, other = build_problem(case, improve=False), om.Problem(reports=False)
+    other.model.add_subsystem("turbine", TurbineGroup(case, improve=False))
+    other.model.add_objective("turbine.objective")
+    other.driver = om.ScipyOptimizeDriver()
+    other.setup()
+    for problem in (own, other):
+        problem.run_model()
+    assert other["turbine.objective"] == pytest.approx(own["objective"], rel=1e-13)
+    for kind in ("get_constraint_values", "get_design_var_values"):
+        found, told = (
+            [value.ravel() for value in getattr(problem.driver, kind)().values()]
+            for problem in (other, own)
+        )
+        assert len(found) == len(told) > 1
+        np.testing.assert_allclose(*map(np.sort, map(np.concatenate, (found, told))), rtol=1e-12)
 
 
 def test_partials_of_the_turbine_by_complex_step():
