@@ -185,8 +185,10 @@ def _resolved(physics, result, flights):
     """Yield by how much a blade of many stations exceeds a limit on its loads, the most."""
     limited = any(limit.is_of(LOADS) for limit in physics.all_limits)
     known = [flight.flown for flight in flights] if limited else []
-    found = []
-    for flight, each in zip(flights, loads.resolved(physics, result.point.blade, known)):
+    finer, found = loads.resolved(physics, result.point.blade, known), []
+    for flight, each in zip(
+        flights, finer, strict=False
+    ):  # none, where there is nothing to resolve
         for limit in filter(lambda limit: limit.is_of(LOADS), physics.limits_in(flight.scenario)):
             over = limit.excess(each)
             worst = int(np.argmax(over))
@@ -378,7 +380,7 @@ TRY = {
     "mesh_error": "try driver.optimizer=IPOPT, or more phase.segments",
     "distance_from_stall": "try hydrodynamics.torque=curve, or start.method=quasi_steady",
     "closed_loop": "try a larger control.proportional_gain",
-    "loads_resolved": "give more stations: rotor.station_count=40",
+    "loads_resolved": "give rotor.station_count=40 in place of rotor.stations",
     "stored_energy": (
         "the captured energy counts what the rotor stores: try objective=generator, or "
         "phase.stored_energy=allowed"
