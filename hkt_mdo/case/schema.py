@@ -276,6 +276,8 @@ class Case(Section):
         """Return the case as JSON has it, without what the blade brings with it, and that."""
         data = self.model_dump(mode="json")
         own = own_keys(data["rotor"])
+        if _is_splined(data["design"]) or _is_limited(data):  # without them it would be resolved
+            own.pop("stations", None)
         data["rotor"] |= {key: [] if key == "sections" else None for key in own}
         data["scenarios"] = [_without_nulls(each) for each in data["scenarios"]]
         return data, own

@@ -81,8 +81,9 @@ def resolved(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> l
     """Return trajectories at the times of their largest loads, with those of a resolved blade.
 
     It has `STATIONS` stations; between those of the blade itself chord, twist and a designed
-    thickness are linear. Loads are those that are asked for; none, without such or with as many
-    stations.
+    thickness are linear. Suction counts up to the blade's own last station: closer to the tip, its
+    loss alone decides the angle of attack. Loads are those that are asked for; none, without such
+    or with as many stations.
     """
     case, names = physics.case, physics.load_names
     if not names or blade.r.size >= STATIONS:
@@ -99,8 +100,19 @@ def resolved(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> l
         worst = np.unique([np.argmax(known[name]) for name in names])
         size = known["time"].size
         told = {name: x[worst] if np.shape(x) == (size,) else x for name, x in known.items()}
-        found.append(told | finer.loads_along(many, told, names))
+        told |= finer.loads_along(many, told, tuple(set(names) - {"cavitation"}))
+        if "cavitation" in names:
+            told |= _cavitation(finer, many, told, many.r <= blade.r[-1])
+        found.append(told)
     return found
+
+
+def _cavitation(physics, blade, known, stations) -> Known:
+    """Return the largest suction at some stations, (n_stations,) of bool, at each time."""
+    ratio = np.maximum(known["tip_speed_ratio"], SLOWEST_RATIO)
+    load = physics.loads.coefficients(blade, ratio, names=("cavitation",))["cavitation"]
+    largest = load.exact.reshape(ratio.size, 2, -1)[..., stations].max(axis=(1, 2))
+    return {"cavitation": 0.5 * physics.density * known["inflow_speed"] ** 2 * largest}
 
 
 def tip_deflection(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> float | None:
