@@ -27,7 +27,7 @@ from hkt_mdo.sections import Section
 if TYPE_CHECKING:
     from hkt_mdo.results.design import Design
 
-FORMATS = {"csv": "tables:Csv", "openfast": "openfast:OpenFast"}
+FORMATS = {"csv": "tables:Csv", "openfast": "openfast:OpenFast", "rosco": "rosco:Rosco"}
 """Module and class of each format, by the name that `hkt export --to` takes."""
 
 
