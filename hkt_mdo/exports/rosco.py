@@ -23,13 +23,14 @@ from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.sections import Quantity
 
-COLUMNS = 60  # of the schedule
+COLUMNS = 100  # of the schedule
 BELOW, ABOVE = 0.6, 1.3  # flow speeds of the schedule, over the slowest and the fastest
 FINE = 4001  # tip speed ratios at which equilibria are sought
 LOWEST_RATIO, RATIO_STEP = 1.0, 0.1  # tip speed ratios of the table
 PITCH = np.arange(-5.0, 6.0)  # deg, of the table
 LAG = 0.1  # s, with which a speed by the torque follows a law of the speed
 SLOWEST_FILTER, MARGIN = 60.0, 5.0  # rad/s, and what filter and sampling are faster than the loop
+FAST = 100.0  # frequency of the reference's filter over that of what it follows
 STEEP = 10.0  # torque by speed at the rated speed, over that of K w, which switches the schedule on
 NEVER = 100.0  # over the largest of the schedule: a limit that is none
 
@@ -106,7 +107,7 @@ def _law_words(design: Design, rotor: Hydrodynamics, highest: float) -> dict[str
         "schedule": 1,
         "estimator": 0,
         "flow_filter": 1.0,
-        "reference_filter": 20.0 / LAG,
+        "reference_filter": FAST / LAG,
         "adaption": 0.0,
         "largest_torque": repr(largest),
         "torque_mark": ": none in the case" if limit is None else ": control.torque_limit",
@@ -169,6 +170,7 @@ def _by_flow(law, design, rotor, schedule) -> dict[str, Any]:
         "mode": 2,
         "schedule": 2,
         "flow_filter": 10.0 / law.lag,
+        "reference_filter": FAST / law.lag,
         "proportional": repr(-float(design.gains[-2])),
         "integral": repr(-float(design.gains[-1])),
         "loop": float(design.gains[-2]) / design.inertia,
