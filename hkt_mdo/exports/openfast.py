@@ -97,7 +97,8 @@ class OpenFast(Format):
 
     def _water(self, rotor: _Rotor) -> dict[str, Any]:
         """Return depths and heights (m), and what is assumed of them."""
-        radius, known = rotor.blade.rotor_radius, rotor.world.case.site.hub_depth
+        radius, cavitation = rotor.blade.rotor_radius, rotor.world.rotor.cavitation
+        known = cavitation.depth if cavitation else rotor.world.case.site.hub_depth
         depth = UNKNOWN_DEPTH * radius if known is None else known
         water = depth + BED * radius if self.water_depth is None else self.water_depth
         if water <= depth + radius:
@@ -124,7 +125,8 @@ class OpenFast(Format):
         scenario = rotor.world.scenarios[0]
         mean = float(np.mean(scenario.inflow.speed_at(scenario.samples)))
         flow = mean if self.flow_speed is None else self.flow_speed
-        asked, curve = self.tip_speed_ratio, rotor.solution.power_curve["tip_speed_ratio"]
+        asked = self.tip_speed_ratio
+        curve = rotor.solution.table("power_curve")["tip_speed_ratio"]
         lowest = float(curve[0]) if asked.lowest is None else asked.lowest
         highest = float(curve[-1]) if asked.highest is None else asked.highest
         if lowest > highest:
@@ -185,8 +187,8 @@ class _Rotor:
     @property
     def words(self) -> dict[str, Any]:
         """What the templates ask of rotor and water."""
-        blade, fluid, given = self.blade, self.world.case.fluid, self.world.rotor.cavitation
-        pressure = given or Cavitation(self.world.rotor.suction, 0.0)
+        blade, fluid = self.blade, self.world.case.fluid
+        pressure = self.world.rotor.cavitation or Cavitation  # with its defaults
         speed = float(self.solution.by_scenario[0].trajectory["rotor_speed_rad_s"][0])
         names = ["aerodyn_blade.dat"] * MOST_BLADES, ["elastodyn_blade.dat"] * MOST_BLADES
         modulus = self.design.turbine.structure.modulus

@@ -67,7 +67,7 @@ class Rosco(Format):
         scenario = world.scenarios[0]
         mean = float(np.mean(scenario.inflow.speed_at(scenario.samples)))
         rotor = world.rotor.as_built(blade).at_flow(mean)
-        highest = float(source.solution.power_curve["tip_speed_ratio"][-1])
+        highest = float(source.solution.table("power_curve")["tip_speed_ratio"][-1])
         ratios = np.arange(LOWEST_RATIO, highest + RATIO_STEP, RATIO_STEP)
         words = _law_words(design, rotor, highest)
         provenance, loop = "; ".join(source.provenance), words.pop("loop")

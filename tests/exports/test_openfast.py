@@ -283,13 +283,23 @@ def test_bad_options_are_told_with_their_key(tmp_path, options, key):
     assert not (tmp_path / "out").exists()
 
 
+def test_more_blades_than_elastodyn_takes_are_refused(tmp_path):
+    folder = tmp_path / "result"
+    shutil.copytree(DATA / "paper", folder)
+    case = folder / "case.yaml"
+    case.write_text(case.read_text().replace("blade_count: null", "blade_count: 4"))
+    with pytest.raises(InputError, match="has 4 blades, and OpenFAST takes 3"):
+        export(Solution.load(folder), ["openfast"], tmp_path / "out")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
-def test_aerodyn_itself_has_the_loads_of_direct_bem(exported, name, tmp_path):
+def test_aerodyn_itself_has_the_loads_of_direct_bem(exported, name, tmp_path, capsys):
     """Where `aerodyn_driver` is on PATH; docs/exports.md says how to get it."""
     program = shutil.which("aerodyn_driver")
     if program is None:  # a program of its own, which no package registry of Python has
-        print("aerodyn_driver is not on PATH: the kept output of tests/data/openfast stands for it")
+        with capsys.disabled():
+            print("\naerodyn_driver is not on PATH: its kept output stands for it")
         return
     folder = tmp_path / name
     shutil.copytree(exported(name), folder)
