@@ -32,6 +32,8 @@ FORMATS = {
     "sections": "solids:Sections",
     "stl": "solids:Stl",
     "step": "step:Step",
+    "openfast": "openfast:OpenFast",
+    "rosco": "rosco:Rosco",
 }
 """Module and class of each format, by the name that `hkt export --to` takes."""
 

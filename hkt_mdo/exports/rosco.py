@@ -1,0 +1,260 @@
+"""The control law in the files of ROSCO 2.10: DISCON.IN and the table of the rotor's coefficients.
+
+A law is a torque mode and a fixed-pitch schedule there: K w² with constant power by overspeed
+(VS_FBP 1), a speed that follows the flow (2), or one that follows the torque (3), which in
+equilibrium is any law whose torque rises with the speed.
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import Annotated, Any, ClassVar, cast
+
+import numpy as np
+
+from hkt_mdo.dynamics.laws import FeedbackLaw, QuadraticFeedback
+from hkt_mdo.dynamics.tracking import Tracking
+from hkt_mdo.dynamics.wide_laws import RatedFeedback
+from hkt_mdo.errors import InputError
+from hkt_mdo.exports.base import Format, Source
+from hkt_mdo.exports.openfast import filled
+from hkt_mdo.results.design import Design
+from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
+from hkt_mdo.rotor.scales import torque_scale
+from hkt_mdo.sections import Quantity
+
+COLUMNS = 100  # of the schedule
+BELOW, ABOVE = 0.6, 1.3  # flow speeds of the schedule, over the slowest and the fastest
+FINE = 4001  # tip speed ratios at which equilibria are sought
+LOWEST_RATIO, RATIO_STEP = 1.0, 0.1  # tip speed ratios of the table
+PITCH = np.arange(-5.0, 6.0)  # deg, of the table
+LAG = 0.1  # s, with which a speed by the torque follows a law of the speed
+SLOWEST_FILTER, MARGIN = 60.0, 5.0  # rad/s, and what filter and sampling are faster than the loop
+FAST = 100.0  # frequency of the reference's filter over that of what it follows
+STEEP = 10.0  # torque by speed at the rated speed, over that of K w, which switches the schedule on
+NEVER = 100.0  # over the largest of the schedule: a limit that is none
+
+
+class Rosco(Format):
+    """DISCON.IN and the table of power, thrust and torque coefficients."""
+
+    name: ClassVar[str] = "rosco"
+
+    speed_filter: Annotated[float, Quantity("rad/s", gt=0)] | None = None
+    """Corner frequency of ROSCO's filter of the rotor speed; null: five times the frequency of the
+    control loop, and at least 60 rad/s."""
+
+    def files(self, source: Source) -> dict[str, bytes]:
+        """Return the content of each file; see `Format.files`.
+
+        Parameters
+        ----------
+        source : Source
+            The result and its design.
+
+        Returns
+        -------
+        dict of bytes
+            Content by path.
+
+        Raises
+        ------
+        InputError
+            If ROSCO cannot express the law.
+        """
+        design = source.design
+        world, blade = design.physics, design.blade
+        scenario = world.scenarios[0]
+        mean = float(np.mean(scenario.inflow.speed_at(scenario.samples)))
+        rotor = world.rotor.as_built(blade).at_flow(mean)
+        highest = float(source.solution.table("power_curve")["tip_speed_ratio"][-1])
+        ratios = np.arange(LOWEST_RATIO, highest + RATIO_STEP, RATIO_STEP)
+        words = _law_words(design, rotor, highest)
+        provenance, loop = "; ".join(source.provenance), words.pop("loop")
+        own_filter = max(SLOWEST_FILTER, float(f"{MARGIN * loop:.3g}"))
+        words |= {
+            "provenance": provenance,
+            "speed_filter": own_filter if self.speed_filter is None else self.speed_filter,
+            "step": f"{1.0 / (MARGIN * loop):.2g}",
+            "best_ratio": source.solution.summary.tip_speed_ratio_at_power_coefficient_max,
+            "radius": repr(float(blade.rotor_radius)),
+            "inertia": repr(float(design.inertia)),
+            "density": world.density,
+            "pitches": PITCH.size,
+            "ratios": ratios.size,
+        }
+        words.setdefault("gain", _best_gain(design, words["best_ratio"], rotor))
+        table = _table(design, rotor, ratios, mean, provenance)
+        texts = {"DISCON.IN": filled("DISCON.IN", words), "Cp_Ct_Cq.txt": table}
+        return {f"rosco/{name}": text.encode() for name, text in texts.items()}
+
+
+def _law_words(design: Design, rotor: Hydrodynamics, highest: float) -> dict[str, Any]:
+    """Return what DISCON.IN says of the law: modes, gains, limits and schedule."""
+    law, gains = design.law, design.gains
+    if not isinstance(law, FeedbackLaw):
+        problem = "an open loop is no controller: its torque is a function of the time"
+        raise InputError(problem, "run the case with a feedback law", key="control.law")
+    if law.states and not isinstance(law, Tracking):
+        problem = f"ROSCO has no place for the states of the law {law.law}"
+        raise InputError(problem, "export it in another format", key="control.law")
+    flows, speeds, torques = _schedule(design, rotor, highest)
+    limit = law.torque_limit
+    largest = NEVER * float(np.max(torques)) if limit is None else limit
+    rates = [each.upper for each in design.physics.all_limits if each.name == "torque_rate"]
+    words = {
+        "mode": 1,
+        "schedule": 1,
+        "estimator": 0,
+        "flow_filter": 1.0,
+        "reference_filter": FAST / LAG,
+        "adaption": 0.0,
+        "largest_torque": repr(largest),
+        "torque_mark": ": none in the case" if limit is None else ": control.torque_limit",
+        "largest_rate": repr(min(rates, default=1e3 * largest)),
+        "rate_mark": ": limits.torque_rate" if rates else ": none in the case FILL IN",
+        "rated_power": repr(NEVER * largest * float(np.max(speeds))),
+        "power_mark": ": none, never reached",
+        "gain_mark": "",
+        "integral": 0.0,
+        "count": flows.size,
+        "flows": _numbers(flows),
+        "speeds": _numbers(speeds),
+        "torques": _numbers(torques),
+    }
+    if isinstance(law, QuadraticFeedback | RatedFeedback):
+        steepest = float(np.max(law.torque_by_speed(speeds, gains)))
+        words["loop"] = steepest / design.inertia
+        return words | _overspeed(law, gains, largest, float(np.max(speeds)))
+    slow = 1e-3 * float(np.min(speeds))  # so that the schedule always holds
+    words |= {"rated_speed": repr(slow), "rated_torque": 0.0, "highest_part_torque": 0.0}
+    words["gain_mark"] = " at the largest power coefficient, unused"
+    if isinstance(law, Tracking):
+        return words | _by_flow(law, design, rotor, (flows, speeds))
+    if np.any(np.diff(torques) <= 0.0):
+        problem = f"the torque of the law {law.law} does not rise with the rotor's speed throughout"
+        remedy = "ROSCO looks the speed up by the torque: export a law whose torque rises"
+        raise InputError(problem, remedy, key="control.law", value=law.law)
+    slope = float(np.max(np.gradient(torques, speeds)))
+    about = f"{law.law} law as a speed that follows the torque within {LAG:g} s (VS_FBP 3)"
+    own = {"mode": 4, "schedule": 3, "proportional": 0.0, "integral": repr(-slope / LAG)}
+    return words | own | {"about": about, "loop": 1.0 / LAG}
+
+
+def _overspeed(law, gains, largest, fastest) -> dict[str, Any]:
+    """Return the words of K w², up to a torque limit or a rated power (VS_FBP 1)."""
+    gain, about = float(gains[0]), "torque K w^2 up to the largest torque"
+    words: dict[str, Any] = {}
+    speed = min(np.sqrt(largest / gain), NEVER * fastest)
+    if isinstance(law, RatedFeedback):
+        power = float(gains[1] if law.power is None else law.power)
+        speed = min(speed, np.cbrt(power / gain))
+        about = "torque K w^2 up to a rated power, constant power by overspeed above it"
+        words = {"rated_power": repr(power), "power_mark": ": rated power of the law"}
+    torque = gain * speed**2
+    return words | {
+        "about": f"{law.law} law: {about} (VS_FBP 1)",
+        "gain": repr(gain),
+        "rated_speed": repr(float(speed)),
+        "rated_torque": repr(float(min(torque, largest))),
+        "highest_part_torque": repr(float(2.0 * torque)),
+        "proportional": repr(float(-STEEP * gain * speed)),
+    }
+
+
+def _by_flow(law, design, rotor, schedule) -> dict[str, Any]:
+    """Return the words of a speed that follows the sensed or the estimated flow (VS_FBP 2)."""
+    blade, (flows, speeds) = design.blade, schedule
+    words = {
+        "about": "tracking law: the speed follows a schedule over the flow (VS_FBP 2)",
+        "mode": 2,
+        "schedule": 2,
+        "flow_filter": 10.0 / law.lag,
+        "reference_filter": FAST / law.lag,
+        "proportional": repr(-float(design.gains[-2])),
+        "integral": repr(-float(design.gains[-1])),
+        "loop": float(design.gains[-2]) / design.inertia,
+    }
+    if law.estimates_flow:
+        step = np.array([1.0 - 1e-4, 1.0 + 1e-4])
+        middle = flows.size // 2
+        flow, speed = flows[middle] * step, speeds[middle]
+        ratio = speed * blade.rotor_radius / flow
+        scale = torque_scale(design.physics.density, blade.rotor_radius, flow)
+        slower, faster = scale * rotor.coefficients(blade, ratio).torque
+        by_flow = (faster - slower) / (flow[1] - flow[0])
+        words |= {"estimator": 1, "adaption": repr(float(design.inertia / (by_flow * law.lag)))}
+    return words
+
+
+def _schedule(
+    design: Design, rotor: Hydrodynamics, highest: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return flow speeds, rotor speeds and torques in equilibrium, on the side of overspeed."""
+    world, blade = design.physics, design.blade
+    law = cast(FeedbackLaw, design.law)
+    speed = np.concatenate([each.inflow.speed_at(each.samples) for each in world.scenarios])
+    flows = np.linspace(BELOW * float(np.min(speed)), ABOVE * float(np.max(speed)), COLUMNS)
+    radius = blade.rotor_radius
+    scale = torque_scale(world.density, radius, flows)
+    if isinstance(law, Tracking):
+        speeds = law.speed_at_rest(flows, design.gains)
+        torques = scale * rotor.coefficients(blade, speeds * radius / flows).torque
+        limit = np.inf if law.torque_limit is None else law.torque_limit
+        return flows, speeds, np.clip(torques, 0.0, limit)
+    ratios = np.linspace(LOWEST_RATIO, ABOVE * highest, FINE)
+    coefficient = rotor.coefficients(blade, ratios).torque
+    found = []
+    for flow, torque in zip(flows, np.outer(scale, coefficient), strict=True):
+        turning = ratios * flow / radius
+        spare = torque - law.torque(turning, design.gains)
+        driven = np.flatnonzero(spare > 0.0)
+        if driven.size and driven[-1] < FINE - 1:
+            pair = slice(driven[-1], driven[-1] + 2)
+            at = float(np.interp(0.0, spare[pair][::-1], turning[pair][::-1]))
+            found.append((flow, at, float(law.torque(at, design.gains))))
+    if len(found) < 2:
+        problem = "no flow is found in which the rotor turns steadily under its law"
+        raise InputError(problem, "look at the gains of the result", key="control.law")
+    flows, speeds, torques = np.array(found).T
+    return flows, speeds, torques
+
+
+def _best_gain(design: Design, ratio: float, rotor: Hydrodynamics) -> str:
+    """Return K at the largest power coefficient, N m s²/rad²."""
+    radius = design.blade.rotor_radius
+    torque = rotor.coefficients(design.blade, [ratio]).torque[0]
+    return repr(
+        float(torque_scale(design.physics.density, radius, 1.0) * torque * (radius / ratio) ** 2)
+    )
+
+
+def _table(design, rotor, ratios, mean, provenance) -> str:
+    """Return the table of coefficients over tip speed ratio and pitch."""
+    blade, columns = design.blade, []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # sections without a root at odd pitch
+        for pitch in np.deg2rad(PITCH):
+            pitched = blade.with_shape(blade.chord, blade.twist + pitch)
+            columns.append(rotor.coefficients(pitched, ratios)[:3])
+    torque, power, thrust = np.array(columns).transpose(1, 2, 0)
+    lines = [
+        f"# {provenance}",
+        "# coefficients of the disc; pitch on top of the designed twist",
+        "",
+        "# Pitch angle vector - x axis (matrix columns) (deg)",
+        _numbers(PITCH),
+        "# TSR vector - y axis (matrix rows) (-)",
+        _numbers(ratios),
+        "# Flow speed vector - z axis (m/s)",
+        _numbers([mean]),
+        "",
+    ]
+    for name, values in (("Power", power), ("Thrust", thrust), ("Torque", torque)):
+        lines += [f"# {name} coefficient", "", *map(_numbers, values), "", ""]
+    return "\n".join(lines)
+
+
+def _numbers(values) -> str:
+    """Return numbers in a row, to nine digits."""
+    return "  ".join(f"{value:.9g}" for value in values)

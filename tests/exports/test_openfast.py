@@ -1,0 +1,325 @@
+"""The rotor in OpenFAST's files: read back by `openfast_io`, and run by the real AeroDyn.
+
+`tests/data/openfast` keeps what AeroDyn 5.0.0 computed from the exported files. AeroDyn's search
+for the inflow angle ends where two angles are within 1e-6 rad of each other (a constant of its
+source), so that its loads are those of an angle that is wrong by about that: `APART`. At the very
+same angle both programs have the same loads to the last digits: `SAME`.
+"""
+
+import shutil
+import subprocess
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from openfast_io.FAST_reader import InputReader_OpenFAST
+
+from hkt_mdo import Solution
+from hkt_mdo.errors import InputError
+from hkt_mdo.exports.base import export
+from hkt_mdo.files.table import parse_number
+from hkt_mdo.rotor import bem
+
+DATA = Path(__file__).parents[1] / "data" / "openfast"
+NAMES = ("paper", "rm1", "river")
+RATIOS = [f"openfast.tip_speed_ratio.{each}" for each in ("lowest=3", "highest=10", "count=8")]
+APART = 4e-6  # rad, four of the steps with which AeroDyn's search ends
+SAME = 1e-10
+MOST_SWIRL = 1.0  # tangential induction to which AeroDyn limits what it finds
+
+
+@cache
+def solution(name):
+    return Solution.load(DATA / name)
+
+
+@cache
+def design_of(name):
+    return solution(name).design()
+
+
+def rotor_of(design):
+    return design.physics.rotor.as_built(design.blade)
+
+
+def columns(path):
+    return np.genfromtxt(path, delimiter=",", names=True)
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    """Return the folder of the files of a kept result, written once."""
+    folders = {}
+
+    def of(name):
+        if name not in folders:
+            out = tmp_path_factory.mktemp(name)
+            export(solution(name), ["openfast"], out, options=RATIOS)
+            folders[name] = out / "openfast"
+        return folders[name]
+
+    return of
+
+
+class Point(NamedTuple):
+    """One operating point in both programs: stations[n], loads[2, n] normal and tangential."""
+
+    ratio: float
+    angle: np.ndarray
+    """Inflow angle of AeroDyn, rad."""
+    loads: np.ndarray
+    """Loads of AeroDyn over 0.5 rho V², m."""
+    own_angle: np.ndarray
+    own_loads: np.ndarray
+    at_angle: np.ndarray
+    """This program's loads at AeroDyn's inflow angle."""
+    apart: np.ndarray
+    """How far AeroDyn's angle is from the root of this program's residual there, rad."""
+    limited: np.ndarray
+    """Whether AeroDyn limits the tangential induction of a station, and so its loads."""
+
+
+def points(name, kept):
+    """Yield the operating points of a kept output of AeroDyn."""
+    design = design_of(name)
+    blade, rotor = design.blade, rotor_of(design)
+    flow = float(np.mean(_cases(DATA / name / "aerodyn" / "aerodyn_driver.dvr")[:, 0]))
+    pressure = 0.5 * design.physics.density * flow**2
+    for ratio in np.unique(np.round(kept["tip_speed_ratio"], 9)):
+        rows = kept[np.isclose(kept["tip_speed_ratio"], ratio)][1:-1]  # without hub and tip
+        loads = np.array([rows["normal_load_N_m"], rows["tangential_load_N_m"]]) / pressure
+        angle = np.deg2rad(rows["phi_deg"])
+        own = rotor.sections(blade, [ratio])
+        at, apart = [], []
+        for j, phi in enumerate(angle):
+            station = (blade.chord[j], blade.twist[j], blade.r[j], blade.hub_radius)
+            station += (blade.tip_radius, blade.blade_count, rotor.polars_at(j)[0].coefficients)
+            (s, c, by_s, by_c), (tangential, normal, *_), _ = bem._terms(phi, *station)
+            local = ratio * blade.r[j] / blade.tip_radius
+            apart.append((s - c / local) / (by_s - by_c / local))
+            # by the relative speed that AeroDyn has there
+            speed = rows["relative_speed_m_s"][j] / flow
+            at.append(np.array([normal, tangential]) * blade.chord[j] * speed**2)
+        own_loads = np.array([own.normal_load[0], own.tangential_load[0]])
+        at, apart = np.array(at).T, np.array(apart)
+        limited = own.tangential_induction[0] > MOST_SWIRL
+        yield Point(ratio, angle, loads, own.inflow_angle[0], own_loads, at, apart, limited)
+
+
+def _cases(path):
+    """Return the rows of the cases of AeroDyn's driver."""
+    lines = path.read_text().splitlines()
+    begin = next(i for i, line in enumerate(lines) if line.startswith("HWndSpeed")) + 2
+    end = next(i for i, line in enumerate(lines) if i > begin and line.startswith("-----"))
+    return np.array([line.split() for line in lines[begin:end]], dtype=float)
+
+
+def check(name, kept, rotor):
+    """Hold this program's direct BEM to an output of AeroDyn."""
+    design = design_of(name)
+    for point, own in zip(points(name, kept), rotor, strict=True):
+        size = np.linalg.norm(point.loads, axis=0)
+        assert np.max(np.abs(point.loads - point.at_angle) / size) < SAME
+        same = ~point.limited
+        assert np.count_nonzero(point.limited) == ((name, point.ratio) == ("river", 3.0))
+        assert np.max(np.abs(point.apart[same])) < APART
+        assert np.max(np.abs(point.angle - point.own_angle)[same]) < APART
+        largest = np.max(np.linalg.norm(point.own_loads, axis=0))
+        difference = np.abs(point.loads - point.own_loads)[:, same]
+        assert np.max(difference) < 1e-5 * largest
+        angle = np.rad2deg(np.abs(point.angle - point.own_angle))[same]
+        assert np.quantile(angle, 0.9) < 1e-4
+        # the sum over the span: AeroDyn's is exact for linear loads, this program's by trapezoids
+        blade = design.blade
+        coefficients = rotor_of(design).coefficients(blade, [point.ratio])
+        assert own["power_coefficient"] == pytest.approx(_by_linear_loads(blade, point), abs=1e-9)
+        trapezoids = point.ratio * bem.torque_weights(blade) @ point.loads[1]
+        if same.all():
+            assert trapezoids == pytest.approx(coefficients.power[0], abs=1e-6)
+
+
+def _by_linear_loads(blade, point):
+    """Return the power coefficient of loads that are linear between the stations, exactly."""
+    r, load = blade.edges, np.concatenate(([0.0], point.loads[1], [0.0]))
+    inner = load[:-1] * (2.0 * r[:-1] + r[1:]) + load[1:] * (r[:-1] + 2.0 * r[1:])
+    moment = blade.blade_count * np.sum(np.diff(r) / 6.0 * inner)
+    return point.ratio * moment / (np.pi * blade.tip_radius**3)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_kept_output_of_aerodyn_has_the_loads_of_direct_bem(name):
+    kept, rotor = (columns(DATA / name / "aerodyn" / f"{part}.csv") for part in ("loads", "rotor"))
+    check(name, kept, rotor)
+
+
+def test_loads_of_the_papers_blade_are_those_of_aerodyn_to_a_millionth():
+    for point in points("paper", columns(DATA / "paper" / "aerodyn" / "loads.csv")):
+        size = np.linalg.norm(point.own_loads, axis=0)
+        assert np.max(np.abs(point.loads - point.own_loads) / size) < 1e-6
+        assert np.max(np.abs(np.rad2deg(point.angle - point.own_angle))) < 1e-4
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_exported_input_is_what_aerodyn_was_given(exported, name):
+    """Line by line, numbers to nine digits; the second line says from where it comes."""
+    for file in ("aerodyn_driver.dvr", "aerodyn.dat", "aerodyn_blade.dat"):
+        own, kept = (
+            (x / file).read_text().splitlines() for x in (exported(name), DATA / name / "aerodyn")
+        )
+        assert len(own) == len(kept)
+        for place, (one, other) in enumerate(zip(own, kept, strict=True)):
+            if place == 1:
+                continue
+            words = list(zip(one.split(), other.split(), strict=True))
+            numbers = [(parse_number(x), parse_number(y), x, y) for x, y in words]
+            for x, y, *texts in numbers:
+                assert texts[0] == texts[1] if x is None else x == pytest.approx(y, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_openfast_io_reads_the_rotor_back(exported, name):
+    folder, design = exported(name), design_of(name)
+    blade, found = design.blade, read_back(folder)
+    rows = {key: np.array(each) for key, each in found["AeroDynBlade"].items() if key != "NumBlNds"}
+    inner = slice(1, -1)
+    np.testing.assert_allclose(rows["BlSpn"][inner] + blade.hub_radius, blade.r, rtol=1e-9)
+    np.testing.assert_allclose(rows["BlChord"][inner], blade.chord, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(rows["BlTwist"][inner], np.rad2deg(blade.twist), atol=1e-6)
+    assert rows["BlSpn"][0] == 0.0
+    assert rows["BlSpn"][-1] == pytest.approx(blade.tip_radius - blade.hub_radius, rel=1e-12)
+    aerodyn, elastic = found["AeroDyn"], found["ElastoDyn"]
+    assert (aerodyn["BEM_Mod"], aerodyn["UA_Mod"], aerodyn["DBEMT_Mod"]) == (1, 0, 0)
+    angles = np.deg2rad(np.linspace(-10.0, 20.0, 121))  # knots: every quarter of a degree
+    for station, number in enumerate(rows["BlAFID"][inner].astype(int)):
+        (table,) = aerodyn["af_data"][number - 1]
+        polar = rotor_of(design).polars_at(station)[0]
+        read = [np.interp(np.rad2deg(angles), table["Alpha"], table[each]) for each in ("Cl", "Cd")]
+        np.testing.assert_allclose(read, polar.evaluate(angles), atol=1e-12)
+        lowest = -np.max(polar.suction_at(angles)[0], axis=0)
+        given = np.interp(np.rad2deg(angles), table["Alpha"], table["Cpmin"])
+        np.testing.assert_allclose(given, lowest, atol=1e-12)
+    for end in (0, -1):  # no load at hub and tip
+        (table,) = aerodyn["af_data"][int(rows["BlAFID"][end]) - 1]
+        assert not np.any(table["Cl"])
+        assert not np.any(table["Cd"])
+    assert elastic["NumBl"] == blade.blade_count
+    assert (elastic["TipRad"], elastic["HubRad"]) == (blade.tip_radius, blade.hub_radius)
+    assert elastic["GenDOF"]
+    assert not elastic["FlapDOF1"]
+    assert not elastic["PtfmSgDOF"]
+    assert inertia(found) == pytest.approx(design.inertia, rel=1e-5)
+
+
+def read_back(folder):
+    """Return what `openfast_io` reads of the exported files."""
+    reader = InputReader_OpenFAST()
+    reader.FAST_directory = str(folder)
+    reader.fst_vt["Fst"] |= {"AeroFile": "aerodyn.dat", "AeroFile_path": ""}
+    reader.read_ElastoDyn(str(folder / "elastodyn.dat"))
+    reader.read_ElastoDynBlade(str(folder / "elastodyn_blade.dat"))
+    reader.read_ElastoDynTower(str(folder / "elastodyn_tower.dat"))
+    reader.read_AeroDyn()
+    return reader.fst_vt
+
+
+def inertia(found):
+    """Return the inertia about the axis of what ElastoDyn is told, kg m²; no cone."""
+    rows, whole = found["ElastoDynBlade"][0], found["ElastoDyn"]
+    share, mass = np.array(rows["BlFract"]), np.array(rows["BMassDen"])
+    r = whole["HubRad"] + share * (whole["TipRad"] - whole["HubRad"])
+    middle = 0.5 * (mass[1:] + mass[:-1]) * (0.5 * (r[1:] + r[:-1])) ** 2
+    ends = mass * r**2  # Simpson's rule is exact for what is linear times r²
+    blade = np.sum(np.diff(r) / 6.0 * (ends[1:] + ends[:-1] + 4.0 * middle))
+    return whole["NumBl"] * blade + whole["HubIner"]
+
+
+def test_mhk_2_and_a_given_depth_count_heights_from_the_surface(tmp_path):
+    options = [*RATIOS, "openfast.mhk=2", "openfast.water_depth=20 m", "openfast.hub_volume=0.2"]
+    export(solution("river"), ["openfast"], tmp_path, options=options)
+    driver = (tmp_path / "openfast" / "aerodyn_driver.dvr").read_text()
+    values = {line.split()[1]: line.split()[0] for line in driver.splitlines() if line.split()[1:]}
+    assert (values["MHK"], values["HubHt(1)"], values["WtrDpth"]) == ("2", "-3.2", "20.0")
+    (depth,) = [line for line in driver.splitlines() if "WtrDpth" in line]
+    assert "FILL IN" not in depth
+    rows = (tmp_path / "openfast" / "aerodyn_blade.dat").read_text().splitlines()[6:]
+    own = np.array([row.split() for row in rows], dtype=float)
+    outlines = design_of("river").outlines
+    areas = [outline.area * 4.0 / np.pi for outline in outlines]  # over that of a circle
+    np.testing.assert_allclose(own[1:-1, 8], areas, rtol=1e-9)
+
+
+def test_what_the_user_must_fill_in_is_marked(exported):
+    """The paper's case has no depth; no case knows the nacelle."""
+    texts = {path.name: path.read_text() for path in exported("paper").glob("*.d*")}
+    for file, key in (
+        ("aerodyn_driver.dvr", "WtrDpth"),
+        ("aerodyn_driver.dvr", "HubHt(1)"),
+        ("aerodyn.dat", "VolNac"),
+        ("elastodyn.dat", "NacMass"),
+        ("elastodyn_tower.dat", "TwrFADmp(1)"),
+    ):
+        (line,) = [x for x in texts[file].splitlines() if key in x.split()[:2]]
+        assert "FILL IN" in line
+    for text in texts.values():
+        assert "written by hkt_mdo" in text
+        assert "case sine_limited_quadratic" in text
+
+
+@pytest.mark.parametrize(
+    ("options", "key"),
+    [
+        (["openfast.water_depth=3 m"], "openfast.water_depth"),
+        (["openfast.tip_speed_ratio.lowest=12", *RATIOS[1:]], "openfast.tip_speed_ratio.highest"),
+        (["openfast.mhk=3"], "openfast.mhk"),
+        (["openfast.tip_speed_ratio.count=0"], "openfast.tip_speed_ratio.count"),
+    ],
+)
+def test_bad_options_are_told_with_their_key(tmp_path, options, key):
+    with pytest.raises(InputError) as told:
+        export(solution("river"), ["openfast"], tmp_path / "out", options=options)
+    assert told.value.key == key
+    assert not (tmp_path / "out").exists()
+
+
+def test_more_blades_than_elastodyn_takes_are_refused(tmp_path):
+    folder = tmp_path / "result"
+    shutil.copytree(DATA / "paper", folder)
+    case = folder / "case.yaml"
+    case.write_text(case.read_text().replace("blade_count: null", "blade_count: 4"))
+    with pytest.raises(InputError, match="has 4 blades, and OpenFAST takes 3"):
+        export(Solution.load(folder), ["openfast"], tmp_path / "out")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_aerodyn_itself_has_the_loads_of_direct_bem(exported, name, tmp_path, capsys):
+    """Where `aerodyn_driver` is on PATH; docs/exports.md says how to get it."""
+    program = shutil.which("aerodyn_driver")
+    if program is None:  # a program of its own, which no package registry of Python has
+        with capsys.disabled():
+            print("\naerodyn_driver is not on PATH: its kept output stands for it")
+        return
+    folder = tmp_path / name
+    shutil.copytree(exported(name), folder)
+    command = [program, "aerodyn_driver.dvr"]
+    subprocess.run(command, cwd=folder, check=True, capture_output=True, timeout=120)
+    loads, rotor = [], []
+    for number in range(1, 9):
+        found = _last_row(folder / f"aerodyn_driver.{number}.out")
+        rotor.append((found["RtTSR"], found["RtFldCp"]))
+        for node in range(1, design_of(name).blade.r.size + 3):
+            keys = (f"AB1N{node:03d}{each}" for each in ("Phi", "VRel", "Fx", "Fy"))
+            loads.append((found["RtTSR"], *map(found.__getitem__, keys)))
+    names = ["tip_speed_ratio", "phi_deg", "relative_speed_m_s"]
+    names += ["normal_load_N_m", "tangential_load_N_m"]
+    kept = np.array(loads, dtype=[(each, float) for each in names])
+    check(name, kept, np.array(rotor, dtype=[(names[0], float), ("power_coefficient", float)]))
+
+
+def _last_row(path):
+    """Return the last row of an output of AeroDyn's driver by its channels."""
+    lines = path.read_text().splitlines()
+    names = next(line.split() for line in lines if line.split()[:1] == ["Time"])
+    return dict(zip(names, map(float, lines[-1].split()), strict=True))
