@@ -27,7 +27,13 @@ from hkt_mdo.sections import Section
 if TYPE_CHECKING:
     from hkt_mdo.results.design import Design
 
-FORMATS = {"csv": "tables:Csv"}
+FORMATS = {
+    "csv": "tables:Csv",
+    "json": "tables:Json",
+    "netcdf": "tables:Netcdf",
+    "windio": "windio:Windio",
+    "controller": "controller:Controller",
+}
 """Module and class of each format, by the name that `hkt export --to` takes."""
 
 
