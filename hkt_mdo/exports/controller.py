@@ -57,7 +57,8 @@ class Controller(Format):
 
     def files(self, source: Source) -> dict[str, bytes]:
         design = source.design
-        law, writer = design.law, _WRITERS.get(type(design.law))
+        law: Any = design.law
+        writer = _WRITERS.get(type(law))
         if not law.is_feedback:
             problem = "is no law of the rotor's speed: open loop is a torque over time"
             remedy = "export csv, whose trajectory has it, or design a feedback law"
@@ -110,7 +111,8 @@ def _quadratic(design: Design) -> Law:
 
 
 def _power_law(design: Design) -> Law:
-    exponent = design.gains[1] if design.law.exponent is None else design.law.exponent
+    law: Any = design.law
+    exponent = design.gains[1] if law.exponent is None else law.exponent
     constants = {
         "GAIN": (float(design.gains[0]), "torque at 1 rad/s, N m"),
         "EXPONENT": (float(exponent), "exponent"),
@@ -120,7 +122,7 @@ def _power_law(design: Design) -> Law:
 
 
 def _rated(design: Design) -> Law:
-    law = design.law
+    law: Any = design.law
     constants = {
         "GAIN": (float(design.gains[0]), "N m s^2/rad^2"),
         "POWER": (float(design.gains[1] if law.power is None else law.power), "rated power, W"),
@@ -144,8 +146,10 @@ def _curve(design: Design) -> Law:
 
 
 def _tracking(design: Design) -> Law:
-    law, (kp, ki) = design.law, design.gains[-2:]
-    knots = np.linspace(*law.flow_range, law.knots)
+    law: Any = design.law
+    kp, ki = design.gains[-2:]
+    slowest, fastest = law.flow_range
+    knots = np.linspace(slowest, fastest, law.knots)
     curves: dict[str, PPoly] = {
         "schedule": CubicSpline(knots, design.gains[: law.knots], bc_type="natural")
     }

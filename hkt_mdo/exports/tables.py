@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -224,20 +224,32 @@ def _design(source: Source) -> Table:
     return Table("design", f"numbers of the design; the control law is {law.law}", columns)
 
 
+def _columns(texts: dict[str, tuple[str | None, str]], values: Iterable[Any]) -> dict[str, Column]:
+    """Return columns of their units and meanings, and of their values in the same order."""
+    return {n: Column(x, *about) for (n, about), x in zip(texts.items(), values, strict=True)}
+
+
+_BLADE: dict[str, tuple[str | None, str]] = {
+    "r_m": ("m", "distance from the rotor's axis, along the blade"),
+    "r_over_tip_radius": (None, "the same over the tip radius"),
+    "chord_m": ("m", "chord"),
+    "twist_rad": (
+        "rad",
+        "angle of the chord to the rotor plane, set angle included; a positive one turns the "
+        "leading edge upstream",
+    ),
+    "twist_in_degrees": ("deg", "the same in degrees"),
+    "thickness_over_chord": (None, "largest thickness over chord"),
+    "thickness_m": ("m", "largest thickness"),
+}
+
+
 def _blade(design: Design) -> Table:
-    blade, tip = design.blade, design.blade.tip_radius
+    blade = design.blade
     thickness = design.physics.scalars(blade, design.inertia)["thickness"]
-    columns = {
-        "r_m": Column(blade.r, "m", "distance from the rotor's axis, along the blade"),
-        "r_over_tip_radius": Column(blade.r / tip, None, "the same over the tip radius"),
-        "chord_m": Column(blade.chord, "m", "chord"),
-        "twist_rad": Column(blade.twist, "rad", "angle of the chord to the rotor plane, set angle "
-                            "included; positive turns the leading edge upstream"),
-        "twist_in_degrees": Column(np.rad2deg(blade.twist), "deg", "the same in degrees"),
-        "thickness_over_chord": Column(thickness, None, "largest thickness over chord"),
-        "thickness_m": Column(thickness * blade.chord, "m", "largest thickness"),
-    }  # fmt: skip
-    names = section_names(design)
+    shape = blade.r, blade.r / blade.tip_radius, blade.chord, blade.twist
+    values = *shape, np.rad2deg(blade.twist), thickness, thickness * blade.chord
+    columns, names = _columns(_BLADE, values), section_names(design)
     if names:
         text = "section; of a station between two, both and the share of the second"
         columns["section_name"] = Column(names, None, text)
@@ -262,22 +274,26 @@ def section_names(design: Design) -> list[str]:
     return names * design.blade.r.size if len(names) == 1 else names
 
 
+_COEFFICIENTS: dict[str, tuple[str | None, str]] = {
+    "tip_speed_ratio": (None, "speed of the tips over that of the flow"),
+    "power_coefficient": (None, "P / (0.5 rho v^3 pi R^2)"),
+    "torque_coefficient": (None, "Q / (0.5 rho v^2 pi R^3)"),
+    "thrust_coefficient": (None, "T / (0.5 rho v^2 pi R^2)"),
+}
+
+
 def _coefficients(solution: Solution, design: Design) -> Table:
     """Return the coefficients of the blade from slow rotation to beyond its operation."""
     known = [np.max(own.trajectory["tip_speed_ratio"]) for own in solution.tables.values()]
     known.append(solution.summary.tip_speed_ratio_at_power_coefficient_max or 0.0)
     steps = np.arange(round(SLOWEST / RATIO_STEP), np.ceil(BEYOND * max(known) / RATIO_STEP) + 1)
     ratio, rotor = steps * RATIO_STEP, design.physics.rotor
+    polars: Any = rotor.polar
     found, title = rotor.coefficients(design.blade, ratio), "coefficients by direct BEM"
     if rotor.follows_reynolds:
-        title += f", Reynolds numbers at a flow of {rotor.polar.flow_speed:.6g} m/s"
-    columns = {
-        "tip_speed_ratio": Column(ratio, None, "speed of the tips over that of the flow"),
-        "power_coefficient": Column(found.power, None, "P / (0.5 rho v^3 pi R^2)"),
-        "torque_coefficient": Column(found.torque, None, "Q / (0.5 rho v^2 pi R^3)"),
-        "thrust_coefficient": Column(found.thrust, None, "T / (0.5 rho v^2 pi R^2)"),
-    }
-    return Table("coefficients", title, columns)
+        title += f", Reynolds numbers at a flow of {polars.flow_speed:.6g} m/s"
+    values = ratio, found.power, found.torque, found.thrust
+    return Table("coefficients", title, _columns(_COEFFICIENTS, values))
 
 
 def steady_operation(
@@ -285,8 +301,8 @@ def steady_operation(
 ) -> dict[str, np.ndarray] | None:
     """Return the steady operation of a feedback law over the speed of the flow, by direct BEM.
 
-    Hydrodynamic and control torque balance, Q(w, v) = u(w), on the unstalled side: at the largest
-    tip speed ratio with a balance; of a law with states, at the one closest to its schedule.
+    Hydrodynamic and control torque balance, Q(w, v) = u(w), at the largest tip speed ratio where
+    they do; of a law with states, at the one closest to its schedule.
 
     Parameters
     ----------
@@ -314,7 +330,7 @@ def steady_operation(
         speeds = [each.inflow.speed_at(each.samples) for each in world.scenarios]
         low, high = min(map(np.min, speeds)), max(map(np.max, speeds))
         ends = (1.0 - WIDER) * low, min((1.0 + WIDER) * high, law.cut_out or np.inf)
-        flow_range = float(ends[0]), float(ends[1])
+        flow_range = round(float(ends[0]), 3), round(float(ends[1]), 3)
     flow = np.linspace(*flow_range, FLOWS)
     check = BEM[world.case.hydrodynamics.check]
     plant = Plant(blade, design.polars, design.inertia, world.density, check, world.generator)
@@ -332,7 +348,8 @@ def steady_operation(
 
 def _balanced(design: Design, plant: Plant, flow: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the flow speeds in which torques balance, and the rotor speeds at which they do."""
-    law, gains, radius = design.law, design.gains, design.blade.rotor_radius
+    law: Any = design.law
+    gains, radius = design.gains, design.blade.rotor_radius
 
     def net(ratio, flow):
         speed = ratio * flow / radius
@@ -383,46 +400,56 @@ def _operation(design: Design, steady: dict[str, np.ndarray]) -> Table:
     return Table("operation", title, columns)
 
 
+_CASES: dict[str, tuple[str | None, str]] = {
+    "load_case": (None, "number of the load case"),
+    "name": (None, "what the load case is"),
+    "scenario": (None, "scenario; empty for steady operation"),
+    "time_s": ("s", "instant in the simulation; NaN: steady"),
+}
+_STATIONS: dict[str, tuple[str | None, str]] = {
+    "load_case": (None, "number of the load case in load_cases"),
+    "r_m": ("m", "distance from the rotor's axis, along the blade"),
+    "chord_m": ("m", "chord"),
+    "normal_load_N_m": (
+        "N/m",
+        "load of one blade downstream, normal to it in the plane of blade and rotor axis",
+    ),
+    "tangential_load_N_m": ("N/m", "load of one blade in the direction of rotation"),
+    "angle_of_attack_rad": ("rad", "angle of attack"),
+    "angle_of_attack_in_degrees": ("deg", "the same in degrees"),
+    "relative_speed_m_s": ("m/s", "speed of the water relative to the section"),
+    "reynolds_number": (None, "Reynolds number by the chord and that speed"),
+}
+
+
 def _station_loads(solution: Solution, design: Design, steady: dict | None) -> list[Table]:
     """Return the load cases, and the loads of the stations in each."""
-    cases = list(_load_cases(solution, steady))
-    names, scenarios, numbers = zip(*cases, strict=True)
-    table = {name: np.array([each[name] for each in numbers]) for name in numbers[0]}
+    names, scenarios, points = zip(*_load_cases(solution, steady), strict=True)
+    table = {name: np.array([each[name] for each in points]) for name in points[0]}
     blade, flow, ratio = design.blade, table["inflow_speed"], table["tip_speed_ratio"]
-    number = np.arange(1, len(cases) + 1)
-    columns = {
-        "load_case": Column(number, None, "number of the load case"),
-        "name": Column(names, None, "what the load case is"),
-        "scenario": Column(scenarios, None, "scenario; empty for steady operation"),
-        "time_s": Column(table.pop("time"), "s", "instant in the simulation; NaN: steady"),
-    }
+    number = np.arange(1, len(names) + 1)
+    columns = _columns(_CASES, (number, names, scenarios, table.pop("time")))
     for name, values in table.items():
-        columns[QUANTITIES[name].column] = Column(
-            values, QUANTITIES[name].unit, QUANTITIES[name].text
-        )
-    sections = design.physics.rotor.at_flow(flow).sections(blade, ratio)
-    pressure = 0.5 * design.physics.density * (flow[:, None] * np.cos(blade.cone)) ** 2
-    speed = sections.relative_speed * flow[:, None] * np.cos(blade.cone)
-    reynolds = speed * blade.chord / design.physics.case.fluid.kinematic_viscosity
-    own = {
-        "normal_load_N_m": (pressure * sections.normal_load, "N/m", "load of one blade downstream, "
-                            "normal to the blade in the plane of blade and rotor axis"),
-        "tangential_load_N_m": (pressure * sections.tangential_load, "N/m", "load of one blade in "
-                                "the direction of rotation"),
-        "angle_of_attack_rad": (sections.angle_of_attack, "rad", "angle of attack"),
-        "angle_of_attack_in_degrees": (np.rad2deg(sections.angle_of_attack), "deg", "the same"),
-        "relative_speed_m_s": (speed, "m/s", "speed of the water relative to the section"),
-        "reynolds_number": (reynolds, None, "Reynolds number by the chord and that speed"),
-    }  # fmt: skip
-    by_station = {
-        "load_case": Column(np.repeat(number, blade.r.size), None, "number in load_cases"),
-        "r_m": Column(np.tile(blade.r, number.size), "m", "distance from the axis along the blade"),
-        "chord_m": Column(np.tile(blade.chord, number.size), "m", "chord"),
-    } | {name: Column(x.ravel(), unit, text) for name, (x, unit, text) in own.items()}
+        about = QUANTITIES[name]
+        columns[about.column] = Column(values, about.unit, about.text)
+    found = design.physics.rotor.at_flow(flow).sections(blade, ratio)
+    across = flow[:, None] * np.cos(blade.cone)  # speed of the flow normal to the blade
+    pressure, speed = 0.5 * design.physics.density * across**2, found.relative_speed * across
+    by_station = (
+        np.broadcast_to(number[:, None], speed.shape),
+        np.broadcast_to(blade.r, speed.shape),
+        np.broadcast_to(blade.chord, speed.shape),
+        pressure * found.normal_load,
+        pressure * found.tangential_load,
+        found.angle_of_attack,
+        np.rad2deg(found.angle_of_attack),
+        speed,
+        speed * blade.chord / design.physics.case.fluid.kinematic_viscosity,
+    )
     text = "loads per length at the stations by direct BEM; linear in between, zero at hub and tip"
     return [
         Table("load_cases", "operating points of the table station_loads", columns),
-        Table("station_loads", text, by_station),
+        Table("station_loads", text, _columns(_STATIONS, map(np.ravel, by_station))),
     ]
 
 

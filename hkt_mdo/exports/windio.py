@@ -17,6 +17,7 @@ from hkt_mdo.results.design import Design
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.inertia import carried
 from hkt_mdo.rotor.outline import Outline
+from hkt_mdo.rotor.thickness import over_thickness
 from hkt_mdo.sections import Quantity
 
 VERSION = "2.0"
@@ -38,7 +39,7 @@ class Windio(Format):
     def files(self, source: Source) -> dict[str, bytes]:
         design = source.design
         airfoils, positions = _airfoils(design)
-        root = {
+        root: dict[str, Any] = {
             "name": source.solution.name,
             "windIO_version": VERSION,
             "comments": "\n".join((*source.provenance, *_comments(design))),
@@ -211,20 +212,18 @@ def station_outlines(design: Design) -> tuple[Outline, ...]:
     Returns
     -------
     tuple of Outline
-        One a station. Where the thickness is designed, the outline is linear in it between the two
-        sections next to it, stretched to the thickness.
+        One a station. Where the thickness is designed, both sides are splines over the thickness
+        through those of the sections, as the structure has them.
     """
     outlines, blade = design.outlines, design.blade
+    polars: Any = design.physics.polar
     if not design.physics.rotor.follows_thickness:
         return outlines * blade.r.size if len(outlines) == 1 else outlines
-    thickness = np.array([each.thickness for each in outlines])
-    place = np.interp(blade.thickness, thickness, np.arange(thickness.size))
-    found = []
-    for at, wanted in zip(place, blade.thickness, strict=True):
-        inner = min(int(at), thickness.size - 2)
-        mixed = outlines[inner].blend(outlines[inner + 1], float(at - inner))
-        found.append(mixed.stretched(float(wanted / mixed.thickness)))
-    return tuple(found)
+    sides = over_thickness(polars.thickness, [each.resampled() for each in outlines])
+    return tuple(
+        Outline(np.concatenate((x[::-1], x[1:])), np.concatenate((upper[::-1], lower[1:])))
+        for x, upper, lower in sides(blade.thickness)
+    )
 
 
 def _coordinates(outline: Outline) -> dict[str, np.ndarray]:
@@ -240,8 +239,8 @@ def _reynolds(design: Design) -> list[float]:
     rotor, physics, blade = design.physics.case.rotor, design.physics, design.blade
     if physics.rotor.follows_reynolds:
         return np.exp(physics.polar.log_reynolds).tolist()
-    files = [each.polar for each in rotor.sections] or [rotor.polar] * (rotor.polar is not None)
-    known = {number for file in files for number in PolarFamily.from_file(file).reynolds}
+    files = [each.polar for each in rotor.sections] or [rotor.polar or ""]
+    known = {number for file in files if file for number in PolarFamily.from_file(file).reynolds}
     number = rotor.reynolds_number or (known.pop() if len(known) == 1 else np.inf)
     if not np.isfinite(number):
         best = physics.rotor.best_operation(blade).tip_speed_ratio
@@ -309,25 +308,23 @@ def _efficiency(design: Design) -> tuple[np.ndarray, np.ndarray] | None:
 
 def _control(source: Source) -> dict[str, Any]:
     """Return what the schema can say of the law and the limits of the case."""
-    design, limits = source.design, source.design.physics.case.limits
-    law, best = design.law, design.physics.rotor.best_operation(design.blade)
+    design, physics = source.design, source.design.physics
+    law: Any = design.law
+    limits = {limit.name: float(limit.upper) for limit in physics.all_limits if limit.caps_series}
     speeds = [own.trajectory["rotor_speed_rad_s"] for own in source.solution.tables.values()]
-    fastest = float(max(map(np.max, speeds)))
-    if limits.rotor_speed is not None:
-        fastest = limits.rotor_speed.bound
-    found: dict[str, Any] = {
+    fastest = limits.get("rotor_speed", float(max(map(np.max, speeds))))
+    pitch = "fine_pitch", "min_pitch_limit", "max_pitch_limit", "max_pitch_rate"
+    found: dict[str, Any] = dict.fromkeys(pitch, 0.0) | {
         "min_rotor_speed": 0.0,
         "max_rotor_speed": fastest * REVOLUTIONS,
-        "optimal_tsr": best.tip_speed_ratio,
+        "optimal_tsr": physics.rotor.best_operation(design.blade).tip_speed_ratio,
     }
-    pitch = "fine_pitch", "min_pitch_limit", "max_pitch_limit", "max_pitch_rate"
-    found |= dict.fromkeys(pitch, 0.0)
     if law.torque_limit is not None:
         found["max_gen_torque"] = law.torque_limit
     if law.law == "quadratic":
         found["region2_k"] = float(design.gains[0]) / REVOLUTIONS**2
     if law.law == "rated":
         found["rated_power"] = float(design.gains[1] if law.power is None else law.power)
-    if limits.torque_rate is not None:
-        found["max_torque_rate"] = limits.torque_rate.bound
+    if "torque_rate" in limits:
+        found["max_torque_rate"] = limits["torque_rate"]
     return found
