@@ -5,8 +5,10 @@ Both say the same: what C and Python write alike, such as ``GAIN * w``, stands h
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from inspect import cleandoc
+from pathlib import Path
 from string import Template
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -24,11 +26,12 @@ from hkt_mdo.problem.physics import BEM
 from hkt_mdo.results.design import Design
 from hkt_mdo.sections import Quantity
 
+TEMPLATES = Path(__file__).parent / "templates"
 QUICK, LONGEST = 0.2, 0.01  # sample time: share of the loop's time constant, and s at most
 UNSTABLE = 2.0  # sample time over that constant from which a torque that is held is unstable
 
 
-class Law(NamedTuple):
+class Code(NamedTuple):
     """A law as C and Python write it alike, in SI units; w is the rotor's speed.
 
     Attributes
@@ -43,7 +46,7 @@ class Law(NamedTuple):
 
     constants: dict[str, tuple[float, str]]
     steps: tuple[tuple[str, str], ...]
-    curves: dict[str, PPoly] = {}  # noqa: RUF012
+    curves: dict[str, PPoly]
 
 
 class Controller(Format):
@@ -76,7 +79,7 @@ class Controller(Format):
         head = _head(source)
         return {
             f"controller.{kind}": _written(kind, code, head, sample_time).encode()
-            for kind in _FILES
+            for kind in ("h", "c", "py")
         }
 
     def _sample_time(self, design: Design) -> float:
@@ -100,17 +103,17 @@ def _refusal(problem: str, remedy: str, law: Any) -> InputError:
 # Laws ---------------------------------------------------------------------------------------------
 
 
-def _linear(design: Design) -> Law:
+def _linear(design: Design) -> Code:
     gain = {"GAIN": (float(design.gains[0]), "N m s/rad")}
-    return Law(gain, (("demand", "GAIN * w"),))
+    return Code(gain, (("demand", "GAIN * w"),), {})
 
 
-def _quadratic(design: Design) -> Law:
+def _quadratic(design: Design) -> Code:
     gain = {"GAIN": (float(design.gains[0]), "N m s^2/rad^2")}
-    return Law(gain, (("demand", "GAIN * w * w"),))
+    return Code(gain, (("demand", "GAIN * w * w"),), {})
 
 
-def _power_law(design: Design) -> Law:
+def _power_law(design: Design) -> Code:
     law: Any = design.law
     exponent = design.gains[1] if law.exponent is None else law.exponent
     constants = {
@@ -118,10 +121,10 @@ def _power_law(design: Design) -> Law:
         "EXPONENT": (float(exponent), "exponent"),
         "STILL": (STILL, "slowest speed that counts, rad/s"),
     }
-    return Law(constants, (("demand", "GAIN * pow(fmax(w, STILL), EXPONENT)"),))
+    return Code(constants, (("demand", "GAIN * pow(fmax(w, STILL), EXPONENT)"),), {})
 
 
-def _rated(design: Design) -> Law:
+def _rated(design: Design) -> Code:
     law: Any = design.law
     constants = {
         "GAIN": (float(design.gains[0]), "N m s^2/rad^2"),
@@ -135,17 +138,17 @@ def _rated(design: Design) -> Law:
         ("least", "(2.0 - 0.125 * SMOOTHING) * POWER / (wanted + POWER + root)"),
         ("demand", "least * GAIN * w * w"),
     )
-    return Law(constants, steps)
+    return Code(constants, steps, {})
 
 
-def _curve(design: Design) -> Law:
+def _curve(design: Design) -> Code:
     place, height = np.log(design.gains).reshape(2, -1)
     constants = {"STILL": (STILL, "slowest speed that counts, rad/s")}
     steps = (("demand", "exp(curve(log(fmax(w, STILL))))"),)
-    return Law(constants, steps, {"curve": CubicSpline(place, height, bc_type="natural")})
+    return Code(constants, steps, {"curve": CubicSpline(place, height, bc_type="natural")})
 
 
-def _tracking(design: Design) -> Law:
+def _tracking(design: Design) -> Code:
     law: Any = design.law
     kp, ki = design.gains[-2:]
     slowest, fastest = law.flow_range
@@ -171,10 +174,10 @@ def _tracking(design: Design) -> Law:
             "INERTIA": (design.inertia, "of the rotor, kg m^2"),
             "STILL": (STILL, "slowest speed that counts, rad/s"),
         }
-    return Law(constants, (("demand", "PROPORTIONAL * (w - schedule(flow)) + integral"),), curves)
+    return Code(constants, (("demand", "PROPORTIONAL * (w - schedule(flow)) + integral"),), curves)
 
 
-_WRITERS: dict[type, Callable[[Design], Law]] = {
+_WRITERS: dict[type, Callable[[Design], Code]] = {
     LinearFeedback: _linear,
     QuadraticFeedback: _quadratic,
     PowerLawFeedback: _power_law,
@@ -192,209 +195,13 @@ _SATURATED = (
     ("falling", "sqrt(SMOOTHING + (ratio - 2.0) * (ratio - 2.0))"),
     ("torque", "0.25 * LIMIT * (2.0 + rising - falling)"),
 )
-_ESTIMATE = (
+_TOLD = (
     ("tip", "fmax(w, STILL) * RADIUS"),
     ("volume", "3.141592653589793 * RADIUS * RADIUS * RADIUS"),
     ("unit", "0.5 * DENSITY * volume * tip * tip"),
     ("coefficient", "(torque + INERTIA * acceleration) / unit"),
     ("told", "tip / ratio_of(fmin(fmax(coefficient, SMALLEST), LARGEST))"),
 )
-
-_H = """\
-$head
-#ifndef HKT_CONTROLLER_H
-#define HKT_CONTROLLER_H
-#ifdef __cplusplus
-extern "C" {
-#endif
-
-$declarations
-#ifdef __cplusplus
-}
-#endif
-#endif
-"""
-
-_C = """\
-$head
-#include "controller.h"
-
-#include <math.h>
-
-$constants
-$curves
-$functions"""
-
-_PY = """\
-$head
-
-from bisect import bisect_left
-from math import exp, log, pow, sqrt
-
-fmax, fmin = max, min
-
-$constants
-
-$curves
-$functions"""
-
-_PIECEWISE_C = """\
-// Return a piecewise cubic curve, linear beyond its ends: rows of a knot and four coefficients.
-static double piecewise(const double (*rows)[5], int count, double end, double x)
-{
-    int low = 0, high = count - 1;
-    double width, inside, value, slope;
-    const double *c;
-    while (low < high) {  // the last row whose knot is below x
-        int middle = (low + high + 1) / 2;
-        if (rows[middle][0] < x)
-            low = middle;
-        else
-            high = middle - 1;
-    }
-    c = rows[low] + 1;
-    width = (low + 1 < count ? rows[low + 1][0] : end) - rows[low][0];
-    inside = fmin(fmax(x - rows[low][0], 0.0), width);
-    value = c[0] + inside * (c[1] + inside * (c[2] + inside * c[3]));
-    slope = c[1] + inside * (2.0 * c[2] + 3.0 * inside * c[3]);
-    return value + slope * (x - rows[low][0] - inside);
-}
-"""
-
-_PIECEWISE_PY = '''\
-
-def piecewise(rows, end, x):
-    """Return a piecewise cubic curve, linear beyond its ends: rows of a knot and coefficients."""
-    low = max(bisect_left(rows, (x,)) - 1, 0)  # the last row whose knot is below x
-    knot, *c = rows[low]
-    width = (rows[low + 1][0] if low + 1 < len(rows) else end) - knot
-    inside = fmin(fmax(x - knot, 0.0), width)
-    value = c[0] + inside * (c[1] + inside * (c[2] + inside * c[3]))
-    slope = c[1] + inside * (2.0 * c[2] + 3.0 * inside * c[3])
-    return value + slope * (x - knot - inside)
-
-'''
-
-_STATIC = {
-    "h": """\
-// Return the generator's torque, N m, at a rotor speed w, rad/s.
-double hkt_torque(double w);
-""",
-    "c": """\
-double hkt_torque(double w)
-{
-$demand
-    return torque;
-}
-""",
-    "py": '''\
-
-def torque(w):
-    """Return the generator's torque, N m, at a rotor speed w, rad/s."""
-$demand
-    return torque
-''',
-}
-
-_STEPS = {
-    "h": """\
-// Time between two steps, s.
-#define HKT_SAMPLE_TIME $sample_time
-
-// What the law keeps from one step to the next.
-typedef struct {
-    double integral;  // integral torque, N m
-    double flow;      // flow speed that the law follows, m/s
-} hkt_state;
-
-// Begin in equilibrium at a torque, N m, in a flow, m/s.
-void hkt_start(hkt_state *state, double torque, double told);
-
-// Return the torque, N m, that is held until the next step: at a rotor speed w, rad/s, and the flow
-// speed, m/s, that a sensor without lag tells. Where your sensor has the lag itself, set LAG to 0.
-double hkt_step(hkt_state *state, double w, double told);
-$estimate""",
-    "c": """\
-static double share(double time_constant)
-{
-    return time_constant > 0.0 ? 1.0 - exp(-HKT_SAMPLE_TIME / time_constant) : 1.0;
-}
-
-void hkt_start(hkt_state *state, double torque, double told)
-{
-    state->integral = torque;
-    state->flow = told;
-}
-
-double hkt_step(hkt_state *state, double w, double told)
-{
-    double integral = state->integral, flow = state->flow;
-$demand
-    // exact while torque and flow speed are held
-    state->integral += share(PROPORTIONAL / INTEGRAL) * (torque - integral);
-    state->flow += share(LAG) * (told - flow);
-    return torque;
-}
-$estimate""",
-    "py": '''\
-
-SAMPLE_TIME = $sample_time  # time between two steps, s
-
-
-def share(time_constant):
-    """Return how much of a change is followed in one step."""
-    return 1.0 - exp(-SAMPLE_TIME / time_constant) if time_constant > 0.0 else 1.0
-
-
-class Controller:
-    """The law, begun in equilibrium at a torque, N m, in a flow, m/s."""
-
-    def __init__(self, torque, told):
-        self.integral, self.flow = torque, told
-
-    def step(self, w, told):
-        """Return the torque, N m, that is held until the next step.
-
-        At a rotor speed w, rad/s, and the flow speed, m/s, that a sensor without lag tells. Where
-        your sensor has the lag itself, set LAG to 0.
-        """
-        integral, flow = self.integral, self.flow
-$demand
-        # exact while torque and flow speed are held
-        self.integral += share(PROPORTIONAL / INTEGRAL) * (torque - integral)
-        self.flow += share(LAG) * (told - flow)
-        return torque
-$estimate''',
-}
-
-_ESTIMATES = {
-    "h": """
-// Return the flow speed, m/s, for hkt_step, at a rotor speed w, rad/s: from the torque, N m, that
-// was held since the last step, and the acceleration, rad/s^2, (w - w then) / HKT_SAMPLE_TIME.
-double hkt_flow(double w, double torque, double acceleration);
-""",
-    "c": """
-double hkt_flow(double w, double torque, double acceleration)
-{
-$told
-    return told;
-}
-""",
-    "py": '''
-
-def flow(w, torque, acceleration):
-    """Return the flow speed, m/s, for `step`, at a rotor speed w, rad/s.
-
-    From the torque, N m, that was held since the last step, and the acceleration, rad/s^2, which
-    is (w - w then) / SAMPLE_TIME.
-    """
-$told
-    return told
-''',
-}
-
-
-_FILES = {"h": _H, "c": _C, "py": _PY}
 
 
 def _head(source: Source) -> list[str]:
@@ -408,38 +215,46 @@ def _head(source: Source) -> list[str]:
     lines.append(f"rotor speeds in the operation of the result: {ends}")
     if design.law.cut_out is not None:
         lines.append(f"cut-out, not part of this code: a flow of {design.law.cut_out:g} m/s")
+    others = [each for each in design.physics.all_limits if each.caps_series]
+    names = [f"{each.name} {each.upper:g} {each.unit or ''}".rstrip() for each in others[1:]]
+    if names:
+        lines.append(
+            f"limits that the design keeps and this code does not check: {'; '.join(names)}"
+        )
     return lines
 
 
-def _written(kind: str, code: Law, head: list[str], sample_time: float) -> str:
+def _template(name: str, **fields: str) -> str:
+    """Return a template with what stands for its fields."""
+    return Template((TEMPLATES / f"controller_{name}.in").read_text("utf-8")).substitute(fields)
+
+
+def _written(kind: str, code: Code, head: list[str], sample_time: float) -> str:
     """Return a file: the header or the source in C, or the Python module."""
     saturated = _SATURATED if "LIMIT" in code.constants else (("torque", "demand"),)
-    indent = 2 if sample_time and kind == "py" else 1
-    estimate = ""
+    indent = 2 if sample_time and kind == "py" else 1  # of a method
+    fields = {"demand": _assigned((*code.steps, *saturated), kind, indent)}
+    fields |= {"sample_time": repr(sample_time), "flow": ""}
     if "ratio_of" in code.curves:
-        told = _assigned(_ESTIMATE, kind)
-        estimate = Template(_ESTIMATES[kind]).substitute(told=told)
-    functions = Template((_STEPS if sample_time else _STATIC)[kind]).substitute(
-        demand=_assigned((*code.steps, *saturated), kind, indent),
-        estimate=estimate,
-        sample_time=repr(sample_time),
-    )
+        fields["flow"] = _template(f"flow.{kind}", told=_assigned(_TOLD, kind, 1))
     curves = "\n".join(_curve_code(kind, *each) for each in code.curves.items())
-    if curves:
-        curves = (_PIECEWISE_PY if kind == "py" else _PIECEWISE_C) + "\n" + curves
+    if curves and kind != "h":
+        curves = f"{_template(f'piecewise.{kind}')}\n{curves}"
     mark = "#" if kind == "py" else "//"
-    # a backslash or trigraph would go on with the comment in the next line
+    # a backslash or a trigraph would go on with the comment in the next line
     comment = (line.replace("\\", "/").replace("??", "? ?") for line in head)
-    return Template(_FILES[kind]).substitute(
+    text = _template(
+        f"file.{kind}",
         head="\n".join(f"{mark} {line}".rstrip() for line in comment),
         constants="\n".join(_constant(kind, n, *c) for n, c in code.constants.items()),
         curves=curves,
-        functions=functions,
-        declarations=functions,
+        functions=_template(f"{'steps' if sample_time else 'static'}.{kind}", **fields),
     )
+    blank = "\n\n\n" if kind == "py" else "\n\n"  # at most, where a part is empty
+    return re.sub(rf"{blank}\n+", blank, text)
 
 
-def _assigned(steps: Sequence[tuple[str, str]], kind: str, indent: int = 1) -> str:
+def _assigned(steps: Sequence[tuple[str, str]], kind: str, indent: int) -> str:
     """Return the lines that compute some names one after the other."""
     start, end = ("double ", ";") if kind == "c" else ("", "")
     return "\n".join(f"{'    ' * indent}{start}{name} = {value}{end}" for name, value in steps)

@@ -89,7 +89,7 @@ def test_windio_validates_it_and_this_program_reads_the_same_rotor(turbine):
     np.testing.assert_allclose(other.power, own.power, atol=1e-7)
     np.testing.assert_allclose(other.thrust, own.thrust, atol=1e-7)
     mass = design.physics.mass_and_inertia(blade)
-    np.testing.assert_allclose(read.mass_and_inertia(read.blade), mass, rtol=2e-3)
+    np.testing.assert_allclose(read.mass_and_inertia(read.blade), mass, rtol=5e-4)
     thickness = design.physics.scalars(blade, design.inertia)["thickness"]
     found = read.scalars(read.blade, 1.0)["thickness"]
     np.testing.assert_allclose(found, thickness, rtol=1e-9)
