@@ -215,12 +215,13 @@ def _head(source: Source) -> list[str]:
     lines.append(f"rotor speeds in the operation of the result: {ends}")
     if design.law.cut_out is not None:
         lines.append(f"cut-out, not part of this code: a flow of {design.law.cut_out:g} m/s")
-    others = [each for each in design.physics.all_limits if each.caps_series]
-    names = [f"{each.name} {each.upper:g} {each.unit or ''}".rstrip() for each in others[1:]]
+    names = [
+        f"{each.name} {each.upper:g} {each.unit or ''}".rstrip()
+        for each in design.physics.all_limits
+        if each.caps_series and each.name != "control_torque"
+    ]
     if names:
-        lines.append(
-            f"limits that the design keeps and this code does not check: {'; '.join(names)}"
-        )
+        lines.append(f"limits of the case that this code does not check: {'; '.join(names)}")
     return lines
 
 
