@@ -15,6 +15,8 @@ _HOMES = {
     "InputError": "errors",
     "Solution": "results.solution",
     "build_problem": "start.build",
+    "RotorGroup": "problem.rotor_group",
+    "TurbineGroup": "start.turbine_group",
     "run_case": "run.run",
     "Aggregate": "dynamics.aggregates",
     "FeedbackLaw": "dynamics.laws",

@@ -40,9 +40,9 @@ from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import Dumper, parse
 from hkt_mdo.sections import Quantity, Section, refusal
 
-STATION_COUNT = 40  # of a blade of splines: within 0.1 % of the energy at any number of them
+STATION_COUNT = 40  # within 0.1 % of the energy at any number of them, and 1 % of the loads
 MAX_CASE_BYTES = 1024**2  # of a file that is read
-VERSION = 1  # of the keys of a case
+VERSION = 2  # of the keys of a case; under 1, limits left a blade its own stations
 
 
 def _known_version(version: int) -> int:
@@ -129,7 +129,8 @@ class Case(Section):
     driver: Driver = Driver()
 
     version: Annotated[int, Strict(), AfterValidator(_known_version)] = VERSION
-    """Version of the keys that the file is written with."""
+    """Version of the keys that the file is written with. Under version 1, a blade whose operation
+    is limited keeps the stations of its file."""
 
     kinds: ClassVar[Kinds] = BUILT_IN
     """What cases of this class may name."""
@@ -142,9 +143,9 @@ class Case(Section):
     @model_validator(mode="before")
     @classmethod
     def _spell_out(cls, data: Any) -> Any:
-        """Write out a kind that is given by its bare name, and the stations of a blade of splines.
+        """Write out a kind that is given by its bare name, and the stations of a resolved blade.
 
-        docs/stations.md tells how many stations resolve such a blade.
+        A blade of splines has them, and one whose operation is limited (docs/stations.md).
         """
         if not isinstance(data, dict):
             return data
@@ -155,11 +156,10 @@ class Case(Section):
         data = _torque_limit_moved(data)
         if isinstance(data.get("inflow"), SumInflow):  # of any class of parts
             data = data | {"inflow": data["inflow"].model_dump()}
-        design, rotor = data.get("design"), data.get("rotor", {})
-        if isinstance(design, dict) and isinstance(rotor, dict):
-            splined = any(design.get(name) is not None for name in ("chord_points", "twist_points"))
-            given = ("stations", "station_count", "chord")
-            if splined and all(rotor.get(name) is None for name in given):
+        rotor, given = data.get("rotor", {}), ("stations", "station_count", "chord")
+        if isinstance(rotor, dict) and all(rotor.get(name) is None for name in given):
+            limited = _is_limited(data) and data.get("version", VERSION) != 1
+            if limited or _is_splined(data.get("design")):
                 return data | {"rotor": rotor | {"station_count": STATION_COUNT}}
         return data
 
@@ -276,6 +276,8 @@ class Case(Section):
         """Return the case as JSON has it, without what the blade brings with it, and that."""
         data = self.model_dump(mode="json")
         own = own_keys(data["rotor"])
+        if _is_splined(data["design"]) or _is_limited(data):  # without them it would be resolved
+            own.pop("stations", None)
         data["rotor"] |= {key: [] if key == "sections" else None for key in own}
         data["scenarios"] = [_without_nulls(each) for each in data["scenarios"]]
         return data, own
@@ -297,6 +299,22 @@ def _without_nulls(section: dict[str, Any]) -> dict[str, Any]:
         for key, value in section.items()
         if value is not None
     }
+
+
+def _is_splined(design: Any) -> bool:
+    """Tell whether chord or twist are given by control points."""
+    names = "chord_points", "twist_points"
+    return isinstance(design, dict) and any(design.get(name) is not None for name in names)
+
+
+def _is_limited(data: dict[str, Any]) -> bool:
+    """Tell whether a case, or one of its scenarios, has limits besides that of the torque."""
+    scenarios = data.get("scenarios")
+    for each in (data, *(scenarios if isinstance(scenarios, list | tuple) else ())):
+        limits = each.get("limits") if isinstance(each, dict) else None
+        if isinstance(limits, dict) and any(x is not None for x in limits.values()):
+            return True
+    return False
 
 
 def _scenarios_spelled_out(data: dict[str, Any]) -> dict[str, Any]:

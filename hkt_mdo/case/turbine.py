@@ -133,7 +133,9 @@ class Rotor(Section):
     station_count: Annotated[int, Strict(), Field(ge=3, le=200)] | None = None
     """Number of stations, in place of `stations`: in equal steps of the angle whose cosine is the
     radius, so that they are closer together towards hub and tip, where the load changes fastest.
-    Null: 40 if chord or twist are splines and no stations are given."""
+    Null: 40 if no stations are given and chord or twist are splines, or the case has limits, for
+    loads at the nine stations of the paper's blade may be a fifth too small; else those of the
+    blade."""
     blade: _File = "bahaj2007"
     """Blade at the start: a shipped name, or the path, from the folder of the case file, of a CSV
     file (columns such as `r_m, chord_m, twist_deg`, with units in their names, and optionally

@@ -159,7 +159,8 @@ SPECTRA = {"von_karman": von_karman, "kaimal": kaimal}
 class TurbulentInflow(SampledInflow):
     """Turbulence, v = mean + sum_k sqrt(2 S(f_k) df) cos(2 pi f_k t + phase_k), df = 1/duration.
 
-    The phases are random, the spectrum is exact. Frequencies above the cutoff are missing, as are
+    The phases are random, the spectrum is exact, or, with random amplitudes, that of many seeds in
+    the mean. Frequencies above the cutoff are missing, as are
     those below 1/duration, and the rest is not scaled up in their place: the share of the variance
     that is kept is reported.
     """
@@ -177,7 +178,11 @@ class TurbulentInflow(SampledInflow):
     length_scale: Annotated[float, Quantity("m", gt=0)] = 5.0
     """Integral length scale L, of the order of the river's depth; eddies pass in about L/V."""
     seed: Annotated[int, Strict(), Field(ge=0, lt=2**63)] = 1
-    """Seed of the random phases."""
+    """Seed of the random phases and amplitudes."""
+    amplitudes: Literal["fixed", "random"] = "fixed"
+    """Amplitudes of the waves: `fixed` by the spectrum, so that every seed has the same variance;
+    `random`, Rayleigh distributed about it, so that a short flow varies from seed to seed as a
+    Gaussian process does."""
     duration: Annotated[float, Quantity("s", gt=0)] = 60.0
     """Duration of the realization, after which it repeats; ten times L/V at least. What is slower
     is missing, too."""
@@ -232,7 +237,7 @@ class TurbulentInflow(SampledInflow):
         return (
             f"turbulence from {1.0 / self.duration:.3g} to {self.highest_frequency:.3g} Hz has "
             f"{100 * self.kept_variance:.3g} % of the spectrum's variance: its standard deviation "
-            f"is {deviation:.3g} m/s",
+            f"is {deviation:.3g} m/s{' in the mean of seeds' * (self.amplitudes == 'random')}",
         )
 
     def samples(self):
@@ -242,6 +247,9 @@ class TurbulentInflow(SampledInflow):
         # they are.
         frequencies = self.frequencies
         amplitudes = np.sqrt(2.0 * self.spectral_density(frequencies) / self.duration)
+        if self.amplitudes == "random":  # a stream of their own: the phases stay those of the seed
+            squares = np.random.default_rng((self.seed, 1)).exponential(size=frequencies.size)
+            amplitudes *= np.sqrt(squares)
         phases = np.random.default_rng(self.seed).uniform(0.0, 2.0 * np.pi, frequencies.size)
         count = next_fast_len(SAMPLES_PER_PERIOD * frequencies.size, real=True)
         terms = np.zeros(count // 2 + 1, dtype=complex)

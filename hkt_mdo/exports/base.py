@@ -34,6 +34,9 @@ FORMATS = {
     "netcdf": "tables:Netcdf",
     "windio": "windio:Windio",
     "controller": "controller:Controller",
+    "sections": "solids:Sections",
+    "stl": "solids:Stl",
+    "step": "step:Step",
 }
 """Module and class of each format, by the name that `hkt export --to` takes."""
 

@@ -1,6 +1,6 @@
 """A case as an OpenMDAO problem: the one place where case and physics meet.
 
-`RotorGroup` (blade, inertia, tables by BEM) feeds `OperationGroup` (phases, limits, integrals);
+`BladeGroup` (shape, inertia, tables by BEM) feeds `OperationGroup` (phases, limits, integrals);
 here both are put together, and design variables, constraints and objective are declared.
 """
 
@@ -16,10 +16,10 @@ from hkt_mdo.problem.components import AreaComp
 from hkt_mdo.problem.constraints import held_limits, size_of
 from hkt_mdo.problem.operation_group import OperationGroup
 from hkt_mdo.problem.physics import Physics
-from hkt_mdo.problem.scenario import Scales, set_start
+from hkt_mdo.problem.scenario import Scales
 from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
 from hkt_mdo.quantities import QUANTITIES
-from hkt_mdo.rotor.components import AngleComp, RotorGroup, rotor_inputs
+from hkt_mdo.rotor.components import AngleComp, BladeGroup, rotor_inputs
 from hkt_mdo.rotor.stall import SLOWER
 from hkt_mdo.solve import drivers
 from hkt_mdo.solve.totals import Substitution
@@ -62,13 +62,43 @@ def assemble(
     """
     options = {"work_dir": work_dir} if work_dir else {}
     problem = om.Problem(driver=driver or make_driver(physics), reports=False, **options)
-    model, scales, blade = problem.model, _scales(physics, setup), setup.start.blade
-    model.linear_solver = Substitution()
+    problem.model.linear_solver = Substitution()
+    add_turbine(problem.model, physics, setup, alone=True)
+    ref = -physics.objective.sign * _objective_reference(physics, setup)
+    problem.model.add_objective("objective", ref=ref, units=physics.objective.unit)
+    problem.driver.declare_coloring(show_summary=False, show_sparsity=False)
+    problem.setup()
+    return problem
+
+
+def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = False) -> None:
+    """Add rotor and operation to a group, with its design variables and limits.
+
+    Parameters
+    ----------
+    group : om.Group
+        The model, or a group in its setup.
+    physics : Physics
+    setup : Setup
+        Where the optimization begins, and how far it may go.
+    alone : bool
+        Whether what is kept is given a value, as what is designed is, or is an input of the group.
+    """
+    scales, blade = _scales(physics, setup), setup.start.blade
     ratios = [series["tip_speed_ratio"] for series in physics.on_start(setup.start)]
     lowest = float(min(map(np.min, ratios)))
     fence = physics.rotor.stall_fence(physics.shape, blade, lowest)
-    _add_design(model, physics, setup)
-    rotor = RotorGroup(
+    attached = bool(fence.stations.size)
+    designed, kept = _declare_design(group, physics, setup)
+    designed |= _lowest_ratio(group, lowest) if attached else {}
+    designed |= _unknowns(group, physics, setup)
+    if own := designed | (kept if alone else {}):
+        design = group.add_subsystem("design", om.IndepVarComp(), promotes=["*"])
+        for name, about in own.items():
+            design.add_output(name, **about)
+    for name in kept.keys() - own.keys():
+        group.set_input_defaults(name, kept[name]["val"], units=kept[name]["units"])
+    rotor = BladeGroup(
         rotor=replace(physics.rotor, solver=physics.case.hydrodynamics.bem),
         blade=blade,
         shape=physics.shape,
@@ -76,25 +106,14 @@ def assemble(
         coefficients=("torque",) if physics.has_curve else (),
         loads=physics.load_names,
     )
-    model.add_subsystem("rotor", rotor, promotes=["*"])
+    group.add_subsystem("rotor", rotor, promotes=["*"])
     if physics.asks_for("blade_area"):
-        model.add_subsystem("planform", AreaComp(blade=blade), promotes=["*"])
-    if fence.stations.size:
-        _hold_attached(model, physics, blade, fence, lowest)
-    operation = OperationGroup(
-        physics=physics, start=setup, scales=scales, above_lowest=bool(fence.stations.size)
-    )
-    model.add_subsystem("operation", operation, promotes=["*"])
-    _declare_constraints(model, physics, setup, scales)
-    _declare_objective(model, physics, setup)
-    problem.driver.declare_coloring(show_summary=False, show_sparsity=False)
-    problem.setup()
-    for phase, scenario, (speed, torque) in zip(
-        operation.phases, physics.scenarios, physics.split(setup.start.operation), strict=True
-    ):
-        states = physics.states_at_rest(torque, scenario.inflow.speed_at(scenario.samples))
-        set_start(phase, scenario.samples, speed, torque, states)
-    return problem
+        group.add_subsystem("planform", AreaComp(blade=blade), promotes=["*"])
+    if attached:
+        _hold_attached(group, physics, blade, fence, lowest)
+    operation = OperationGroup(physics=physics, start=setup, scales=scales, above_lowest=attached)
+    group.add_subsystem("operation", operation, promotes=["*"])
+    _declare_constraints(group, physics, setup, scales)
 
 
 def make_driver(physics: Physics, progress=None, most=None, near=True) -> om.Driver:
@@ -143,12 +162,11 @@ def _state_scales(physics, start):
     return dict(zip(physics.states, zip(sizes[1:], rates, strict=True), strict=True))
 
 
-def _add_design(model, physics, setup):
-    """Add what is designed, or kept: radius, control points of the shape, gains, water."""
+def _declare_design(model, physics, setup) -> tuple[dict, dict]:
+    """Declare what is designed; return it, and what is kept: of radius, shape, gains, water."""
     start, bounds = setup.start, setup.moves.bounds(physics, setup.start)
     chord, twist, thickness = physics.shape.within(start.blade)  # but for the last digit, they are
-    radius = start.blade.rotor_radius
-    design = model.add_subsystem("design", om.IndepVarComp(), promotes=["*"])
+    radius, designed, kept = start.blade.rotor_radius, {}, {}
     for name, value, units, ref in (
         ("rotor_radius", np.atleast_1d(radius), "m", radius),
         ("chord_control", chord, "m", chord),
@@ -157,32 +175,44 @@ def _add_design(model, physics, setup):
     ):
         if not value.size:
             continue
-        design.add_output(name, value, units=units, desc=DESIGNED[name])
-        if name != "rotor_radius" or physics.shape.radius_bounds is not None:
-            low, high = bounds[name]
-            model.add_design_var(name, lower=low, upper=high, ref=ref, units=units)
-    design.add_output("density", physics.density, **QUANTITIES["density"].meta)
+        about = {"val": value, "units": units, "desc": DESIGNED[name]}
+        if name == "rotor_radius" and physics.shape.radius_bounds is None:
+            kept[name] = about
+            continue
+        low, high = bounds[name]
+        designed[name] = about
+        model.add_design_var(name, lower=low, upper=high, ref=ref, units=units)
+    kept["density"] = {"val": physics.density, **QUANTITIES["density"].meta}
     if not thickness.size and physics.asks_for("thickness"):
         given = np.broadcast_to(physics.thickness, start.blade.r.shape)
-        design.add_output("thickness", given, **QUANTITIES["thickness"].meta)
+        kept["thickness"] = {"val": given, **QUANTITIES["thickness"].meta}
     for i, units in enumerate(physics.gain_units):
         name, (low, high) = f"gain_{i}", bounds["gain"]
-        design.add_output(name, start.gains[i], units=units, desc="feedback gain")
-        if low[i] < high[i]:
+        free = low[i] < high[i]
+        about = {"val": start.gains[i], "units": units, "desc": "feedback gain"}
+        (designed if free else kept)[name] = about
+        if free:
             ref = physics.law.sizes(start.gains)[i]
             model.add_design_var(name, lower=low[i], upper=high[i], ref=ref)
+    return designed, kept
+
+
+def _lowest_ratio(model, lowest) -> dict[str, dict]:
+    """Declare one more unknown, which is below the tip speed ratios of the trajectories."""
+    model.add_design_var("lowest_ratio", lower=0.5 * lowest, upper=2.0 * lowest, ref=lowest)
+    about = {"units": None, "desc": "below every w R / v of the trajectories"}
+    return {"lowest_ratio": {"val": lowest, **about}}
 
 
 def _hold_attached(model, physics, blade, fence, lowest):
-    """Hold the sections off stall at the lowest tip speed ratio, which is one more unknown."""
-    model.design.add_output("lowest_ratio", lowest, desc="below every w R / v of the trajectories")
-    model.add_design_var("lowest_ratio", lower=0.5 * lowest, upper=2.0 * lowest, ref=lowest)
+    """Hold the sections off stall at the lowest tip speed ratio."""
     sections = AngleComp(rotor=physics.rotor, blade=blade, stations=fence.stations, slowed=SLOWER)
     inputs = [*rotor_inputs(blade), "lowest_ratio"]
-    model.add_subsystem("sections", sections, promotes_inputs=inputs)
-    model.add_constraint("sections.angle_of_attack", upper=fence.highest, ref=ANGLE_UNIT)
+    model.add_subsystem("angles_of_attack", sections, promotes_inputs=inputs)
+    name = "angles_of_attack.angle_of_attack"
+    model.add_constraint(name, upper=fence.highest, ref=ANGLE_UNIT)
     for scenario in physics.scenarios:
-        model.add_constraint(f"above_{scenario.name}.room", lower=0.0, ref=lowest)
+        model.add_constraint(f"above_lowest_ratio_{scenario.name}.room", lower=0.0, ref=lowest)
 
 
 def _declare_constraints(model, physics, setup, scales):
@@ -208,19 +238,20 @@ def _declare_design_limit(model, limit: Limit) -> None:
     )
 
 
-def _declare_objective(model, physics, setup):
-    """Declare the objective, and the unknowns and rows of the aggregate."""
-    objective, reference = physics.objective, _objective_reference(physics, setup)
-    model.add_objective("objective", ref=-objective.sign * reference, units=objective.unit)
+def _unknowns(model, physics, setup) -> dict[str, dict]:
+    """Declare the unknowns of the aggregate, and that its rows are not negative."""
+    objective = physics.objective
     if not objective.is_rate:
-        return
-    (unknowns, n_rows), scale = physics.epigraph(setup.start), reference / physics.duration
-    if unknowns.size:
-        units = f"({objective.unit})/s" if objective.unit else "1/s"
-        model.design.add_output("unknowns", unknowns, units=units, desc="of the aggregate")
-        model.add_design_var("unknowns", ref=scale)
+        return {}
+    unknowns, n_rows = physics.epigraph(setup.start)
+    scale = _objective_reference(physics, setup) / physics.duration
     if n_rows:
         model.add_constraint("rows", lower=0.0, ref=scale)
+    if not unknowns.size:
+        return {}
+    model.add_design_var("unknowns", ref=scale)
+    units = f"({objective.unit})/s" if objective.unit else "1/s"
+    return {"unknowns": {"val": unknowns, "units": units, "desc": "of the aggregate"}}
 
 
 def _objective_reference(physics, setup) -> float:

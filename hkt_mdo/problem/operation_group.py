@@ -63,7 +63,7 @@ class OperationGroup(om.Group):
             if scenario.mesh.final_speed == "initial":
                 self._close_cycle(scenario)
             if self.options["above_lowest"]:
-                name, n = f"above_{scenario.name}", scenario.node_times.size
+                name, n = f"above_lowest_ratio_{scenario.name}", scenario.node_times.size
                 self.add_subsystem(name, AboveComp(num_nodes=n), promotes_inputs=["lowest_ratio"])
                 self.connect(f"{scenario.path}.tip_speed_ratio", f"{name}.tip_speed_ratio")
         self._add_objective()
@@ -77,7 +77,7 @@ class OperationGroup(om.Group):
         return self.options["physics"], self.options["start"]
 
     def _add_phases(self):
-        """Add one phase a scenario, and promote what feeds them."""
+        """Add one phase a scenario, at its start, and promote what feeds them."""
         physics, setup = self._given
         bounds = setup.moves.bounds(physics, setup.start)["rotor_speed"]
         hydrodynamics, parameters = self._hydrodynamics()
@@ -87,7 +87,11 @@ class OperationGroup(om.Group):
         }
         trajectory = Trajectory()
         about = physics.law, options, parameters, self.options["scales"], bounds
-        self.phases = [add_phase(trajectory, each, *about) for each in physics.scenarios]
+        operation = physics.split(setup.start.operation)
+        for each, (speed, torque) in zip(physics.scenarios, operation, strict=True):
+            begin = {"time": each.samples, "rotor_speed": speed, "control_torque": torque}
+            begin |= physics.states_at_rest(torque, each.inflow.speed_at(each.samples))
+            add_phase(trajectory, each, *about, begin)
         self.add_subsystem("traj", trajectory)
         inputs = [
             (f"{each.name}.parameters:{name}", name)
@@ -177,18 +181,20 @@ class OperationGroup(om.Group):
         names = "energy", "generator_energy", "electrical_energy"
         scenarios = self._physics.scenarios
         weights = {each.name: each.weight * each.node_weights for each in scenarios}
-        self._add_integrals("integrals", dict(zip(names, kinds, strict=True)), weights)
+        self._add_integrals("energies", dict(zip(names, kinds, strict=True)), weights)
 
     def _add_objective(self):
         """Add the objective: an aggregate of scenarios' mean rates, or a value of the design."""
         physics = self._physics
         if not physics.objective.is_rate:
-            return self._add_formula("value", physics.objective, 1, [("value", "objective")])
+            return self._add_formula(
+                "objective_value", physics.objective, 1, [("value", "objective")]
+            )
         groups, scenarios = list(physics.shares), physics.scenarios
         rows = {each.name: groups.index(each.group) for each in scenarios}
         weights = {each.name: each.node_weights / each.mesh.duration for each in scenarios}
         rate = {"mean_rate": physics.objective}
-        self._add_integrals("rates", rate, weights, rows=rows, mean=True)
+        self._add_integrals("mean_rates", rate, weights, rows=rows, mean=True)
         _, n_rows = physics.epigraph(self.options["start"].start)
         component = AggregateComp(
             aggregate=physics.aggregate,

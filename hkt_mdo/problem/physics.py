@@ -509,7 +509,7 @@ def physics(case: Case) -> Physics:
     return Physics(
         case,
         shape,
-        _rotor_model(case, turbine, shape),
+        rotor_model(case, turbine, shape),
         turbine.thickness,
         tuple(_with_limits(each, limits, case, shape) for each in scenarios),
         control,
@@ -534,7 +534,7 @@ def _with_limits(
     return replace(scenario, limits=tuple((common | own).values()), own_limits={})
 
 
-def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
+def rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     """Return the rotor of a case; refuse limits on loads that it cannot tell."""
     flow = Hydrodynamics(turbine.polar)
     given = [*case.limits.given, *(each for part in case.scenarios for each in part.limits.given)]

@@ -220,7 +220,23 @@ class _Lean:
 
     With rotor speed as a control nothing needs collocation. Dymos sets such a phase up, except for
     a component of initial guesses, which must not be empty.
+
+    States and controls have the initial values of `start`, a dict with time (s) and values by name,
+    SI units, (n_times,): Dymos can set those only after a problem's setup, which is not ours where
+    the phase is part of another model.
     """
+
+    def initialize(self):
+        """Declare the start."""
+        super().initialize()
+        self.options.declare("start", types=dict, recordable=False)
+
+    def _begin(self, phase, known):
+        """Give states or controls, by name with Dymos' options, their initial values."""
+        start = self.options["start"]
+        for name, options in known.items():
+            about = {"xs": start["time"], "kind": "cubic"}
+            options["val"] = phase.interp(name, ys=start[name], **about)
 
     def init_grid(self):
         """Give the grid matrices that are sparse from the start."""
@@ -243,6 +259,7 @@ class _Lean:
         multiple of the identity: so scaled, it suits segments of any lengths. Dymos takes one
         reference for all nodes; where they are equally spaced, it is the one that holds.
         """
+        self._begin(phase, phase.control_options)
         super().configure_controls(phase)
         grid = self.grid_data
         spans = np.gradient(grid.node_ptau[grid.subset_node_indices["control_input"]])
@@ -274,6 +291,7 @@ class _Lean:
     def configure_states(self, phase):
         """Skip the component where there are no states."""
         if phase.state_options:
+            self._begin(phase, phase.state_options)
             super().configure_states(phase)
 
 
@@ -288,13 +306,14 @@ class Radau(_Lean, dm.Radau):
 _TRANSCRIPTIONS = {"gauss-lobatto": GaussLobatto, "radau": Radau}
 
 
-def add_phase(trajectory, scenario, law, ode_options, parameters, scales, speed_bounds):
-    """Add a scenario's phase to a trajectory and return it.
+def add_phase(trajectory, scenario, law, ode_options, parameters, scales, speed_bounds, start):
+    """Add a scenario's phase to a trajectory.
 
     `ode_options` are those of `RotorODE` besides law and inflow; `parameters` the ODE inputs that
-    the model feeds, with their units; `speed_bounds` (rad/s) a pair.
+    the model feeds, with their units; `speed_bounds` (rad/s) a pair. `start` has time, rotor_speed,
+    control_torque and the states of the law at samples, SI units, (n_times,).
     """
-    mesh = scenario.mesh
+    mesh, time = scenario.mesh, start["time"]
     phase = dm.Phase(
         ode_class=RotorODE,
         ode_init_kwargs={"law": law, "inflow": scenario.inflow, **ode_options},
@@ -303,10 +322,12 @@ def add_phase(trajectory, scenario, law, ode_options, parameters, scales, speed_
             order=mesh.order,
             segment_ends=scenario.edges,
             compressed=True,
+            start=start,
         ),
     )  # fmt: skip
     trajectory.add_phase(scenario.name, phase)
-    phase.set_time_options(fix_initial=True, fix_duration=True, units="s", targets=["time"])
+    span = {"initial_val": float(time[0]), "duration_val": float(time[-1] - time[0])}
+    phase.set_time_options(fix_initial=True, fix_duration=True, units="s", targets=["time"], **span)
     for name, units in parameters.items():
         phase.add_parameter(name, opt=False, units=units, static_targets=True)
 
@@ -346,7 +367,6 @@ def add_phase(trajectory, scenario, law, ode_options, parameters, scales, speed_
     for name in TRAJECTORY:
         if name not in ("time", "rotor_speed"):
             phase.add_timeseries_output(name)
-    return phase
 
 
 def _add_control(phase, name, ref, **options):
@@ -377,17 +397,3 @@ class Scales:
     acceleration: float
     torque_limit: float | None
     states: dict[str, tuple[float, float]]
-
-
-def set_start(phase, time, rotor_speed, torque, states):
-    """Set a phase's time span and the start of its unknowns from samples, SI units, (n_times,).
-
-    states has those of the control law by name.
-    """
-    phase.set_time_val(initial=time[0], duration=time[-1] - time[0], units="s")
-    controls = phase.control_options, phase.set_control_val
-    for names, setter in (controls, (phase.state_options, phase.set_state_val)):
-        start = {"rotor_speed": rotor_speed, "control_torque": torque} | states
-        for name, values in start.items():
-            if name in names:
-                setter(name, values, time_vals=time, interpolation_kind="cubic")

@@ -61,7 +61,11 @@ class _Section(NamedTuple):
 
 
 def build_turbine(
-    rotor: Rotor, fluid: Fluid, flow_speed: float, design: Design | None = None
+    rotor: Rotor,
+    fluid: Fluid,
+    flow_speed: float,
+    design: Design | None = None,
+    station_count: int | None = None,
 ) -> Turbine:
     """Read the files of a rotor section and return its turbine.
 
@@ -78,6 +82,8 @@ def build_turbine(
         Speed of the flow for local Reynolds numbers (m/s).
     design : Design, optional
         What is designed; None: not the thickness.
+    station_count : int, optional
+        Number of stations in place of those of the section.
 
     Returns
     -------
@@ -89,6 +95,8 @@ def build_turbine(
         If a file is broken, or files do not fit together.
     """
     table, tip_radius, hub_radius = _blade_table(rotor)
+    if station_count is not None:
+        rotor = rotor.model_copy(update={"stations": None, "station_count": station_count})
     stations, messages = _stations(rotor, table, tip_radius, hub_radius)
     read = () if rotor.blade in shipped_names("blade") else table.messages
     table = _at_stations(table, stations).scaled(tip_radius)

@@ -123,42 +123,70 @@ class BladeComp(om.ExplicitComponent):
         return blade.with_shape(inputs["chord"], inputs["twist"], *thickness)
 
 
-class TorqueTable(BladeComp):
-    """Torque coefficient of a blade at the nodes of a `TorqueSpline`, by BEM.
-
-    Inputs are those of `BladeComp`; output torque_coefficient_table[n_nodes], Cq in
-    Q = 0.5 rho V² pi R³ Cq.
-    """
+class _Table(BladeComp):
+    """A table of a blade's over tip speed ratios, which are `nodes`, or an input if they vary."""
 
     def initialize(self):
         super().initialize()
         self.options.declare("nodes", types=np.ndarray, desc="tip speed ratios of the table")
+        about = "whether the tip speed ratios are an input, nodes their initial values"
+        self.options.declare("vary", default=False, types=bool, desc=about)
+
+    def _add_tables(self, tables):
+        """Add outputs over the tip speed ratios, with their units and descriptions by name."""
+        nodes = self.options["nodes"]
+        if self.options["vary"]:
+            self.add_input("tip_speed_ratio", val=nodes, desc="Omega R / V of the disc")
+        for name, about in tables.items():
+            self.add_output(name, shape=nodes.shape, **about)
+            self.declare_partials(name, self.inputs_of_blade)
+            if self.options["vary"]:
+                rows = np.arange(nodes.size)
+                self.declare_partials(name, "tip_speed_ratio", rows=rows, cols=rows)
+
+    def _ratios(self, inputs):
+        if not self.options["vary"]:
+            return self.options["nodes"]
+        ratios = inputs["tip_speed_ratio"]
+        if not np.all(np.isfinite(ratios) & (ratios > 0.0)):  # a driver may try another point
+            raise om.AnalysisError("a tip speed ratio is not a positive number: the rotor stands")
+        return ratios
+
+    def _set_partials(self, partials, table, found, prefix=""):
+        """Set the partials of a table, which are the attributes of what is found."""
+        by_ratio = ["tip_speed_ratio"] if self.options["vary"] else []
+        for name in (*self.inputs_of_blade, *by_ratio):
+            partials[table, name] = getattr(found, f"{prefix}by_{name}")
+
+
+class TorqueTable(_Table):
+    """Torque coefficient of a blade at some tip speed ratios, by BEM.
+
+    Inputs are those of `BladeComp` and, if they vary, tip_speed_ratio[n_nodes]; output
+    torque_coefficient_table[n_nodes], Cq in Q = 0.5 rho V² pi R³ Cq.
+    """
 
     def setup(self):
         super().setup()
-        about = "Q / (0.5 rho V^2 pi R^3) at the nodes"
-        shape = self.options["nodes"].shape
-        self.add_output("torque_coefficient_table", shape=shape, desc=about)
-        self.declare_partials("*", "*")
+        about = {"desc": "Q / (0.5 rho V^2 pi R^3) at the nodes"}
+        self._add_tables({"torque_coefficient_table": about})
 
     def compute(self, inputs, outputs):
         outputs["torque_coefficient_table"] = self._solve(inputs, derivatives=False).torque
 
     def compute_partials(self, inputs, partials):
-        coefficients = self._solve(inputs, derivatives=True)
-        for name in self.inputs_of_blade:
-            slopes = getattr(coefficients, f"torque_by_{name}")
-            partials["torque_coefficient_table", name] = slopes
+        found = self._solve(inputs, derivatives=True)
+        self._set_partials(partials, "torque_coefficient_table", found, "torque_")
 
     def _solve(self, inputs, derivatives):
-        rotor, nodes = self.options["rotor"], self.options["nodes"]
-        return rotor.coefficients(self.blade_of(inputs), nodes, derivatives)
+        blade, ratios = self.blade_of(inputs), self._ratios(inputs)
+        return self.options["rotor"].coefficients(blade, ratios, derivatives)
 
 
-class LoadTable(BladeComp):
+class LoadTable(_Table):
     """Loads of a blade over the dynamic pressure 0.5 rho v², at tip speed ratios; see `LoadModel`.
 
-    Inputs are those of `BladeComp`. For each of the names thrust, root_moment, stress and
+    Inputs are those of `TorqueTable`. For each of the names thrust, root_moment, stress and
     cavitation that are chosen, an output <name>_table[n_nodes]: the smooth largest load along the
     blade (`Envelope`). The option rotor is a `RotorModel`.
     """
@@ -166,14 +194,14 @@ class LoadTable(BladeComp):
     def initialize(self):
         super().initialize()
         self.options.declare("names", types=tuple, desc="names of the loads")
-        self.options.declare("nodes", types=np.ndarray, desc="tip speed ratios of the table")
 
     def setup(self):
         super().setup()
+        tables = {}
         for name in self.options["names"]:
             about = {"units": COEFFICIENT_UNITS[name], "desc": f"{name} / (0.5 rho v^2)"}
-            self.add_output(f"{name}_table", shape=self.options["nodes"].shape, **about)
-        self.declare_partials("*", "*")
+            tables[f"{name}_table"] = about
+        self._add_tables(tables)
 
     def compute(self, inputs, outputs):
         for name, envelope in self._solve(inputs).items():
@@ -181,11 +209,10 @@ class LoadTable(BladeComp):
 
     def compute_partials(self, inputs, partials):
         for name, envelope in self._solve(inputs, derivatives=True).items():
-            for by in self.inputs_of_blade:
-                partials[f"{name}_table", by] = getattr(envelope, f"by_{by}")
+            self._set_partials(partials, f"{name}_table", envelope)
 
     def _solve(self, inputs, derivatives=False):
-        model, about = self.options["rotor"].loads, (self.options["nodes"], derivatives)
+        model, about = self.options["rotor"].loads, (self._ratios(inputs), derivatives)
         loads = model.coefficients(self.blade_of(inputs), *about, self.options["names"])
         return {name: load.envelope(model.exponent) for name, load in loads.items()}
 
@@ -276,20 +303,20 @@ class InertiaComp(BladeComp):
             partials[name, "rotor_radius"] = slope
 
 
-class RotorGroup(om.Group):
-    """A rotor: mass, inertia and tables over the tip speed ratio from the shape of its blades.
+class BladeGroup(om.Group):
+    """The blades of a rotor: mass, inertia and tables over the tip speed ratio from their shape.
 
     It needs no flow and no trajectory, so that any model may have it.
 
     Options are rotor, a `RotorModel`; blade, the `Blade` at the start; nodes[n_nodes], the tip
-    speed ratios of the tables; shape, a `Shape`, or None; coefficients, of "torque", "power" and
-    "thrust"; loads, names of `LoadModel.names`.
+    speed ratios of the tables, or their initial values if they vary; shape, a `Shape`, or None;
+    coefficients, of "torque", "power" and "thrust"; loads, names of `LoadModel.names`.
 
     Inputs are rotor_radius (m) and the inputs of `ShapeComp`; without a shape rotor_radius, chord,
-    twist[n_stations] (m, rad), and thickness[n_stations] (over chord) where the blade has one.
-    Outputs are chord, twist and thickness (with a shape); mass (kg), inertia (kg*m**2);
-    <name>_coefficient_table[n_nodes] for each coefficient, and for each load <name>_table[n_nodes],
-    the load over the dynamic pressure. Partials are exact.
+    twist[n_stations] (m, rad), and thickness[n_stations] (over chord) where the blade has one; and
+    tip_speed_ratio[n_nodes] if it varies. Outputs are chord, twist and thickness (with a shape);
+    mass (kg), inertia (kg*m**2); <name>_coefficient_table[n_nodes] for each coefficient, and for
+    each load <name>_table[n_nodes], the load over the dynamic pressure. Partials are exact.
     """
 
     def initialize(self):
@@ -297,16 +324,17 @@ class RotorGroup(om.Group):
         declare("rotor", types=RotorModel, desc="polars, structure, material", recordable=False)
         declare("blade", types=Blade, desc="blade at the start", recordable=False)
         declare("nodes", types=np.ndarray, desc="tip speed ratios of the tables")
+        declare("vary", default=False, types=bool, desc="whether these are an input")
         declare("shape", default=None, types=Shape, allow_none=True, recordable=False)
         declare("coefficients", default=("torque",), types=tuple, desc="names of coefficients")
         declare("loads", default=(), types=tuple, desc="names of loads")
 
     def setup(self):
-        rotor, blade, nodes, shape, coefficients, loads = (
+        rotor, blade, nodes, vary, shape, coefficients, loads = (
             self.options[name]
-            for name in ("rotor", "blade", "nodes", "shape", "coefficients", "loads")
+            for name in ("rotor", "blade", "nodes", "vary", "shape", "coefficients", "loads")
         )
-        table = {"rotor": rotor, "blade": blade, "nodes": nodes}
+        table = {"rotor": rotor, "blade": blade, "nodes": nodes, "vary": vary}
         per_node = {"shape": nodes.shape}
         self.set_input_defaults("rotor_radius", blade.rotor_radius, units="m")
         if shape is not None:
@@ -314,17 +342,18 @@ class RotorGroup(om.Group):
             for name, values in zip(shape.bases, shape.within(blade), strict=True):
                 if values.size:
                     self.set_input_defaults(f"{name}_control", values)
-        self.add_subsystem("inertia", InertiaComp(rotor=rotor, blade=blade), promotes=["*"])
+        mass = InertiaComp(rotor=rotor, blade=blade)
+        self.add_subsystem("mass_and_inertia", mass, promotes=["*"])
         if {"torque", "power"} & set(coefficients):
             self.add_subsystem("torque_table", TorqueTable(**table), promotes=["*"])
         if "power" in coefficients:
             power = om.ExecComp(
                 "power_coefficient_table = tip_speed_ratio * torque_coefficient_table",
-                tip_speed_ratio={"val": nodes, "constant": True},
+                tip_speed_ratio={"val": nodes} if vary else {"val": nodes, "constant": True},
                 has_diag_partials=True,
                 **per_node,
             )
-            self.add_subsystem("power_table", power, promotes=["*"])
+            self.add_subsystem("power_coefficient", power, promotes=["*"])
         names = tuple(dict.fromkeys((*loads, *({"thrust"} & set(coefficients)))))
         if names:
             self.add_subsystem("load_table", LoadTable(**table, names=names), promotes=["*"])

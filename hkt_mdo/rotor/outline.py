@@ -179,15 +179,20 @@ class Outline:
         x, upper, lower = ((1.0 - share) * one + share * two for one, two in pairs)
         return Outline(np.concatenate((x[::-1], x)), np.concatenate((upper[::-1], lower)))
 
-    def resampled(self):
+    def resampled(self, fractions=FRACTIONS):
         """Return x, and y of the upper and the lower side, from leading to trailing edge.
+
+        Parameters
+        ----------
+        fractions : ndarray of shape (n_fractions,)
+            Where, over the chord, from 0 to 1.
 
         Returns
         -------
         x, upper, lower : ndarray of shape (n_fractions,)
-            Over the chord, at `FRACTIONS` of it.
+            Over the chord.
         """
-        x = np.min(self.x) + FRACTIONS * np.ptp(self.x)
+        x = np.min(self.x) + fractions * np.ptp(self.x)
         return x, *_sides_at(x, self.x, self.y)[:: self._turn]
 
     def hollowed(self, wall):

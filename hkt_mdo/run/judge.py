@@ -31,6 +31,7 @@ from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import power_scale, torque_scale
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.torque_curve import TorqueSpline
+from hkt_mdo.run import loads
 from hkt_mdo.run.certified import certified_energy
 from hkt_mdo.run.flight import (
     Flight,
@@ -47,6 +48,7 @@ STORED = 0.01  # share of the captured energy that the rotor may have stored
 RECOVERY_ERROR = 0.2  # of the least recovery torque, which is a small difference of torques
 BELOW_START = 2e-3  # what the rotor's inertia and its distance from stall may cost
 BOUND_MARGIN, NODE_VIOLATION = 1e-5, 1e-6
+RESOLVED = 1e-2  # by which a load may be larger on a blade of many stations
 CUT_BETWEEN = 1e-3  # of a torque's polynomial, which the generator cuts at its limit
 
 
@@ -176,6 +178,25 @@ def _of_design(physics, optimum, reference, result, flights):
     for flight, suffix in _suffixed(flights):
         for limit in physics.limits_in(flight.scenario):
             yield from _of_limit(physics, limit, flight, suffix)
+    yield from _resolved(physics, result, flights)
+
+
+def _resolved(physics, result, flights):
+    """Yield by how much a blade of many stations exceeds a limit on its loads, the most."""
+    limited = any(limit.is_of(LOADS) for limit in physics.all_limits)
+    known = [flight.flown for flight in flights] if limited else []
+    finer, found = loads.resolved(physics, result.point.blade, known), []
+    for flight, each in zip(
+        flights, finer, strict=False
+    ):  # none, where there is nothing to resolve
+        for limit in filter(lambda limit: limit.is_of(LOADS), physics.limits_in(flight.scenario)):
+            over = limit.excess(each)
+            worst = int(np.argmax(over))
+            found.append((float(over[worst]), limit.name, each["time"][worst]))
+    if found:
+        over, name, when = max(found)
+        word = f"{name} of the same blade with {loads.STATIONS} stations over its limit, less one"
+        yield "loads_resolved", max(over, 0.0), RESOLVED, f"{word}, at t = {when:.2f} s"
 
 
 def sells(physics: Physics) -> bool:
@@ -359,6 +380,7 @@ TRY = {
     "mesh_error": "try driver.optimizer=IPOPT, or more phase.segments",
     "distance_from_stall": "try hydrodynamics.torque=curve, or start.method=quasi_steady",
     "closed_loop": "try a larger control.proportional_gain",
+    "loads_resolved": "give rotor.station_count=40 in place of rotor.stations",
     "stored_energy": (
         "the captured energy counts what the rotor stores: try objective=generator, or "
         "phase.stored_energy=allowed"

@@ -1,13 +1,14 @@
 """What is told of the loads of a result, and of a starting blade: the largest, and their places."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
-from hkt_mdo.problem.physics import Physics
-from hkt_mdo.problem.physics import physics as make_physics
+from hkt_mdo.problem.physics import Physics, rotor_model
+from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.quantities import LOADS, QUANTITIES
 from hkt_mdo.results.summary import LoadEntry
 from hkt_mdo.rotor.blade import Blade
@@ -76,32 +77,42 @@ def placed(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> dic
     return found
 
 
-def resolved(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> dict[str, float]:
-    """Return by which share the loads that are asked for are larger on a blade of many stations.
+def resolved(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> list[Known]:
+    """Return trajectories at the times of their largest loads, with those of a resolved blade.
 
-    Of `STATIONS`, between whose neighbours chord and twist are linear, as between the blade's own;
-    each at the time of its largest. Empty where the case gives chord and twist themselves, where
-    the thickness is designed, or where the blade has as many stations.
+    It has `STATIONS` stations; between those of the blade itself chord, twist and a designed
+    thickness are linear. Suction counts up to the blade's own last station: closer to the tip, its
+    loss alone decides the angle of attack. Loads are those that are asked for; none, without such
+    or with as many stations.
     """
-    case, found, several = physics.case, {}, list(trajectories)
-    names = physics.load_names
-    if not names or case.rotor.chord or physics.shape.designs_thickness or blade.r.size >= STATIONS:
-        return {}
-    rotor = case.rotor.model_copy(update={"stations": None, "station_count": STATIONS})
-    finer = make_physics(case.model_copy(update={"rotor": rotor, "start": type(case.start)()}))
-    many = finer.blade.with_rotor_radius(blade.rotor_radius)
-    shape = (np.interp(many.r, blade.r, values) for values in (blade.chord, blade.twist))
-    many = many.with_shape(*shape, many.thickness)
-    for name in names:
-        known = max(several, key=lambda known, name=name: np.max(known[name]))  # type: ignore[misc]
-        worst = [int(np.argmax(known[name]))]
-        instant = {key: known[key][worst] for key in ("tip_speed_ratio", "inflow_speed")}
-        own, other = (
-            float(each.loads_along(of, instant, (name,))[name][0])
-            for each, of in ((physics, blade), (finer, many))
-        )
-        found[name] = other / own - 1.0
+    case, names = physics.case, physics.load_names
+    if not names or blade.r.size >= STATIONS:
+        return []
+    turbine = build_turbine(case.rotor, case.fluid, 1.0, case.design, STATIONS)
+    many = turbine.blade.with_rotor_radius(blade.rotor_radius)
+    own = blade.chord, blade.twist, blade.thickness
+    shape = (each if each is None else np.interp(many.r, blade.r, each) for each in own)
+    many = many.with_shape(*shape)
+    shape = replace(physics.shape, blade=many)
+    finer = replace(physics, shape=shape, rotor=rotor_model(case, turbine, shape))
+    found = []
+    for known in trajectories:
+        worst = np.unique([np.argmax(known[name]) for name in names])
+        size = known["time"].size
+        told = {name: x[worst] if np.shape(x) == (size,) else x for name, x in known.items()}
+        told |= finer.loads_along(many, told, tuple(set(names) - {"cavitation"}))
+        if "cavitation" in names:
+            told |= _cavitation(finer, many, told, many.r <= blade.r[-1])
+        found.append(told)
     return found
+
+
+def _cavitation(physics, blade, known, stations) -> Known:
+    """Return the largest suction at some stations, (n_stations,) of bool, at each time."""
+    ratio = np.maximum(known["tip_speed_ratio"], SLOWEST_RATIO)
+    load = physics.loads.coefficients(blade, ratio, names=("cavitation",))["cavitation"]
+    largest = load.exact.reshape(ratio.size, 2, -1)[..., stations].max(axis=(1, 2))
+    return {"cavitation": 0.5 * physics.density * known["inflow_speed"] ** 2 * largest}
 
 
 def tip_deflection(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> float | None:

@@ -199,7 +199,7 @@ def other_branch(attempt: Attempt) -> Begin | None:
     """Begin on the start's other branch where a judge refuses the end on the first one."""
     physics, optimum = attempt.state.first, attempt.state.optimum
     refused = [check.name for check in attempt.end.checks if not check.passed]
-    if not refused:
+    if not set(refused) - {"loads_resolved"}:  # which no start mends
         return None
     start = start_on_other_branch(physics, optimum, attempt.begin.start)
     if start is None:

@@ -35,12 +35,11 @@ from hkt_mdo.run.flight import (
     total,
 )
 from hkt_mdo.run.groups import by_scenario
-from hkt_mdo.run.judge import designed, energy_bound, explain_all, in_case
+from hkt_mdo.run.judge import RESOLVED, designed, energy_bound, explain_all, in_case
 
 # relative distance from its bound within which a limit counts as binding; that of a load, of whose
 # values along the blade the optimization has a smooth largest that is up to as much above them
 BINDING, ENVELOPE = 1e-3, 1e-2
-RESOLVED = 1e-2  # change of a load on a blade of many stations that is told
 
 SIMULATED = {
     "energy": "simulated_energy_J",
@@ -358,9 +357,14 @@ def _notes(finished):
 
 def _unresolved(physics, blade, flights):
     """Yield by how much more the loads are on a blade of many stations, if that counts."""
-    changes = loads.resolved(physics, blade, [flight.told for flight in flights])
-    if max(map(abs, changes.values()), default=0.0) > RESOLVED:
-        told = ", ".join(f"{name} {100.0 * change:+.1f} %" for name, change in changes.items())
+    known = [flight.told for flight in flights]
+    finer = loads.resolved(physics, blade, known)
+    changes = {
+        name: max(np.max(each[name]) for each in finer) / max(np.max(each[name]) for each in known)
+        for name in (physics.load_names if finer else ())
+    }
+    if max((abs(change - 1.0) for change in changes.values()), default=0.0) > RESOLVED:
+        told = ", ".join(f"{name} {100.0 * (x - 1.0):+.1f} %" for name, x in changes.items())
         yield (
             f"loads are held on {blade.r.size} stations; the same blade resolved with "
             f"{loads.STATIONS} has {told}: give rotor.station_count: 40"

@@ -6,7 +6,7 @@ import openmdao.api as om
 
 from hkt_mdo.case import Case
 from hkt_mdo.problem.build import assemble
-from hkt_mdo.problem.physics import physics
+from hkt_mdo.problem.physics import Physics, physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.solve.threads import one_thread
 from hkt_mdo.start.find import find_start, improves, steady_optimum
@@ -36,6 +36,27 @@ def build_problem(case: Case, *, improve: bool | None = None) -> om.Problem:
     InputError
         If a file of the case is broken, or its optimizer is not installed.
     """
+    return assemble(*start_of_case(case, improve))
+
+
+def start_of_case(case: Case, improve: bool | None = None) -> tuple[Physics, Setup]:
+    """Return the physics of a case and where its first optimization begins.
+
+    Parameters
+    ----------
+    case : Case
+    improve : bool, optional
+        As that of `build_problem`.
+
+    Returns
+    -------
+    Physics, Setup
+
+    Raises
+    ------
+    InputError
+        If a file of the case is broken.
+    """
     world = physics(case)
     with one_thread():
         if improves(world, improve):
@@ -43,4 +64,4 @@ def build_problem(case: Case, *, improve: bool | None = None) -> om.Problem:
         else:
             optimum = world.rotor.best_operation(world.blade)
         start = find_start(world, optimum, improve=improve)
-    return assemble(world, Setup(start, curve_nodes(world, start)))
+    return world, Setup(start, curve_nodes(world, start))

@@ -35,14 +35,16 @@ class _Schedule:
     `fine`: flow speeds of one that is given to the optimization. `thinned`: nodes of the torque
     curve to one of the curves of loads, which cost more. `apart`: relative difference between a
     tip speed ratio and that of the designed schedule from which it is another equilibrium. `same`:
-    relative difference of the ratios of one optimum, a tenth of that of the chords. `longer`:
-    relative gain of the objective that makes a longer solid part worthwhile.
+    relative difference of the ratios of one optimum, a tenth of that of the chords. `alike`:
+    relative difference of the objectives of equally good branches. `longer`: relative gain of the
+    objective that makes a longer solid part worthwhile.
     """
 
     fine: int = 400
     thinned: int = 2
     apart: float = 0.01
     same: float = 2e-3
+    alike: float = 2e-4
     longer: float = 1e-5
 
 
@@ -99,11 +101,17 @@ class ScheduleSearch:
 
         A feedback law has the branches of the open loops that its gains are fitted to; a branch
         that leads to another's optimum is left out. Of a branch that is given up, far behind the
-        other, the objective is what it had reached.
+        other, the objective is what it had reached. Between equally good ones, open loop begins
+        with overspeed: below the speed of the largest torque its torque does not hold the speed.
         """
-        found = self.open_loop() if not self.physics.law.is_feedback else self._of_law()
+        feedback = self.physics.law.is_feedback
+        found = self.open_loop() if not feedback else self._of_law()
         found = [replace(point, branch=self.steady.side(point)) for point in found]
         best, *others = sorted(found, key=WORTH, reverse=True)
+        least = best.worth[0], best.worth[1] - SCHEDULE.alike * abs(best.worth[1])
+        faster = [x for x in others if x.branch == "overspeed" and x.worth >= least]
+        if faster and best.branch != "overspeed" and not feedback:
+            best, others = faster[0], [best]
         others = [point for point in others if point.branch != best.branch][:1]
         return [best, *(point for point in others if not _is_same(point, best))]
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.cases import shipped_cases
+from hkt_mdo.problem.turbine import build_turbine
 
 LAWS = ("oloc", "linear", "quadratic")
 SCENARIOS = ("step", "sine", "sine_limited")
@@ -59,7 +60,10 @@ def with_blade(case: Case, chord: Iterable[float], twist: Iterable[float], desig
     Case
         The case with this blade at the start.
     """
-    shape = {"chord": tuple(map(float, chord)), "twist": tuple(map(float, twist))}
+    own = build_turbine(case.rotor, case.fluid, 1.0).blade
+    columns = {"stations": own.r / own.tip_radius, "chord": chord, "twist": twist}
+    shape: dict = {name: tuple(map(float, values)) for name, values in columns.items()}
+    shape["station_count"] = None
     changed = {"rotor": case.rotor.model_copy(update=shape)}
     if design:
         changed["design"] = case.design.model_copy(update={"blade": design})

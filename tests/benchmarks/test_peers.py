@@ -16,7 +16,6 @@ from scipy.optimize import minimize
 
 from cases import OPEN_LOOP, case_of, optimize, start_of
 from hkt_mdo.problem.build import assemble
-from hkt_mdo.problem.scenario import set_start
 from hkt_mdo.rotor.bem import rotor_coefficients
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
@@ -50,7 +49,8 @@ def by_this_package(plant):
     problem = assemble(plant.world, plant.setup)
     at = plant.world.scenarios[0].samples
     speed = plant.ratio * plant.world.inflow.speed_at(at) / plant.radius
-    set_start(problem.model.operation.traj.phases.phase, at, speed, 0.0 * at, {})
+    phase = problem.model.operation.traj.phases.phase
+    phase.set_control_val("rotor_speed", speed, time_vals=at, interpolation_kind="cubic")
     problem.run_model()
     problem.run_driver()
     ended = problem.driver.outcome()

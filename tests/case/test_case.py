@@ -138,6 +138,9 @@ def test_a_case_comes_back_from_its_own_yaml_and_from_a_pickle(text, tmp_path):
     assert same(pickle.loads(pickle.dumps(case)), case)
 
 
+NINE = [0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.999]
+
+
 def test_units_reach_into_lists():
     case = read_case(f"inflow: {FLOWS['sum']}\ncontrol: linear")
     tide, turbulence, _ = case.inflow.parts
@@ -149,6 +152,20 @@ def test_a_blade_of_splines_has_stations_that_resolve_it():
     assert read_case(MINIMAL + "design: {twist_points: 4}").rotor.station_count == 40
     text = MINIMAL + "design: {twist_points: 4}\nrotor: {stations: [0.3, 0.5, 0.9]}"
     assert read_case(text).rotor.station_count is None
+
+
+@pytest.mark.parametrize(
+    "limits", ["limits: {power: 5 kW}", "scenarios: [{limits: {thrust: 6 kN}}]"]
+)
+def test_a_blade_under_limits_has_stations_that_resolve_it(limits):
+    assert read_case(MINIMAL + limits).rotor.station_count == 40
+    assert read_case(MINIMAL + limits + "\nversion: 1").rotor.station_count is None
+    given = read_case(MINIMAL + limits + f"\nrotor: {{stations: {NINE}}}")
+    assert given.rotor.station_count is None
+    # stations that are given stay, though they are those of the shipped blade
+    assert given.with_overrides("phase.duration=30").rotor.stations == tuple(NINE)
+    alone = read_case(MINIMAL + "limits: {torque: 700, power: null}")
+    assert alone.rotor.station_count is None
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import quad, trapezoid
 from scipy.signal import periodogram
 from scipy.special import gamma, kv
+from scipy.stats import kstest
 
 from hkt_mdo.case import read_case
 from hkt_mdo.dynamics import records
@@ -153,6 +154,25 @@ def test_turbulence_has_the_variance_that_it_says(spectrum):
     share = quad(inflow.spectral_density, *ends, limit=200)[0] / 0.18**2
     assert inflow.kept_variance == pytest.approx(share, rel=1e-3)
     assert f"{100 * share:.3g} %" in inflow.messages[0]
+
+
+@each_spectrum
+def test_random_amplitudes_are_rayleighs_about_the_spectrum_and_leave_the_phases(spectrum):
+    fixed = long_turbulence(spectrum)
+    samples, step = own_samples(fixed.model_copy(update={"amplitudes": "random"}))
+    frequency, density = periodogram(samples, 1.0 / step)
+    waves = slice(1, 6001)
+    squares = density[waves] / fixed.spectral_density(frequency[waves])
+    # the square of a Rayleigh amplitude is exponential, with mean and deviation 1
+    assert kstest(squares, "expon").pvalue > 0.01
+    phases = (np.angle(np.fft.rfft(each)[waves]) for each in (samples, own_samples(fixed)[0]))
+    np.testing.assert_allclose(*phases, atol=1e-6)
+    assert np.max(density[6001:]) < 1e-20
+    slower = fixed.model_copy(update={"amplitudes": "random", "cutoff": 1.0})
+    (samples, step), kept = own_samples(slower), squares[:2000]
+    frequency, density = periodogram(samples, 1.0 / step)
+    found = density[1:2001] / fixed.spectral_density(frequency[1:2001])
+    np.testing.assert_allclose(found, kept, rtol=1e-6)
 
 
 def test_autocorrelation_is_von_karmans():

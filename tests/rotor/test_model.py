@@ -9,7 +9,7 @@ from openmdao.utils.assert_utils import assert_check_partials
 
 from hkt_mdo.rotor import bem, ccblade, steady_optimum
 from hkt_mdo.rotor.airfoil import PolarFamily
-from hkt_mdo.rotor.components import RotorGroup
+from hkt_mdo.rotor.components import BladeGroup
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.loads import Cavitation
@@ -135,7 +135,7 @@ def test_the_group_runs_alone_with_exact_partials(rotor, blade, family):
         "set angle": Shape.fixed(blade, 0.0, (-0.1, 0.1)),
         "none": None,
     }[family]
-    group = RotorGroup(
+    group = BladeGroup(
         rotor=rotor,
         blade=blade,
         nodes=RATIOS,
@@ -161,7 +161,7 @@ def test_the_group_runs_alone_with_exact_partials(rotor, blade, family):
 
 def test_a_model_of_ones_own_takes_the_group_and_its_totals(rotor, blade):
     """Thrust in a flow of 2 m/s over the rotor's mass, by the radius and the twist."""
-    group = RotorGroup(rotor=rotor, blade=blade, nodes=RATIOS, loads=("thrust",))
+    group = BladeGroup(rotor=rotor, blade=blade, nodes=RATIOS, loads=("thrust",))
     own = om.IndepVarComp("rotor_radius", blade.rotor_radius, units="m")
     more = om.ExecComp(
         "ratio = 0.5 * density * 4.0 * thrust_table / mass",

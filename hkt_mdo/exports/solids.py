@@ -1,0 +1,477 @@
+"""Blade and rotor as closed bodies, and the coordinates of their sections.
+
+Axes of the rotor: x along the shaft, downstream; z along the first blade where it has no cone; y
+completes a right-handed system. The origin is where the blades' axes meet the shaft.
+"""
+
+from __future__ import annotations
+
+from abc import ABC
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+from scipy.interpolate import make_interp_spline
+from scipy.spatial.transform import Rotation
+
+from hkt_mdo.errors import InputError
+from hkt_mdo.exports.base import Format, Source
+from hkt_mdo.files.blade import read_blade
+from hkt_mdo.problem.turbine import OUTLINE
+from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.rotor.strength import StructureByThickness
+from hkt_mdo.rotor.thickness import over_thickness
+from hkt_mdo.sections import Quantity
+
+if TYPE_CHECKING:
+    from hkt_mdo.results.design import Design
+
+TRAILING_EDGE = 0.005
+"""Thickness of the trailing edge over the local chord, where none is given."""
+
+_AXES = (
+    "unit: metre",
+    "x: along the shaft, downstream; z: along the first blade, before the cone; y = z cross x",
+    "origin: where the axes of the blades meet the shaft",
+)
+
+
+class Stations(NamedTuple):
+    """Sections of a blade at some radii, thickened at the trailing edge.
+
+    plane[n_radii, n_points, 2] are the points of each (m) along the chord, towards the trailing
+    edge, and across it, towards the suction side, both from the blade's axis; they run from the
+    trailing edge over the suction side round to it. chord (m), twist (rad) and thickness (over the
+    chord) are [n_radii].
+    """
+
+    r: np.ndarray
+    chord: np.ndarray
+    twist: np.ndarray
+    thickness: np.ndarray
+    plane: np.ndarray
+
+
+class Outer(Format, ABC):
+    """What all formats of the blade's outer surface have in common."""
+
+    trailing_edge: Annotated[float, Quantity("m", ge=0)] | None = None
+    """Thickness of the trailing edge; aft of its thickest place no section is thinner. Null: 0.5 %
+    of the local chord; 0: as the outline has it."""
+    stacking: Annotated[float, Quantity(ge=0, le=1)] = 0.25
+    """Place of the blade's axis on the chord line, over the chord from the leading edge."""
+    rotation: Literal["clockwise", "anticlockwise"] = "clockwise"
+    """Sense of rotation, seen from upstream, looking along the flow."""
+    points: Annotated[int, Field(ge=20, le=1000)] = 200
+    """Number of points round a section."""
+
+    def stations(self, design: Design, r: np.ndarray) -> Stations:
+        """Return the sections at some radii.
+
+        As mass and stress of the program have them: chord, twist and outline, or designed
+        thickness, are linear between the blade's stations, and carried on to hub and tip.
+
+        Parameters
+        ----------
+        design : Design
+            The design, with outlines.
+        r : ndarray of shape (n_radii,)
+            Radii along the blade (m).
+
+        Returns
+        -------
+        Stations
+            The sections.
+
+        Raises
+        ------
+        InputError
+            If the trailing edge would be thicker than half of a section.
+        """
+        blade = design.blade
+        chord, twist = (np.interp(r, blade.r, each) for each in (blade.chord, blade.twist))
+        fractions = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, self.points // 2 + 1)))
+        sides = along_span(design, [each.resampled(fractions) for each in design.outlines], r)
+        x, upper, lower = np.moveaxis(sides, 1, 0)
+        thickness = upper - lower
+        largest = np.max(thickness, axis=1)
+        least = TRAILING_EDGE if self.trailing_edge is None else self.trailing_edge / chord
+        least = np.broadcast_to(least, chord.shape)
+        thin = int(np.argmax(least / largest))
+        if least[thin] > 0.5 * largest[thin]:
+            given, whole = (1e3 * chord[thin] * each[thin] for each in (least, largest))
+            problem = f"is more than half of the section's {whole:.3g} mm at r = {r[thin]:.4g} m"
+            key, remedy = f"{self.name}.trailing_edge", "give a thinner trailing edge"
+            raise InputError(problem, remedy, key=key, value=f"{given:.3g} mm")
+        aft = np.arange(x.shape[1]) > np.argmax(thickness, axis=1)[:, None]
+        grown = np.where(aft, 0.5 * np.maximum(least[:, None] - thickness, 0.0), 0.0)
+        along = np.hstack((x[:, ::-1], x[:, 1:])) - self.stacking
+        across = np.hstack(((upper + grown)[:, ::-1], (lower - grown)[:, 1:]))
+        plane = chord[:, None, None] * np.stack((along, across), axis=-1)
+        return Stations(r, chord, twist, largest, plane)
+
+    def placed(self, design: Design, sections: Stations) -> np.ndarray:
+        """Return the points of sections of the first blade in the rotor's axes.
+
+        Parameters
+        ----------
+        design : Design
+            Gives the cone.
+        sections : Stations
+            The sections.
+
+        Returns
+        -------
+        ndarray of shape (n_radii, n_points, 3)
+            x, y and z (m).
+        """
+        along, across = np.moveaxis(sections.plane, -1, 0)
+        sine, cosine = np.sin(sections.twist)[:, None], np.cos(sections.twist)[:, None]
+        axial, backwards = along * sine + across * cosine, along * cosine - across * sine
+        tilt, r = design.blade.cone, sections.r[:, None]
+        x = axial * np.cos(tilt) - r * np.sin(tilt)
+        z = axial * np.sin(tilt) + r * np.cos(tilt)
+        return np.stack((x, backwards * (1.0 if self.rotation == "clockwise" else -1.0), z), -1)
+
+    def remarks(self, source: Source) -> list[str]:
+        """Return what a file says of its geometry: provenance, unit, axes, hand and options.
+
+        Parameters
+        ----------
+        source : Source
+            The result and its design.
+
+        Returns
+        -------
+        list of str
+            Lines for a comment.
+
+        Raises
+        ------
+        InputError
+            If the case gives no outline.
+        """
+        outlines = outline_names(source)
+        blade = source.design.blade
+        edge = "that of the outlines"
+        if self.trailing_edge != 0.0:
+            thin = f"{100.0 * TRAILING_EDGE:g} % of the local chord"
+            thin = thin if self.trailing_edge is None else f"{1e3 * self.trailing_edge:g} mm"
+            edge = f"aft of the thickest place no section is thinner than {thin}"
+        return [
+            *source.provenance,
+            *_AXES,
+            f"rotation: {self.rotation}, seen from upstream: about "
+            f"{'+' if self.rotation == 'clockwise' else '-'}x by the right-hand rule",
+            f"blades: {blade.blade_count}; hub radius {blade.hub_radius:.6g} m, tip radius "
+            f"{blade.tip_radius:.6g} m along the blade; cone {np.rad2deg(blade.cone):.6g} deg, "
+            "positive: tips upstream",
+            "twist: from the rotor plane to the chord, set angle included; positive: the leading "
+            "edge is turned upstream",
+            f"blade's axis: at {self.stacking:g} of the chord from the leading edge",
+            f"trailing edge: {edge}",
+            f"outlines: {outlines}",
+        ]
+
+
+class Sections(Outer):
+    """Coordinates of the section at each station, one CSV file a station."""
+
+    name = "sections"
+
+    def files(self, source: Source) -> dict[str, bytes]:
+        remarks, design = self.remarks(source), source.design
+        sections = self.stations(design, design.blade.r)
+        placed = self.placed(design, sections)
+        found = {}
+        for n, r in enumerate(sections.r):
+            own = (
+                f"station {n + 1} of {sections.r.size}: r = {r:.9g} m, chord = "
+                f"{sections.chord[n]:.9g} m, twist = {np.rad2deg(sections.twist[n]):.9g} deg, "
+                f"thickness = {sections.thickness[n]:.6g} of the chord, before the trailing edge "
+                "is thickened",
+                "chordwise_m: along the chord towards the trailing edge; across_m: towards the "
+                "suction side; both from the blade's axis",
+            )
+            text = [f"# {line}" for line in (*remarks, *own)]
+            text.append("x_m,y_m,z_m,chordwise_m,across_m")
+            rows = np.hstack((placed[n], sections.plane[n]))
+            text += [",".join(f"{value:.9g}" for value in row) for row in rows]
+            found[f"sections/station_{n + 1:03d}.csv"] = ("\n".join(text) + "\n").encode()
+        return found
+
+
+class Solid(Outer, ABC):
+    """What the formats of closed bodies have in common."""
+
+    spanwise: Annotated[int, Field(ge=3, le=1000)] = 100
+    """Smallest number of sections along the span; hub, stations and tip are always among them."""
+    hub: Literal["none", "cylinder"] = "none"
+    """Hub of the rotor; the blades reach into a cylinder, which has the hub's radius."""
+
+    def radii(self, design: Design) -> np.ndarray:
+        """Return the radii of the sections from hub to tip.
+
+        Parameters
+        ----------
+        design : Design
+            The design.
+
+        Returns
+        -------
+        ndarray of shape (n_radii,)
+            Radii along the blade (m).
+        """
+        edges = design.blade.edges
+        parts = np.ceil(np.diff(edges) / np.ptp(edges) * (self.spanwise - 1)).astype(int)
+        inner = (
+            np.linspace(low, high, n, endpoint=False)
+            for low, high, n in zip(edges[:-1], edges[1:], parts, strict=True)
+        )
+        return np.append(np.concatenate(list(inner)), edges[-1])
+
+    def surface(self, design: Design, r: np.ndarray) -> np.ndarray:
+        """Return the points of the first blade's sections in the rotor's axes.
+
+        Parameters
+        ----------
+        design : Design
+            The design.
+        r : ndarray of shape (n_radii,)
+            Radii along the blade (m).
+
+        Returns
+        -------
+        ndarray of shape (n_radii, n_points, 3)
+            x, y and z (m).
+        """
+        return self.placed(design, self.stations(design, r))
+
+    def reaching(self, design: Design, r: np.ndarray) -> np.ndarray:
+        """Return radii with one before them at which a blade is inside the hub, without a gap.
+
+        Parameters
+        ----------
+        design : Design
+            The design.
+        r : ndarray of shape (n_radii,)
+            Radii along the blade (m), from the hub.
+
+        Returns
+        -------
+        ndarray of shape (n_radii + 1,)
+            Radii along the blade (m); `r` itself for a rotor without a hub.
+        """
+        if self.hub == "none":
+            return r
+        wide = np.max(np.abs(self.surface(design, r[:1])[..., 1])) / r[0]
+        return np.append(0.95 * r[0] * np.sqrt(1.0 - min(wide, 0.8) ** 2), r)
+
+    def cylinder(self, design: Design) -> tuple[float, float, float]:
+        """Return the hub: a cylinder about the shaft that covers the roots of the blades.
+
+        Parameters
+        ----------
+        design : Design
+            The design.
+
+        Returns
+        -------
+        begin, end, radius : float
+            Along the shaft, and about it (m).
+        """
+        hub, cone = design.blade.hub_radius, design.blade.cone
+        root = self.surface(design, self.reaching(design, np.array([hub])))[..., 0]
+        begin, end = np.min(root) - 0.1 * hub, np.max(root) + 0.1 * hub
+        return float(begin), float(end), hub * float(np.cos(cone))
+
+
+class Stl(Solid):
+    """Blade and rotor as closed surfaces of triangles, binary, in metres."""
+
+    name = "stl"
+
+    def files(self, source: Source) -> dict[str, bytes]:
+        remarks, design = self.remarks(source), source.design
+        r, count = self.radii(design), design.blade.blade_count
+        blade = triangles(self.surface(design, r))
+        rooted = triangles(self.surface(design, self.reaching(design, r)))
+        turns = np.outer(2.0 * np.pi * np.arange(count) / count, (1.0, 0.0, 0.0))
+        bodies, whole = [rooted @ Rotation.from_rotvec(turn).as_matrix().T for turn in turns], ""
+        if self.hub != "none":
+            begin, end, radius = self.cylinder(design)
+            angle = np.linspace(0.0, 2.0 * np.pi, self.points + 1)[:-1]
+            x, circle = np.full(angle.size, 1.0), radius * np.array([np.cos(angle), np.sin(angle)])
+            rings = [np.column_stack((at * x, *circle)) for at in (begin, end)]
+            bodies, whole = [*bodies, triangles(np.array(rings))], ": blades and, last, hub"
+        remarks += [
+            f"blade.stl: the first blade, closed at hub and tip, volume {volume(blade):.6g} m**3; "
+            f"integral of the outlines along the span: {outline_volume(design):.6g} m**3",
+            f"rotor.stl: {len(bodies)} closed bodies, volumes (m**3) "
+            f"{', '.join(f'{volume(body):.6g}' for body in bodies)}{whole}",
+        ]
+        mark = "" if source.solution.success else ", THE RUN WAS NO SUCCESS"
+        header = f"STL in metres{mark}, {source.provenance[0]}"
+        return {
+            "blade.stl": binary_stl(blade, header),
+            "rotor.stl": binary_stl(np.concatenate(bodies), header),
+            "stl.txt": ("\n".join(remarks) + "\n").encode(),
+        }
+
+
+def outline_names(source: Source) -> str:
+    """Return what the case calls its outlines.
+
+    A case may have polars of its own without the outlines that belong to them. The program then
+    takes another outline, for mass and stress only, which is none to build a blade from.
+
+    Parameters
+    ----------
+    source : Source
+        The result.
+
+    Returns
+    -------
+    str
+        Names of files and of shipped outlines.
+
+    Raises
+    ------
+    InputError
+        If a section has no outline.
+    """
+    rotor, key = source.solution.case.rotor, ""
+    names = [each.outline or rotor.outline for each in rotor.sections]
+    if None in names:
+        key = f"rotor.sections[{names.index(None)}].outline"
+    elif not names and rotor.outline is None and rotor.polar is not None:
+        key = "rotor.outline"
+    elif not names and rotor.outline is None and rotor.chord is None:
+        own = read_blade(rotor.blade, hub_radius=0.0).sections
+        key = "rotor.outline" if any(each.outline_x is None for each in own) else ""
+        names = [rotor.blade] if own else []
+    if key:
+        problem = "is not given, and polars alone do not say the shape of a section"
+        remedy = "give the outline in the case and run it again"
+        raise InputError(problem, remedy, file=source.solution.folder, key=key)
+    names = names or [rotor.outline or OUTLINE]
+    return ", ".join(Path(name).name for name in dict.fromkeys(filter(None, names)))
+
+
+def along_span(design: Design, values: Sequence[Any], r: np.ndarray) -> np.ndarray:
+    """Return what belongs to the outlines of a design at some radii.
+
+    Linear between stations; where the thickness is designed, that is linear, and the values are a
+    spline over it.
+
+    Parameters
+    ----------
+    design : Design
+        The design.
+    values : array_like of shape (n_outlines, ...)
+        Of each of the design's outlines.
+    r : ndarray of shape (n_radii,)
+        Radii along the blade (m).
+
+    Returns
+    -------
+    ndarray of shape (n_radii, ...)
+        Values at the radii; those of the first and last station beyond them.
+    """
+    blade, structure, each = design.blade, design.turbine.structure, np.array(values)
+    if isinstance(structure, StructureByThickness) and blade.thickness is not None:
+        return over_thickness(structure.thickness, each)(np.interp(r, blade.r, blade.thickness))
+    if len(each) == 1:
+        return np.repeat(each, r.size, axis=0)
+    return make_interp_spline(blade.r, each, k=1)(np.clip(r, blade.r[0], blade.r[-1]))
+
+
+def outline_volume(design: Design) -> float:
+    """Return the integral of the outlines' area along one blade, as the program's mass has it.
+
+    Parameters
+    ----------
+    design : Design
+        The design.
+
+    Returns
+    -------
+    float
+        Volume before the trailing edge is thickened (m**3).
+    """
+    area = along_span(design, [each.area for each in design.outlines], design.blade.r)
+    return float(mass_and_inertia(design.blade, area, 1.0).mass) / design.blade.blade_count
+
+
+def triangles(points: np.ndarray) -> np.ndarray:
+    """Return the closed surface through plane sections, with a cap at either end.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_sections, n_points, 3)
+        Points of the sections, once round. The caps join the first and the last point, the second
+        and the last but one, and so on.
+
+    Returns
+    -------
+    ndarray of shape (n_triangles, 3, 3)
+        Corners in single precision, normals outwards, without triangles that are points or lines.
+    """
+    n_sections, n = points.shape[:2]
+    index = np.arange(n_sections * n).reshape(n_sections, n)
+    ring, half = np.hstack((index, index[:, :1])), np.arange((n - 1) // 2)
+    quads = [np.stack((ring[:-1, :-1], ring[:-1, 1:], ring[1:, 1:], ring[1:, :-1]), -1)]
+    for end in (index[0], index[-1, ::-1]):
+        quads.append(np.stack((end[half], end[-1 - half], end[-2 - half], end[half + 1]), -1))
+    four = np.concatenate([quad.reshape(-1, 4) for quad in quads])
+    corners = points.reshape(-1, 3)[np.concatenate((four[:, [0, 1, 2]], four[:, [0, 2, 3]]))]
+    corners = corners.astype(np.float32).astype(float)
+    same = [np.all(corners[:, i] == corners[:, i - 1], axis=1) for i in range(3)]
+    corners = corners[~np.any(same, axis=0)]
+    return corners if volume(corners) > 0.0 else corners[:, ::-1]
+
+
+def volume(corners: np.ndarray) -> float:
+    """Return the volume that a closed surface of triangles encloses.
+
+    Parameters
+    ----------
+    corners : ndarray of shape (n_triangles, 3, 3)
+        Corners of the triangles (m).
+
+    Returns
+    -------
+    float
+        In m**3; positive where the normals point outwards.
+    """
+    one, two, three = np.moveaxis(corners, 1, 0)
+    return float(np.sum(one * np.cross(two, three))) / 6.0
+
+
+def binary_stl(corners: np.ndarray, header: str) -> bytes:
+    """Return a binary STL file.
+
+    Parameters
+    ----------
+    corners : ndarray of shape (n_triangles, 3, 3)
+        Corners of the triangles (m), anticlockwise seen from outside.
+    header : str
+        Its first 80 characters; must not begin with ``solid``, which marks a text file.
+
+    Returns
+    -------
+    bytes
+        The file.
+    """
+    one, two, three = np.moveaxis(corners, 1, 0)
+    normal = np.cross(two - one, three - one)
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    facets = np.zeros(
+        len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
+    )
+    facets["normal"] = normal / np.where(length > 0.0, length, 1.0)
+    facets["corners"] = corners
+    first = header.encode("ascii", "replace")[:80].ljust(80)
+    return first + np.uint32(len(corners)).astype("<u4").tobytes() + facets.tobytes()

@@ -1,0 +1,356 @@
+"""Blade and rotor as solids of B-spline surfaces, in STEP (ISO 10303-21)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from textwrap import wrap
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from pydantic import Field
+from scipy.interpolate import PchipInterpolator, make_interp_spline
+
+from hkt_mdo.errors import InputError
+from hkt_mdo.exports.base import Source
+from hkt_mdo.exports.solids import Solid, outline_volume
+
+if TYPE_CHECKING:
+    from hkt_mdo.results.design import Design
+
+DEGREE = 3
+"""Degree of the surfaces round the sections and along the span."""
+
+SHARP = 1e-6
+"""A trailing edge that is thinner, m, is an edge; one that is not, a face."""
+
+_MILLI = 1e3  # OpenCASCADE counts in millimetres; the files are in metres
+
+
+class Step(Solid):
+    """Blade and rotor as solids of B-spline surfaces, smooth along the span, in metres."""
+
+    name = "step"
+    packages = ("OCP",)
+    extra = "cad"
+
+    spanwise: Annotated[int, Field(ge=3, le=1000)] = 3
+    """Smallest number of sections that the surface goes through; hub, stations and tip always."""
+
+    def files(self, source: Source) -> dict[str, bytes]:
+        from OCP.BRepAlgoAPI import BRepAlgoAPI_Fuse
+
+        remarks, design = self.remarks(source), source.design
+        r, count = self.radii(design), design.blade.blade_count
+        blade = rooted = self.solid(design, r)
+        if self.hub != "none":
+            rooted = self.solid(design, self.reaching(design, r))
+        rotor = [turned(rooted, 2.0 * np.pi * n / count) for n in range(count)]
+        if self.hub != "none":
+            whole = cylinder(*self.cylinder(design))
+            for each in rotor:
+                whole = BRepAlgoAPI_Fuse(whole, each).Shape()
+            rotor = [self.checked(whole)]
+        remarks.append(
+            f"volume of a blade from hub to tip: {solid_volume(blade):.6g} m**3; integral of the "
+            f"outlines along the span: {outline_volume(design):.6g} m**3"
+        )
+        return {
+            f"{name}.step": step_file(solids, name, remarks)
+            for name, solids in (("blade", [blade]), ("rotor", rotor))
+        }
+
+    def solid(self, design: Design, r: np.ndarray) -> Any:
+        """Return the closed solid of a blade.
+
+        Parameters
+        ----------
+        design : Design
+            The design.
+        r : ndarray of shape (n_radii,)
+            Radii of the sections that it goes through (m).
+
+        Returns
+        -------
+        OCP.TopoDS.TopoDS_Solid
+            In millimetres.
+
+        Raises
+        ------
+        InputError
+            If OpenCASCADE finds that it is no valid solid.
+        """
+        from OCP.BRepBuilderAPI import (
+            BRepBuilderAPI_MakeEdge,
+            BRepBuilderAPI_MakeFace,
+            BRepBuilderAPI_MakeSolid,
+            BRepBuilderAPI_MakeWire,
+            BRepBuilderAPI_Sewing,
+        )
+        from OCP.BRepLib import BRepLib
+        from OCP.TopoDS import TopoDS
+
+        poles, knots = lofted(_MILLI * self.surface(design, r), r)
+        surfaces = [spline_surface(poles, knots, (DEGREE, DEGREE))]
+        edge = poles[[-1, 0]]
+        if np.max(np.linalg.norm(edge[1] - edge[0], axis=-1)) > _MILLI * SHARP:
+            straight = np.array([0.0, 0.0, 1.0, 1.0])
+            surfaces.append(spline_surface(edge, (straight, knots[1]), (1, DEGREE)))
+        sewing = BRepBuilderAPI_Sewing(_MILLI * SHARP)
+        for surface in surfaces:
+            sewing.Add(BRepBuilderAPI_MakeFace(surface, 1e-7).Face())
+        for end in (r[0], r[-1]):
+            wire = BRepBuilderAPI_MakeWire()
+            for surface in surfaces:
+                wire.Add(BRepBuilderAPI_MakeEdge(surface.VIso(float(end))).Edge())
+            sewing.Add(BRepBuilderAPI_MakeFace(wire.Wire(), True).Face())
+        sewing.Perform()
+        shell = self.checked(sewing.SewedShape(), closed=sewing.NbFreeEdges() == 0)
+        solid = BRepBuilderAPI_MakeSolid(TopoDS.Shell(shell)).Solid()
+        BRepLib.OrientClosedSolid_s(solid)
+        return self.checked(solid)
+
+    def checked(self, solid: Any, *, closed: bool = True) -> Any:
+        """Return a solid, or its surface, as it is.
+
+        Parameters
+        ----------
+        solid : OCP.TopoDS.TopoDS_Shape
+            The solid.
+        closed : bool
+            Whether its surface is closed.
+
+        Returns
+        -------
+        OCP.TopoDS.TopoDS_Shape
+            The same.
+
+        Raises
+        ------
+        InputError
+            If it is not closed, or OpenCASCADE finds that it is not valid.
+        """
+        from OCP.BRepCheck import BRepCheck_Analyzer
+
+        if not closed or not BRepCheck_Analyzer(solid).IsValid():
+            problem = "OpenCASCADE makes no valid solid of this blade"
+            remedy = "try other step.points or step.trailing_edge, no step.hub, or stl"
+            raise InputError(problem, remedy, key="--to", value=self.name)
+        return solid
+
+
+def lofted(points: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
+    """Return control points and knots of the smooth surface through the points of sections.
+
+    Round the sections it is a cubic spline; along the span a cubic without overshoot (Fritsch and
+    Carlson's slopes) with a continuous first derivative.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_radii, n_points, 3)
+        Points of the sections.
+    r : ndarray of shape (n_radii,)
+        Their radii.
+
+    Returns
+    -------
+    poles : ndarray of shape (n_points, 2 n_radii, 3)
+        Control points, round the sections and along the span.
+    knots : tuple of ndarray
+        Knots in both directions, with their repetitions.
+    """
+    steps = np.linalg.norm(np.diff(points, axis=1), axis=2)
+    around = np.append(0.0, np.cumsum(np.mean(steps / np.sum(steps, axis=1)[:, None], axis=0)))
+    spline = make_interp_spline(around, points, k=DEGREE, axis=1)
+    through = np.moveaxis(spline.c, 0, 1)
+    third = np.diff(r)[:, None, None] / 3.0
+    slopes = PchipInterpolator(r, through).derivative()(r)
+    after, before = through[:-1] + third * slopes[:-1], through[1:] - third * slopes[1:]
+    between = np.stack((after, before), axis=1).reshape(-1, *through.shape[1:])
+    poles = np.concatenate((through[:1], between, through[-1:]))
+    along = np.concatenate((r[:1], r[:1], np.repeat(r, 2), r[-1:], r[-1:]))
+    return np.moveaxis(poles, 0, 1), (spline.t, along)
+
+
+def spline_surface(
+    poles: np.ndarray, knots: tuple[np.ndarray, np.ndarray], degrees: tuple[int, int]
+) -> Any:
+    """Return a B-spline surface of OpenCASCADE.
+
+    Parameters
+    ----------
+    poles : ndarray of shape (n_around, n_along, 3)
+        Control points.
+    knots : tuple of ndarray
+        Knots in both directions, with their repetitions.
+    degrees : tuple of int
+        Degrees in both directions.
+
+    Returns
+    -------
+    OCP.Geom.Geom_BSplineSurface
+        The surface.
+    """
+    from OCP.collections import Array1_double, Array1_int, Array2_gp_Pnt
+    from OCP.Geom import Geom_BSplineSurface
+    from OCP.gp import gp_Pnt
+
+    net = Array2_gp_Pnt(1, poles.shape[0], 1, poles.shape[1])
+    for place in np.ndindex(poles.shape[:2]):
+        net.SetValue(place[0] + 1, place[1] + 1, gp_Pnt(*map(float, poles[place])))
+    values, counts = [], []
+    for each in knots:
+        once, repeated = np.unique(each, return_counts=True)
+        values.append(Array1_double(1, once.size))
+        counts.append(Array1_int(1, once.size))
+        for n in range(once.size):
+            values[-1].SetValue(n + 1, float(once[n]))
+            counts[-1].SetValue(n + 1, int(repeated[n]))
+    return Geom_BSplineSurface(net, *values, *counts, *degrees)
+
+
+def turned(solid: Any, angle: float) -> Any:
+    """Return a solid turned about the shaft.
+
+    Parameters
+    ----------
+    solid : OCP.TopoDS.TopoDS_Shape
+        The solid.
+    angle : float
+        By the right-hand rule about x (rad).
+
+    Returns
+    -------
+    OCP.TopoDS.TopoDS_Shape
+        A copy.
+    """
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+    from OCP.gp import gp, gp_Trsf
+
+    about = gp_Trsf()
+    about.SetRotation(gp.OX_s(), angle)
+    return BRepBuilderAPI_Transform(solid, about, True).Shape()
+
+
+def cylinder(begin: float, end: float, radius: float) -> Any:
+    """Return a solid cylinder about the shaft.
+
+    Parameters
+    ----------
+    begin, end : float
+        Along the shaft (m).
+    radius : float
+        Radius (m).
+
+    Returns
+    -------
+    OCP.TopoDS.TopoDS_Shape
+        In millimetres.
+    """
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeCylinder
+    from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
+
+    axis = gp_Ax2(gp_Pnt(_MILLI * begin, 0.0, 0.0), gp_Dir(1.0, 0.0, 0.0))
+    return BRepPrimAPI_MakeCylinder(axis, _MILLI * radius, _MILLI * (end - begin)).Shape()
+
+
+def solid_volume(solid: Any) -> float:
+    """Return the volume of a solid.
+
+    Parameters
+    ----------
+    solid : OCP.TopoDS.TopoDS_Shape
+        In millimetres.
+
+    Returns
+    -------
+    float
+        In m**3.
+    """
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    properties = GProp_GProps()
+    BRepGProp.VolumeProperties_s(solid, properties, 1e-5)  # the default errs by 2 %
+    return float(properties.Mass()) / _MILLI**3
+
+
+def step_file(solids: Sequence[Any], name: str, remarks: Sequence[str]) -> bytes:
+    """Return a STEP file of solids, in metres.
+
+    Parameters
+    ----------
+    solids : sequence of OCP.TopoDS.TopoDS_Shape
+        In millimetres.
+    name : str
+        What it is, which its product is called.
+    remarks : sequence of str
+        Lines for its header.
+
+    Returns
+    -------
+    bytes
+        The file.
+    """
+    from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
+    from OCP.BRep import BRep_Builder
+    from OCP.collections import HArray1_TCollection_HAsciiString
+    from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
+    from OCP.TCollection import TCollection_HAsciiString
+    from OCP.TopoDS import TopoDS_Compound
+
+    shape, builder = solids[0], BRep_Builder()
+    if len(solids) > 1:
+        shape = TopoDS_Compound()
+        builder.MakeCompound(shape)
+        for solid in solids:
+            builder.Add(shape, solid)
+    writer = STEPControl_Writer()  # declares the settings
+    with writing(name), TemporaryDirectory() as folder:
+        writer.Transfer(shape, STEPControl_StepModelType.STEPControl_AsIs)
+        header = APIHeaderSection_MakeHeader(writer.Model())
+        lines = [part for line in remarks for part in wrap(line, 60)]
+        texts = HArray1_TCollection_HAsciiString(1, len(lines))
+        for n, line in enumerate(lines, start=1):
+            texts.SetValue(n, TCollection_HAsciiString(line.encode("ascii", "replace").decode()))
+        header.SetDescription(texts)
+        header.SetName(TCollection_HAsciiString(f"{name}.step"))
+        path = Path(folder) / "solids.step"
+        writer.Write(str(path))
+        return path.read_bytes()
+
+
+@contextmanager
+def writing(name: str) -> Iterator[None]:
+    """Write metres, and keep what OpenCASCADE tells about its work from the console.
+
+    Parameters
+    ----------
+    name : str
+        Name of the product that is written.
+
+    Yields
+    ------
+    None
+        Afterwards the settings, which are global, are as before.
+    """
+    from OCP.Interface import Interface_Static
+    from OCP.Message import Message, Message_Gravity
+
+    own = {"write.step.unit": "M", "write.step.product.name": name}
+    before = {key: Interface_Static.CVal_s(key) for key in own}
+    printers = list(Message.DefaultMessenger_s().Printers())
+    levels = [printer.GetTraceLevel() for printer in printers]
+    try:
+        for key, value in own.items():
+            Interface_Static.SetCVal_s(key, value)
+        for printer in printers:
+            printer.SetTraceLevel(Message_Gravity.Message_Fail)
+        yield
+    finally:
+        for key, value in before.items():
+            Interface_Static.SetCVal_s(key, value)
+        for printer, level in zip(printers, levels, strict=True):
+            printer.SetTraceLevel(level)

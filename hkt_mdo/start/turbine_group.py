@@ -1,0 +1,60 @@
+"""The turbine of a case, in its flow, as a part of another OpenMDAO model."""
+
+from __future__ import annotations
+
+import openmdao.api as om
+
+from hkt_mdo.case import Case
+from hkt_mdo.problem.build import add_turbine
+from hkt_mdo.start.build import start_of_case
+
+
+class TurbineGroup(om.Group):
+    """The rotor of a case with its controller in its flow over time.
+
+    What `build_problem` optimizes, without its optimizer and its objective, which are yours. What
+    the case designs is a design variable of the group with the case's bounds and an output; what it
+    keeps is an input. The values of the trajectory at its nodes are design variables, too, and the
+    equation of motion and the case's limits are constraints. So the outputs are those of an
+    operation of the rotor at the end of an optimization only. It begins at blade, gains and
+    trajectory of a search that takes seconds in `setup`, where they are nearly so. Partials are
+    exact.
+
+    Parameters
+    ----------
+    case : Case
+        Rotor, what is designed, flow, law and limits. Its objective only decides how the start is
+        found; its optimizer does not count.
+    improve : bool, optional
+        As that of `build_problem`.
+
+    Notes
+    -----
+    Inputs, or outputs as far as they are designed:
+
+    - rotor_radius (m), of the swept disc
+    - gain_0, gain_1, …, in the law's units; an open loop has none
+    - density (kg/m**3), always an input
+
+    Outputs:
+
+    - chord_control[n_chord] (m), twist_control[n_twist] (rad), thickness_control[n_thickness], as
+      far as they are designed
+    - chord[n_stations] (m), twist[n_stations] (rad), set angle included
+    - mass (kg) of the blades, inertia (kg*m**2) of the rotor
+    - energy (J) captured in all scenarios together, over the case's duration, generator_energy (J)
+      and electrical_energy (J); and objective, that of the case in its unit
+    - ``traj.<scenario>.timeseries.<quantity>``[n_times, 1]: time, rotor_speed, control_torque, …;
+      ``loads_<scenario>.<load>``[n_times, 1] of each load that a limit of the case takes. The
+      scenario of a case with one flow is ``phase``.
+    """
+
+    def __init__(self, case, **options):
+        super().__init__(case=case, **options)
+
+    def initialize(self):
+        self.options.declare("case", types=Case, recordable=False, desc="what is asked")
+        self.options.declare("improve", default=None, desc="whether the start is improved")
+
+    def setup(self):
+        add_turbine(self, *start_of_case(self.options["case"], self.options["improve"]))

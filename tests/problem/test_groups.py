@@ -1,0 +1,290 @@
+"""A rotor and a turbine in other OpenMDAO models: values, partials, names, one's own objective."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import openmdao.api as om
+import pytest
+from openmdao.utils.assert_utils import assert_check_partials
+
+from hkt_mdo import RotorGroup, Solution, TurbineGroup, build_problem, load_case
+from hkt_mdo.errors import InputError
+from hkt_mdo.problem.physics import physics
+
+FLOW = np.array([1.0, 1.3, 1.7, 2.0])
+LOADS = "thrust", "root_moment", "stress", "cavitation"
+OUTPUTS = (
+    *("torque_coefficient", "power_coefficient", "thrust_coefficient"),
+    *("hydrodynamic_torque", "hydrodynamic_power", *LOADS, "mass", "inertia"),
+)
+SEVERAL = {
+    "rotor": {
+        "sections": [
+            {"polar": "naca63815_Re1e6", "outline": "naca63815", "thickness": 0.15},
+            {"polar": "naca63424_Re1e6", "outline": "naca63424", "thickness": 0.24},
+        ],
+        "wall": 0.05,
+        "material": {"density": 1900, "modulus": "25 GPa"},
+    },
+    "design": {"chord_points": 5, "twist_points": 4},
+}
+ROTORS = {
+    "paper": {},
+    "rm1": "rm1_set_angle",
+    "several sections": SEVERAL,
+    "designed thickness": "designed_thickness",
+}
+
+
+def case_of(rotor, depth=True):
+    """Return a case of a rotor: a shipped one by its name, or what it adds to the default one."""
+    given = ROTORS[rotor]
+    if isinstance(given, str):
+        return load_case(given, ["site.hub_depth=30"] if depth else [])
+    more = {"site": {"hub_depth": 4}} if depth else {}
+    return load_case({"inflow": "sine", "control": {"law": "quadratic"}} | more | given)
+
+
+def model_of(group, **inputs):
+    """Return a problem with a group, run at some inputs."""
+    problem = om.Problem(reports=False)
+    problem.model.add_subsystem("group", group, promotes=["*"])
+    problem.setup(force_alloc_complex=True)
+    for name, value in inputs.items():
+        problem.set_val(name, value)
+    problem.run_model()
+    return problem
+
+
+# The rotor ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rotor", ROTORS)
+def test_rotor_has_the_performance_loads_and_mass_of_its_blade(rotor):
+    case = case_of(rotor)
+    world = physics(case)
+    problem = model_of(RotorGroup(case, num_points=4), inflow_speed=FLOW)
+    blade, ratio = world.blade, problem["tip_speed_ratio"]
+    assert ratio == pytest.approx(world.rotor.best_operation(blade).tip_speed_ratio, rel=1e-12)
+    found, radius = world.rotor.coefficients(blade, ratio), blade.rotor_radius
+    pressure, area = 0.5 * world.density * FLOW**2, np.pi * radius**2
+    for name in ("torque", "power", "thrust"):
+        np.testing.assert_allclose(problem[f"{name}_coefficient"], getattr(found, name), rtol=1e-8)
+    speed = ratio * FLOW / radius
+    np.testing.assert_allclose(problem["rotor_speed"], speed, rtol=1e-12)
+    power = pressure * FLOW * area * found.power
+    np.testing.assert_allclose(problem["hydrodynamic_power"], power, rtol=1e-8)
+    np.testing.assert_allclose(problem["hydrodynamic_torque"] * speed, power, rtol=1e-8)
+    np.testing.assert_allclose(problem["thrust"], pressure * area * found.thrust, rtol=1e-8)
+    for name, load in world.loads.coefficients(blade, ratio).items():
+        over = problem[name] / (pressure * load.largest) - 1.0
+        assert np.all(over > -1e-8), name
+        assert np.all(over < (0.03 if name in ("stress", "cavitation") else 1e-8)), name
+    assert set(world.loads.names) == set(LOADS)
+    mass = world.rotor.mass_and_inertia(blade)
+    assert (problem["mass"][0], problem["inertia"][0]) == pytest.approx(mass[:2], rel=1e-8)
+
+
+@pytest.mark.parametrize("given", ["tip_speed_ratio", "rotor_speed"])
+@pytest.mark.parametrize("rotor", ROTORS)
+def test_totals_of_the_rotor_by_every_input(rotor, given):
+    """BEM by central differences in the model, whose formulas are by complex step below."""
+    problem = model_of(RotorGroup(case_of(rotor), num_points=4, given=given), inflow_speed=FLOW)
+    problem.set_val(given, problem[given] * [0.95, 1.03, 1.1, 1.2])  # off the best ratio
+    problem.run_model()
+    shaped = [f"{name}_control" for name in ("chord", "twist", "thickness")]
+    known = {meta["prom_name"] for _, meta in problem.model.list_inputs(out_stream=None)}
+    inputs = ["inflow_speed", given, "rotor_radius", "density", *known.intersection(shaped)]
+    assert len(inputs) >= 5
+    for name in inputs:
+        size = np.max(np.abs(problem[name]))
+        about = {"method": "fd", "form": "central", "step": 1e-6 * max(size, 1e-2)}
+        totals = problem.check_totals(of=list(OUTPUTS), wrt=[name], out_stream=None, **about)
+        for (output, _), each in totals.items():
+            noise = 1e-6 * np.max(np.abs(problem[output])) / max(size, 1e-2)
+            own = each["J_fwd"] if "J_fwd" in each else each["J_rev"]
+            np.testing.assert_allclose(own, each["J_fd"], rtol=1e-5, atol=noise, err_msg=output)
+
+
+@pytest.mark.parametrize("rotor", ROTORS)
+def test_formulas_of_the_rotor_by_complex_step(rotor, monkeypatch):
+    monkeypatch.setenv("OPENMDAO_CHECK_ALL_PARTIALS", "1")  # those of ExecComp, too
+    problem = model_of(RotorGroup(case_of(rotor), num_points=4), inflow_speed=FLOW)
+    parts = ["group.operating_points", "group.power_and_loads", "group.blades.power_coefficient"]
+    data = problem.check_partials(includes=parts, method="cs", out_stream=None)
+    assert set(data) == set(parts)
+    assert_check_partials(data, atol=1e-6, rtol=1e-9)
+
+
+def test_rotor_takes_the_blade_of_a_result(solve):
+    solution = solve("sine_limited_quadratic")
+    case, design = solution.case, solution.design()
+    problem = model_of(RotorGroup(case, blade=design.blade))
+    best = solution.summary.power_coefficient_max
+    assert problem["power_coefficient"][0] == pytest.approx(best, rel=1e-6)
+    assert problem["mass"][0] == pytest.approx(solution.summary.mass_kg, rel=1e-9)
+    assert isinstance(solution, Solution)
+
+
+def test_rotor_without_depth_has_no_cavitation_and_local_reynolds_numbers_are_refused():
+    problem = model_of(RotorGroup(case_of("paper", depth=False)))
+    with pytest.raises(KeyError):
+        problem.get_val("cavitation")
+    case = load_case(
+        {
+            "inflow": "sine",
+            "control": {"law": "quadratic"},
+            "rotor": {"polar": "naca63815", "reynolds": "local"},
+        }
+    )
+    with pytest.raises(InputError, match=r"rotor\.reynolds = 'local'.*give invariant"):
+        model_of(RotorGroup(case))
+
+
+@pytest.mark.parametrize(("given", "flow"), [("tip_speed_ratio", 1.0), ("rotor_speed", 0.0)])
+def test_a_point_without_a_tip_speed_ratio_is_one_that_a_driver_may_leave(given, flow):
+    problem = model_of(RotorGroup(case_of("paper"), num_points=2, given=given))
+    problem.set_val("inflow_speed", flow)
+    problem.set_val(given, [2.0, -1.0 if flow else 2.0])
+    with (
+        np.errstate(divide="ignore"),
+        pytest.raises(om.AnalysisError, match="tip speed ratio is not a positive number"),
+    ):
+        problem.run_model()
+
+
+# The turbine --------------------------------------------------------------------------------------
+
+LAWS = {
+    "quadratic": {"control": {"law": "quadratic", "torque_limit": 700}},
+    "open loop": {"control": {"law": "open_loop", "torque_limit": 700}},
+    "fixed": {"control": {"law": "open_loop", "torque_limit": 700}, "design": {"blade": "fixed"}},
+}
+SHORT = {"inflow": "sine", "phase": {"duration": 12, "segments": 12}}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_turbine_ends_at_the_optimum_of_the_case_by_another_driver(law):
+    """With the case's own objective: by SciPy with OpenMDAO's totals, as by our own drivers."""
+    case = load_case(SHORT | LAWS[law])
+    own = build_problem(case)
+    own.run_model()
+    other = om.Problem(reports=False)
+    other.model.add_subsystem("turbine", TurbineGroup(case))
+    other.model.add_objective("turbine.energy", ref=-1e4)
+    other.driver = om.ScipyOptimizeDriver(optimizer="SLSQP", tol=1e-10, maxiter=300, disp=False)
+    other.driver.declare_coloring(show_summary=False)
+    other.setup()
+    other.run_model()
+    assert other["turbine.energy"] == pytest.approx(own["energy"], rel=1e-13)
+    assert own.run_driver() is not None
+    assert own.driver.outcome().success
+    assert other.run_driver().success
+    assert other["turbine.energy"] == pytest.approx(own["energy"], rel=1e-6)
+
+
+def test_turbine_begins_at_the_design_of_a_result(solve):
+    solution = solve("sine_limited_quadratic")
+    more = [f"start.from={solution.folder}", "start.method=blade"]
+    problem = model_of(TurbineGroup(load_case("sine_limited_quadratic", more)))
+    np.testing.assert_allclose(problem["chord"], solution.blade["chord_m"], rtol=1e-9)
+    assert problem["gain_0"][0] == pytest.approx(solution.summary.gain, rel=1e-9)
+    assert problem["energy"][0] == pytest.approx(solution.summary.energy_J, rel=1e-3)
+
+
+MORE = {
+    "two flows": {
+        "scenarios": [
+            {"name": "slow", "inflow": {"profile": "sine", "mean": 1.2}, "weight": 0.75},
+            {"name": "fast", "inflow": {"profile": "sine"}, "weight": 0.25},
+        ]
+    },
+    "states of a law": {"control": {"law": "tracking", "torque_limit": 700}},
+    "local Reynolds numbers": {"rotor": {"polar": "naca63815", "reynolds": "local"}},
+    "torque as unknown": {"control": {"law": "open_loop", "unknown": "torque"}},
+    "several sections": SEVERAL,
+}
+
+
+@pytest.mark.parametrize("name", MORE)
+def test_turbine_has_the_values_and_constraints_of_the_cases_own_problem(name):
+    case = load_case(SHORT | LAWS["quadratic"] | MORE[name])
+    own, other = build_problem(case, improve=False), om.Problem(reports=False)
+    other.model.add_subsystem("turbine", TurbineGroup(case, improve=False))
+    other.model.add_objective("turbine.objective")
+    other.driver = om.ScipyOptimizeDriver()
+    other.setup()
+    for problem in (own, other):
+        problem.run_model()
+    assert other["turbine.objective"] == pytest.approx(own["objective"], rel=1e-13)
+    for kind in ("get_constraint_values", "get_design_var_values"):
+        found, told = (
+            [value.ravel() for value in getattr(problem.driver, kind)().values()]
+            for problem in (other, own)
+        )
+        assert len(found) == len(told) > 1
+        np.testing.assert_allclose(*map(np.sort, map(np.concatenate, (found, told))), rtol=1e-12)
+
+
+def test_partials_of_the_turbine_by_complex_step():
+    """All of the package's components in it but those of BEM, which take no complex numbers."""
+    case = load_case(SHORT | LAWS["quadratic"] | {"limits": {"power": 5000, "thrust": 6500}})
+    problem = model_of(TurbineGroup(case, improve=False))
+    parts = [
+        part.pathname
+        for part in problem.model.system_iter(recurse=True, typ=om.ExplicitComponent)
+        if type(part).__module__.startswith("hkt_mdo.") and not part.name.endswith("_table")
+    ]
+    parts = [name for name in parts if not name.endswith(("flow", "mass_and_inertia"))]
+    assert len(parts) >= 9
+    data = problem.check_partials(includes=parts, method="cs", out_stream=None)
+    assert set(data) == set(parts)
+    assert_check_partials(data, atol=1e-5, rtol=1e-8)
+
+
+def test_what_a_turbine_keeps_is_an_input_and_what_it_designs_an_output():
+    case = load_case(SHORT | LAWS["quadratic"] | {"design": {"gain_bounds": [1, 50]}})
+    model = model_of(TurbineGroup(case, improve=False), rotor_radius=1.4, density=1025.0).model
+    inputs, outputs = (
+        {meta["prom_name"] for _, meta in found(out_stream=None, prom_name=True)}
+        for found in (model.list_inputs, model.list_outputs)
+    )
+    assert {"rotor_radius", "density"} <= inputs - outputs
+    assert {"chord_control", "twist_control", "gain_0", "energy", "mass"} <= outputs
+
+
+# The N2 diagram -----------------------------------------------------------------------------------
+
+
+PAGE = (Path(__file__).parents[2] / "docs" / "openmdao.md").read_text(encoding="utf-8")
+DYMOS = "traj"
+
+
+def names_within(system):
+    """Yield the names of all subsystems that this package has named."""
+    for part in system.system_iter(include_self=False, recurse=False):
+        if part.name != "_auto_ivc":
+            yield part.name
+            if part.name != DYMOS:
+                yield from names_within(part)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {},
+        {"limits": {"power": 5000, "torque_rate": 900}, "control": {"law": "open_loop"}},
+        SEVERAL | {"limits": {"stress": "100 MPa"}},
+    ],
+    ids=["usual", "limits", "several sections"],
+)
+def test_the_page_names_every_subsystem_of_the_n2_diagram(more, tmp_path):
+    told = set(re.findall(r"^\| `(\w+)(?:_<\w+>)?`", PAGE, re.MULTILINE))
+    case = load_case(SHORT | LAWS["quadratic"] | more)
+    problem = model_of(TurbineGroup(case, improve=False))
+    for group in (problem.model.group, model_of(RotorGroup(case)).model.group):
+        for name in names_within(group):
+            assert any(name == each or name.startswith(f"{each}_") for each in told), name
+    om.n2(problem, outfile=str(tmp_path / "n2.html"), show_browser=False)
+    assert (tmp_path / "n2.html").stat().st_size > 100_000

@@ -1,0 +1,78 @@
+"""Loads of a blade on many stations: against that blade as a case of its own, and their judge."""
+
+import numpy as np
+import pytest
+
+from hkt_mdo.case import load_case
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.run import loads
+
+NINE = [0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.999]
+LIMITS = {"thrust": "6 kN", "stress": "100 MPa", "cavitation": {"depth": 3}}
+CASE = {"inflow": "sine", "control": "quadratic", "limits": LIMITS}
+KNOWN = {
+    "time": np.array([0.0, 1.0, 2.0]),
+    "inflow_speed": np.array([1.4, 1.7, 1.6]),
+    "tip_speed_ratio": np.array([7.0, 7.0, 6.0]),
+    "rotor_radius": 1.4,
+}
+
+
+def of_case(**rotor):
+    """Return the physics of a limited case and its blade."""
+    made = physics(load_case(CASE | {"rotor": rotor}))
+    return made, made.blade
+
+
+def loads_of(made, blade, known=KNOWN):
+    return made.loads_along(blade, known, ("thrust", "stress", "cavitation"))
+
+
+def test_a_resolved_blade_is_that_of_a_case_with_its_stations():
+    made, blade = of_case(stations=NINE)
+    (found,) = loads.resolved(made, blade, [KNOWN | loads_of(made, blade)])
+    angle = np.pi * (np.arange(loads.STATIONS) + 0.5) / loads.STATIONS
+    inner = blade.hub_radius / blade.tip_radius
+    r = inner + (1.0 - inner) * 0.5 * (1.0 - np.cos(angle))
+    chord, twist = (np.interp(r * 1.4, blade.r, each) for each in (blade.chord, blade.twist))
+    shape = {"chord": chord.tolist(), "twist": np.rad2deg(twist).tolist()}
+    rotor = {"stations": r.tolist(), "hub_radius_fraction": inner} | shape
+    other = physics(load_case(CASE | {"rotor": rotor, "design": {"blade": "fixed"}}))
+    worst = np.searchsorted(KNOWN["time"], found["time"])
+    for name, values in loads_of(other, other.blade).items():
+        np.testing.assert_allclose(found[name], values[worst], rtol=1e-9)
+    # all loads are largest in the fastest flow
+    assert found["time"] == pytest.approx([1.0])
+    assert found["rotor_radius"] == 1.4
+    # between nine stations a blade is more heavily loaded than at them
+    assert np.max(found["thrust"]) > 1.005 * np.max(loads_of(made, blade)["thrust"])
+
+
+def test_a_resolved_blade_changes_little_where_it_has_the_default_stations():
+    made, blade = of_case()
+    assert blade.r.size == 40
+    own = loads_of(made, blade)
+    (found,) = loads.resolved(made, blade, [KNOWN | own])
+    for name, values in own.items():
+        assert np.max(found[name]) == pytest.approx(np.max(values), rel=5e-3)
+
+
+def test_given_chords_are_resolved_too():
+    made, blade = of_case(stations=NINE, chord=[0.1] * 9, twist=[5.0] * 9)
+    own = loads_of(made, blade)
+    (found,) = loads.resolved(made, blade, [KNOWN | own])
+    assert np.max(found["thrust"]) == pytest.approx(np.max(own["thrust"]), rel=0.05)
+
+
+def test_a_designed_thickness_is_resolved_too():
+    case = load_case("cases/examples/designed_thickness.yaml", ["rotor.stations=" + str(NINE)])
+    made = physics(case)
+    own = made.loads_along(made.blade, KNOWN, ("stress",))
+    (found,) = loads.resolved(made, made.blade, [KNOWN | own])
+    assert np.max(found["stress"]) > np.max(own["stress"])
+
+
+def test_loads_that_nobody_asks_for_are_not_resolved():
+    made = physics(load_case(CASE | {"limits": {"power": "5 kW"}}))
+    assert made.blade.r.size == 40
+    assert loads.resolved(made, made.blade, [KNOWN]) == []
