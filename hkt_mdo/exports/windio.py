@@ -11,13 +11,14 @@ import numpy as np
 import yaml
 from scipy.interpolate import CubicSpline
 
+from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source
+from hkt_mdo.exports.solids import along_span, outline_names
 from hkt_mdo.exports.tables import REVOLUTIONS, section_names, steady_operation
 from hkt_mdo.results.design import Design
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.inertia import carried
 from hkt_mdo.rotor.outline import Outline
-from hkt_mdo.rotor.thickness import over_thickness
 from hkt_mdo.sections import Quantity
 
 VERSION = "2.0"
@@ -42,7 +43,7 @@ class Windio(Format):
         root: dict[str, Any] = {
             "name": source.solution.name,
             "windIO_version": VERSION,
-            "comments": "\n".join((*source.provenance, *_comments(design))),
+            "comments": "\n".join((*source.provenance, *_comments(source))),
             "assembly": _assembly(source),
             "components": {
                 "blade": _blade(design, self.stacking, positions),
@@ -79,9 +80,14 @@ def _plain(data: Any) -> Any:
     return data.tolist() if isinstance(data, np.ndarray | np.generic) else data
 
 
-def _comments(design: Design) -> list[str]:
+def _comments(source: Source) -> list[str]:
     """Return what the schema has no key for."""
+    design = source.design
     fluid, site = design.physics.case.fluid, design.physics.case.site
+    try:
+        outlines = f"Coordinates are those of {outline_names(source)}."
+    except InputError as error:
+        outlines = f"COORDINATES ARE A PLACEHOLDER: {error.key} {error.problem}."
     depth = "not given" if site.hub_depth is None else f"{site.hub_depth!r} m"
     return [
         f"WATER, for which windIO has no key: density {fluid.density!r} kg/m^3, "
@@ -90,6 +96,7 @@ def _comments(design: Design) -> list[str]:
         "angle. rated_power is the largest electrical power in the operation of the result, "
         "max_rotor_speed the limit of the case or the largest speed in that operation; re is that "
         "of the polars' files or, where they say none, one of the operation.",
+        outlines,
         "PLACEHOLDERS: the pitching moments cm and the hub's drag cd are zero. The structure is "
         "one shell as thick as rotor.wall or, of solid blades, as half their thickness, its "
         f"material's nu {POISSON}. Tower, nacelle and hub_height are left out.",
@@ -216,13 +223,11 @@ def station_outlines(design: Design) -> tuple[Outline, ...]:
         through those of the sections, as the structure has them.
     """
     outlines, blade = design.outlines, design.blade
-    polars: Any = design.physics.polar
     if not design.physics.rotor.follows_thickness:
         return outlines * blade.r.size if len(outlines) == 1 else outlines
-    sides = over_thickness(polars.thickness, [each.resampled() for each in outlines])
     return tuple(
         Outline(np.concatenate((x[::-1], x[1:])), np.concatenate((upper[::-1], lower[1:])))
-        for x, upper, lower in sides(blade.thickness)
+        for x, upper, lower in along_span(design, [each.resampled() for each in outlines], blade.r)
     )
 
 

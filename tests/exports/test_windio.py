@@ -102,6 +102,9 @@ def test_it_says_what_the_schema_has_no_key_for(turbine):
     fluid = solution.case.fluid
     assert f"density {fluid.density!r} kg/m^3" in data["comments"]
     assert f"viscosity {fluid.kinematic_viscosity!r} m^2/s" in data["comments"]
+    placeholder = "COORDINATES ARE A PLACEHOLDER: rotor.outline is not given"
+    given = solution.case.rotor.polar is None or solution.case.rotor.outline is not None
+    assert (placeholder in data["comments"]) == (not given)
     shape = data["components"]["blade"]["outer_shape"]
     np.testing.assert_allclose(
         shape["section_offset_y"]["values"], 0.3 * np.array(shape["chord"]["values"])
