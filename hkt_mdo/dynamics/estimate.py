@@ -33,7 +33,7 @@ class FlowEstimate:
         self.plant = plant
 
     @cached_property
-    def _ratio_of(self):
+    def ratio_of(self):
         """The tip speed ratio as a function of the torque coefficient over its square."""
         ratio = np.concatenate((np.arange(SLOWEST_RATIO, 4.0, 0.02), np.arange(4.0, 20.0, 0.01)))
         plant = self.plant
@@ -53,5 +53,5 @@ class FlowEstimate:
         tip = speed * self.plant.blade.rotor_radius
         driving = torque + self.plant.inertia * acceleration
         unit = torque_scale(self.plant.density, self.plant.blade.rotor_radius, tip)
-        share = np.clip(driving / unit, self._ratio_of.x[0], self._ratio_of.x[-1])
-        return tip / self._ratio_of(share)
+        share = np.clip(driving / unit, self.ratio_of.x[0], self.ratio_of.x[-1])
+        return tip / self.ratio_of(share)

@@ -22,6 +22,7 @@ from hkt_mdo.case.schema import assign
 from hkt_mdo.errors import InputError, did_you_mean
 from hkt_mdo.files.table import write_files
 from hkt_mdo.results.solution import Solution
+from hkt_mdo.results.words import printable
 from hkt_mdo.sections import Section
 
 if TYPE_CHECKING:
@@ -29,6 +30,10 @@ if TYPE_CHECKING:
 
 FORMATS = {
     "csv": "tables:Csv",
+    "json": "tables:Json",
+    "netcdf": "tables:Netcdf",
+    "windio": "windio:Windio",
+    "controller": "controller:Controller",
     "sections": "solids:Sections",
     "stl": "solids:Stl",
     "step": "step:Step",
@@ -78,7 +83,7 @@ class Source:
         ]
         if not solution.success:
             lines.append(f"THE RUN WAS NO SUCCESS: {solution.message}")
-        return tuple(lines)
+        return tuple(map(printable, lines))
 
 
 class Format(Section, ABC):

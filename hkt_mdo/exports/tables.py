@@ -1,25 +1,490 @@
-"""The blade and the tables of a result as CSV."""
+"""The tables of a result as CSV, JSON and NetCDF: blade, coefficients, operation, loads, series."""
 
 from __future__ import annotations
 
+import csv
 import io
+from collections.abc import Iterable, Iterator
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
+from pydantic import AfterValidator
 
+from hkt_mdo.dynamics.simulation import Plant
+from hkt_mdo.dynamics.trajectory import trajectory_of
+from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source
+from hkt_mdo.problem.physics import BEM
+from hkt_mdo.quantities import LOADS, QUANTITIES
+from hkt_mdo.results.design import Design
+from hkt_mdo.results.folder import to_json
+from hkt_mdo.results.solution import TABLES, Solution
+from hkt_mdo.rotor.scales import power_scale
+from hkt_mdo.sections import Quantity, ordered
+
+RATIO_STEP = 0.1  # of the tip speed ratios of the coefficients
+SLOWEST = 0.5  # tip speed ratio at which coefficients and the search for a balance begin
+BEYOND = 2.0  # largest tip speed ratio of the coefficients over the largest one in operation
+WIDER = 0.2  # by which the flow speeds of steady operation go beyond those of the case, relatively
+FLOWS = 41  # flow speeds of steady operation
+SEARCHED = 240  # tip speed ratios between which a balance of torques is searched
+HALVINGS = 50  # of the interval that holds it: to the last digits
+LOAD_FLOWS = 5  # flow speeds for which loads by station are written
+REVOLUTIONS = 30.0 / np.pi  # a minute, for 1 rad/s
 
 
-class Csv(Format):
-    """The blade as CSV."""
+class Column(NamedTuple):
+    """A column of a table.
+
+    Attributes
+    ----------
+    values : ndarray of shape (n_rows,)
+        Numbers or texts.
+    unit : str or None
+        SI unit; None for a plain number or a text.
+    text : str
+        Meaning, in words.
+    """
+
+    values: Any
+    unit: str | None
+    text: str
+
+
+class Table(NamedTuple):
+    """A table: its name, what it holds, and its columns by name.
+
+    Attributes
+    ----------
+    name, title : str
+        Name of the file or group, and a line of text.
+    columns : dict of Column
+        All of one length.
+    """
+
+    name: str
+    title: str
+    columns: dict[str, Column]
+
+
+class _Tables(Format):
+    """What the formats of tables share."""
+
+    flow_range: (
+        Annotated[
+            tuple[Annotated[float, Quantity("m/s", gt=0)], Annotated[float, Quantity("m/s", gt=0)]],
+            AfterValidator(ordered),
+        ]
+        | None
+    ) = None
+    """Slowest and fastest flow of the table of steady operation; null: those of the case, a fifth
+    wider, up to the cut-out speed."""
+
+
+class Csv(_Tables):
+    """One CSV file a table; lines that begin with # are comments."""
 
     name = "csv"
 
     def files(self, source: Source) -> dict[str, bytes]:
-        blade, text = source.design.blade, io.StringIO()
-        columns = {"r_m": blade.r, "chord_m": blade.chord, "twist_deg": np.rad2deg(blade.twist)}
-        for line in source.provenance:
-            text.write(f"# {line}\n")
-        text.write(",".join(columns) + "\n")
-        for row in zip(*columns.values(), strict=True):
-            text.write(",".join(repr(float(value)) for value in row) + "\n")
-        return {"blade.csv": text.getvalue().encode()}
+        found = {}
+        for table in tables(source, self.flow_range):
+            text = io.StringIO(newline="")
+            told = (f"{name} [{c.unit or '-'}]: {c.text}" for name, c in table.columns.items())
+            for line in (*source.provenance, table.title, *told):
+                text.write(f"# {line}\n")
+            writer = csv.writer(text, lineterminator="\n")
+            writer.writerow(table.columns)
+            writer.writerows(zip(*(_plain(c) for c in table.columns.values()), strict=True))
+            found[f"{table.name}.csv"] = text.getvalue().encode()
+        return found
+
+
+class Json(_Tables):
+    """One JSON file of all tables; NaN is null."""
+
+    name = "json"
+
+    def files(self, source: Source) -> dict[str, bytes]:
+        found: dict[str, Any] = {
+            "provenance": source.provenance,
+            "case": source.solution.case.model_dump(mode="json"),
+        }
+        found["tables"] = {
+            table.name: {
+                "title": table.title,
+                "columns": {
+                    name: {"unit": c.unit, "long_name": c.text, "values": _plain(c)}
+                    for name, c in table.columns.items()
+                },
+            }
+            for table in tables(source, self.flow_range)
+        }
+        return {"result.json": f"{to_json(found)}\n".encode()}
+
+
+class Netcdf(_Tables):
+    """One NetCDF file, a group a table, whose dimension is the table's first column."""
+
+    name = "netcdf"
+    packages: ClassVar[tuple[str, ...]] = ("netCDF4",)
+    extra = "records"
+
+    def files(self, source: Source) -> dict[str, bytes]:
+        from netCDF4 import Dataset
+
+        file = Dataset("result.nc", "w", memory=1024)  # nothing of this name is written to disk
+        file.setncatts({"source": "\n".join(source.provenance), "title": source.solution.name})
+        for table in tables(source, self.flow_range):
+            group = file.createGroup(table.name)
+            group.title = table.title
+            first, *_ = table.columns
+            group.createDimension(first, len(table.columns[first].values))
+            for name, column in table.columns.items():
+                values = np.asarray(_plain(column))
+                kind = str if values.dtype.kind == "U" else values.dtype
+                variable = group.createVariable(name, kind, (first,))
+                variable.setncatts({"units": column.unit or "1", "long_name": column.text})
+                variable[:] = values.astype(object) if kind is str else values
+        return {"result.nc": bytes(file.close())}
+
+
+def _plain(column: Column) -> list[Any]:
+    return np.asarray(column.values).tolist()
+
+
+def tables(source: Source, flow_range: tuple[float, float] | None = None) -> list[Table]:
+    """Return all tables of a result.
+
+    Parameters
+    ----------
+    source : Source
+        The result.
+    flow_range : tuple of float, optional
+        Ends of the flow speeds of steady operation (m/s).
+
+    Returns
+    -------
+    list of Table
+        Those of one scenario have its name behind theirs, where there are several.
+    """
+    solution, design = source.solution, source.design
+    steady = steady_operation(design, flow_range)
+    found = [_design(source), _blade(design), _coefficients(solution, design)]
+    if steady is not None:
+        found.append(_operation(design, steady))
+    found += _station_loads(solution, design, steady)
+    several = len(solution.tables) > 1
+    for scenario, own in solution.tables.items():
+        for name, title in _SERIES.items():
+            columns = getattr(own, name)
+            if columns:
+                of = f" of the scenario {scenario}" if several else ""
+                described = {key: Column(x, *TABLES[name][key]) for key, x in columns.items()}
+                table = "loads_over_span" if name == "loads" else name
+                label = f"{table}_{scenario}" if several else table
+                found.append(Table(label, title + of, described))
+    return found
+
+
+_SERIES = {
+    "trajectory": "optimized trajectory at the collocation nodes",
+    "simulation": "independent integration of the same design with direct BEM",
+    "loads": "loads along the blade at the times of the largest stress and suction",
+}
+
+
+def _design(source: Source) -> Table:
+    """Return the numbers of a design: dimensions, masses, law and gains."""
+    design = source.design
+    blade, law, world = design.blade, design.law, design.physics
+    rows: list[tuple[str, float, str | None, str]] = [
+        ("tip_radius", blade.tip_radius, "m", "radius of the tip, along the blade"),
+        ("hub_radius", blade.hub_radius, "m", "radius of the blade's root, along the blade"),
+        ("cone", blade.cone, "rad", "angle of the blades to the rotor plane"),
+        ("blade_count", blade.blade_count, None, "number of blades"),
+    ]
+    scalars = world.scalars(blade, design.inertia)
+    for name in ("rotor_radius", "density", "inertia", "mass", "blade_area"):
+        rows.append((name, scalars[name], QUANTITIES[name].unit, QUANTITIES[name].text))
+    viscosity = world.case.fluid.kinematic_viscosity
+    rows.append(("kinematic_viscosity", viscosity, "m**2/s", "kinematic viscosity of the water"))
+    for place, (gain, unit) in enumerate(zip(design.gains, law.gain_units, strict=True)):
+        rows.append((f"gain_{place}", gain, unit, f"gain of the control law {law.law}"))
+    for name, unit in (("torque_limit", "N*m"), ("cut_out", "m/s")):
+        if getattr(law, name) is not None:
+            rows.append((name, getattr(law, name), unit, f"control.{name} of the case"))
+    names, values, units, texts = zip(*rows, strict=True)
+    columns = {
+        "quantity": Column(names, None, "name"),
+        "value": Column(np.array(values, dtype=float), None, "value in the row's unit"),
+        "unit": Column([unit or "1" for unit in units], None, "SI unit of the value"),
+        "meaning": Column(texts, None, "meaning"),
+    }
+    return Table("design", f"numbers of the design; the control law is {law.law}", columns)
+
+
+def _columns(texts: dict[str, tuple[str | None, str]], values: Iterable[Any]) -> dict[str, Column]:
+    """Return columns of their units and meanings, and of their values in the same order."""
+    return {n: Column(x, *about) for (n, about), x in zip(texts.items(), values, strict=True)}
+
+
+_BLADE: dict[str, tuple[str | None, str]] = {
+    "r_m": ("m", "distance from the rotor's axis, along the blade"),
+    "r_over_tip_radius": (None, "the same over the tip radius"),
+    "chord_m": ("m", "chord"),
+    "twist_rad": (
+        "rad",
+        "angle of the chord to the rotor plane, set angle included; a positive one turns the "
+        "leading edge upstream",
+    ),
+    "twist_in_degrees": ("deg", "the same in degrees"),
+    "thickness_over_chord": (None, "largest thickness over chord"),
+    "thickness_m": ("m", "largest thickness"),
+}
+
+
+def _blade(design: Design) -> Table:
+    blade = design.blade
+    thickness = design.physics.scalars(blade, design.inertia)["thickness"]
+    shape = blade.r, blade.r / blade.tip_radius, blade.chord, blade.twist
+    values = *shape, np.rad2deg(blade.twist), thickness, thickness * blade.chord
+    columns, names = _columns(_BLADE, values), section_names(design)
+    if names:
+        text = "section; of a station between two, both and the share of the second"
+        columns["section_name"] = Column(names, None, text)
+    return Table("blade", "stations of the blade, from hub to tip", columns)
+
+
+def section_names(design: Design) -> list[str]:
+    """Return the name of each station's section; empty where the thickness is designed.
+
+    Parameters
+    ----------
+    design : Design
+        The design of a result.
+
+    Returns
+    -------
+    list of str
+        One name a station; between two sections, both and the share of the second.
+    """
+    blends = design.turbine.blends
+    names = [a if share == 0.0 else f"{a} to {b}, {share:.4g}" for a, b, share in blends]
+    return names * design.blade.r.size if len(names) == 1 else names
+
+
+_COEFFICIENTS: dict[str, tuple[str | None, str]] = {
+    "tip_speed_ratio": (None, "speed of the tips over that of the flow"),
+    "power_coefficient": (None, "P / (0.5 rho v^3 pi R^2)"),
+    "torque_coefficient": (None, "Q / (0.5 rho v^2 pi R^3)"),
+    "thrust_coefficient": (None, "T / (0.5 rho v^2 pi R^2)"),
+}
+
+
+def _coefficients(solution: Solution, design: Design) -> Table:
+    """Return the coefficients of the blade from slow rotation to beyond its operation."""
+    known = [np.max(own.trajectory["tip_speed_ratio"]) for own in solution.tables.values()]
+    known.append(solution.summary.tip_speed_ratio_at_power_coefficient_max or 0.0)
+    steps = np.arange(round(SLOWEST / RATIO_STEP), np.ceil(BEYOND * max(known) / RATIO_STEP) + 1)
+    ratio, rotor = steps * RATIO_STEP, design.physics.rotor
+    polars: Any = rotor.polar
+    found, title = rotor.coefficients(design.blade, ratio), "coefficients by direct BEM"
+    if rotor.follows_reynolds:
+        title += f", Reynolds numbers at a flow of {polars.flow_speed:.6g} m/s"
+    values = ratio, found.power, found.torque, found.thrust
+    return Table("coefficients", title, _columns(_COEFFICIENTS, values))
+
+
+def steady_operation(
+    design: Design, flow_range: tuple[float, float] | None = None
+) -> dict[str, np.ndarray] | None:
+    """Return the steady operation of a feedback law over the speed of the flow, by direct BEM.
+
+    Hydrodynamic and control torque balance, Q(w, v) = u(w), at the largest tip speed ratio where
+    they do; of a law with states, at the one closest to its schedule.
+
+    Parameters
+    ----------
+    design : Design
+        The design of a result.
+    flow_range : tuple of float, optional
+        Slowest and fastest flow (m/s); by default those of the case, a fifth wider, up to the
+        cut-out speed.
+
+    Returns
+    -------
+    dict of ndarray or None
+        Quantities over time and loads, SI units, by the names in `hkt_mdo.quantities`, without
+        those flows in which there is no balance. None for open loop, which has no such law.
+
+    Raises
+    ------
+    InputError
+        If the law has no torque in equilibrium at any of these speeds.
+    """
+    law, world, blade = design.law, design.physics, design.blade
+    if not law.is_feedback:
+        return None
+    if flow_range is None:
+        speeds = [each.inflow.speed_at(each.samples) for each in world.scenarios]
+        low, high = min(map(np.min, speeds)), max(map(np.max, speeds))
+        ends = (1.0 - WIDER) * low, min((1.0 + WIDER) * high, law.cut_out or np.inf)
+        flow_range = round(float(ends[0]), 3), round(float(ends[1]), 3)
+    flow = np.linspace(*flow_range, FLOWS)
+    check = BEM[world.case.hydrodynamics.check]
+    plant = Plant(blade, design.polars, design.inertia, world.density, check, world.generator)
+    flow, speed = _balanced(design, plant, flow)
+    if not flow.size:
+        remedy = "give flow_range: flow speeds in which the rotor turns"
+        problem = "has no steady operation between {:.4g} and {:.4g} m/s".format(*flow_range)
+        raise InputError(problem, remedy, key="flow_range", value=list(flow_range))
+    torque, radius = plant.torque(speed, flow), blade.rotor_radius
+    both = torque, torque  # of the flow and of the generator
+    known = trajectory_of(np.zeros(flow.size), flow, speed, *both, radius, world.generator)
+    del known["time"]
+    return known | world.loads_along(blade, known, world.loads.names)
+
+
+def _balanced(design: Design, plant: Plant, flow: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the flow speeds in which torques balance, and the rotor speeds at which they do."""
+    law: Any = design.law
+    gains, radius = design.gains, design.blade.rotor_radius
+
+    def net(ratio, flow):
+        speed = ratio * flow / radius
+        driving = plant.torque(speed, flow)
+        return driving - law.torque(speed, gains, *law.at_rest(driving, flow))
+
+    best = design.physics.rotor.best_operation(design.blade).tip_speed_ratio
+    ratio = np.linspace(SLOWEST, max(3.0 * best, 10.0), SEARCHED)
+    at_all = net(np.tile(ratio, flow.size), np.repeat(flow, ratio.size))
+    drives = at_all.reshape(flow.size, -1) >= 0.0
+    falls = drives[:, :-1] & ~drives[:, 1:]
+    wanted = np.full(flow.size, ratio[-1])
+    if law.states:
+        wanted = law.speed_at_rest(flow, gains) * radius / flow
+    away = np.where(falls, np.abs(ratio[:-1] - wanted[:, None]), np.inf)
+    place, balanced = np.argmin(away, axis=1), falls.any(axis=1)
+    flow, low, high = flow[balanced], ratio[place[balanced]], ratio[place[balanced] + 1]
+    for _ in range(HALVINGS if flow.size else 0):
+        middle = 0.5 * (low + high)
+        above = net(middle, flow) >= 0.0
+        low, high = np.where(above, middle, low), np.where(above, high, middle)
+    return flow, 0.5 * (low + high) * flow / radius
+
+
+def _operation(design: Design, steady: dict[str, np.ndarray]) -> Table:
+    """Return steady operation as a table, with how much of each limit it uses."""
+    world, flow = design.physics, steady["inflow_speed"]
+    columns = {
+        QUANTITIES[name].column: Column(values, QUANTITIES[name].unit, QUANTITIES[name].text)
+        for name, values in steady.items()
+    }
+    scale = power_scale(world.density, design.blade.rotor_radius, flow)
+    columns |= {
+        "rotor_speed_rpm": Column(steady["rotor_speed"] * REVOLUTIONS, "rpm", "rotor speed"),
+        "power_coefficient": Column(
+            steady["hydrodynamic_power"] / scale, None, "power coefficient"
+        ),
+        "pitch_in_degrees": Column(np.zeros(flow.size), "deg", "pitch, which is fixed"),
+    }
+    known = steady | world.scalars(design.blade, design.inertia)
+    for limit in world.all_limits:
+        if limit.caps_series and limit.upper > 0.0 and known.keys() >= set(limit.inputs):
+            name, share = f"{limit.name}_over_limit", limit.told(known) / limit.upper
+            if name in columns:  # of another scenario: the stricter one counts
+                share = np.maximum(share, columns[name].values)
+            columns[name] = Column(share, None, f"{limit.name} over its limit: 1 is the limit")
+    title = "steady operation under the control law; flows without a balance of torques are missing"
+    return Table("operation", title, columns)
+
+
+_CASES: dict[str, tuple[str | None, str]] = {
+    "load_case": (None, "number of the load case"),
+    "name": (None, "what the load case is"),
+    "scenario": (None, "scenario; empty for steady operation"),
+    "time_s": ("s", "instant in the simulation; NaN: steady"),
+}
+_STATIONS: dict[str, tuple[str | None, str]] = {
+    "load_case": (None, "number of the load case in load_cases"),
+    "r_m": ("m", "distance from the rotor's axis, along the blade"),
+    "chord_m": ("m", "chord"),
+    "normal_load_N_m": (
+        "N/m",
+        "load of one blade downstream, normal to it in the plane of blade and rotor axis",
+    ),
+    "tangential_load_N_m": ("N/m", "load of one blade in the direction of rotation"),
+    "angle_of_attack_rad": ("rad", "angle of attack"),
+    "angle_of_attack_in_degrees": ("deg", "the same in degrees"),
+    "relative_speed_m_s": ("m/s", "speed of the water relative to the section"),
+    "reynolds_number": (None, "Reynolds number by the chord and that speed"),
+}
+
+
+def _station_loads(solution: Solution, design: Design, steady: dict | None) -> list[Table]:
+    """Return the load cases, and the loads of the stations in each."""
+    names, scenarios, points = zip(*_load_cases(solution, steady), strict=True)
+    table = {name: np.array([each[name] for each in points]) for name in points[0]}
+    blade, flow, ratio = design.blade, table["inflow_speed"], table["tip_speed_ratio"]
+    number = np.arange(1, len(names) + 1)
+    columns = _columns(_CASES, (number, names, scenarios, table.pop("time")))
+    for name, values in table.items():
+        about = QUANTITIES[name]
+        columns[about.column] = Column(values, about.unit, about.text)
+    found = design.physics.rotor.at_flow(flow).sections(blade, ratio)
+    across = flow[:, None] * np.cos(blade.cone)  # speed of the flow normal to the blade
+    pressure, speed = 0.5 * design.physics.density * across**2, found.relative_speed * across
+    by_station = (
+        np.broadcast_to(number[:, None], speed.shape),
+        np.broadcast_to(blade.r, speed.shape),
+        np.broadcast_to(blade.chord, speed.shape),
+        pressure * found.normal_load,
+        pressure * found.tangential_load,
+        found.angle_of_attack,
+        np.rad2deg(found.angle_of_attack),
+        speed,
+        speed * blade.chord / design.physics.case.fluid.kinematic_viscosity,
+    )
+    text = "loads per length at the stations by direct BEM; linear in between, zero at hub and tip"
+    return [
+        Table("load_cases", "operating points of the table station_loads", columns),
+        Table("station_loads", text, _columns(_STATIONS, map(np.ravel, by_station))),
+    ]
+
+
+_AT = "time", "inflow_speed", "rotor_speed", "tip_speed_ratio", "control_torque"
+
+
+def _load_cases(
+    solution: Solution, steady: dict | None
+) -> Iterator[tuple[str, str, dict[str, float]]]:
+    """Yield name, scenario and operating point: the instants of largest loads, and some flows."""
+    series = [own.simulation or own.trajectory for own in solution.tables.values()]
+    names = np.repeat(list(solution.tables), [each["time_s"].size for each in series])
+    headers = [QUANTITIES[name].column for name in (*_AT, *LOADS)]
+    known = {
+        header: np.concatenate([each[header] for each in series])
+        for header in headers
+        if all(header in each for each in series)
+    }
+
+    def point(row):
+        return {name: float(known[QUANTITIES[name].column][row]) for name in _AT}
+
+    largest: dict[int, list[str]] = {}
+    for name in LOADS:
+        if QUANTITIES[name].column in known:
+            row = int(np.argmax(known[QUANTITIES[name].column]))
+            largest.setdefault(row, []).append(name.replace("_", " "))
+    for row, loads in largest.items():
+        yield f"largest {', '.join(loads)}", str(names[row]), point(row)
+    flow = known["inflow_speed_m_s"] if steady is None else steady["inflow_speed"]
+    wanted = np.linspace(np.min(flow), np.max(flow), LOAD_FLOWS)
+    rows = np.unique([int(np.argmin(np.abs(flow - speed))) for speed in wanted])
+    for row in rows[np.argsort(flow[rows])]:
+        if steady is None:
+            yield f"recorded at {flow[row]:.4g} m/s", str(names[row]), point(row)
+        else:
+            found = {name: float(steady[name][row]) for name in _AT[1:]}
+            yield f"steady at {flow[row]:.4g} m/s", "", {"time": np.nan} | found

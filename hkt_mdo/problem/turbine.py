@@ -1,6 +1,7 @@
 """The turbine of a case, made of its section `rotor` and the files that this section names."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +41,9 @@ class Turbine(NamedTuple):
     """What was converted, extrapolated or left out."""
     outlines: tuple[Outline, ...] = ()
     """Of the sections: one, or one a station; where thickness is designed, from thin to thick."""
+    blends: tuple[tuple[str, str, float], ...] = ()
+    """The two sections that each station lies between, by name, and the share of the second; one
+    entry for a blade of one section, none where the thickness is designed."""
 
 
 class _Section(NamedTuple):
@@ -108,7 +112,7 @@ def build_turbine(
         blade = replace(blade, thickness=thickness)
         outlines = tuple(named[name].outline for name in _in_order(named))
         return Turbine(blade, polar, area, thickness, structure, (*read, *messages), outlines)
-    sections, blended = _sections(rotor, table, named)
+    sections, blended, blends = _sections(rotor, table, named)
     families, thickness, area, *_ = zip(*sections, strict=True)
     if rotor.reynolds == "local":
         families = families if len(families) > 1 else families * stations.size
@@ -119,7 +123,7 @@ def build_turbine(
     area, thickness = map(_together, (area, thickness))
     structure = _structure(rotor, sections)
     outlines, told = tuple(each.outline for each in sections), (*read, *messages, *blended)
-    return Turbine(blade, polar, area, thickness, structure, told, outlines)
+    return Turbine(blade, polar, area, thickness, structure, told, outlines, blends)
 
 
 def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
@@ -203,12 +207,20 @@ def _at_stations(table: BladeTable, r: np.ndarray) -> BladeTable:
     return replace(table, r=r, section=section, section_position=None, **columns)
 
 
-def _sections(rotor, table, named) -> tuple[list[_Section], tuple[str, ...]]:
-    """Return the one section of the blade, or that of every station; and messages."""
+def _sections(rotor, table, named) -> tuple[list[_Section], tuple[str, ...], tuple]:
+    """Return the one section of the blade, or that of every station; messages; and the blends."""
+    called = {
+        entry.name or str(number + 1): entry.name or Path(entry.outline or entry.polar).stem
+        for number, entry in enumerate(rotor.sections)
+    }
     if len(named) == 1:
-        return list(named.values()), ()
+        (name,) = named
+        name = called.get(name, name or Path(rotor.polar or POLAR).stem)
+        return list(named.values()), (), ((name, name, 0.0),)
     pairs, messages = _pairs(rotor, table, named)
-    return [_mixed(named[inner], named[outer], share) for inner, outer, share in pairs], messages
+    mixed = [_mixed(named[inner], named[outer], share) for inner, outer, share in pairs]
+    blends = ((called.get(a, a), called.get(b, b), share) for a, b, share in pairs)
+    return mixed, messages, tuple(blends)
 
 
 def _by_thickness(rotor, design, named):

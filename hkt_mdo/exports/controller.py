@@ -1,0 +1,283 @@
+"""The control law of a result as code: a function in C99 and one in Python.
+
+Both say the same: what C and Python write alike, such as ``GAIN * w``, stands here once.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from inspect import cleandoc
+from pathlib import Path
+from string import Template
+from typing import Annotated, Any, ClassVar, NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline, PPoly
+
+from hkt_mdo.dynamics.estimate import FlowEstimate
+from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
+from hkt_mdo.dynamics.simulation import Plant
+from hkt_mdo.dynamics.tracking import Tracking
+from hkt_mdo.dynamics.wide_laws import STILL, CurveFeedback, PowerLawFeedback, RatedFeedback
+from hkt_mdo.errors import InputError
+from hkt_mdo.exports.base import Format, Source
+from hkt_mdo.problem.physics import BEM
+from hkt_mdo.results.design import Design
+from hkt_mdo.sections import Quantity
+
+TEMPLATES = Path(__file__).parent / "templates"
+QUICK, LONGEST = 0.2, 0.01  # sample time: share of the loop's time constant, and s at most
+UNSTABLE = 2.0  # sample time over that constant from which a torque that is held is unstable
+
+
+class Code(NamedTuple):
+    """A law as C and Python write it alike, in SI units; w is the rotor's speed.
+
+    Attributes
+    ----------
+    constants : dict of (float, str)
+        Value and meaning of each constant, by name.
+    steps : tuple of (str, str)
+        Names and expressions, one after the other; the last is the torque before saturation.
+    curves : dict of PPoly
+        Piecewise cubic curves by the name of their function, linear beyond their ends.
+    """
+
+    constants: dict[str, tuple[float, str]]
+    steps: tuple[tuple[str, str], ...]
+    curves: dict[str, PPoly]
+
+
+class Controller(Format):
+    """The control law: a C99 function with its header, and a Python function."""
+
+    name: ClassVar[str] = "controller"
+
+    sample_time: Annotated[float, Quantity("s", gt=0)] | None = None
+    """Time from one step of a law with states to the next; null: a fifth of the time constant with
+    which the loop answers, I / kp, and a hundredth of a second at most."""
+
+    def files(self, source: Source) -> dict[str, bytes]:
+        design = source.design
+        law: Any = design.law
+        writer = _WRITERS.get(type(law))
+        if not law.is_feedback:
+            problem = "is no law of the rotor's speed: open loop is a torque over time"
+            remedy = "export csv, whose trajectory has it, or design a feedback law"
+            raise _refusal(problem, remedy, law)
+        if writer is None:
+            problem = "is a law of an extension, whose formula is known as Python code only"
+            remedy = "write its code yourself; csv has its gains and its steady operation"
+            raise _refusal(problem, remedy, law)
+        code, sample_time = writer(design), 0.0
+        if law.torque_limit is not None:
+            code.constants["LIMIT"] = law.torque_limit, "largest torque, N m"
+            code.constants["SMOOTHING"] = law.smoothing, "smoothing of the saturation"
+        if law.states:
+            sample_time = self._sample_time(design)
+        head = _head(source)
+        return {
+            f"controller.{kind}": _written(kind, code, head, sample_time).encode()
+            for kind in ("h", "c", "py")
+        }
+
+    def _sample_time(self, design: Design) -> float:
+        """Return the time between two steps; refuse one at which a held torque is unstable."""
+        answers = design.inertia / float(design.gains[-2])
+        if self.sample_time is None:
+            wanted = min(QUICK * answers, LONGEST)
+            unit = 10.0 ** np.floor(np.log10(wanted))
+            return float(f"{np.floor(wanted / unit) * unit:.1g}")
+        if self.sample_time >= UNSTABLE * answers:
+            problem = "makes the loop unstable, since the torque is held from one step to the next"
+            remedy = f"give less than 2 I / kp = {UNSTABLE * answers:.3g} s, better a tenth of it"
+            raise InputError(problem, remedy, key="controller.sample_time", value=self.sample_time)
+        return self.sample_time
+
+
+def _refusal(problem: str, remedy: str, law: Any) -> InputError:
+    return InputError(problem, remedy, key="control.law", value=law.law)
+
+
+# Laws ---------------------------------------------------------------------------------------------
+
+
+def _linear(design: Design) -> Code:
+    gain = {"GAIN": (float(design.gains[0]), "N m s/rad")}
+    return Code(gain, (("demand", "GAIN * w"),), {})
+
+
+def _quadratic(design: Design) -> Code:
+    gain = {"GAIN": (float(design.gains[0]), "N m s^2/rad^2")}
+    return Code(gain, (("demand", "GAIN * w * w"),), {})
+
+
+def _power_law(design: Design) -> Code:
+    law: Any = design.law
+    exponent = design.gains[1] if law.exponent is None else law.exponent
+    constants = {
+        "GAIN": (float(design.gains[0]), "torque at 1 rad/s, N m"),
+        "EXPONENT": (float(exponent), "exponent"),
+        "STILL": (STILL, "slowest speed that counts, rad/s"),
+    }
+    return Code(constants, (("demand", "GAIN * pow(fmax(w, STILL), EXPONENT)"),), {})
+
+
+def _rated(design: Design) -> Code:
+    law: Any = design.law
+    constants = {
+        "GAIN": (float(design.gains[0]), "N m s^2/rad^2"),
+        "POWER": (float(design.gains[1] if law.power is None else law.power), "rated power, W"),
+        "SMOOTHING": (law.smoothing, "smoothing of the corner and of the saturation"),
+    }
+    steps = (
+        ("wanted", "GAIN * w * w * w"),
+        ("apart", "wanted - POWER"),
+        ("root", "sqrt(apart * apart + 0.25 * SMOOTHING * wanted * POWER)"),
+        ("least", "(2.0 - 0.125 * SMOOTHING) * POWER / (wanted + POWER + root)"),
+        ("demand", "least * GAIN * w * w"),
+    )
+    return Code(constants, steps, {})
+
+
+def _curve(design: Design) -> Code:
+    place, height = np.log(design.gains).reshape(2, -1)
+    constants = {"STILL": (STILL, "slowest speed that counts, rad/s")}
+    steps = (("demand", "exp(curve(log(fmax(w, STILL))))"),)
+    return Code(constants, steps, {"curve": CubicSpline(place, height, bc_type="natural")})
+
+
+def _tracking(design: Design) -> Code:
+    law: Any = design.law
+    kp, ki = design.gains[-2:]
+    slowest, fastest = law.flow_range
+    knots = np.linspace(slowest, fastest, law.knots)
+    curves: dict[str, PPoly] = {
+        "schedule": CubicSpline(knots, design.gains[: law.knots], bc_type="natural")
+    }
+    constants = {
+        "PROPORTIONAL": (float(kp), "N m s/rad"),
+        "INTEGRAL": (float(ki), "N m/rad"),
+        "LAG": (law.lag, "with which the flow speed is followed, s; 0: at once"),
+    }
+    if law.estimates_flow:
+        world, blade = design.physics, design.blade
+        check = BEM[world.case.hydrodynamics.check]
+        plant = Plant(blade, design.polars, design.inertia, world.density, check)
+        curves["ratio_of"] = found = FlowEstimate(plant).ratio_of
+        constants |= {
+            "SMALLEST": (float(found.x[0]), "driving torque over that of the tip speed, at least"),
+            "LARGEST": (float(found.x[-1]), "and at most"),
+            "RADIUS": (blade.rotor_radius, "radius of the rotor, m"),
+            "DENSITY": (world.density, "density of the water, kg/m^3"),
+            "INERTIA": (design.inertia, "of the rotor, kg m^2"),
+            "STILL": (STILL, "slowest speed that counts, rad/s"),
+        }
+    return Code(constants, (("demand", "PROPORTIONAL * (w - schedule(flow)) + integral"),), curves)
+
+
+_WRITERS: dict[type, Callable[[Design], Code]] = {
+    LinearFeedback: _linear,
+    QuadraticFeedback: _quadratic,
+    PowerLawFeedback: _power_law,
+    RatedFeedback: _rated,
+    CurveFeedback: _curve,
+    Tracking: _tracking,
+}
+
+
+# Code ---------------------------------------------------------------------------------------------
+
+_SATURATED = (
+    ("ratio", "2.0 * demand / LIMIT"),
+    ("rising", "sqrt(SMOOTHING + ratio * ratio)"),
+    ("falling", "sqrt(SMOOTHING + (ratio - 2.0) * (ratio - 2.0))"),
+    ("torque", "0.25 * LIMIT * (2.0 + rising - falling)"),
+)
+_TOLD = (
+    ("tip", "fmax(w, STILL) * RADIUS"),
+    ("volume", "3.141592653589793 * RADIUS * RADIUS * RADIUS"),
+    ("unit", "0.5 * DENSITY * volume * tip * tip"),
+    ("coefficient", "(torque + INERTIA * acceleration) / unit"),
+    ("told", "tip / ratio_of(fmin(fmax(coefficient, SMALLEST), LARGEST))"),
+)
+
+
+def _head(source: Source) -> list[str]:
+    """Return the lines of the comment at the top: where the code comes from, and its formula."""
+    design, speeds = source.design, []
+    for own in source.solution.tables.values():
+        speeds += [np.min(own.trajectory["rotor_speed_rad_s"])]
+        speeds += [np.max(own.trajectory["rotor_speed_rad_s"])]
+    lines = [*source.provenance, "", *cleandoc(type(design.law).__doc__ or "").splitlines(), ""]
+    ends = f"{min(speeds):.5g} to {max(speeds):.5g} rad/s"
+    lines.append(f"rotor speeds in the operation of the result: {ends}")
+    if design.law.cut_out is not None:
+        lines.append(f"cut-out, not part of this code: a flow of {design.law.cut_out:g} m/s")
+    names = [
+        f"{each.name} {each.upper:g} {each.unit or ''}".rstrip()
+        for each in design.physics.all_limits
+        if each.caps_series and each.name != "control_torque"
+    ]
+    if names:
+        lines.append(f"limits of the case that this code does not check: {'; '.join(names)}")
+    return lines
+
+
+def _template(name: str, **fields: str) -> str:
+    """Return a template with what stands for its fields."""
+    return Template((TEMPLATES / f"controller_{name}.in").read_text("utf-8")).substitute(fields)
+
+
+def _written(kind: str, code: Code, head: list[str], sample_time: float) -> str:
+    """Return a file: the header or the source in C, or the Python module."""
+    saturated = _SATURATED if "LIMIT" in code.constants else (("torque", "demand"),)
+    indent = 2 if sample_time and kind == "py" else 1  # of a method
+    fields = {"demand": _assigned((*code.steps, *saturated), kind, indent)}
+    fields |= {"sample_time": repr(sample_time), "flow": ""}
+    if "ratio_of" in code.curves:
+        fields["flow"] = _template(f"flow.{kind}", told=_assigned(_TOLD, kind, 1))
+    curves = "\n".join(_curve_code(kind, *each) for each in code.curves.items())
+    if curves and kind != "h":
+        curves = f"{_template(f'piecewise.{kind}')}\n{curves}"
+    mark = "#" if kind == "py" else "//"
+    # a backslash or a trigraph would go on with the comment in the next line
+    comment = (line.replace("\\", "/").replace("??", "? ?") for line in head)
+    text = _template(
+        f"file.{kind}",
+        head="\n".join(f"{mark} {line}".rstrip() for line in comment),
+        constants="\n".join(_constant(kind, n, *c) for n, c in code.constants.items()),
+        curves=curves,
+        functions=_template(f"{'steps' if sample_time else 'static'}.{kind}", **fields),
+    )
+    blank = "\n\n\n" if kind == "py" else "\n\n"  # at most, where a part is empty
+    return re.sub(rf"{blank}\n+", blank, text)
+
+
+def _assigned(steps: Sequence[tuple[str, str]], kind: str, indent: int) -> str:
+    """Return the lines that compute some names one after the other."""
+    start, end = ("double ", ";") if kind == "c" else ("", "")
+    return "\n".join(f"{'    ' * indent}{start}{name} = {value}{end}" for name, value in steps)
+
+
+def _constant(kind: str, name: str, value: float, text: str) -> str:
+    if kind == "c":
+        return f"static const double {name} = {value!r};  // {text}"
+    return f"{name} = {value!r}  # {text}"
+
+
+def _curve_code(kind: str, name: str, curve: PPoly) -> str:
+    """Return a table of a curve, and the function that evaluates it."""
+    rows = np.column_stack((curve.x[:-1], curve.c[::-1].T)).tolist()
+    begin, end = ("{", "}") if kind == "c" else ("(", ")")
+    lines = [f"    {begin}{', '.join(map(repr, row))}{end}," for row in rows]
+    table, last = name.upper(), float(curve.x[-1])
+    if kind == "c":
+        call = f"piecewise({table}, {len(rows)}, {last!r}, x)"
+        lines = [f"static const double {table}[][5] = {{", *lines, "};"]
+        lines += [f"static double {name}(double x) {{ return {call}; }}", ""]
+    else:
+        lines = [f"{table} = [", *lines, "]", "", "", f"def {name}(x):"]
+        lines += [f"    return piecewise({table}, {last!r}, x)", ""]
+    return "\n".join(lines)

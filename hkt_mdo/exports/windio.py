@@ -1,0 +1,335 @@
+"""A result as a turbine of windIO's schema, version 2 (YAML).
+
+Source: windIO, IEA Wind Task 37, turbine schema, https://windio.readthedocs.io.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+import yaml
+from scipy.interpolate import CubicSpline
+
+from hkt_mdo.errors import InputError
+from hkt_mdo.exports.base import Format, Source
+from hkt_mdo.exports.solids import along_span, outline_names
+from hkt_mdo.exports.tables import REVOLUTIONS, section_names, steady_operation
+from hkt_mdo.results.design import Design
+from hkt_mdo.rotor.airfoil import Polar, PolarFamily
+from hkt_mdo.rotor.inertia import carried
+from hkt_mdo.rotor.outline import Outline
+from hkt_mdo.sections import Quantity
+
+VERSION = "2.0"
+SMALLEST_ERROR = 1e-7  # of lift and drag between the angles of attack that are written
+COARSEST = 20  # knots of a polar between two angles that are written at most: 5 degrees
+MATERIAL, POISSON = "blade", 0.33  # name of the blade's material; its ratio is not known
+ARCS = "start_nd_arc", "end_nd_arc"
+DIGITS = 12  # of thickness over chord: rounding must not tell equal sections apart
+
+
+class Windio(Format):
+    """A turbine of windIO 2: blade, airfoils with polars, hub, generator and control."""
+
+    name: ClassVar[str] = "windio"
+
+    stacking: Annotated[float, Quantity(ge=0, le=1)] = 0.25
+    """Place of the blade's straight axis on the chord, from the leading edge, over the chord."""
+
+    def files(self, source: Source) -> dict[str, bytes]:
+        design = source.design
+        airfoils, positions = _airfoils(design)
+        root: dict[str, Any] = {
+            "name": source.solution.name,
+            "windIO_version": VERSION,
+            "comments": "\n".join((*source.provenance, *_comments(source))),
+            "assembly": _assembly(source),
+            "components": {
+                "blade": _blade(design, self.stacking, positions),
+                "hub": {
+                    "diameter": 2.0 * design.blade.hub_radius,
+                    "cone_angle": abs(float(np.rad2deg(design.blade.cone))),
+                    "cd": 0.0,
+                },
+                "drivetrain": {"outer_shape": {"uptilt": 0.0}, "gearbox": {"gear_ratio": 1.0}},
+            },
+            "airfoils": airfoils,
+            "control": _control(source),
+        }
+        material = design.physics.case.rotor.blade_material
+        if material.modulus is not None:
+            root["components"]["blade"]["structure"] = _structure(design)
+            about = {"orth": 0, "rho": material.density, "E": material.modulus, "nu": POISSON}
+            root["materials"] = [{"name": MATERIAL} | about]
+        efficiency = _efficiency(design)
+        if efficiency is not None:
+            generator = {"rpm_efficiency": dict(zip(("grid", "values"), efficiency, strict=True))}
+            root["components"]["drivetrain"]["generator"] = generator
+        dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+        text = yaml.dump(_plain(root), Dumper=dumper, sort_keys=False, width=10_000)
+        return {"turbine.yaml": text.encode()}
+
+
+def _plain(data: Any) -> Any:
+    """Return data with lists and numbers of Python in place of NumPy's."""
+    if isinstance(data, dict):
+        return {key: _plain(value) for key, value in data.items()}
+    if isinstance(data, list):
+        return [_plain(value) for value in data]
+    return data.tolist() if isinstance(data, np.ndarray | np.generic) else data
+
+
+def _comments(source: Source) -> list[str]:
+    """Return what the schema has no key for."""
+    design = source.design
+    fluid, site = design.physics.case.fluid, design.physics.case.site
+    try:
+        outlines = f"Coordinates are those of {outline_names(source)}."
+    except InputError as error:
+        outlines = f"COORDINATES ARE A PLACEHOLDER: {error.key} {error.problem}."
+    depth = "not given" if site.hub_depth is None else f"{site.hub_depth!r} m"
+    return [
+        f"WATER, for which windIO has no key: density {fluid.density!r} kg/m^3, "
+        f"kinematic viscosity {fluid.kinematic_viscosity!r} m^2/s, depth of the hub {depth}.",
+        f"Inertia about the shaft: {design.inertia!r} kg m^2. Pitch is fixed, twist has the set "
+        "angle. rated_power is the largest electrical power in the operation of the result, "
+        "max_rotor_speed the limit of the case or the largest speed in that operation; re is that "
+        "of the polars' files or, where they say none, one of the operation.",
+        outlines,
+        "PLACEHOLDERS: the pitching moments cm and the hub's drag cd are zero. The structure is "
+        "one shell as thick as rotor.wall or, of solid blades, as half their thickness, its "
+        f"material's nu {POISSON}. Tower, nacelle and hub_height are left out.",
+    ]
+
+
+def _assembly(source: Source) -> dict[str, Any]:
+    blade, law = source.design.blade, source.design.law
+    powers = [own.trajectory["electrical_power_W"] for own in source.solution.tables.values()]
+    found = {
+        "drivetrain": "direct_drive",
+        "rotor_orientation": "Upwind",
+        "number_of_blades": int(blade.blade_count),
+        "rotor_diameter": 2.0 * blade.rotor_radius,
+        "rated_power": float(max(map(np.max, powers))),
+    }
+    return found if law.cut_out is None else found | {"cut_out_wind_speed": law.cut_out}
+
+
+def _blade(design: Design, stacking: float, positions: list[dict]) -> dict[str, Any]:
+    """Return axis and outer shape; chord, twist and thickness are carried on to hub and tip."""
+    blade = design.blade
+    thickness = design.physics.scalars(blade, design.inertia)["thickness"]
+    grid = _grid(design)
+    chord = carried(blade.chord)
+
+    def curve(values, grid=grid):
+        return {"grid": grid, "values": values}
+
+    ends, straight = np.array([0.0, 1.0]), np.zeros(2)
+    length = blade.tip_radius - blade.hub_radius
+    return {
+        "reference_axis": {
+            "x": curve(straight, ends),
+            "y": curve(straight, ends),
+            "z": curve(length * ends, ends),
+        },
+        "outer_shape": {
+            "chord": curve(chord),
+            "twist": curve(np.rad2deg(carried(blade.twist))),
+            "rthick": curve(np.round(carried(thickness), DIGITS)),
+            "section_offset_y": curve(stacking * chord),
+            "airfoils": positions,
+        },
+    }
+
+
+def _structure(design: Design) -> dict[str, Any]:
+    """Return one shell of the blade's material over the whole section."""
+    blade, wall = design.blade, design.physics.case.rotor.wall
+    half = 0.5 * design.physics.scalars(blade, design.inertia)["thickness"]
+    share = half if wall is None else np.minimum(half, wall)
+    ends = {name: {"anchor": {"name": "skin", "handle": name}} for name in ARCS}
+    shell = {"grid": _grid(design), "values": carried(share * blade.chord)}
+    places = {
+        name: {"grid": [0.0, 1.0], "values": 2 * [at]}
+        for name, at in zip(ARCS, (0.0, 1.0), strict=True)
+    }
+    return {
+        "anchors": [{"name": "skin"} | places],
+        "webs": [],
+        "layers": [{"name": "shell", "material": MATERIAL, "thickness": shell} | ends],
+    }
+
+
+def _grid(design: Design) -> np.ndarray:
+    """Return hub, stations and tip as shares of the blade's length."""
+    blade = design.blade
+    inside = (blade.r - blade.hub_radius) / (blade.tip_radius - blade.hub_radius)
+    return np.concatenate(([0.0], inside, [1.0]))
+
+
+# Airfoils -----------------------------------------------------------------------------------------
+
+
+def _airfoils(design: Design) -> tuple[list[dict], list[dict]]:
+    """Return the airfoils, each once, and their places along the blade.
+
+    Stations that share polars and outline are one airfoil; the others have one each, as built.
+    """
+    blade, rotor = design.blade, design.physics.rotor
+    thickness = design.physics.scalars(blade, design.inertia)["thickness"]
+    called = section_names(design) or [""] * blade.r.size
+    outlines, built = station_outlines(design), rotor.as_built(blade)
+    numbers, names = _reynolds(design), []
+    found: dict[tuple, dict] = {}
+    for station in range(blade.r.size):
+        polars, outline = built.polars_at(station), outlines[station]
+        key = (*map(id, polars), id(outline))
+        if key not in found:
+            number = len(found) + 1
+            found[key] = {
+                "name": f"section_{number}",
+                "description": called[station],
+                "rthick": round(float(thickness[station]), DIGITS),
+                "aerodynamic_center": 0.25,
+                "coordinates": _coordinates(outline),
+                "polars": [{"configuration": "default", "re_sets": _re_sets(polars, numbers)}],
+            }
+        names.append(found[key]["name"])
+    grid, names = _grid(design), [names[0], *names, names[-1]]
+    positions = [
+        {"name": name, "spanwise_position": place, "configuration": ["default"], "weight": [1.0]}
+        for place, name, before, after in zip(
+            grid, names, [None, *names[:-1]], [*names[1:], None], strict=True
+        )
+        if not before == name == after  # between two of its own it follows
+    ]
+    return list(found.values()), positions
+
+
+def station_outlines(design: Design) -> tuple[Outline, ...]:
+    """Return the outline of every station.
+
+    Parameters
+    ----------
+    design : Design
+        The design of a result.
+
+    Returns
+    -------
+    tuple of Outline
+        One a station. Where the thickness is designed, both sides are splines over the thickness
+        through those of the sections, as the structure has them.
+    """
+    outlines, blade = design.outlines, design.blade
+    if not design.physics.rotor.follows_thickness:
+        return outlines * blade.r.size if len(outlines) == 1 else outlines
+    return tuple(
+        Outline(np.concatenate((x[::-1], x[1:])), np.concatenate((upper[::-1], lower[1:])))
+        for x, upper, lower in along_span(design, [each.resampled() for each in outlines], blade.r)
+    )
+
+
+def _coordinates(outline: Outline) -> dict[str, np.ndarray]:
+    """Return the points from the trailing edge over the upper side, x within 0 and 1, each once."""
+    x, y = outline.upper_first.T
+    x = np.clip(x, 0.0, 1.0)
+    moved = np.append(True, (np.diff(x) != 0.0) | (np.diff(y) != 0.0))
+    return {"x": x[moved], "y": y[moved]}
+
+
+def _reynolds(design: Design) -> list[float]:
+    """Return the Reynolds numbers of the polars; where none is known, one of the operation."""
+    rotor, physics, blade = design.physics.case.rotor, design.physics, design.blade
+    if physics.rotor.follows_reynolds:
+        return np.exp(physics.polar.log_reynolds).tolist()
+    files = [each.polar for each in rotor.sections] or [rotor.polar or ""]
+    known = {number for file in files if file for number in PolarFamily.from_file(file).reynolds}
+    number = rotor.reynolds_number or (known.pop() if len(known) == 1 else np.inf)
+    if not np.isfinite(number):
+        best = physics.rotor.best_operation(blade).tip_speed_ratio
+        flow = float(np.mean(physics.scenarios[0].inflow.speed_at(physics.scenarios[0].samples)))
+        speed = physics.rotor.sections(blade, [best]).relative_speed[0] * flow * np.cos(blade.cone)
+        number = np.median(speed * blade.chord) / physics.case.fluid.kinematic_viscosity
+    return [float(number)]
+
+
+def _re_sets(polars: tuple[Polar, ...], numbers: list[float]) -> list[dict]:
+    """Return the polars over angles at which a spline through them is the polar itself."""
+    sets = []
+    for polar, number in zip(polars, numbers, strict=True):
+        alpha, lift, drag = polar_rows(polar)
+        grid = np.rad2deg(alpha)
+        columns = {"cl": lift, "cd": drag, "cm": np.zeros(grid.size)}
+        curves = {name: {"grid": grid, "values": values} for name, values in columns.items()}
+        sets.append({"re": number} | curves)
+    return sets
+
+
+def polar_rows(polar: Polar, error: float = SMALLEST_ERROR) -> tuple[np.ndarray, ...]:
+    """Return the rows of a polar over the full circle: as few of its knots as are needed.
+
+    Parameters
+    ----------
+    polar : Polar
+        The polar of a section.
+    error : float, optional
+        Largest error of lift and drag at the knots of a periodic cubic spline through the rows.
+
+    Returns
+    -------
+    alpha, lift, drag : ndarray of shape (n_rows,)
+        Angle of attack from -pi to pi, and the coefficients, equal at both ends.
+    """
+    count = polar.coefficients.shape[0]
+    alpha = np.deg2rad(np.arange(count + 1) * (360.0 / count) - 180.0)
+    values = polar.coefficients[np.arange(count + 1) % count][:, [0, 4]]
+    chosen = np.arange(0, count + 1, COARSEST)
+    while True:
+        spline = CubicSpline(alpha[chosen], values[chosen], bc_type="periodic")
+        off = np.max(np.abs(spline(alpha) - values), axis=1)
+        off[chosen] = 0.0
+        parts = np.split(off, chosen[1:-1])
+        worst = [start + int(np.argmax(part)) for start, part in zip(chosen, parts, strict=False)]
+        worst = [place for place in worst if off[place] > error]
+        if not worst:
+            return alpha[chosen], *values[chosen].T
+        chosen = np.union1d(chosen, worst)
+
+
+# Generator and control ----------------------------------------------------------------------------
+
+
+def _efficiency(design: Design) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return rotor speeds (rpm) and the efficiency along the steady operation; None: unknown."""
+    generator, steady = design.physics.generator, steady_operation(design)
+    if generator.lossless or steady is None:
+        return None
+    speed, first = np.unique(steady["rotor_speed"], return_index=True)
+    efficiency = (steady["electrical_power"] / steady["generator_power"])[first]
+    return speed * REVOLUTIONS, np.maximum(efficiency, 0.0)
+
+
+def _control(source: Source) -> dict[str, Any]:
+    """Return what the schema can say of the law and the limits of the case."""
+    design, physics = source.design, source.design.physics
+    law: Any = design.law
+    limits = {limit.name: float(limit.upper) for limit in physics.all_limits if limit.caps_series}
+    speeds = [own.trajectory["rotor_speed_rad_s"] for own in source.solution.tables.values()]
+    fastest = limits.get("rotor_speed", float(max(map(np.max, speeds))))
+    pitch = "fine_pitch", "min_pitch_limit", "max_pitch_limit", "max_pitch_rate"
+    found: dict[str, Any] = dict.fromkeys(pitch, 0.0) | {
+        "min_rotor_speed": 0.0,
+        "max_rotor_speed": fastest * REVOLUTIONS,
+        "optimal_tsr": physics.rotor.best_operation(design.blade).tip_speed_ratio,
+    }
+    if law.torque_limit is not None:
+        found["max_gen_torque"] = law.torque_limit
+    if law.law == "quadratic":
+        found["region2_k"] = float(design.gains[0]) / REVOLUTIONS**2
+    if law.law == "rated":
+        found["rated_power"] = float(design.gains[1] if law.power is None else law.power)
+    if "torque_rate" in limits:
+        found["max_torque_rate"] = limits["torque_rate"]
+    return found

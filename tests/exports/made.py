@@ -1,0 +1,49 @@
+"""Results of any case without an optimization: the starting blade, and an operation invented."""
+
+from pathlib import Path
+
+import numpy as np
+
+from hkt_mdo.case import read_case
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.results.folder import write_csv, write_json
+from hkt_mdo.results.solution import Solution
+from tests.conftest import operate
+
+
+def made(folder: Path, text: str, gains=None, extensions=(), **summary) -> Solution:
+    """Write the result folder of a case with its blade as given, and return it."""
+    case = read_case(text, folder=Path(__file__).parents[2] / "cases", extensions=extensions)
+    world = physics(case)
+    blade, names = world.blade, list(world.shares)
+    folder.mkdir(parents=True)
+    (folder / "case.yaml").write_text(case.to_yaml(), encoding="utf-8")
+    tables = {
+        "trajectory": operate(np.linspace(0.0, 60.0, 61), case.control.torque_limit, "quadratic"),
+        "simulation": operate(np.linspace(0.0, 60.0, 241), case.control.torque_limit, "quadratic"),
+    }
+    for place, name in enumerate(names):
+        for table, columns in tables.items():
+            suffix = f"_{name}" if len(names) > 1 else ""
+            own = columns | {"thrust_N": (1.0 + place) * columns["thrust_N"]}
+            rows = zip(*own.values(), strict=True)
+            write_csv(folder / f"{table}{suffix}.csv", own, rows)
+    curve = dict.fromkeys(("tip_speed_ratio", "power_coefficient", "start_power_coefficient"))
+    curve = {name: np.linspace(1.0, 2.0, 3) for name in curve}
+    write_csv(folder / "power_curve.csv", curve, zip(*curve.values(), strict=True))
+    found = {
+        "case": case.name,
+        "success": True,
+        "message": "converged and verified",
+        "gain": None if gains is None else list(gains),
+        "gain_units": list(world.gain_units),
+        "scenarios": {name: {"weight": 1.0} for name in names},
+        "rotor_radius_m": blade.rotor_radius,
+        "inertia_kg_m2": float(world.mass_and_inertia(blade)[1]),
+        "r_m": blade.r,
+        "chord_m": blade.chord,
+        "twist_deg": np.rad2deg(blade.twist),
+        "thickness_over_chord": blade.thickness,
+    }
+    write_json(folder / "summary.json", found | summary)
+    return Solution.load(folder, extensions=extensions)

@@ -1,0 +1,296 @@
+"""The law as code: C compiled here and Python, held to the law, to a discrete law and to theory."""
+
+import ctypes
+import subprocess
+import types
+from math import exp, sin
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+
+from hkt_mdo.dynamics.estimate import FlowEstimate
+from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, Start, simulate
+from hkt_mdo.errors import InputError
+from hkt_mdo.exports.base import Source, export
+from hkt_mdo.problem.physics import BEM
+from hkt_mdo.rotor.scales import torque_scale
+from tests.exports.made import made
+
+GAINS = {
+    "linear": "{law: linear, torque_limit: 700}",
+    "quadratic": "{law: quadratic, torque_limit: 700, smoothing: 0.02}",
+    "unlimited": "{law: quadratic}",
+    "power_law": "{law: power_law, torque_limit: 700}",
+    "exponent": "{law: power_law, exponent: 2.5}",
+    "rated": "{law: rated, torque_limit: 700}",
+    "rated_power": "{law: rated, power: 5 kW, smoothing: 0.01, cut_out: 2.5}",
+    "curve": "{law: curve, knots: 6, torque_limit: 700}",
+    "two_knots": "{law: curve, knots: 2}",
+}
+"""Section `control` of each static law, by a name."""
+
+VALUES = {
+    "linear": [95.0],
+    "quadratic": [11.0],
+    "unlimited": [11.0],
+    "power_law": [7.5, 2.3],
+    "exponent": [4.5],
+    "rated": [11.0, 5000.0],
+    "rated_power": [11.0],
+    "curve": [4.0, 5.5, 6.5, 7.5, 8.5, 11.0, 180.0, 320.0, 520.0, 600.0, 590.0, 480.0],
+    "two_knots": [4.0, 9.0, 200.0, 650.0],
+}
+"""Gains of each."""
+
+SPEEDS = np.concatenate(([-1.0, 0.0, 1e-4, 1e-3], np.linspace(0.01, 40.0, 4001)))
+
+TRACKING = "{law: tracking, torque_limit: 600, knots: 5, lag: 0.15, flow_range: [1.3, 1.7]"
+SCHEDULE = [6.5, 7.0, 7.6, 8.0, 8.2]
+KP, KI = 150.0, 700.0
+
+
+def result(folder, control, gains, **more):
+    text = f"inflow: sine\ncontrol: {control}\nlimits: {{power: 6 kW}}\n"
+    return made(folder, text, gains, **more)
+
+
+def module_of(folder):
+    """Return the exported Python module."""
+    module = types.ModuleType("controller")
+    exec((folder / "controller.py").read_text(), module.__dict__)
+    return module
+
+
+def library_of(folder):
+    """Compile the exported C with every warning an error, and load it."""
+    library = folder / "controller.so"
+    strict = "-std=c99 -pedantic -Wall -Wextra -Wconversion -Werror -O2 -shared -fPIC".split()
+    command = ["cc", *strict, str(folder / "controller.c"), "-o", str(library), "-lm"]
+    subprocess.run(command, check=True, capture_output=True, text=True)
+    return ctypes.CDLL(str(library))
+
+
+class State(ctypes.Structure):
+    """The struct hkt_state."""
+
+    _fields_ = (("integral", ctypes.c_double), ("flow", ctypes.c_double))
+
+
+@pytest.mark.parametrize("name", GAINS)
+def test_python_is_the_static_law(name, tmp_path):
+    solution = result(tmp_path / "result", GAINS[name], VALUES[name])
+    export(solution, ["controller"], tmp_path)
+    design = solution.design()
+    wanted = design.law.torque(SPEEDS, design.gains)
+    found = [module_of(tmp_path).torque(speed) for speed in SPEEDS.tolist()]
+    np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12 * np.max(np.abs(wanted)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", GAINS)
+def test_c_is_the_static_law(name, tmp_path):
+    solution = result(tmp_path / "result", GAINS[name], VALUES[name])
+    export(solution, ["controller"], tmp_path)
+    torque = library_of(tmp_path).hkt_torque
+    torque.argtypes, torque.restype = [ctypes.c_double], ctypes.c_double
+    design = solution.design()
+    wanted = design.law.torque(SPEEDS, design.gains)
+    found = [torque(speed) for speed in SPEEDS.tolist()]
+    np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12 * np.max(np.abs(wanted)))
+
+
+@pytest.fixture
+def tracking(tmp_path):
+    return result(tmp_path / "result", f"{TRACKING}}}", [*SCHEDULE, KP, KI])
+
+
+def operation(time):
+    """Return speeds of rotor and flow in which the torque meets its limit, and leaves it."""
+    flow = 1.5 + 0.2 * np.sin(0.6 * time)
+    return 7.5 + 0.9 * np.sin(0.6 * time) + 0.8 * np.sin(0.9 * time), flow
+
+
+def readings(period, duration=20.0):
+    """Return times and what the sensors tell then."""
+    time = np.arange(0.0, duration, period)
+    return time, *operation(time)
+
+
+def discrete(period, speeds, flows, limit=600.0, lag=0.15):
+    """Return the torques of the law with what it senses held over each step, written out."""
+    schedule = CubicSpline(np.linspace(1.3, 1.7, 5), SCHEDULE, bc_type="natural")
+    integral, sensed, torques = 400.0, flows[0], []
+    for speed, flow in zip(speeds, flows, strict=True):
+        inside = min(max(sensed, 1.3), 1.7)
+        wanted = schedule(inside) + schedule(inside, 1) * (sensed - inside)
+        ratio = 2.0 * (KP * (speed - wanted) + integral) / limit
+        roots = np.sqrt(0.001 + ratio**2) - np.sqrt(0.001 + (ratio - 2.0) ** 2)
+        torques.append(0.25 * limit * (2.0 + roots))
+        integral = torques[-1] + (integral - torques[-1]) * exp(-period * KI / KP)
+        sensed = flow + (sensed - flow) * exp(-period / lag)
+    return np.array(torques)
+
+
+def test_steps_of_tracking_are_the_discrete_law(tracking, tmp_path):
+    export(tracking, ["controller"], tmp_path, options=["controller.sample_time=2 ms"])
+    module = module_of(tmp_path)
+    assert module.SAMPLE_TIME == 0.002
+    _, speeds, flows = readings(0.002)
+    controller = module.Controller(400.0, flows[0])
+    found = [controller.step(*each) for each in zip(speeds.tolist(), flows.tolist(), strict=True)]
+    wanted = discrete(0.002, speeds, flows)
+    np.testing.assert_allclose(found, wanted, rtol=1e-11)
+    assert np.max(wanted) > 595.0  # saturated
+    assert np.min(wanted) < 450.0
+
+
+@pytest.mark.slow
+def test_steps_of_tracking_in_c_are_those_of_python(tracking, tmp_path):
+    export(tracking, ["controller"], tmp_path, options=["controller.sample_time=2 ms"])
+    library, module, state = library_of(tmp_path), module_of(tmp_path), State()
+    library.hkt_start.argtypes = [ctypes.POINTER(State), ctypes.c_double, ctypes.c_double]
+    library.hkt_step.argtypes = library.hkt_start.argtypes
+    library.hkt_step.restype = ctypes.c_double
+    _, speeds, flows = readings(0.002)
+    controller = module.Controller(400.0, flows[0])
+    library.hkt_start(ctypes.byref(state), 400.0, flows[0])
+    for speed, flow in zip(speeds.tolist(), flows.tolist(), strict=True):
+        torque = library.hkt_step(ctypes.byref(state), speed, flow)
+        assert torque == pytest.approx(controller.step(speed, flow), rel=1e-12)
+
+
+def test_steps_of_tracking_converge_to_the_continuous_law(tracking, tmp_path):
+    design = tracking.design()
+    law, gains = design.law, design.gains
+
+    def rates(time, states):
+        return law.rates(*operation(time), gains, *states)
+
+    begin = [400.0, 1.5]
+    known = solve_ivp(rates, (0.0, 20.0), begin, rtol=1e-10, atol=1e-8, dense_output=True).sol
+    errors = []
+    for period in (0.008, 0.004, 0.002, 0.001):
+        folder = tmp_path / f"{period}"
+        export(tracking, ["controller"], folder, options=[f"controller.sample_time={period} s"])
+        time, speeds, flows = readings(period)
+        controller = module_of(folder).Controller(*begin)
+        found = [controller.step(*x) for x in zip(speeds.tolist(), flows.tolist(), strict=True)]
+        errors.append(np.max(np.abs(found - law.torque(speeds, gains, *known(time)))))
+    orders = np.log2(np.divide(errors[:-1], errors[1:]))
+    np.testing.assert_allclose(orders, 1.0, atol=0.1)  # what is sensed is held over a step
+    assert errors[-1] < 2.0
+
+
+@pytest.mark.slow
+def test_steps_of_tracking_drive_the_rotor_as_the_law_does(tracking, tmp_path):
+    # the rotor's own equation of motion, by a fine curve of its torque and the Runge-Kutta method
+    design = tracking.design()
+    world, blade, law = design.physics, design.blade, design.law
+    plant = Plant(blade, design.polars, design.inertia, world.density, BEM["vectorized"])
+    ratios, radius = np.linspace(0.5, 15.0, 3001), blade.rotor_radius
+    curve = CubicSpline(ratios, world.rotor.coefficients(blade, ratios).torque)
+    begin = float(law.speed_at_rest(np.array([1.5]), design.gains)[0])
+    torque = float(plant.torque(np.array([begin]), np.array([1.5]))[0])
+    controlled = FeedbackTorque(law, design.gains)
+    known = simulate(plant, world.inflow, controlled, Start(begin, (torque, 1.5)), 8.0)
+
+    def acceleration(time, speed, torque):
+        flow = 1.5 + 0.2 * sin(0.25 * time)
+        unit = torque_scale(world.density, radius, flow)
+        return (unit * float(curve(speed * radius / flow)) - torque) / design.inertia
+
+    errors = []
+    for period in (0.002, 0.001):
+        folder = tmp_path / f"{period}"
+        export(tracking, ["controller"], folder, options=[f"controller.sample_time={period} s"])
+        controller, speed = module_of(folder).Controller(torque, 1.5), begin
+        for step in range(round(8.0 / period)):
+            now, half = step * period, 0.5 * period
+            held = controller.step(speed, 1.5 + 0.2 * sin(0.25 * now))
+            one = acceleration(now, speed, held)
+            two = acceleration(now + half, speed + half * one, held)
+            three = acceleration(now + half, speed + half * two, held)
+            four = acceleration(now + period, speed + period * three, held)
+            speed += period / 6.0 * (one + 2.0 * two + 2.0 * three + four)
+        errors.append(abs(speed / float(known.speed_at(8.0)) - 1.0))
+    assert errors[1] < 1e-4
+    assert errors[1] < 0.6 * errors[0]
+
+
+def test_the_sample_time_follows_the_loop(tracking, tmp_path):
+    design = tracking.design()
+    answers = design.inertia / KP
+    export(tracking, ["controller"], tmp_path)
+    period = module_of(tmp_path).SAMPLE_TIME
+    assert 0.1 * answers < period <= 0.2 * answers
+    assert float(f"{period:.1g}") == period
+    options = [f"controller.sample_time={2.01 * answers} s"]
+    with pytest.raises(InputError, match=r"makes the loop unstable.*less than 2 I / kp"):
+        export(tracking, ["controller"], tmp_path / "slow", options=options)
+
+
+def test_an_estimated_flow_is_that_of_the_program(tmp_path):
+    control = f"{TRACKING}, flow: estimated}}"
+    solution = result(tmp_path / "result", control, [*SCHEDULE, KP, KI])
+    export(solution, ["controller"], tmp_path)
+    design, module = solution.design(), module_of(tmp_path)
+    world = design.physics
+    plant = Plant(design.blade, design.polars, design.inertia, world.density, BEM["vectorized"])
+    estimate, random = FlowEstimate(plant), np.random.default_rng(1)
+    speed, torque = random.uniform(3.0, 12.0, 500), random.uniform(0.0, 900.0, 500)
+    acceleration = random.uniform(-2.0, 2.0, 500)
+    wanted = estimate(speed, torque, acceleration)
+    rows = np.column_stack((speed, torque, acceleration)).tolist()
+    np.testing.assert_allclose([module.flow(*row) for row in rows], wanted, rtol=1e-12)
+    steady = plant.torque(np.array([7.5]), np.array([1.5]))
+    assert module.flow(7.5, float(steady[0]), 0.0) == pytest.approx(1.5, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_an_estimated_flow_in_c_is_that_of_python(tmp_path):
+    control = f"{TRACKING}, flow: estimated}}"
+    export(result(tmp_path / "result", control, [*SCHEDULE, KP, KI]), ["controller"], tmp_path)
+    flow = library_of(tmp_path).hkt_flow
+    flow.argtypes, flow.restype = 3 * [ctypes.c_double], ctypes.c_double
+    module, random = module_of(tmp_path), np.random.default_rng(2)
+    for row in random.uniform([3.0, 0.0, -2.0], [12.0, 900.0, 2.0], (500, 3)).tolist():
+        assert flow(*row) == pytest.approx(module.flow(*row), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["rated_power", "curve"])
+def test_each_file_tells_where_it_comes_from(name, tmp_path):
+    solution = result(tmp_path / "result", GAINS[name], VALUES[name])
+    for path in export(solution, ["controller"], tmp_path):
+        mark, text = ("#" if path.suffix == ".py" else "//"), path.read_text()
+        for line in Source(solution).provenance:
+            assert f"{mark} {line}\n" in text
+        assert "rad/s" in text
+        assert "this code does not check: power 6000 W\n" in text
+        assert ("cut-out, not part of this code: a flow of 2.5 m/s" in text) == (name != "curve")
+
+
+def test_open_loop_is_refused_with_the_reason(tmp_path):
+    solution = result(tmp_path / "result", "open_loop", None)
+    with pytest.raises(InputError, match="open loop is a torque over time; export csv"):
+        export(solution, ["controller"], tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_law_of_an_extension_is_refused_with_the_reason(tmp_path):
+    extension = "tests/data/extension.py"
+    solution = result(tmp_path / "result", "{law: mixed}", [1.0, 10.0], extensions=[extension])
+    with pytest.raises(InputError, match="law of an extension, whose formula is known as Python"):
+        export(solution, ["controller"], tmp_path / "out")
+
+
+def test_a_comment_never_continues_in_the_code(tmp_path):
+    message = "ends in a backslash \\ or ??/"
+    solution = result(tmp_path / "result", GAINS["linear"], [95.0], success=False, message=message)
+    export(solution, ["controller"], tmp_path, force=True)
+    for name in ("controller.c", "controller.h"):
+        text = (tmp_path / name).read_text()
+        assert "THE RUN WAS NO SUCCESS" in text
+        assert "\\" not in text
+        assert "??/" not in text

@@ -1,0 +1,269 @@
+"""Tables as CSV, JSON and NetCDF: what independent readers read back, and what the numbers mean."""
+
+import json
+
+import netCDF4
+import numpy as np
+import pandas
+import pytest
+import xarray
+
+from hkt_mdo.case import read_case
+from hkt_mdo.errors import InputError
+from hkt_mdo.exports.base import Source, export
+from hkt_mdo.exports.tables import steady_operation, tables
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.results.solution import Solution
+from hkt_mdo.rotor.scales import torque_scale
+from hkt_mdo.start.quasi_steady import QuasiSteady
+from tests.exports.made import made
+
+QUADRATIC = "inflow: sine\ncontrol: {law: quadratic, torque_limit: 700}\ndesign: {blade: fixed}\n"
+OPEN_LOOP = "inflow: sine\ncontrol: {law: open_loop, torque_limit: 700}\n"
+TRACKING = """
+inflow: sine
+control: {law: tracking, torque_limit: 600, knots: 3, flow_range: [1.3, 1.7]}
+limits: {power: 6 kW}
+rotor: {cone: 5}
+"""
+SCENARIOS = """
+inflow: sine
+control: {law: quadratic, torque_limit: 700}
+scenarios:
+  - {name: slow, weight: 3, inflow: {profile: sine, mean: 1.2}, limits: {thrust: 4 kN}}
+  - {name: fast, weight: 1, limits: {thrust: 8 kN}}
+"""
+
+
+@pytest.fixture(scope="module")
+def quadratic(tmp_path_factory) -> Solution:
+    return made(tmp_path_factory.mktemp("quadratic") / "result", QUADRATIC, [11.0])
+
+
+@pytest.fixture(scope="module")
+def tracking(tmp_path_factory) -> Solution:
+    gains = [6.5, 7.5, 8.2, 150.0, 700.0]
+    return made(tmp_path_factory.mktemp("tracking") / "result", TRACKING, gains)
+
+
+@pytest.fixture(scope="module")
+def scenarios(tmp_path_factory) -> Solution:
+    return made(tmp_path_factory.mktemp("scenarios") / "result", SCENARIOS, [11.0])
+
+
+def by_name(solution):
+    return {table.name: table for table in tables(Source(solution))}
+
+
+def values(table):
+    return {name: np.asarray(column.values) for name, column in table.columns.items()}
+
+
+@pytest.mark.parametrize("name", ["quadratic", "tracking", "scenarios"])
+def test_numbers_read_back_bit_by_bit(name, request, tmp_path):
+    solution = request.getfixturevalue(name)
+    export(solution, ["csv", "json", "netcdf"], tmp_path)
+    data = json.loads((tmp_path / "result.json").read_text())
+    assert data["tables"].keys() == by_name(solution).keys()
+    for table in by_name(solution).values():
+        frame = pandas.read_csv(
+            tmp_path / f"{table.name}.csv",
+            comment="#",
+            float_precision="round_trip",
+            keep_default_na=False,
+            na_values=["nan"],
+        )
+        group = xarray.open_dataset(tmp_path / "result.nc", group=table.name)
+        with group:
+            assert list(frame) == list(table.columns)
+            assert set(frame) == set(group.variables)
+            for column, told in values(table).items():
+                if told.dtype.kind == "U":
+                    others = frame[column], group[column].values
+                else:
+                    given = data["tables"][table.name]["columns"][column]["values"]
+                    plain = np.array([np.nan if x is None else x for x in given])
+                    others = frame[column], group[column].values, plain
+                for other in others:
+                    np.testing.assert_array_equal(told, other)
+                about = table.columns[column]
+                assert group[column].attrs == {"units": about.unit or "1", "long_name": about.text}
+                in_json = data["tables"][table.name]["columns"][column]
+                assert (in_json["unit"], in_json["long_name"]) == (about.unit, about.text)
+
+
+def test_every_file_tells_its_result_version_and_case(scenarios, tmp_path):
+    export(scenarios, ["csv", "json", "netcdf"], tmp_path)
+    lines = Source(scenarios).provenance
+    assert "result result" in lines[0]
+    for path in tmp_path.glob("*.csv"):
+        head = path.read_text().splitlines()[: len(lines)]
+        assert head == [f"# {line}" for line in lines]
+    assert json.loads((tmp_path / "result.json").read_text())["provenance"] == list(lines)
+    with netCDF4.Dataset(tmp_path / "result.nc") as file:
+        assert file.source.splitlines() == list(lines)
+        assert {"trajectory_slow", "simulation_fast"} <= file.groups.keys()
+
+
+def test_a_result_without_success_says_so(tmp_path):
+    solution = made(tmp_path / "r", QUADRATIC, [11.0], success=False, message="not converged")
+    export(solution, ["csv"], tmp_path / "out", force=True)
+    assert "# THE RUN WAS NO SUCCESS: not converged" in (tmp_path / "out/blade.csv").read_text()
+
+
+def test_the_program_reads_the_blade_back(quadratic, tmp_path):
+    export(quadratic, ["csv"], tmp_path)
+    rotor = f"{{blade: {tmp_path}/blade.csv, radius: 1.4, hub_radius_fraction: 0.125}}"
+    blade = physics(read_case(f"{QUADRATIC}rotor: {rotor}\n")).blade
+    own = quadratic.design().blade
+    for name in ("r", "chord", "twist"):
+        np.testing.assert_array_equal(getattr(blade, name), getattr(own, name))
+
+
+BLADES = {
+    "coned": (TRACKING, [6.5, 7.5, 8.2, 150.0, 700.0]),
+    "local Reynolds numbers": (QUADRATIC + "rotor: {polar: naca63815, reynolds: local}\n", [11.0]),
+    "designed thickness": (
+        """
+inflow: sine
+control: {law: open_loop, torque_limit: 700}
+rotor:
+  stations: [0.25, 0.5, 0.75, 0.98]
+  sections:
+    - {outline: examples/files/naca4412.csv, polar: examples/files/naca4412_polars.csv}
+    - {outline: naca4415, polar: naca4415_Re1e6}
+    - {outline: examples/files/naca4418.csv, polar: examples/files/naca4418_polars.csv}
+design: {chord_points: 4, twist_points: 4, thickness_points: 4}
+""",
+        None,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BLADES)
+def test_loads_of_the_stations_sum_to_torque_and_thrust(name, tmp_path):
+    # loads are per length along a blade, which may be coned; the rotor's are about and along its
+    # axis
+    text, gains = BLADES[name]
+    solution = made(tmp_path / "result", text, gains)
+    found, design = by_name(solution), solution.design()
+    cases, loads, blade = values(found["load_cases"]), values(found["station_loads"]), design.blade
+    edges = np.concatenate(([blade.hub_radius], blade.r, [blade.tip_radius]))
+    weights = 0.5 * (edges[2:] - edges[:-2]) * blade.blade_count
+    cosine, density = np.cos(blade.cone), design.physics.density
+    assert (cosine < 0.997) == (name == "coned")
+    for number, flow, ratio in zip(
+        cases["load_case"], cases["inflow_speed_m_s"], cases["tip_speed_ratio"], strict=True
+    ):
+        own = loads["load_case"] == number
+        known = design.physics.rotor.at_flow(flow).coefficients(blade, [ratio])
+        unit = torque_scale(density, blade.rotor_radius, flow)
+        torque = weights @ (loads["tangential_load_N_m"][own] * blade.r * cosine)
+        thrust = weights @ (loads["normal_load_N_m"][own] * cosine)
+        assert torque == pytest.approx(float(known.torque[0]) * unit, rel=1e-11)
+        assert thrust == pytest.approx(float(known.thrust[0]) * unit / blade.rotor_radius, 1e-11)
+        speed = loads["relative_speed_m_s"][own]
+        reynolds = speed * blade.chord / design.physics.case.fluid.kinematic_viscosity
+        np.testing.assert_allclose(loads["reynolds_number"][own], reynolds)
+    np.testing.assert_array_equal(values(found["blade"])["chord_m"], blade.chord)
+    if name == "designed thickness":
+        thickness = values(found["blade"])["thickness_over_chord"]
+        np.testing.assert_array_equal(thickness, blade.thickness)
+
+
+def test_load_cases_are_the_largest_of_all_scenarios(scenarios):
+    cases = values(by_name(scenarios)["load_cases"])
+    (row,) = np.flatnonzero(np.char.find(cases["name"], "thrust") >= 0)
+    series = scenarios.scenario("fast").simulation  # of which the thrust is twice that of slow
+    assert cases["scenario"][row] == "fast"
+    assert cases["time_s"][row] == series["time_s"][np.argmax(series["thrust_N"])]
+    assert np.count_nonzero(np.isnan(cases["time_s"])) == 5
+
+
+def test_steady_operation_is_a_balance_of_torques(quadratic):
+    operation, design = values(by_name(quadratic)["operation"]), quadratic.design()
+    speed, torque = operation["rotor_speed_rad_s"], operation["control_torque_Nm"]
+    np.testing.assert_allclose(design.law.torque(speed, design.gains), torque, rtol=1e-12)
+    np.testing.assert_allclose(operation["hydrodynamic_power_W"], torque * speed, rtol=1e-14)
+    share = operation["control_torque_over_limit"]
+    np.testing.assert_allclose(share, torque / 700.0, rtol=1e-14)
+    world = design.physics
+    quasi = QuasiSteady.of(world, world.rotor.best_operation(design.blade))
+    table = world.rotor.coefficients(design.blade, quasi.spline.nodes).torque
+    known = quasi.operate(table, design.gains)
+    flow = operation["inflow_speed_m_s"]
+    assert flow[0] == 1.04
+    assert flow[-1] == 2.04
+    inside = (flow > 1.31) & (flow < 1.69)
+    order = np.argsort(quasi.inflow_speed)
+    expected = np.interp(flow[inside], quasi.inflow_speed[order], known.rotor_speed[order])
+    np.testing.assert_allclose(speed[inside], expected, rtol=1e-5)
+
+
+def test_steady_operation_of_a_law_with_states_is_its_schedule(tracking):
+    operation, design = values(by_name(tracking)["operation"]), tracking.design()
+    flow, speed = operation["inflow_speed_m_s"], operation["rotor_speed_rad_s"]
+    torque = operation["control_torque_Nm"]
+    at_rest = design.law.at_rest(torque, flow)
+    np.testing.assert_allclose(design.law.torque(speed, design.gains, *at_rest), torque, rtol=1e-12)
+    free = torque < 500.0  # far from the limit, where the saturation is smooth
+    assert np.count_nonzero(free) > 10
+    wanted = design.law.speed_at_rest(flow[free], design.gains)
+    np.testing.assert_allclose(speed[free], wanted, rtol=2e-3)
+    assert np.max(torque) < 600.0
+    assert "power_over_limit" in operation
+
+
+def test_flow_range_is_an_option(quadratic, tmp_path):
+    options = ["csv.flow_range=[0.5 m/s, 2.5 m/s]"]
+    export(quadratic, ["csv"], tmp_path, options=options)
+    frame = pandas.read_csv(tmp_path / "operation.csv", comment="#")
+    np.testing.assert_allclose(frame["inflow_speed_m_s"], np.linspace(0.5, 2.5, 41))
+    with pytest.raises(InputError, match="has no steady operation between"):
+        steady_operation(made(tmp_path / "weak", QUADRATIC, [1e6]).design(), (0.5, 0.7))
+
+
+def test_the_stricter_limit_of_two_scenarios_counts(scenarios):
+    operation = values(by_name(scenarios)["operation"])
+    np.testing.assert_allclose(operation["thrust_over_limit"], operation["thrust_N"] / 4000.0)
+
+
+def test_open_loop_has_its_recorded_operation_only(tmp_path):
+    solution = made(tmp_path / "result", OPEN_LOOP)
+    found = by_name(solution)
+    assert "operation" not in found
+    cases = values(found["load_cases"])
+    assert sum(name.startswith("recorded at") for name in cases["name"]) == 5
+    times = solution.simulation["time_s"]
+    assert all(np.isin(cases["time_s"], times))
+
+
+def test_coefficients_reach_beyond_the_operation(quadratic):
+    found, design = values(by_name(quadratic)["coefficients"]), quadratic.design()
+    ratio = found["tip_speed_ratio"]
+    assert ratio[0] == 0.5
+    assert ratio[-1] >= 1.9 * np.max(quadratic.trajectory["tip_speed_ratio"])
+    known = design.physics.rotor.coefficients(design.blade, ratio)
+    np.testing.assert_array_equal(found["power_coefficient"], known.power)
+    np.testing.assert_allclose(found["power_coefficient"], found["torque_coefficient"] * ratio)
+
+
+def test_sections_are_named(quadratic, tmp_path):
+    names = values(by_name(quadratic)["blade"])["section_name"]
+    assert set(names) == {"naca63815_Re2e5"}
+    rotor = """
+rotor:
+  stations: [0.2, 0.4, 0.6, 0.8, 0.99]
+  blade: rm1
+  set_angle: 0
+  sections:
+    - {name: thin, outline: examples/files/naca4412.csv, polar: examples/files/naca4412_polars.csv}
+    - {outline: examples/files/naca4424.csv, polar: examples/files/naca4424_polars.csv}
+"""
+    several = made(tmp_path / "several", QUADRATIC + rotor, [11.0])
+    names = values(by_name(several)["blade"])["section_name"]
+    assert any(name.startswith("thin to naca4424, 0.") for name in names)
+    thickness = values(by_name(several)["blade"])["thickness_over_chord"]
+    shares = [float(name.split(", ")[1]) for name in names if "," in name]
+    inside = [t for name, t in zip(names, thickness, strict=True) if "," in name]
+    np.testing.assert_allclose(0.12 + 0.12 * np.array(shares), inside, atol=2e-3)
