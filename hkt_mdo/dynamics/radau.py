@@ -7,6 +7,8 @@ are solved at once by Newton's method, so that the equation sees arrays.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import Legendre
@@ -15,6 +17,7 @@ from scipy.interpolate import PPoly
 STAGES = 5
 MOST_ITERATIONS = 12  # of Newton's method
 SAME_SLOPE = 1e-4  # relative change of the values below which the slopes are kept
+FAR = 0.01  # relative change of the values that is no convergence
 
 
 def _method() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -52,79 +55,230 @@ def divided(edges: np.ndarray, parts: np.ndarray) -> np.ndarray:
     return np.append(left, edges[-1])
 
 
-def magnitudes(values: np.ndarray) -> np.ndarray:
+def magnitudes(values: np.ndarray, dense: int | None = None) -> np.ndarray:
     """Return the magnitudes to which errors of the first value, and of others, are compared.
 
-    Others than the first may pass through zero: each is compared to its largest value.
+    Others than the first may pass through zero: each is compared to its largest value, those beyond
+    the first `dense`, which are of one kind, to the largest of all.
     """
     size = np.maximum(np.abs(values), 1e-3)
     size[..., 1:] = np.max(size[..., 1:], axis=tuple(range(values.ndim - 1)))
+    if dense is not None and dense < values.shape[-1]:
+        size[..., dense:] = np.max(size[..., dense:])
     return size
+
+
+class DenseSystem:
+    """The linear system of Newton's method where every value's rate may depend on every value.
+
+    Parameters
+    ----------
+    step : array
+        Lengths of the steps, (n_steps, 1).
+    slope : array
+        Derivatives of the rates by the values of the same stage, (n_steps, 5, n_values, n_values).
+    """
+
+    patience = MOST_ITERATIONS
+
+    def __init__(self, step: np.ndarray, slope: np.ndarray) -> None:
+        self._step, self._slope, n = step, slope, slope.shape[-1]
+        # rows and columns of the system: the values of the first stage, of the second, …
+        system = np.einsum("n,ij,njab->niajb", step[:, 0], MATRIX, slope)
+        system = np.eye(STAGES * n) - system.reshape(-1, STAGES * n, STAGES * n)
+        self._inverse = np.linalg.inv(system)
+        # of the stages by the values at the step's start
+        self._gain = self._inverse.reshape(-1, STAGES, n, STAGES, n).sum(axis=3)
+
+    def correction(self, miss: np.ndarray) -> np.ndarray:
+        """Return the change of the stages, (n_steps, 5, n_values), that makes up what they miss."""
+        own = np.einsum("nij,nj->ni", self._inverse, miss.reshape(*self._inverse.shape[:2]))
+        own = own.reshape(miss.shape)
+        carried = [np.zeros(miss.shape[-1])]  # change of the values from step to step
+        for shift, factor in zip(own[:, -1], self._gain[:, -1], strict=True):
+            carried.append(shift + factor @ carried[-1])
+        return own + np.einsum("niab,nb->nia", self._gain, np.array(carried[:-1]))
+
+    def filtered(self, off: np.ndarray) -> np.ndarray:
+        """Return errors of the values of each step, (n_steps, n_values), without their fast part."""
+        system = np.eye(off.shape[-1]) - self._step[:, :, None] * ERROR[0] * self._slope[:, 0]
+        return np.linalg.solve(system, off[..., None])[..., 0]
+
+
+class Slopes(NamedTuple):
+    """Derivatives of the rates of a few dense values y and of many chains of two filters (x, z).
+
+    x' = … - x / slow and z' = … + (x - z) / fast by the chain alone; the dense values follow z, and
+    all filters follow the first dense value. All are (n_steps, n_stages, …): of y' by y, (n_dense,
+    n_dense), and by z, (n_dense, n_chains); of x' and of z' by the first dense value, (n_chains,);
+    and the time constants slow, (1,), and fast, (n_chains,), s.
+    """
+
+    dense: np.ndarray
+    by_chain: np.ndarray
+    x_rate: np.ndarray
+    z_rate: np.ndarray
+    slow: np.ndarray
+    fast: np.ndarray
+
+
+class FilteredSystem:
+    """The same where most values are chains of two filters, which are eliminated.
+
+    Values are y, x, z of `Slopes`. What is left to invert has the dense values alone (Schur
+    complement), so that the cost grows with the number of chains, not with its cube.
+
+    Parameters
+    ----------
+    step : array
+        Lengths of the steps, (n_steps, 1).
+    slopes : Slopes
+        At the stages.
+    matrix : array
+        The method's; one of other stages serves for the errors.
+    """
+
+    patience = 4  # iterations after which it is given up where values still change by more than FAR
+
+    def __init__(self, step: np.ndarray, slopes: Slopes, matrix: np.ndarray = MATRIX) -> None:
+        self._step, self._slopes, s = step, slopes, matrix.shape[0]
+        self._n, self._m = slopes.by_chain.shape[-2:]
+        self._h = h = step[..., None] * matrix
+        eye, n = np.eye(s), self._n
+        self._slow = np.linalg.inv(eye + h / slopes.slow.transpose(0, 2, 1))
+        self._hand = h[:, None] / slopes.fast.transpose(0, 2, 1)[:, :, None]  # from x on to z
+        self._fast = np.linalg.inv(eye + self._hand)
+        self._by_chain = h[:, :, :, None, None] * slopes.by_chain[:, None]
+        # of x and z at the stages by the first dense value there, (n_steps, n_chains, s, s)
+        to_x, to_z = (
+            h[:, None] * each.transpose(0, 2, 1)[:, :, None]
+            for each in (slopes.x_rate, slopes.z_rate)
+        )
+        self._x = self._slow[:, None] @ to_x
+        self._z = self._fast @ (self._hand @ self._x + to_z)
+        system = -h[:, :, None, :, None] * slopes.dense[:, None].transpose(0, 1, 3, 2, 4)
+        system[..., 0] -= np.einsum("nijam,nmjl->nial", self._by_chain, self._z)
+        self._inverse = np.linalg.inv(np.eye(s * n) + system.reshape(-1, s * n, s * n))
+
+    def _own(self, miss):
+        """Return the stages' change with the values at the begin of each step as they are."""
+        shape, n, m = miss.shape, self._n, self._m
+        x = self._slow @ miss[..., n : n + m]
+        z = (miss[..., n + m :] + self._follow(self._hand, x)).transpose(0, 2, 1)[..., None]
+        z = (self._fast @ z)[..., 0].transpose(0, 2, 1)
+        dense = miss[..., :n] + np.einsum("nijam,njm->nia", self._by_chain, z)
+        dense = (self._inverse @ dense.reshape(shape[0], -1, 1)).reshape(*shape[:2], n)
+        first = dense[:, None, :, :1]
+        x = x + (self._x @ first)[..., 0].transpose(0, 2, 1)
+        z = z + (self._z @ first)[..., 0].transpose(0, 2, 1)
+        return np.concatenate((dense, x, z), axis=-1)
+
+    @staticmethod
+    def _follow(matrices, values):
+        """Return the products of matrices of each chain with its values at the stages."""
+        return np.einsum("nmij,njm->nim", matrices, values)
+
+    @cached_property
+    def _carry(self):
+        """What the last stage has of a change of the begin: of itself, x to z, and by y."""
+        (count, s), n, m = self._h.shape[:2], self._n, self._m
+        x = self._slow.sum(axis=2)[..., None] * np.ones(m)  # of x by itself at the begin
+        z = self._fast.sum(axis=3).transpose(0, 2, 1)
+        cross = self._follow(self._fast, self._follow(self._hand, x))
+        by_begin = np.concatenate(
+            (
+                np.broadcast_to(np.eye(n), (count, s, n, n)),
+                np.einsum("nijam,njm->niam", self._by_chain, cross),
+                np.einsum("nijam,njm->niam", self._by_chain, z),
+            ),
+            axis=-1,
+        )
+        dense = self._inverse @ by_begin.reshape(count, s * n, -1)
+        to_last = np.zeros((count, n + 2 * m, s, n))
+        to_last[:, :n, -1] = np.eye(n)
+        to_last[:, n:, :, 0] = np.concatenate((self._x[:, :, -1], self._z[:, :, -1]), axis=1)
+        own = np.concatenate((np.zeros((count, n)), x[:, -1], z[:, -1]), axis=1)
+        return own, cross[:, -1], dense, to_last.reshape(count, n + 2 * m, -1)
+
+    def correction(self, miss: np.ndarray) -> np.ndarray:
+        """Return the change of the stages, (n_steps, 5, n_values), that makes up what they miss."""
+        last, n, m = self._own(miss)[:, -1], self._n, self._m
+        begins = np.zeros(last.shape)
+        for i, (own, cross, dense, to_last) in enumerate(zip(*self._carry, strict=True)):
+            if i + 1 < len(begins):
+                before = begins[i]
+                after = last[i] + own * before + to_last @ (dense @ before)
+                after[n + m :] += cross * before[n : n + m]
+                begins[i + 1] = after
+        return self._own(miss + begins[:, None])
+
+    def filtered(self, off: np.ndarray) -> np.ndarray:
+        """Return errors of the values of each step, (n_steps, n_values), without their fast part."""
+        first = Slopes(*(each[:, :1] for each in self._slopes))
+        return FilteredSystem(self._step, first, ERROR[:1, None])._own(off[:, None])[:, 0]
 
 
 def solve_stages(
     rates_at: Callable[[np.ndarray], np.ndarray],
-    slope_at: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    system_at: Callable[[np.ndarray, np.ndarray], Any],
     start: np.ndarray,
     step: np.ndarray,
     stages: np.ndarray,
+    size_of: Callable[[np.ndarray], np.ndarray],
     enough: float,
-) -> tuple[np.ndarray, np.ndarray] | None:
+) -> tuple[np.ndarray, Any] | None:
     """Solve the stages of successive steps by Newton's method.
 
     Parameters
     ----------
     rates_at : callable
         Takes the values at the stages, (n_steps, 5, n_values), and returns their rates.
-    slope_at : callable
-        Takes values and rates, and returns the rates' derivatives by the values of the same stage,
-        (n_steps, 5, n_values, n_values).
+    system_at : callable
+        Takes values and rates, and returns a `DenseSystem` or `FilteredSystem`; None if the slopes
+        there are not finite.
     start : array
         Values at the begin of the first step, (n_values,).
     step : array
         Lengths of the steps, (n_steps, 1).
     stages : array
         Guess of the values at the stages.
+    size_of : callable
+        Returns the magnitudes of values, to which changes are compared.
     enough : float
         Relative change of the values at which they count as found.
 
     Returns
     -------
     tuple or None
-        Values at the stages, and the slopes; None if the method does not converge.
+        Values at the stages, and the system; None if the method does not converge.
     """
-    change, n = np.inf, start.size
-    for _ in range(MOST_ITERATIONS):
-        size = magnitudes(stages)
+    change = np.inf
+    for iteration in range(MOST_ITERATIONS):
+        size = size_of(stages)
         rates = rates_at(stages)
         if change > SAME_SLOPE:
-            slope = slope_at(stages, rates)
-            if not np.all(np.isfinite(slope)):
+            system = system_at(stages, rates)
+            if system is None:
                 return None
-            # rows and columns of the system: the values of the first stage, of the second, …
-            system = np.einsum("n,ij,njab->niajb", step[:, 0], MATRIX, slope)
-            system = np.eye(STAGES * n) - system.reshape(-1, STAGES * n, STAGES * n)
-            inverse = np.linalg.inv(system)
-            # of the stages by the values at the step's start
-            gain = inverse.reshape(-1, STAGES, n, STAGES, n).sum(axis=3)
         begin = np.concatenate((start[None], stages[:-1, -1]))[:, None]
         miss = begin + step[..., None] * np.einsum("ij,nja->nia", MATRIX, rates) - stages
-        own = np.einsum("nij,nj->ni", inverse, miss.reshape(-1, STAGES * n)).reshape(miss.shape)
-        carried = [np.zeros(n)]  # change of the values from step to step
-        for shift, factor in zip(own[:, -1], gain[:, -1], strict=True):
-            carried.append(shift + factor @ carried[-1])
-        correction = own + np.einsum("niab,nb->nia", gain, np.array(carried[:-1]))
+        correction = system.correction(miss)
         stages = stages + correction
         change = np.max(np.abs(correction) / size)
         if change <= enough:
-            return stages, slope
-        if not np.all(np.isfinite(stages)):
+            return stages, system
+        if not np.all(np.isfinite(stages)) or (iteration >= system.patience and change > FAR):
             return None
     return None
 
 
 def step_errors(
-    step: np.ndarray, begin: np.ndarray, stages: np.ndarray, first: np.ndarray, slope: np.ndarray
+    step: np.ndarray,
+    begin: np.ndarray,
+    stages: np.ndarray,
+    first: np.ndarray,
+    system: DenseSystem | FilteredSystem,
+    size: np.ndarray,
 ) -> np.ndarray:
     """Return the largest relative error of each step, by the embedded formula, (n_steps,).
 
@@ -134,10 +288,10 @@ def step_errors(
         Lengths of the steps, (n_steps, 1).
     begin, first : array
         Values and rates at the begin of the steps, (n_steps, 1, n_values) and (n_steps, n_values).
-    stages, slope : array
+    stages, system : array, DenseSystem or FilteredSystem
         What `solve_stages` returns.
+    size : array
+        Magnitudes of the stages.
     """
     off = ERROR[0] * step * first + np.einsum("nia,i->na", stages - begin, _STAGE_ERROR)
-    filtered = np.eye(begin.shape[-1]) - step[:, :, None] * ERROR[0] * slope[:, 0]
-    off = np.linalg.solve(filtered, off[..., None])[..., 0]
-    return np.asarray(np.max(np.abs(off) / magnitudes(stages)[:, -1], axis=1))
+    return np.asarray(np.max(np.abs(system.filtered(off)) / size[:, -1], axis=1))

@@ -22,12 +22,16 @@ from hkt_mdo.dynamics.radau import (
     MATRIX,
     NODES,
     STAGES,
+    DenseSystem,
+    FilteredSystem,
+    Slopes,
     divided,
     magnitudes,
     solve_stages,
     step_errors,
     through,
 )
+from hkt_mdo.dynamics.wake import Wake
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
@@ -38,6 +42,7 @@ SLOWEST_RATIO = 0.05  # tip speed ratio at which a rotor counts as standing stil
 WINDOW, MOST_STEPS = 64, 5_000  # steps solved together, before and after they are divided
 FAILURES = 100  # of Newton's method, and one more a step, at most: a window that fails is halved
 PROBES = 16  # points at which the flow is looked at in a step, no longer than its shortest period
+GROWTH = 4.0  # of the first step of a window over the last one before it, with memory
 FLOW_ERROR = 1e-6  # of the flow between the nodes of a step, above which the step is divided
 
 
@@ -46,7 +51,8 @@ class Plant:
     """The rotor as it is built, in water: blade, section, inertia (kg*m**2) and density (kg/m**3).
 
     coefficients is the BEM solver, `rotor_coefficients` of `hkt_mdo.rotor.bem` or `ccblade`;
-    generator is what is on the shaft.
+    generator is what is on the shaft; wake is what remembers, None: the wake is in equilibrium at
+    every instant. A wake with memory is by `hkt_mdo.rotor.bem`, whatever the solver.
     """
 
     blade: Blade
@@ -55,15 +61,43 @@ class Plant:
     density: float
     coefficients: Callable
     generator: Generator = LOSSLESS
+    wake: Wake | None = None
 
     def torque(self, speed, inflow_speed):
-        """Return the torque, N*m, at speeds (rad/s) and inflow speeds (m/s) of shape (n,)."""
+        """Return the torque, N*m, at speeds (rad/s) and inflow speeds (m/s) of shape (n,).
+
+        The wake is in equilibrium.
+        """
         radius, polar = self.blade.rotor_radius, self.polar
         ratio = np.maximum(speed * radius / inflow_speed, SLOWEST_RATIO)
         if isinstance(polar, LocalReynolds):  # the flow of the instant, not the torque curve's
             polar = polar.at_speed(inflow_speed)
         coefficient = self.coefficients(self.blade, polar, ratio).torque
         return torque_scale(self.density, radius, inflow_speed) * coefficient
+
+    def station_torques(self, speed, inflow_speed, filters):
+        """Return the torque of all blades at each station, N*m, (n, n_stations).
+
+        filters[n, n_filters] is the state of the wake, which need not be in equilibrium.
+        """
+        radius = self.blade.rotor_radius
+        speed = np.maximum(speed, SLOWEST_RATIO * inflow_speed / radius)
+        scale = torque_scale(self.density, radius, inflow_speed)
+        return scale[:, None] * self.wake.loads(speed, inflow_speed, filters)
+
+    def torque_slope(self, speed, inflow_speed):
+        """Return the torque's derivative by the speed, N*m*s/rad, of shape (n,).
+
+        What the wake induces stays as it is, if it has memory.
+        """
+        ends = [factor * speed for factor in (1.001, 0.999)]
+        if self.wake is None:
+            faster, slower = (self.torque(each, inflow_speed) for each in ends)
+        else:
+            held = self.wake.at_rest(speed, inflow_speed)
+            torques = (self.station_torques(each, inflow_speed, held) for each in ends)
+            faster, slower = (np.sum(each, axis=1) for each in torques)
+        return (faster - slower) / (0.002 * speed)
 
 
 class RecordedTorque:
@@ -100,9 +134,8 @@ class RecordedTorque:
         nodes has the quantities of its trajectory. The stiffness is twice the largest slope of the
         hydrodynamic torque over the rotor's speed, where that is positive.
         """
-        speed, flow = nodes["rotor_speed"], nodes["inflow_speed"]
-        faster, slower = (plant.torque(factor * speed, flow) for factor in (1.001, 0.999))
-        slope = float(np.max((faster - slower) / (0.002 * speed)))
+        speed = nodes["rotor_speed"]
+        slope = float(np.max(plant.torque_slope(speed, nodes["inflow_speed"])))
         return cls(nodes["time"], nodes["control_torque"], limit, speed, 2.0 * max(slope, 0.0))
 
     def __call__(self, time, speed=None):
@@ -169,7 +202,8 @@ class Simulation:
 
     Energies are integrals over the whole run. stopped_at is the time at which the rotor came to
     rest, None if it kept turning; speed_at gives its speed at any times of the run. states has a
-    row for each state of the control law.
+    row for each state of the control law; wake_at gives the state of the wake's filters at any
+    times, (n_times, n_filters), with no columns where the wake has no memory.
     """
 
     time: np.ndarray
@@ -184,6 +218,7 @@ class Simulation:
     stopped_at: float | None
     speed_at: Callable
     states: np.ndarray
+    wake_at: Callable
 
 
 class IntegrationError(InputError):
@@ -210,11 +245,14 @@ class Start(NamedTuple):
         Values of the controller's states, (n_states,).
     time
         Time, s.
+    filters
+        State of the wake's filters, (n_filters,); None: in equilibrium.
     """
 
     speed: float
     states: Sequence[float] = ()
     time: float = 0.0
+    filters: np.ndarray | None = None
 
 
 def simulate(
@@ -265,32 +303,39 @@ def simulate(
         If the integration fails, which is not the same as a rotor that stops.
     """
     start = start if isinstance(start, Start) else Start(start)
-    motion, begin = _Motion(plant, inflow, controller, start.time, duration, tolerance), start.time
-    values = np.array([start.speed, *start.states], dtype=float)
+    begin, dense = start.time, 1 + len(start.states)
+    motion = _Motion(plant, inflow, controller, begin, duration, tolerance, dense)
+    values = np.concatenate(([start.speed, *start.states], motion.filters(start)))
     path, energies, stopped = motion.march(values, max_step or duration / 100.0)
     end = float(path.x[-1])
     if isinstance(samples, int):
         time = np.linspace(begin, end, samples)
     else:
         time = begin + (samples - begin) * (end - begin) / duration
-    (speed, *states), flow = path(time).T, inflow.speed_at(time)
+    values, flow = path(time), inflow.speed_at(time)
+    speed, *states = values[:, :dense].T
     return Simulation(
         time,
         flow,
         speed,
-        plant.torque(speed, flow),
+        motion.driving(values, flow),
         np.asarray(controller(time, speed, *states), dtype=float) * np.ones(time.size),
         *map(float, energies),
         0.5 * plant.inertia * float(path(end)[0] ** 2 - start.speed**2),
         end if stopped else None,
         lambda at: path(np.minimum(at, end))[..., 0],
         np.array(states),
+        lambda at: path(np.minimum(at, end))[..., dense:],
     )
 
 
 @dataclass(frozen=True, eq=False)
 class _Motion:
-    """The equation of motion of one run, and its integration."""
+    """The equation of motion of one run, and its integration.
+
+    Its values are the rotor's speed and the controller's states, `dense` of them, and then the
+    state of the wake's filters, if the plant's has memory.
+    """
 
     plant: Plant
     inflow: Inflow
@@ -298,17 +343,23 @@ class _Motion:
     begin: float
     duration: float
     tolerance: float
+    dense: int
+
+    def filters(self, start):
+        """Return the state of the wake's filters at the begin, (n_filters,)."""
+        if self.plant.wake is None or start.filters is not None:
+            return np.empty(0) if self.plant.wake is None else start.filters
+        flow = np.atleast_1d(self.inflow.speed_at(start.time))
+        return self.plant.wake.at_rest(np.array([start.speed]), flow)[0]
 
     def march(self, start, longest):
-        """Return the motion over time (`PPoly`), the energies, and whether the rotor stops.
-
-        The motion is the speed and, where the controller has states, their values: (n_values,).
-        """
+        """Return the motion over time (`PPoly`), the energies, and whether the rotor stops."""
         edges, count, failures, stop = self._mesh(longest), WINDOW, 0, None
-        paths, energies, most = [], np.zeros(3), FAILURES + edges.size
+        paths, energies, most, last = [], np.zeros(3), FAILURES + edges.size, None
         while edges.size > 1 and stop is None:
             window = edges[: count + 1]
-            found = self._solve(self._divided_by_flow(window), start, energies[0])
+            fine = self._graded(self._divided_by_flow(window), last)
+            found = self._solve(fine, start, energies[0])
             if found and (stop := self._standstill(found[0])) is not None:
                 found = self._solve(stop, start, energies[0])
             if found is None:
@@ -321,6 +372,7 @@ class _Motion:
                     count = 1
                 continue
             path, work = found
+            last = path.x[-1] - path.x[-2]
             paths.append(path)
             energies += work
             start = path(path.x[-1])
@@ -339,6 +391,17 @@ class _Motion:
         ends = np.concatenate(([begin], inside, [end]))
         return divided(ends, np.maximum(np.ceil(np.diff(ends) / longest - 1e-6), 1).astype(int))
 
+    def _graded(self, edges, last):
+        """Let steps of a wake with memory grow from the last one, s, after which it may still run.
+
+        There are two times: that of the rotor, hundredths of a second, and that of its wake.
+        """
+        if last is None or self.plant.wake is None:
+            return edges
+        longest = GROWTH * last + 0.5 * (edges[:-1] - edges[0])
+        parts = np.ceil(np.diff(edges) / longest - 1e-6).astype(int)
+        return divided(edges, np.clip(parts, 1, 64))
+
     def _divided_by_flow(self, edges):
         """Halve the steps in which the flow is no polynomial through the nodes."""
         for _ in range(20):
@@ -353,33 +416,102 @@ class _Motion:
             edges = divided(edges, 1 + coarse)
         return edges
 
+    def driving(self, values, flow):
+        """Return the hydrodynamic torque, N*m, of the flow's shape."""
+        speed, filters = values[..., 0].ravel(), values[..., self.dense :]
+        if self.plant.wake is None:
+            return self.plant.torque(speed, flow.ravel()).reshape(flow.shape)
+        filters = filters.reshape(speed.size, -1)
+        torques = self.plant.station_torques(speed, flow.ravel(), filters)
+        return np.sum(torques, axis=1).reshape(flow.shape)
+
     def _torques(self, time, values, flow):
         """Return hydrodynamic and control torque, N*m, at arrays of one shape."""
-        speed, *states = np.moveaxis(values, -1, 0)
-        driving = self.plant.torque(speed.ravel(), flow.ravel()).reshape(speed.shape)
-        return driving, self.controller(time, speed, *states) * np.ones(speed.shape)
+        speed, *states = np.moveaxis(values[..., : self.dense], -1, 0)
+        return self.driving(values, flow), self.controller(time, speed, *states) * np.ones(
+            speed.shape
+        )
 
-    def _rates(self, values, flow, driving, control):
-        """Return the rates of the speed and the controller's states, of the shape of values."""
-        speed, *states = np.moveaxis(values, -1, 0)
+    def _dense_rates(self, values, flow, driving, control):
+        """Return the rates of the speed and the controller's states."""
+        speed, *states = np.moveaxis(values[..., : self.dense], -1, 0)
         acceleration = (driving - control) / self.plant.inertia
         rates = self.controller.rates(speed, flow, acceleration, *states) if states else ()
         return np.stack((acceleration, *rates), axis=-1)
 
+    def _balanced(self, values, flow):
+        """Return what a wake in equilibrium induces, m/s, (flow.size, 2 n_stations), if asked."""
+        if self.plant.wake is None:
+            return None
+        speed, flow = values[..., 0].ravel(), flow.ravel()
+        slowest = SLOWEST_RATIO * flow / self.plant.blade.rotor_radius
+        return self.plant.wake.balanced(np.maximum(speed, slowest), flow)
+
+    def _filter_rates(self, values, flow, balanced):
+        """Return the rates of the wake's filters."""
+        filters = values[..., self.dense :]
+        flat = filters.reshape(flow.size, -1)
+        return self.plant.wake.rates(flat, flow.ravel(), balanced).reshape(filters.shape)
+
+    def _rates(self, values, flow, driving, control, balanced):
+        """Return the rates of all values, of their shape."""
+        dense = self._dense_rates(values, flow, driving, control)
+        if self.plant.wake is None:
+            return dense
+        return np.concatenate((dense, self._filter_rates(values, flow, balanced)), axis=-1)
+
     def _slope(self, time, values, flow, driving, rates):
-        """Return the derivatives of the rates by the values, [..., rate, value], by differences."""
-        size, found = magnitudes(values), np.empty((*values.shape, values.shape[-1]))
-        for i in range(values.shape[-1]):
+        """Return derivatives of the dense rates by dense values, [..., rate, value], differences."""
+        size, n = magnitudes(values[..., : self.dense]), self.dense
+        found = np.empty((*flow.shape, n, n))
+        for i in range(n):
             step = 1e-6 * size[..., i]
             moved = values.copy()
             moved[..., i] += step
             if i:  # a state of the controller: the flow's torque is the same
-                speed, *states = np.moveaxis(moved, -1, 0)
+                speed, *states = np.moveaxis(moved[..., :n], -1, 0)
                 torques = driving, self.controller(time, speed, *states) * np.ones(speed.shape)
             else:
                 torques = self._torques(time, moved, flow)
-            found[..., i] = (self._rates(moved, flow, *torques) - rates) / step[..., None]
+            change = self._dense_rates(moved, flow, *torques) - rates[..., :n]
+            found[..., i] = change / step[..., None]
         return found
+
+    def _system(self, step, time, values, flow, known, rates):
+        """Return the linear system of Newton's method; None where it has no slopes.
+
+        known has both torques, and what a wake in equilibrium would induce.
+        """
+        dense = self._slope(time, values, flow, known[0], rates)
+        if self.plant.wake is None:
+            return DenseSystem(step, dense) if np.all(np.isfinite(dense)) else None
+        slopes = Slopes(dense, *self._wake_slopes(values, flow, known, rates))
+        return FilteredSystem(step, slopes) if all(map(np.all, map(np.isfinite, slopes))) else None
+
+    def _wake_slopes(self, values, flow, known, rates):
+        """Return what `Slopes` has besides the dense values' own, by differences."""
+        (driving, control, balanced), n, shape = known, self.dense, flow.shape
+        many, speed = flow.ravel(), values[..., 0].ravel()
+        move = 1e-6 * np.maximum(values[..., :1], 1e-3)
+        moved = np.concatenate((values[..., :1] + move, values[..., 1:]), axis=-1)
+        faster = self._filter_rates(moved, flow, self._balanced(moved, flow))
+        by_speed = (faster - rates[..., n:]) / move
+        by_speed = np.split(by_speed, 2, axis=-1)
+        # what one station's torque has of the velocity induced there, axial and then tangential
+        filters = values[..., n:].reshape(speed.size, -1)
+        here, move = self.plant.station_torques(speed, many, filters), 1e-6 * many[:, None]
+        places, by_chain = here.shape[1], []
+        for first in (2 * places, 3 * places):
+            moved = filters.copy()
+            moved[:, first : first + places] += move
+            by_chain.append((self.plant.station_torques(speed, many, moved) - here) / move)
+        step = 1e-6 * np.maximum(np.abs(driving), 1.0)
+        by_torque = self._dense_rates(values, flow, driving + step, control) - rates[..., :n]
+        by_chain = np.concatenate(by_chain, axis=1).reshape(*shape, 1, -1)
+        by_chain = (by_torque / step[..., None])[..., None] * by_chain
+        slow, fast = self.plant.wake.times(many, balanced)
+        fast = np.tile(fast, 2).reshape(*shape, -1)
+        return by_chain, *by_speed, slow.reshape(*shape, 1), fast
 
     def _solve(self, edges, start, energy):
         """Return motion (`PPoly`) and energies over some steps, divided until they are accurate.
@@ -406,12 +538,14 @@ class _Motion:
             found = self._stages(start, step, time[:, 1:], flow[:, 1:], guess[:, 1:])
             if found is None:
                 return None
-            stages, slope, driving, control = found
+            stages, system, driving, control = found
             begin = np.concatenate((start[None], stages[:-1, -1]))[:, None]
             first = self._torques(time[:, :1], begin, flow[:, :1])
             path = through(edges, NODES, np.concatenate((begin, stages), axis=1))
-            rates = self._rates(begin, flow[:, :1], *first)[:, 0]
-            errors = step_errors(step, begin, stages, rates, slope)
+            balanced = self._balanced(begin, flow[:, :1])
+            rates = self._rates(begin, flow[:, :1], *first, balanced)[:, 0]
+            size = magnitudes(stages, self.dense)
+            errors = step_errors(step, begin, stages, rates, system, size)
             speed = np.concatenate((begin, stages), axis=1)[..., 0]
             power = np.hstack((first[0], driving)) * speed
             share = np.abs(step[:, 0] * (power @ ERROR)) / unit
@@ -426,19 +560,22 @@ class _Motion:
         return None
 
     def _stages(self, start, step, time, flow, guess):
-        """Return values at the stages, the slope of the rates, and both torques; None if lost."""
-        torques: list = []
+        """Return values at the stages, the linear system, and both torques; None if lost."""
+        known: list = []
 
         def rates_at(stages):
-            torques[:] = self._torques(time, stages, flow)
-            return self._rates(stages, flow, *torques)
+            known[:] = *self._torques(time, stages, flow), self._balanced(stages, flow)
+            return self._rates(stages, flow, *known)
 
-        def slope_at(stages, rates):
-            return self._slope(time, stages, flow, torques[0], rates)
+        def system_at(stages, rates):
+            return self._system(step, time, stages, flow, known, rates)
+
+        def size_of(stages):
+            return magnitudes(stages, self.dense)
 
         enough = max(0.01 * self.tolerance, 1e-12)
-        found = solve_stages(rates_at, slope_at, start, step, guess, enough)
-        return found and (*found, *torques)
+        found = solve_stages(rates_at, system_at, start, step, guess, size_of, enough)
+        return found and (*found, *known[:2])
 
     def _standstill(self, path):
         """Return the steps up to where the rotor comes to rest; None if it does not."""

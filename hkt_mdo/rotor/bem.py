@@ -460,6 +460,23 @@ def _solve(
     return state, branch, derivatives
 
 
+@compiled(error_model="numpy")
+def _forces(phi, twist, polars, section, mixture):
+    """Return tangential and normal force coefficients, (2, *phi.shape), at given inflow angles.
+
+    phi is (n_points, n_stations); polars, section and mixture are those of `_solve`.
+    """
+    n_mixed, last, one = mixture.shape[3], mixture.shape[2] - 1, np.ones(1)
+    found = np.empty((2, *phi.shape))
+    for j in range(phi.shape[1]):
+        station_polars = polars[section[j] : section[j] + max(n_mixed, 1)]
+        for i in range(phi.shape[0]):
+            weights = mixture[0, j, min(i, last)] if n_mixed else one
+            force = _mixed_force(phi[i, j], twist[j], station_polars, weights)
+            found[0, i, j], found[1, i, j] = force
+    return found
+
+
 @lru_cache(maxsize=32)
 def _stack(polars):
     """Return the coefficients of different polars in one array (n_polars, n_knots, 8)."""
@@ -546,6 +563,64 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False):
     n_inputs = len(INPUTS) if derivatives else 0
     state, branch, gradient = _solve(points, *_arguments(blade, polar, points), 4, n_inputs)
     return Sections(*state.transpose(0, 2, 1), branch.T, gradient.transpose(0, 1, 3, 2))
+
+
+def sections_with(blade, polar, tip_speed_ratio, induced):
+    """Return the `Sections` of a blade whose wake induces given velocities.
+
+    Momentum theory is left out: what the wake induces, such as one with memory, is known, and the
+    loads are those of the sections in the flow that results. The residual is zero.
+
+    Parameters
+    ----------
+    blade : Blade
+        The blade.
+    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
+        Polars of the sections: one, one a station, or what they follow.
+    tip_speed_ratio : array_like of shape (n_points,)
+        Omega R / V with R along the blade.
+    induced : ndarray of shape (n_points, 2, n_stations)
+        Axial velocity against the flow and tangential velocity against the rotation, over the
+        speed of the flow normal to the blade.
+
+    Returns
+    -------
+    Sections
+        State of the flow, (n_points, n_stations), without derivatives.
+    """
+    points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
+    r, _, twist, _, tip_radius, _, *polars = _arguments(blade, polar, points)
+    lambda_r = points[:, None] * (r / tip_radius)
+    axial, swirl = induced[:, 0], induced[:, 1]
+    normal, tangential = 1.0 - axial, lambda_r + swirl
+    phi, squared = np.arctan2(normal, tangential), normal**2 + tangential**2
+    around, along = blade.chord * squared * _forces(phi, twist, *polars)
+    state = phi, phi - twist, axial, swirl / lambda_r, np.sqrt(squared), along, around
+    nothing = np.zeros(phi.shape)
+    return Sections(*state, nothing, nothing.astype(np.int8), np.empty(0))
+
+
+def induced_speeds(blade, flow, tip_speed_ratio):
+    """Return what the wake of solved sections induces; none where a section has no root.
+
+    Parameters
+    ----------
+    blade : Blade
+        The blade.
+    flow : Sections
+        What `sections` returns.
+    tip_speed_ratio : ndarray of shape (n_points,)
+        Omega R / V with R along the blade.
+
+    Returns
+    -------
+    ndarray of shape (n_points, 2, n_stations)
+        As `sections_with` takes it.
+    """
+    lambda_r = tip_speed_ratio[:, None] * (blade.r / blade.tip_radius)
+    axial = 1.0 - flow.relative_speed * np.sin(flow.inflow_angle)
+    swirl = flow.relative_speed * np.cos(flow.inflow_angle) - lambda_r
+    return np.where(flow.branch[:, None] >= 0, np.stack((axial, swirl), axis=1), 0.0)
 
 
 def torque_weights(blade):
