@@ -33,6 +33,14 @@ _REFERENCE = "What is the signal: the speed's fluctuation about its mean, or the
 _RATE = "Samples of the sensor a second."
 _SEEDS = "Seeds of a turbulent flow, such as 1..20 or 3,5,9: each is simulated."
 _TABLES = "Folder for simulations.json and simulations.csv; files of these names are replaced."
+_INFLOW_DYNAMICS = (
+    "quasi_steady: the wake is in equilibrium at every instant; oye: it has memory, by Oye's two "
+    "filters at every station (docs/theory.md)."
+)
+_TAU1 = (
+    "With --inflow-dynamics oye: the slow filters' time constant (s). Default: by the induction at "
+    "0.7 R, 1.1 R / ((1 - 1.3 a) V)."
+)
 _STRICT = "Exit with 3 where a limit is broken or the rotor stops."
 _START = "Start from standstill, without torque, and let the law take over in operation."
 _STOP = "With --start-up: the time (s) from which the torque is at its limit, to stop the rotor."
@@ -140,6 +148,10 @@ def simulate(
     scenario: Annotated[str | None, Option(metavar="NAME", help=_SCENARIO)] = None,
     start: Annotated[bool, Option("--start-up", help=_START)] = False,
     stop: Annotated[float | None, Option("--shut-down", metavar="SECONDS", help=_STOP)] = None,
+    inflow_dynamics: Annotated[
+        str, Option(metavar="NAME", help=_INFLOW_DYNAMICS)
+    ] = "quasi_steady",
+    tau1: Annotated[float | None, Option(metavar="SECONDS", help=_TAU1)] = None,
     out: Annotated[Path | None, Option(metavar="DIR", help=_TABLES)] = None,
     strict: Annotated[bool, Option("--strict", help=_STRICT)] = False,
 ) -> None:
@@ -150,7 +162,8 @@ def simulate(
     feedback reads a noisy, filtered speed sensor when --noise-snr is given, many times over. A
     rotor that stops is said to stop, and its energy is not counted. The largest value of each limit
     over time is told, without noise, and of the loads that have no limit; of several scenarios and
-    seeds, the largest of all.
+    seeds, the largest of all. With --inflow-dynamics oye the wake has memory: what it changes is
+    told, and whether the rotor runs away before the wake answers.
     """
     from hkt_mdo.results.words import flow_words, joined
     from hkt_mdo.studies.other_flows import largest, runs_of, write
@@ -158,12 +171,13 @@ def simulate(
     from hkt_mdo.studies.uncertainty import Sensor
 
     _check_sensor(snr, reference, rate, cutoff)
+    memory = _memory(inflow_dynamics, tau1, snr, start)
     if (start or stop is not None) and (not start or snr is not None):
         remedy = "give --start-up with --shut-down" if snr is None else "leave --noise-snr out"
         raise InputError("is for a start from standstill, without noise", remedy, key="--start-up")
     solution = read_result(result)
     chosen = solution if scenario is None else solution.scenario(scenario)
-    runs = runs_of(chosen, flow, flow_seeds)
+    runs = runs_of(chosen, flow, flow_seeds, memory, tau1)
     several, told = len(runs) > 1, []
     words = f"{flow}: {len(runs)} simulations" if several else flow_words(runs[0].inflow)
     echo(f"{solution.name} in flow {words}")
@@ -173,7 +187,7 @@ def simulate(
             lines, flown = list(began.lines()), replace(run, given=began.operation)
             told += [flown] if began.operation is not None else []
         else:
-            lines, told = [f"without noise: {run.outcome}"], [*told, run]
+            lines, told = run.memory or [f"without noise: {run.outcome}"], [*told, run]
             if several:
                 lines[0] += f"; limits: {run.verdicts}"
             if snr is not None:
@@ -190,6 +204,27 @@ def simulate(
     if strict and broken:
         parts.complain("error", f"not kept: {', '.join(broken)}")
         raise Exit(parts.NO_SUCCESS)
+
+
+def _memory(name: str, tau1: float | None, snr: float | None, start: bool) -> bool:
+    """Return whether the wake has memory; refuse what does not go with it, or without."""
+    names, key = ("quasi_steady", "oye"), "--inflow-dynamics"
+    if name not in names:
+        raise InputError("is unknown", f"choose {' or '.join(names)}", key=key, value=name)
+    memory = name == names[1]
+    for other, asked, why in (
+        ("--noise-snr", snr is not None, "whose runs take the torque from a table"),
+        ("--start-up", start, "which begins where the filters do not hold (docs/theory.md)"),
+    ):
+        if memory and asked:
+            problem = f"does not go with {other}, {why}"
+            raise InputError(problem, "leave one of them out", key=key, value=name)
+    if tau1 is not None and not memory:
+        raise InputError("is of no use without memory", f"give {key} oye too", key="--tau1")
+    if tau1 is not None and not 1e-3 <= tau1 <= 1e4:
+        remedy = "give a number between 0.001 and 10000"
+        raise InputError("is out of range", remedy, key="--tau1", value=tau1)
+    return memory
 
 
 def _check_sensor(snr: float | None, reference: str, rate: float, cutoff: float) -> None:

@@ -6,7 +6,7 @@ and divided until their estimated errors are within the tolerance.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +33,7 @@ from hkt_mdo.dynamics.radau import (
 )
 from hkt_mdo.dynamics.wake import Wake
 from hkt_mdo.errors import InputError
+from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.reynolds import LocalReynolds
@@ -63,6 +64,10 @@ class Plant:
     generator: Generator = LOSSLESS
     wake: Wake | None = None
 
+    def with_memory(self, tau1=None):
+        """Return the same rotor with a `Wake` that remembers; tau1 in s, None: by the induction."""
+        return replace(self, wake=Wake(self.blade, self.polar, tau1))
+
     def torque(self, speed, inflow_speed):
         """Return the torque, N*m, at speeds (rad/s) and inflow speeds (m/s) of shape (n,).
 
@@ -83,7 +88,8 @@ class Plant:
         radius = self.blade.rotor_radius
         speed = np.maximum(speed, SLOWEST_RATIO * inflow_speed / radius)
         scale = torque_scale(self.density, radius, inflow_speed)
-        return scale[:, None] * self.wake.loads(speed, inflow_speed, filters)
+        load = self.wake.sections(speed, inflow_speed, filters).tangential_load
+        return scale[:, None] * bem.torque_weights(self.blade) * load
 
     def torque_slope(self, speed, inflow_speed):
         """Return the torque's derivative by the speed, N*m*s/rad, of shape (n,).
@@ -245,14 +251,11 @@ class Start(NamedTuple):
         Values of the controller's states, (n_states,).
     time
         Time, s.
-    filters
-        State of the wake's filters, (n_filters,); None: in equilibrium.
     """
 
     speed: float
     states: Sequence[float] = ()
     time: float = 0.0
-    filters: np.ndarray | None = None
 
 
 def simulate(
@@ -346,9 +349,9 @@ class _Motion:
     dense: int
 
     def filters(self, start):
-        """Return the state of the wake's filters at the begin, (n_filters,)."""
-        if self.plant.wake is None or start.filters is not None:
-            return np.empty(0) if self.plant.wake is None else start.filters
+        """Return the state of the wake's filters at the begin, in equilibrium, (n_filters,)."""
+        if self.plant.wake is None:
+            return np.empty(0)
         flow = np.atleast_1d(self.inflow.speed_at(start.time))
         return self.plant.wake.at_rest(np.array([start.speed]), flow)[0]
 
@@ -428,9 +431,8 @@ class _Motion:
     def _torques(self, time, values, flow):
         """Return hydrodynamic and control torque, N*m, at arrays of one shape."""
         speed, *states = np.moveaxis(values[..., : self.dense], -1, 0)
-        return self.driving(values, flow), self.controller(time, speed, *states) * np.ones(
-            speed.shape
-        )
+        control = self.controller(time, speed, *states) * np.ones(speed.shape)
+        return self.driving(values, flow), control
 
     def _dense_rates(self, values, flow, driving, control):
         """Return the rates of the speed and the controller's states."""

@@ -95,10 +95,9 @@ class Wake:
         second = (reduced + AT_ONCE * balanced - induced) / np.tile(fast, 2)
         return np.concatenate((first, second), axis=-1)
 
-    def loads(self, speed, flow, filters):
-        """Return the share of each station in the torque coefficient, (n_points, n_stations)."""
+    def sections(self, speed, flow, filters):
+        """Return the `Sections` that see what filters (n_points, n_filters) say is induced."""
         ratio, normal = self._ratio(speed, flow)
         induced = filters[:, filters.shape[1] // 2 :].reshape(ratio.size, 2, -1)
         induced = induced / normal[:, None, None]
-        found = bem.sections_with(self.blade, self._polar(flow), ratio, induced)
-        return bem.torque_weights(self.blade) * found.tangential_load
+        return bem.sections_with(self.blade, self._polar(flow), ratio, induced)

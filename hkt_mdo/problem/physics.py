@@ -184,12 +184,17 @@ class Physics:
         """Return the largest loads along a blade at each time of a trajectory, SI units.
 
         By direct BEM at the trajectory's tip speed ratios, or at `RATIOS` of them if there are
-        more, between which they are linear. known has the quantities of the trajectory.
+        more, between which they are linear. known has the quantities of the trajectory, and the
+        `sections` where the wake is not in equilibrium: the flow at each time.
         """
         ratio, flow = np.maximum(known["tip_speed_ratio"], SLOWEST_RATIO), known["inflow_speed"]
         if not names:
             return {}
-        if self.rotor.follows_reynolds:  # the flow counts too: every instant by itself
+        if "sections" in known:
+            model, given = self.rotor.loads, {"names": names, "flow": known["sections"]}
+            found = model.coefficients(blade, ratio, **given)
+            largest = {name: load.largest for name, load in found.items()}
+        elif self.rotor.follows_reynolds:  # the flow counts too: every instant by itself
             parts = np.array_split(np.arange(ratio.size), -(-ratio.size // RATIOS))
             found = [
                 self.rotor.at_flow(flow[part]).loads.coefficients(blade, ratio[part], names=names)

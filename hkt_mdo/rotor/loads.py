@@ -165,7 +165,7 @@ class LoadModel:
         structural = ("stress",) if self.structure else ()
         return "thrust", "root_moment", *structural, *(("cavitation",) if self.cavitation else ())
 
-    def coefficients(self, blade, tip_speed_ratio, derivatives=False, names=None):
+    def coefficients(self, blade, tip_speed_ratio, derivatives=False, names=None, flow=None):
         """Return a `Load` for each name: thrust, root_moment, stress, cavitation, all over q.
 
         thrust (m²) is that of the rotor along its axis; root_moment (m³) bends one blade flapwise
@@ -189,6 +189,8 @@ class LoadModel:
             Whether the derivatives are computed.
         names : sequence of str, optional
             Names of the loads; by default all of `names`.
+        flow : Sections, optional
+            The flow at the points, where its wake is not in equilibrium; without derivatives.
 
         Returns
         -------
@@ -206,7 +208,7 @@ class LoadModel:
         if missing := [name for name in names if name not in self.names]:
             raise ValueError(f"the model gives no {', '.join(missing)}")
         ratio = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-        flow = self.rotor.sections(blade, ratio, derivatives)
+        flow = self.rotor.sections(blade, ratio, derivatives) if flow is None else flow
         return {name: _LOADS[name](self, blade, flow, ratio) for name in names}
 
     def _structure(self, blade):
@@ -216,7 +218,7 @@ class LoadModel:
         thickness = place_weights(blade.r.size) @ blade.thickness
         return self.structure.at(thickness), self.structure.at(thickness, 1)
 
-    def flapwise_moment(self, blade, tip_speed_ratio, r):
+    def flapwise_moment(self, blade, tip_speed_ratio, r, flow=None):
         """Return the moment that bends a blade flapwise at radii r over q, m³, (n_points, n_r).
 
         That of the flow's loads, as `root_moment`: coned blades have that of the centrifugal force
@@ -230,13 +232,15 @@ class LoadModel:
             Omega R / V of the disc, positive.
         r : ndarray of shape (n_r,)
             Radii along the blade (m).
+        flow : Sections, optional
+            As `coefficients` takes it.
 
         Returns
         -------
         ndarray of shape (n_points, n_r)
             In m**3.
         """
-        flow = self.rotor.sections(blade, tip_speed_ratio)
+        flow = self.rotor.sections(blade, tip_speed_ratio) if flow is None else flow
         return _moments(blade, flow, np.asarray(r, dtype=float))[0]
 
     def tip_deflection(self, blade, tip_speed_ratio):

@@ -17,6 +17,7 @@ from scipy.integrate import simpson
 
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.simulation import (
+    SLOWEST_RATIO,
     FeedbackTorque,
     IntegrationError,
     Plant,
@@ -31,6 +32,7 @@ from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.scenario import SAMPLES, Scenario
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import names
+from hkt_mdo.rotor.bem import Sections
 from hkt_mdo.solve.drivers import Outcome
 
 SHORTER, LEAST_SHARE = 0.9, 1e-3  # of the time to where a motion ends, and of the whole, at least
@@ -97,12 +99,23 @@ class Flown:
         known = flown.time, flown.rotor_speed, acceleration, flown.inflow_speed, *flown.states
         return {"torque_rate": self.controller.rate(*known)}
 
+    @cached_property
+    def sections(self) -> Sections | None:
+        """The flow at the sections along the integration, where the wake has memory."""
+        run, wake = self.simulation, self.plant.wake
+        if wake is None:
+            return None
+        slowest = SLOWEST_RATIO * run.inflow_speed / self.plant.blade.rotor_radius
+        speed = np.maximum(run.rotor_speed, slowest)
+        return wake.sections(speed, run.inflow_speed, run.wake_at(run.time))
+
     @property
     def integrated(self) -> dict[str, np.ndarray]:
         """The quantities of the integration, by their names in a trajectory."""
         names = "time inflow_speed rotor_speed hydrodynamic_torque control_torque".split()
         flown = (getattr(self.simulation, name) for name in names)
-        return trajectory_of(*flown, self.scalars["rotor_radius"], self.plant.generator)
+        known = trajectory_of(*flown, self.scalars["rotor_radius"], self.plant.generator)
+        return known if self.sections is None else known | {"sections": self.sections}
 
 
 @dataclass(frozen=True, eq=False)

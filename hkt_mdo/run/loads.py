@@ -55,12 +55,14 @@ def over_span(
         flow = float(known["inflow_speed"][worst])
         ratio = max(float(known["tip_speed_ratio"][worst]), SLOWEST_RATIO)
         model, pressure = physics.rotor.at_flow(flow).loads, 0.5 * physics.density * flow**2
-        load = model.coefficients(blade, ratio, names=(name,))[name]
+        seen = known.get("sections")  # of a wake that is not in equilibrium
+        seen = seen and type(seen)(*(each[worst : worst + 1] for each in seen))
+        load = model.coefficients(blade, ratio, names=(name,), flow=seen)[name]
         if name == "cavitation":
             both_surfaces = load.exact[0].reshape(2, -1)
             found[name] = blade.r, pressure * np.max(both_surfaces, axis=0)
         else:
-            moment = model.flapwise_moment(blade, ratio, load.r)[0]
+            moment = model.flapwise_moment(blade, ratio, load.r, seen)[0]
             found[name] = load.r, pressure * load.exact[0]
             found["flapwise_moment"] = load.r, pressure * moment
     return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ from hkt_mdo.studies.uncertainty import Design, flow_given
 
 FIELDS = "value", "unit", "limit", "share", "kept", "time_s", "r_m"
 MOST_SEEDS = 10_000
+RUN_AWAY = 1.2  # speed over that without memory, above which the wake lets the rotor run away
 
 
 class Told(LimitEntry):
@@ -91,6 +92,8 @@ class Run:
         Seed of the flow, where several were asked for.
     given : Simulation or None
         What the design does in the flow; None: it is simulated when it is asked for.
+    without : Run or None
+        The same without memory of the wake, where the design's has memory.
     """
 
     design: Design
@@ -98,6 +101,7 @@ class Run:
     scenario: str = ""
     seed: int | None = None
     given: Simulation | None = None
+    without: Run | None = None
 
     @cached_property
     def simulation(self) -> Simulation:
@@ -141,7 +145,54 @@ class Run:
         if (stopped := self.simulation.stopped_at) is not None:
             remark = "not generating: nothing is known after it"
             found["rotor stops"] = Told(value=stopped, unit="s", kept=False, remark=remark)
+        if (away := self.runs_away) is not None:
+            remark = "more than 20 % faster than without memory"
+            found["rotor runs away"] = Told(value=away, unit="s", kept=False, remark=remark)
         return found
+
+    @cached_property
+    def runs_away(self) -> float | None:
+        """When the rotor is first much faster than it would be without memory, s, if ever.
+
+        Returns
+        -------
+        float or None
+            None too where the wake has no memory.
+        """
+        if self.without is None:
+            return None
+        quiet, time = self.without.simulation, self.simulation.time
+        time = time[time <= quiet.time[-1]]
+        fast = self.simulation.speed_at(time) > RUN_AWAY * quiet.speed_at(time)
+        return float(time[np.argmax(fast)]) if np.any(fast) else None
+
+    @property
+    def memory(self) -> list[str]:
+        """What the wake's memory changes, as lines of text; none without.
+
+        Returns
+        -------
+        list of str
+            Energy and speeds with and without memory, and whether the rotor runs away.
+        """
+        if self.without is None:
+            return []
+        tau1 = self.design.plant.wake.tau1
+        how = "tau1 by the induction" if tau1 is None else f"tau1 = {tau1:g} s"
+        lines = [
+            f"{word}: {each.outcome}; rotor at {measured(each.simulation.rotor_speed, 'rad/s', 4)}"
+            for word, each in (
+                (f"with memory of the wake ({how})", self),
+                ("without memory", self.without),
+            )
+        ]
+        if self.runs_away is not None:
+            fastest, usual = (
+                float(np.max(each.simulation.rotor_speed)) for each in (self, self.without)
+            )
+            told = f"the rotor RUNS AWAY, first at t = {self.runs_away:.2f} s: it comes to "
+            lines.append(f"{told}{fastest:.4g} rad/s, without memory to {usual:.4g} rad/s")
+        return lines
 
     @property
     def energies(self) -> dict[str, float | None]:
@@ -185,7 +236,13 @@ class Run:
         )
 
 
-def runs_of(solution: Solution, flow: str, seeds: str | None = None) -> list[Run]:
+def runs_of(
+    solution: Solution,
+    flow: str,
+    seeds: str | None = None,
+    memory: bool = False,
+    tau1: float | None = None,
+) -> list[Run]:
     """Return the simulations of each scenario of a result in a flow, and with each seed of it.
 
     Parameters
@@ -196,6 +253,10 @@ def runs_of(solution: Solution, flow: str, seeds: str | None = None) -> list[Run
         As `flow_given` takes it.
     seeds : str or None
         Seeds of the flow, such as ``1..20`` or ``3,5,9``; None: it keeps its own.
+    memory : bool
+        Whether the wake has memory (`hkt_mdo.dynamics.wake`).
+    tau1 : float or None
+        Its time constant, s; None: by the induction.
 
     Returns
     -------
@@ -209,11 +270,14 @@ def runs_of(solution: Solution, flow: str, seeds: str | None = None) -> list[Run
         none for the turbine.
     """
     several, numbers = len(solution.scenarios) > 1, (None,) if seeds is None else _seeds(seeds)
-    return [
+    runs = [
         Run(design, flow_given(flow, part.case, seed), part.scenarios[0] if several else "", seed)
         for part, design in [(part, Design.of(part)) for part in solution.by_scenario]
         for seed in numbers
     ]
+    if not memory:
+        return runs
+    return [replace(run, design=run.design.with_memory(tau1), without=run) for run in runs]
 
 
 def _seeds(text: str) -> tuple[int | None, ...]:

@@ -7,7 +7,9 @@ them by a sample as well; what it hears of the flow has the noise of its own sen
 from the torque and the two last speeds that were read.
 """
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -156,6 +158,22 @@ class Design:
         check, inertia = BEM[world.case.hydrodynamics.check], made.inertia
         plant = Plant(blade, made.polars, inertia, world.density, check, world.generator)
         return cls(solution, world, plant, plant, made.gains)
+
+    def with_memory(self, tau1: float | None = None) -> Design:
+        """Return the same design in water whose wake has memory.
+
+        Parameters
+        ----------
+        tau1 : float or None
+            Time constant of the slow filters, s; None: by the induction.
+
+        Returns
+        -------
+        Design
+            The plant has filters; the controller knows of the wake what a replay needs.
+        """
+        plant, known = self.plant.with_memory(tau1), self.known.with_memory(tau1)
+        return replace(self, plant=plant, known=known)
 
     @property
     def law(self) -> Law:

@@ -1,0 +1,247 @@
+"""Prescribed ramps of rotor speed and of flow speed: what AeroDyn's driver makes of them.
+
+The inputs follow from those of `hkt export RESULT --to openfast`; only the model of the wake over
+time, the motion and the output change. `python -m tests.dynamics.aerodyn_runs` writes what
+`tests/data/openfast` keeps.
+"""
+
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from hkt_mdo import Solution
+from hkt_mdo.exports.base import export
+
+DATA = Path(__file__).parents[1] / "data" / "openfast"
+STEP = 0.01  # s, of AeroDyn
+KEPT = 10  # every so many steps are kept
+COLUMNS = "time_s,inflow_speed_m_s,rotor_speed_rad_s,torque_N_m,thrust_N"
+INFLOW = """------- InflowWind: a uniform flow over time -------
+written by hkt_mdo's tests
+---------------------------------------------------------------
+False         Echo           - Echo input data (flag)
+2             WindType       - 2: uniform
+0             PropagationDir - Direction (deg)
+0             VFlowAng       - Upflow angle (deg)
+False         VelInterpCubic - Unused (flag)
+0             NWindVel       - Number of points of output (-)
+0             WindVxiList    - (m)
+0             WindVyiList    - (m)
+0             WindVziList    - (m)
+================== Steady [used with WindType 1] =========================
+0             HWindSpeed     - (m/s)
+1             RefHt          - (m)
+0             PLexp          - (-)
+================== Uniform [used with WindType 2] ========================
+"flow.dat"    FileName_Uni   - Flow over time
+1             RefHt_Uni      - (m)
+1             RefLength      - (m)
+================== TurbSim [used with WindType 3] ========================
+"unused"      FileName_BTS   - Unused
+================== Bladed [used with WindType 4] =========================
+"unused"      FilenameRoot   - Unused
+False         TowerFile      - Unused (flag)
+================== HAWC [used with WindType 5] ===========================
+"unused"      FileName_u     - Unused
+"unused"      FileName_v     - Unused
+"unused"      FileName_w     - Unused
+2             nx             - (-)
+2             ny             - (-)
+2             nz             - (-)
+1             dx             - (m)
+1             dy             - (m)
+1             dz             - (m)
+1             RefHt_HAWC     - (m)
+------------- Scaling ----------------------------------------------------
+0             ScaleMethod    - (-)
+1             SFx            - (-)
+1             SFy            - (-)
+1             SFz            - (-)
+1             SigmaFx        - (m/s)
+1             SigmaFy        - (m/s)
+1             SigmaFz        - (m/s)
+------------- Mean -------------------------------------------------------
+1             URef           - (m/s)
+0             WindProfile    - (-)
+0             PLExp_HAWC     - (-)
+0.03          Z0             - (m)
+0             XOffset        - (m)
+================== LIDAR =================================================
+0             SensorType     - 0: none
+0             NumPulseGate   - (-)
+0             PulseSpacing   - (m)
+0             NumBeam        - (-)
+0             FocalDistanceX - (m)
+0             FocalDistanceY - (m)
+0             FocalDistanceZ - (m)
+0.0 0.0 0.0   RotorApexOffsetPos - (m)
+0             URefLid        - (m/s)
+0             MeasurementInterval - (s)
+False         LidRadialVel   - (flag)
+0             ConsiderHubMotion - (flag)
+====================== Output ============================================
+False         SumPrint       - (flag)
+              OutList        - Channels
+END of input file
+"""
+
+
+@dataclass(frozen=True)
+class Ramps:
+    """Tip speed ratio and flow (m/s) at the begin; then what the speed or the flow is multiplied by.
+
+    Each factor is reached by a ramp of ten of AeroDyn's steps, one every `hold` seconds.
+    """
+
+    blade: str
+    what: str
+    """`speed` or `flow`."""
+    ratio: float
+    flow: float
+    factors: tuple[float, ...]
+    hold: float
+    tau1: float | None
+    """Time constant (s); None: by the induction (`DBEMT_Mod` 2)."""
+
+    @property
+    def name(self):
+        """Name of the run, and of its kept file."""
+        return f"{self.what}_{'constant' if self.tau1 else 'varying'}_tau1"
+
+    @property
+    def duration(self):
+        """Length of the run, s."""
+        return self.hold * (len(self.factors) + 1)
+
+    @property
+    def corners(self):
+        """Times (s) and factors between which the prescribed quantity is linear."""
+        times, values, last = [0.0], [1.0], 1.0
+        for number, factor in enumerate(self.factors, 1):
+            begin = number * self.hold
+            times += [begin, begin + 10.0 * STEP]
+            values += [last, factor]
+            last = factor
+        return np.array([*times, self.duration]), np.array([*values, last])
+
+    def speeds(self, time, radius):
+        """Return rotor speed (rad/s) and flow speed (m/s) at times, s."""
+        factor = np.interp(time, *self.corners)
+        speed = self.ratio * self.flow / radius
+        of_speed, of_flow = (factor, 1.0) if self.what == "speed" else (1.0, factor)
+        return speed * of_speed * np.ones_like(factor), self.flow * of_flow * np.ones_like(factor)
+
+
+RUNS = (
+    Ramps("paper", "speed", 8.06, 1.5, (1.02, 0.9), 8.0, 1.0),
+    Ramps("paper", "speed", 8.06, 1.5, (1.02, 0.9), 12.0, None),
+    Ramps("paper", "flow", 8.06, 1.5, (1.1, 0.9), 8.0, 1.0),
+    Ramps("rm1", "speed", 6.5, 1.9, (1.05, 0.9), 30.0, 5.0),
+    Ramps("rm1", "speed", 6.5, 1.9, (1.05, 0.9), 60.0, None),
+    Ramps("rm1", "flow", 6.5, 1.9, (1.1, 0.9), 30.0, 5.0),
+    Ramps("river", "speed", 6.0, 1.5, (1.05, 0.9), 15.0, 2.0),
+    Ramps("river", "speed", 6.0, 1.5, (1.05, 0.9), 20.0, None),
+    Ramps("river", "flow", 6.0, 1.5, (1.1, 0.9), 15.0, 2.0),
+)
+
+
+@cache
+def solution(name):
+    """Return a kept result."""
+    return Solution.load(DATA / name)
+
+
+@cache
+def design_of(name):
+    """Return its design."""
+    return solution(name).design()
+
+
+def write_inputs(run, folder):
+    """Write AeroDyn's inputs of a run."""
+    export(solution(run.blade), ["openfast"], folder)
+    place = folder / "openfast"
+    mode, tau1 = (2, 1.0) if run.tau1 is None else (3, run.tau1)
+    _edit(place / "aerodyn.dat", DBEMT_Mod=mode, tau1_const=tau1, CavitCheck="False")
+    times, _ = run.corners
+    speed, flow = run.speeds(times, design_of(run.blade).blade.rotor_radius)
+    driver = place / "aerodyn_driver.dvr"
+    text = re.sub(r"(?m)^----- Cases.*?(?=^----- Output)", CASES, driver.read_text(), flags=re.S)
+    driver.write_text(text)
+    changes = {"TMax": run.duration, "DT": STEP}
+    if run.what == "speed":
+        changes |= {"AnalysisType": 2, "TimeAnalysisFileName": '"speed.dat"'}
+        rpm = speed * 30.0 / np.pi
+        rows = [f"{t!r} {v!r} 0 {n!r} 0 0" for t, v, n in _rows(times, flow, rpm)]
+        names = "Time HWndSpeed PLExp RotSpd Pitch Yaw"
+        (place / "speed.dat").write_text("\n".join([names, *rows, ""]))
+    else:
+        rpm = float(speed[0] * 30.0 / np.pi)
+        changes |= {"AnalysisType": 1, "CompInflow": 1, "InflowFile": '"inflow.dat"'}
+        changes["RotSpeed(1)"] = rpm
+        (place / "inflow.dat").write_text(INFLOW)
+        rows = [f"{t!r} {v!r} 0 0 0 0 0 0 0" for t, v, _ in _rows(times, flow, speed)]
+        (place / "flow.dat").write_text("\n".join(["! Time flow", *rows, ""]))
+    _edit(driver, **changes)
+    return place
+
+
+CASES = """----- Cases -----
+0            NumCases           - Unused
+HWndSpeed   PLExp  RotSpd  Pitch  Yaw    dT   Tmax  DOF  Amplitude  Frequency
+(m/s)       (-)    (rpm)   (deg)  (deg)  (s)  (s)   (-)  (-)        (Hz)
+"""
+
+
+def _rows(*columns):
+    return zip(*(map(float, each) for each in columns), strict=True)
+
+
+def _edit(path, **changes):
+    """Give other values to keys of a file of OpenFAST's."""
+    text = path.read_text()
+    for key, value in changes.items():
+        pattern = rf"(?m)^\S+(\s+{re.escape(key)}\s)"
+        text, count = re.subn(pattern, lambda found, v=value: f"{v}{found[1]}", text)
+        if count != 1:
+            raise ValueError(f"{path.name} has {key} {count} times")
+    path.write_text(text)
+
+
+def aerodyn(run, program, folder):
+    """Run AeroDyn; return the rows of `COLUMNS`, all of its steps."""
+    place = write_inputs(run, folder)
+    command = [program, "aerodyn_driver.dvr"]
+    done = subprocess.run(command, cwd=place, capture_output=True, text=True, timeout=600)
+    if done.returncode:
+        raise RuntimeError(done.stdout[-2000:] + done.stderr)
+    (path,) = place.glob("aerodyn_driver*.out")
+    lines = path.read_text().splitlines()
+    head = next(i for i, line in enumerate(lines) if line.split()[:1] == ["Time"])
+    names, table = lines[head].split(), np.loadtxt(lines[head + 2 :])
+    of = dict(zip(names, table.T, strict=True))
+    time = np.round(of["Time"], 9)
+    speed, flow = run.speeds(time, design_of(run.blade).blade.rotor_radius)
+    return np.column_stack((time, flow, speed, of["RtFldMxh"], of["RtFldFxh"]))
+
+
+def kept(run):
+    """Return the path of what is kept of a run."""
+    return DATA / run.blade / "wake" / f"{run.name}.csv"
+
+
+if __name__ == "__main__":
+    for run in RUNS:
+        with tempfile.TemporaryDirectory() as folder:
+            rows = aerodyn(run, shutil.which("aerodyn_driver"), Path(folder))[::KEPT]
+        kept(run).parent.mkdir(exist_ok=True)
+        lines = [",".join(f"{x:.10g}" for x in row) for row in rows]
+        kept(run).write_text("\n".join([COLUMNS, *lines, ""]))
+        print(run.blade, run.name, len(rows), file=sys.stderr)
