@@ -148,9 +148,7 @@ def simulate(
     scenario: Annotated[str | None, Option(metavar="NAME", help=_SCENARIO)] = None,
     start: Annotated[bool, Option("--start-up", help=_START)] = False,
     stop: Annotated[float | None, Option("--shut-down", metavar="SECONDS", help=_STOP)] = None,
-    inflow_dynamics: Annotated[
-        str, Option(metavar="NAME", help=_INFLOW_DYNAMICS)
-    ] = "quasi_steady",
+    inflow_dynamics: Annotated[str, Option(metavar="NAME", help=_INFLOW_DYNAMICS)] = "quasi_steady",
     tau1: Annotated[float | None, Option(metavar="SECONDS", help=_TAU1)] = None,
     out: Annotated[Path | None, Option(metavar="DIR", help=_TABLES)] = None,
     strict: Annotated[bool, Option("--strict", help=_STRICT)] = False,

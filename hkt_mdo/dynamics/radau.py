@@ -100,7 +100,7 @@ class DenseSystem:
         return own + np.einsum("niab,nb->nia", self._gain, np.array(carried[:-1]))
 
     def filtered(self, off: np.ndarray) -> np.ndarray:
-        """Return errors of the values of each step, (n_steps, n_values), without their fast part."""
+        """Return errors of the values, (n_steps, n_values), without their fast part."""
         system = np.eye(off.shape[-1]) - self._step[:, :, None] * ERROR[0] * self._slope[:, 0]
         return np.linalg.solve(system, off[..., None])[..., 0]
 
@@ -213,7 +213,7 @@ class FilteredSystem:
         return self._own(miss + begins[:, None])
 
     def filtered(self, off: np.ndarray) -> np.ndarray:
-        """Return errors of the values of each step, (n_steps, n_values), without their fast part."""
+        """Return errors of the values, (n_steps, n_values), without their fast part."""
         first = Slopes(*(each[:, :1] for each in self._slopes))
         return FilteredSystem(self._step, first, ERROR[:1, None])._own(off[:, None])[:, 0]
 

@@ -463,7 +463,7 @@ class _Motion:
         return np.concatenate((dense, self._filter_rates(values, flow, balanced)), axis=-1)
 
     def _slope(self, time, values, flow, driving, rates):
-        """Return derivatives of the dense rates by dense values, [..., rate, value], differences."""
+        """Return slopes of the dense rates by dense values, [..., rate, value], by differences."""
         size, n = magnitudes(values[..., : self.dense]), self.dense
         found = np.empty((*flow.shape, n, n))
         for i in range(n):

@@ -95,7 +95,7 @@ END of input file
 
 @dataclass(frozen=True)
 class Ramps:
-    """Tip speed ratio and flow (m/s) at the begin; then what the speed or the flow is multiplied by.
+    """Tip speed ratio and flow (m/s) at the begin; then factors on the speed or the flow.
 
     Each factor is reached by a ramp of at least ten of AeroDyn's steps, one every `hold` seconds.
     """
