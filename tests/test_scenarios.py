@@ -398,7 +398,7 @@ def test_the_page_and_the_schema_have_the_scenarios():
         "- **`duration`**: number in s, greater than 0",
         "## robustness",
         "### `measure: expected`",
-        "- **`version`**: whole number. Default: `1`.",
+        "- **`version`**: whole number. Default: `2`.",
     ):
         assert text in page
     entry = case_json_schema()["$defs"]["FlowScenario"]["properties"]

@@ -160,7 +160,7 @@ SHORT = {"duration": 15, "segments": 15}
 
 def fixed(**sections):
     """Return a case of a few seconds; the blade is kept unless `design` is given."""
-    base = {"inflow": "sine", "phase": SHORT, "design": {"blade": "fixed"}}
+    base = {"inflow": "sine", "phase": SHORT, "design": {"blade": "fixed"}, "version": 1}
     return load_case(base | {"rotor": {"set_angle": 5}} | sections)
 
 
