@@ -60,6 +60,7 @@ def parts(found):
     """Return the section on the other parts of a run, as ratios to what cannot be avoided."""
     times, cold = found["test_parts_of_a_run"]["times"], found["test_over_the_imports"]["times"]
     runs = found["test_with_limits"]["times"]
+    memory = found["test_memory"]["ratios"].values()
 
     def over(long, short):
         long, short = runs[long], runs[short]
@@ -87,6 +88,10 @@ Over the optimization of the same case (set-up of the problem and driver).
 `hkt run cases/sine_limited_quadratic.yaml` from a cold start, figures included, takes
 **{cold["run"] / cold["imports"]:.1f} times** as long as `python -c "import openmdao.api, dymos"`
 ({seconds(cold["run"])} against {seconds(cold["imports"])}).
+
+A simulation in which the wake has memory takes **{min(memory):.1f} to {max(memory):.1f} times** as
+long as one without (the paper's blade, Reference Model 1 and a river turbine, where they are
+stable).
 
 Limits: `hkt run cases/limits/all_oloc.yaml` (power, speed, thrust, stress, cavitation) takes
 **{over("limits, process", "none, process")}** as `sine_limited_oloc` does, figures and records

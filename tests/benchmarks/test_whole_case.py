@@ -11,10 +11,12 @@ from pathlib import Path
 import pytest
 
 from cases import OPEN_LOOP, QUADRATIC, TimedBEM, case_of, integrate, optimize, start_of
+from hkt_mdo import Solution
 from hkt_mdo.case import load_case
 from hkt_mdo.cli import main
 from hkt_mdo.rotor import hydrodynamics
 from hkt_mdo.run.run import run_case
+from hkt_mdo.studies.uncertainty import Design
 
 ROOT = Path(__file__).parents[2]
 
@@ -116,6 +118,29 @@ def test_integration(benchmark, full, in_turns, segments):
         assert flown.energy == pytest.approx(float(problem.get_val("energy")[0]), rel=2e-4)
     benchmark.extra_info["times"] = times
     benchmark.pedantic(lambda: integrate(prepared[0], problem), rounds=1, iterations=1)
+
+
+def test_memory(benchmark, full, in_turns):
+    """A simulation in which the wake has memory takes at most five times as long as without.
+
+    Of results that `tests/data/openfast` keeps, each in a flow in which the rotor is stable.
+    """
+    ratios, kept = {}, Path(__file__).parents[1] / "data" / "openfast"
+    runs = {}
+    for name, share in (("paper", 0.85), ("rm1", 1.0), ("river", 1.0)):
+        quiet = Design.of(Solution.load(kept / name))
+        inflow = quiet.physics.inflow
+        inflow = inflow if share == 1.0 else inflow.model_copy(update={"scale": share})
+        for word, design in (("without", quiet), ("with", quiet.with_memory())):
+            runs[name, word] = lambda design=design, inflow=inflow: design.fly(inflow)
+            runs[name, word]()  # what is compiled is compiled here
+    times = in_turns(runs, rounds=3 if full else 1)
+    for name, word in runs:
+        assert in_turns.results[name, word].stopped_at is None
+        ratios[name] = times[name, "with"] / times[name, "without"]
+    benchmark.extra_info["ratios"] = ratios
+    if full:
+        assert max(ratios.values()) < 5.0
 
 
 def test_process(benchmark, full, in_turns, tmp_path):

@@ -180,6 +180,7 @@ def near_stall(solved):
     class Stalls:
         generator = solved.physics.generator
         inertia = solved.result.inertia
+        wake = None
 
         def torque(self, slowed, flow):
             return solved.physics.law.torque(slowed, gains) + 1e-3 * (slowed < 0.99 * speed)

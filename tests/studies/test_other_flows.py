@@ -229,6 +229,57 @@ def test_strict_ends_with_3_where_a_limit_is_broken(folder, open_loop, capsys):
     assert told.err == "error: not kept: rotor stops\n"
 
 
+def test_memory_of_the_wake_lets_the_papers_rotor_run_away(quadratic, tmp_path, capsys):
+    """At the torque limit; in a slower flow, which the limit does not bend, the rotor is stable."""
+    command = ["simulate", str(quadratic.solution.folder), "--inflow-dynamics", "oye"]
+    assert main([*command, "--strict", "--out", str(tmp_path)]) == 3
+    told = capsys.readouterr()
+    words = " ".join(told.out.split())
+    assert "with memory of the wake (tau1 by the induction): 314.7" in words
+    assert "without memory: 310.552 kJ captured" in words
+    assert re.search(r"the rotor RUNS AWAY, first at t = \d\.\d\d s: it comes to 1[67]", words)
+    assert told.err == "error: not kept: rotor runs away\n"
+    rows = json.loads((tmp_path / "simulations.json").read_text())
+    thrust = {row["quantity"]: row["value"] for row in rows}["thrust"]
+    assert thrust == pytest.approx(16.24e3, rel=1e-3)
+    calm = ["--tau1", "1.8", "--flow", "{profile: sine, scale: 0.85}", "--strict"]
+    assert main([*command, *calm]) == 0
+    assert "(tau1 = 1.8 s)" in (told := capsys.readouterr().out)
+    assert "RUNS AWAY" not in told
+
+
+def test_loads_with_memory_are_those_of_the_sections_then(quadratic):
+    """Thrust, of the torque and loads that the sections have in what the wake induces."""
+    (run,) = runs_of(quadratic.solution, "design", None, True, 1.0)
+    flown, plant = run.simulation, run.design.plant
+    seen = plant.wake.sections(flown.rotor_speed, flown.inflow_speed, flown.wake_at(flown.time))
+    blade, pressure = plant.blade, 0.5 * plant.density * flown.inflow_speed**2
+    spans = 0.5 * blade.blade_count * (blade.edges[2:] - blade.edges[:-2])
+    thrust = pressure * (seen.normal_load @ spans)
+    assert run.told["thrust"].value == pytest.approx(np.max(thrust), rel=1e-12)
+    assert run.told["thrust"].time_s == pytest.approx(flown.time[np.argmax(thrust)])
+    torque = pressure * (seen.tangential_load @ (spans * blade.r))
+    np.testing.assert_allclose(flown.hydrodynamic_torque, torque, rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("options", "key"),
+    [
+        (["--inflow-dynamics", "pitt_peters"], "--inflow-dynamics"),
+        (["--inflow-dynamics", "oye", "--start-up"], "--inflow-dynamics"),
+        (["--inflow-dynamics", "oye", "--noise-snr", "20"], "--inflow-dynamics"),
+        (["--inflow-dynamics", "oye", "--tau1", "0"], "--tau1"),
+        (["--inflow-dynamics", "oye", "--tau1", "nan"], "--tau1"),
+        (["--tau1", "2"], "--tau1"),
+    ],
+)
+def test_what_does_not_go_with_memory_is_told(quadratic, options, key, capsys):
+    assert main(["simulate", str(quadratic.solution.folder), *options]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"error: {key}")
+    assert error.count("\n") == 1
+
+
 def test_seeds_are_simulated_one_by_one_and_written(folder, tmp_path, capsys):
     out = tmp_path / "made" / "tables"
     given = ["--flow", TURBULENCE, "--flow-seeds", "3,5..6"]
