@@ -244,8 +244,9 @@ def test_memory_of_the_wake_lets_the_papers_rotor_run_away(quadratic, tmp_path, 
     assert thrust == pytest.approx(16.24e3, rel=1e-3)
     calm = ["--tau1", "1.8", "--flow", "{profile: sine, scale: 0.85}", "--strict"]
     assert main([*command, *calm]) == 0
-    assert "(tau1 = 1.8 s)" in (told := capsys.readouterr().out)
-    assert "RUNS AWAY" not in told
+    printed = capsys.readouterr().out
+    assert "(tau1 = 1.8 s)" in printed
+    assert "RUNS AWAY" not in printed
 
 
 def test_loads_with_memory_are_those_of_the_sections_then(quadratic):
