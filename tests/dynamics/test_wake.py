@@ -10,6 +10,7 @@ from hkt_mdo.dynamics.flows import ConstantInflow, Inflow, SineInflow
 from hkt_mdo.dynamics.laws import QuadraticFeedback
 from hkt_mdo.dynamics.radau import MATRIX, DenseSystem, FilteredSystem, Slopes
 from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, RecordedTorque, Start, simulate
+from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wake import AT_ONCE, Wake
 from hkt_mdo.rotor import bem
 from tests.dynamics.aerodyn_runs import RUNS, aerodyn, design_of, kept
@@ -162,6 +163,32 @@ def test_a_run_with_memory_is_that_of_an_integrator_without_elimination(paper, t
     run = simulate(plant, inflow, controller, start, 5.0, np.array([2.5, 5.0]))
     np.testing.assert_allclose(run.rotor_speed, other.y[0], rtol=1e-6)
     np.testing.assert_allclose(run.wake_at(run.time), other.y[1:].T, rtol=1e-5, atol=1e-7)
+
+
+def test_a_law_with_states_is_integrated_with_the_filters(paper):
+    """Tracking, whose states are dense values beside the rotor's speed; SciPy's Radau over all."""
+    plant, _ = paper
+    law, radius = Tracking(knots=3, flow_range=(1.0, 1.6)), plant.blade.rotor_radius
+    gains = np.array([*(8.0 * np.linspace(1.0, 1.6, 3) / radius), 150.0, 600.0])
+    controller, inflow = FeedbackTorque(law, gains), SineInflow(mean=1.3, angular_frequency=1.0)
+    flow, speed = np.atleast_1d(inflow.speed_at(0.0)), np.array([8.0 * 1.3 / radius])
+    rest = [float(x[0]) for x in law.at_rest(plant.torque(speed, flow), flow)]
+
+    def rates(time, values):
+        flow, (speed, *states) = np.atleast_1d(inflow.speed_at(time)), values[:3, None]
+        torque = np.sum(plant.station_torques(speed, flow, values[None, 3:]))
+        acceleration = (torque - controller(time, speed, *states)) / plant.inertia
+        of_law = controller.rates(speed, flow, acceleration, *states)
+        balanced = plant.wake.balanced(speed, flow)
+        of_wake = plant.wake.rates(values[None, 3:], flow, balanced)[0]
+        return np.concatenate((acceleration, *of_law, of_wake))
+
+    first = np.concatenate((speed, rest, plant.wake.at_rest(speed, flow)[0]))
+    other = solve_ivp(rates, (0.0, 3.0), first, "Radau", [1.5, 3.0], rtol=1e-8, atol=1e-10)
+    start = Start(float(speed[0]), rest)
+    run = simulate(plant, inflow, controller, start, 3.0, np.array([1.5, 3.0]))
+    np.testing.assert_allclose(run.rotor_speed, other.y[0], rtol=1e-6)
+    np.testing.assert_allclose(run.states, other.y[1:3], rtol=1e-5)
 
 
 def test_filters_answer_a_step_as_their_closed_form():
