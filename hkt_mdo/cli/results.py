@@ -14,6 +14,7 @@ from typer import Argument, Exit, Option, echo
 from hkt_mdo.cli import parts
 from hkt_mdo.cli.parts import OutFolder, ResultFolder, Seed, print_result, read_result
 from hkt_mdo.errors import InputError
+from hkt_mdo.exports import FORMATS
 
 if TYPE_CHECKING:
     from hkt_mdo.studies.other_flows import Run
@@ -24,7 +25,7 @@ _FLOW = (
     "design: the result's own; A, B or C: the paper's uncertain flows (amplitude x 1.1, frequency "
     "0.225 rad/s, phase 0.2 pi); or an inflow section in YAML, such as {profile: sine, mean: 1.4}."
 )
-_TO = "Format, such as csv; may be given several times."
+_TO = f"{', '.join(FORMATS)}; several with commas between, or one each time."
 _OPTION = "Option of a format, such as stl.trailing_edge='2 mm'; may be given several times."
 _ANYWAY = "Replace files that are there already; also export a result that is no success."
 _SCENARIO = "Simulate the operation of this scenario only, of a result with several."
@@ -121,7 +122,8 @@ def export(
     """
     from hkt_mdo.exports.base import export
 
-    for path in export(read_result(result), to, out, options=options or (), force=force):
+    formats = [name.strip() for each in to for name in each.split(",")]
+    for path in export(read_result(result), formats, out, options=options or (), force=force):
         echo(str(path))
 
 

@@ -63,13 +63,13 @@ class Controller(Format):
         law: Any = design.law
         writer = _WRITERS.get(type(law))
         if not law.is_feedback:
-            problem = "is no law of the rotor's speed: open loop is a torque over time"
-            remedy = "export csv, whose trajectory has it, or design a feedback law"
-            raise _refusal(problem, remedy, law)
+            problem = f"{law.law} is a torque over time and no law of the rotor's speed"
+            remedy = "export csv, whose trajectory has it, or run the case with a feedback law"
+            raise InputError(problem, remedy, key="--to", value=self.name)
         if writer is None:
-            problem = "is a law of an extension, whose formula is known as Python code only"
+            problem = f"{law.law} is a law of an extension, known as Python code only"
             remedy = "write its code yourself; csv has its gains and its steady operation"
-            raise _refusal(problem, remedy, law)
+            raise InputError(problem, remedy, key="--to", value=self.name)
         code, sample_time = writer(design), 0.0
         if law.torque_limit is not None:
             code.constants["LIMIT"] = law.torque_limit, "largest torque, N m"
@@ -94,10 +94,6 @@ class Controller(Format):
             remedy = f"give less than 2 I / kp = {UNSTABLE * answers:.3g} s, better a tenth of it"
             raise InputError(problem, remedy, key="controller.sample_time", value=self.sample_time)
         return self.sample_time
-
-
-def _refusal(problem: str, remedy: str, law: Any) -> InputError:
-    return InputError(problem, remedy, key="control.law", value=law.law)
 
 
 # Laws ---------------------------------------------------------------------------------------------

@@ -79,8 +79,8 @@ class OpenFast(Format):
         """
         rotor = _Rotor(source)
         if rotor.blade.blade_count > MOST_BLADES:
-            problem = f"has {rotor.blade.blade_count} blades, and OpenFAST takes {MOST_BLADES}"
-            raise InputError(problem, "export it in another format", file=source.solution.folder)
+            problem = f"takes {MOST_BLADES} blades, and the rotor has {rotor.blade.blade_count}"
+            raise InputError(problem, "leave out openfast", key="--to", value=self.name)
         words = rotor.words | self._water(rotor) | self._cases(rotor)
         words["provenance"] = "; ".join(source.provenance)
         words["hub_volume"] = repr(self.hub_volume or 0.0)

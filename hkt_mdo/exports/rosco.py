@@ -93,11 +93,11 @@ def _law_words(design: Design, rotor: Hydrodynamics, highest: float) -> dict[str
     """Return what DISCON.IN says of the law: modes, gains, limits and schedule."""
     law, gains = design.law, design.gains
     if not isinstance(law, FeedbackLaw):
-        problem = "an open loop is no controller: its torque is a function of the time"
-        raise InputError(problem, "run the case with a feedback law", key="control.law")
+        problem = "has no open loop, whose torque is a function of the time"
+        raise InputError(problem, "run the case with a feedback law", key="--to", value="rosco")
     if law.states and not isinstance(law, Tracking):
-        problem = f"ROSCO has no place for the states of the law {law.law}"
-        raise InputError(problem, "export it in another format", key="control.law")
+        problem = f"has no place for the states of the law {law.law}"
+        raise InputError(problem, "export controller or csv", key="--to", value="rosco")
     flows, speeds, torques = _schedule(design, rotor, highest)
     limit = law.torque_limit
     largest = NEVER * float(np.max(torques)) if limit is None else limit
@@ -132,9 +132,9 @@ def _law_words(design: Design, rotor: Hydrodynamics, highest: float) -> dict[str
     if isinstance(law, Tracking):
         return words | _by_flow(law, design, rotor, (flows, speeds))
     if np.any(np.diff(torques) <= 0.0):
-        problem = f"the torque of the law {law.law} does not rise with the rotor's speed throughout"
-        remedy = "ROSCO looks the speed up by the torque: export a law whose torque rises"
-        raise InputError(problem, remedy, key="control.law", value=law.law)
+        problem = "looks the rotor's speed up by the torque, which does not rise with it throughout"
+        remedy = f"export controller, which has the law {law.law} itself"
+        raise InputError(problem, remedy, key="--to", value="rosco")
     slope = float(np.max(np.gradient(torques, speeds)))
     about = f"{law.law} law as a speed that follows the torque within {LAG:g} s (VS_FBP 3)"
     own = {"mode": 4, "schedule": 3, "proportional": 0.0, "integral": repr(-slope / LAG)}
@@ -214,8 +214,8 @@ def _schedule(
             at = float(np.interp(0.0, spare[pair][::-1], turning[pair][::-1]))
             found.append((flow, at, float(law.torque(at, design.gains))))
     if len(found) < 2:
-        problem = "no flow is found in which the rotor turns steadily under its law"
-        raise InputError(problem, "look at the gains of the result", key="control.law")
+        problem = "needs flows in which the rotor turns steadily under its law, and finds none"
+        raise InputError(problem, "look at the gains of the result", key="--to", value="rosco")
     flows, speeds, torques = np.array(found).T
     return flows, speeds, torques
 

@@ -353,7 +353,7 @@ def outline_names(source: Source) -> str:
         key = "rotor.outline" if any(each.outline_x is None for each in own) else ""
         names = [rotor.blade] if own else []
     if key:
-        problem = "is not given, and polars alone do not say the shape of a section"
+        problem = "is not given: stl, step and sections need it, since polars have no shape"
         remedy = "give the outline in the case and run it again"
         raise InputError(problem, remedy, file=source.solution.folder, key=key)
     names = names or [rotor.outline or OUTLINE]

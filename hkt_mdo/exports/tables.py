@@ -270,7 +270,7 @@ def section_names(design: Design) -> list[str]:
         One name a station; between two sections, both and the share of the second.
     """
     blends = design.turbine.blends
-    names = [a if share == 0.0 else f"{a} to {b}, {share:.4g}" for a, b, share in blends]
+    names = [{0.0: a, 1.0: b}.get(c, f"{a} to {b}, {c:.4g}") for a, b, c in blends]
     return names * design.blade.r.size if len(names) == 1 else names
 
 
@@ -286,8 +286,8 @@ def _coefficients(solution: Solution, design: Design) -> Table:
     """Return the coefficients of the blade from slow rotation to beyond its operation."""
     known = [np.max(own.trajectory["tip_speed_ratio"]) for own in solution.tables.values()]
     known.append(solution.summary.tip_speed_ratio_at_power_coefficient_max or 0.0)
-    steps = np.arange(round(SLOWEST / RATIO_STEP), np.ceil(BEYOND * max(known) / RATIO_STEP) + 1)
-    ratio, rotor = steps * RATIO_STEP, design.physics.rotor
+    count = np.ceil((BEYOND * max(known) - SLOWEST) / RATIO_STEP) + 1
+    ratio, rotor = np.round(SLOWEST + RATIO_STEP * np.arange(count), 6), design.physics.rotor
     polars: Any = rotor.polar
     found, title = rotor.coefficients(design.blade, ratio), "coefficients by direct BEM"
     if rotor.follows_reynolds:

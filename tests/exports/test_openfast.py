@@ -288,7 +288,7 @@ def test_more_blades_than_elastodyn_takes_are_refused(tmp_path):
     shutil.copytree(DATA / "paper", folder)
     case = folder / "case.yaml"
     case.write_text(case.read_text().replace("blade_count: null", "blade_count: 4"))
-    with pytest.raises(InputError, match="has 4 blades, and OpenFAST takes 3"):
+    with pytest.raises(InputError, match="takes 3 blades, and the rotor has 4"):
         export(Solution.load(folder), ["openfast"], tmp_path / "out")
 
 

@@ -262,7 +262,7 @@ def test_polars_without_outlines_are_refused(tmp_path):
     own = f"blade: {blade}, polar: {polar}, radius: 1.05, hub_radius_fraction: 0.1"
     source = make_source(tmp_path / "one", f"rotor: {{{own}}}")
     for name in ("stl", "step", "sections"):
-        with pytest.raises(InputError, match="polars alone do not say the shape") as error:
+        with pytest.raises(InputError, match="stl, step and sections need it") as error:
             files(source, name)
         assert error.value.key == "rotor.outline"
     sections = f"[{FOUR}, {{polar: {polar}, thickness: 0.3}}]"

@@ -263,6 +263,7 @@ rotor:
     several = made(tmp_path / "several", QUADRATIC + rotor, [11.0])
     names = values(by_name(several)["blade"])["section_name"]
     assert any(name.startswith("thin to naca4424, 0.") for name in names)
+    assert "naca4424" in names
     thickness = values(by_name(several)["blade"])["thickness_over_chord"]
     shares = [float(name.split(", ")[1]) for name in names if "," in name]
     inside = [t for name, t in zip(names, thickness, strict=True) if "," in name]
