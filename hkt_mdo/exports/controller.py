@@ -17,12 +17,10 @@ from scipy.interpolate import CubicSpline, PPoly
 
 from hkt_mdo.dynamics.estimate import FlowEstimate
 from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
-from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wide_laws import STILL, CurveFeedback, PowerLawFeedback, RatedFeedback
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source
-from hkt_mdo.problem.physics import BEM
 from hkt_mdo.results.design import Design
 from hkt_mdo.sections import Quantity
 
@@ -158,15 +156,12 @@ def _tracking(design: Design) -> Code:
         "LAG": (law.lag, "with which the flow speed is followed, s; 0: at once"),
     }
     if law.estimates_flow:
-        world, blade = design.physics, design.blade
-        check = BEM[world.case.hydrodynamics.check]
-        plant = Plant(blade, design.polars, design.inertia, world.density, check)
-        curves["ratio_of"] = found = FlowEstimate(plant).ratio_of
+        curves["ratio_of"] = found = FlowEstimate(design.plant).ratio_of
         constants |= {
             "SMALLEST": (float(found.x[0]), "driving torque over that of the tip speed, at least"),
             "LARGEST": (float(found.x[-1]), "and at most"),
-            "RADIUS": (blade.rotor_radius, "radius of the rotor, m"),
-            "DENSITY": (world.density, "density of the water, kg/m^3"),
+            "RADIUS": (design.blade.rotor_radius, "radius of the rotor, m"),
+            "DENSITY": (design.physics.density, "density of the water, kg/m^3"),
             "INERTIA": (design.inertia, "of the rotor, kg m^2"),
             "STILL": (STILL, "slowest speed that counts, rad/s"),
         }

@@ -141,6 +141,11 @@ class Scenario:
         )
 
     @property
+    def mean_flow(self) -> float:
+        """Mean speed of the flow at the samples, m/s."""
+        return float(np.mean(self.inflow.speed_at(self.samples)))
+
+    @property
     def samples(self) -> np.ndarray:
         """Times at which the quasi-steady start samples the flow, s: four a segment."""
         return np.append(self.within(0.25 * np.arange(4)), self.edges[-1])

@@ -11,8 +11,9 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from hkt_mdo.case import read_case
 from hkt_mdo.exports.base import Source, export
+from hkt_mdo.exports.solids import station_outlines
 from hkt_mdo.exports.tables import steady_operation
-from hkt_mdo.exports.windio import polar_rows, station_outlines
+from hkt_mdo.exports.windio import polar_rows
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.outline import Outline
 from tests.exports.made import made
@@ -61,7 +62,12 @@ def turbines(tmp_path_factory):
     return cache(lambda name: written(tmp_path_factory.mktemp("windio"), name))
 
 
-@pytest.fixture(scope="module", params=CASES)
+QUICK, *OTHERS = CASES
+
+
+@pytest.fixture(
+    scope="module", params=[QUICK, *(pytest.param(each, marks=pytest.mark.slow) for each in OTHERS)]
+)
 def turbine(request, turbines):
     return turbines(request.param)
 
@@ -152,6 +158,7 @@ def test_fewer_rows_than_a_polar_has_knots(polar):
     assert polar_rows(polar, 1e-4)[0].size < 0.4 * alpha.size
 
 
+@pytest.mark.slow
 def test_losses_of_the_generator_are_an_efficiency_along_the_operation(turbines):
     _, design, _, data = turbines("Reynolds numbers")
     curve = data["components"]["drivetrain"]["generator"]["rpm_efficiency"]
