@@ -27,6 +27,7 @@ def run_page(name, capsys):
     return known
 
 
+@pytest.mark.slow
 def test_examples_of_the_groups(tmp_path, monkeypatch, capsys):
     """A cost model on top, a design of experiments, and a pile that shares the rotor's radius."""
     monkeypatch.chdir(tmp_path)
@@ -44,6 +45,7 @@ def test_examples_of_the_groups(tmp_path, monkeypatch, capsys):
     assert cost == pytest.approx(cost[2] / stress[2] * stress, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_databases_and_plots(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     known = run_page("postprocessing.md", capsys)

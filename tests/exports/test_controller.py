@@ -44,7 +44,7 @@ VALUES = {
 }
 """Gains of each."""
 
-SPEEDS = np.concatenate(([-1.0, 0.0, 1e-4, 1e-3], np.linspace(0.01, 40.0, 4001)))
+SPEEDS = np.concatenate(([-1.0, 0.0, 1e-4, 1e-3], np.linspace(0.01, 40.0, 401)))
 
 TRACKING = "{law: tracking, torque_limit: 600, knots: 5, lag: 0.15, flow_range: [1.3, 1.7]"
 SCHEDULE = [6.5, 7.0, 7.6, 8.0, 8.2]

@@ -278,7 +278,7 @@ def test_what_the_user_must_fill_in_is_marked(exported):
 )
 def test_bad_options_are_told_with_their_key(tmp_path, options, key):
     with pytest.raises(InputError) as told:
-        export(solution("river"), ["openfast"], tmp_path / "out", options=options)
+        export(solution("paper"), ["openfast"], tmp_path / "out", options=options)
     assert told.value.key == key
     assert not (tmp_path / "out").exists()
 

@@ -60,7 +60,12 @@ def make_source(folder, text, **told):
     return Source(Solution.load(folder))
 
 
-@pytest.fixture(scope="module", params=ROTORS)
+QUICK, *OTHERS = ROTORS
+
+
+@pytest.fixture(
+    scope="module", params=[QUICK, *(pytest.param(each, marks=pytest.mark.slow) for each in OTHERS)]
+)
 def source(request, tmp_path_factory):
     return make_source(tmp_path_factory.mktemp("solids"), ROTORS[request.param])
 
@@ -107,7 +112,7 @@ def principal_angle(outline):
 
 @pytest.mark.parametrize("hub", ["none", "cylinder"])
 def test_blade_rotor_and_hub_are_closed_bodies(source, hub):
-    made = files(source, "stl", f"hub={hub}")
+    made = files(source, "stl", f"hub={hub}", "points=100", "spanwise=40")
     one, rotor = mesh(made["blade.stl"]), mesh(made["rotor.stl"])
     assert one.is_volume
     assert rotor.is_volume
@@ -298,7 +303,7 @@ def read_step(content, folder):
 
 
 def test_step_has_valid_solids_of_the_same_volume(source, tmp_path):
-    made = files(source, "step", "trailing_edge=0.01 mm")
+    made = files(source, "step", "trailing_edge=0.01 mm", "points=40")
     design = source.design
     mass = mass_and_inertia(design.blade, design.turbine.section_area, 1.0).mass
     own = mass / design.blade.blade_count
@@ -309,7 +314,7 @@ def test_step_has_valid_solids_of_the_same_volume(source, tmp_path):
 
 
 def test_step_unites_blades_and_hub(paper, tmp_path, capfd):
-    made = files(paper, "step", "hub=cylinder")
+    made = files(paper, "step", "hub=cylinder", "points=40")
     blade = paper.design.blade
     _, (one,) = read_step(made["blade.step"], tmp_path)
     _, (rotor,) = read_step(made["rotor.step"], tmp_path)
@@ -323,8 +328,9 @@ def test_step_unites_blades_and_hub(paper, tmp_path, capfd):
 
 
 def test_sharp_trailing_edge_is_an_edge_of_the_solid(paper, tmp_path):
-    _, (one,) = read_step(files(paper, "step", "trailing_edge=0")["blade.step"], tmp_path)
-    sharp = mesh(files(paper, "stl", "trailing_edge=0")["blade.stl"])
+    sharp, points = "trailing_edge=0", "points=60"
+    _, (one,) = read_step(files(paper, "step", sharp, points)["blade.step"], tmp_path)
+    sharp = mesh(files(paper, "stl", sharp, points)["blade.stl"])
     assert one == pytest.approx(sharp.volume, rel=0.01)
 
 
