@@ -66,8 +66,7 @@ class Windio(Format):
             root["materials"] = [{"name": MATERIAL} | about]
         efficiency = _efficiency(design)
         if efficiency is not None:
-            generator = {"rpm_efficiency": dict(zip(("grid", "values"), efficiency, strict=True))}
-            root["components"]["drivetrain"]["generator"] = generator
+            root["components"]["drivetrain"]["generator"] = {"rpm_efficiency": efficiency}
         dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
         plain = json.loads(to_json(root))
         text = yaml.dump(plain, Dumper=dumper, sort_keys=False, default_flow_style=None, width=1000)
@@ -115,23 +114,17 @@ def _blade(design: Design, stacking: float, positions: list[dict]) -> dict[str, 
     blade = design.blade
     grid = _grid(design)
     chord = carried(blade.chord)
-
-    def curve(values, grid=grid):
-        return {"grid": grid, "values": values}
-
-    ends, straight = np.array([0.0, 1.0]), np.zeros(2)
     length = blade.tip_radius - blade.hub_radius
     return {
         "reference_axis": {
-            "x": curve(straight, ends),
-            "y": curve(straight, ends),
-            "z": curve(length * ends, ends),
+            name: _curve([0.0, 1.0], [0.0, end])
+            for name, end in zip("xyz", (0.0, 0.0, length), strict=True)
         },
         "outer_shape": {
-            "chord": curve(chord),
-            "twist": curve(np.rad2deg(carried(blade.twist))),
-            "rthick": curve(np.round(carried(design.thickness), DIGITS)),
-            "section_offset_y": curve(stacking * chord),
+            "chord": _curve(grid, chord),
+            "twist": _curve(grid, np.rad2deg(carried(blade.twist))),
+            "rthick": _curve(grid, np.round(carried(design.thickness), DIGITS)),
+            "section_offset_y": _curve(grid, stacking * chord),
             "airfoils": positions,
         },
     }
@@ -143,16 +136,17 @@ def _structure(design: Design) -> dict[str, Any]:
     half = 0.5 * design.thickness
     share = half if wall is None else np.minimum(half, wall)
     ends = {name: {"anchor": {"name": "skin", "handle": name}} for name in ARCS}
-    shell = {"grid": _grid(design), "values": carried(share * blade.chord)}
-    places = {
-        name: {"grid": [0.0, 1.0], "values": 2 * [at]}
-        for name, at in zip(ARCS, (0.0, 1.0), strict=True)
-    }
+    shell = _curve(_grid(design), carried(share * blade.chord))
+    places = {name: _curve([0.0, 1.0], 2 * [at]) for name, at in zip(ARCS, (0.0, 1.0), strict=True)}
     return {
         "anchors": [{"name": "skin"} | places],
         "webs": [],
         "layers": [{"name": "shell", "material": MATERIAL, "thickness": shell} | ends],
     }
+
+
+def _curve(grid: Any, values: Any) -> dict[str, Any]:
+    return {"grid": grid, "values": values}
 
 
 def _grid(design: Design) -> np.ndarray:
@@ -230,8 +224,7 @@ def _re_sets(polars: tuple[Polar, ...], numbers: list[float]) -> list[dict]:
         alpha, lift, drag = polar_rows(polar)
         grid = np.rad2deg(alpha)
         columns = {"cl": lift, "cd": drag, "cm": np.zeros(grid.size)}
-        curves = {name: {"grid": grid, "values": values} for name, values in columns.items()}
-        sets.append({"re": number} | curves)
+        sets.append({"re": number} | {name: _curve(grid, each) for name, each in columns.items()})
     return sets
 
 
@@ -269,14 +262,14 @@ def polar_rows(polar: Polar, error: float = SMALLEST_ERROR) -> tuple[np.ndarray,
 # Generator and control ----------------------------------------------------------------------------
 
 
-def _efficiency(design: Design) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return rotor speeds (rpm) and the efficiency along the steady operation; None: unknown."""
-    generator, steady = design.physics.generator, steady_operation(design)
-    if generator.lossless or steady is None:
+def _efficiency(design: Design) -> dict[str, Any] | None:
+    """Return the efficiency over rotor speeds (rpm) along the steady operation; None: unknown."""
+    steady = None if design.physics.generator.lossless else steady_operation(design)
+    if steady is None:
         return None
     speed, first = np.unique(steady["rotor_speed"], return_index=True)
     efficiency = (steady["electrical_power"] / steady["generator_power"])[first]
-    return speed * REVOLUTIONS, np.maximum(efficiency, 0.0)
+    return _curve(speed * REVOLUTIONS, np.maximum(efficiency, 0.0))
 
 
 def _control(source: Source) -> dict[str, Any]:
