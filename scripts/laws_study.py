@@ -69,10 +69,10 @@ IMAGE = "images/laws.png"
 HEAD = """\
 # Which feedback law comes how near to open loop?
 
-Written by `python scripts/laws_study.py`: the paper's rotor, blade and law designed together
-(*designed*), or the law alone with the blade of open loop under the same limits (*kept*). Every
-energy is the captured one of the integration with direct BEM, over an open cycle, against open
-loop in the same flow, under the same limits. A run that its judges refused is in the tables as
+Written by `python scripts/laws_study.py`: the paper's rotor on 40 stations, blade and law designed
+together (*designed*), or the law alone with the blade of open loop under the same limits (*kept*).
+Every energy is the captured one of the integration with direct BEM, over an open cycle, against
+open loop in the same flow, under the same limits. A run that its judges refused is in the tables as
 such; flows and limits that are not in them were not run.
 
 Induction answers at once in this program, while a wake needs seconds. That a light rotor is stable
@@ -144,7 +144,8 @@ def case(flow, limit, law):
     """Return the case of a law under limits in a flow."""
     torque, limits = LIMITS[limit]
     data = f"inflow={{{FLOWS[flow]}}}", f"control={{{LAWS[law]}, torque_limit: {torque}}}"
-    return load_case({}, [*data, f"limits={{{limits}}}"])
+    resolved = "rotor.station_count=40"  # as limits ask, and without them alike
+    return load_case({}, [*data, f"limits={{{limits}}}", resolved])
 
 
 # Flows that a design has not seen ---------------------------------------------------------------

@@ -15,6 +15,7 @@ from hkt_mdo.cli import main
 
 EXTENSION = Path(__file__).parent / "data" / "extension.py"
 SHORT = {"inflow": "sine", "control": "open_loop", "phase": {"segments": 30, "duration": 30}}
+SHORT |= {"version": 1}  # on nine stations, with limits and without
 
 
 @pytest.fixture(scope="module")

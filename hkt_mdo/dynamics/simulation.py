@@ -311,11 +311,12 @@ class _Motion:
             found = self._solve(self._divided_by_flow(window), start, energies[0])
             if found and (stop := self._standstill(found[0])) is not None:
                 found = self._solve(stop, start, energies[0])
-            if found is None:
+            if not found:
                 failures, stop = failures + 1, None
-                if failures > most or edges[1] - edges[0] < 1e-14 * self.duration:
-                    raise IntegrationError(float(edges[0]))
                 count = (window.size - 1) // 2
+                endless = found is False and not count
+                if endless or failures > most or edges[1] - edges[0] < 1e-14 * self.duration:
+                    raise IntegrationError(float(edges[0]))
                 if not count:
                     edges = np.insert(edges, 1, 0.5 * (edges[0] + edges[1]))
                     count = 1
@@ -384,7 +385,8 @@ class _Motion:
     def _solve(self, edges, start, energy):
         """Return motion (`PPoly`) and energies over some steps, divided until they are accurate.
 
-        energy, J, is what has been captured before. None if Newton's method does not converge.
+        energy, J, is what has been captured before. None if Newton's method does not converge,
+        False if no number of steps up to `MOST_STEPS` is enough.
         """
         flow = float(self.inflow.speed_at(self.begin))
         power = power_scale(self.plant.density, self.plant.blade.rotor_radius, flow)
@@ -423,7 +425,7 @@ class _Motion:
                 return path, np.array([np.sum(step * MATRIX[-1] * each) for each in powers])
             parts = np.nan_to_num(np.ceil((2.0 * share) ** (1.0 / (STAGES + 1))), nan=8.0)
             edges = divided(edges, np.where(share <= 1.0, 1, np.clip(parts, 2, 8)).astype(int))
-        return None
+        return False
 
     def _stages(self, start, step, time, flow, guess):
         """Return values at the stages, the slope of the rates, and both torques; None if lost."""

@@ -13,6 +13,7 @@ import numpy as np
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.simulation import Plant
+from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import BEM, Physics, physics
 from hkt_mdo.problem.turbine import Turbine
 from hkt_mdo.results.summary import Summary
@@ -72,9 +73,13 @@ class Design:
         Raises
         ------
         InputError
-            If a file of the case is gone or broken.
+            If a file of the case is gone or broken, or the case has other stations.
         """
         world = physics(case)
+        if len(summary.chord_m) != world.blade.r.size:
+            problem = f"makes {world.blade.r.size} stations, and the result has a chord at "
+            remedy = "give rotor.stations or rotor.station_count of the run, or run the case again"
+            raise InputError(problem + str(len(summary.chord_m)), remedy, file="case.yaml")
         blade = world.blade.with_rotor_radius(summary.rotor_radius_m or world.blade.rotor_radius)
         twist = np.deg2rad(summary.twist_deg)
         blade = blade.with_shape(summary.chord_m, twist, summary.thickness_over_chord)

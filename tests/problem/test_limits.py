@@ -229,7 +229,7 @@ def test_the_worse_unknown_of_a_limited_rate_is_told(unknown):
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     def solve(**sections):
-        case = load_case(SHORT | sections)
+        case = load_case(SHORT | {"version": 1} | sections)  # on nine stations
         return run_case(case, tmp_path_factory.mktemp("run") / "out", figures=False, records=False)
 
     return solve

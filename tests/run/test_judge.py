@@ -20,7 +20,7 @@ from hkt_mdo.run.none_found import nearest_law, none_found
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.sections import Quantity
 
-SHORT = {"inflow": "sine", "phase": {"segments": 15, "duration": 15}}
+SHORT = {"inflow": "sine", "phase": {"segments": 15, "duration": 15}, "version": 1}
 # bounds that are active at the optimum: a step across them hardly changes the blade
 DESIGNED = SHORT | {
     "control": {"law": "quadratic", "torque_limit": 700},

@@ -225,14 +225,14 @@ def test_loads_are_computed_once(solve_physics, tmp_path):
 
 def test_loads_of_a_resolved_blade_are_told(solve_physics):
     """Nine stations miss a part of the stress that forty have."""
-    coarse = solve_physics(SHORT | {"limits": {"stress": "100 MPa"}})
+    coarse = solve_physics(SHORT | {"limits": {"stress": "100 MPa"}, "version": 1})
     told = [each.told for each in coarse.flights]
     blade = coarse.result.point.blade
-    changes = loads.resolved(coarse.physics, blade, told)
-    assert list(changes) == ["stress"]
-    assert 0.05 < changes["stress"] < 0.6
+    (resolved,) = loads.resolved(coarse.physics, blade, told)
+    change = resolved["stress"][0] / np.max(told[0]["stress"]) - 1.0
+    assert 0.05 < change < 0.6
     (note,) = [each for each in summarize(coarse.finished()).notes if "stations" in each]
-    assert f"stress {100.0 * changes['stress']:+.1f} %" in note
+    assert f"stress {100.0 * change:+.1f} %" in note
     # the blade itself on forty stations, by its own bending, and nearly nothing is missed there
     rotor = SHORT.get("rotor", {}) | {"station_count": 40}
     fine = physics(load_case(SHORT | {"rotor": rotor, "limits": {"stress": "100 MPa"}}))
@@ -241,4 +241,4 @@ def test_loads_of_a_resolved_blade_are_told(solve_physics):
     worst = [int(np.argmax(told[0]["stress"]))]
     instant = {key: told[0][key][worst] for key in ("tip_speed_ratio", "inflow_speed")}
     stress = fine.loads_along(many, instant, ("stress",))["stress"][0]
-    assert stress / told[0]["stress"][worst[0]] - 1.0 == pytest.approx(changes["stress"], abs=0.02)
+    assert stress / told[0]["stress"][worst[0]] - 1.0 == pytest.approx(change, abs=0.02)

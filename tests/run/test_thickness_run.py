@@ -12,7 +12,6 @@ SECTIONS = [
     {"polar": "naca63815_Re1e6", "outline": "naca63815", "thickness": 0.15},
     {"polar": "naca63424_Re1e6", "outline": "naca63424"},
 ]
-STATIONS = [0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.999]
 
 
 def run(folder, rotor, limits=None, **design):
@@ -21,7 +20,7 @@ def run(folder, rotor, limits=None, **design):
         {
             "inflow": "sine",
             "control": {"law": "open_loop", "torque_limit": 700},
-            "rotor": {"stations": STATIONS} | rotor,
+            "rotor": {"station_count": 30} | rotor,
             "design": points,
             "limits": {"stress": "60 MPa"} if limits is None else limits,
             "phase": {"segments": 30},
@@ -65,9 +64,9 @@ def test_at_one_sections_thickness_the_run_is_that_of_the_section(tmp_path):
 def test_the_blade_that_is_written_is_read_back_with_its_thickness(designed):
     folder, found = designed
     own = {"blade": str(folder / "blade.csv"), "set_angle": 0, "hub_radius_fraction": 0.125}
-    rotor = own | {"stations": STATIONS, "radius": 1.4, "sections": SECTIONS}
+    rotor = own | {"radius": 1.4, "sections": SECTIONS}
     others = {"inflow": "sine", "control": "quadratic", "rotor": rotor}
-    again = physics(load_case(others | {"design": {"thickness_points": 7}}))
+    again = physics(load_case(others | {"design": {"thickness_points": 30}}))
     np.testing.assert_allclose(again.blade.thickness, found.thickness_over_chord, rtol=1e-9)
     np.testing.assert_allclose(again.blade.chord, found.chord_m, rtol=1e-9)
     fixed = physics(load_case(others | {"design": {"blade": "fixed"}}))

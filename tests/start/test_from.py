@@ -77,7 +77,7 @@ def test_the_best_of_all_is_kept(result):
 @pytest.mark.parametrize("limits", [{}, {"power": "5 kW"}])
 def test_with_the_blade_s_method_it_is_taken_as_it_is(result, limits):
     control = {"law": "quadratic", "torque_limit": 700.0}
-    case = world(result(gain=12.0), control, "blade", limits=limits)
+    case = world(result(gain=12.0), control, "blade", limits=limits, version=1)
     start = begin(case)
     np.testing.assert_allclose(start.blade.chord, 0.9 * case.blade.chord)
     np.testing.assert_allclose(start.blade.twist, case.blade.twist + np.deg2rad(1.0))

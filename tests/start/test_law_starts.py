@@ -15,7 +15,7 @@ def start(law, limits="{}", torque_limit=None):
     control = {"law": law} if isinstance(law, str) else dict(law)
     case = load_case(
         {"inflow": "sine", "control": control | {"torque_limit": torque_limit}},
-        [f"limits={limits}"],
+        [f"limits={limits}", "version=1"],
     )
     world = physics(case)
     found = find_start(world, steady_optimum(world, world.blade))

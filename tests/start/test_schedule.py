@@ -18,7 +18,7 @@ from hkt_mdo.start.search import ScheduleSearch
 from hkt_mdo.start.strategies import Task
 from tests.verification.study import random_start
 
-SINE = {"inflow": "sine"}
+SINE = {"inflow": "sine", "version": 1}  # on nine stations, with limits and without
 
 
 @cache
