@@ -1,7 +1,6 @@
 """Closed bodies and section coordinates of a result, held to trimesh and OpenCASCADE."""
 
 import io
-import json
 import re
 
 import numpy as np
@@ -9,15 +8,13 @@ import pytest
 import trimesh
 from scipy.interpolate import BSpline
 
-from hkt_mdo import Solution
-from hkt_mdo.case import read_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Source, chosen
-from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.outline import FRACTIONS, Outline
 from hkt_mdo.rotor.thickness import over_thickness
-from tests.conftest import CASES, make_result
+from tests.conftest import CASES
+from tests.exports.made import made
 
 FOUR = ", ".join(
     f"{{outline: {path}.csv, polar: {path}_polars.csv}}"
@@ -33,31 +30,11 @@ design: {{chord_points: 9, twist_points: 9, thickness_points: 9}}""",
 
 
 def make_source(folder, text, **told):
-    """Return the source of an invented result: the blade with which a case begins.
-
-    `told` are entries of its summary.
-    """
-    folder = make_result(folder / "result")
-    case = read_case(
-        f"name: made\ninflow: sine\ncontrol: quadratic\n{text}\n", file=folder / "case.yaml"
-    )
-    (folder / "case.yaml").write_text(case.to_yaml(), encoding="utf-8")
-    blade = physics(case).blade
-    thickness = blade.thickness
-    if thickness is not None:
-        thickness = np.linspace(0.22, 0.13, blade.r.size).tolist()
-    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    summary |= {
-        "r_m": blade.r.tolist(),
-        **dict.fromkeys(("chord_m", "start_chord_m"), blade.chord.tolist()),
-        **dict.fromkeys(("twist_deg", "start_twist_deg"), np.rad2deg(blade.twist).tolist()),
-        "thickness_over_chord": thickness,
-        "rotor_radius_m": blade.rotor_radius,
-        "tip_radius_m": blade.tip_radius,
-        **told,
-    }
-    (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
-    return Source(Solution.load(folder))
+    """Return the source of a result: the blade with which a case begins; `told` its summary."""
+    case = f"name: made\ninflow: sine\ncontrol: quadratic\n{text}\n"
+    if "station_count: 12" in text:
+        told["thickness_over_chord"] = np.linspace(0.22, 0.13, 12)
+    return Source(made(folder / "result", case, [11.0], **told))
 
 
 QUICK, *OTHERS = ROTORS
