@@ -81,6 +81,7 @@ def _comments(source: Source) -> list[str]:
         outlines = f"Coordinates are those of {outline_names(source)}."
     except InputError as error:
         outlines = f"COORDINATES ARE A PLACEHOLDER: {error.key} {error.problem}."
+    cone = " TIPS ARE TURNED DOWNSTREAM by cone_angle." if design.blade.cone < 0.0 else ""
     depth = "not given" if site.hub_depth is None else f"{site.hub_depth!r} m"
     return [
         f"WATER, for which windIO has no key: density {fluid.density!r} kg/m^3, "
@@ -88,7 +89,7 @@ def _comments(source: Source) -> list[str]:
         f"Inertia about the shaft: {design.inertia!r} kg m^2. Pitch is fixed, twist has the set "
         "angle. rated_power is the largest electrical power in the operation of the result, "
         "max_rotor_speed the limit of the case or the largest speed in that operation; re is that "
-        "of the polars' files or, where they say none, one of the operation.",
+        f"of the polars' files or, where they say none, one of the operation.{cone}",
         outlines,
         "PLACEHOLDERS: the pitching moments cm and the hub's drag cd are zero. The structure is "
         "one shell as thick as rotor.wall or, of solid blades, as half their thickness, its "

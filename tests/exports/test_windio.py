@@ -28,7 +28,7 @@ STATIONS = "stations: [0.25, 0.45, 0.65, 0.85, 0.98]"
 
 CASES = {
     "one section": ("", [11.0]),
-    "resized": ("rotor: {blade: rm1, radius: 2.0, cone: 4, station_count: 6}", [40.0]),
+    "resized": ("rotor: {blade: rm1, radius: 2.0, cone: -4, station_count: 6}", [40.0]),
     "several sections": (f"rotor:\n  blade: rm1\n  {STATIONS}\n  sections:{SEVERAL}", [40.0]),
     "designed thickness": (
         f"rotor:\n  {STATIONS}\n  sections:{SEVERAL}design: {{chord_points: 5, twist_points: 5, "
@@ -108,6 +108,7 @@ def test_it_says_what_the_schema_has_no_key_for(turbine):
     fluid = solution.case.fluid
     assert f"density {fluid.density!r} kg/m^3" in data["comments"]
     assert f"viscosity {fluid.kinematic_viscosity!r} m^2/s" in data["comments"]
+    assert ("TURNED DOWNSTREAM by cone_angle" in data["comments"]) == (design.blade.cone < 0.0)
     placeholder = "COORDINATES ARE A PLACEHOLDER: rotor.outline is not given"
     given = solution.case.rotor.polar is None or solution.case.rotor.outline is not None
     assert (placeholder in data["comments"]) == (not given)
