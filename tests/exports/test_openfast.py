@@ -23,7 +23,7 @@ from hkt_mdo.files.table import parse_number
 from hkt_mdo.rotor import bem
 
 DATA = Path(__file__).parents[1] / "data" / "openfast"
-NAMES = ("paper", "rm1", "river")
+NAMES = ("paper", "rm1", pytest.param("river", marks=pytest.mark.slow))
 RATIOS = [f"openfast.tip_speed_ratio.{each}" for each in ("lowest=3", "highest=10", "count=8")]
 APART = 4e-6  # rad, four of the steps with which AeroDyn's search ends
 SAME = 1e-10
