@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -59,10 +60,20 @@ def read_blade(source: str | Path, hub_radius: float | None = None) -> BladeTabl
     lines = [line for line in lines_of(text) if line.strip() and line.lstrip()[0] != "#"]
     head, suffix = "\n".join(lines[:30]), path.suffix.lower()
     if _AERODYN.search(head) or (lines and suffix in {".dat", ".inp"} and "," not in lines[0]):
-        return read_blade_definition(text, path, hub_radius)
+        table = read_blade_definition(text, path, hub_radius)
+        _suspect_radians(path, "BlTwist", np.rad2deg(table.twist), "convert it")
+        return table
     if _WINDIO.search(head) or suffix in {".yaml", ".yml"}:
         return read_windio(text, path)
     return _read_csv(text, path)
+
+
+def _suspect_radians(file: Path, column: str, twist: np.ndarray, remedy: str) -> None:
+    """Warn of twists in degrees that are all so small that they are most likely radians."""
+    most = float(np.max(np.abs(twist), initial=0.0))
+    if 0.0 < most < 1.0 and np.ptp(twist) > 0.0:
+        problem = f"{column} is in degrees, and no value is above {most:.3g}"
+        warnings.warn(f"{file}: {problem}: if it is in radians, {remedy}", stacklevel=3)
 
 
 # CSV ----------------------------------------------------------------------------------------------
@@ -102,6 +113,8 @@ def _read_csv(text: str, file: Path) -> BladeTable:
     messages = []
     for name, column in columns.items():
         unit = name.rpartition("_")[2]
+        if unit == "deg":
+            _suspect_radians(file, name, column.values, "name the column twist_rad")
         if unit in _CONVERSIONS:
             convert, message = _CONVERSIONS[unit]
             columns[name] = replace(column, values=convert(column.values))

@@ -1,6 +1,7 @@
 """Blade files: what is read is what the file says, in every format."""
 
 import json
+import warnings
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -421,3 +422,16 @@ def test_a_path_that_is_no_file(path):
 def test_a_file_too_large_is_not_read(put):
     with pytest.raises(InputError, match="16 MiB"):
         read_blade(put("large.csv", "r_m,chord_m,twist_rad\n" + "1,1,1\n" * 3_000_000))
+
+
+def test_radians_below_the_name_of_degrees_are_suspected(tmp_path):
+    path = tmp_path / "b.csv"
+    path.write_text("r_m,chord_m,twist_deg\n0.2,0.2,0.4\n0.6,0.15,0.2\n1.0,0.1,0.05\n")
+    told = r"b\.csv: twist_deg is in degrees, and no value is above 0\.4: .* twist_rad"
+    with pytest.warns(UserWarning, match=told):
+        read_blade(path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for text in ("twist_rad\n0.2,0.2,0.4\n1.0,0.1,0.05\n", "twist_deg\n0.2,0.2,0\n1,0.1,0\n"):
+            path.write_text(f"r_m,chord_m,{text}")
+            read_blade(path)
