@@ -19,7 +19,7 @@ from pydantic import Field, ValidationError, create_model
 
 from hkt_mdo.case.messages import translate
 from hkt_mdo.case.schema import assign
-from hkt_mdo.errors import InputError, did_you_mean
+from hkt_mdo.errors import InputError, did_you_mean, install
 from hkt_mdo.exports import FORMATS
 from hkt_mdo.files.table import write_files
 from hkt_mdo.results.solution import Solution
@@ -140,7 +140,7 @@ def chosen(names: Sequence[str], overrides: Iterable[str] = ()) -> list[Format]:
         kind: type[Format] = getattr(import_module(f"hkt_mdo.exports.{module}"), attribute)
         missing = [package for package in kind.packages if find_spec(package) is None]
         if missing:
-            remedy = f"install it with: pip install 'hkt_mdo[{kind.extra}]'"
+            remedy = f"install it with: {install(kind.extra)}"
             problem = f"needs {', '.join(missing)}, which is not installed"
             raise InputError(problem, remedy, key="--to", value=name)
         fields[name] = kind, Field(default_factory=kind, description=f"Options of {name}.")
