@@ -277,6 +277,11 @@ class Solution:
         return bool(self.summary["success"])
 
     @property
+    def finished(self) -> bool:
+        """Whether the run came to its end, so that its judges have looked at the result."""
+        return self.summary.checks is not None
+
+    @property
     def message(self) -> str:
         """Why the run ended, one printable line."""
         return printable(self.summary.get("message") or "")
