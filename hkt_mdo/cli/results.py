@@ -111,6 +111,8 @@ def compare(
     else:
         _print_beside(names, [texts(each) for each in rows])
     finished = [each for each in solutions if each.finished]
+    if len({each.case.objective.kind for each in finished}) > 1:
+        echo("note: the objectives differ: results are in the order given", err=for_program)
     for line in beaten(finished):
         echo(f"note: {line}", err=for_program)
     for each in solutions:
@@ -230,13 +232,11 @@ def simulate(
             if snr is not None:
                 sensor = Sensor(snr, reference, rate, cutoff or None)
                 lines += _with_noise(run, sensor, repeats, seed)
-        text = "  " + "\n  ".join([joined(run.name, lines[0]), *lines[1:]])
-        echo(text, err=for_program)
+        echo("  " + "\n  ".join([joined(run.name, lines[0]), *lines[1:]]), err=for_program)
     most = largest(told)
-    rows = [entry.row(name) for name, entry in most.items()]
     if for_program:
         parts.print_records(records(told), as_json)
-    elif rows:
+    elif rows := [entry.row(name) for name, entry in most.items()]:
         parts.print_rows(rows, f"Largest values{f' of {len(told)} simulations' if several else ''}")
     for path in write(out, told) if out is not None else ():
         echo(str(path), err=for_program)
