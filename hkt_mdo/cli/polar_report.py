@@ -183,22 +183,27 @@ def _confidence_line(polar: ComputedPolar) -> str:
 def _picture(
     title: str, polars: Sequence[ComputedPolar], others: Sequence[tuple[str, PolarTable]]
 ) -> bytes:
-    """Return a PNG of lift and drag over the angle of attack, and of lift over drag."""
+    """Return a PNG of lift, drag, their ratio and suction over the angle of attack."""
     tables = [("", polar.table, polar.confidence >= LOW_CONFIDENCE) for polar in polars]
     tables += [(f"{name} ", table, np.full(table.alpha.size, True)) for name, table in others]
     first, last = polars[0].table.alpha[[0, -1]]
     curves: list[dict[str, Any]] = []
     for prefix, table, sure in tables:
         columns = {"alpha_deg": np.rad2deg(table.alpha), "lift": table.lift, "drag": table.drag}
+        columns["ratio"] = table.lift / table.drag
+        pressure = np.atleast_2d(np.asarray(table.smallest_pressure, dtype=float))
+        columns["suction"] = np.full(table.alpha.size, np.nan)
+        if pressure.size:  # of either surface, or of both
+            columns["suction"] = -np.min(pressure, axis=0) + np.zeros(table.alpha.size)
         inside = (table.alpha >= first) & (table.alpha <= last)
         curve = {name: values[inside] for name, values in {**columns, "sure": sure}.items()}
         label = f"{prefix}{_reynolds(table)}".rstrip().replace("$", r"\$")
         curves.append({"label": label, **curve})
-    panels = ("alpha_deg", "lift"), ("alpha_deg", "drag"), ("drag", "lift")
-    plots = [partial(draw_polars, curves, x, y) for x, y in panels]
-    figure = style.figure_of(6.4, 9.0, plots, share=False)
+    plots = [partial(draw_polars, curves, "alpha_deg", y) for y in ("lift", "drag", "ratio")]
+    if any(np.any(np.isfinite(curve["suction"])) for curve in curves):
+        plots.append(partial(draw_polars, curves, "alpha_deg", "suction"))
+    figure = style.figure_of(6.4, 10.5, plots)
     figure.axes[1].set_yscale("log")
-    figure.axes[2].set_xscale("log")
     title += f"\ndotted where the confidence is below {LOW_CONFIDENCE:g}"
     figure.suptitle(title.replace("$", r"\$"), fontsize=10)
     file = io.BytesIO()
