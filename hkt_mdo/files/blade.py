@@ -88,6 +88,7 @@ _QUANTITIES = {
         "t|tc|thickness|rthick|relativethickness",
     ),
 }
+_BOTH_TWISTS = {"twist_rad", "twist_deg"}
 _UNIT = re.compile(
     r"[\[(].*|_(m|mm|cm|ft|in|inch|deg|rad|degrees|radians|pct|percent|over_\w+)$|/.*"
 )
@@ -120,6 +121,10 @@ def _read_csv(text: str, file: Path) -> BladeTable:
             columns[name] = replace(column, values=convert(column.values))
             messages.append(f"{name}: {message}")
     r, chord, twist, thickness = (columns.get(name) for name in names.values())
+    if set(table.header) >= _BOTH_TWISTS:
+        same = table.columns(["twist_deg"], "blade")["twist_deg"]
+        differs = np.abs(np.deg2rad(same.values) - twist.values) > 1e-9
+        same.refuse(differs, "is not twist_rad in degrees", "keep one of both columns")
     if relative:
         problem = "lies beyond the tip, where r/R is 1"
         remedy = "divide by the tip radius, or name the column r_m or r_mm"
@@ -150,6 +155,8 @@ def _column_of(table: Csv, quantity: str) -> str:
     needed = quantity != "thickness"
     one_of = f"{', '.join(names[:-1])} or {names[-1]}"
     columns = [name for name in dict.fromkeys(table.header) if name in names]
+    if set(columns) == _BOTH_TWISTS:
+        return "twist_rad"  # a result's: it reads back bit by bit
     if len(columns) > 1:
         problem = f"has two columns for the {quantity}: {columns[0]} and {columns[1]}"
         raise table.refuse(problem, "keep one of them")
@@ -168,8 +175,8 @@ def _column_of(table: Csv, quantity: str) -> str:
 def write_blade_csv(path: str | Path, blade, remarks: Iterable[str] = ()) -> None:
     """Write a blade as CSV whose numbers read back bit by bit.
 
-    Columns are r_m, chord_m, twist_rad, and thickness_over_chord and section where the blade has
-    them. The file is complete or not there at all.
+    Columns are r_m, chord_m, twist_deg as people read it, twist_rad, which is exact, and
+    thickness_over_chord and section where the blade has them. The file is complete or not there at all.
 
     Parameters
     ----------
@@ -189,7 +196,8 @@ def write_blade_csv(path: str | Path, blade, remarks: Iterable[str] = ()) -> Non
     """
     if getattr(blade, "relative", False):
         raise ValueError("a blade over the tip radius has no lengths to write; scale it first")
-    columns = {"r_m": blade.r, "chord_m": blade.chord, "twist_rad": blade.twist}
+    columns = {"r_m": blade.r, "chord_m": blade.chord, "twist_deg": np.rad2deg(blade.twist)}
+    columns["twist_rad"] = blade.twist
     for name, attribute in (("thickness_over_chord", "thickness"), ("section", "section")):
         if getattr(blade, attribute, None) is not None:
             columns[name] = getattr(blade, attribute)
