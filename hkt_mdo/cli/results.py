@@ -67,8 +67,8 @@ def plot(
     They are blade, power_curve, operation, schedule (power, speed, torque and thrust over the speed
     of the flow), limits (largest values over their limits), loads (along the blade) and
     convergence, as far as the result has their data, in RESULT/figures unless --out is given; files
-    of the same names are replaced. Of several scenarios, operation_NAME and limits_NAME show each, and schedule and
-    loads have a line for each.
+    of the same names are replaced. Of several scenarios, operation_NAME and limits_NAME show each,
+    and schedule and loads have a line for each.
     """
     solution = read_result(result)
 

@@ -176,7 +176,8 @@ def write_blade_csv(path: str | Path, blade, remarks: Iterable[str] = ()) -> Non
     """Write a blade as CSV whose numbers read back bit by bit.
 
     Columns are r_m, chord_m, twist_deg as people read it, twist_rad, which is exact, and
-    thickness_over_chord and section where the blade has them. The file is complete or not there at all.
+    thickness_over_chord and section where the blade has them. The file is complete or not there at
+    all.
 
     Parameters
     ----------
