@@ -6,6 +6,7 @@ import difflib
 import reprlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 LONGEST_VALUE = 60
 """Most characters of a value that a message repeats, so that it stays one line."""
@@ -63,6 +64,24 @@ def did_you_mean(name: str, names: Iterable[str]) -> str:
     """
     near = difflib.get_close_matches(name[:LONGEST_GUESS], names, n=1)
     return f"did you mean {near[0]}? " if near else ""
+
+
+def install(extra: str) -> str:
+    """Return the command that installs an extra of this package, from a checkout if it is one.
+
+    Parameters
+    ----------
+    extra : str
+        Name of the extra in ``pyproject.toml``.
+
+    Returns
+    -------
+    str
+        A line for a shell.
+    """
+    root = Path(__file__).parents[1]
+    checkout = (root / "pyproject.toml").is_file()
+    return f"pip install -e '{root}[{extra}]'" if checkout else f"pip install 'hkt_mdo[{extra}]'"
 
 
 class InputError(Exception):

@@ -51,6 +51,7 @@ _QUANTITY_TEXT = re.compile(
     rf"({_NUMBER}) *({_FACTOR}(?:(?:{_TIMES}| +){_FACTOR})*(?:(?:{_TIMES}|/){_FACTOR})*)?"
 )
 _NEWTON_METRE = re.compile(r"\b([kM]?)Nm\b")
+_PER_CENT = re.compile(rf"({_NUMBER}) *%")
 _LONGEST_QUANTITY, _LONGEST_UNIT = 64, 24  # characters, so that no text takes long to evaluate
 _BOUNDS = (
     ("gt", operator.gt, "greater than", "exclusiveMinimum"),
@@ -66,7 +67,7 @@ class Quantity:
     """What a physical quantity is: its unit and range, as the annotation of a float.
 
     ``Annotated[float, Quantity("m", gt=0)]`` takes a finite number in metres, or a text such as
-    ``1400 mm``, which OpenMDAO's table of units converts.
+    ``1400 mm``, which OpenMDAO's table of units converts; without a unit, a number or ``12 %``.
 
     Parameters
     ----------
@@ -118,12 +119,14 @@ class Quantity:
     def _convert(self, text: str) -> float:
         """Return the number that a text says, in the quantity's unit."""
         text = text.strip() if len(text) <= _LONGEST_QUANTITY else ""
+        if self.unit is None and (share := _PER_CENT.fullmatch(text)):
+            return float(share[1]) / 100.0
         match = _QUANTITY_TEXT.fullmatch(text)
         if match is None:
-            wanted = "a number, or a number and a unit" if self.unit else "a number"
+            wanted = "a number, or a number and a unit" if self.unit else "a number, or per cent"
             raise self._refuse(f"must be {wanted}")
         if self.unit is None:
-            raise self._refuse("must be a plain number, no text and no unit")
+            raise self._refuse("must be a plain number or per cent, no text and no unit")
         if match[2] is None:
             raise self._refuse(f"is a text without a unit; this key is in {self.unit}")
         number, unit = float(match[1]), re.sub(rf" +|{_TIMES}", "*", match[2].replace("^", "**"))
@@ -151,7 +154,7 @@ class Quantity:
     def form(self) -> str:
         """What may be given, in words."""
         of_unit = f"a number in {self.unit}, or a text with a unit of that kind"
-        return of_unit if self.unit else "a plain number"
+        return of_unit if self.unit else "a plain number, or per cent such as 12 %"
 
     def _refuse(self, problem: str) -> PydanticCustomError:
         """Return an error whose remedy says what form the quantity has."""
@@ -161,7 +164,7 @@ class Quantity:
         return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, _: CoreSchema, __: Any) -> dict[str, Any]:
-        schema: dict[str, Any] = {"type": "number"}
+        schema: dict[str, Any] = {"type": ["number", "string"], "pattern": f"^{_PER_CENT.pattern}$"}
         if self.unit:
             # JSON schema applies a bound to numbers only, a pattern to texts only
             schema = {

@@ -595,16 +595,23 @@ def blade_area(solution):
 
 def panel(ax, found, limit):
     """Draw what each law loses in each flow under some limits."""
-    asked, place = laws(limit)[1:], range(len(laws(limit)) - 1)
-    for i, flow in enumerate(dict.fromkeys(key[0] for key in found)):
+    asked, flows = laws(limit)[1:], list(dict.fromkeys(key[0] for key in found))
+    place, width = np.arange(len(asked)), 0.8 / len(flows)
+    for i, flow in enumerate(flows):
         lost = [below(found, flow, limit, law) for law in asked]
-        lost = [np.nan if each is None else max(-each, LEAST) for each in lost]
-        look = style.line(i) | style.marker(i) | {"linestyle": "none"}
-        if not np.all(np.isnan(lost)):
-            ax.semilogy(place, lost, label=flow, **look)
-    ax.axhline(NEAR, **style.REFERENCE)
+        lost = np.array([np.nan if each is None else max(-each, 1.3 * LEAST) for each in lost])
+        look = style.bar(i)
+        left = place + (i + 0.5 - 0.5 * len(flows)) * width
+        ax.bar(left, lost, 0.9 * width, label=flow, **look)
+        for x in left[np.isnan(lost)]:
+            ax.text(x, 1.2 * LEAST, "–", ha="center", color=look["color"])
+    ax.set_yscale("log")
+    ax.set_ylim(bottom=LEAST)
+    ax.axhline(NEAR, label=f"{NEAR:g} %: as good as open loop", **style.REFERENCE)
+    ax.set_title(limit, fontsize=style.FONT_SIZE + 1, loc="left", fontweight="bold")
+    style.finish(ax, f"–: refused; bars at the foot: less than {LEAST:g} %", "below open loop (%)")
     ax.set_xticks(place, [law.replace(", ", ",\n") for law in asked])
-    return style.finish(ax, limit, "below open loop (%)")
+    return ax
 
 
 def figure(found, path):

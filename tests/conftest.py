@@ -75,6 +75,8 @@ def make_result(folder: Path, law: str = "quadratic", limit: float | None = 700.
             "tip_speed_ratio": ratio,
             "power_coefficient": 0.47 - 0.015 * (ratio - 7.2) ** 2,
             "start_power_coefficient": 0.43 - 0.02 * (ratio - 6.4) ** 2,
+            "thrust_coefficient": 0.8 + 0.02 * (ratio - 7.2),
+            "start_thrust_coefficient": 0.7 + 0.02 * (ratio - 6.4),
         },
         "convergence": {
             "evaluation": count,

@@ -73,6 +73,7 @@ def test_shipped_cases_go_by_their_names_unless_a_file_has_that_name(tmp_path, m
     monkeypatch.chdir(tmp_path)
     assert find_case("sine_oloc") == ROOT / "cases" / "sine_oloc.yaml"
     assert find_case("river_gust.yaml") == EXAMPLES / "river_gust.yaml"
+    assert find_case("limits/rm1_turbulent_limits") == find_case("rm1_turbulent_limits.yaml")
     assert load_case("own_files").name == "own_files"
     (tmp_path / "sine_oloc").write_text("inflow: {profile: sine}\ncontrol: {law: linear}\n")
     assert load_case("sine_oloc").control.law == "linear"

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from hkt_mdo.problem.build import MANY_SEGMENTS
+from hkt_mdo.run.optimization import MOST_ROWS
 
 DOCS = Path(__file__).parent.parent / "docs"
 BLOCK = re.compile(r"^```python\n(.*?)^```\n(?:\n```text\n(.*?)^```\n)?", re.DOTALL | re.MULTILINE)
@@ -27,6 +27,7 @@ def run_page(name, capsys):
     return known
 
 
+@pytest.mark.slow
 def test_examples_of_the_groups(tmp_path, monkeypatch, capsys):
     """A cost model on top, a design of experiments, and a pile that shares the rotor's radius."""
     monkeypatch.chdir(tmp_path)
@@ -44,6 +45,7 @@ def test_examples_of_the_groups(tmp_path, monkeypatch, capsys):
     assert cost == pytest.approx(cost[2] / stress[2] * stress, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_databases_and_plots(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     known = run_page("postprocessing.md", capsys)
@@ -67,4 +69,4 @@ def test_databases_and_plots(tmp_path, monkeypatch, capsys):
 
 def test_constraints_are_left_out_where_the_page_says():
     text = (DOCS / "postprocessing.md").read_text(encoding="utf-8")
-    assert f"of more than {MANY_SEGMENTS} segments without the constraints" in text
+    assert f"where segments times (limits + 1) exceed {MOST_ROWS}, without the constraints" in text

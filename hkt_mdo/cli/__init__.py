@@ -31,8 +31,7 @@ app = typer.Typer(
     help="Control co-design of hydrokinetic turbines: blade and controller optimized together.\n\n"
     "A case is a short YAML file; a run of it leaves a result folder; the other commands look at "
     f"either.\n\n{EXIT_CODES}",
-    no_args_is_help=True,
-    add_completion=False,
+    invoke_without_command=True,
     pretty_exceptions_enable=False,
 )
 for _command in (
@@ -57,9 +56,27 @@ _VERSION = typer.Option(
 )
 
 
+_BEGIN = """\
+hkt designs the blade and the controller of a hydrokinetic turbine together. In this order:
+
+  hkt new mine --kind turbine             write a case to begin from, with comments: mine.yaml
+  hkt check mine.yaml                     see what it means, before a long run
+  hkt run mine.yaml                       optimize it; the result is in results/mine
+  hkt show results/mine                   read the result; figures: results/mine/figures
+  hkt compare results/mine results/other  set it beside another result
+
+Every command: hkt --help; options of one: hkt run --help; a shipped case: hkt run sine_oloc"""
+
+
 @app.callback()
-def _hkt(version: Annotated[bool, _VERSION] = False, extend: Extend = None) -> None:
+def _hkt(
+    context: typer.Context,
+    version: Annotated[bool, _VERSION] = False,
+    extend: Extend = None,
+) -> None:
     EXTENSIONS.set(tuple(extend or ()))
+    if context.invoked_subcommand is None:
+        typer.echo(_BEGIN)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

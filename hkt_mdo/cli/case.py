@@ -35,6 +35,8 @@ def check(
     overrides: parts.Overrides = None,
     out: parts.OutFolder = None,
     no_figures: parts.NoFigures = False,
+    as_json: parts.Json = False,
+    as_csv: parts.AsCsv = False,
 ) -> None:
     """Check a case before a long run.
 
@@ -44,6 +46,7 @@ def check(
     the files, warnings what may not be meant. Nothing is optimized. Draws blade, polar, inflow and
     power_curve as PNG, in check/<name of the case> unless --out is given.
     """
+    for_program = parts.one_form(as_json, as_csv)
     loaded = parts.read_case(case, overrides)
 
     from hkt_mdo.run.check import check_case
@@ -54,8 +57,12 @@ def check(
         error.file = error.file or str(case)
         raise
     found = {"Notes": report.notes, "Warnings": report.warnings}
-    for title, rows in (report.tables | found).items():
-        if rows:
+    told = report.tables | found
+    if for_program:
+        records = (parts.plain_rows(rows, part=title) for title, rows in told.items())
+        parts.print_records([each for several in records for each in several], as_json)
+    for title, rows in told.items():
+        if rows and not for_program:
             parts.print_rows(rows, title)
     if not no_figures:
         from hkt_mdo.results import check_plots, style
@@ -63,10 +70,10 @@ def check(
         figures = check_plots.check_figures(report.figures)
         written = style.save(figures, out or Path("check") / report.name)
         names = ", ".join(path.name for path in written)
-        echo(f"Figures: {written[0].parent}: {names}")
+        echo(f"Figures: {written[0].parent}: {names}", err=for_program)
     number = len(report.warnings)
     doubts = f", with {number} warning{'s' if number > 1 else ''}" if number else ""
-    echo(f"{report.name} can be run{doubts}.")
+    echo(f"{report.name} can be run{doubts}.", err=for_program)
 
 
 _MARKDOWN = "Print a page to read in place of the JSON schema."

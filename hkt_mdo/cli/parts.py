@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import csv
 import os
+import sys
 from collections.abc import Iterable
 from contextvars import ContextVar
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
-from typer import Argument, Option, echo
+from typer import Argument, BadParameter, Option, echo
 
 from hkt_mdo.errors import InputError
 
@@ -44,6 +46,10 @@ _EXTEND = (
 )
 Extend = Annotated[list[Path] | None, Option(metavar="FILE", help=_EXTEND)]
 Force = Annotated[bool, Option("--force", help="Replace files that are there already.")]
+_JSON = "Print JSON, in SI units, in place of the table; messages go to standard error."
+_CSV = "Print CSV, in SI units, in place of the table; messages go to standard error."
+Json = Annotated[bool, Option("--json", help=_JSON)]
+AsCsv = Annotated[bool, Option("--csv", help=_CSV)]
 NoFigures = Annotated[bool, Option("--no-figures", help="Draw no figures.")]
 _OUT = Option("--out", metavar="DIR", help="Folder to write to, made if need be.")
 Folder = Annotated[Path, _OUT]
@@ -99,9 +105,46 @@ def print_rows(rows: Iterable[Row], title: str = "") -> None:
     console.print(table)
 
 
-def print_result(solution: Solution) -> None:
-    """Print a result's figures of merit and the checks that it did not pass."""
+def rows_of(solution: Solution) -> list[Row]:
+    """Return a result's figures of merit and the checks that it did not pass."""
     from hkt_mdo.results.words import Row
 
     failed = [Row("check not passed", check) for check in solution.failed_checks]
-    print_rows([*solution.summary.rows(solution.case), *failed])
+    return [*solution.summary.rows(solution.case), *failed]
+
+
+def one_form(as_json: bool, as_csv: bool) -> bool:
+    """Return whether the output is for a program; refuse two forms at once."""
+    if as_json and as_csv:
+        raise BadParameter("give one of --json and --csv")
+    return as_json or as_csv
+
+
+def plain_rows(rows: Iterable[Row], **where: Any) -> list[dict[str, Any]]:
+    """Return rows as records of plain values, in the units of the rows.
+
+    Of several values, `value` is the smallest and `up_to` the largest; a text is a value as it is.
+    """
+    import numpy as np
+
+    records = []
+    for row in rows:
+        ends: list[Any] = [row.value, None]
+        if row.value is not None and not isinstance(row.value, str):
+            low, high = float(np.min(row.value)), float(np.max(row.value))
+            ends = [low, None if low == high else high]
+        names = {"quantity": row.label, "value": ends[0], "up_to": ends[1]}
+        records.append({**where, **names, "unit": row.unit, "note": row.note})
+    return records
+
+
+def print_records(records: list[dict[str, Any]], as_json: bool) -> None:
+    """Print records of the same keys as JSON, else as CSV."""
+    from hkt_mdo.results.folder import to_json
+
+    if as_json:
+        echo(to_json(records))
+        return
+    writer = csv.writer(sys.stdout, lineterminator="\n")
+    writer.writerow(records[0] if records else ())
+    writer.writerows(record.values() for record in records)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from hkt_mdo.cli.parts import refuse_existing
 from hkt_mdo.errors import InputError, show
@@ -80,7 +81,7 @@ def report_polars(
         Polar.from_polar_table(polar.table)  # refuses what could not be used
     conditions = f"NeuralFoil {version('neuralfoil')}, model {model}, n_crit {n_crit:g}"
     table = _csv(polars, f"# {conditions}, outline {show(Path(source).name)}")
-    picture = _picture(f"{name}: {conditions}", polars, others)
+    picture = style.png(draw_report(f"{name}: {conditions}", polars, others))
     out.mkdir(parents=True, exist_ok=True)
     write_files({table_file: table, figure_file: picture})
     return [
@@ -180,27 +181,45 @@ def _confidence_line(polar: ComputedPolar) -> str:
     )
 
 
-def _picture(
+def draw_report(
     title: str, polars: Sequence[ComputedPolar], others: Sequence[tuple[str, PolarTable]]
-) -> bytes:
-    """Return a PNG of lift and drag over the angle of attack, and of lift over drag."""
+) -> Figure:
+    """Return a figure of lift, drag, their ratio and suction over the angle of attack.
+
+    Parameters
+    ----------
+    title : str
+        What stands above.
+    polars : sequence of ComputedPolar
+        Polars with the confidence in each row.
+    others : sequence of (str, PolarTable)
+        Polars to draw beside, with their names.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Without a panel of the suction where no polar has one.
+    """
     tables = [("", polar.table, polar.confidence >= LOW_CONFIDENCE) for polar in polars]
     tables += [(f"{name} ", table, np.full(table.alpha.size, True)) for name, table in others]
     first, last = polars[0].table.alpha[[0, -1]]
     curves: list[dict[str, Any]] = []
     for prefix, table, sure in tables:
         columns = {"alpha_deg": np.rad2deg(table.alpha), "lift": table.lift, "drag": table.drag}
+        columns["ratio"] = table.lift / table.drag
+        pressure = np.atleast_2d(np.asarray(table.smallest_pressure, dtype=float))
+        columns["suction"] = np.full(table.alpha.size, np.nan)
+        if pressure.size:  # of either surface, or of both
+            columns["suction"] = -np.min(pressure, axis=0) + np.zeros(table.alpha.size)
         inside = (table.alpha >= first) & (table.alpha <= last)
         curve = {name: values[inside] for name, values in {**columns, "sure": sure}.items()}
         label = f"{prefix}{_reynolds(table)}".rstrip().replace("$", r"\$")
         curves.append({"label": label, **curve})
-    panels = ("alpha_deg", "lift"), ("alpha_deg", "drag"), ("drag", "lift")
-    plots = [partial(draw_polars, curves, x, y) for x, y in panels]
-    figure = style.figure_of(6.4, 9.0, plots, share=False)
+    plots = [partial(draw_polars, curves, "alpha_deg", y) for y in ("lift", "drag", "ratio")]
+    if any(np.any(np.isfinite(curve["suction"])) for curve in curves):
+        plots.append(partial(draw_polars, curves, "alpha_deg", "suction"))
+    figure = style.figure_of(6.4, 10.5, plots)
     figure.axes[1].set_yscale("log")
-    figure.axes[2].set_xscale("log")
     title += f"\ndotted where the confidence is below {LOW_CONFIDENCE:g}"
     figure.suptitle(title.replace("$", r"\$"), fontsize=10)
-    file = io.BytesIO()
-    figure.savefig(file, format="png", dpi=150)
-    return file.getvalue()
+    return figure

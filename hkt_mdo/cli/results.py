@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 from typer import Argument, Exit, Option, echo
 
 from hkt_mdo.cli import parts
-from hkt_mdo.cli.parts import OutFolder, ResultFolder, Seed, print_result, read_result
+from hkt_mdo.cli.parts import AsCsv, Json, OutFolder, ResultFolder, Seed, read_result
 from hkt_mdo.errors import InputError
+from hkt_mdo.exports import FORMATS
 
 if TYPE_CHECKING:
-    from hkt_mdo.studies.other_flows import Run
+    from hkt_mdo.studies.other_flows import Run, Told
     from hkt_mdo.studies.uncertainty import Sensor
 
 _FORMAT = "File format, such as pdf or svg; may be given several times. Default: png."
@@ -24,7 +26,7 @@ _FLOW = (
     "design: the result's own; A, B or C: the paper's uncertain flows (amplitude x 1.1, frequency "
     "0.225 rad/s, phase 0.2 pi); or an inflow section in YAML, such as {profile: sine, mean: 1.4}."
 )
-_TO = "Format, such as csv; may be given several times."
+_TO = f"{', '.join(FORMATS)}; several with commas between, or one each time."
 _OPTION = "Option of a format, such as stl.trailing_edge='2 mm'; may be given several times."
 _ANYWAY = "Replace files that are there already; also export a result that is no success."
 _SCENARIO = "Simulate the operation of this scenario only, of a result with several."
@@ -50,12 +52,17 @@ _CUTOFF = (
 )
 
 
-def show(result: ResultFolder) -> None:
+def show(result: ResultFolder, as_json: Json = False, as_csv: AsCsv = False) -> None:
     """Print the figures of merit of a result.
 
-    Exits with 0 for a run without success too: showing it succeeded.
+    Exits with 0 for a run without success too: showing it succeeded. --json and --csv print each
+    quantity with its value, that of the upper end of a range, unit and note.
     """
-    print_result(read_result(result))
+    for_program, rows = parts.one_form(as_json, as_csv), parts.rows_of(read_result(result))
+    if for_program:
+        parts.print_records(parts.plain_rows(rows), as_json)
+    else:
+        parts.print_rows(rows)
 
 
 def plot(
@@ -65,11 +72,11 @@ def plot(
 ) -> None:
     """Draw the figures of a result.
 
-    They are blade, power_curve, operation, schedule (speed, torque, power and thrust over the speed
-    of the flow), limits (values over their limits), loads (along the blade) and convergence, as far
-    as the result has their data, in RESULT/figures unless --out is given; files of the same names
-    are replaced. Of several scenarios, operation_NAME and limits_NAME show each, and schedule and
-    loads have a line for each.
+    They are blade, power_curve, operation, schedule (power, speed, torque and thrust over the speed
+    of the flow), limits (largest values over their limits), loads (along the blade) and
+    convergence, as far as the result has their data, in RESULT/figures unless --out is given; files
+    of the same names are replaced. Of several scenarios, operation_NAME and limits_NAME show each,
+    and schedule and loads have a line for each.
     """
     solution = read_result(result)
 
@@ -85,34 +92,76 @@ def plot(
 def compare(
     results: Annotated[list[Path], Argument(metavar="RESULT...", help="Result folders.")],
     out: OutFolder = None,
+    as_json: Json = False,
+    as_csv: AsCsv = False,
 ) -> None:
     """Compare results in a table and, with --out, in overlaid figures.
 
-    The table has the figures of merit side by side, and each energy relative to the largest. Notes
-    below it name results that are not the best that their case allows: another result of the same
-    turbine in the same flow keeps its limits, and is better.
+    The table has the figures of merit side by side, the best objective first: successes, then
+    results that their judges refused, then those of interrupted runs, which no figure shows. Notes
+    below it name the last, and results that are not the best that their case allows: another result
+    of the same turbine in the same flow keeps its limits, and is better.
     """
-    from hkt_mdo.results.nesting import beaten
-    from hkt_mdo.results.words import texts
+    from hkt_mdo.results.nesting import beaten, ranked
+    from hkt_mdo.results.words import Row, texts
 
-    solutions = [read_result(result) for result in results]
-    columns = [texts(solution.summary.rows(solution.case)) for solution in solutions]
-    energies = [solution.summary.simulated_energy_J or 0.0 for solution in solutions]
-    for column, energy in zip(columns, energies, strict=True):
-        if energy > 0.0:
-            change = 100.0 * (energy / max(energies) - 1.0)
-            column["energy, to the best"] = f"{change:+.4f} %"
-    table = Table("", *map(str, results), box=None)
-    for name in dict.fromkeys(key for column in columns for key in column):
-        table.add_row(name, *(column.get(name, "") for column in columns))
-    Console(highlight=False).print(table)
-    for line in beaten(solutions):
-        echo(f"note: {line}")
-    if out is not None:
+    for_program = parts.one_form(as_json, as_csv)
+    solutions, shares = ranked(read_result(result) for result in results)
+    rows = []
+    for solution, share in zip(solutions, shares, strict=True):
+        rows.append(solution.summary.rows(solution.case))
+        if share is not None:
+            rows[-1].append(Row("objective, to the best", f"{100.0 * share:+.4f} %"))
+    names = [str(solution.folder) for solution in solutions]
+    if for_program:
+        records = (parts.plain_rows(x, result=name) for name, x in zip(names, rows, strict=True))
+        parts.print_records([each for several in records for each in several], as_json)
+    else:
+        _print_beside(names, [texts(each) for each in rows])
+    finished = [each for each in solutions if each.finished]
+    if len({each.case.objective.kind for each in finished}) > 1:
+        echo("note: the objectives differ: results are in the order given", err=for_program)
+    for line in beaten(finished):
+        echo(f"note: {line}", err=for_program)
+    for each in solutions:
+        if not each.finished:
+            left_out = "it has no rank and is in no figure"
+            echo(f"note: {each.folder}: {each.message or 'did not end'}; {left_out}", err=True)
+    if out is not None and finished:
         from hkt_mdo.results.plots import save_figures
 
-        for path in save_figures(solutions, out):
-            echo(str(path))
+        for path in save_figures(finished, out):
+            echo(str(path), err=for_program)
+
+
+_WIDEST = 44  # characters of a column; longer texts take more lines
+
+
+def _print_beside(names: list[str], columns: list[dict[str, str]]) -> None:
+    """Print columns of texts beside one another, in several tables where a terminal is narrow."""
+    labels = list(dict.fromkeys(label for column in columns for label in column))
+    widths = [
+        max(len(name), *(min(len(text), _WIDEST) for text in column.values()))
+        for name, column in zip(names, columns, strict=True)
+    ]
+    first, console = max(map(len, labels)), Console(highlight=False)
+    if not console.is_terminal:  # a file or a pipe has no width
+        console = Console(highlight=False, width=first + sum(widths) + 2 * len(widths) + 4)
+    begin = 0
+    while begin < len(names):
+        end = begin + 1
+        while end < len(names) and first + sum(x + 2 for x in widths[begin:end]) < (
+            console.width - widths[end] - 4
+        ):
+            end += 1
+        table = Table(box=None)
+        table.add_column("", width=first, no_wrap=True)
+        for name, width in zip(names[begin:end], widths[begin:end], strict=True):
+            table.add_column(Text(name), width=width, overflow="fold")
+        for label in labels:
+            table.add_row(Text(label), *(Text(each.get(label, "")) for each in columns[begin:end]))
+        console.print(table)
+        begin = end
 
 
 def export(
@@ -129,7 +178,8 @@ def export(
     """
     from hkt_mdo.exports.base import export
 
-    for path in export(read_result(result), to, out, options=options or (), force=force):
+    formats = [name.strip() for each in to for name in each.split(",")]
+    for path in export(read_result(result), formats, out, options=options or (), force=force):
         echo(str(path))
 
 
@@ -152,6 +202,8 @@ def simulate(
     tau1: Annotated[float | None, Option(metavar="SECONDS", help=_TAU1)] = None,
     out: Annotated[Path | None, Option(metavar="DIR", help=_TABLES)] = None,
     strict: Annotated[bool, Option("--strict", help=_STRICT)] = False,
+    as_json: Json = False,
+    as_csv: AsCsv = False,
 ) -> None:
     """Simulate a result in another flow, with sensor noise, or from standstill.
 
@@ -160,25 +212,25 @@ def simulate(
     feedback reads a noisy, filtered speed sensor when --noise-snr is given, many times over. A
     rotor that stops is said to stop, and its energy is not counted. The largest value of each limit
     over time is told, without noise, and of the loads that have no limit; of several scenarios and
-    seeds, the largest of all. With --inflow-dynamics oye the wake has memory: what it changes is
-    told, and whether the rotor runs away before the wake answers.
+    seeds, the largest of all. --json and --csv print those of each simulation, as --out writes.
+    With --inflow-dynamics oye the wake has memory: what it changes is told, and whether the rotor
+    runs away before the wake answers.
     """
     from hkt_mdo.results.words import flow_words, joined
-    from hkt_mdo.studies.other_flows import largest, runs_of, write
+    from hkt_mdo.studies.other_flows import largest, records, runs_of, write
     from hkt_mdo.studies.start_stop import start_and_stop
     from hkt_mdo.studies.uncertainty import Sensor
 
+    for_program = parts.one_form(as_json, as_csv)
     _check_sensor(snr, reference, rate, cutoff)
     memory = _memory(inflow_dynamics, tau1, snr, start)
-    if (start or stop is not None) and (not start or snr is not None):
-        remedy = "give --start-up with --shut-down" if snr is None else "leave --noise-snr out"
-        raise InputError("is for a start from standstill, without noise", remedy, key="--start-up")
+    _check_start(start, stop, snr)
     solution = read_result(result)
     chosen = solution if scenario is None else solution.scenario(scenario)
     runs = runs_of(chosen, flow, flow_seeds, memory, tau1)
     several, told = len(runs) > 1, []
     words = f"{flow}: {len(runs)} simulations" if several else flow_words(runs[0].inflow)
-    echo(f"{solution.name} in flow {words}")
+    echo(f"{solution.name} in flow {words}", err=for_program)
     for run in runs:
         if start:
             began = start_and_stop(run.design, run.inflow, stop)
@@ -191,17 +243,31 @@ def simulate(
             if snr is not None:
                 sensor = Sensor(snr, reference, rate, cutoff or None)
                 lines += _with_noise(run, sensor, repeats, seed)
-        echo("  " + "\n  ".join([joined(run.name, lines[0]), *lines[1:]]))
+        echo("  " + "\n  ".join([joined(run.name, lines[0]), *lines[1:]]), err=for_program)
     most = largest(told)
-    rows = [entry.row(name) for name, entry in most.items()]
-    if rows:
+    if for_program:
+        parts.print_records(records(told), as_json)
+    elif rows := [entry.row(name) for name, entry in most.items()]:
         parts.print_rows(rows, f"Largest values{f' of {len(told)} simulations' if several else ''}")
     for path in write(out, told) if out is not None else ():
-        echo(str(path))
+        echo(str(path), err=for_program)
+    if strict:
+        _refuse_broken(most)
+
+
+def _refuse_broken(most: dict[str, Told]) -> None:
+    """End with the code of no success where a limit is not kept."""
     broken = [name.replace("_", " ") for name, entry in most.items() if entry.kept is False]
-    if strict and broken:
+    if broken:
         parts.complain("error", f"not kept: {', '.join(broken)}")
         raise Exit(parts.NO_SUCCESS)
+
+
+def _check_start(start: bool, stop: float | None, snr: float | None) -> None:
+    """Refuse a shut-down without a start, and a start with noise."""
+    if (start or stop is not None) and (not start or snr is not None):
+        remedy = "give --start-up with --shut-down" if snr is None else "leave --noise-snr out"
+        raise InputError("is for a start from standstill, without noise", remedy, key="--start-up")
 
 
 def _memory(name: str, tau1: float | None, snr: float | None, start: bool) -> bool:
@@ -252,7 +318,7 @@ def _with_noise(run: Run, sensor: Sensor, repeats: int, seed: int) -> list[str]:
     behind = "none"
     if sensor.cutoff:
         behind = f"second-order Butterworth low-pass of {sensor.cutoff:g} Hz (--filter-cutoff)"
-    with Console().status(f"{repeats} noisy runs"):
+    with Console(stderr=True).status(f"{repeats} noisy runs"):
         noisy = fly_noisy(design, inflow, sensor, repeats, seed)
         if sensor.cutoff and noisy.stalled and quiet.stopped_at is None:
             if fly_noisy(design, inflow, replace(sensor, snr=inf), 1, seed).stalled:

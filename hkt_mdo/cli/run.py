@@ -19,6 +19,7 @@ _FORCE = "Replace an earlier result in the folder; files that no run wrote stay.
 _RESUME = "In place of CASE: go on with this folder's unfinished run from its last iterate."
 _OPTIMIZER = "IPOPT, SLSQP or SNOPT: sets driver.optimizer."
 _PACKAGE = "auto, pyoptsparse, casadi (IPOPT alone) or scipy (SLSQP alone): sets driver.package."
+_NO_RECORDS = "Write no databases of OpenMDAO and no N2 diagram."
 _SEGMENTS = "Number of collocation segments: sets phase.segments."
 
 
@@ -33,6 +34,7 @@ def run(
     overrides: parts.Overrides = None,
     quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False,
     no_figures: parts.NoFigures = False,
+    no_records: Annotated[bool, Option("--no-records", help=_NO_RECORDS)] = False,
     pdf: Annotated[bool, Option("--pdf", help="Draw the figures as PDF too.")] = False,
 ) -> None:
     """Run a case and write a result folder.
@@ -61,6 +63,7 @@ def run(
             from hkt_mdo.run import run as runner
 
             how: dict[str, Any] = {"figures": ("png", "pdf") if pdf else not no_figures}
+            how["records"] = not no_records
             if not quiet:
                 how["progress"], how["on_pass"] = _reporters(
                     loaded.name, loaded.objective.unit or "", status
@@ -77,7 +80,7 @@ def run(
         parts.complain("interrupted", saved)
         raise Exit(parts.INTERRUPTED) from None
     if not quiet:
-        parts.print_result(solution)
+        parts.print_rows(parts.rows_of(solution))
         for line in (*(f"note: {note}" for note in solution.notes), f"Results: {folder}"):
             echo(line)
     if not solution.success:

@@ -1,7 +1,7 @@
 """The contract of a format, and the export of a result in several formats at once.
 
 A format is a class with its options as keys, as a limit is: to add one, write a module with a
-subclass of `Format` and name it in `FORMATS`.
+subclass of `Format` and name it in `hkt_mdo.exports.FORMATS`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from pydantic import Field, ValidationError, create_model
 
 from hkt_mdo.case.messages import translate
 from hkt_mdo.case.schema import assign
-from hkt_mdo.errors import InputError, did_you_mean
+from hkt_mdo.errors import InputError, did_you_mean, install
+from hkt_mdo.exports import FORMATS
 from hkt_mdo.files.table import write_files
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import printable
@@ -27,20 +28,6 @@ from hkt_mdo.sections import Section
 
 if TYPE_CHECKING:
     from hkt_mdo.results.design import Design
-
-FORMATS = {
-    "csv": "tables:Csv",
-    "json": "tables:Json",
-    "netcdf": "tables:Netcdf",
-    "windio": "windio:Windio",
-    "controller": "controller:Controller",
-    "sections": "solids:Sections",
-    "stl": "solids:Stl",
-    "step": "step:Step",
-    "openfast": "openfast:OpenFast",
-    "rosco": "rosco:Rosco",
-}
-"""Module and class of each format, by the name that `hkt export --to` takes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +140,7 @@ def chosen(names: Sequence[str], overrides: Iterable[str] = ()) -> list[Format]:
         kind: type[Format] = getattr(import_module(f"hkt_mdo.exports.{module}"), attribute)
         missing = [package for package in kind.packages if find_spec(package) is None]
         if missing:
-            remedy = f"install it with: pip install 'hkt_mdo[{kind.extra}]'"
+            remedy = f"install it with: {install(kind.extra)}"
             problem = f"needs {', '.join(missing)}, which is not installed"
             raise InputError(problem, remedy, key="--to", value=name)
         fields[name] = kind, Field(default_factory=kind, description=f"Options of {name}.")
@@ -204,8 +191,9 @@ def export(
     """
     wanted, out = chosen(formats, options), Path(out)
     if not solution.success and not force:
-        remedy = "see hkt show, run the case again, or give --force: the files will tell it"
-        raise InputError("is no success", remedy, file=solution.folder)
+        problem = f"is the result of a run without success ({solution.message})"
+        remedy = "run the case again, or give --force: every file then says so"
+        raise InputError(problem, remedy, file=solution.folder)
     source, contents = Source(solution), {}
     for each in wanted:
         for name, content in each.files(source).items():
@@ -213,10 +201,12 @@ def export(
                 remedy = "export the formats into folders of their own"
                 raise InputError("is written by two formats", remedy, file=out / name)
             contents[out / name] = content
-    there = [path for path in contents if path.exists()]
-    if there and not (force and all(path.is_file() for path in there)):
-        remedy = "choose another folder, or give --force to replace it"
-        raise InputError("is there already", remedy, file=there[0])
+    for path in filter(Path.exists, contents):
+        if not path.is_file():
+            raise InputError("is a folder", "choose another folder for the export", file=path)
+        if not force:
+            remedy = "choose another folder, or give --force to replace it"
+            raise InputError("is there already", remedy, file=path)
     try:
         for folder in {path.parent for path in contents}:
             folder.mkdir(parents=True, exist_ok=True)

@@ -17,12 +17,10 @@ from scipy.interpolate import CubicSpline, PPoly
 
 from hkt_mdo.dynamics.estimate import FlowEstimate
 from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
-from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wide_laws import STILL, CurveFeedback, PowerLawFeedback, RatedFeedback
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source
-from hkt_mdo.problem.physics import BEM
 from hkt_mdo.results.design import Design
 from hkt_mdo.sections import Quantity
 
@@ -63,13 +61,13 @@ class Controller(Format):
         law: Any = design.law
         writer = _WRITERS.get(type(law))
         if not law.is_feedback:
-            problem = "is no law of the rotor's speed: open loop is a torque over time"
-            remedy = "export csv, whose trajectory has it, or design a feedback law"
-            raise _refusal(problem, remedy, law)
+            problem = f"{law.law} is a torque over time and no law of the rotor's speed"
+            remedy = "export csv, whose trajectory has it, or run the case with a feedback law"
+            raise InputError(problem, remedy, key="--to", value=self.name)
         if writer is None:
-            problem = "is a law of an extension, whose formula is known as Python code only"
+            problem = f"{law.law} is a law of an extension, known as Python code only"
             remedy = "write its code yourself; csv has its gains and its steady operation"
-            raise _refusal(problem, remedy, law)
+            raise InputError(problem, remedy, key="--to", value=self.name)
         code, sample_time = writer(design), 0.0
         if law.torque_limit is not None:
             code.constants["LIMIT"] = law.torque_limit, "largest torque, N m"
@@ -94,10 +92,6 @@ class Controller(Format):
             remedy = f"give less than 2 I / kp = {UNSTABLE * answers:.3g} s, better a tenth of it"
             raise InputError(problem, remedy, key="controller.sample_time", value=self.sample_time)
         return self.sample_time
-
-
-def _refusal(problem: str, remedy: str, law: Any) -> InputError:
-    return InputError(problem, remedy, key="control.law", value=law.law)
 
 
 # Laws ---------------------------------------------------------------------------------------------
@@ -162,15 +156,12 @@ def _tracking(design: Design) -> Code:
         "LAG": (law.lag, "with which the flow speed is followed, s; 0: at once"),
     }
     if law.estimates_flow:
-        world, blade = design.physics, design.blade
-        check = BEM[world.case.hydrodynamics.check]
-        plant = Plant(blade, design.polars, design.inertia, world.density, check)
-        curves["ratio_of"] = found = FlowEstimate(plant).ratio_of
+        curves["ratio_of"] = found = FlowEstimate(design.plant).ratio_of
         constants |= {
             "SMALLEST": (float(found.x[0]), "driving torque over that of the tip speed, at least"),
             "LARGEST": (float(found.x[-1]), "and at most"),
-            "RADIUS": (blade.rotor_radius, "radius of the rotor, m"),
-            "DENSITY": (world.density, "density of the water, kg/m^3"),
+            "RADIUS": (design.blade.rotor_radius, "radius of the rotor, m"),
+            "DENSITY": (design.physics.density, "density of the water, kg/m^3"),
             "INERTIA": (design.inertia, "of the rotor, kg m^2"),
             "STILL": (STILL, "slowest speed that counts, rad/s"),
         }

@@ -15,6 +15,8 @@ from pydantic import Field
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source
+from hkt_mdo.exports.solids import station_outlines
+from hkt_mdo.exports.tables import REVOLUTIONS
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.inertia import carried
 from hkt_mdo.rotor.loads import Cavitation
@@ -59,28 +61,10 @@ class OpenFast(Format):
     since AeroDyn takes both or none."""
 
     def files(self, source: Source) -> dict[str, bytes]:
-        """Return the content of each file; see `Format.files`.
-
-        Parameters
-        ----------
-        source : Source
-            The result and its design.
-
-        Returns
-        -------
-        dict of bytes
-            Content by path.
-
-        Raises
-        ------
-        InputError
-            If there are more blades than ElastoDyn takes, a range is none, or the water is too
-            shallow.
-        """
         rotor = _Rotor(source)
         if rotor.blade.blade_count > MOST_BLADES:
-            problem = f"has {rotor.blade.blade_count} blades, and OpenFAST takes {MOST_BLADES}"
-            raise InputError(problem, "export it in another format", file=source.solution.folder)
+            problem = f"takes {MOST_BLADES} blades, and the rotor has {rotor.blade.blade_count}"
+            raise InputError(problem, "leave out openfast", key="--to", value=self.name)
         words = rotor.words | self._water(rotor) | self._cases(rotor)
         words["provenance"] = "; ".join(source.provenance)
         words["hub_volume"] = repr(self.hub_volume or 0.0)
@@ -122,9 +106,7 @@ class OpenFast(Format):
 
     def _cases(self, rotor: _Rotor) -> dict[str, Any]:
         """Return the rows of AeroDyn's driver."""
-        scenario = rotor.world.scenarios[0]
-        mean = float(np.mean(scenario.inflow.speed_at(scenario.samples)))
-        flow = mean if self.flow_speed is None else self.flow_speed
+        flow = self.flow_speed or rotor.world.scenarios[0].mean_flow
         asked = self.tip_speed_ratio
         curve = rotor.solution.table("power_curve")["tip_speed_ratio"]
         lowest = float(curve[0]) if asked.lowest is None else asked.lowest
@@ -134,7 +116,7 @@ class OpenFast(Format):
             key = "openfast.tip_speed_ratio.highest"
             raise InputError("is below the lowest", remedy, key=key, value=highest)
         ratios = np.linspace(lowest, highest, asked.count)
-        speeds = ratios * flow / rotor.blade.rotor_radius * 30.0 / np.pi
+        speeds = ratios * flow / rotor.blade.rotor_radius * REVOLUTIONS
         rows = [f"{flow!r} 0 {float(speed)!r} 0 0 0.1 0.1 0 0 0" for speed in speeds]
         words = {"lowest": lowest, "highest": highest, "count": asked.count, "flow_speed": flow}
         return words | {"cases": "\n".join(rows)}
@@ -168,12 +150,8 @@ class _Rotor:
     @cached_property
     def sections(self) -> np.ndarray:
         """Thickness, area and centroid x, y of the stations over powers of the chord, (4, n)."""
-        outlines, stations = self.design.outlines, self.blade.r.size
-        numbers = np.array([(x.thickness, x.area, *x.centroid) for x in outlines]).T
-        if self.blade.thickness is None:
-            return np.broadcast_to(numbers, (4, stations))
-        own = self.blade.thickness
-        return np.array([own, *(np.interp(own, numbers[0], each) for each in numbers[1:])])
+        outlines = station_outlines(self.design)
+        return np.array([(x.thickness, x.area, *x.centroid) for x in outlines]).T
 
     @cached_property
     def _kinds(self) -> dict[tuple, list[int]]:
@@ -204,7 +182,7 @@ class _Rotor:
             "precone": repr(0.0 - float(np.rad2deg(blade.cone))),
             "overhang": repr(-float(blade.rotor_radius)),
             "tower_diameter": repr(TOWER_DIAMETER * float(blade.rotor_radius)),
-            "rotor_speed": repr(speed * 30.0 / np.pi),
+            "rotor_speed": repr(speed * REVOLUTIONS),
             "hub_inertia": self.world.case.rotor.hub_inertia,
             "inertia": repr(float(self.design.inertia)),
             "blade_files": _named(names[0], "ADBlFile"),

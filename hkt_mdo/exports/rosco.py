@@ -18,6 +18,7 @@ from hkt_mdo.dynamics.wide_laws import RatedFeedback
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source
 from hkt_mdo.exports.openfast import filled
+from hkt_mdo.exports.tables import balanced
 from hkt_mdo.results.design import Design
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.scales import torque_scale
@@ -25,7 +26,6 @@ from hkt_mdo.sections import Quantity
 
 COLUMNS = 100  # of the schedule
 BELOW, ABOVE = 0.6, 1.3  # flow speeds of the schedule, over the slowest and the fastest
-FINE = 4001  # tip speed ratios at which equilibria are sought
 LOWEST_RATIO, RATIO_STEP = 1.0, 0.1  # tip speed ratios of the table
 PITCH = np.arange(-5.0, 6.0)  # deg, of the table
 LAG = 0.1  # s, with which a speed by the torque follows a law of the speed
@@ -45,31 +45,13 @@ class Rosco(Format):
     control loop, and at least 60 rad/s."""
 
     def files(self, source: Source) -> dict[str, bytes]:
-        """Return the content of each file; see `Format.files`.
-
-        Parameters
-        ----------
-        source : Source
-            The result and its design.
-
-        Returns
-        -------
-        dict of bytes
-            Content by path.
-
-        Raises
-        ------
-        InputError
-            If ROSCO cannot express the law.
-        """
         design = source.design
         world, blade = design.physics, design.blade
-        scenario = world.scenarios[0]
-        mean = float(np.mean(scenario.inflow.speed_at(scenario.samples)))
+        mean = world.scenarios[0].mean_flow
         rotor = world.rotor.as_built(blade).at_flow(mean)
         highest = float(source.solution.table("power_curve")["tip_speed_ratio"][-1])
         ratios = np.arange(LOWEST_RATIO, highest + RATIO_STEP, RATIO_STEP)
-        words = _law_words(design, rotor, highest)
+        words = _law_words(design, rotor)
         provenance, loop = "; ".join(source.provenance), words.pop("loop")
         own_filter = max(SLOWEST_FILTER, float(f"{MARGIN * loop:.3g}"))
         words |= {
@@ -89,16 +71,16 @@ class Rosco(Format):
         return {f"rosco/{name}": text.encode() for name, text in texts.items()}
 
 
-def _law_words(design: Design, rotor: Hydrodynamics, highest: float) -> dict[str, Any]:
+def _law_words(design: Design, rotor: Hydrodynamics) -> dict[str, Any]:
     """Return what DISCON.IN says of the law: modes, gains, limits and schedule."""
     law, gains = design.law, design.gains
     if not isinstance(law, FeedbackLaw):
-        problem = "an open loop is no controller: its torque is a function of the time"
-        raise InputError(problem, "run the case with a feedback law", key="control.law")
+        problem = "has no open loop, whose torque is a function of the time"
+        raise InputError(problem, "run the case with a feedback law", key="--to", value="rosco")
     if law.states and not isinstance(law, Tracking):
-        problem = f"ROSCO has no place for the states of the law {law.law}"
-        raise InputError(problem, "export it in another format", key="control.law")
-    flows, speeds, torques = _schedule(design, rotor, highest)
+        problem = f"has no place for the states of the law {law.law}"
+        raise InputError(problem, "export controller or csv", key="--to", value="rosco")
+    flows, speeds, torques = _schedule(design)
     limit = law.torque_limit
     largest = NEVER * float(np.max(torques)) if limit is None else limit
     rates = [each.upper for each in design.physics.all_limits if each.name == "torque_rate"]
@@ -132,9 +114,9 @@ def _law_words(design: Design, rotor: Hydrodynamics, highest: float) -> dict[str
     if isinstance(law, Tracking):
         return words | _by_flow(law, design, rotor, (flows, speeds))
     if np.any(np.diff(torques) <= 0.0):
-        problem = f"the torque of the law {law.law} does not rise with the rotor's speed throughout"
-        remedy = "ROSCO looks the speed up by the torque: export a law whose torque rises"
-        raise InputError(problem, remedy, key="control.law", value=law.law)
+        problem = "looks the rotor's speed up by the torque, which does not rise with it throughout"
+        remedy = f"export controller, which has the law {law.law} itself"
+        raise InputError(problem, remedy, key="--to", value="rosco")
     slope = float(np.max(np.gradient(torques, speeds)))
     about = f"{law.law} law as a speed that follows the torque within {LAG:g} s (VS_FBP 3)"
     own = {"mode": 4, "schedule": 3, "proportional": 0.0, "integral": repr(-slope / LAG)}
@@ -187,37 +169,22 @@ def _by_flow(law, design, rotor, schedule) -> dict[str, Any]:
     return words
 
 
-def _schedule(
-    design: Design, rotor: Hydrodynamics, highest: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _schedule(design: Design) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return flow speeds, rotor speeds and torques in equilibrium, on the side of overspeed."""
-    world, blade = design.physics, design.blade
     law = cast(FeedbackLaw, design.law)
-    speed = np.concatenate([each.inflow.speed_at(each.samples) for each in world.scenarios])
+    scenarios = design.physics.scenarios
+    speed = np.concatenate([each.inflow.speed_at(each.samples) for each in scenarios])
     flows = np.linspace(BELOW * float(np.min(speed)), ABOVE * float(np.max(speed)), COLUMNS)
-    radius = blade.rotor_radius
-    scale = torque_scale(world.density, radius, flows)
     if isinstance(law, Tracking):
         speeds = law.speed_at_rest(flows, design.gains)
-        torques = scale * rotor.coefficients(blade, speeds * radius / flows).torque
+        torques = design.plant.torque(speeds, flows)
         limit = np.inf if law.torque_limit is None else law.torque_limit
         return flows, speeds, np.clip(torques, 0.0, limit)
-    ratios = np.linspace(LOWEST_RATIO, ABOVE * highest, FINE)
-    coefficient = rotor.coefficients(blade, ratios).torque
-    found = []
-    for flow, torque in zip(flows, np.outer(scale, coefficient), strict=True):
-        turning = ratios * flow / radius
-        spare = torque - law.torque(turning, design.gains)
-        driven = np.flatnonzero(spare > 0.0)
-        if driven.size and driven[-1] < FINE - 1:
-            pair = slice(driven[-1], driven[-1] + 2)
-            at = float(np.interp(0.0, spare[pair][::-1], turning[pair][::-1]))
-            found.append((flow, at, float(law.torque(at, design.gains))))
-    if len(found) < 2:
-        problem = "no flow is found in which the rotor turns steadily under its law"
-        raise InputError(problem, "look at the gains of the result", key="control.law")
-    flows, speeds, torques = np.array(found).T
-    return flows, speeds, torques
+    flows, speeds = balanced(design, flows)
+    if flows.size < 2:
+        problem = "needs flows in which the rotor turns steadily under its law, and finds none"
+        raise InputError(problem, "look at the gains of the result", key="--to", value="rosco")
+    return flows, speeds, law.torque(speeds, design.gains)
 
 
 def _best_gain(design: Design, ratio: float, rotor: Hydrodynamics) -> str:

@@ -21,6 +21,7 @@ from hkt_mdo.exports.base import Format, Source
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.problem.turbine import OUTLINE
 from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.strength import StructureByThickness
 from hkt_mdo.rotor.thickness import over_thickness
 from hkt_mdo.sections import Quantity
@@ -353,7 +354,7 @@ def outline_names(source: Source) -> str:
         key = "rotor.outline" if any(each.outline_x is None for each in own) else ""
         names = [rotor.blade] if own else []
     if key:
-        problem = "is not given, and polars alone do not say the shape of a section"
+        problem = "is not given: stl, step and sections need it, since polars have no shape"
         remedy = "give the outline in the case and run it again"
         raise InputError(problem, remedy, file=source.solution.folder, key=key)
     names = names or [rotor.outline or OUTLINE]
@@ -386,6 +387,29 @@ def along_span(design: Design, values: Sequence[Any], r: np.ndarray) -> np.ndarr
     if len(each) == 1:
         return np.repeat(each, r.size, axis=0)
     return make_interp_spline(blade.r, each, k=1)(np.clip(r, blade.r[0], blade.r[-1]))
+
+
+def station_outlines(design: Design) -> tuple[Outline, ...]:
+    """Return the outline of every station.
+
+    Parameters
+    ----------
+    design : Design
+        The design of a result.
+
+    Returns
+    -------
+    tuple of Outline
+        One a station. Where the thickness is designed, both sides are splines over the thickness
+        through those of the sections, as the structure has them.
+    """
+    outlines, r = design.outlines, design.blade.r
+    if not design.physics.rotor.follows_thickness:
+        return outlines * r.size if len(outlines) == 1 else outlines
+    return tuple(
+        Outline(np.concatenate((x[::-1], x[1:])), np.concatenate((upper[::-1], lower[1:])))
+        for x, upper, lower in along_span(design, [each.resampled() for each in outlines], r)
+    )
 
 
 def outline_volume(design: Design) -> float:

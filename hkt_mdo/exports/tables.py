@@ -5,16 +5,15 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable, Iterator
+from functools import lru_cache
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import AfterValidator
 
-from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source
-from hkt_mdo.problem.physics import BEM
 from hkt_mdo.quantities import LOADS, QUANTITIES
 from hkt_mdo.results.design import Design
 from hkt_mdo.results.folder import to_json
@@ -153,6 +152,7 @@ def _plain(column: Column) -> list[Any]:
     return np.asarray(column.values).tolist()
 
 
+@lru_cache(maxsize=1)
 def tables(source: Source, flow_range: tuple[float, float] | None = None) -> list[Table]:
     """Return all tables of a result.
 
@@ -166,7 +166,8 @@ def tables(source: Source, flow_range: tuple[float, float] | None = None) -> lis
     Returns
     -------
     list of Table
-        Those of one scenario have its name behind theirs, where there are several.
+        Those of one scenario have its name behind theirs, where there are several. They are kept
+        until another result is asked for, since several formats have the same.
     """
     solution, design = source.solution, source.design
     steady = steady_operation(design, flow_range)
@@ -246,7 +247,7 @@ _BLADE: dict[str, tuple[str | None, str]] = {
 
 def _blade(design: Design) -> Table:
     blade = design.blade
-    thickness = design.physics.scalars(blade, design.inertia)["thickness"]
+    thickness = design.thickness
     shape = blade.r, blade.r / blade.tip_radius, blade.chord, blade.twist
     values = *shape, np.rad2deg(blade.twist), thickness, thickness * blade.chord
     columns, names = _columns(_BLADE, values), section_names(design)
@@ -270,7 +271,7 @@ def section_names(design: Design) -> list[str]:
         One name a station; between two sections, both and the share of the second.
     """
     blends = design.turbine.blends
-    names = [a if share == 0.0 else f"{a} to {b}, {share:.4g}" for a, b, share in blends]
+    names = [{0.0: a, 1.0: b}.get(c, f"{a} to {b}, {c:.4g}") for a, b, c in blends]
     return names * design.blade.r.size if len(names) == 1 else names
 
 
@@ -286,8 +287,8 @@ def _coefficients(solution: Solution, design: Design) -> Table:
     """Return the coefficients of the blade from slow rotation to beyond its operation."""
     known = [np.max(own.trajectory["tip_speed_ratio"]) for own in solution.tables.values()]
     known.append(solution.summary.tip_speed_ratio_at_power_coefficient_max or 0.0)
-    steps = np.arange(round(SLOWEST / RATIO_STEP), np.ceil(BEYOND * max(known) / RATIO_STEP) + 1)
-    ratio, rotor = steps * RATIO_STEP, design.physics.rotor
+    count = np.ceil((BEYOND * max(known) - SLOWEST) / RATIO_STEP) + 1
+    ratio, rotor = np.round(SLOWEST + RATIO_STEP * np.arange(count), 6), design.physics.rotor
     polars: Any = rotor.polar
     found, title = rotor.coefficients(design.blade, ratio), "coefficients by direct BEM"
     if rotor.follows_reynolds:
@@ -332,24 +333,36 @@ def steady_operation(
         ends = (1.0 - WIDER) * low, min((1.0 + WIDER) * high, law.cut_out or np.inf)
         flow_range = round(float(ends[0]), 3), round(float(ends[1]), 3)
     flow = np.linspace(*flow_range, FLOWS)
-    check = BEM[world.case.hydrodynamics.check]
-    plant = Plant(blade, design.polars, design.inertia, world.density, check, world.generator)
-    flow, speed = _balanced(design, plant, flow)
+    flow, speed = balanced(design, flow)
     if not flow.size:
         remedy = "give flow_range: flow speeds in which the rotor turns"
         problem = "has no steady operation between {:.4g} and {:.4g} m/s".format(*flow_range)
         raise InputError(problem, remedy, key="flow_range", value=list(flow_range))
-    torque, radius = plant.torque(speed, flow), blade.rotor_radius
+    torque, radius = design.plant.torque(speed, flow), blade.rotor_radius
     both = torque, torque  # of the flow and of the generator
     known = trajectory_of(np.zeros(flow.size), flow, speed, *both, radius, world.generator)
     del known["time"]
     return known | world.loads_along(blade, known, world.loads.names)
 
 
-def _balanced(design: Design, plant: Plant, flow: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the flow speeds in which torques balance, and the rotor speeds at which they do."""
+def balanced(design: Design, flow: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return where the torques of a feedback law and of the flow balance, by direct BEM.
+
+    Parameters
+    ----------
+    design : Design
+        The design of a result.
+    flow : ndarray of shape (n_flows,)
+        Speeds of the flow (m/s).
+
+    Returns
+    -------
+    flow, speed : ndarray of shape (n_balances,)
+        The flow speeds (m/s) in which there is a balance, and the rotor speed (rad/s) of it: the
+        fastest one, of a law with states the one closest to its schedule.
+    """
     law: Any = design.law
-    gains, radius = design.gains, design.blade.rotor_radius
+    plant, gains, radius = design.plant, design.gains, design.blade.rotor_radius
 
     def net(ratio, flow):
         speed = ratio * flow / radius

@@ -5,6 +5,7 @@ Source: windIO, IEA Wind Task 37, turbine schema, https://windio.readthedocs.io.
 
 from __future__ import annotations
 
+import json
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -13,9 +14,10 @@ from scipy.interpolate import CubicSpline
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source
-from hkt_mdo.exports.solids import along_span, outline_names
+from hkt_mdo.exports.solids import outline_names, station_outlines
 from hkt_mdo.exports.tables import REVOLUTIONS, section_names, steady_operation
 from hkt_mdo.results.design import Design
+from hkt_mdo.results.folder import to_json
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.inertia import carried
 from hkt_mdo.rotor.outline import Outline
@@ -64,20 +66,11 @@ class Windio(Format):
             root["materials"] = [{"name": MATERIAL} | about]
         efficiency = _efficiency(design)
         if efficiency is not None:
-            generator = {"rpm_efficiency": dict(zip(("grid", "values"), efficiency, strict=True))}
-            root["components"]["drivetrain"]["generator"] = generator
+            root["components"]["drivetrain"]["generator"] = {"rpm_efficiency": efficiency}
         dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-        text = yaml.dump(_plain(root), Dumper=dumper, sort_keys=False, width=10_000)
+        plain = json.loads(to_json(root))
+        text = yaml.dump(plain, Dumper=dumper, sort_keys=False, default_flow_style=None, width=1000)
         return {"turbine.yaml": text.encode()}
-
-
-def _plain(data: Any) -> Any:
-    """Return data with lists and numbers of Python in place of NumPy's."""
-    if isinstance(data, dict):
-        return {key: _plain(value) for key, value in data.items()}
-    if isinstance(data, list):
-        return [_plain(value) for value in data]
-    return data.tolist() if isinstance(data, np.ndarray | np.generic) else data
 
 
 def _comments(source: Source) -> list[str]:
@@ -88,6 +81,7 @@ def _comments(source: Source) -> list[str]:
         outlines = f"Coordinates are those of {outline_names(source)}."
     except InputError as error:
         outlines = f"COORDINATES ARE A PLACEHOLDER: {error.key} {error.problem}."
+    cone = " TIPS ARE TURNED DOWNSTREAM by cone_angle." if design.blade.cone < 0.0 else ""
     depth = "not given" if site.hub_depth is None else f"{site.hub_depth!r} m"
     return [
         f"WATER, for which windIO has no key: density {fluid.density!r} kg/m^3, "
@@ -95,7 +89,7 @@ def _comments(source: Source) -> list[str]:
         f"Inertia about the shaft: {design.inertia!r} kg m^2. Pitch is fixed, twist has the set "
         "angle. rated_power is the largest electrical power in the operation of the result, "
         "max_rotor_speed the limit of the case or the largest speed in that operation; re is that "
-        "of the polars' files or, where they say none, one of the operation.",
+        f"of the polars' files or, where they say none, one of the operation.{cone}",
         outlines,
         "PLACEHOLDERS: the pitching moments cm and the hub's drag cd are zero. The structure is "
         "one shell as thick as rotor.wall or, of solid blades, as half their thickness, its "
@@ -119,26 +113,19 @@ def _assembly(source: Source) -> dict[str, Any]:
 def _blade(design: Design, stacking: float, positions: list[dict]) -> dict[str, Any]:
     """Return axis and outer shape; chord, twist and thickness are carried on to hub and tip."""
     blade = design.blade
-    thickness = design.physics.scalars(blade, design.inertia)["thickness"]
     grid = _grid(design)
     chord = carried(blade.chord)
-
-    def curve(values, grid=grid):
-        return {"grid": grid, "values": values}
-
-    ends, straight = np.array([0.0, 1.0]), np.zeros(2)
     length = blade.tip_radius - blade.hub_radius
     return {
         "reference_axis": {
-            "x": curve(straight, ends),
-            "y": curve(straight, ends),
-            "z": curve(length * ends, ends),
+            name: _curve([0.0, 1.0], [0.0, end])
+            for name, end in zip("xyz", (0.0, 0.0, length), strict=True)
         },
         "outer_shape": {
-            "chord": curve(chord),
-            "twist": curve(np.rad2deg(carried(blade.twist))),
-            "rthick": curve(np.round(carried(thickness), DIGITS)),
-            "section_offset_y": curve(stacking * chord),
+            "chord": _curve(grid, chord),
+            "twist": _curve(grid, np.rad2deg(carried(blade.twist))),
+            "rthick": _curve(grid, np.round(carried(design.thickness), DIGITS)),
+            "section_offset_y": _curve(grid, stacking * chord),
             "airfoils": positions,
         },
     }
@@ -147,14 +134,11 @@ def _blade(design: Design, stacking: float, positions: list[dict]) -> dict[str, 
 def _structure(design: Design) -> dict[str, Any]:
     """Return one shell of the blade's material over the whole section."""
     blade, wall = design.blade, design.physics.case.rotor.wall
-    half = 0.5 * design.physics.scalars(blade, design.inertia)["thickness"]
+    half = 0.5 * design.thickness
     share = half if wall is None else np.minimum(half, wall)
     ends = {name: {"anchor": {"name": "skin", "handle": name}} for name in ARCS}
-    shell = {"grid": _grid(design), "values": carried(share * blade.chord)}
-    places = {
-        name: {"grid": [0.0, 1.0], "values": 2 * [at]}
-        for name, at in zip(ARCS, (0.0, 1.0), strict=True)
-    }
+    shell = _curve(_grid(design), carried(share * blade.chord))
+    places = {name: _curve([0.0, 1.0], 2 * [at]) for name, at in zip(ARCS, (0.0, 1.0), strict=True)}
     return {
         "anchors": [{"name": "skin"} | places],
         "webs": [],
@@ -162,11 +146,14 @@ def _structure(design: Design) -> dict[str, Any]:
     }
 
 
+def _curve(grid: Any, values: Any) -> dict[str, Any]:
+    return {"grid": grid, "values": values}
+
+
 def _grid(design: Design) -> np.ndarray:
     """Return hub, stations and tip as shares of the blade's length."""
-    blade = design.blade
-    inside = (blade.r - blade.hub_radius) / (blade.tip_radius - blade.hub_radius)
-    return np.concatenate(([0.0], inside, [1.0]))
+    edges = design.blade.edges
+    return (edges - edges[0]) / (edges[-1] - edges[0])
 
 
 # Airfoils -----------------------------------------------------------------------------------------
@@ -178,7 +165,6 @@ def _airfoils(design: Design) -> tuple[list[dict], list[dict]]:
     Stations that share polars and outline are one airfoil; the others have one each, as built.
     """
     blade, rotor = design.blade, design.physics.rotor
-    thickness = design.physics.scalars(blade, design.inertia)["thickness"]
     called = section_names(design) or [""] * blade.r.size
     outlines, built = station_outlines(design), rotor.as_built(blade)
     numbers, names = _reynolds(design), []
@@ -191,7 +177,7 @@ def _airfoils(design: Design) -> tuple[list[dict], list[dict]]:
             found[key] = {
                 "name": f"section_{number}",
                 "description": called[station],
-                "rthick": round(float(thickness[station]), DIGITS),
+                "rthick": round(float(design.thickness[station]), DIGITS),
                 "aerodynamic_center": 0.25,
                 "coordinates": _coordinates(outline),
                 "polars": [{"configuration": "default", "re_sets": _re_sets(polars, numbers)}],
@@ -206,29 +192,6 @@ def _airfoils(design: Design) -> tuple[list[dict], list[dict]]:
         if not before == name == after  # between two of its own it follows
     ]
     return list(found.values()), positions
-
-
-def station_outlines(design: Design) -> tuple[Outline, ...]:
-    """Return the outline of every station.
-
-    Parameters
-    ----------
-    design : Design
-        The design of a result.
-
-    Returns
-    -------
-    tuple of Outline
-        One a station. Where the thickness is designed, both sides are splines over the thickness
-        through those of the sections, as the structure has them.
-    """
-    outlines, blade = design.outlines, design.blade
-    if not design.physics.rotor.follows_thickness:
-        return outlines * blade.r.size if len(outlines) == 1 else outlines
-    return tuple(
-        Outline(np.concatenate((x[::-1], x[1:])), np.concatenate((upper[::-1], lower[1:])))
-        for x, upper, lower in along_span(design, [each.resampled() for each in outlines], blade.r)
-    )
 
 
 def _coordinates(outline: Outline) -> dict[str, np.ndarray]:
@@ -249,8 +212,8 @@ def _reynolds(design: Design) -> list[float]:
     number = rotor.reynolds_number or (known.pop() if len(known) == 1 else np.inf)
     if not np.isfinite(number):
         best = physics.rotor.best_operation(blade).tip_speed_ratio
-        flow = float(np.mean(physics.scenarios[0].inflow.speed_at(physics.scenarios[0].samples)))
-        speed = physics.rotor.sections(blade, [best]).relative_speed[0] * flow * np.cos(blade.cone)
+        flow = physics.scenarios[0].mean_flow * np.cos(blade.cone)
+        speed = physics.rotor.sections(blade, [best]).relative_speed[0] * flow
         number = np.median(speed * blade.chord) / physics.case.fluid.kinematic_viscosity
     return [float(number)]
 
@@ -262,8 +225,7 @@ def _re_sets(polars: tuple[Polar, ...], numbers: list[float]) -> list[dict]:
         alpha, lift, drag = polar_rows(polar)
         grid = np.rad2deg(alpha)
         columns = {"cl": lift, "cd": drag, "cm": np.zeros(grid.size)}
-        curves = {name: {"grid": grid, "values": values} for name, values in columns.items()}
-        sets.append({"re": number} | curves)
+        sets.append({"re": number} | {name: _curve(grid, each) for name, each in columns.items()})
     return sets
 
 
@@ -301,14 +263,14 @@ def polar_rows(polar: Polar, error: float = SMALLEST_ERROR) -> tuple[np.ndarray,
 # Generator and control ----------------------------------------------------------------------------
 
 
-def _efficiency(design: Design) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return rotor speeds (rpm) and the efficiency along the steady operation; None: unknown."""
-    generator, steady = design.physics.generator, steady_operation(design)
-    if generator.lossless or steady is None:
+def _efficiency(design: Design) -> dict[str, Any] | None:
+    """Return the efficiency over rotor speeds (rpm) along the steady operation; None: unknown."""
+    steady = None if design.physics.generator.lossless else steady_operation(design)
+    if steady is None:
         return None
     speed, first = np.unique(steady["rotor_speed"], return_index=True)
     efficiency = (steady["electrical_power"] / steady["generator_power"])[first]
-    return speed * REVOLUTIONS, np.maximum(efficiency, 0.0)
+    return _curve(speed * REVOLUTIONS, np.maximum(efficiency, 0.0))
 
 
 def _control(source: Source) -> dict[str, Any]:

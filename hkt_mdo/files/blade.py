@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -59,10 +60,20 @@ def read_blade(source: str | Path, hub_radius: float | None = None) -> BladeTabl
     lines = [line for line in lines_of(text) if line.strip() and line.lstrip()[0] != "#"]
     head, suffix = "\n".join(lines[:30]), path.suffix.lower()
     if _AERODYN.search(head) or (lines and suffix in {".dat", ".inp"} and "," not in lines[0]):
-        return read_blade_definition(text, path, hub_radius)
+        table = read_blade_definition(text, path, hub_radius)
+        _suspect_radians(path, "BlTwist", np.rad2deg(table.twist), "convert it")
+        return table
     if _WINDIO.search(head) or suffix in {".yaml", ".yml"}:
         return read_windio(text, path)
     return _read_csv(text, path)
+
+
+def _suspect_radians(file: Path, column: str, twist: np.ndarray, remedy: str) -> None:
+    """Warn of twists in degrees that are all so small that they are most likely radians."""
+    most = float(np.max(np.abs(twist), initial=0.0))
+    if 0.0 < most < 1.0 and np.ptp(twist) > 0.0:
+        problem = f"{column} is in degrees, and no value is above {most:.3g}"
+        warnings.warn(f"{file}: {problem}: if it is in radians, {remedy}", stacklevel=3)
 
 
 # CSV ----------------------------------------------------------------------------------------------
@@ -77,6 +88,7 @@ _QUANTITIES = {
         "t|tc|thickness|rthick|relativethickness",
     ),
 }
+_BOTH_TWISTS = {"twist_rad", "twist_deg"}
 _UNIT = re.compile(
     r"[\[(].*|_(m|mm|cm|ft|in|inch|deg|rad|degrees|radians|pct|percent|over_\w+)$|/.*"
 )
@@ -102,11 +114,17 @@ def _read_csv(text: str, file: Path) -> BladeTable:
     messages = []
     for name, column in columns.items():
         unit = name.rpartition("_")[2]
+        if unit == "deg":
+            _suspect_radians(file, name, column.values, "name the column twist_rad")
         if unit in _CONVERSIONS:
             convert, message = _CONVERSIONS[unit]
             columns[name] = replace(column, values=convert(column.values))
             messages.append(f"{name}: {message}")
     r, chord, twist, thickness = (columns.get(name) for name in names.values())
+    if set(table.header) >= _BOTH_TWISTS:
+        same = table.columns(["twist_deg"], "blade")["twist_deg"]
+        differs = np.abs(np.deg2rad(same.values) - twist.values) > 1e-9
+        same.refuse(differs, "is not twist_rad in degrees", "keep one of both columns")
     if relative:
         problem = "lies beyond the tip, where r/R is 1"
         remedy = "divide by the tip radius, or name the column r_m or r_mm"
@@ -137,6 +155,8 @@ def _column_of(table: Csv, quantity: str) -> str:
     needed = quantity != "thickness"
     one_of = f"{', '.join(names[:-1])} or {names[-1]}"
     columns = [name for name in dict.fromkeys(table.header) if name in names]
+    if set(columns) == _BOTH_TWISTS:
+        return "twist_rad"  # a result's: it reads back bit by bit
     if len(columns) > 1:
         problem = f"has two columns for the {quantity}: {columns[0]} and {columns[1]}"
         raise table.refuse(problem, "keep one of them")
@@ -155,8 +175,9 @@ def _column_of(table: Csv, quantity: str) -> str:
 def write_blade_csv(path: str | Path, blade, remarks: Iterable[str] = ()) -> None:
     """Write a blade as CSV whose numbers read back bit by bit.
 
-    Columns are r_m, chord_m, twist_rad, and thickness_over_chord and section where the blade has
-    them. The file is complete or not there at all.
+    Columns are r_m, chord_m, twist_deg as people read it, twist_rad, which is exact, and
+    thickness_over_chord and section where the blade has them. The file is complete or not there at
+    all.
 
     Parameters
     ----------
@@ -176,7 +197,8 @@ def write_blade_csv(path: str | Path, blade, remarks: Iterable[str] = ()) -> Non
     """
     if getattr(blade, "relative", False):
         raise ValueError("a blade over the tip radius has no lengths to write; scale it first")
-    columns = {"r_m": blade.r, "chord_m": blade.chord, "twist_rad": blade.twist}
+    columns = {"r_m": blade.r, "chord_m": blade.chord, "twist_deg": np.rad2deg(blade.twist)}
+    columns["twist_rad"] = blade.twist
     for name, attribute in (("thickness_over_chord", "thickness"), ("section", "section")):
         if getattr(blade, attribute, None) is not None:
             columns[name] = getattr(blade, attribute)

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 _PACKAGE = Path(__file__).parents[1]
+_FOLDERS = ".", "examples", "limits"
 
 
 def shipped_cases() -> Path:
@@ -23,8 +24,8 @@ def find_case(path: str | Path) -> Path:
     Parameters
     ----------
     path : str or pathlib.Path
-        A path, or the name of a shipped case such as ``sine_oloc`` or ``river_gust.yaml``; a file
-        of that name comes first.
+        A path, or the name of a shipped case such as ``sine_oloc``, ``river_gust.yaml`` or
+        ``limits/all_oloc``; a file of that name comes first.
 
     Returns
     -------
@@ -32,8 +33,9 @@ def find_case(path: str | Path) -> Path:
         The shipped case if there is one of that name, else `path`.
     """
     path = Path(path)
-    if path.name == str(path) and not path.exists():
-        for folder in (shipped_cases() / inner for inner in ("", "examples", "limits")):
+    if path.parent.as_posix() in _FOLDERS and not path.exists():
+        inside = _FOLDERS if path.parent == Path() else (path.parent,)
+        for folder in (shipped_cases() / each for each in inside):
             for name in (path.name, f"{path.name}.yaml"):
                 if name.endswith(".yaml") and (folder / name).is_file():
                     return folder / name

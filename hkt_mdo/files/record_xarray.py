@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from hkt_mdo.errors import InputError
+from hkt_mdo.errors import InputError, install
 from hkt_mdo.files.record_table import (
     MAX_BYTES,
     SPEEDS,
@@ -104,7 +104,7 @@ def _need(name: str, file: object) -> Any:
         return importlib.import_module(name)
     except ImportError:
         problem = f"needs the package {name.partition('.')[0]}, which is not installed"
-        remedy = "pip install 'hkt_mdo[records]', or save the record as CSV"
+        remedy = f"{install('records')}, or save the record as CSV"
         raise InputError(problem, remedy, file=file) from None
 
 

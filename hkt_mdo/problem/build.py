@@ -184,7 +184,7 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
         model.add_design_var(name, lower=low, upper=high, ref=ref, units=units)
     kept["density"] = {"val": physics.density, **QUANTITIES["density"].meta}
     if not thickness.size and physics.asks_for("thickness"):
-        given = np.broadcast_to(physics.thickness, start.blade.r.shape)
+        given = np.broadcast_to(physics.turbine.thickness, start.blade.r.shape)
         kept["thickness"] = {"val": given, **QUANTITIES["thickness"].meta}
     for i, units in enumerate(physics.gain_units):
         name, (low, high) = f"gain_{i}", bounds["gain"]

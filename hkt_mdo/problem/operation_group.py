@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import openmdao.api as om
-from dymos import Trajectory
 
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
@@ -18,7 +17,7 @@ from hkt_mdo.problem.components import (
 )
 from hkt_mdo.problem.constraints import held_limits, source_of
 from hkt_mdo.problem.physics import BEM, Physics
-from hkt_mdo.problem.scenario import Scales, add_phase
+from hkt_mdo.problem.scenario import Scales, add_phase, dm
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import QUANTITIES, RATES, is_over_time
 from hkt_mdo.rotor.torque_curve import TorqueSpline
@@ -85,7 +84,7 @@ class OperationGroup(om.Group):
             "hydrodynamics": lambda nodes: HydrodynamicsComp(num_nodes=nodes, **hydrodynamics),
             "generator": physics.generator,
         }
-        trajectory = Trajectory()
+        trajectory = dm.Trajectory()
         about = physics.law, options, parameters, self.options["scales"], bounds
         operation = physics.split(setup.start.operation)
         for each, (speed, torque) in zip(physics.scenarios, operation, strict=True):

@@ -64,9 +64,9 @@ class Physics:
     """What a case describes, as the values that the optimization and the judges work with.
 
     `case` is complete: its time span and segments are numbers. `shape` has the blade as given and
-    what of it is designed; `rotor` what follows from any of its blades. thickness (over chord) is
-    one number, or one a station; where it is designed, the start's. There is usually one
-    scenario; with a cut-out speed, one for each interval of operation.
+    what of it is designed; `rotor` what follows from any of its blades; `turbine` what its section
+    `rotor` says. There is usually one scenario; with a cut-out speed, one for each interval of
+    operation.
     `messages` tell what was converted, repaired or left out, `warnings` what was hardly meant.
     `law` has no torque limit where the case gives one that no blade can reach in its flow.
     """
@@ -74,7 +74,7 @@ class Physics:
     case: Case
     shape: Shape
     rotor: RotorModel
-    thickness: float | np.ndarray
+    turbine: Turbine
     scenarios: tuple[Scenario, ...]
     law: Law
     limits: tuple[Limit, ...]
@@ -314,7 +314,7 @@ class Physics:
 
     def scalars(self, blade: Blade, inertia: float) -> dict[str, Any]:
         """Return what is known of a design along the span and as numbers, by name; SI units."""
-        thickness = self.thickness if blade.thickness is None else blade.thickness
+        thickness = self.turbine.thickness if blade.thickness is None else blade.thickness
         return {
             "rotor_radius": blade.rotor_radius,
             "density": self.density,
@@ -515,7 +515,7 @@ def physics(case: Case) -> Physics:
         case,
         shape,
         rotor_model(case, turbine, shape),
-        turbine.thickness,
+        turbine,
         tuple(_with_limits(each, limits, case, shape) for each in scenarios),
         control,
         limits,

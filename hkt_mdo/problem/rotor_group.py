@@ -84,7 +84,7 @@ class RotorGroup(om.Group):
             problem = "gives polars at local Reynolds numbers, for which loads have no derivatives"
             raise InputError(problem, "give invariant", key="rotor.reynolds", value="local")
         blade, points = self.options["blade"] or world.blade, (self.options["num_points"],)
-        flow = np.full(points, np.mean(world.inflow.speed_at(world.scenarios[0].samples)))
+        flow = np.full(points, world.scenarios[0].mean_flow)
         ratio = np.full(points, world.rotor.best_operation(blade).tip_speed_ratio)
         start = {
             "tip_speed_ratio": ratio,

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-import dymos as dm
 import numpy as np
-from dymos.utils.hermite import hermite_matrices
-from dymos.utils.lagrange import lagrange_matrices
-from dymos.utils.lgl import lgl
-from dymos.utils.lgr import lgr
+from openmdao.utils.om_warnings import OMDeprecationWarning
 from scipy.sparse import block_diag, csr_array, diags_array, kron
 
 from hkt_mdo.case import Phase
@@ -19,6 +16,14 @@ from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.radau import divided
 from hkt_mdo.dynamics.rotor_ode import RotorODE
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
+
+with warnings.catch_warnings():  # Dymos uses names that OpenMDAO gives up: no matter of the user's
+    warnings.simplefilter("ignore", OMDeprecationWarning)
+    import dymos as dm
+    from dymos.utils.hermite import hermite_matrices
+    from dymos.utils.lagrange import lagrange_matrices
+    from dymos.utils.lgl import lgl
+    from dymos.utils.lgr import lgr
 
 MOST_SEGMENTS = 20_000
 RESOLVED = 5e-6  # sum of the errors of the segments' quadratures of v³, over the whole
@@ -139,6 +144,11 @@ class Scenario:
             f"the flow {self.inflow.profile} tells neither features nor a highest_frequency: it is "
             f"looked at several times every {step:.3g} s, and what is shorter can be missed",
         )
+
+    @property
+    def mean_flow(self) -> float:
+        """Mean speed of the flow at the samples, m/s."""
+        return float(np.mean(self.inflow.speed_at(self.samples)))
 
     @property
     def samples(self) -> np.ndarray:

@@ -19,6 +19,9 @@ from hkt_mdo.results import style
 MOST_NAMED = 8
 """Of more polars, only the first and the last have labels."""
 
+QUIETEST = 1e-4
+"""Smallest spectral density that is drawn, over the largest."""
+
 _BAND: dict[str, Any] = {"color": "0.5", "alpha": 0.2}
 _BLADE = ("chord_m", "twist_deg", "thickness_percent")
 _LABELS = {
@@ -28,6 +31,8 @@ _LABELS = {
     "alpha_deg": "angle of attack (deg)",
     "lift": "lift coefficient (-)",
     "drag": "drag coefficient (-)",
+    "ratio": "lift over drag (-)",
+    "suction": "largest suction, -cp (-)",
 }
 
 
@@ -50,12 +55,15 @@ def draw_blade(data: Mapping[str, Any], column: str, ax: Axes) -> Axes:
 def draw_polars(curves: Sequence[Mapping[str, Any]], x: str, y: str, ax: Axes) -> Axes:
     """Draw columns of polars over one another: `alpha_deg`, `lift` or `drag`.
 
-    A curve has these columns and a label, and is dotted where it is not `sure`.
+    A curve has these columns and a label, and is dotted where it is not `sure`. Of many curves all
+    are thin, and the first and the last are named.
     """
+    several = len(curves) > MOST_NAMED
     shades = colormaps["viridis"](np.linspace(0.0, 0.9, len(curves)))
     for index, (curve, color) in enumerate(zip(curves, shades, strict=True)):
         named = len(curves) <= MOST_NAMED or index in (0, len(curves) - 1)
         look = style.line(index) | {"color": color, "label": curve["label"] if named else None}
+        look |= {"linestyle": "-", "linewidth": 0.8} if several else {}
         ax.plot(curve[x], curve[y], color=color, linestyle=":", linewidth=1.0)
         ax.plot(curve[x], np.where(curve["sure"], curve[y], np.nan), **look)
     return style.finish(ax, _LABELS[x], _LABELS[y])
@@ -90,8 +98,8 @@ def draw_spectrum(data: Mapping[str, Any], ax: Axes) -> Axes:
     frequency, density = data["spectrum"]
     ax.loglog(frequency, density, color=style.COLORS[0], linewidth=1.2)
     top = float(np.max(density))
-    loud = frequency[density > 1e-8 * top]  # the rest is rounding error
-    ax.set_ylim(1e-8 * top, 4.0 * top)
+    loud = frequency[density > QUIETEST * top]  # the rest is no flow
+    ax.set_ylim(QUIETEST * top, 4.0 * top)
     ax.set_xlim(0.8 * loud[0], 1.25 * max(loud[-1], data["cutoff_hz"] or 0.0))
     ax.yaxis.set_major_formatter("{x:.0e}")
     if data["cutoff_hz"]:

@@ -12,9 +12,10 @@ import numpy as np
 
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.laws import Law
+from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.physics import Physics, physics
-from hkt_mdo.problem.turbine import Turbine, build_turbine
+from hkt_mdo.problem.physics import BEM, Physics, physics
+from hkt_mdo.problem.turbine import Turbine
 from hkt_mdo.results.summary import Summary
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.outline import Outline
@@ -82,10 +83,7 @@ class Design:
         blade = world.blade.with_rotor_radius(summary.rotor_radius_m or world.blade.rotor_radius)
         twist = np.deg2rad(summary.twist_deg)
         blade = blade.with_shape(summary.chord_m, twist, summary.thickness_over_chord)
-        inflow, duration = world.inflow, world.case.phase.duration
-        mean = float(np.mean(inflow.speed_at(np.linspace(0.0, duration, 1001))))
-        polars = world.built(blade)
-        turbine = build_turbine(case.rotor, case.fluid, mean, case.design)
+        polars, turbine = world.built(blade), world.turbine
         gains = np.atleast_1d([] if summary.gain is None else summary.gain).astype(float)
         return cls(
             blade,
@@ -97,3 +95,15 @@ class Design:
             turbine._replace(blade=blade, polar=polars),
             world,
         )
+
+    @property
+    def thickness(self) -> np.ndarray:
+        """Largest thickness over chord at the stations, shape (n_stations,)."""
+        return self.physics.scalars(self.blade, self.inertia)["thickness"]
+
+    @property
+    def plant(self) -> Plant:
+        """The rotor in the water with its generator, by direct BEM."""
+        world, rotor = self.physics, (self.blade, self.polars, self.inertia)
+        check = BEM[world.case.hydrodynamics.check]
+        return Plant(*rotor, world.density, check, world.generator)

@@ -68,6 +68,44 @@ def beaten(solutions: Iterable[Solution]) -> list[Beaten]:
     return found
 
 
+def ranked(solutions: Iterable[Solution]) -> tuple[list[Solution], list[float | None]]:
+    """Return results by their objectives, as simulated: successes, refused ones, unfinished ones.
+
+    Parameters
+    ----------
+    solutions : iterable of Solution
+
+    Returns
+    -------
+    solutions : list of Solution
+        The best first; results of different objectives keep their order.
+    shares : list of float or None
+        By which share each objective differs from the best success; None where that is not known.
+    """
+    known = list(solutions)
+    values = [_objective(each) if each.finished else None for each in known]
+    kinds = {x.case.objective.kind for x, value in zip(known, values, strict=True) if value}
+    sign = known[0].case.objective.sign if len(kinds) == 1 else 0.0
+
+    def place(index: int) -> tuple[bool, bool, float]:
+        return values[index] is None, not known[index].success, -sign * (values[index] or 0.0)
+
+    order = sorted(range(len(known)), key=place)
+    first, shares = known[order[0]], []
+    best = values[order[0]] if len(kinds) == 1 else None
+    for value in (values[index] for index in order):
+        told = best is not None and value is not None
+        shares.append(0.0 - first.case.objective.behind(value, best) if told else None)
+    return [known[index] for index in order], shares
+
+
+def _objective(solution: Solution) -> float | None:
+    """Return the objective of a result as simulated; older results have the energy alone."""
+    entry, case = solution.summary.objective, solution.case
+    old = solution.summary.simulated_energy_J if case.objective.kind == "captured" else None
+    return old if entry is None else entry.simulated
+
+
 def allows(result: Solution, other: Solution) -> bool:
     """Tell whether a result's case allows another result as it is.
 
@@ -130,5 +168,4 @@ def _keeps_limits(result, other) -> bool:
 def _gain(result, other) -> float:
     """Return by how much the other's objective is better than a result's, as a share."""
     objective = result.case.objective
-    own, theirs = (each.summary.objective.simulated for each in (result, other))
-    return objective.behind(own or 0.0, theirs)
+    return objective.behind(_objective(result) or 0.0, _objective(other) or 0.0)

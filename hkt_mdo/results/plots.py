@@ -1,17 +1,18 @@
 """Figures of results.
 
 Each `plot_...` takes one solution or several and, optionally, the axes to draw on (of a new figure
-by default), and returns the axes. A plot computes nothing and sets no rcParams. Solutions, and the
+by default), and returns the axes. A plot sets no rcParams. Solutions, and the
 scenarios of one, differ by colour, line style and marker, so that they can be told apart in grey.
-Over time, the simulation is shown; of a single one, the collocation nodes, too.
+Of a single one, a quantity has the same colour in every figure, and over time there are collocation
+nodes beside the simulation.
 """
 
 from __future__ import annotations
 
+import base64
 import re
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import cycle
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,28 +20,65 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
+from hkt_mdo.errors import InputError
+from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results import style
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.results.summary import LimitEntry
+from hkt_mdo.results.steady import binned, rated_point, steady_curve
 from hkt_mdo.results.words import joined, measured
 
 Solutions = Solution | Sequence[Solution]
 
 _BAR: dict[str, Any] = {"linewidth": 2.5, "marker": "|", "markersize": 8, "markeredgewidth": 1.5}
 _MARKS_PER_LINE = 12
-_MANY_NODES = 400  # above which their markers would hide the line
-_DASHES = "-.", ":", "--"  # of the limits in one plot
+_NODES_SHOWN = 40  # of the collocation: more markers would hide the line
+STACKING = 0.25
+"""Where the blade's axis meets the chord line, over the chord from the leading edge."""
 
 
 def _over_radius(column: str, label: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
+    """Plot a column of the blade over the radius, from zero, with the bounds of the design."""
     ax = _beside_start(solutions, ax, "blade", "r_m", column)
+    values = np.concatenate([[0.0], *(line.get_ydata() for line in ax.lines)])
+    low, high = 1.5 * np.min(values), 1.5 * np.max(values)  # a bound far away says nothing
+    design = [each.case.design for each, _ in _named(solutions)]
+    ax.axhline(0.0, color="0.75", linewidth=0.8, label="_zero")
+    if column == "chord_m":
+        ax.set_ylim(bottom=0.0)
+    for end, word in enumerate(("smallest", "largest")):
+        bounds = {getattr(x, _BOUNDS[column])[end] for x in design if x.blade == "optimized"}
+        for bound in bounds if len(bounds) == 1 else ():
+            if low <= bound <= high:
+                quantity, unit = column.split("_")
+                style.level(ax, bound, f"{word} {quantity} {bound:g} {unit}")
     return style.finish(ax, "radius (m)", label)
 
+
+_BOUNDS = {"chord_m": "chord_bounds", "twist_deg": "twist_bounds"}
 
 # over the radius, and that of the blade at the start
 plot_chord = partial(_over_radius, "chord_m", "chord (m)")
 plot_twist = partial(_over_radius, "twist_deg", "twist (deg)")
+
+
+def plot_planform(solutions: Solutions, ax: Axes | None = None) -> Axes:
+    """Plot the outline of the untwisted blade in scale; its axis is at a quarter of the chord."""
+    ax = ax or style.new_axes()
+    for index, (solution, name) in enumerate(_named(solutions)):
+        if not (blade := solution.blade):
+            continue
+        radius, chord, look = blade["r_m"], blade["chord_m"], style.line(index)
+        edges = STACKING * chord, (STACKING - 1.0) * chord
+        around = np.r_[edges[0], edges[1][::-1], edges[0][:1]]
+        label = name or "planform, to scale"
+        ax.plot(np.r_[radius, radius[::-1], radius[:1]], around, label=label, **look)
+        if not name:
+            ax.fill_between(radius, *edges, color=look["color"], alpha=0.12, linewidth=0)
+        if index == 0:
+            words = "blade's axis, at a quarter of the chord"
+            ax.plot(radius[[0, -1]], [0.0, 0.0], label=words, linestyle="-.", **style.REFERENCE)
+    ax.set_aspect("equal", adjustable="datalim")
+    return style.finish(ax, "radius (m)", "along the\nchord (m)")
 
 
 def plot_power_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
@@ -64,6 +102,13 @@ def plot_power_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
     return style.finish(ax, "tip speed ratio (-)", "power coefficient (-)")
 
 
+def plot_thrust_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
+    """Plot the thrust coefficient over tip speed ratio."""
+    ax = _beside_start(solutions, ax, "power_curve", "tip_speed_ratio", "thrust_coefficient")
+    ax.set_ylim(bottom=0.0)
+    return style.finish(ax, "tip speed ratio (-)", "thrust coefficient (-)")
+
+
 def _series(
     x: str, quantity: str, solutions: Solutions, ax: Axes | None, scale: float = 1.0
 ) -> Axes:
@@ -75,6 +120,7 @@ def _series(
             table, label = solution.trajectory, name or "collocation nodes"
         if column in table:
             look = style.line(index)
+            look = look if name else style.colored(look, quantity)
             if name:
                 look |= _few_markers(index, len(chosen), table[column].size)
             across, along = _broken(solution, table, QUANTITIES[x].column, scale * table[column])
@@ -96,108 +142,128 @@ def _few_markers(index: int, count: int, size: int) -> dict[str, Any]:
     return style.marker(index, 4.0) | {"markevery": (index * every // count, every)}
 
 
+_WORDS = {
+    "inflow_speed": ("inflow speed", "m/s", 1.0),
+    "rotor_speed": ("rotor speed", "rpm", 30.0 / np.pi),
+    "tip_speed_ratio": ("tip speed ratio", "-", 1.0),
+    "control_torque": ("generator torque", "N m", 1.0),
+    "hydrodynamic_torque": ("flow's torque", "N m", 1.0),
+    "generator_power": ("generator power", "kW", 1e-3),
+    "thrust": ("thrust", "kN", 1e-3),
+}
+"""Name, unit and scale of what is drawn over time and over the flow speed."""
+
+
 def _over_time(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot a quantity over time, of one solution at the nodes too, and its limit."""
-    chosen, ax = _scenarios(solutions), _series("time", quantity, solutions, ax)
-    nodes, about = chosen[0][0].trajectory, QUANTITIES[quantity]
-    if len(chosen) == 1 and nodes:
-        size = 3.2 if nodes["time_s"].size <= _MANY_NODES else 1.2
-        look = style.marker(0, size) | {"linestyle": "none", "markerfacecolor": "none"}
-        look |= {"color": style.COLORS[1], "zorder": 2.5}
-        ax.plot(nodes["time_s"], nodes[about.column], label="collocation nodes", **look)
-    words, unit = quantity.replace("_", " "), (about.unit or "-").replace("*", " ")
-    limits = (_limits(each).get(quantity) for each, _ in chosen)
-    for bound in sorted({entry.limit for entry in limits if entry} - {None}):
-        label = f"{words} limit {bound:g} {unit}"
-        ax.axhline(bound, linestyle="-.", label=label, **style.REFERENCE)
+    """Plot a quantity over time, of one solution at some of the nodes too, and its limits."""
+    words, unit, scale = _WORDS[quantity]
+    chosen, ax = _scenarios(solutions), _series("time", quantity, solutions, ax, scale)
+    nodes, column = chosen[0][0].trajectory, QUANTITIES[quantity].column
+    if len(chosen) == 1 and column in nodes:
+        look = style.marker(0, 3.2) | {"linestyle": "none", "markerfacecolor": "none"}
+        look |= {"color": "0.35", "zorder": 2.5, "label": "collocation nodes"}
+        look |= {"markevery": max(1, -(-nodes["time_s"].size // _NODES_SHOWN))}
+        ax.plot(nodes["time_s"], scale * nodes[column], **look)
+    _draw_levels(_LIMITED_BY.get(quantity, (quantity,)), scale, solutions, ax)
     style.widen(ax)
     return style.finish(ax, "time (s)", f"{words} ({unit})")
 
 
-# rad/s, dimensionless and N m, over time
+_LIMITED_BY = {"generator_power": ("generator_power", "electrical_power")}
+
+# over time: m/s, rpm, dimensionless, N m, kW and kN
+plot_inflow_speed = partial(_over_time, "inflow_speed")
 plot_rotor_speed = partial(_over_time, "rotor_speed")
 plot_tip_speed_ratio = partial(_over_time, "tip_speed_ratio")
 plot_hydrodynamic_torque = partial(_over_time, "hydrodynamic_torque")
-
-
-def plot_control_torque(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot the control torque (N m) over time, and its limit; the legend tells the other limits."""
-    ax = ax or style.new_axes()
-    for solution, name in _scenarios(solutions):
-        for limit, entry in _limits(solution).items():
-            if limit not in TRAJECTORY:  # else it is drawn beside its quantity
-                text = f"largest {limit.replace('_', ' ')} {entry}"
-                ax.plot([], [], " ", label=f"{name}: {text}" if name else text)
-    return _over_time("control_torque", solutions, ax)
+plot_control_torque = partial(_over_time, "control_torque")
+plot_power = partial(_over_time, "generator_power")
+plot_thrust = partial(_over_time, "thrust")
 
 
 def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot each limited quantity over its limit, over time; the limit itself is 1."""
+    """Plot a bar for each limit: the largest value over the limit, which is 1; of each solution."""
     ax, chosen = ax or style.new_axes(), _scenarios(solutions)
-    drawn = 0
-    for index, (solution, name) in enumerate(chosen):
-        table = "simulation" if solution.simulation else "trajectory"
-        for limit, share in solution.limit_shares(table).items():
-            look = style.line(drawn)
-            if name:
-                look |= _few_markers(index, len(chosen), share.size)
-            words = limit.replace("_", " ")
-            label = f"{name}: {words}" if name else words
-            across, along = _broken(solution, getattr(solution, table), "time_s", share)
-            ax.plot(across, along, label=label, **look)
-            drawn += 1
-    ax.axhline(1.0, label="limit", **style.REFERENCE)
-    return style.finish(ax, "time (s)", "value over its limit (-)")
-
-
-_SCHEDULES = {
-    "rotor_speed": ("rotor speed (rpm)", 30.0 / np.pi),
-    "control_torque": ("generator torque (N m)", 1.0),
-    "generator_power": ("generator power (kW)", 1e-3),
-    "thrust": ("thrust (kN)", 1e-3),
-}
-"""Label and scale of what is drawn over the flow speed."""
+    shares = [x.limit_shares("simulation" if x.simulation else "trajectory") for x, _ in chosen]
+    rows = list(dict.fromkeys(limit for each in shares for limit in each))[::-1]
+    height = 0.8 / len(chosen)
+    for index, ((_, name), found) in enumerate(zip(chosen, shares, strict=True)):
+        places = [rows.index(limit) + (0.5 * len(chosen) - index - 0.5) * height for limit in found]
+        most = [float(np.nanmax(share)) for share in found.values()]
+        look = style.bar(index) | {"height": 0.9 * height, "alpha": 0.85}
+        if not name:
+            look["color"] = [style.colored(look, limit)["color"] for limit in found]
+        ax.barh(places, most, label=name or "largest value", **look)
+        for place, value in zip(places, most, strict=True):
+            words: dict[str, Any] = {"va": "center", "fontsize": style.FONT_SIZE - 1.5}
+            ax.text(value, place, f" {value:.3f}", **words)
+    ax.axvline(1.0, label="limit", **style.REFERENCE | {"linewidth": 1.6})
+    ax.set_xlim(0.0, 1.12 * max(1.0, ax.get_xlim()[1] / 1.05))
+    room = max(0.6, 0.5 * (4 - len(rows)))  # a single bar does not fill the axes
+    ax.set_ylim(-room, len(rows) - 1 + room)
+    style.finish(ax, "largest value over its limit (-)", "")
+    ax.set_yticks(range(len(rows)), [_limit_words(limit) for limit in rows])
+    return ax
 
 
 def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot a quantity over the flow speed along the trajectory, and its limits."""
-    label, scale = _SCHEDULES[quantity]
-    ax = _series("inflow_speed", quantity, solutions, ax, scale)
-    _draw_levels((quantity,), scale, solutions, ax)
+    """Plot a quantity over the flow speed: means, the range of most instants, steady operation.
+
+    A single solution has all instants, too, as a thin line.
+    """
+    words, unit, scale = _WORDS[quantity]
+    chosen, ax = _scenarios(solutions), ax or style.new_axes()
+    column = QUANTITIES[quantity].column
+    for index, (solution, name) in enumerate(chosen):
+        table, look = solution.simulation or solution.trajectory, style.line(index)
+        if column not in table:
+            continue
+        if not name:
+            look = style.colored(look, quantity)
+            across, along = _broken(solution, table, "inflow_speed_m_s", scale * table[column])
+            fine = look | {"linewidth": 0.5, "alpha": 0.35}
+            ax.plot(across, along, label="every instant", **fine)
+        speed, mean, low, high = binned(table["inflow_speed_m_s"], scale * table[column])
+        band = {"alpha": 0.12 if name else 0.2, "color": look["color"], "linewidth": 0}
+        ax.fill_between(speed, low, high, label=None if name else "90 % of the instants", **band)
+        marks = style.marker(index, 3.5)
+        ax.plot(speed, mean, label=name or "mean at this flow speed", **look, **marks)
+        if not name and column in (steady := steady_curve(solution)):
+            dashed: dict[str, Any] = {"color": "black", "linewidth": 1.0, "linestyle": "--"}
+            values = scale * steady[column]
+            ax.plot(steady["inflow_speed_m_s"], values, label="in steady flow", **dashed)
+    _draw_levels(_LIMITED_BY.get(quantity, (quantity,)), scale, solutions, ax)
+    stops = {solution.case.control.cut_out for solution, _ in chosen} - {None}
+    for stop in sorted(stops):
+        ax.axvline(stop, label=f"cut-out {stop:g} m/s", linestyle=":", **style.REFERENCE)
     style.widen(ax)
-    return style.finish(ax, "inflow speed (m/s)", label)
+    return style.finish(ax, "inflow speed (m/s)", f"{words} ({unit})")
 
 
 # over the flow speed, with their limits
 plot_torque_schedule = partial(_schedule, "control_torque")
 plot_thrust_schedule = partial(_schedule, "thrust")
+plot_speed_schedule = partial(_schedule, "rotor_speed")
 
 
 def plot_power_schedule(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot shaft power and, of a generator with losses, electrical power over the flow speed."""
-    ax, label = ax or style.new_axes(), "electrical power"
-    words, scale = _SCHEDULES["generator_power"]
-    _series("inflow_speed", "generator_power", solutions, ax, scale)
-    for index, (solution, _) in enumerate(_scenarios(solutions)):
+    """Plot shaft power and, of a generator with losses, the mean electrical power over the flow."""
+    ax, label = _schedule("generator_power", solutions, ax), "electrical power, mean"
+    chosen = _scenarios(solutions)
+    for index, (solution, name) in enumerate(chosen):
         table = solution.simulation or solution.trajectory
+        rated = None if name else rated_point(solution)
+        if rated is not None:
+            look = style.marker(3, 7.0) | {"color": "black", "linestyle": "none"}
+            point = [rated[0]], [1e-3 * rated[1]]
+            ax.plot(*point, label=f"rated at {rated[0]:.2f} m/s", **look)
         if table and not np.allclose(table["electrical_power_W"], table["generator_power_W"]):
-            look = {"color": style.COLORS[index % len(style.COLORS)], "linewidth": 0.9}
-            power = scale * table["electrical_power_W"]
-            across, along = _broken(solution, table, "inflow_speed_m_s", power)
-            ax.plot(across, along, linestyle=(0, (1, 2)), label=label, **look)
+            look = {"color": style.COLORS[index % len(style.COLORS)], "linewidth": 1.2}
+            found = binned(table["inflow_speed_m_s"], 1e-3 * table["electrical_power_W"])
+            ax.plot(found.speed, found.mean, linestyle=(0, (1, 2)), label=label, **look)
             label = "_"  # one entry in the legend is enough
-    _draw_levels(("generator_power", "electrical_power"), scale, solutions, ax)
-    style.widen(ax)
-    return style.finish(ax, "inflow speed (m/s)", words)
-
-
-def plot_speed_schedule(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot the rotor speed (rpm, at the right rad/s) over the flow speed, and its limits."""
-    ax = _schedule("rotor_speed", solutions, ax)
-    scale = _SCHEDULES["rotor_speed"][1]
-    right = ax.secondary_yaxis("right", functions=(lambda x: x / scale, lambda x: x * scale))
-    right.set_ylabel("(rad/s)", fontsize=style.FONT_SIZE)
-    right.tick_params(labelsize=style.FONT_SIZE)
+    ax.set_ylim(bottom=0.0)
+    style.legend([ax])
     return ax
 
 
@@ -219,6 +285,9 @@ def _over_span(column: str, solutions: Solutions, ax: Axes | None = None) -> Axe
             words = f"at the largest {word}"
             words += "" if entry is None or entry.time_s is None else f", t = {entry.time_s:.2f} s"
             values, look = scale * solution.loads[column], style.line(index)
+            if not name:  # another instant has another look
+                dashes = {"linestyle": "-" if load == "stress" else (0, (4, 1.5))}
+                look = style.colored(look, load) | dashes
             if name:
                 look |= _few_markers(index, len(chosen), values.size)
             ax.plot(solution.loads["r_over_R"], values, label=name or words, **look)
@@ -234,6 +303,11 @@ plot_flapwise_moment = partial(_over_span, "flapwise_moment_Nm")
 plot_suction = partial(_over_span, "cavitation")
 
 
+def _limit_words(name: str) -> str:
+    """Return the name of a limit as it is read in figures."""
+    return name.replace("control_torque", "generator_torque").replace("_", " ")
+
+
 def _draw_levels(quantities: Sequence[str], scale: float, solutions: Solutions, ax: Axes) -> None:
     """Draw the limits of some quantities as lines, one for equal ones."""
     drawn: dict[tuple[str, float], list[str]] = {}
@@ -244,37 +318,34 @@ def _draw_levels(quantities: Sequence[str], scale: float, solutions: Solutions, 
             levels |= solution.limit_levels(each)
         for limit in (each for each in solution.limits if each.name in levels):
             told = measured(float(limit.upper), limit.unit or "", 4)
-            label = f"{limit.name.replace('_', ' ')} limit {told}"
+            label = f"{_limit_words(limit.name)} limit {told}"
             drawn.setdefault((label, levels[limit.name]), []).append(name)
-    for dashes, ((label, level), names) in zip(cycle(_DASHES), drawn.items(), strict=False):
+    for (label, level), names in drawn.items():
         where = "" if len(names) == len(chosen) else f" in {' and '.join(names)}"
-        ax.axhline(scale * level, linestyle=dashes, label=label + where, **style.REFERENCE)
+        style.level(ax, scale * level, label + where)
 
 
 def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot energy (kJ) and, on a logarithmic axis at the right, infeasibility over evaluations.
-
-    The axes returned are those of the energy.
-    """
+    """Plot infeasibility, and the distance of the energy from its last value, over evaluations."""
     ax = ax or style.new_axes()
-    right = ax.twinx()
     for index, (solution, name) in enumerate(_named(solutions)):
         if not (table := solution.convergence):
             continue
         count, look, prefix = table["evaluation"], style.line(index), f"{name}, " if name else ""
-        ax.plot(count, 1e-3 * table["energy_J"], label=f"{prefix}energy", **look)
-        look |= {"linestyle": ":", "linewidth": 1.0, "markevery": max(1, count.size // 40)}
-        look |= style.marker(index, 3.0) | ({} if name else {"color": style.COLORS[1]})
-        right.plot(count, table["infeasibility"], label=f"{prefix}infeasibility", **look)
-    values = np.concatenate([[0.0], *(line.get_ydata() for line in right.lines)])
-    if np.any(np.isfinite(values) & (values > 0.0)):
-        right.set_yscale("log", nonpositive="mask")
-        right.yaxis.set_major_formatter("{x:.0e}")
-    right.set_ylabel("infeasibility, scaled (-)", fontsize=style.FONT_SIZE)
-    right.tick_params(labelsize=style.FONT_SIZE)
-    style.finish(ax, "evaluation (-)", "energy (kJ)")
-    style.legend([ax, right])
-    return ax
+        known = table["energy_J"][np.isfinite(table["energy_J"])]
+        end = known[-1] if known.size and known[-1] else 1.0
+        distance = np.abs(table["energy_J"] / end - 1.0)
+        look |= style.marker(index, 3.0) | {"markevery": max(1, count.size // 40)}
+        ax.plot(count, distance, label=f"{prefix}energy: distance from its last value", **look)
+        look |= {"linestyle": ":", "linewidth": 1.0} | ({} if name else {"color": style.COLORS[1]})
+        ax.plot(count, table["infeasibility"], label=f"{prefix}infeasibility, scaled", **look)
+    values = np.concatenate([[0.0], *(line.get_ydata() for line in ax.lines)])
+    values = values[np.isfinite(values) & (values > 0.0)]
+    if values.size:
+        ax.set_yscale("log", nonpositive="mask")
+        ax.set_ylim(bottom=max(1e-10, 0.5 * float(np.min(values))))
+        ax.yaxis.set_major_formatter("{x:.0e}")
+    return style.finish(ax, "evaluation (-)", "relative (-)")
 
 
 class Panel(NamedTuple):
@@ -301,17 +372,28 @@ def _limited(solution: Solution) -> bool:
 _TIMES = "simulation", "trajectory"
 _OVER_TIME = "operation", "limits"
 """Figures of one scenario each."""
-_OPERATION = plot_rotor_speed, plot_tip_speed_ratio, plot_control_torque, plot_hydrodynamic_torque
-_SCHEDULE = plot_speed_schedule, plot_torque_schedule, plot_power_schedule
+_OPERATION = (
+    *(plot_inflow_speed, plot_power, plot_rotor_speed),
+    *(plot_tip_speed_ratio, plot_control_torque),
+)
+_SCHEDULE = plot_power_schedule, plot_speed_schedule, plot_torque_schedule
 
 FIGURES: dict[str, tuple[list[Panel], float, float]] = {
-    "blade": (_panels(plot_twist, plot_chord, tables=["blade"]), 5.6, 5.4),
-    "power_curve": (_panels(plot_power_curve, tables=["power_curve"]), 5.6, 3.9),
-    "operation": (_panels(*_OPERATION, tables=_TIMES), 7.0, 8.2),
+    "blade": (_panels(plot_planform, plot_chord, plot_twist, tables=["blade"]), 6.4, 7.0),
+    "power_curve": (
+        _panels(plot_power_curve, tables=["power_curve"])
+        + _panels(plot_thrust_curve, tables=["power_curve"], column="thrust_coefficient"),
+        *(5.6, 5.6),
+    ),
+    "operation": (
+        _panels(*_OPERATION, tables=_TIMES)
+        + _panels(plot_thrust, tables=_TIMES, column=QUANTITIES["thrust"].column),
+        *(7.4, 10.4),
+    ),
     "schedule": (
         _panels(*_SCHEDULE, tables=_TIMES)
         + _panels(plot_thrust_schedule, tables=_TIMES, column=QUANTITIES["thrust"].column),
-        *(7.0, 8.2),
+        *(7.0, 9.4),
     ),
     "limits": ([Panel(plot_limits, _limited)], 7.0, 4.2),
     "loads": (
@@ -337,13 +419,55 @@ def figure_of(solutions: Solutions, name: str) -> Figure | None:
     return style.figure_of(width, height, [partial(each.plot, solutions) for each in shown])
 
 
-def save_figures(
-    solutions: Solutions, folder: str | Path, formats: Sequence[str] = ("png",)
-) -> list[Path]:
-    """Write the `FIGURES` for which there are data.
+class Figures(dict[str, Figure]):
+    """Figures by their names, which a notebook shows one below the other."""
+
+    def _repr_html_(self) -> str:
+        pictures = (base64.b64encode(style.png(figure)).decode() for figure in self.values())
+        return "".join(f'<img src="data:image/png;base64,{each}">' for each in pictures)
+
+
+def figures(solutions: Solutions, names: Sequence[str] = ()) -> Figures:
+    """Return the `FIGURES` for which there are data.
 
     Those over time are drawn for each scenario, as ``operation_<name>``, where there are several;
     the others have a line for each.
+
+    Parameters
+    ----------
+    solutions : Solution or sequence of Solution
+        Results, which are drawn together.
+    names : sequence of str
+        Which; by default all.
+
+    Returns
+    -------
+    Figures
+
+    Raises
+    ------
+    InputError
+        If there is no figure of a name.
+    """
+    drawn: dict[str, Figure | None] = {}
+    chosen = [solution for solution, _ in _named(solutions)]
+    scenarios = dict.fromkeys(name for each in chosen for name in each.scenarios)
+    for name in names or FIGURES:
+        if name not in FIGURES:
+            raise InputError("unknown figure", f"known: {', '.join(FIGURES)}", value=name)
+        if name in _OVER_TIME and any(len(each.scenarios) > 1 for each in chosen):
+            for one in scenarios:
+                alone = [each.scenario(one) for each in chosen if one in each.scenarios]
+                drawn[f"{name}_{one}"] = figure_of(alone, name)
+        else:
+            drawn[name] = figure_of(solutions, name)
+    return Figures({name: each for name, each in drawn.items() if each})
+
+
+def save_figures(
+    solutions: Solutions, folder: str | Path, formats: Sequence[str] = ("png",)
+) -> list[Path]:
+    """Write the figures of results, as `figures` draws them.
 
     Parameters
     ----------
@@ -363,16 +487,7 @@ def save_figures(
     InputError
         If a format is not known, when nothing has been written, or a file cannot be written.
     """
-    figures, chosen = {}, [solution for solution, _ in _named(solutions)]
-    scenarios = dict.fromkeys(name for each in chosen for name in each.scenarios)
-    for name in FIGURES:
-        if name in _OVER_TIME and any(len(each.scenarios) > 1 for each in chosen):
-            for one in scenarios:
-                alone = [each.scenario(one) for each in chosen if one in each.scenarios]
-                figures[f"{name}_{one}"] = figure_of(alone, name)
-        else:
-            figures[name] = figure_of(solutions, name)
-    return style.save({name: each for name, each in figures.items() if each}, folder, formats)
+    return style.save(figures(solutions), folder, formats)
 
 
 def _named(solutions: Solutions) -> list[tuple[Solution, str]]:
@@ -393,11 +508,6 @@ def _scenarios(solutions: Solutions) -> list[tuple[Solution, str]]:
             label = re.sub("^_", " _", joined(name, scenario)) if several else name
             found.append((one, label))
     return found
-
-
-def _limits(solution: Solution) -> dict[str, LimitEntry]:
-    limits = solution.summary.get("limits") or {}
-    return {name: LimitEntry(**entry) for name, entry in limits.items()}
 
 
 def _beside_start(solutions: Solutions, ax: Axes | None, source: str, x: str, y: str) -> Axes:

@@ -55,6 +55,8 @@ TABLES: dict[str, dict[str, tuple[str | None, str]]] = {
         "tip_speed_ratio": _OVER_TIME["tip_speed_ratio"],
         "power_coefficient": (None, "power coefficient"),
         "start_power_coefficient": (None, "power coefficient of the blade at the start"),
+        "thrust_coefficient": (None, "thrust coefficient"),
+        "start_thrust_coefficient": (None, "thrust coefficient of the blade at the start"),
     },
     "convergence": {
         "evaluation": (None, "evaluations of the optimizer"),
@@ -77,6 +79,7 @@ _MAYBE = {
     "trajectory": _ASKED,
     "simulation": _ASKED,
     "loads": {"stress_Pa", "flapwise_moment_Nm", "cavitation"},
+    "power_curve": {"thrust_coefficient", "start_thrust_coefficient"},
 }
 """Columns that are there only if they are known of the rotor; older results lack them."""
 
@@ -277,6 +280,11 @@ class Solution:
         return bool(self.summary["success"])
 
     @property
+    def finished(self) -> bool:
+        """Whether the run came to its end, so that its judges have looked at the result."""
+        return self.summary.checks is not None
+
+    @property
     def message(self) -> str:
         """Why the run ended, one printable line."""
         return printable(self.summary.get("message") or "")
@@ -412,6 +420,28 @@ class Solution:
             variables[column] = dimension, values, {"units": unit or "1", "long_name": about}
         attrs = {"case": self.name, "table": name} | ({"scenario": scenario} if scenario else {})
         return xarray.Dataset(variables, attrs=attrs)
+
+    def plot(self, *names: str) -> Any:
+        """Return figures by their names, which a notebook shows.
+
+        Parameters
+        ----------
+        *names : str
+            Of `hkt_mdo.results.plots.FIGURES`; by default the four that matter: blade, operation,
+            schedule and limits, as far as the result has their data.
+
+        Returns
+        -------
+        dict of matplotlib.figure.Figure
+            With a picture of each for a notebook.
+
+        Raises
+        ------
+        InputError
+            If there is no figure of a name.
+        """
+        plots = importlib.import_module("hkt_mdo.results.plots")  # Matplotlib takes its time
+        return plots.figures(self, names or ("blade", "operation", "schedule", "limits"))
 
     def __repr__(self) -> str:
         outcome = "success" if self.success else "no success"

@@ -21,7 +21,19 @@ from hkt_mdo.results.folder import write_files
 
 COLORS = ("#0b3c6f", "#c4501b", "#4fb286", "#8a4fa3", "#b8860b", "#4a4a4a")
 LINES = ("-", "--", "-.", (0, (5, 1, 1, 1, 1, 1)), ":", (0, (8, 2)))
+HATCHES = ("", "//", "..", "xx", "--", "oo")
+"""Of bars, beside their colours."""
 MARKERS = ("o", "s", "^", "D", "v", "X")
+QUANTITY_COLORS = {
+    "inflow_speed": COLORS[5],
+    **dict.fromkeys(("rotor_speed", "tip_speed_ratio", "tip_speed"), COLORS[0]),
+    **dict.fromkeys(("power", "generator_power", "electrical_power"), COLORS[1]),
+    **dict.fromkeys(("thrust", "root_moment"), COLORS[2]),
+    **dict.fromkeys(("control_torque", "hydrodynamic_torque", "torque_rate"), COLORS[3]),
+    "stress": COLORS[4],
+    "cavitation": "#2b9fd1",
+}
+"""Colour of a quantity, and of its limit, in every figure of one result."""
 REFERENCE: dict[str, Any] = {"color": "0.45", "linewidth": 1.1}
 FONT_SIZE = 9
 DPI = 150
@@ -66,6 +78,34 @@ def marker(index: int, size: float = 6.0) -> dict[str, Any]:
     return {"marker": MARKERS[index % len(MARKERS)], "markersize": size}
 
 
+def bar(index: int) -> dict[str, Any]:
+    """Return colour and hatch of a solution's bars: they differ in grey, too."""
+    look = {"color": COLORS[index % len(COLORS)], "hatch": HATCHES[index % len(HATCHES)]}
+    return look | {"edgecolor": "white"}
+
+
+def colored(look: dict[str, Any], quantity: str) -> dict[str, Any]:
+    """Return a look in the colour of a quantity, if it has one."""
+    return look | {"color": QUANTITY_COLORS.get(quantity, look["color"])}
+
+
+_SIDES = ("right", 0.995), ("left", 0.005), ("center", 0.5)
+
+
+def level(ax: Axes, value: float, label: str) -> None:
+    """Draw a horizontal line with its label beside it, each at another place; no legend has it."""
+    number = sum(line.get_gid() == _TOLD for line in ax.lines)
+    side, place = _SIDES[number % len(_SIDES)]
+    ax.axhline(value, linestyle="-.", label=label, gid=_TOLD, **REFERENCE)
+    low, high = ax.get_ylim()
+    ax.set_ylim(low, max(high, value + 0.16 * (max(high, value) - low)))  # room for the label
+    words: dict[str, Any] = {"fontsize": FONT_SIZE - 1.5, "color": "0.3", "va": "bottom"}
+    ax.text(place, value, label, ha=side, transform=ax.get_yaxis_transform(), **words)
+
+
+_TOLD = "told beside it"
+
+
 def finish(ax: Axes, x_label: str, y_label: str) -> Axes:
     """Label the axes, draw a grid, and a legend above."""
     ax.set_xlabel(x_label, fontsize=FONT_SIZE)
@@ -84,7 +124,8 @@ def legend(axes: Sequence[Axes]) -> None:
     entries: dict[str, Any] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            entries.setdefault(label, handle)
+            if getattr(handle, "get_gid", lambda: None)() != _TOLD:
+                entries.setdefault(label, handle)
     if not entries:
         return
     room = axes[0].figure.get_figwidth() - 0.7
@@ -118,6 +159,13 @@ def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
     finally:
         figure.set_layout_engine(engine)
         figure.set_dpi(before)
+
+
+def png(figure: Figure) -> bytes:
+    """Return a figure as a PNG."""
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format="png", dpi=DPI)
+    return drawn.getvalue()
 
 
 def save(

@@ -464,9 +464,9 @@ class Summary(_Entry, Mapping[str, Any]):
             yield Row(
                 f"objective, {self.objective.kind}", self.objective.simulated, self.objective.unit
             )
-        gap = "-" if self.certified_gap is None else f"{max(100.0 * self.certified_gap, 0.0):.2g}"
+        gap = None if self.certified_gap is None else max(100.0 * self.certified_gap, 0.0)
         known = "limits other than the torque's left out" if case.limits.given else ""
-        yield Row("certificate", f"within {gap} % of the best possible", "", known)
+        yield Row("certificate", gap and f"gap up to {gap:.2g} %", "", known)
 
     def _design(self, case: Case) -> Iterator[Row]:
         """Yield the rows of controller, blade and computation."""

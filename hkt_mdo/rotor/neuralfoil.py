@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hkt_mdo.errors import InputError
+from hkt_mdo.errors import InputError, install
 from hkt_mdo.files.polar_table import REYNOLDS_RANGE, SURFACES, PolarTable, Source, polar_table
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.potential_flow import potential_suction
@@ -98,7 +98,7 @@ def _network():
     except ImportError as error:
         raise InputError(
             f"NeuralFoil, which computes polars, cannot be imported ({error})",
-            "pip install 'hkt_mdo[neuralfoil]'",
+            install("neuralfoil"),
         ) from None
     return get_aero_from_coordinates
 

@@ -200,7 +200,8 @@ def _stations(found: Findings) -> Rows:
                 f"polars' tables run from {powers((low, high))}: beyond them the nearest holds",
             )
     yield Row("sections", ", ".join(polars))
-    yield Row("thickness", 100.0 * np.asarray(found.physics.thickness), "%", "of the chord", 3)
+    thickness = 100.0 * np.asarray(found.physics.turbine.thickness)
+    yield Row("thickness", thickness, "%", "of the chord", 3)
     yield Row("angles of attack", np.rad2deg(found.met), "deg", "along the blade", 3)
     note = f"along the blade; polars for {known}, {how}"
     yield Row("Reynolds numbers", powers(found.reynolds), "", note)

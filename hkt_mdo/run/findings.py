@@ -405,13 +405,13 @@ def _flow_data(flow: Flow, rated_speed: float) -> dict:
 def _blade_data(found: Findings) -> dict:
     """Return the starting blade, and control points beside the file's blade where there are any."""
     shape, blade, given = found.physics.shape, found.plant.blade, found.given
-    ends = blade.hub_radius, blade.tip_radius
+    ends, thickness = (blade.hub_radius, blade.tip_radius), found.physics.turbine.thickness
     data = {
         "r_m": blade.r,
         "ends_m": ends,
         "chord_m": blade.chord,
         "twist_deg": np.rad2deg(blade.twist),
-        "thickness_percent": 100.0 * np.broadcast_to(found.physics.thickness, blade.r.shape),
+        "thickness_percent": 100.0 * np.broadcast_to(thickness, blade.r.shape),
     }
     chord, twist, _ = shape.control(blade)
     for name, control, file in (

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.case.guard import any_values
-from hkt_mdo.problem.build import MANY_SEGMENTS, assemble, make_driver
+from hkt_mdo.problem.build import assemble, make_driver
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import Operation, StartingPoint
 from hkt_mdo.problem.setup import NARROW, Setup
@@ -18,6 +18,9 @@ from hkt_mdo.solve.drivers import Outcome
 
 FIRST_ITERATIONS = 300
 """After as many, an optimization within wide moves has lost its way."""
+
+MOST_ROWS = 500
+"""Segments times limits and the equation of motion, above which no constraints are recorded."""
 
 ENERGIES = "energy", "generator_energy", "electrical_energy", "objective", "inertia", "mass"
 
@@ -41,8 +44,8 @@ def solve(state: RunState, physics: Physics, setup: Setup, near: bool) -> Optimi
     """
     most = None if setup.moves == NARROW else FIRST_ITERATIONS
     problem = assemble(physics, setup, make_driver(physics, state, most, near), state.scratch)
-    segments = sum(each.segments for each in physics.scenarios)
-    state.log.add_recorders(problem, constraints=segments <= MANY_SEGMENTS)
+    rows = sum(x.segments * (1 + len(physics.limits_in(x))) for x in physics.scenarios)
+    state.log.add_recorders(problem, constraints=rows <= MOST_ROWS)
     try:
         problem.final_setup()  # opens the recorders' files
         try:

@@ -22,6 +22,7 @@ from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES
 from hkt_mdo.results.folder import to_json, write_csv
+from hkt_mdo.results.solution import TABLES
 from hkt_mdo.results.summary import VERSION, CheckEntry, Summary
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.strength import place_weights
@@ -467,10 +468,15 @@ def write_tables(out: Path, finished: Finished) -> None:
         span = loads.over_span(physics, blade, flown)
         _write_loads(out / f"loads{suffix}.csv", blade, span)
     _write_blade(out / "blade.csv", physics, blade)
-    ratios = np.linspace(0.3, 1.7, 141) * physics.rotor.best_operation(blade).tip_speed_ratio
-    power = [physics.rotor.coefficients(each, ratios).power for each in (blade, physics.blade)]
-    header = ("tip_speed_ratio", "power_coefficient", "start_power_coefficient")
-    write_csv(out / "power_curve.csv", header, zip(ratios, *power, strict=True))
+    met = [x.told["tip_speed_ratio"] for several in finished.scenarios.values() for x in several]
+    best = physics.rotor.best_operation(blade).tip_speed_ratio
+    low = min(0.3 * best, 0.95 * min(map(np.min, met)))
+    high = max(1.7 * best, 1.05 * max(map(np.max, met)))
+    ratios = np.linspace(max(low, 0.05 * best), min(high, 5.0 * best), 141)
+    known = [physics.rotor.coefficients(each, ratios) for each in (blade, physics.blade)]
+    columns = ratios, *(x.power for x in known), *(x.thrust for x in known)
+    header = TABLES["power_curve"]
+    write_csv(out / "power_curve.csv", header, zip(*columns, strict=True))
 
 
 def _write_loads(path, blade, found):
@@ -504,7 +510,7 @@ def _write_blade(path, physics, blade):
         f"blade found by the case {physics.case.name}; the twist includes the set angle",
         f"to start from it, with the path of this file: rotor: {section}",
     )
-    thickness = physics.thickness if blade.thickness is None else blade.thickness
+    thickness = physics.turbine.thickness if blade.thickness is None else blade.thickness
     thickness = np.broadcast_to(np.asarray(thickness, dtype=float), blade.r.shape)
     table = BladeTable(blade.r, blade.chord, blade.twist, thickness=thickness)
     write_blade_csv(path, table, remarks)

@@ -312,6 +312,28 @@ def largest(runs: Iterable[Run]) -> dict[str, Told]:
     return found
 
 
+def records(runs: Iterable[Run]) -> list[dict[str, Any]]:
+    """Return what simulations told: a record of each energy, limit and load of each.
+
+    Parameters
+    ----------
+    runs : iterable of Run
+        The simulations.
+
+    Returns
+    -------
+    list of dict
+        With scenario, seed, quantity and `FIELDS`, in SI units.
+    """
+    found = []
+    for run in runs:
+        energies = {name: Told(value=x, unit="J") for name, x in run.energies.items()}
+        for name, entry in (energies | run.told).items():
+            where = {"scenario": run.scenario, "seed": run.seed, "quantity": name}
+            found.append(where | {field: getattr(entry, field) for field in FIELDS})
+    return found
+
+
 def write(folder: Path, runs: Iterable[Run]) -> list[Path]:
     """Write what simulations told, as simulations.json and simulations.csv.
 
@@ -327,14 +349,11 @@ def write(folder: Path, runs: Iterable[Run]) -> list[Path]:
     list of Path
         The files.
     """
-    header, rows = ("scenario", "seed", "quantity", *FIELDS), []
-    for run in runs:
-        energies = {name: Told(value=x, unit="J") for name, x in run.energies.items()}
-        for name, entry in (energies | run.told).items():
-            rows.append((run.scenario, run.seed, name, *(getattr(entry, x) for x in FIELDS)))
-    lines = [",".join("" if x is None else str(x) for x in row) for row in (header, *rows)]
+    told, header = records(runs), ("scenario", "seed", "quantity", *FIELDS)
+    rows = (header, *(record.values() for record in told))
+    lines = [",".join("" if x is None else str(x) for x in row) for row in rows]
     folder.mkdir(parents=True, exist_ok=True)
     table, data = folder / "simulations.csv", folder / "simulations.json"
     write_text(table, "\n".join([*lines, ""]))
-    write_json(data, [dict(zip(header, row, strict=True)) for row in rows])
+    write_json(data, told)
     return [table, data]

@@ -31,7 +31,7 @@ from hkt_mdo.dynamics.simulation import (
     simulate,
 )
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.physics import BEM, Physics, complete
+from hkt_mdo.problem.physics import Physics, complete
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 from hkt_mdo.results.solution import Solution
@@ -154,10 +154,7 @@ class Design:
             The design; its controller knows the plant as it is.
         """
         made = solution.design()
-        world, blade = made.physics, made.blade
-        check, inertia = BEM[world.case.hydrodynamics.check], made.inertia
-        plant = Plant(blade, made.polars, inertia, world.density, check, world.generator)
-        return cls(solution, world, plant, plant, made.gains)
+        return cls(solution, made.physics, made.plant, made.plant, made.gains)
 
     def with_memory(self, tau1: float | None = None) -> Design:
         """Return the same design in water whose wake has memory.

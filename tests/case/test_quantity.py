@@ -82,6 +82,15 @@ def test_a_plain_number_takes_no_unit():
         Quantity().read("1 m")
 
 
+def test_per_cent_is_a_number_without_a_unit():
+    for text, value in {"12 %": 0.12, "12%": 0.12, " -.5e1 % ": -0.05}.items():
+        assert Quantity().read(text) == pytest.approx(value, rel=1e-14)
+    with pytest.raises(PydanticCustomError, match=r"must be less than 1; .* per cent such as 12 %"):
+        Quantity(lt=1).read("100 %")
+    with pytest.raises(PydanticCustomError, match="number and a unit"):
+        Quantity("m").read("12 %")
+
+
 @given(st.text() | st.text(alphabet="0123456789.e+-*/^() mskgNrad", max_size=30))
 @example("3 m" + "(" * 50)
 def test_any_text_is_read_or_refused(text):

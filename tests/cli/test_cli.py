@@ -1,16 +1,21 @@
 """The command line: exit codes, messages, and no waiting for imports that are not needed."""
 
+import csv
 import errno
+import io
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import types
 import warnings
+from functools import partial
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from hkt_mdo.case import Case
 from hkt_mdo.cli import main
@@ -31,9 +36,18 @@ class FakeRun(types.ModuleType):
         self.saves = False
 
     def run_case(
-        self, case: Case, out: Path, *, force=False, progress=None, on_pass=None, figures=True
+        self,
+        case: Case,
+        out: Path,
+        *,
+        force=False,
+        progress=None,
+        on_pass=None,
+        figures=True,
+        records=True,
     ):
         self.case, self.out, self.force, self.figures = case, out, force, figures
+        self.records = records
         if progress is not None:
             progress(1, 320000.0, 1e-3)
         if self.saves:
@@ -43,7 +57,7 @@ class FakeRun(types.ModuleType):
             raise self.error
         return Solution.load(self.result)
 
-    def resume_case(self, out: Path, *, progress=None, on_pass=None, figures=True, extensions=()):
+    def resume_case(self, out: Path, *, extensions=(), **_: object):
         self.out, self.extensions = out, extensions
         return Solution.load(self.result)
 
@@ -94,9 +108,11 @@ def test_run_passes_everything_on(fake: FakeRun) -> None:
     )
     assert code == 0
     assert fake.out == Path("results/sine_limited_quadratic")
-    assert (fake.force, fake.figures) == (True, False)
+    assert (fake.force, fake.figures, fake.records) == (True, False, True)
     assert (fake.case.driver.optimizer, fake.case.driver.package) == ("SLSQP", "scipy")
     assert (fake.case.phase.segments, fake.case.rotor.radius) == (17, 2.0)
+    assert main(["run", CASE, "--no-records"]) == 0
+    assert fake.records is False
 
 
 def test_run_draws_pdf_where_asked(
@@ -249,6 +265,99 @@ def test_show_prints_the_table(result_folder: Path, capsys: pytest.CaptureFixtur
     fail(result_folder)
     assert main(["show", str(result_folder)]) == 0
     assert "check not passed" in capsys.readouterr().out
+
+
+def records_of(printed: str, form: str) -> list[dict]:
+    """Return what --json or --csv printed; an empty cell is None."""
+    if form == "--json":
+        return json.loads(printed)
+    rows = csv.DictReader(io.StringIO(printed))
+    return [{key: cell or None for key, cell in row.items()} for row in rows]
+
+
+@pytest.mark.parametrize("form", ["--json", "--csv"])
+def test_show_and_compare_print_for_programs(
+    result_folder: Path, linear_result_folder: Path, form: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["show", str(result_folder), form]) == 0
+    rows = {row["quantity"]: row for row in records_of(capsys.readouterr().out, form)}
+    assert (float(rows["energy"]["value"]), rows["energy"]["unit"]) == (322239.0, "J")
+    ratio = Solution.load(result_folder).summary.tip_speed_ratio
+    ends = [float(rows["tip speed ratio"][key]) for key in ("value", "up_to")]
+    assert ends == pytest.approx([ratio.min, ratio.max], rel=1e-12)
+    folders = [str(result_folder), str(linear_result_folder)]
+    assert main(["compare", *folders, form]) == 0
+    rows = records_of(capsys.readouterr().out, form)
+    assert {row["result"] for row in rows} == set(folders)
+    assert main(["show", folders[0], "--json", "--csv"]) == 2
+    assert "give one of --json and --csv" in " ".join(capsys.readouterr().err.split())
+
+
+def test_check_prints_for_programs(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", CASE, "--no-figures", "--json"]) == 0
+    out, err = capsys.readouterr()
+    rows = json.loads(out)
+    (torque,) = (row for row in rows if row["quantity"] == "control.torque_limit")
+    assert set(torque) == {"part", "quantity", "value", "up_to", "unit", "note"}
+    assert "can be run" in err
+
+
+def energy(folder: Path, value: float | None) -> str:
+    """Give a result another simulated energy, or make it one of an interrupted run."""
+    path = folder / "summary.json"
+    summary = json.loads(path.read_text()) | {"simulated_energy_J": value}
+    if value is None:
+        summary |= {"success": False, "message": "interrupted before the end", "checks": None}
+    path.write_text(json.dumps(summary))
+    return str(folder)
+
+
+def test_compare_ranks_by_the_objective_and_cuts_no_name(
+    tmp_path: Path, result_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    long = "a_result_whose_name_is_longer_than_a_column_of_a_narrow_terminal_[bold]"
+    given = {long: 3.0e5, "best": 3.2e5, "refused": 3.3e5, "broken_off": None}
+    for name, value in given.items():
+        shutil.copytree(result_folder, tmp_path / name)
+        energy(tmp_path / name, value)
+    fail(tmp_path / "refused")
+    assert main(["compare", *given, "--out", "there"]) == 0
+    out, err = capsys.readouterr()
+    assert out.splitlines()[0].split() == ["best", long, "refused", "broken_off"]
+    (shares,) = (line for line in out.splitlines() if "to the best" in line)
+    assert re.findall(r"[+-][\d.]+ %", shares) == ["+0.0000 %", "-6.2500 %", "+3.1250 %"]
+    assert err == (
+        "note: broken_off: interrupted before the end; it has no rank and is in no figure\n"
+    )
+
+
+def test_compare_divides_what_is_too_wide_for_a_terminal(
+    tmp_path: Path,
+    result_folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    names = [f"result_{'x' * 20}_{number}" for number in range(4)]
+    for name in names:
+        shutil.copytree(result_folder, tmp_path / name)
+    terminal = partial(Console, width=110, force_terminal=True, color_system=None)
+    monkeypatch.setattr("hkt_mdo.cli.results.Console", terminal)
+    assert main(["compare", *names]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    heads = [re.findall(r"result_x+_\d", line) for line in lines]
+    assert [name for head in heads for name in head] == names
+    assert max(map(len, lines)) <= 110
+
+
+def test_without_arguments_the_first_steps_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 0
+    told = re.findall(r"^  hkt (\w+)", capsys.readouterr().out, re.MULTILINE)
+    assert told == ["new", "check", "run", "show", "compare"]
+
+
+def test_a_shell_can_complete(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == 0
+    assert "--install-completion" in capsys.readouterr().out
 
 
 def test_plot_draws_the_figures(result_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

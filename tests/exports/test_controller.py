@@ -44,7 +44,7 @@ VALUES = {
 }
 """Gains of each."""
 
-SPEEDS = np.concatenate(([-1.0, 0.0, 1e-4, 1e-3], np.linspace(0.01, 40.0, 4001)))
+SPEEDS = np.concatenate(([-1.0, 0.0, 1e-4, 1e-3], np.linspace(0.01, 40.0, 401)))
 
 TRACKING = "{law: tracking, torque_limit: 600, knots: 5, lag: 0.15, flow_range: [1.3, 1.7]"
 SCHEDULE = [6.5, 7.0, 7.6, 8.0, 8.2]
@@ -273,7 +273,7 @@ def test_each_file_tells_where_it_comes_from(name, tmp_path):
 
 def test_open_loop_is_refused_with_the_reason(tmp_path):
     solution = result(tmp_path / "result", "open_loop", None)
-    with pytest.raises(InputError, match="open loop is a torque over time; export csv"):
+    with pytest.raises(InputError, match=r"open_loop is a torque over time .*export csv"):
         export(solution, ["controller"], tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
@@ -281,7 +281,7 @@ def test_open_loop_is_refused_with_the_reason(tmp_path):
 def test_a_law_of_an_extension_is_refused_with_the_reason(tmp_path):
     extension = "tests/data/extension.py"
     solution = result(tmp_path / "result", "{law: mixed}", [1.0, 10.0], extensions=[extension])
-    with pytest.raises(InputError, match="law of an extension, whose formula is known as Python"):
+    with pytest.raises(InputError, match="mixed is a law of an extension, known as Python"):
         export(solution, ["controller"], tmp_path / "out")
 
 

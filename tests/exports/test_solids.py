@@ -1,7 +1,6 @@
 """Closed bodies and section coordinates of a result, held to trimesh and OpenCASCADE."""
 
 import io
-import json
 import re
 
 import numpy as np
@@ -9,15 +8,13 @@ import pytest
 import trimesh
 from scipy.interpolate import BSpline
 
-from hkt_mdo import Solution
-from hkt_mdo.case import read_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Source, chosen
-from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.outline import FRACTIONS, Outline
 from hkt_mdo.rotor.thickness import over_thickness
-from tests.conftest import CASES, make_result
+from tests.conftest import CASES
+from tests.exports.made import made
 
 FOUR = ", ".join(
     f"{{outline: {path}.csv, polar: {path}_polars.csv}}"
@@ -33,34 +30,19 @@ design: {{chord_points: 9, twist_points: 9, thickness_points: 9}}""",
 
 
 def make_source(folder, text, **told):
-    """Return the source of an invented result: the blade with which a case begins.
-
-    `told` are entries of its summary.
-    """
-    folder = make_result(folder / "result")
-    case = read_case(
-        f"name: made\ninflow: sine\ncontrol: quadratic\n{text}\n", file=folder / "case.yaml"
-    )
-    (folder / "case.yaml").write_text(case.to_yaml(), encoding="utf-8")
-    blade = physics(case).blade
-    thickness = blade.thickness
-    if thickness is not None:
-        thickness = np.linspace(0.22, 0.13, blade.r.size).tolist()
-    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    summary |= {
-        "r_m": blade.r.tolist(),
-        **dict.fromkeys(("chord_m", "start_chord_m"), blade.chord.tolist()),
-        **dict.fromkeys(("twist_deg", "start_twist_deg"), np.rad2deg(blade.twist).tolist()),
-        "thickness_over_chord": thickness,
-        "rotor_radius_m": blade.rotor_radius,
-        "tip_radius_m": blade.tip_radius,
-        **told,
-    }
-    (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
-    return Source(Solution.load(folder))
+    """Return the source of a result: the blade with which a case begins; `told` its summary."""
+    case = f"name: made\ninflow: sine\ncontrol: quadratic\n{text}\n"
+    if "station_count: 12" in text:
+        told["thickness_over_chord"] = np.linspace(0.22, 0.13, 12)
+    return Source(made(folder / "result", case, [11.0], **told))
 
 
-@pytest.fixture(scope="module", params=ROTORS)
+QUICK, *OTHERS = ROTORS
+
+
+@pytest.fixture(
+    scope="module", params=[QUICK, *(pytest.param(each, marks=pytest.mark.slow) for each in OTHERS)]
+)
 def source(request, tmp_path_factory):
     return make_source(tmp_path_factory.mktemp("solids"), ROTORS[request.param])
 
@@ -107,7 +89,7 @@ def principal_angle(outline):
 
 @pytest.mark.parametrize("hub", ["none", "cylinder"])
 def test_blade_rotor_and_hub_are_closed_bodies(source, hub):
-    made = files(source, "stl", f"hub={hub}")
+    made = files(source, "stl", f"hub={hub}", "points=100", "spanwise=40")
     one, rotor = mesh(made["blade.stl"]), mesh(made["rotor.stl"])
     assert one.is_volume
     assert rotor.is_volume
@@ -262,7 +244,7 @@ def test_polars_without_outlines_are_refused(tmp_path):
     own = f"blade: {blade}, polar: {polar}, radius: 1.05, hub_radius_fraction: 0.1"
     source = make_source(tmp_path / "one", f"rotor: {{{own}}}")
     for name in ("stl", "step", "sections"):
-        with pytest.raises(InputError, match="polars alone do not say the shape") as error:
+        with pytest.raises(InputError, match="stl, step and sections need it") as error:
             files(source, name)
         assert error.value.key == "rotor.outline"
     sections = f"[{FOUR}, {{polar: {polar}, thickness: 0.3}}]"
@@ -298,7 +280,7 @@ def read_step(content, folder):
 
 
 def test_step_has_valid_solids_of_the_same_volume(source, tmp_path):
-    made = files(source, "step", "trailing_edge=0.01 mm")
+    made = files(source, "step", "trailing_edge=0.01 mm", "points=40")
     design = source.design
     mass = mass_and_inertia(design.blade, design.turbine.section_area, 1.0).mass
     own = mass / design.blade.blade_count
@@ -309,7 +291,7 @@ def test_step_has_valid_solids_of_the_same_volume(source, tmp_path):
 
 
 def test_step_unites_blades_and_hub(paper, tmp_path, capfd):
-    made = files(paper, "step", "hub=cylinder")
+    made = files(paper, "step", "hub=cylinder", "points=40")
     blade = paper.design.blade
     _, (one,) = read_step(made["blade.step"], tmp_path)
     _, (rotor,) = read_step(made["rotor.step"], tmp_path)
@@ -323,8 +305,9 @@ def test_step_unites_blades_and_hub(paper, tmp_path, capfd):
 
 
 def test_sharp_trailing_edge_is_an_edge_of_the_solid(paper, tmp_path):
-    _, (one,) = read_step(files(paper, "step", "trailing_edge=0")["blade.step"], tmp_path)
-    sharp = mesh(files(paper, "stl", "trailing_edge=0")["blade.stl"])
+    sharp, points = "trailing_edge=0", "points=60"
+    _, (one,) = read_step(files(paper, "step", sharp, points)["blade.step"], tmp_path)
+    sharp = mesh(files(paper, "stl", sharp, points)["blade.stl"])
     assert one == pytest.approx(sharp.volume, rel=0.01)
 
 

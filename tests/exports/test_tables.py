@@ -1,6 +1,7 @@
 """Tables as CSV, JSON and NetCDF: what independent readers read back, and what the numbers mean."""
 
 import json
+from functools import cache
 
 import netCDF4
 import numpy as np
@@ -51,6 +52,7 @@ def scenarios(tmp_path_factory) -> Solution:
     return made(tmp_path_factory.mktemp("scenarios") / "result", SCENARIOS, [11.0])
 
 
+@cache
 def by_name(solution):
     return {table.name: table for table in tables(Source(solution))}
 
@@ -59,7 +61,10 @@ def values(table):
     return {name: np.asarray(column.values) for name, column in table.columns.items()}
 
 
-@pytest.mark.parametrize("name", ["quadratic", "tracking", "scenarios"])
+@pytest.mark.parametrize(
+    "name",
+    ["scenarios", *(pytest.param(x, marks=pytest.mark.slow) for x in ("quadratic", "tracking"))],
+)
 def test_numbers_read_back_bit_by_bit(name, request, tmp_path):
     solution = request.getfixturevalue(name)
     export(solution, ["csv", "json", "netcdf"], tmp_path)
@@ -140,7 +145,10 @@ design: {chord_points: 4, twist_points: 4, thickness_points: 4}
 }
 
 
-@pytest.mark.parametrize("name", BLADES)
+@pytest.mark.parametrize(
+    "name",
+    ["coned", *(pytest.param(x, marks=pytest.mark.slow) for x in BLADES if x != "coned")],
+)
 def test_loads_of_the_stations_sum_to_torque_and_thrust(name, tmp_path):
     # loads are per length along a blade, which may be coned; the rotor's are about and along its
     # axis
@@ -263,6 +271,7 @@ rotor:
     several = made(tmp_path / "several", QUADRATIC + rotor, [11.0])
     names = values(by_name(several)["blade"])["section_name"]
     assert any(name.startswith("thin to naca4424, 0.") for name in names)
+    assert "naca4424" in names
     thickness = values(by_name(several)["blade"])["thickness_over_chord"]
     shares = [float(name.split(", ")[1]) for name in names if "," in name]
     inside = [t for name, t in zip(names, thickness, strict=True) if "," in name]

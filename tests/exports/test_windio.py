@@ -11,8 +11,9 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from hkt_mdo.case import read_case
 from hkt_mdo.exports.base import Source, export
+from hkt_mdo.exports.solids import station_outlines
 from hkt_mdo.exports.tables import steady_operation
-from hkt_mdo.exports.windio import polar_rows, station_outlines
+from hkt_mdo.exports.windio import polar_rows
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.outline import Outline
 from tests.exports.made import made
@@ -27,7 +28,7 @@ STATIONS = "stations: [0.25, 0.45, 0.65, 0.85, 0.98]"
 
 CASES = {
     "one section": ("", [11.0]),
-    "resized": ("rotor: {blade: rm1, radius: 2.0, cone: 4, station_count: 6}", [40.0]),
+    "resized": ("rotor: {blade: rm1, radius: 2.0, cone: -4, station_count: 6}", [40.0]),
     "several sections": (f"rotor:\n  blade: rm1\n  {STATIONS}\n  sections:{SEVERAL}", [40.0]),
     "designed thickness": (
         f"rotor:\n  {STATIONS}\n  sections:{SEVERAL}design: {{chord_points: 5, twist_points: 5, "
@@ -61,7 +62,12 @@ def turbines(tmp_path_factory):
     return cache(lambda name: written(tmp_path_factory.mktemp("windio"), name))
 
 
-@pytest.fixture(scope="module", params=CASES)
+QUICK, *OTHERS = CASES
+
+
+@pytest.fixture(
+    scope="module", params=[QUICK, *(pytest.param(each, marks=pytest.mark.slow) for each in OTHERS)]
+)
 def turbine(request, turbines):
     return turbines(request.param)
 
@@ -102,6 +108,7 @@ def test_it_says_what_the_schema_has_no_key_for(turbine):
     fluid = solution.case.fluid
     assert f"density {fluid.density!r} kg/m^3" in data["comments"]
     assert f"viscosity {fluid.kinematic_viscosity!r} m^2/s" in data["comments"]
+    assert ("TURNED DOWNSTREAM by cone_angle" in data["comments"]) == (design.blade.cone < 0.0)
     placeholder = "COORDINATES ARE A PLACEHOLDER: rotor.outline is not given"
     given = solution.case.rotor.polar is None or solution.case.rotor.outline is not None
     assert (placeholder in data["comments"]) == (not given)
@@ -152,6 +159,7 @@ def test_fewer_rows_than_a_polar_has_knots(polar):
     assert polar_rows(polar, 1e-4)[0].size < 0.4 * alpha.size
 
 
+@pytest.mark.slow
 def test_losses_of_the_generator_are_an_efficiency_along_the_operation(turbines):
     _, design, _, data = turbines("Reynolds numbers")
     curve = data["components"]["drivetrain"]["generator"]["rpm_efficiency"]

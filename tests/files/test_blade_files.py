@@ -1,6 +1,7 @@
 """Blade files: what is read is what the file says, in every format."""
 
 import json
+import warnings
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -421,3 +422,28 @@ def test_a_path_that_is_no_file(path):
 def test_a_file_too_large_is_not_read(put):
     with pytest.raises(InputError, match="16 MiB"):
         read_blade(put("large.csv", "r_m,chord_m,twist_rad\n" + "1,1,1\n" * 3_000_000))
+
+
+def test_radians_below_the_name_of_degrees_are_suspected(tmp_path):
+    path = tmp_path / "b.csv"
+    path.write_text("r_m,chord_m,twist_deg\n0.2,0.2,0.4\n0.6,0.15,0.2\n1.0,0.1,0.05\n")
+    told = r"b\.csv: twist_deg is in degrees, and no value is above 0\.4: .* twist_rad"
+    with pytest.warns(UserWarning, match=told):
+        read_blade(path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for text in ("twist_rad\n0.2,0.2,0.4\n1.0,0.1,0.05\n", "twist_deg\n0.2,0.2,0\n1,0.1,0\n"):
+            path.write_text(f"r_m,chord_m,{text}")
+            read_blade(path)
+
+
+def test_a_written_blade_has_the_twist_in_degrees_too(tmp_path):
+    path, twist = tmp_path / "b.csv", np.array([0.3, 0.1])
+    write_blade_csv(path, BladeTable(np.array([0.2, 1.0]), np.array([0.2, 0.1]), twist, False))
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    assert rows[0] == ["r_m", "chord_m", "twist_deg", "twist_rad"]
+    assert [float(row[2]) for row in rows[1:]] == np.rad2deg(twist).tolist()
+    assert read_blade(path).twist.tolist() == twist.tolist()
+    path.write_text(path.read_text().replace(rows[2][2], "7.5"))
+    with pytest.raises(InputError, match=r"line 3, column twist_deg = '7.5': is not twist_rad in"):
+        read_blade(path)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from hkt_mdo.dynamics import records
 from hkt_mdo.dynamics.records import low_pass, read_record, record_from
-from hkt_mdo.errors import InputError
+from hkt_mdo.errors import InputError, install
 from hkt_mdo.files import record_table
 from tests.files.broken.records import ROWS, SOUND, SPEEDS, TIMES
 from tests.properties import examples
@@ -444,7 +444,7 @@ def test_missing_packages_are_told(tmp_path, monkeypatch, name, package):
     monkeypatch.setitem(sys.modules, "pyarrow.parquet" if package == "pyarrow" else package, None)
     message = refused(tmp_path / name)
     assert f"needs the package {package}, which is not installed" in message
-    assert "pip install 'hkt_mdo[records]', or save the record as CSV" in message
+    assert f"{install('records')}, or save the record as CSV" in message
 
 
 def test_csv_needs_no_package_of_the_extra(tmp_path):

@@ -35,6 +35,13 @@ ROTORS = {
     "several sections": SEVERAL,
     "designed thickness": "designed_thickness",
 }
+RESULT = Path(__file__).parents[1] / "data" / "openfast" / "paper"
+
+
+def but(names, quick):
+    """Return names as parameters of a test, of which all but some are slow."""
+    slow = pytest.mark.slow
+    return [name if name in quick else pytest.param(name, marks=slow) for name in names]
 
 
 def case_of(rotor, depth=True):
@@ -60,7 +67,7 @@ def model_of(group, **inputs):
 # The rotor ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("rotor", ROTORS)
+@pytest.mark.parametrize("rotor", but(ROTORS, ["paper", "designed thickness"]))
 def test_rotor_has_the_performance_loads_and_mass_of_its_blade(rotor):
     case = case_of(rotor)
     world = physics(case)
@@ -87,7 +94,7 @@ def test_rotor_has_the_performance_loads_and_mass_of_its_blade(rotor):
 
 
 @pytest.mark.parametrize("given", ["tip_speed_ratio", "rotor_speed"])
-@pytest.mark.parametrize("rotor", ROTORS)
+@pytest.mark.parametrize("rotor", but(ROTORS, ["paper", "rm1"]))
 def test_totals_of_the_rotor_by_every_input(rotor, given):
     """BEM by central differences in the model, whose formulas are by complex step below."""
     problem = model_of(RotorGroup(case_of(rotor), num_points=4, given=given), inflow_speed=FLOW)
@@ -117,14 +124,13 @@ def test_formulas_of_the_rotor_by_complex_step(rotor, monkeypatch):
     assert_check_partials(data, atol=1e-6, rtol=1e-9)
 
 
-def test_rotor_takes_the_blade_of_a_result(solve):
-    solution = solve("sine_limited_quadratic")
+def test_rotor_takes_the_blade_of_a_result():
+    solution = Solution.load(RESULT)
     case, design = solution.case, solution.design()
     problem = model_of(RotorGroup(case, blade=design.blade))
     best = solution.summary.power_coefficient_max
     assert problem["power_coefficient"][0] == pytest.approx(best, rel=1e-6)
     assert problem["mass"][0] == pytest.approx(solution.summary.mass_kg, rel=1e-9)
-    assert isinstance(solution, Solution)
 
 
 def test_rotor_without_depth_has_no_cavitation_and_local_reynolds_numbers_are_refused():
@@ -164,7 +170,7 @@ LAWS = {
 SHORT = {"inflow": "sine", "phase": {"duration": 12, "segments": 12}}
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", but(LAWS, ["quadratic"]))
 def test_turbine_ends_at_the_optimum_of_the_case_by_another_driver(law):
     """With the case's own objective: by SciPy with OpenMDAO's totals, as by our own drivers."""
     case = load_case(SHORT | LAWS[law])
@@ -184,8 +190,8 @@ def test_turbine_ends_at_the_optimum_of_the_case_by_another_driver(law):
     assert other["turbine.energy"] == pytest.approx(own["energy"], rel=1e-6)
 
 
-def test_turbine_begins_at_the_design_of_a_result(solve):
-    solution = solve("sine_limited_quadratic")
+def test_turbine_begins_at_the_design_of_a_result():
+    solution = Solution.load(RESULT)
     more = [f"start.from={solution.folder}", "start.method=blade"]
     problem = model_of(TurbineGroup(load_case("sine_limited_quadratic", more)))
     np.testing.assert_allclose(problem["chord"], solution.blade["chord_m"], rtol=1e-9)
@@ -207,7 +213,7 @@ MORE = {
 }
 
 
-@pytest.mark.parametrize("name", MORE)
+@pytest.mark.parametrize("name", but(MORE, ["two flows", "states of a law", "torque as unknown"]))
 def test_turbine_has_the_values_and_constraints_of_the_cases_own_problem(name):
     case = load_case(SHORT | LAWS["quadratic"] | MORE[name])
     own, other = build_problem(case, improve=False), om.Problem(reports=False)
@@ -270,21 +276,23 @@ def names_within(system):
                 yield from names_within(part)
 
 
-@pytest.mark.parametrize(
-    "more",
-    [
-        {},
-        {"limits": {"power": 5000, "torque_rate": 900}, "control": {"law": "open_loop"}},
-        SEVERAL | {"limits": {"stress": "100 MPa"}},
-    ],
-    ids=["usual", "limits", "several sections"],
-)
-def test_the_page_names_every_subsystem_of_the_n2_diagram(more, tmp_path):
+DRAWN = {
+    "usual": {},
+    "limits": {
+        "limits": {"power": 5000, "torque_rate": 900},
+        "control": {"law": "open_loop"},
+    },
+    "several sections": SEVERAL | {"limits": {"stress": "100 MPa"}},
+}
+
+
+@pytest.mark.parametrize("name", but(DRAWN, ["usual"]))
+def test_the_page_names_every_subsystem_of_the_n2_diagram(name, tmp_path):
     told = set(re.findall(r"^\| `(\w+)(?:_<\w+>)?`", PAGE, re.MULTILINE))
-    case = load_case(SHORT | LAWS["quadratic"] | more)
+    case = load_case(SHORT | LAWS["quadratic"] | DRAWN[name])
     problem = model_of(TurbineGroup(case, improve=False))
     for group in (problem.model.group, model_of(RotorGroup(case)).model.group):
-        for name in names_within(group):
-            assert any(name == each or name.startswith(f"{each}_") for each in told), name
+        for found in names_within(group):
+            assert any(found == each or found.startswith(f"{each}_") for each in told), found
     om.n2(problem, outfile=str(tmp_path / "n2.html"), show_browser=False)
     assert (tmp_path / "n2.html").stat().st_size > 100_000

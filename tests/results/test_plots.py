@@ -1,6 +1,8 @@
 """Plots: axes in, axes out, nothing global touched, and something to see even in grey."""
 
+import base64
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,11 +10,13 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
 from hkt_mdo.case import load_case
+from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.errors import InputError
-from hkt_mdo.results import plots
+from hkt_mdo.results import plots, steady
 from hkt_mdo.results.solution import ScenarioTables, Solution
 
 PLOTS = [plot for name, plot in vars(plots).items() if name.startswith("plot_")]
@@ -42,7 +46,7 @@ def test_plot_draws_in_its_own_figure(plot, solution: Solution) -> None:
     ax.figure.canvas.draw()
     assert ax.lines
     assert ax.get_xlabel().endswith(")")  # a unit
-    assert ax.get_ylabel().endswith(")")
+    assert ax.get_ylabel().endswith(")") or plot is plots.plot_limits  # whose bars have names
     assert legend_texts(ax)
     assert dict(mpl.rcParams) == before
 
@@ -62,7 +66,7 @@ def test_plot_draws_several_where_told(plot, both: list[Solution]) -> None:
         (line.get_linestyle(), line.get_marker())
         for line in ax.lines
         if line.get_label().startswith("sine_")
-    ]
+    ] or [bars[0].get_hatch() for bars in ax.containers]
     assert len(set(styles)) == len(styles)  # apart without colours
 
 
@@ -73,7 +77,8 @@ def test_plot_of_nothing_is_empty(plot, result_folder: Path) -> None:
     (result_folder / "summary.json").write_text('{"success": false}')
     ax = plot(Solution.load(result_folder))
     ax.figure.canvas.draw()
-    assert all("limit" in line.get_label() for line in ax.lines)
+    told = "limit", "smallest", "largest", "_zero"
+    assert all(any(word in line.get_label() for word in told) for line in ax.lines)
 
 
 @pytest.mark.filterwarnings("error")
@@ -89,35 +94,18 @@ def test_plots_show_the_numbers(solution: Solution) -> None:
         for line in plots.plot_rotor_speed(solution).lines
         if line.get_label() == "collocation nodes"
     )
-    np.testing.assert_array_equal(nodes.get_ydata(), solution.trajectory["rotor_speed_rad_s"])
-    limit = plots.plot_control_torque(solution).lines[-1]
+    rpm = 30.0 / np.pi * solution.trajectory["rotor_speed_rad_s"]
+    np.testing.assert_allclose(nodes.get_ydata(), rpm, rtol=1e-14)
+    drawn = plots.plot_control_torque(solution)
+    limit = line_of(drawn, "generator torque limit 700 N m")
     assert list(limit.get_ydata()) == [700.0, 700.0]
-    assert limit.get_label() == "control torque limit 700 N m"
+    assert [text.get_text() for text in drawn.texts] == [limit.get_label()]
+    assert limit.get_label() not in legend_texts(drawn)  # it stands at its line
     bar = next(
         line for line in plots.plot_power_curve(solution).lines if len(line.get_xdata()) == 2
     )
     reach = solution.summary["tip_speed_ratio"]
     assert list(bar.get_xdata()) == [reach["min"], reach["max"]]
-
-
-def test_limits_are_drawn_beside_their_quantity_or_told(
-    result_folder: Path, linear_result_folder: Path
-) -> None:
-    path = result_folder / "summary.json"
-    summary = json.loads(path.read_text())
-    summary["limits"] |= {
-        "rotor_speed": {"value": 8.7, "limit": 9.0, "unit": "rad/s"},
-        "tip_speed": {"value": 11.5, "limit": 11.5, "unit": "m/s"},
-    }
-    path.write_text(json.dumps(summary))
-    solution = Solution.load(result_folder)
-    told = ["largest tip speed 11.5 m/s, limit 11.5 m/s", "control torque limit 700 N m"]
-    assert plots.plot_rotor_speed(solution).lines[-1].get_label() == "rotor speed limit 9 rad/s"
-    shown = legend_texts(plots.figure_of(solution, "operation").axes[0])
-    assert {*told, "rotor speed limit 9 rad/s"} <= set(shown)
-    both = [solution, Solution.load(linear_result_folder)]
-    shown = legend_texts(plots.figure_of(both, "operation").axes[0])
-    assert f"sine_quadratic: {told[0]}" in shown
 
 
 def line_of(ax: Axes, label: str):
@@ -133,24 +121,26 @@ def limited(folder: Path, limits: str) -> Solution:
     return Solution.load(folder)
 
 
-def test_limits_over_time_are_values_over_bounds(result_folder: Path) -> None:
+def test_limits_are_bars_of_the_largest_value_over_the_bound(result_folder: Path) -> None:
     solution = limited(
         result_folder,
         "power: 5 kW, tip_speed: 12 m/s, thrust: 6.5 kN, stress: 100 MPa, cavitation: {depth: 3}",
     )
     table, ax = solution.simulation, plots.plot_limits(solution)
     expected = {
-        "control torque": table["control_torque_Nm"] / 700.0,
+        "generator torque": table["control_torque_Nm"] / 700.0,
         "power": table["control_torque_Nm"] * table["rotor_speed_rad_s"] / 5000.0,
         "tip speed": table["rotor_speed_rad_s"] * 1.4 / 12.0,
         "thrust": table["thrust_N"] / 6500.0,
         "stress": table["stress_Pa"] / 1e8,
         "cavitation": table["cavitation"],
     }
-    assert [line.get_label() for line in ax.lines] == [*expected, "limit"]
-    for label, values in expected.items():
-        np.testing.assert_allclose(line_of(ax, label).get_ydata(), values, rtol=1e-9)
-    assert list(line_of(ax, "limit").get_ydata()) == [1.0, 1.0]
+    names = [label.get_text() for label in ax.get_yticklabels()]
+    assert names[::-1] == [*expected]  # the first at the top
+    for bar, (name, values) in zip(ax.patches, expected.items(), strict=True):
+        assert bar.get_width() == pytest.approx(np.max(values), rel=1e-9)
+        assert names[round(bar.get_y() + 0.5 * bar.get_height())] == name
+    assert list(line_of(ax, "limit").get_xdata()) == [1.0, 1.0]
 
 
 def test_without_limits_no_figure_of_limits(linear_result_folder: Path) -> None:
@@ -176,7 +166,7 @@ def test_schedule_is_over_the_flow_with_its_limits(result_folder: Path) -> None:
         (
             plots.plot_torque_schedule,
             table["control_torque_Nm"],
-            {"control torque limit 700 N m": 700.0},
+            {"generator torque limit 700 N m": 700.0},
         ),
         (
             plots.plot_power_schedule,
@@ -186,17 +176,96 @@ def test_schedule_is_over_the_flow_with_its_limits(result_folder: Path) -> None:
         (plots.plot_thrust_schedule, table["thrust_N"] / 1e3, {"thrust limit 6.5 kN": 6.5}),
     ):
         ax = plot(solution)
-        line = line_of(ax, "simulation")
+        line = line_of(ax, "every instant")
         np.testing.assert_array_equal(line.get_xdata(), table["inflow_speed_m_s"])
         np.testing.assert_allclose(line.get_ydata(), values, rtol=1e-8)
+        mean = line_of(ax, "mean at this flow speed")
+        assert np.min(values) <= np.min(mean.get_ydata()) <= np.max(mean.get_ydata())
         found = {
             each.get_label().partition(" (")[0]: each.get_ydata()[0]
             for each in ax.lines
             if "limit" in each.get_label()
         }
         assert found == pytest.approx(levels, rel=1e-12)
-    electrical = line_of(plots.plot_power_schedule(solution), "electrical power")
-    np.testing.assert_allclose(electrical.get_ydata(), 0.9 * power / 1e3, rtol=1e-8)
+    electrical = line_of(plots.plot_power_schedule(solution), "electrical power, mean")
+    shaft = line_of(plots.plot_power_schedule(solution), "mean at this flow speed")
+    np.testing.assert_allclose(electrical.get_ydata(), 0.9 * shaft.get_ydata(), rtol=1e-8)
+
+
+def test_classes_of_the_flow_speed_have_mean_and_range() -> None:
+    speed, values = np.tile(np.linspace(1.0, 2.0, 30), 100), np.repeat(np.arange(100.0), 30)
+    found = steady.binned(speed, values)
+    np.testing.assert_allclose(found.speed, np.linspace(1.0, 2.0, 30), rtol=1e-12)
+    np.testing.assert_allclose(found.mean, 49.5, rtol=1e-12)
+    np.testing.assert_allclose([found.low[0], found.high[0]], [4.95, 94.05], rtol=1e-12)
+    assert steady.binned(speed[:30], values[:30]).speed.size == 0  # too few instants
+
+
+def test_the_steady_curve_balances_the_torques(solution: Solution) -> None:
+    """Below the limit K w² = rho/2 A R v² Cp/lambda: the tip speed ratio does not change."""
+    curve, law = steady.steady_curve(solution), solution.case.control
+    speed, flow = curve["rotor_speed_rad_s"], curve["inflow_speed_m_s"]
+    ratio, radius = 1.4 * speed / flow, 1.4
+    power = np.interp(ratio, *(solution.power_curve[x] for x in list(solution.power_curve)[:2]))
+    pressure = 0.5 * 1000.0 * np.pi * radius**2 * flow**2
+    np.testing.assert_allclose(
+        law.torque(speed, np.array([solution.gain])), pressure * radius * power / ratio, rtol=2e-3
+    )
+    np.testing.assert_allclose(curve["control_torque_Nm"] * speed, curve["generator_power_W"])
+    thrust = np.interp(
+        ratio, *(solution.power_curve[x] for x in ("tip_speed_ratio", "thrust_coefficient"))
+    )
+    np.testing.assert_allclose(curve["thrust_N"], pressure * thrust, rtol=2e-3)
+    open_loop = solution.case.model_copy(update={"control": OpenLoop(law="open_loop")})
+    assert steady.steady_curve(replace(solution, case=open_loop)) == {}
+
+
+def test_the_rated_point_is_where_steady_power_meets_its_limit(result_folder: Path) -> None:
+    free = steady.steady_curve(Solution.load(result_folder))
+    bound = float(np.interp(1.45, free["inflow_speed_m_s"], free["generator_power_W"]))
+    solution = limited(result_folder, f"power: {bound:.3f}")
+    flow, power = steady.rated_point(solution)
+    assert 1.4 < flow < 1.46
+    assert power == pytest.approx(bound, rel=0.02)
+    labels = legend_texts(plots.plot_power_schedule(solution))
+    assert f"rated at {flow:.2f} m/s" in labels
+
+
+def test_figures_of_one_result_have_a_colour_for_each_quantity(result_folder: Path) -> None:
+    solution = limited(result_folder, "thrust: 6.5 kN")
+    over_time = plots.plot_thrust(solution).lines[0].get_color()
+    over_flow = line_of(plots.plot_thrust_schedule(solution), "mean at this flow speed")
+    bar = plots.plot_limits(solution).patches[1].get_facecolor()
+    assert over_time == over_flow.get_color()
+    assert to_rgba(over_time)[:3] == bar[:3]
+
+
+def test_a_notebook_is_shown_the_four_that_matter(solution: Solution) -> None:
+    shown = solution.plot()
+    assert list(shown) == ["blade", "operation", "schedule", "limits"]
+    page = shown._repr_html_()
+    pictures = re.findall(r'<img src="data:image/png;base64,([^"]+)">', page)
+    assert [base64.b64decode(each)[:4] for each in pictures] == 4 * [b"\x89PNG"]
+    assert list(solution.plot("convergence")) == ["convergence"]
+    with pytest.raises(InputError, match="unknown figure; known: blade"):
+        solution.plot("blades")
+
+
+def test_the_planform_is_in_scale_about_its_axis(solution: Solution) -> None:
+    ax = plots.plot_planform(solution)
+    assert ax.get_aspect() == 1.0
+    around = line_of(ax, "planform, to scale").get_ydata()
+    chord = solution.blade["chord_m"]
+    assert np.ptp(around) == pytest.approx(chord.max(), rel=1e-12)
+    assert around[0] == pytest.approx(0.25 * chord[0], rel=1e-12)
+
+
+def test_the_energy_converges_to_its_last_value(solution: Solution) -> None:
+    ax = plots.plot_convergence(solution)
+    energy = solution.convergence["energy_J"]
+    line = line_of(ax, "energy: distance from its last value")
+    np.testing.assert_allclose(line.get_ydata(), np.abs(energy / energy[-1] - 1.0))
+    assert ax.get_yscale() == "log"
 
 
 def test_loads_are_along_the_span_with_their_limits(result_folder: Path) -> None:
@@ -224,9 +293,9 @@ def test_panels_without_data_are_left_out(result_folder: Path) -> None:
     solution = Solution.load(result_folder)
     schedule, loads = (plots.figure_of(solution, name) for name in ("schedule", "loads"))
     assert [ax.get_ylabel() for ax in schedule.axes] == [
+        "generator power (kW)",
         "rotor speed (rpm)",
         "generator torque (N m)",
-        "generator power (kW)",
     ]
     assert [ax.get_ylabel() for ax in loads.axes] == ["stress (MPa)", "flapwise moment (kN m)"]
 

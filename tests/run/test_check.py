@@ -510,3 +510,23 @@ def test_figures_show_what_the_report_says() -> None:
     ax = figures["power_curve"].axes[0]
     assert ax.lines[0].get_ydata().max() == pytest.approx(found.best.power_coefficient, rel=1e-3)
     assert dict(rcParams) == before
+
+
+def test_of_many_polars_all_lines_are_alike_and_a_spectrum_ends_where_the_flow_does() -> None:
+    from hkt_mdo.results import check_plots, style
+
+    alpha = np.linspace(-5.0, 15.0, 21)
+    curves = [
+        {"alpha_deg": alpha, "lift": 0.1 * alpha + 0.01 * number, "sure": alpha < 10.0}
+        | {"label": f"polar {number}"}
+        for number in range(40)
+    ]
+    ax = check_plots.draw_polars(curves, "alpha_deg", "lift", style.new_axes())
+    solid = [line for line in ax.lines if line.get_linestyle() == "-"]
+    assert len(solid) == 40
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["polar 0", "polar 39"]
+    density = 10.0 ** -np.linspace(0.0, 12.0, 25)
+    data = {"spectrum": (np.linspace(0.1, 2.5, 25), density), "cutoff_hz": None}
+    low, high = check_plots.draw_spectrum(data, style.new_axes()).get_ylim()
+    assert low == pytest.approx(1e-4)
+    assert high > 1.0

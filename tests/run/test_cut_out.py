@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.results.plots import plot_limits, plot_rotor_speed, plot_speed_schedule, save_figures
+from hkt_mdo.results.plots import plot_rotor_speed, plot_speed_schedule, save_figures
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import texts
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
@@ -94,7 +94,7 @@ def lines(ax: Axes) -> list[np.ndarray]:
 
 
 def test_lines_break_at_the_standstill(solution, tmp_path):
-    for plot in (plot_rotor_speed, plot_limits, plot_speed_schedule):
+    for plot in (plot_rotor_speed, plot_speed_schedule):
         (x,) = [each for each in lines(plot(solution)) if np.any(np.isnan(each))]
         (gap,) = np.flatnonzero(np.isnan(x))
         if plot is not plot_speed_schedule:

@@ -70,4 +70,4 @@ def test_the_blade_that_is_written_is_read_back_with_its_thickness(designed):
     np.testing.assert_allclose(again.blade.thickness, found.thickness_over_chord, rtol=1e-9)
     np.testing.assert_allclose(again.blade.chord, found.chord_m, rtol=1e-9)
     fixed = physics(load_case(others | {"design": {"blade": "fixed"}}))
-    np.testing.assert_allclose(fixed.thickness, found.thickness_over_chord, rtol=1e-9)
+    np.testing.assert_allclose(fixed.turbine.thickness, found.thickness_over_chord, rtol=1e-9)

@@ -1,0 +1,124 @@
+"""What a finished design does in steady flow, and what its operation was at each flow speed."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hkt_mdo.dynamics.laws import FeedbackLaw
+from hkt_mdo.results.solution import Solution
+
+RATED = 0.995  # of the limit of the power: laws come to it smoothly
+FLOWS, BINS, FEWEST = 61, 30, 8
+"""Flow speeds of a steady curve; classes of the flow speed, and the fewest instants of one."""
+
+
+class Binned(NamedTuple):
+    """A quantity over classes of the flow speed, (n_classes,): mean, and 90 % of the instants."""
+
+    speed: np.ndarray
+    mean: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+def binned(speed: np.ndarray, values: np.ndarray) -> Binned:
+    """Return the mean and the range of 90 % of some values in classes of the flow speed.
+
+    Parameters
+    ----------
+    speed : numpy.ndarray, shape (n_times,)
+        Flow speed, m/s.
+    values : numpy.ndarray, shape (n_times,)
+        A quantity at the same instants, which count alike.
+
+    Returns
+    -------
+    Binned
+        Of the classes with at least `FEWEST` instants.
+    """
+    edges = np.linspace(np.min(speed), np.max(speed), BINS + 1)
+    place = np.clip(np.searchsorted(edges, speed, side="right") - 1, 0, BINS - 1)
+    classes = [place == each for each in range(BINS) if np.sum(place == each) >= FEWEST]
+    rows = [(np.mean(speed[x]), np.mean(values[x]), *_range(values[x])) for x in classes]
+    return Binned(*np.reshape(rows, (-1, 4)).T)
+
+
+def _range(values: np.ndarray) -> np.ndarray:
+    return np.percentile(values, (5.0, 95.0))
+
+
+def steady_curve(solution: Solution) -> dict[str, np.ndarray]:
+    """Return the steady operation of a feedback law over the flow speeds that the result met.
+
+    Where the torques balance at several rotor speeds, it is the fastest one. Only laws that set the
+    torque by the rotor speed alone have the curve.
+
+    Parameters
+    ----------
+    solution : Solution
+        The result of one scenario.
+
+    Returns
+    -------
+    dict of numpy.ndarray
+        Columns as in `simulation`, shape (n_flows,); empty where the curve is not known. The thrust
+        is there if the power curve has its coefficient.
+    """
+    law, curve, gain = solution.case.control, solution.power_curve, solution.gain
+    radius, table = solution.summary.rotor_radius_m, solution.simulation or solution.trajectory
+    if not isinstance(law, FeedbackLaw) or law.states or not (curve and table and radius):
+        return {}
+    if gain is None:
+        return {}
+    ratio, met = curve["tip_speed_ratio"], table["inflow_speed_m_s"]
+    flow = np.linspace(np.min(met), np.max(met), FLOWS)[:, None]
+    pressure = 0.5 * solution.case.fluid.density * np.pi * radius**2 * flow**2
+    speed = ratio * flow / radius
+    torque = pressure * radius * curve["power_coefficient"] / ratio
+    surplus = torque - law.torque(speed, np.atleast_1d(gain))
+    crosses = (surplus[:, :-1] >= 0.0) & (surplus[:, 1:] < 0.0)
+    runs = np.any(crosses, axis=1)
+    at = ratio.size - 2 - np.argmax(crosses[:, ::-1], axis=1)
+    row = np.arange(FLOWS)
+    before, after = surplus[row, at], surplus[row, at + 1]
+    share = before / np.where(runs, before - after, 1.0)
+
+    def between(values: np.ndarray) -> np.ndarray:
+        found = values[row, at] * (1.0 - share) + values[row, at + 1] * share
+        return found[runs]
+
+    found = {
+        "inflow_speed_m_s": flow[runs, 0],
+        "rotor_speed_rad_s": between(speed),
+        "control_torque_Nm": between(torque),
+        "generator_power_W": between(speed) * between(torque),
+    }
+    if "thrust_coefficient" in curve:
+        found["thrust_N"] = between(pressure * curve["thrust_coefficient"])
+    return found
+
+
+def rated_point(solution: Solution) -> tuple[float, float] | None:
+    """Return the flow speed (m/s) above which steady power stays at its limit, and that power (W).
+
+    Parameters
+    ----------
+    solution : Solution
+        The result of one scenario.
+
+    Returns
+    -------
+    tuple of float or None
+        None where no steady curve is known, or no limit of the power is met within it.
+    """
+    levels = [*solution.limit_levels("generator_power").values()]
+    curve = steady_curve(solution)
+    if not (levels and curve):
+        return None
+    below = curve["generator_power_W"] < RATED * min(levels)
+    if not np.any(below) or below[-1]:
+        return None
+    first = int(np.flatnonzero(below)[-1]) + 1
+    return float(curve["inflow_speed_m_s"][first]), float(curve["generator_power_W"][first])

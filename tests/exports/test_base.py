@@ -1,0 +1,138 @@
+"""Several formats at once: what is refused, with which words, and that nothing is written then."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from hkt_mdo.cli import main
+from hkt_mdo.exports import FORMATS
+from hkt_mdo.exports.base import Format, chosen
+
+RESULT = Path(__file__).parents[1] / "data" / "openfast" / "paper"
+
+
+@pytest.fixture
+def hkt(capsys):
+    """Return what a command exits with and prints."""
+
+    def run(*arguments):
+        code = main(list(map(str, arguments)))
+        printed = capsys.readouterr()
+        return code, printed.out + printed.err
+
+    return run
+
+
+def changed(folder, **entries):
+    """Return a copy of a result with other entries in its summary."""
+    shutil.copytree(RESULT, folder)
+    summary = json.loads((folder / "summary.json").read_text())
+    (folder / "summary.json").write_text(json.dumps(summary | entries))
+    return folder
+
+
+def test_all_formats_are_described_and_have_their_name(hkt):
+    _, told = hkt("export", "--help")
+    for name in FORMATS:
+        assert name in told
+    for name, made in zip(FORMATS, chosen(list(FORMATS)), strict=True):
+        assert isinstance(made, Format)
+        assert made.name == name
+        assert bool(made.packages) == bool(made.extra)
+
+
+def test_several_formats_are_written_side_by_side(hkt, tmp_path):
+    formats = "--to", "controller, sections", "--to", "openfast"
+    code, printed = hkt("export", RESULT, *formats, "--out", tmp_path / "out")
+    written = sorted(path for path in (tmp_path / "out").rglob("*") if path.is_file())
+    assert code == 0
+    assert sorted(map(Path, printed.split())) == written
+    names = "controller.c", "sections/station_001.csv", "openfast/aerodyn.dat"
+    assert {tmp_path / "out" / name for name in names} <= set(written)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--to", "cvs"], ["--to = 'cvs'", "did you mean csv? known: csv, json"]),
+        (["--to", "stl", "--set", "stl.point=99"], ["stl.point = 99", "did you mean points"]),
+        (["--to", "stl", "--set", "step.points=99"], ["step", "unknown key; known here: stl"]),
+        (["--to", "stl", "--set", "stl.trailing_edge=2 kg"], ["'2 kg'", "does not convert to m"]),
+        (["--to", "stl", "--set", "stl.points"], ["'stl.points': is no override"]),
+        (["--to", "csv", "--set", "csv.flow_range=[3, 1]"], ["csv.flow_range", "[lower, upper]"]),
+    ],
+)
+def test_what_is_not_understood_is_told_with_the_remedy(hkt, tmp_path, arguments, words):
+    code, told = hkt("export", RESULT, *arguments, "--out", tmp_path / "out")
+    assert code == 2
+    for each in words:
+        assert each in told
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_missing_package_is_told_with_the_line_that_installs_it(hkt, tmp_path, monkeypatch):
+    monkeypatch.setattr("hkt_mdo.exports.base.find_spec", lambda name: None)
+    for name, extra in (("step", "cad"), ("netcdf", "records")):
+        code, told = hkt("export", RESULT, "--to", "controller", "--to", name, "--out", tmp_path)
+        assert code == 2
+        assert f"--to = '{name}': needs" in told
+        assert f"pip install 'hkt_mdo[{extra}]'" in told
+    assert hkt("export", RESULT, "--to", "controller", "--out", tmp_path / "out")[0] == 0
+
+
+def test_files_are_replaced_only_by_force(hkt, tmp_path):
+    command = "export", RESULT, "--to", "controller", "--out", tmp_path / "out"
+    assert hkt(*command)[0] == 0
+    file = tmp_path / "out" / "controller.c"
+    before = file.read_text()
+    file.write_text("mine")
+    code, told = hkt(*command)
+    assert code == 2
+    assert "is there already; choose another folder, or give --force" in told
+    assert file.read_text() == "mine"
+    assert hkt(*command, "--force")[0] == 0
+    assert file.read_text() == before
+    file.unlink()
+    file.mkdir()
+    code, told = hkt(*command, "--force")
+    assert code == 2
+    assert "controller.c: is a folder; choose another folder for the export" in told
+    code, told = hkt(*command[:-1], tmp_path / "out" / "controller.h")
+    assert code == 2
+    assert "cannot be made a folder (File exists); choose another one" in told
+
+
+def test_a_result_without_success_is_exported_by_force_only(hkt, tmp_path):
+    failed = changed(tmp_path / "failed", success=False, message="no solution within 300 steps")
+    command = "export", failed, "--to", "csv,controller,rosco", "--out", tmp_path / "out"
+    code, told = hkt(*command)
+    assert code == 2
+    assert "failed: is the result of a run without success (no solution within 300 steps)" in told
+    assert "or give --force" in told
+    assert not (tmp_path / "out").exists()
+    assert hkt(*command, "--force")[0] == 0
+    for file in (path for path in (tmp_path / "out").rglob("*") if path.is_file()):
+        assert "THE RUN WAS NO SUCCESS: no solution within 300 steps" in file.read_text()
+
+
+def test_an_unfinished_result_is_told(hkt, tmp_path):
+    (changed(tmp_path / "begun") / "summary.json").unlink()
+    code, told = hkt("export", tmp_path / "begun", "--to", "csv", "--out", tmp_path / "out")
+    assert code == 2
+    assert "begun: is no result folder: it lacks summary.json" in told
+
+
+def test_one_format_that_cannot_express_the_result_stops_all(hkt, tmp_path):
+    result = changed(tmp_path / "open", gain=None, gain_units=[])
+    case = result / "case.yaml"
+    law = "control: {law: open_loop}\n"
+    case.write_text(re.sub(r"(?ms)^control:.*?(?=^limits:)", law, case.read_text()))
+    for name in ("controller", "rosco"):
+        code, told = hkt("export", result, "--to", f"sections,{name}", "--out", tmp_path / "out")
+        assert code == 2
+        assert f"--to = '{name}'" in told
+        assert "run the case with a feedback law" in told
+    assert not (tmp_path / "out").exists()
