@@ -239,6 +239,7 @@ def test_a_tide_in_radau_under_feedback_is_right_or_refused_with_the_way_out(law
         assert "phase.transcription=gauss-lobatto" in solution.message
 
 
+@pytest.mark.slow
 def test_notes_tell_what_the_found_blade_meets(solve):
     """A polar that ends below the angles at the optimum is told at the optimum, too."""
     found = solve(

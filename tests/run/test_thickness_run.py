@@ -61,6 +61,7 @@ def test_at_one_sections_thickness_the_run_is_that_of_the_section(tmp_path):
     np.testing.assert_allclose(found.thickness_over_chord, 0.15, atol=2e-6)
 
 
+@pytest.mark.slow
 def test_the_blade_that_is_written_is_read_back_with_its_thickness(designed):
     folder, found = designed
     own = {"blade": str(folder / "blade.csv"), "set_angle": 0, "hub_radius_fraction": 0.125}
