@@ -147,7 +147,7 @@ def test_underspeed_is_held_where_a_static_law_is_unstable():
 
     A law of the speed alone that does so has u = P / w and falls where Q rises.
     """
-    limited = "limits.power=4 kW", "start.branch=underspeed", "design.blade=fixed"
+    limited = "limits.power=4 kW", "version=1", "start.branch=underspeed", "design.blade=fixed"
     world, run, start = following(*limited, "control={law: tracking, knots: 20, lag: 0.02}")
     assert start.branch == "underspeed"
     assert np.max(run.control_torque * run.rotor_speed) < 4100.0
