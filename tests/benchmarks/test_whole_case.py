@@ -72,12 +72,14 @@ def test_parts_of_a_run(benchmark, full, in_turns):
 def test_with_limits(benchmark, full, in_turns, tmp_path):
     """`hkt run` under all limits takes at most three times as long as under the torque limit.
 
-    Beside the processes from a cold start, with figures and records: the run alone, in a process
-    that has imported all.
+    On the 40 stations that a case with limits has. Beside the processes from a cold start, with
+    figures and records: the run alone, in a process that has imported all.
     """
     files = {"none": "sine_limited_oloc.yaml", "limits": "limits/all_oloc.yaml"}
     files = {name: ROOT / "cases" / path for name, path in files.items()}
-    changes = [] if full else ["phase={duration: 5, segments: 5}", "limits={power: 6 kW}"]
+    changes = ["rotor.station_count=40"]
+    if not full:
+        changes += ["phase={duration: 5, segments: 5}", "limits={power: 6 kW}"]
 
     def run(name):
         case = load_case(files[name], changes)
@@ -87,6 +89,7 @@ def test_with_limits(benchmark, full, in_turns, tmp_path):
         if not full:
             return run(name)
         command = "run", files[name], "--out", f"{name}_process", "--force", "--quiet"
+        command = *command, "--set", changes[0]
         words = "-W", "ignore", "-m", "hkt_mdo", *command
         return subprocess.run([sys.executable, *words], check=True, cwd=tmp_path).returncode == 0
 
