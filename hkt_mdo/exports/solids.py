@@ -16,6 +16,7 @@ from pydantic import Field
 from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
+from hkt_mdo.dynamics.radau import divided
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source
 from hkt_mdo.files.blade import read_blade
@@ -227,11 +228,7 @@ class Solid(Outer, ABC):
         """
         edges = design.blade.edges
         parts = np.ceil(np.diff(edges) / np.ptp(edges) * (self.spanwise - 1)).astype(int)
-        inner = (
-            np.linspace(low, high, n, endpoint=False)
-            for low, high, n in zip(edges[:-1], edges[1:], parts, strict=True)
-        )
-        return np.append(np.concatenate(list(inner)), edges[-1])
+        return divided(edges, parts)
 
     def surface(self, design: Design, r: np.ndarray) -> np.ndarray:
         """Return the points of the first blade's sections in the rotor's axes.

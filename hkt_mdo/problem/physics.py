@@ -55,6 +55,7 @@ MOST_PERIODS = 1_000_000  # of the flow's highest frequencies that can be looked
 MOST_TORQUE = 1.0  # torque coefficient that no rotor has; good ones have 0.06
 CURRENT, WATER = 10.0, (900.0, 1300.0)  # m/s and kg/m**3: beyond, a unit was hardly meant
 RATIOS = 1001  # tip speed ratios at which loads are computed at most
+STATIONS = 120  # from which the loads of a blade change by less than a thousandth
 NEAR_STALL = np.deg2rad(0.1)  # by which a start may be closer to stall and count as keeping away
 START_EXCESS = 1e-3  # relative excess of a limit up to which a start counts as keeping it
 
@@ -179,6 +180,15 @@ class Physics:
         rates, shares = self.mean_rates(self.on_start(point)), np.array(list(self.shares.values()))
         unknowns = self.aggregate.best_unknowns(rates, shares)
         return unknowns, np.size(self.aggregate.rows(rates, shares, unknowns))
+
+    @cached_property
+    def resolved(self) -> Physics:
+        """The same turbine with `STATIONS` stations, whatever the case gives."""
+        case = self.case
+        turbine = build_turbine(case.rotor, case.fluid, 1.0, case.design, STATIONS)
+        shape = replace(self.shape, blade=turbine.blade)
+        rotor = _rotor_model(case, turbine, shape)
+        return replace(self, shape=shape, rotor=rotor, turbine=turbine)
 
     def loads_along(self, blade: Blade, known: dict, names: tuple[str, ...]) -> dict:
         """Return the largest loads along a blade at each time of a trajectory, SI units.
@@ -514,7 +524,7 @@ def physics(case: Case) -> Physics:
     return Physics(
         case,
         shape,
-        rotor_model(case, turbine, shape),
+        _rotor_model(case, turbine, shape),
         turbine,
         tuple(_with_limits(each, limits, case, shape) for each in scenarios),
         control,
@@ -539,7 +549,7 @@ def _with_limits(
     return replace(scenario, limits=tuple((common | own).values()), own_limits={})
 
 
-def rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
+def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     """Return the rotor of a case; refuse limits on loads that it cannot tell."""
     flow = Hydrodynamics(turbine.polar)
     given = [*case.limits.given, *(each for part in case.scenarios for each in part.limits.given)]

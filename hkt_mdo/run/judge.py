@@ -183,12 +183,11 @@ def _of_design(physics, optimum, reference, result, flights):
 
 def _resolved(physics, result, flights):
     """Yield by how much a blade of many stations exceeds a limit on its loads, the most."""
-    limited = any(limit.is_of(LOADS) for limit in physics.all_limits)
-    known = [flight.flown for flight in flights] if limited else []
+    if not any(limit.is_of(LOADS) for limit in physics.all_limits):
+        return
+    known = [flight.flown for flight in flights]
     finer, found = loads.resolved(physics, result.point.blade, known), []
-    for flight, each in zip(
-        flights, finer, strict=False
-    ):  # none, where there is nothing to resolve
+    for flight, each in zip(flights, finer, strict=False):  # none where nothing is to be resolved
         for limit in filter(lambda limit: limit.is_of(LOADS), physics.limits_in(flight.scenario)):
             over = limit.excess(each)
             worst = int(np.argmax(over))

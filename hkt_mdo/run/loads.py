@@ -1,20 +1,15 @@
 """What is told of the loads of a result, and of a starting blade: the largest, and their places."""
 
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
-from hkt_mdo.problem.physics import Physics, rotor_model
-from hkt_mdo.problem.turbine import build_turbine
+from hkt_mdo.problem.physics import STATIONS, Physics
 from hkt_mdo.quantities import LOADS, QUANTITIES
 from hkt_mdo.results.summary import LoadEntry
 from hkt_mdo.rotor.blade import Blade
-
-STATIONS = 120
-"""Stations from which the loads of a blade change by less than a thousandth."""
 
 Known = dict[str, Any]
 """Quantities and loads of a trajectory, (n_times,), and the scalars of `Physics.scalars`."""
@@ -87,17 +82,14 @@ def resolved(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> l
     loss alone decides the angle of attack. Loads are those that are asked for; none, without such
     or with as many stations.
     """
-    case, names = physics.case, physics.load_names
+    names = physics.load_names
     if not names or blade.r.size >= STATIONS:
         return []
-    turbine = build_turbine(case.rotor, case.fluid, 1.0, case.design, STATIONS)
-    many = turbine.blade.with_rotor_radius(blade.rotor_radius)
+    finer = physics.resolved
+    many = finer.blade.with_rotor_radius(blade.rotor_radius)
     own = blade.chord, blade.twist, blade.thickness
     shape = (each if each is None else np.interp(many.r, blade.r, each) for each in own)
-    many = many.with_shape(*shape)
-    shape = replace(physics.shape, blade=many)
-    finer = replace(physics, shape=shape, rotor=rotor_model(case, turbine, shape))
-    found = []
+    many, found = many.with_shape(*shape), []
     for known in trajectories:
         worst = np.unique([np.argmax(known[name]) for name in names])
         size = known["time"].size
