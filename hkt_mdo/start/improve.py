@@ -13,14 +13,17 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import Bounds, minimize
 
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.physics import START_EXCESS, Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, MoveLimits, gain_bounds
 from hkt_mdo.rotor.blade import Blade
 
-MOVES = MoveLimits(
+NEAR_STEP = MoveLimits(
     chord=1.3, twist=np.deg2rad(3.0), thickness=0.02, radius=1.1, gain=1.2
 )  # of one SLSQP, about as far as a linearization of the torque holds
+WIDE_STEP = MoveLimits(
+    chord=1.7, twist=np.deg2rad(8.0), thickness=0.04, radius=1.2, gain=1.6
+)  # of one SLSQP whose limits are elastic, which finds back from a poor linearization
 _PARTS = "chord_control", "twist_control", "thickness_control", "rotor_radius", "gain"
 
 
@@ -32,15 +35,16 @@ class Settings:
     ----------
     rounds : int
         Most move limits that are set, one after another.
-    iterations, rough_iterations : int
-        Most SLSQP iterations of one round, and of one whose limits are tightened only in part.
+    iterations : int
+        Most SLSQP iterations of one round.
     tolerance : float
         SLSQP's, of the objective, of which one is a hundredth.
-    tightens : bool
-        Whether limits that are exceeded by much are tightened in steps: then each round begins near
-        what it asks for.
-    tightened, loose : float
-        Factor of the excess from one round to the next, and the excess from which nothing is left.
+    moves : MoveLimits
+        Of one round.
+    price : float
+        Share of the objective that a limit exceeded by its own size costs, where limits are
+        elastic: all of them may be exceeded by one more unknown, at that price. It must be more
+        than the limits' multipliers together, so that the optimum keeps them. 0: none is elastic.
     gain : float
         Relative gain of the objective that is worth another round.
     behind, last : float
@@ -51,10 +55,8 @@ class Settings:
     rounds: int
     iterations: int
     tolerance: float
-    tightens: bool = False
-    rough_iterations: int = 12
-    tightened: float = 0.5
-    loose: float = 0.05
+    moves: MoveLimits = NEAR_STEP
+    price: float = 0.0
     gain: float = 1e-7
     behind: float = 0.01
     last: float = 4.0
@@ -124,7 +126,7 @@ class Search:
 
     def bounds(self, point: StartingPoint) -> np.ndarray:
         """Return the lower and upper limits of moves from a point, shape (2, n)."""
-        bounds = MOVES.bounds(self.physics, point)
+        bounds = self.settings.moves.bounds(self.physics, point)
         return np.array([np.concatenate([bounds[name][i] for name in _PARTS]) for i in (0, 1)])
 
     def blade(self, x: np.ndarray) -> Blade:
@@ -175,56 +177,72 @@ def improve(search: Search, point: StartingPoint, rival: float = -np.inf) -> Sta
     -------
     StartingPoint
     """
-    settings, slack, best = search.settings, 0.0, point
-    if settings.tightens:
-        slack = point.excess if np.isfinite(point.excess) else 1.0
-    for _ in range(settings.rounds):
-        slack = settings.tightened * slack if slack > settings.loose else 0.0
+    settings, best = search.settings, point
+    for left in range(settings.rounds, 0, -1):
         here = search.around(point)
         if not here.center.size:
             break
-        x, values = _maximized(here, settings, slack, max(abs(point.objective), 1e-9))
+        x, values = _maximized(here, settings, max(abs(point.objective), 1e-9))
         better = search.point(x, values, point)
+        best = max(better, best, key=search.rank)
         *kept, value = here.rank(here.center, point)
-        if not slack and here.rank(x, better) <= (*kept, value + settings.gain * abs(value)):
+        if here.rank(x, better) <= (*kept, value + settings.gain * abs(value)):
             break
         gained, missing = better.objective - point.objective, rival - better.objective
-        point = better
-        best = point if slack else max(point, best, key=search.rank)
-        if missing > max(settings.behind * abs(rival), settings.last * gained):
+        nearer, point = point.excess - better.excess, better
+        if point.excess > START_EXCESS:
+            if point.excess > left * nearer:  # it does not come to keep the limits
+                break
+        elif missing > max(settings.behind * abs(rival), settings.last * gained):
             break
     return best
 
 
-def _maximized(here: Round, settings: Settings, slack: float, size: float):
+def _maximized(here: Round, settings: Settings, size: float) -> tuple[np.ndarray, Values]:
     """Return the unknowns of the largest objective, and the values there.
 
-    The limits may be exceeded by the slack.
+    Under elastic limits SLSQP has one unknown more, the excess: each of its quadratic problems then
+    has a solution, however far the limits are exceeded.
     """
-    units, scale = here.units, -100.0 / size
-    iterations = settings.rough_iterations if slack else settings.iterations
-    low, high = here.low / units, here.high / units
+    units, scale, n = here.units, -100.0 / size, here.center.size
+    start = np.clip(here.center / units, here.low / units, here.high / units)
 
     @lru_cache(maxsize=2)
     def at(x):
-        return here.values(np.array(x) * units)
+        return here.values(np.array(x[:n]) * units)
 
-    def constraint(kind, row, slack=0.0):
+    first = at(tuple(start))
+    broken = [0.0, *-first.above, *np.abs(first.equal)]
+    excess = np.array([max(broken)] if settings.price else [])
+    price = np.full(excess.size, 100.0 * settings.price)
+
+    def constraint(kind, row, sign=1.0):
         return {
             "type": kind,
-            "fun": lambda x: at(tuple(x))[row] + slack,
-            "jac": lambda x: at(tuple(x))[row + 1] * units,
+            "fun": lambda x: sign * at(tuple(x))[row] + np.sum(x[n:]),
+            "jac": lambda x: np.pad(
+                sign * at(tuple(x))[row + 1] * units,
+                ((0, 0), (0, excess.size)),
+                constant_values=1.0,
+            ),
         }
 
-    rows = Values._fields.index
-    constraints = [constraint("ineq", rows("above"), slack), constraint("eq", rows("equal"))]
+    above, equal = (Values._fields.index(name) for name in ("above", "equal"))
+    constraints = [constraint("ineq", above)]
+    if first.equal.size and excess.size:
+        constraints += constraint("ineq", equal), constraint("ineq", equal, -1.0)
+    elif first.equal.size:
+        constraints.append(constraint("eq", equal))
+    most = np.maximum(excess, START_EXCESS)
     found = minimize(
-        lambda x: scale * at(tuple(x)).objective,
-        np.clip(here.center / units, low, high),
-        jac=lambda x: scale * at(tuple(x)).objective_by * units,
+        lambda x: scale * at(tuple(x)).objective + price @ x[n:],
+        np.append(start, excess),
+        jac=lambda x: np.append(scale * at(tuple(x)).objective_by * units, price),
         method="SLSQP",
-        bounds=Bounds(low, high),
+        bounds=Bounds(
+            np.append(here.low / units, 0.0 * excess), np.append(here.high / units, most)
+        ),
         constraints=constraints,
-        options={"ftol": settings.tolerance, "maxiter": iterations},
+        options={"ftol": settings.tolerance, "maxiter": settings.iterations},
     )
-    return found.x * units, at(tuple(found.x))
+    return found.x[:n] * units, at(tuple(found.x))

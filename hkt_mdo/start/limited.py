@@ -16,11 +16,11 @@ from hkt_mdo.problem.physics import START_EXCESS
 from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.scales import torque_scale
-from hkt_mdo.start.improve import Round, Search, Settings, Values
+from hkt_mdo.start.improve import WIDE_STEP, Round, Search, Settings, Values
 from hkt_mdo.start.quasi_steady import SAFE
 from hkt_mdo.start.steady_flow import SteadyFlow
 
-RATIO_MOVE = 1.25  # factor within which tip speed ratios move before they are re-centred
+RATIO_MOVE = 1.5  # factor within which tip speed ratios move before they are re-centred
 
 
 class LimitedSearch(Search):
@@ -37,7 +37,9 @@ class LimitedSearch(Search):
     """
 
     # rounds end early: with this many constraints most of the gain is in the first iterations
-    settings = Settings(rounds=16, iterations=40, tolerance=1e-6, tightens=True)
+    settings = Settings(
+        rounds=30, iterations=40, tolerance=1e-6, moves=WIDE_STEP, price=10.0, gain=1e-5
+    )
 
     def __init__(self, steady: SteadyFlow, slowed: float):
         super().__init__(steady.physics)

@@ -35,8 +35,8 @@ class _Schedule:
     `fine`: flow speeds of one that is given to the optimization. `thinned`: nodes of the torque
     curve to one of the curves of loads, which cost more. `apart`: relative difference between a
     tip speed ratio and that of the designed schedule from which it is another equilibrium. `same`:
-    relative difference of the ratios of one optimum, a tenth of that of the chords. `alike`:
-    relative difference of the objectives of equally good branches. `longer`: relative gain of the
+    relative difference of the ratios of one optimum, a tenth of that of the chords. `alike`: least
+    relative difference of the objectives of branches of which one is better. `longer`: relative gain of the
     objective that makes a longer solid part worthwhile.
     """
 
@@ -101,19 +101,31 @@ class ScheduleSearch:
 
         A feedback law has the branches of the open loops that its gains are fitted to; a branch
         that leads to another's optimum is left out. Of a branch that is given up, far behind the
-        other, the objective is what it had reached. Between equally good ones, open loop begins
-        with overspeed: below the speed of the largest torque its torque does not hold the speed.
+        other, the objective is what it had reached. Open loop begins with overspeed unless the
+        other branch is better by more than what the rotor's kinetic energy adds to a quasi-steady
+        objective: below the speed of the largest torque its torque does not hold the speed.
         """
         feedback = self.physics.law.is_feedback
         found = self.open_loop() if not feedback else self._of_law()
         found = [replace(point, branch=self.steady.side(point)) for point in found]
         best, *others = sorted(found, key=WORTH, reverse=True)
-        least = best.worth[0], best.worth[1] - SCHEDULE.alike * abs(best.worth[1])
+        unsure = max(SCHEDULE.alike * abs(best.objective), self._exchanged(best))
+        least = best.worth[0], best.worth[1] - unsure
         faster = [x for x in others if x.branch == "overspeed" and x.worth >= least]
         if faster and best.branch != "overspeed" and not feedback:
             best, others = faster[0], [best]
         others = [point for point in others if point.branch != best.branch][:1]
         return [best, *(point for point in others if not _is_same(point, best))]
+
+    def _exchanged(self, point) -> float:
+        """Return the energy that a point's rotor takes up and gives back along the flows, J."""
+        inertia, radius = self.physics.mass_and_inertia(point.blade)[1], point.blade.rotor_radius
+        total = 0.0
+        for scenario in self.physics.scenarios:
+            flow = scenario.inflow.speed_at(scenario.samples)
+            speed = np.interp(flow, self.steady.speeds, point.ratio) * flow / radius
+            total += scenario.weight * 0.5 * inertia * float(np.sum(np.abs(np.diff(speed**2))))
+        return total
 
     def open_loop(self) -> list[StartingPoint]:
         """Return what open loop's candidates are improved to on each branch."""
