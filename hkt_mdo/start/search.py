@@ -101,21 +101,26 @@ class ScheduleSearch:
 
         A feedback law has the branches of the open loops that its gains are fitted to; a branch
         that leads to another's optimum is left out. Of a branch that is given up, far behind the
-        other, the objective is what it had reached. Open loop begins with overspeed unless the
-        other branch is better by more than what the rotor's kinetic energy adds to a quasi-steady
-        objective: below the speed of the largest torque its torque does not hold the speed.
+        other, the objective is what it had reached. Between equally good ones, open loop begins
+        with overspeed: below the speed of the largest torque its torque does not hold the speed.
         """
         feedback = self.physics.law.is_feedback
         found = self.open_loop() if not feedback else self._of_law()
         found = [replace(point, branch=self.steady.side(point)) for point in found]
         best, *others = sorted(found, key=WORTH, reverse=True)
-        unsure = max(SCHEDULE.alike * abs(best.objective), self._exchanged(best))
-        least = best.worth[0], best.worth[1] - unsure
-        faster = [x for x in others if x.branch == "overspeed" and x.worth >= least]
+        faster = [x for x in others if x.branch == "overspeed" and self._is_alike(x, best)]
         if faster and best.branch != "overspeed" and not feedback:
             best, others = faster[0], [best]
         others = [point for point in others if point.branch != best.branch][:1]
         return [best, *(point for point in others if not _is_same(point, best))]
+
+    def _is_alike(self, point, best) -> bool:
+        """Tell whether a point may be as good as the best once its rotor moves.
+
+        A quasi-steady objective knows nothing of the energy that a rotor takes up and gives back.
+        """
+        unsure = max(SCHEDULE.alike * abs(best.objective), *map(self._exchanged, (point, best)))
+        return point.worth >= (best.worth[0], best.worth[1] - unsure)
 
     def _exchanged(self, point) -> float:
         """Return the energy that a point's rotor takes up and gives back along the flows, J."""
