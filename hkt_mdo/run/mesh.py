@@ -102,8 +102,8 @@ def division(
 ) -> Division:
     """Return by how much a finer mesh may change the objective, and what to divide.
 
-    Under open loop the error is the smaller of two: how much the last division has changed the
-    objective, and the power in the distance that the polynomials keep from the limits that bind in
+    Under open loop the error is the smaller of two: what the last division leaves to be gained if
+    the error is of the first order, by how much it has changed the objective, and the power in the distance that the polynomials keep from the limits that bind in
     their segments, which is too much where a limit begins or ceases to bind. A
     feedback law leaves the optimizer no torque over time to choose, and its error is none.
 
@@ -169,7 +169,7 @@ def _open_loop(physics, result, flights, coarse, before) -> float:
     best = physics.rotor.best_operation(result.point.blade).power_coefficient
     left = [_left(physics, flight, result.energy, best) for flight in flights]
     known = float(sum(map(np.sum, left)))
-    change = abs(result.objective / before[-1] - 1.0) if before else np.inf
+    change = abs(result.objective / before[-1] - 1.0) / (RULES.parts - 1) if before else np.inf
     # what a rate of the torque leaves is no power: its error is known by a division alone
     rates = any(x.is_of(RATES) for each in flights for x in held(physics, each.scenario))
     error = change if rates and before else min(change, known)
