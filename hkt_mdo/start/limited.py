@@ -38,7 +38,7 @@ class LimitedSearch(Search):
 
     # rounds end early: with this many constraints most of the gain is in the first iterations
     settings = Settings(
-        rounds=30, iterations=40, tolerance=1e-6, moves=WIDE_STEP, price=10.0, gain=1e-5
+        rounds=30, iterations=40, tolerance=1e-6, moves=WIDE_STEP, price=10.0, gain=1e-6
     )
 
     def __init__(self, steady: SteadyFlow, slowed: float):
