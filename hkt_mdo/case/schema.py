@@ -32,6 +32,7 @@ from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.limits import ElectricalPowerLimit, Limit, PowerLimit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, Objective
+from hkt_mdo.dynamics.resource import Resource
 from hkt_mdo.dynamics.wide_laws import RatedFeedback
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.cases import find_case
@@ -80,6 +81,12 @@ class FlowScenario(Section):
     letter; null: `flow_1`, and so on."""
     inflow: SerializeAsAny[Inflow] | None = None
     """Inflow speed over time, given as `inflow` of the case; null: that of the case."""
+    resource: SerializeAsAny[Resource] | None = None
+    """How long the flow has each speed, given as `resource` of the case: another name of `inflow`,
+    where it is put."""
+    steady: bool = False
+    """Whether the flow counts without its time: the rotor is in equilibrium at each of its speeds.
+    A resource always does."""
     weight: Annotated[float, Quantity(ge=0)] = 1.0
     """Share of time, over the sum of all weights. A scenario of weight 0 counts in no energy, and
     its limits hold."""
@@ -106,6 +113,10 @@ class Case(Section):
 
     inflow: SerializeAsAny[Inflow]
     """Inflow speed over time; `profile` says which kind."""
+    resource: SerializeAsAny[Resource] | None = None
+    """How long the flow has each speed in a year, in place of `inflow`, where it is put; `profile`
+    says which kind. The rotor is then in equilibrium at each speed, energies are those of a year,
+    and an optimization takes seconds."""
     control: SerializeAsAny[Law]
     """Control law; `law` says which."""
     limits: SerializeAsAny[Limits] = Limits()
@@ -149,7 +160,7 @@ class Case(Section):
         """
         if not isinstance(data, dict):
             return data
-        data = _scenarios_spelled_out(data)
+        data = _scenarios_spelled_out(_resource_moved(data))
         for key, tag in TAGS.items():
             if isinstance(data.get(key), str):
                 data = data | {key: {tag: data[key]}}
@@ -324,7 +335,7 @@ def _scenarios_spelled_out(data: dict[str, Any]) -> dict[str, Any]:
         return data
     scenarios = []
     for number, scenario in enumerate(given, start=1):
-        spelled = dict(scenario)
+        spelled = dict(_resource_moved(scenario))
         if spelled.get("name") is None:
             spelled["name"] = f"flow_{number}"
         if isinstance(spelled.get("inflow"), str):
@@ -333,6 +344,22 @@ def _scenarios_spelled_out(data: dict[str, Any]) -> dict[str, Any]:
     data = data | {"scenarios": scenarios}
     first = scenarios[0].get("inflow") if scenarios else None
     return data if first is None else {"inflow": first} | data
+
+
+def _resource_moved(data: dict[str, Any]) -> dict[str, Any]:
+    """Return the data of a case, or a scenario, with `resource` in `inflow`; refuse both."""
+    resource = data.get("resource")
+    if not isinstance(resource, dict):
+        return data
+    if data.get("inflow") is not None:
+        problem = "is given besides inflow, whose other name it is"
+        raise refusal(problem, "give one of them", key="resource")
+    profile = resource.get("profile")
+    known = [kind_name(each) for each in BUILT_IN.profiles if issubclass(each, Resource)]
+    if profile not in known:
+        problem, remedy = "is no resource", f"give profile: {', '.join(known)}"
+        raise refusal(problem, remedy, key="resource.profile", value=profile)
+    return data | {"inflow": resource, "resource": None}
 
 
 def _torque_limit_moved(data: dict[str, Any]) -> dict[str, Any]:
@@ -361,7 +388,8 @@ _BaseCase = Case
 @cache
 def case_class(kinds: Kinds) -> type[Case]:
     """Return the class of the cases that may name some kinds; a subclass of `Case`."""
-    profiles = [each for each in kinds.profiles if not issubclass(each, SumInflow)]
+    resources = [each for each in kinds.profiles if issubclass(each, Resource)]
+    profiles = [x for x in kinds.profiles if not issubclass(x, SumInflow | Resource)]
     part: Any = Annotated[Union[tuple(profiles)], Field(discriminator="profile")]  # noqa: UP007
     about = SumInflow.model_fields["parts"].description
     parts = Field(min_length=2, max_length=20, description=about)
@@ -374,7 +402,8 @@ def case_class(kinds: Kinds) -> type[Case]:
     own = FlowScenario.model_fields
     scenario = _subclass(
         FlowScenario,
-        inflow=_choice("inflow", [*profiles, total, None], own["inflow"]),
+        inflow=_choice("inflow", [*profiles, *resources, total, None], own["inflow"]),
+        resource=_choice("resource", [*resources, None], own["resource"]),
         limits=(section, Field(section(), description=own["limits"].description)),
     )
     several = _BaseCase.model_fields["scenarios"].description
@@ -385,7 +414,8 @@ def case_class(kinds: Kinds) -> type[Case]:
             Field((), max_length=200, description=several),
         ),
         robustness=_choice("robustness", kinds.aggregates),
-        inflow=_choice("inflow", [*profiles, total]),
+        inflow=_choice("inflow", [*profiles, *resources, total]),
+        resource=_choice("resource", [*resources, None]),
         control=_choice("control", kinds.laws),
         limits=(section, Field(section(), description=Limits.__doc__)),
         objective=_choice("objective", kinds.objectives),

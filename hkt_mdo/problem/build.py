@@ -224,7 +224,7 @@ def _declare_constraints(model, physics, setup, scales):
         if limit.constrains(physics.law):
             _declare_design_limit(model, limit)
     for scenario in physics.scenarios:
-        if scenario.mesh.final_speed == "initial":
+        if scenario.closed:
             name = f"{scenario.name}_gain_of_speed.change"
             model.add_constraint(name, equals=0.0, ref=scales.rotor_speed, units="rad/s")
 

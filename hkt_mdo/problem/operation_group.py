@@ -17,6 +17,7 @@ from hkt_mdo.problem.components import (
 )
 from hkt_mdo.problem.constraints import held_limits, source_of
 from hkt_mdo.problem.physics import BEM, Physics
+from hkt_mdo.problem.equilibrium import EquilibriumGroup
 from hkt_mdo.problem.scenario import Scales, add_phase, dm
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import QUANTITIES, RATES, is_over_time
@@ -59,7 +60,7 @@ class OperationGroup(om.Group):
                 start = self._physics.on_start(self.options["start"].start)[0]
                 self._add_formula(f"limit_{limit.name}", limit, np.size(limit.value_of(start)))
         for scenario in self._physics.scenarios:
-            if scenario.mesh.final_speed == "initial":
+            if scenario.closed:
                 self._close_cycle(scenario)
             if self.options["above_lowest"]:
                 name, n = f"above_lowest_ratio_{scenario.name}", scenario.node_times.size
@@ -84,20 +85,24 @@ class OperationGroup(om.Group):
             "hydrodynamics": lambda nodes: HydrodynamicsComp(num_nodes=nodes, **hydrodynamics),
             "generator": physics.generator,
         }
-        trajectory = dm.Trajectory()
+        trajectory, phases = dm.Trajectory(), []
         about = physics.law, options, parameters, self.options["scales"], bounds
         operation = physics.split(setup.start.operation)
         for each, (speed, torque) in zip(physics.scenarios, operation, strict=True):
             begin = {"time": each.samples, "rotor_speed": speed, "control_torque": torque}
             begin |= physics.states_at_rest(torque, each.inflow.speed_at(each.samples))
-            add_phase(trajectory, each, *about, begin)
-        self.add_subsystem("traj", trajectory)
-        inputs = [
-            (f"{each.name}.parameters:{name}", name)
-            for each in physics.scenarios
-            for name in parameters
-        ]
-        self.promotes("traj", inputs=inputs)
+            if each.steady:
+                names = "law", "ode", "parameters", "scales", "speed_bounds"
+                given = dict(zip(names, about, strict=True))
+                group = EquilibriumGroup(scenario=each, start=begin, **given)
+                self.add_subsystem(f"steady_{each.name}", group, promotes_inputs=[*parameters])
+            else:
+                add_phase(trajectory, each, *about, begin)
+                phases.append(each.name)
+        if phases:
+            self.add_subsystem("traj", trajectory)
+            inputs = [(f"{x}.parameters:{name}", name) for x in phases for name in parameters]
+            self.promotes("traj", inputs=inputs)
 
     def _hydrodynamics(self):
         """Return the options of `HydrodynamicsComp` and the ODE's inputs, with units."""

@@ -33,6 +33,7 @@ from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.contradictions import redundant_limits, refuse_contradictions
+from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.problem.operation import in_operation
 from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
 from hkt_mdo.problem.turbine import Turbine, build_turbine
@@ -300,7 +301,7 @@ class Physics:
             flow = scenario.inflow.speed_at(time)
             known = trajectory_of(time, flow, speed, torque, torque, radius, self.generator)
             known |= self.loads_along(point.blade, known, self.load_names)
-            known["torque_rate"] = np.gradient(torque, time)
+            known["torque_rate"] = scenario.rate_of(torque)
             found.append(known | scalars | self.states_at_rest(torque, flow))
         energies = self.energies([scenario.sample_weights for scenario in self.scenarios], found)
         return [known | energies for known in found]
@@ -457,21 +458,36 @@ def _span(inflow: Inflow, duration: float | None, segments: int | None) -> tuple
 def _whole_scenarios(case: Case) -> list[Scenario]:
     """Return the scenarios of a complete case, each over its whole time span."""
     if not case.scenarios:
-        return [_checked(case, Scenario(case.inflow, case.phase))]
+        return [_checked(case, _scenario(case, case.inflow, case.phase))]
     found, total = [], sum(each.weight for each in case.scenarios)
     for number, own in enumerate(case.scenarios):
         mesh = {"duration": own.duration, "segments": own.segments}
         weight = own.weight / total * case.phase.duration / own.duration
-        scenario = Scenario(
-            own.inflow or case.inflow,
-            case.phase.model_copy(update=mesh),
-            weight,
-            own.name,
-            own_limits={limit.name: limit for limit in own.limits.given},
-        )
+        mesh, limits = case.phase.model_copy(update=mesh), own.limits.given
         with _in_scenario(number):
+            scenario = _scenario(
+                case,
+                own.inflow or case.inflow,
+                mesh,
+                weight=weight,
+                name=own.name,
+                own_limits={limit.name: limit for limit in limits},
+                steady=own.steady,
+            )
             found.append(_checked(case, scenario))
     return found
+
+
+def _scenario(case: Case, inflow: Inflow, mesh, *, steady: bool = False, **about) -> Scenario:
+    """Return a scenario over its time, or without time where it is steady or of a resource."""
+    if not (steady or inflow.steady):
+        return Scenario(inflow, mesh, **about)
+    if case.control.chooses_torque:
+        problem = "has no torque over time in a steady scenario"
+        raise InputError(problem, "give control.unknown: speed", key="control.unknown")
+    inflow.check(mesh.duration)
+    made = SteadyScenario.of(inflow, mesh, **({"weight": 1.0, "name": "phase"} | about))
+    return made.below(case.control.cut_out)
 
 
 def _checked(case: Case, scenario: Scenario) -> Scenario:

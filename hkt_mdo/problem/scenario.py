@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from openmdao.utils.om_warnings import OMDeprecationWarning
@@ -55,6 +56,9 @@ class Scenario:
     interval_of: str = ""
     own_limits: dict[str, Limit] = field(default_factory=dict)
 
+    steady: ClassVar[bool] = False
+    """Whether it has no time: speeds of the flow, at each of which the rotor is in equilibrium."""
+
     @property
     def group(self) -> str:
         """Name of the scenario that it is, or is an interval of."""
@@ -78,6 +82,19 @@ class Scenario:
     def within(self, share: np.ndarray) -> np.ndarray:
         """Return times, s, at shares (0 to 1) of the length of every segment, one after another."""
         return (self.edges[:-1, None] + np.diff(self.edges)[:, None] * share).ravel()
+
+    @property
+    def closed(self) -> bool:
+        """Whether the rotor has to end at its first speed."""
+        return self.mesh.final_speed == "initial" and not self.steady
+
+    def when(self, time: float, digits: str = ".2f") -> str:
+        """Return the words for a place in it, where `time` (s) is."""
+        return f"t = {time:{digits}} s"
+
+    def rate_of(self, values: np.ndarray) -> np.ndarray:
+        """Return the rates, 1/s, of values at its samples, (n_times,)."""
+        return np.gradient(values, self.samples)
 
     def divided(self, parts: np.ndarray) -> Scenario:
         """Return this scenario with each segment divided into a number of equal parts."""

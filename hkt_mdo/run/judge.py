@@ -36,6 +36,7 @@ from hkt_mdo.run.certified import certified_energy
 from hkt_mdo.run.flight import (
     Flight,
     Optimized,
+    SteadyFlight,
     design_and_result,
     simulated_objective,
     total,
@@ -95,27 +96,14 @@ def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
     """Yield name, value, limit and place of what the integration of a scenario is asked."""
     flown, nodes, integrated = flight.simulation, flight.trajectory, flight.integrated
     time, stopped = nodes["time"], flown.stopped_at
-    errors, edges = flight.scenario.flow_errors, flight.scenario.edges
-    worst = int(np.argmax(errors))
-    yield (
-        "flow_error",
-        np.sum(errors),
-        FLOW_ERROR,
-        "the mesh's integral of v³ against an adaptive one; they differ most between "
-        f"t = {edges[worst]:.6g} and {edges[worst + 1]:.6g} s",
-    )
-    missed = flight.scenario.flow_missed
-    worst = int(np.argmax(missed))
-    yield (
-        "flow_missed",
-        missed[worst],
-        FLOW_MISSED,
-        "the flow between the instants at which limits are judged, over its speed, between "
-        f"t = {edges[worst]:.10g} and {edges[worst + 1]:.10g} s",
-    )
-    word = "" if stopped is None else f"rotor stops at t = {stopped:.2f} s, not generating"
+    if not flight.scenario.steady:
+        yield from _of_flow(flight.scenario)
+    when = flight.scenario.when
+    word = "" if stopped is None else f"rotor stops at {when(stopped)}, not generating"
     if stopped is not None and integrated["tip_speed_ratio"][-1] > 2.0 * SLOWEST_RATIO:
-        word = f"the rotor's motion has no solution after t = {stopped:.2f} s"
+        word = f"the rotor's motion has no solution after {when(stopped)}"
+    if stopped is not None and flight.scenario.steady:
+        word = f"the rotor has no equilibrium in {when(stopped)}"
     yield "rotor_keeps_turning", float(stopped is not None), 0.0, word
     power = np.interp(time, integrated["time"], integrated["hydrodynamic_power"])
     off = time[np.argmax(np.abs(power - nodes["hydrodynamic_power"]))]
@@ -124,11 +112,37 @@ def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
         flight.energy_error,
         ENERGY_ERROR,
         "collocated over independently integrated energy, less one; power differs most at "
-        f"t = {off:.2f} s",
+        f"{when(off)}",
     )
     error = flight.speed_errors
     worst = int(np.argmax(error))
-    yield "max_speed_error", error[worst], SPEED_ERROR, f"at t = {time[worst]:.2f} s"
+    yield "max_speed_error", error[worst], SPEED_ERROR, f"at {when(time[worst])}"
+    if isinstance(flight, SteadyFlight) and flight.recorded is None:
+        worst = int(np.argmax(flight.growth))
+        word = "growth of a small change of the rotor's speed in equilibrium, 1/s, at "
+        yield "equilibrium_growth", flight.growth[worst], 0.0, f"{word}{when(time[worst])}"
+
+
+def _of_flow(scenario) -> Iterator[tuple[str, float, float, str]]:
+    """Yield name, value, limit and place of what the mesh of a scenario makes of its flow."""
+    errors, edges = scenario.flow_errors, scenario.edges
+    worst = int(np.argmax(errors))
+    yield (
+        "flow_error",
+        np.sum(errors),
+        FLOW_ERROR,
+        "the mesh's integral of v³ against an adaptive one; they differ most between "
+        f"t = {edges[worst]:.6g} and {edges[worst + 1]:.6g} s",
+    )
+    missed = scenario.flow_missed
+    worst = int(np.argmax(missed))
+    yield (
+        "flow_missed",
+        missed[worst],
+        FLOW_MISSED,
+        "the flow between the instants at which limits are judged, over its speed, between "
+        f"t = {edges[worst]:.10g} and {edges[worst + 1]:.10g} s",
+    )
 
 
 def _of_design(physics, optimum, reference, result, flights):
@@ -191,11 +205,12 @@ def _resolved(physics, result, flights):
         for limit in filter(lambda limit: limit.is_of(LOADS), physics.limits_in(flight.scenario)):
             over = limit.excess(each)
             worst = int(np.argmax(over))
-            found.append((float(over[worst]), limit.name, each["time"][worst]))
+            when = flight.scenario.when(each["time"][worst])
+            found.append((float(over[worst]), limit.name, when))
     if found:
         over, name, when = max(found)
         word = f"{name} of the same blade with {loads.STATIONS} stations over its limit, less one"
-        yield "loads_resolved", max(over, 0.0), RESOLVED, f"{word}, at t = {when:.2f} s"
+        yield "loads_resolved", max(over, 0.0), RESOLVED, f"{word}, at {when}"
 
 
 def sells(physics: Physics) -> bool:
@@ -231,10 +246,10 @@ def _recovery(physics, result, flights):
     shares = [short_of_recovery(physics, result, flight) for flight in flights]
     worst = [int(np.argmax(each)) for each in shares]
     share, when = max(
-        (each[place], flight.simulation.time[place])
+        (each[place], flight.scenario.when(flight.simulation.time[place]))
         for each, place, flight in zip(shares, worst, flights, strict=True)
     )
-    word = f"the torque that recovers a slowed rotor falls short of its least at t = {when:.2f} s"
+    word = f"the torque that recovers a slowed rotor falls short of its least at {when}"
     # without a torque curve no distance is asked, only that the rotor recovers at all
     if np.isfinite(share):
         yield "distance_from_stall", share, RECOVERY_ERROR if physics.has_curve else 1.0, word
@@ -277,9 +292,10 @@ def _closed_loop(flights):
         flown = flight.simulation
         known = flight.plant, flown.rotor_speed, flown.inflow_speed, *flown.states
         growth = np.linalg.eigvals(flight.controller.linearized(*known)).real.max(axis=1)
-        found.append((np.max(growth), flown.time[np.argmax(growth)]))
+        when = flight.scenario.when(flown.time[np.argmax(growth)])
+        found.append((np.max(growth), when))
     value, when = max(found)
-    word = f"largest real part of the closed loop's eigenvalues, 1/s, at t = {when:.2f} s"
+    word = f"largest real part of the closed loop's eigenvalues, 1/s, at {when}"
     return "closed_loop", value, 0.0, word
 
 
@@ -298,15 +314,17 @@ def _of_limit(physics, limit, flight, suffix):
     """Yield how far a limit over time is exceeded in a scenario, at and between the nodes."""
     over = limit.excess(flight.at_nodes)
     worst = int(np.argmax(over))
-    when = f"at t = {flight.trajectory['time'][worst]:.2f} s"
+    place = flight.scenario.when
+    when = f"at {place(flight.trajectory['time'][worst])}"
     # an optimization has loads from tables, which are as exact as this asks
     most = BETWEEN if limit.is_of(LOADS) else NODE_VIOLATION
     yield f"{limit.name}_at_nodes{suffix}", max(over[worst], 0.0), most, when
     if limit.constrains(physics.law):
         over, when = flight.between_nodes(limit)
         worst = int(np.argmax(over))
-        place = f"at t = {when[worst]:.2f} s"
-        yield f"{limit.name}_between_nodes{suffix}", over[worst], most_between(limit), place
+        when = f"at {place(when[worst])}"
+        name = "in_equilibrium" if flight.scenario.steady else "between_nodes"
+        yield f"{limit.name}_{name}{suffix}", over[worst], most_between(limit), when
 
 
 def most_between(limit: Limit) -> float:

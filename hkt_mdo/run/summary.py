@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from scipy.integrate import trapezoid
 
 from hkt_mdo.dynamics.limits import DesignBounds
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
@@ -265,10 +264,9 @@ def _scenario(finished, flights):
         for name, key in SIMULATED.items()
     }
     power = sum(flight.objective(objective) for flight in flights) / duration if turning else None
-    times = [flight.simulation.time for flight in flights]
     speeds = [flight.simulation.inflow_speed for flight in flights]
-    passed = sum(trapezoid(v, t) for v, t in zip(speeds, times, strict=True))
-    mean = passed / sum(time[-1] - time[0] for time in times)
+    passed = sum(x.integral(v) for v, x in zip(speeds, flights, strict=True))
+    mean = passed / sum(x.integral(np.ones(v.size)) for v, x in zip(speeds, flights, strict=True))
     limits = _over_time(finished, flights)
     return {
         "share": finished.physics.shares[scenario.group],
@@ -304,7 +302,8 @@ def _operation(finished, flights, power):
     """Return the intervals of operation; None where a machine never stands still."""
     spans = np.array([flight.scenario.edges[[0, -1]] for flight in flights])
     still = flights[0].scenario.mesh.duration - float(np.sum(np.diff(spans)))
-    if finished.physics.case.control.cut_out is None or still <= 0.0:
+    steady = flights[0].scenario.steady
+    if finished.physics.case.control.cut_out is None or still <= 0.0 or steady:
         return None
     speeds = np.array([flight.trajectory["rotor_speed"][0] for flight in flights])
     return {
@@ -412,8 +411,8 @@ def _limit(pairs):
         found.append(_entry(limit, value) | {"time_s": time[np.argmax(flown)]})
         binding = np.where(flown >= _least(limit), 1.0, 0.0)
         weight = flight.scenario.weight if counts else 1.0
-        binds += weight * trapezoid(binding, time)
-        spans += weight * (time[-1] - time[0])
+        binds += weight * flight.integral(binding)
+        spans += weight * flight.integral(np.ones(time.size))
     return max(found, key=_over) | {"share_of_time": binds / spans}
 
 
