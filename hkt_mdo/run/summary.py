@@ -13,10 +13,12 @@ import numpy as np
 import yaml
 
 from hkt_mdo.dynamics.limits import DesignBounds
+from hkt_mdo.dynamics.resource import Resource
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.files.blade import write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.yaml_text import Dumper
+from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES
@@ -26,10 +28,12 @@ from hkt_mdo.results.summary import VERSION, CheckEntry, Summary
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.strength import place_weights
 from hkt_mdo.run import loads
+from hkt_mdo.run import year as a_year
 from hkt_mdo.run.findings import Stations
 from hkt_mdo.run.flight import (
     Flight,
     Optimized,
+    SteadyFlight,
     design_and_result,
     simulated_objective,
     total,
@@ -267,7 +271,11 @@ def _scenario(finished, flights):
     speeds = [flight.simulation.inflow_speed for flight in flights]
     passed = sum(x.integral(v) for v, x in zip(speeds, flights, strict=True))
     mean = passed / sum(x.integral(np.ones(v.size)) for v, x in zip(speeds, flights, strict=True))
-    limits = _over_time(finished, flights)
+    over_time = _over_time(finished, flights)
+    limits = {name: _limit(pairs) for name, pairs in over_time.items()}
+    year = None
+    if isinstance(scenario, SteadyScenario) and isinstance(scenario.resource, Resource):
+        year = a_year.entry(flights[0], limits).model_dump()
     return {
         "share": finished.physics.shares[scenario.group],
         "weight": scenario.weight,
@@ -280,8 +288,10 @@ def _scenario(finished, flights):
         "inflow_speed": _span(np.concatenate(speeds)) | {"mean": mean},
         "tip_speed_ratio": _span(_nodes(flights, "tip_speed_ratio")),
         "operation": _operation(finished, flights, power),
-        "limits": {name: _limit(pairs) for name, pairs in limits.items()},
+        "limits": limits,
         "loads": _loads(finished, flights),
+        "steady": scenario.steady,
+        "year": year,
     }
 
 
@@ -408,7 +418,7 @@ def _limit(pairs):
     for limit, flight in pairs:
         flown, time = limit.told(flight.flown), flight.flown["time"]
         value = float(max(np.max(flown), np.max(limit.told(flight.at_nodes))))
-        found.append(_entry(limit, value) | {"time_s": time[np.argmax(flown)]})
+        found.append(_entry(limit, value) | _place(flight.scenario, time[np.argmax(flown)]))
         binding = np.where(flown >= _least(limit), 1.0, 0.0)
         weight = flight.scenario.weight if counts else 1.0
         binds += weight * flight.integral(binding)
@@ -420,7 +430,16 @@ def _loads(finished, flights):
     """Return the largest loads along some integrations, when and where along the blade."""
     flown = [flight.told for flight in flights]
     found = loads.placed(finished.physics, finished.result.point.blade, flown)
-    return {name: entry.model_dump(exclude_unset=True) for name, entry in found.items()}
+    entries = {name: entry.model_dump(exclude_unset=True) for name, entry in found.items()}
+    scenario = flights[0].scenario
+    return {name: each | _place(scenario, each.pop("time_s")) for name, each in entries.items()}
+
+
+def _place(scenario, time):
+    """Return when the largest value of something occurs, or in which flow."""
+    if scenario.steady:
+        return {"flow_m_s": float(scenario.inflow.speed_at(np.array(time)))}
+    return {"time_s": time}
 
 
 def _set_angle(physics, blade):
@@ -466,6 +485,9 @@ def write_tables(out: Path, finished: Finished) -> None:
             write_csv(out / f"{name}{suffix}.csv", table, zip(*table.values(), strict=True))
         span = loads.over_span(physics, blade, flown)
         _write_loads(out / f"loads{suffix}.csv", blade, span)
+        if isinstance(flights[0], SteadyFlight):
+            bins = a_year.table(flights[0])
+            write_csv(out / f"year{suffix}.csv", bins, zip(*bins.values(), strict=True))
     _write_blade(out / "blade.csv", physics, blade)
     met = [x.told["tip_speed_ratio"] for several in finished.scenarios.values() for x in several]
     best = physics.rotor.best_operation(blade).tip_speed_ratio
