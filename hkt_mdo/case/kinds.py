@@ -25,7 +25,7 @@ from pydantic import Field, create_model
 
 from hkt_mdo import quantities
 from hkt_mdo.case.guard import guard, one_line
-from hkt_mdo.dynamics import flows, laws, resource, sampled, wide_laws
+from hkt_mdo.dynamics import flows, laws, long_record, resource, sampled, wide_laws
 from hkt_mdo.dynamics.aggregates import Aggregate, Expected
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.formulas import Formula
@@ -207,6 +207,7 @@ BUILT_IN = Kinds(
         resource.HistogramResource,
         resource.DistributionResource,
         resource.TidalResource,
+        long_record.RecordResource,
         flows.SumInflow,
     ),
     limits=(

@@ -537,7 +537,10 @@ def _make_case(
     try:
         return made.model_validate(data, context={"folder": folder, "check_files": check_files})
     except ValidationError as error:
-        raise translate(error.errors(include_url=False), made, file, given) from None
+        told = translate(error.errors(include_url=False), made, file, given)
+        if "resource" in data and told.key.partition(".")[0] == "inflow":
+            told.key = told.key.replace("inflow", "resource", 1)
+        raise told from None
 
 
 def _leave_to_blade(data: dict[str, Any], overrides: Sequence[str]) -> None:

@@ -431,7 +431,8 @@ def read_pairs(path: str | Path, columns: tuple[str, str]) -> tuple[np.ndarray, 
     path : str or pathlib.Path
         The file.
     columns : tuple of str
-        Their names in its header.
+        Their names in its header. Where it has two columns, and neither of them, they are taken in
+        this order.
 
     Returns
     -------
@@ -445,6 +446,9 @@ def read_pairs(path: str | Path, columns: tuple[str, str]) -> tuple[np.ndarray, 
     """  # noqa: DOC501 - `line_error` returns an InputError
     path = Path(path)
     table = Csv(read_text(path, "table", MAX_BYTES), path, f"a header with {','.join(columns)}")
+    if len(table.header) == 2 and not {*table.header} & {*columns}:
+        first, second = table.header
+        columns = first, second
     for name in columns:
         if name not in table.header:
             remedy = f"name its columns {' and '.join(columns)}"
