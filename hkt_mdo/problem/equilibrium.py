@@ -6,6 +6,7 @@ flow speeds are design variables, and the balance of torques under a feedback la
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
@@ -22,6 +23,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 
+SLOW = 600.0  # s, length of a segment in which a rotor does nothing but follow the flow
 WIDTH = 0.05  # m/s, of the bins of a flow over time that is taken without its time
 
 
@@ -128,6 +130,18 @@ class SteadyScenario(Scenario):
     @property
     def path(self):
         return f"steady_{self.name}.timeseries"
+
+
+def better_steady(scenarios: Iterable[Scenario]) -> str:
+    """Return that a flow changes so slowly that its time does not count; empty if none does."""
+    longest = max((float(np.max(np.diff(x.edges))) for x in scenarios if not x.steady), default=0.0)
+    if longest <= SLOW:
+        return ""
+    return (
+        f"the flow changes within hours, the rotor within a second, and segments of {longest:.3g} s "
+        "may follow a false solution: a flow so slow is better taken without its time, by "
+        "scenarios: [{inflow: ..., steady: true}], or as a resource of a year (docs/year.md)"
+    )
 
 
 def _without_time(whole: Scenario) -> Speeds:
