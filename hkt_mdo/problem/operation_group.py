@@ -191,15 +191,20 @@ class OperationGroup(om.Group):
             )
         groups, scenarios = list(physics.shares), physics.scenarios
         rows = {each.name: groups.index(each.group) for each in scenarios}
-        weights = {each.name: each.node_weights / each.mesh.duration for each in scenarios}
+        factors = dict(zip(groups, physics.rate_factors, strict=True))
+        weights = {
+            each.name: each.node_weights * factors[each.group] / each.mesh.duration
+            for each in scenarios
+        }
         rate = {"mean_rate": physics.objective}
         self._add_integrals("mean_rates", rate, weights, rows=rows, mean=True)
-        _, n_rows = physics.epigraph(self.options["start"].start)
+        unknowns, n_rows = physics.epigraph(self.options["start"].start)
         component = AggregateComp(
             aggregate=physics.aggregate,
             shares=np.array(list(physics.shares.values())),
             duration=physics.duration,
             unit=physics.objective.unit,
+            n_unknowns=unknowns.size,
             n_rows=n_rows,
         )
         self.add_subsystem("aggregate", component, promotes=["*"])

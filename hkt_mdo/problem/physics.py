@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -21,6 +21,7 @@ from hkt_mdo.dynamics.limits import (
     DesignBounds,
     ForwardRotation,
     Limit,
+    PowerLimit,
     TorqueLimit,
 )
 from hkt_mdo.dynamics.objectives import (
@@ -42,7 +43,7 @@ from hkt_mdo.rotor.hydrodynamics import SOLVERS, Hydrodynamics
 from hkt_mdo.rotor.loads import Cavitation, LoadModel
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.planform import planform_area
-from hkt_mdo.rotor.scales import torque_scale
+from hkt_mdo.rotor.scales import power_scale, torque_scale
 from hkt_mdo.rotor.shape import Shape
 from hkt_mdo.rotor.stall import SLOWER
 from hkt_mdo.rotor.suction import require_suction
@@ -70,6 +71,8 @@ class Physics:
     operation.
     `messages` tell what was converted, repaired or left out, `warnings` what was hardly meant.
     `law` has no torque limit where the case gives one that no blade can reach in its flow.
+    `ceilings` (W) are upper bounds on the mean power of each scenario, by name, where the aggregate
+    compares with them; they stay what they are while the blade changes.
     """
 
     case: Case
@@ -82,6 +85,7 @@ class Physics:
     objective: Objective
     messages: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    ceilings: dict[str, float] = field(default_factory=dict)
 
     @property
     def polar(self) -> Any:
@@ -153,19 +157,30 @@ class Physics:
         return self.duration * self.aggregate.of(self._means(integrals), shares)
 
     def _means(self, integrals: Iterable[float]) -> np.ndarray:
-        """Return integrals over the scenarios over their durations, intervals of one together."""
+        """Return the rates that the aggregate takes, of integrals over the scenarios."""
         means = dict.fromkeys(self.shares, 0.0)
         for scenario, integral in zip(self.scenarios, integrals, strict=True):
             means[scenario.group] += float(integral) / scenario.mesh.duration
-        return np.array(list(means.values()))
+        return self.rate_factors * np.array(list(means.values()))
+
+    @cached_property
+    def rate_factors(self) -> np.ndarray:
+        """Factors on the scenarios' mean rates as the aggregate takes them, (n_scenarios,).
+
+        1, or the mean of all ceilings over that of the scenario where it compares with these.
+        """
+        if not self.ceilings:
+            return np.ones(len(self.shares))
+        own = np.array([self.ceilings[name] for name in self.shares])
+        return float(np.array(list(self.shares.values())) @ own) / own
 
     def mean_rates(self, starts: list[dict]) -> np.ndarray:
-        """Return the mean rate of the objective in each scenario, of quantities over the samples.
+        """Return the mean rate of the objective in each scenario, as the aggregate takes it.
 
         Parameters
         ----------
         starts : list of dict
-            What `on_start` returns.
+            What `on_start` returns: quantities over the samples.
 
         Returns
         -------
@@ -521,7 +536,7 @@ def physics(case: Case) -> Physics:
         messages += (f"{text}, at most {most:.3g} N m: it counts as none",)
         control = control.with_torque_limit(None)
     limits = _limits(case, shape, control.torque_limit)
-    return Physics(
+    made = Physics(
         case,
         shape,
         _rotor_model(case, turbine, shape),
@@ -533,6 +548,25 @@ def physics(case: Case) -> Physics:
         messages,
         tuple(_doubts(case, mean)),
     )
+    return replace(made, ceilings=_ceilings(made)) if case.robustness.relative else made
+
+
+def _ceilings(physics: Physics) -> dict[str, float]:
+    """Return an upper bound on the mean power of each scenario, W, by name.
+
+    That of a rotor at the steady optimum of the case's own radius at every instant, or of the
+    generator's limit where that is smaller.
+    """
+    best = physics.rotor.best_of_shape(physics.shape, physics.blade).power_coefficient
+    best *= float(power_scale(physics.density, physics.blade.rotor_radius, 1.0))
+    found = dict.fromkeys(physics.shares, 0.0)
+    for each in physics.scenarios:
+        most = [x.upper for x in physics.limits_in(each) if isinstance(x, PowerLimit)]
+        power = np.minimum(
+            best * each.inflow.speed_at(each.node_times) ** 3, min(most, default=np.inf)
+        )
+        found[each.group] += float(each.node_weights @ power) / each.mesh.duration
+    return found
 
 
 def _with_limits(

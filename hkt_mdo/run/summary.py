@@ -109,6 +109,10 @@ def summarize(finished: Finished) -> Summary:
     outcome = finished.result.outcome
     passed = all(check.passed for check in finished.checks)
     scenarios = {name: _scenario(finished, each) for name, each in finished.scenarios.items()}
+    several = len(scenarios) > 1
+    if several and finished.physics.objective.is_rate:
+        for name, decides in _deciding(finished.physics, scenarios).items():
+            scenarios[name]["decides"] = decides
     values = {
         "version": VERSION,
         "case": finished.physics.case.name,
@@ -169,6 +173,7 @@ def _energies(finished):
             "value": finished.result.objective,
             "simulated": simulated_objective(physics, flights),
             "bound": None if open_ended else physics.objective_bound(bound),
+            "measure": physics.aggregate.measure if len(finished.scenarios) > 1 else None,
         },
         "bound_power_coefficient": finished.optimum.power_coefficient,
         "bound_tip_speed_ratio": finished.optimum.tip_speed_ratio,
@@ -279,12 +284,23 @@ def _scenario(finished, flights):
         ),
         **sums,
         "mean_power_W": power,
+        "ceiling_W": finished.physics.ceilings.get(scenario.group),
         "inflow_speed": _span(np.concatenate(speeds)) | {"mean": mean},
         "tip_speed_ratio": _span(_nodes(flights, "tip_speed_ratio")),
         "operation": _operation(finished, flights, power),
         "limits": {name: _limit(pairs) for name, pairs in limits.items()},
         "loads": _loads(finished, flights),
     }
+
+
+def _deciding(physics, scenarios):
+    """Return whether each scenario decides the measure of the objective, by name."""
+    powers = [scenarios[name]["mean_power_W"] for name in physics.shares]
+    if None in powers:
+        return {}
+    shares = np.array(list(physics.shares.values()))
+    decides = physics.aggregate.binding(physics.rate_factors * np.array(powers), shares)
+    return dict(zip(physics.shares, decides.tolist(), strict=True))
 
 
 def _turning(flights):
