@@ -192,7 +192,7 @@ def test_the_worst_of_two_flows_is_larger_than_the_mean_s_design_has_it(tmp_path
         {"name": name, "inflow": {"profile": "sine", "mean": mean}, "weight": weight}
         for name, mean, weight in (("slow", 1.2, 0.8), ("fast", 1.8, 0.2), ("flood", 1.9, 0.0))
     ]
-    data = case(*flows, limits={"power": "5 kW"})
+    data = case(*flows)
     data["control"]["torque_limit"] = 500.0
 
     def ratios(solution):
@@ -215,3 +215,70 @@ def test_the_worst_of_two_flows_is_larger_than_the_mean_s_design_has_it(tmp_path
         f"decided by {', '.join(deciding)}"
         in texts(found["worst"].summary.rows(found["worst"].case))["objective, worst"]
     )
+
+
+# What differs between scenarios --------------------------------------------------------------------
+
+WORN = {"lift": 0.95, "drag": 1.4, "inertia": 1.3, "torque_constant": 1.02}
+
+
+def test_a_scenario_of_its_own_turbine_is_that_of_the_case_with_it(tmp_path):
+    """Water and condition of the one scenario, or of the whole case, are the same problem."""
+    data = case({"inflow": "sine"}, limits={"thrust": "20 kN"}, design={"blade": "fixed"})
+    data["control"]["torque_limit"] = 2e3
+    data["driver"] = {"tolerance": 1e-11}
+    ours = {"density": 1025.0, "condition": WORN}
+    whole = {"fluid": {"density": 1025.0}, "condition": WORN}
+    found = run(tmp_path / "own", data | {"scenarios": [{"inflow": "sine"} | ours]})
+    expected = run(tmp_path / "case", data | whole)
+    for solution in (found, expected):
+        assert solution.success, solution.message
+    assert found.gain == pytest.approx(expected.gain, rel=1e-4)
+    assert found.energy == pytest.approx(expected.energy, rel=1e-8)
+    flown = [each.summary.scenarios["flow_1"] for each in (found, expected)]
+    assert flown[0].simulated_energy_J == pytest.approx(flown[1].simulated_energy_J, rel=1e-8)
+    assert flown[0].limits["control_torque"].limit == pytest.approx(1.02 * 2e3)
+    nominal = physics(load_case(data))
+    inertia = physics(load_case(data | whole)).mass_and_inertia(nominal.blade)[1]
+    assert inertia == pytest.approx(1.3 * nominal.mass_and_inertia(nominal.blade)[1], rel=1e-14)
+
+
+def test_factors_on_lift_and_drag_are_those_of_a_polar_with_them(tmp_path):
+    """A file whose columns are multiplied by hand says the same as the factors."""
+    alpha = np.arange(-180.0, 181.0, 1.0)
+    lift, drag = np.sin(np.deg2rad(2.0 * alpha)), 1.2 - np.cos(np.deg2rad(2.0 * alpha))
+    files = {"clean": (lift, drag), "worn": (0.9 * lift, 1.5 * drag)}
+    for name, columns in files.items():
+        rows = "\n".join(f"{a},{x:.17g},{y:.17g}" for a, x, y in zip(alpha, *map(list, columns)))
+        (tmp_path / f"{name}.csv").write_text(f"alpha_deg,cl,cd\n{rows}\n", encoding="utf-8")
+    flows = [
+        {"condition": {"lift": 0.9, "drag": 1.5}},
+        {"condition": {"polar": str(tmp_path / "worn.csv")}},
+        {},
+    ]
+    rotor = {"polar": str(tmp_path / "clean.csv")}
+    made = physics(load_case(case(*flows, rotor=rotor, inflow="sine")))
+    ratios = np.linspace(2.0, 9.0, 15)
+    worn, file, clean = (
+        made.of(each).rotor.coefficients(made.blade, ratios).torque for each in made.scenarios
+    )
+    np.testing.assert_allclose(worn, file, rtol=1e-9, atol=1e-12)
+    assert np.all(worn < clean)
+
+
+def test_a_condition_that_cannot_be_is_refused():
+    for law, sections, message in (
+        (
+            "open_loop",
+            {"torque_constant": 1.1},
+            r"\[0\].condition.torque_constant = 1.1: .*open loop",
+        ),
+        ("quadratic", {"lift": 0.0}, r"condition.lift = 0.0: must be greater than 0"),
+        ("quadratic", {"lft": 0.9}, r"condition.lft = 0.9: .*did you mean lift"),
+    ):
+        with pytest.raises(InputError) as error:
+            load_case(case({"inflow": "sine", "condition": sections}, law=law))
+        assert re.search(message, str(error.value)), str(error.value)
+    local = {"reynolds": "local", "polar": "naca63815"}
+    with pytest.raises(InputError, match="condition.*takes rotor.reynolds: invariant"):
+        load_case(case({"inflow": "sine"}, condition={"lift": 0.9}, rotor=local), check_files=False)

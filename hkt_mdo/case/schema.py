@@ -25,7 +25,7 @@ from pydantic_core import PydanticCustomError
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, Phase, Start
 from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kinds
 from hkt_mdo.case.messages import TAGS, translate
-from hkt_mdo.case.turbine import Fluid, Rotor, Site, own_keys
+from hkt_mdo.case.turbine import Condition, Fluid, Rotor, Site, own_keys
 from hkt_mdo.dynamics.aggregates import Aggregate, Expected
 from hkt_mdo.dynamics.flows import Inflow, SumInflow
 from hkt_mdo.dynamics.generator import Generator
@@ -96,6 +96,10 @@ class FlowScenario(Section):
     limits: SerializeAsAny[Limits] = Limits()
     """Limits over time, given as `limits` of the case. They hold in this scenario besides those of
     the case, or in place of those under the same names."""
+    density: Annotated[float, Quantity("kg/m**3", gt=0, le=20000)] | None = None
+    """Density of the water; null: `fluid.density`."""
+    condition: Condition | None = None
+    """The turbine as it is in this scenario, given as `condition` of the case; null: that."""
 
     def realized(self, inflow: Inflow, key: str) -> list[FlowScenario]:
         """Return one scenario for each realization; `inflow` is that of a scenario without one.
@@ -146,6 +150,7 @@ class Case(Section):
     rotor: Rotor = Rotor()
     fluid: Fluid = Fluid()
     site: Site = Site()
+    condition: Condition = Condition()
 
     inflow: SerializeAsAny[Inflow]
     """Inflow speed over time; `profile` says which kind."""
@@ -262,6 +267,7 @@ class Case(Section):
         """Return the case of one of its scenarios alone; of a name that it has not, itself."""
         for own in self.scenarios:
             if own.name == name:
+                made = self.of_turbine(own.density, own.condition)
                 limits = {limit.name: limit for limit in own.limits.given}
                 mesh = {
                     "duration": own.duration or self.phase.duration,
@@ -273,8 +279,15 @@ class Case(Section):
                     "phase": self.phase.model_copy(update=mesh),
                     "scenarios": (),
                 }
-                return self.model_copy(update=update)
+                return made.model_copy(update=update)
         return self
+
+    def of_turbine(self, density: float | None, condition: Condition | None) -> Case:
+        """Return the case with other water and another condition of the turbine; None: its own."""
+        fluid = (
+            self.fluid if density is None else self.fluid.model_copy(update={"density": density})
+        )
+        return self.model_copy(update={"fluid": fluid, "condition": condition or self.condition})
 
     def _realize(self) -> None:
         """Put scenarios of several realizations as one scenario for each; refuse bad ones."""
@@ -303,8 +316,10 @@ class Case(Section):
 
     def _check_scenarios(self) -> None:
         """Refuse scenarios that weigh nothing, or limit what they do not own."""
+        conditions = {"condition": self.condition}
         for number, scenario in enumerate(self.scenarios):
             key = f"scenarios[{number}]"
+            conditions[f"{key}.condition"] = scenario.condition or self.condition
             if scenario.limits.torque is not None:
                 problem = "is the controller's, which all scenarios share"
                 remedy = "give control.torque_limit"
@@ -320,6 +335,21 @@ class Case(Section):
             problem, remedy = "weigh nothing together", "give one of them a weight above 0"
             weights = [each.weight for each in self.scenarios]
             raise refusal(problem, remedy, key="scenarios", value=weights)
+        for key, condition in conditions.items():
+            if condition.torque_constant != 1.0 and not self.control.is_feedback:
+                problem = (
+                    "is that of a feedback law; the torque of an open loop is itself optimized"
+                )
+                given = {"key": f"{key}.torque_constant", "value": condition.torque_constant}
+                raise refusal(problem, "leave it out, or give another control.law", **given)
+            if condition.polar is not None and self.rotor.sections:
+                problem = "is that of one section, and the rotor has several"
+                remedy = "give factors on lift and drag instead"
+                raise refusal(problem, remedy, key=f"{key}.polar", value=condition.polar)
+            thick = self.rotor.reynolds == "local" or self.design.thickness_points
+            if condition.fouls and thick:
+                problem = "takes rotor.reynolds: invariant and no design.thickness_points"
+                raise refusal(problem, "give these, or leave it out", key=key)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the values and the extensions: another process makes the class again."""

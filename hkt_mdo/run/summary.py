@@ -252,12 +252,16 @@ def _extremes(finished, scenarios):
             over = {each: _over(told["limits"].get(name)) for each, told in scenarios.items()}
             limits[name]["scenario"] = max(over, key=over.get)
     (first, *others) = scenarios.values()
-    flown = [flight.told for flight in finished.flights]
+    blade = finished.result.point.blade
+    bent = [
+        loads.tip_deflection(physics.of(each.scenario), blade, [each.told])
+        for each in finished.flights
+    ]
     return {
         "operation": None if others else first["operation"],
         "limits": limits,
         "loads": found,
-        "tip_deflection_m": loads.tip_deflection(physics, finished.result.point.blade, flown),
+        "tip_deflection_m": None if None in bent else max(bent),
     }
 
 
@@ -375,7 +379,11 @@ def _notes(finished):
 def _unresolved(physics, blade, flights):
     """Yield by how much more the loads are on a blade of many stations, if that counts."""
     known = [flight.told for flight in flights]
-    finer = loads.resolved(physics, blade, known)
+    finer = [
+        each
+        for flight, own in zip(flights, known, strict=True)
+        for each in loads.resolved(physics.of(flight.scenario), blade, [own])
+    ]
     changes = {
         name: max(np.max(each[name]) for each in finer) / max(np.max(each[name]) for each in known)
         for name in (physics.load_names if finer else ())
@@ -436,7 +444,9 @@ def _limit(pairs):
 def _loads(finished, flights):
     """Return the largest loads along some integrations, when and where along the blade."""
     flown = [flight.told for flight in flights]
-    found = loads.placed(finished.physics, finished.result.point.blade, flown)
+    found = loads.placed(
+        finished.physics.of(flights[0].scenario), finished.result.point.blade, flown
+    )
     return {name: entry.model_dump(exclude_unset=True) for name, entry in found.items()}
 
 
@@ -481,7 +491,7 @@ def write_tables(out: Path, finished: Finished) -> None:
                 if quantity in values[0]
             }
             write_csv(out / f"{name}{suffix}.csv", table, zip(*table.values(), strict=True))
-        span = loads.over_span(physics, blade, flown)
+        span = loads.over_span(physics.of(flights[0].scenario), blade, flown)
         _write_loads(out / f"loads{suffix}.csv", blade, span)
     _write_blade(out / "blade.csv", physics, blade)
     met = [x.told["tip_speed_ratio"] for several in finished.scenarios.values() for x in several]
