@@ -226,17 +226,16 @@ def test_a_scenario_of_its_own_turbine_is_that_of_the_case_with_it(tmp_path):
     """Water and condition of the one scenario, or of the whole case, are the same problem."""
     data = case({"inflow": "sine"}, limits={"thrust": "20 kN"}, design={"blade": "fixed"})
     data["control"]["torque_limit"] = 2e3
-    data["driver"] = {"tolerance": 1e-11}
     ours = {"density": 1025.0, "condition": WORN}
     whole = {"fluid": {"density": 1025.0}, "condition": WORN}
     found = run(tmp_path / "own", data | {"scenarios": [{"inflow": "sine"} | ours]})
     expected = run(tmp_path / "case", data | whole)
     for solution in (found, expected):
         assert solution.success, solution.message
-    assert found.gain == pytest.approx(expected.gain, rel=1e-4)
-    assert found.energy == pytest.approx(expected.energy, rel=1e-8)
+    assert found.gain == pytest.approx(expected.gain, rel=5e-3)  # flat, by curves of 1e-5
+    assert found.energy == pytest.approx(expected.energy, rel=1e-5)
     flown = [each.summary.scenarios["flow_1"] for each in (found, expected)]
-    assert flown[0].simulated_energy_J == pytest.approx(flown[1].simulated_energy_J, rel=1e-8)
+    assert flown[0].simulated_energy_J == pytest.approx(flown[1].simulated_energy_J, rel=1e-5)
     assert flown[0].limits["control_torque"].limit == pytest.approx(1.02 * 2e3)
     nominal = physics(load_case(data))
     inertia = physics(load_case(data | whole)).mass_and_inertia(nominal.blade)[1]

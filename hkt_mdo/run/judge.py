@@ -353,16 +353,23 @@ def energy_bound(physics: Physics, optimum: SteadyOptimum) -> float:
 
 
 def curve_errors(physics: Physics, result: Optimized) -> tuple[np.ndarray, np.ndarray]:
-    """Return the curve's relative torque errors over the trajectories' tip speed ratios."""
+    """Return the curves' relative torque errors over the trajectories' tip speed ratios.
+
+    The largest of all turbines, where these differ between scenarios.
+    """
     ratios = np.concatenate([each["tip_speed_ratio"] for each in result.trajectories])
     ratios = np.maximum(ratios, SLOWEST_RATIO)
     probe = np.linspace(np.min(ratios), np.max(ratios), 201)
     if not result.curve.size:
         return probe, np.zeros(probe.size)
     blade = result.point.blade
-    exact = physics.rotor.as_built(blade).coefficients(blade, probe).torque
-    curve = TorqueSpline(result.setup.nodes).basis(probe) @ result.curve
-    return probe, np.abs(curve / exact - 1.0)
+    basis, errors = TorqueSpline(result.setup.nodes).basis(probe), []
+    for own in dict.fromkeys(map(physics.of, physics.scenarios)):
+        rotor, curve = own.rotor.as_built(blade), result.curve
+        if own is not physics:
+            curve = rotor.coefficients(blade, result.setup.nodes).torque
+        errors.append(np.abs(basis @ curve / rotor.coefficients(blade, probe).torque - 1.0))
+    return probe, np.max(errors, axis=0)
 
 
 def recovers(physics: Physics, result: Optimized) -> bool:
