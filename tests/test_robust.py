@@ -222,6 +222,7 @@ def test_the_worst_of_two_flows_is_larger_than_the_mean_s_design_has_it(tmp_path
 WORN = {"lift": 0.95, "drag": 1.4, "inertia": 1.3, "torque_constant": 1.02}
 
 
+@pytest.mark.slow
 def test_a_scenario_of_its_own_turbine_is_that_of_the_case_with_it(tmp_path):
     """Water and condition of the one scenario, or of the whole case, are the same problem."""
     data = case({"inflow": "sine"}, limits={"thrust": "20 kN"}, design={"blade": "fixed"})
