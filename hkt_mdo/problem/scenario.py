@@ -11,7 +11,7 @@ import numpy as np
 from openmdao.utils.om_warnings import OMDeprecationWarning
 from scipy.sparse import block_diag, csr_array, diags_array, kron
 
-from hkt_mdo.case import Phase
+from hkt_mdo.case import Condition, Phase
 from hkt_mdo.dynamics.flows import UNKNOWN_PIECES, Inflow
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.radau import divided
@@ -43,7 +43,8 @@ class Scenario:
     of the segments, in the time of the flow; None: they are equal, from 0 to the duration. `weight`
     is that of the scenario's energies in those of the problem, `name` that of its Dymos phase.
     `limits` are those that hold in it over time, None: the case's; `own_limits` those that its case
-    gives for it alone, as they are read.
+    gives for it alone, as they are read. `density` (kg/m**3) and `condition` are those of water and
+    turbine in it, None: the case's.
     Intervals of one scenario, between which the machine stands still, have the same `group`.
     """
 
@@ -55,6 +56,13 @@ class Scenario:
     limits: tuple[Limit, ...] | None = None
     interval_of: str = ""
     own_limits: dict[str, Limit] = field(default_factory=dict)
+    density: float | None = None
+    condition: Condition | None = None
+
+    @property
+    def turbine(self) -> tuple[float | None, Condition | None]:
+        """What of water and turbine differs from the case's; scenarios of one have one physics."""
+        return self.density, self.condition
 
     steady: ClassVar[bool] = False
     """Whether it has no time: speeds of the flow, at each of which the rotor is in equilibrium."""

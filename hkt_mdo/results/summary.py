@@ -219,6 +219,17 @@ class ObjectiveEntry(_Entry):
     value: _Number = Field(None, validation_alias=AliasChoices("value", "value_J"))
     simulated: _Number = Field(None, validation_alias=AliasChoices("simulated", "simulated_J"))
     bound: _Number = Field(None, validation_alias=AliasChoices("bound", "bound_J"))
+    measure: str | None = None
+    """What unites the scenarios; None: the result is older, or has one scenario."""
+
+    def rows(self, scenarios: dict[str, ScenarioEntry]) -> Iterator[Row]:
+        """Yield the objective, unless it is the captured energy, and which scenarios decide it."""
+        if self.kind != "captured":
+            yield Row(f"objective, {self.kind}", self.simulated, self.unit)
+        deciding = [name for name, entry in scenarios.items() if entry.decides]
+        if deciding:
+            named = f"decided by {', '.join(deciding)}"
+            yield Row(f"objective, {self.measure}", self.simulated, self.unit, named)
 
 
 class OperationEntry(_Entry):
@@ -296,7 +307,9 @@ class ScenarioEntry(_Entry):
     `share` is the scenario's share of time; its energies count in those of the whole result with
     `weight`, that share times the case's duration over `duration_s`. `mean_power_W` is that of the
     objective over `duration_s`. A flow with a cut-out speed is one scenario, its energies those
-    of all its intervals of operation.
+    of all its intervals of operation. Where the measure of `robustness` compares the mean power
+    with an upper bound on it, `ceiling_W` is that; `decides` tells whether the measure would change
+    with this scenario's mean power.
     """
 
     share: _Number = None
@@ -307,6 +320,8 @@ class ScenarioEntry(_Entry):
     generator_energy_J: _Number = None
     electrical_energy_J: _Number = None
     mean_power_W: _Number = None
+    ceiling_W: _Number = None
+    decides: bool | None = None
     inflow_speed: Span | None = None
     tip_speed_ratio: Span | None = None
     operation: OperationEntry | None = None
@@ -324,6 +339,12 @@ class ScenarioEntry(_Entry):
         yield Row("energy", self.energy_J, "J")
         power = f"on average {measured(self.mean_power_W, 'W')}"
         yield Row("energy, simulated", self.simulated_energy_J, "J", power)
+        if self.ceiling_W and self.mean_power_W is not None:
+            most = f"of at most {measured(self.ceiling_W, 'W')}"
+            told = joined(most, "decides the objective" if self.decides else "")
+            yield Row(
+                "mean power over its ceiling", 100.0 * self.mean_power_W / self.ceiling_W, "%", told
+            )
         yield Row("tip speed ratio", ratio.ends, note=f"mean {measured(ratio.mean)}")
         yield from self.year.rows() if self.year else ()
         if self.operation is not None:
@@ -507,10 +528,8 @@ class Summary(_Entry, Mapping[str, Any]):
         losses = _losses(self.generator_energy_J, self.electrical_energy_J)
         yield Row("energy, electrical", self.electrical_energy_J, "J", losses)
         yield Row("share of quasi-steady bound", share, "%")
-        if self.objective is not None and self.objective.kind != "captured":
-            yield Row(
-                f"objective, {self.objective.kind}", self.objective.simulated, self.objective.unit
-            )
+        if self.objective is not None:
+            yield from self.objective.rows(self.scenarios or {})
         gap = None if self.certified_gap is None else max(100.0 * self.certified_gap, 0.0)
         known = "limits other than the torque's left out" if case.limits.given else ""
         yield Row("certificate", gap and f"gap up to {gap:.2g} %", "", known)

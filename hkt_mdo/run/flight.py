@@ -269,15 +269,16 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
     """Integrate the found design under the found controller with direct BEM, in each scenario."""
     blade, gains = result.point.blade, result.point.gains
     check = BEM[physics.case.hydrodynamics.check]
-    polar, water, generator = physics.built(blade), physics.density, physics.generator
-    plant = Plant(blade, polar, result.inertia, water, check, generator)
     limited, flights = bool(physics.load_names), []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
-        mesh, law = scenario.mesh, physics.law
-        own = {"scenario": scenario, "trajectory": nodes, "limits_loads": limited}
+        own = physics.of(scenario)
+        mesh, law = scenario.mesh, own.law
+        inertia = result.inertia * own.rotor.inertia_factor / physics.rotor.inertia_factor
+        plant = Plant(blade, own.built(blade), inertia, own.density, check, own.generator)
+        told = {"scenario": scenario, "trajectory": nodes, "limits_loads": limited}
         if scenario.steady:
             flown = _balanced(plant, scenario, law, gains, nodes, physics.states)
-            flights.append(SteadyFlight.of(physics, plant, *flown, **own))
+            flights.append(SteadyFlight.of(own, plant, *flown, **told))
             continue
         if law.is_feedback:
             controller = FeedbackTorque(law, gains)
@@ -291,7 +292,7 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
             [nodes[name][0] for name in physics.states],
             mesh.duration / mesh.segments,
         )
-        flights.append(Flight.of(physics, plant, flown, controller, **own))
+        flights.append(Flight.of(own, plant, flown, controller, **told))
     return tuple(flights)
 
 

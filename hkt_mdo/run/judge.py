@@ -199,9 +199,11 @@ def _resolved(physics, result, flights):
     """Yield by how much a blade of many stations exceeds a limit on its loads, the most."""
     if not any(limit.is_of(LOADS) for limit in physics.all_limits):
         return
-    known = [flight.flown for flight in flights]
-    finer, found = loads.resolved(physics, result.point.blade, known), []
-    for flight, each in zip(flights, finer, strict=False):  # none where nothing is to be resolved
+    found, blade = [], result.point.blade
+    finer = [loads.resolved(physics.of(x.scenario), blade, [x.flown]) for x in flights]
+    for flight, each in (
+        (x, y) for x, several in zip(flights, finer, strict=True) for y in several
+    ):
         for limit in filter(lambda limit: limit.is_of(LOADS), physics.limits_in(flight.scenario)):
             over = limit.excess(each)
             worst = int(np.argmax(over))
@@ -263,7 +265,7 @@ def short_of_recovery(physics: Physics, result: Optimized, flight: Flight) -> np
     -inf: in a gust that is faster than the rotor, the integration tells whether it comes back.
     """
     flown, radius = flight.simulation, flight.scalars["rotor_radius"]
-    unit = TYPICAL * torque_scale(physics.density, radius, flown.inflow_speed)
+    unit = TYPICAL * torque_scale(flight.plant.density, radius, flown.inflow_speed)
     net, slowed = _net_torques(physics, result, flight)
     recovery = (slowed - net) / unit
     known = settled(flight.integrated | flight.scalars)
@@ -276,11 +278,11 @@ def _net_torques(physics, result, flight):
     That is at its speed, and at what is left of it after a loss of `SLOWED`; in the flow, and with
     the states of the law, of its integration.
     """
-    flown = flight.simulation
+    flown, law = flight.simulation, physics.of(flight.scenario).law
 
     def net(speed):
         driving = flight.plant.torque(speed, flown.inflow_speed)
-        return driving - physics.law.torque(speed, result.point.gains, *flown.states)
+        return driving - law.torque(speed, result.point.gains, *flown.states)
 
     return net(flown.rotor_speed), net((1.0 - SLOWED) * flown.rotor_speed)
 
@@ -355,35 +357,54 @@ def in_case(blade: Blade) -> dict[str, tuple[str, float]]:
 
 def energy_bound(physics: Physics, optimum: SteadyOptimum) -> float:
     """Return the quasi-steady bound, J; see `hkt_mdo.rotor.steady_optimum`."""
-    bound = 0.0
+    bound, blade = 0.0, optimum.blade
     for scenario in physics.scenarios:
-        bound += scenario.weight * float(np.sum(scenario.inflow.cubes(scenario.edges)))
-    scale = power_scale(physics.density, optimum.blade.rotor_radius, 1.0)
-    return bound * scale * optimum.power_coefficient
+        own, coefficient = physics.of(scenario), optimum.power_coefficient
+        if own is not physics:
+            found = own.rotor.best_of_shape(
+                own.shape, own.blade.with_rotor_radius(blade.rotor_radius)
+            )
+            coefficient = found.power_coefficient
+        passing = scenario.weight * float(np.sum(scenario.inflow.cubes(scenario.edges)))
+        bound += passing * coefficient * power_scale(own.density, blade.rotor_radius, 1.0)
+    return bound
 
 
 def curve_errors(physics: Physics, result: Optimized) -> tuple[np.ndarray, np.ndarray]:
-    """Return the curve's relative torque errors over the trajectories' tip speed ratios."""
+    """Return the curves' relative torque errors over the trajectories' tip speed ratios.
+
+    The largest of all turbines, where these differ between scenarios.
+    """
     ratios = np.concatenate([each["tip_speed_ratio"] for each in result.trajectories])
     ratios = np.maximum(ratios, SLOWEST_RATIO)
     probe = np.linspace(np.min(ratios), np.max(ratios), 201)
     if not result.curve.size:
         return probe, np.zeros(probe.size)
     blade = result.point.blade
-    exact = physics.rotor.as_built(blade).coefficients(blade, probe).torque
-    curve = TorqueSpline(result.setup.nodes).basis(probe) @ result.curve
-    return probe, np.abs(curve / exact - 1.0)
+    basis, errors = TorqueSpline(result.setup.nodes).basis(probe), []
+    for own in dict.fromkeys(map(physics.of, physics.scenarios)):
+        rotor, curve = own.rotor.as_built(blade), result.curve
+        if own is not physics:
+            curve = rotor.coefficients(blade, result.setup.nodes).torque
+        errors.append(np.abs(basis @ curve / rotor.coefficients(blade, probe).torque - 1.0))
+    return probe, np.max(errors, axis=0)
 
 
 def recovers(physics: Physics, result: Optimized) -> bool:
     """Tell whether a rotor under feedback recovers from a small loss of speed, by the curve."""
     if not (physics.law.is_feedback and result.curve.size):
         return True
-    limit = DistanceFromStall(law=physics.law, spline=TorqueSpline(result.setup.nodes))
-    design = physics.scalars(result.point.blade, result.inertia)
-    design |= {"torque_coefficient_table": result.curve, "gains": result.point.gains}
-    each = (nodes | design for nodes in result.trajectories)
-    return all(np.all(~settled(known) | (limit.value_of(known) >= 0.0)) for known in each)
+    blade = result.point.blade
+    for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
+        own, curve = physics.of(scenario), result.curve
+        if own is not physics:
+            curve = own.rotor.coefficients(blade, result.setup.nodes).torque
+        limit = DistanceFromStall(law=own.law, spline=TorqueSpline(result.setup.nodes))
+        known = nodes | own.scalars(blade, result.inertia)
+        known |= {"torque_coefficient_table": curve, "gains": result.point.gains}
+        if not np.all(~settled(known) | (limit.value_of(known) >= 0.0)):
+            return False
+    return True
 
 
 FALSE_SOLUTION = (

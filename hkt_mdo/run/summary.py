@@ -112,6 +112,10 @@ def summarize(finished: Finished) -> Summary:
     outcome = finished.result.outcome
     passed = all(check.passed for check in finished.checks)
     scenarios = {name: _scenario(finished, each) for name, each in finished.scenarios.items()}
+    several = len(scenarios) > 1
+    if several and finished.physics.objective.is_rate:
+        for name, decides in _deciding(finished.physics, scenarios).items():
+            scenarios[name]["decides"] = decides
     values = {
         "version": VERSION,
         "case": finished.physics.case.name,
@@ -172,6 +176,7 @@ def _energies(finished):
             "value": finished.result.objective,
             "simulated": simulated_objective(physics, flights),
             "bound": None if open_ended else physics.objective_bound(bound),
+            "measure": physics.aggregate.measure if len(finished.scenarios) > 1 else None,
         },
         "bound_power_coefficient": finished.optimum.power_coefficient,
         "bound_tip_speed_ratio": finished.optimum.tip_speed_ratio,
@@ -250,12 +255,16 @@ def _extremes(finished, scenarios):
             over = {each: _over(told["limits"].get(name)) for each, told in scenarios.items()}
             limits[name]["scenario"] = max(over, key=over.get)
     (first, *others) = scenarios.values()
-    flown = [flight.told for flight in finished.flights]
+    blade = finished.result.point.blade
+    bent = [
+        loads.tip_deflection(physics.of(each.scenario), blade, [each.told])
+        for each in finished.flights
+    ]
     return {
         "operation": None if others else first["operation"],
         "limits": limits,
         "loads": found,
-        "tip_deflection_m": loads.tip_deflection(physics, finished.result.point.blade, flown),
+        "tip_deflection_m": None if None in bent else max(bent),
     }
 
 
@@ -285,6 +294,7 @@ def _scenario(finished, flights):
         ),
         **sums,
         "mean_power_W": power,
+        "ceiling_W": finished.physics.ceilings.get(scenario.group),
         "inflow_speed": _span(np.concatenate(speeds)) | {"mean": mean},
         "tip_speed_ratio": _span(_nodes(flights, "tip_speed_ratio")),
         "operation": _operation(finished, flights, power),
@@ -293,6 +303,16 @@ def _scenario(finished, flights):
         "steady": scenario.steady,
         "year": year,
     }
+
+
+def _deciding(physics, scenarios):
+    """Return whether each scenario decides the measure of the objective, by name."""
+    powers = [scenarios[name]["mean_power_W"] for name in physics.shares]
+    if None in powers:
+        return {}
+    shares = np.array(list(physics.shares.values()))
+    decides = physics.aggregate.binding(physics.rate_factors * np.array(powers), shares)
+    return dict(zip(physics.shares, decides.tolist(), strict=True))
 
 
 def _turning(flights):
@@ -368,7 +388,11 @@ def _notes(finished):
 def _unresolved(physics, blade, flights):
     """Yield by how much more the loads are on a blade of many stations, if that counts."""
     known = [flight.told for flight in flights]
-    finer = loads.resolved(physics, blade, known)
+    finer = [
+        each
+        for flight, own in zip(flights, known, strict=True)
+        for each in loads.resolved(physics.of(flight.scenario), blade, [own])
+    ]
     changes = {
         name: max(np.max(each[name]) for each in finer) / max(np.max(each[name]) for each in known)
         for name in (physics.load_names if finer else ())
@@ -429,7 +453,8 @@ def _limit(pairs):
 def _loads(finished, flights):
     """Return the largest loads along some integrations, when and where along the blade."""
     flown = [flight.told for flight in flights]
-    found = loads.placed(finished.physics, finished.result.point.blade, flown)
+    own = finished.physics.of(flights[0].scenario)
+    found = loads.placed(own, finished.result.point.blade, flown)
     entries = {name: entry.model_dump(exclude_unset=True) for name, entry in found.items()}
     scenario = flights[0].scenario
     return {name: each | _place(scenario, each.pop("time_s")) for name, each in entries.items()}
@@ -483,7 +508,7 @@ def write_tables(out: Path, finished: Finished) -> None:
                 if quantity in values[0]
             }
             write_csv(out / f"{name}{suffix}.csv", table, zip(*table.values(), strict=True))
-        span = loads.over_span(physics, blade, flown)
+        span = loads.over_span(physics.of(flights[0].scenario), blade, flown)
         _write_loads(out / f"loads{suffix}.csv", blade, span)
         if isinstance(flights[0], SteadyFlight):
             bins = a_year.table(flights[0])
