@@ -25,8 +25,8 @@ def resource(
 
     Writes resource.csv, the hours of each speed in a year, with case.yaml, the lines that a case
     takes, and figures. With --constituents also tide.yaml, the constituents of the tide by utide
-    (pip install 'hkt_mdo\[resource]') and what they explain of the record, whose prediction is drawn
-    beside it.
+    (pip install 'hkt_mdo\[resource]'), and what they explain of the record; their prediction is
+    drawn beside it.
     """
     from hkt_mdo.cli.resource_report import report_resource
 

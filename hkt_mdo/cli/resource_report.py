@@ -76,7 +76,10 @@ def report_resource(
     figures = {"resource": [partial(draw_hours, speed, share), partial(draw_duration, samples)]}
     if tide is not None:
         figures["tide"] = [partial(draw_tide, samples, tide)]
-    drawn = {name: style.figure_of(7.0, 3.2 * len(x) + 0.8, x, share=False) for name, x in figures.items()}
+    drawn = {
+        name: style.figure_of(7.0, 3.2 * len(x) + 0.8, x, share=False)
+        for name, x in figures.items()
+    }
     names = (path.name for path in (*written, *style.save(drawn, out)))
     yield f"Written: {out}: {', '.join(names)}"
 
@@ -123,7 +126,8 @@ def _statistics(speed, share) -> Iterator[str]:
 
 def _of_tide(tide: Tide) -> Iterator[str]:
     """Yield the constituents and what they explain."""
-    yield f"the tide explains {100.0 * tide.explained:.4g} % of the variance, mean {tide.mean:.4g} m/s"
+    share = 100.0 * tide.explained
+    yield f"the tide explains {share:.4g} % of the variance, mean {tide.mean:.4g} m/s"
     for place in np.argsort(-tide.amplitude):
         hours = 1.0 / tide.frequency[place] / 3600.0
         amplitude, phase = tide.amplitude[place], np.rad2deg(tide.phase[place])

@@ -165,7 +165,12 @@ class RecordResource(Resource):
         options = {name: getattr(self, name) for name in _SAMPLES} | others
         options["component"] = component or self.component
         if column is not None:
-            options |= {"speed_column": column, "speed_unit": "m/s", "component": None, "area": None}
+            options |= {
+                "speed_column": column,
+                "speed_unit": "m/s",
+                "component": None,
+                "area": None,
+            }
         return reader(path, RecordOptions(**options))
 
     def _of_discharge(self) -> FlowSamples:
@@ -183,9 +188,7 @@ class RecordResource(Resource):
         if outside:
             told += f"; {100.0 * outside:.3g} % of the samples lie outside of its points"
         speed = np.maximum(curve.speed_at(made.speed), 0.0)
-        return replace(
-            made, speed=speed, discharge=made.speed, messages=(*made.messages, told)
-        )
+        return replace(made, speed=speed, discharge=made.speed, messages=(*made.messages, told))
 
     @cached_property
     def rating_curve(self) -> Rating:
@@ -216,7 +219,9 @@ class RecordResource(Resource):
             axis, along = sign * axis, sign * along
             share = float(np.sum(along**2) / max(np.sum(about**2), 1e-300))
             angle = float(np.rad2deg(np.arctan2(axis[0], axis[1])) % 360.0)
-            told = f"principal axis {angle:.1f} deg, with {100.0 * share:.4g} % of the squared speed"
+            told = (
+                f"principal axis {angle:.1f} deg, with {100.0 * share:.4g} % of the squared speed"
+            )
         else:
             along, angle, told = np.empty(0), 0.0, ""
         made = self._made(raw.time[good], along, (*raw.messages, told))
@@ -228,7 +233,9 @@ class RecordResource(Resource):
         wrong = good & ((speed > most) | (speed < least))
         if np.any(wrong) and self.spikes == "refuse":
             row = int(np.argmax(wrong))
-            problem = f"has {speed[row]:.4g} in SI units at t = {time[row]:.6g} s, which no river has"
+            problem = (
+                f"has {speed[row]:.4g} in SI units at t = {time[row]:.6g} s, which no river has"
+            )
             remedy = "mend speed_unit, or give spikes: keep to leave such samples out"
             raise InputError(problem, remedy, file=self.file)
         good &= ~wrong

@@ -161,7 +161,7 @@ class Resource(Inflow):
     """Whether `occurrence` has the speeds of bins, which are taken as they are."""
 
     bin_width: Annotated[float, Quantity("m/s", ge=0.005, le=1)] = 0.1
-    """Width of the bins of the flow speed; IEC TS 62600-200 has at most 0.1 m/s."""
+    """Width of the bins of the flow speed; 0.1 m/s is that of IEC TS 62600-200."""
     turbulence_intensity: Annotated[float, Quantity(ge=0, le=0.3)] = 0.0
     """Standard deviation of the flow's speed within a bin over its mean. The rotor follows it at
     once: power is averaged over a normal distribution of speeds, of which limits hold up to 2.86
@@ -208,7 +208,9 @@ class Resource(Inflow):
         else:
             speed, share = in_bins(speed, share, self.bin_width)
         found = Speeds(speed, share, np.arange(speed.size), speed, idle)
-        found = found.turbulent(self.turbulence_intensity).between(max(self.cut_in, SLOWEST), np.inf)
+        found = found.turbulent(self.turbulence_intensity).between(
+            max(self.cut_in, SLOWEST), np.inf
+        )
         if not found.speed.size or not np.any(found.share):
             problem = "leaves no time of operation: the flow is slower, or runs the other way"
             raise InputError(

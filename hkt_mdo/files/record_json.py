@@ -42,7 +42,9 @@ def read_json(path: Path, options: RecordOptions) -> Columns:
     file = str(path)
     try:
         data = json.loads(read_bytes(path, MAX_BYTES, "record"))
-        found = _usgs(data) if "timeSeries" in data.get("value", ()) else _by_times(data, options, file)
+        found = (
+            _usgs(data) if "timeSeries" in data.get("value", ()) else _by_times(data, options, file)
+        )
     except InputError:
         raise
     except (ValueError, TypeError, KeyError, AttributeError, IndexError, RecursionError):

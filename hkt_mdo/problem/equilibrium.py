@@ -139,7 +139,7 @@ def better_steady(scenarios: Iterable[Scenario]) -> str:
         return ""
     return (
         f"the flow changes within hours, the rotor within a second, and segments of {longest:.3g} s "
-        "may follow a false solution: a flow so slow is better taken without its time, by "
+        "may follow a false solution: take it without its time, by "
         "scenarios: [{inflow: ..., steady: true}], or as a resource of a year (docs/year.md)"
     )
 

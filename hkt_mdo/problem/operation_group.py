@@ -18,8 +18,8 @@ from hkt_mdo.problem.components import (
     TorqueRateComp,
 )
 from hkt_mdo.problem.constraints import held_limits, source_of
-from hkt_mdo.problem.physics import BEM, Physics
 from hkt_mdo.problem.equilibrium import EquilibriumGroup
+from hkt_mdo.problem.physics import BEM, Physics
 from hkt_mdo.problem.scenario import Scales, add_phase, dm
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import QUANTITIES, RATES, is_over_time

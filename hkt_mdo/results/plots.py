@@ -424,7 +424,11 @@ FIGURES: dict[str, tuple[list[Panel], float, float]] = {
         + _panels(plot_thrust_schedule, tables=[*_TIMES], column=QUANTITIES["thrust"].column),
         *(7.0, 9.4),
     ),
-    "year": (_panels(plot_year_power, plot_year_hours, plot_year_energy, tables=["year"]), 6.4, 7.4),
+    "year": (
+        _panels(plot_year_power, plot_year_hours, plot_year_energy, tables=["year"]),
+        6.4,
+        7.4,
+    ),
     "limits": ([Panel(plot_limits, _limited)], 7.0, 4.2),
     "loads": (
         _panels(plot_stress, tables=["loads"], column="stress_Pa")

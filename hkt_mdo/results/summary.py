@@ -296,7 +296,11 @@ class YearEntry(_Entry):
             note=joined(
                 f"standstill {measured(self.standstill_h, '', 4)} h",
                 f"at the largest power {measured(self.rated_h, '', 4)} h",
-                *(f"at the limit {n} {measured(x, '', 4)} h" for n, x in self.limits_h.items() if x),
+                *(
+                    f"at the limit {n} {measured(x, '', 4)} h"
+                    for n, x in self.limits_h.items()
+                    if x
+                ),
             ),
         )
 

@@ -129,7 +129,10 @@ def test_a_year_of_one_speed_is_the_run_over_time(tmp_path, law, goal):
     moving = run(tmp_path / "b", inflow=flow, phase=phase, **about)
     scenario = {"inflow": flow, "steady": True}
     third = run(tmp_path / "c", scenarios=[scenario], phase=phase, **about)
-    power = [x.summary.objective.simulated / t for x, t in ((steady, YEAR), (moving, 10.0), (third, 10.0))]
+    power = [
+        x.summary.objective.simulated / t
+        for x, t in ((steady, YEAR), (moving, 10.0), (third, 10.0))
+    ]
     assert steady.success and moving.success and third.success  # noqa: PT018
     assert power[0] == pytest.approx(power[1], rel=1e-6)
     assert power[0] == pytest.approx(power[2], rel=1e-9)
