@@ -182,7 +182,7 @@ def test_an_aggregate_unites_scenarios(run):
     flows = [{"inflow": {"profile": "sine", "mean": mean}} for mean in (1.3, 1.5)]
     fixed = {"control": {"law": "quadratic", "torque_limit": 500}, "scenarios": flows}
     mean = run(**fixed)
-    worst = run(**fixed, robustness="worst")
+    worst = run(**fixed, robustness="smallest")
     for solution in (mean, worst):
         assert solution.success, solution.message
 

@@ -146,7 +146,12 @@ def _kind(value: Mapping[str, Any]) -> str:
     if value["type"] == "object":
         return f"section of {_code(value['properties'])}"
     unit = f" in {value['unit']}" if "unit" in value else ""
-    words = {"null": "null", "string": "text", "integer": "whole number"}
+    words = {
+        "null": "null",
+        "string": "text",
+        "integer": "whole number",
+        "boolean": "true or false",
+    }
     kind = f"number{unit}" if "number" in value["type"] else words[value["type"]]
     bounds = {
         "at least": "minimum",

@@ -123,7 +123,8 @@ def _shape(kind: Any, name: str, args: tuple, quantities: dict) -> tuple | None:
     if isinstance(kind, FeedbackLaw) and name == "fit":
         return (len(kind.gain_units),)
     if isinstance(kind, Aggregate):
-        known = {"value": (), "rows": (...,), "best_unknowns": (kind.n_unknowns,)}
+        unknowns = (...,) if kind.n_unknowns is None else (kind.n_unknowns,)
+        known = {"value": (), "rows": (...,), "best_unknowns": unknowns}
         return known.get(name)
     if isinstance(kind, Formula) and name in ("value", "rate"):
         times = [np.shape(x) for each, x in quantities.items() if is_over_time(each)]

@@ -25,8 +25,8 @@ from pydantic import Field, create_model
 
 from hkt_mdo import quantities
 from hkt_mdo.case.guard import guard, one_line
-from hkt_mdo.dynamics import flows, laws, sampled, wide_laws
-from hkt_mdo.dynamics.aggregates import Aggregate, Expected
+from hkt_mdo.dynamics import flows, laws, long_record, resource, sampled, wide_laws
+from hkt_mdo.dynamics.aggregates import Aggregate, ConditionalValueAtRisk, Expected, Worst
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.formulas import Formula
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law
@@ -204,6 +204,10 @@ BUILT_IN = Kinds(
         sampled.TurbulentInflow,
         flows.TidalInflow,
         flows.GustInflow,
+        resource.HistogramResource,
+        resource.DistributionResource,
+        resource.TidalResource,
+        long_record.RecordResource,
         flows.SumInflow,
     ),
     limits=(
@@ -219,7 +223,7 @@ BUILT_IN = Kinds(
         Taper,
     ),
     objectives=(CapturedEnergy, GeneratorEnergy, ElectricalEnergy),
-    aggregates=(Expected,),
+    aggregates=(Expected, Worst, ConditionalValueAtRisk),
 )
 """The kinds of the package."""
 

@@ -14,7 +14,13 @@ from hkt_mdo.errors import InputError, did_you_mean
 from hkt_mdo.files.yaml_text import dotted
 from hkt_mdo.sections import Section
 
-TAGS = {"inflow": "profile", "control": "law", "objective": "kind", "robustness": "measure"}
+TAGS = {
+    "inflow": "profile",
+    "resource": "profile",
+    "control": "law",
+    "objective": "kind",
+    "robustness": "measure",
+}
 """The sections of a case that name a kind, and the key that names it."""
 
 _SECTION = (

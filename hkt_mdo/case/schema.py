@@ -25,13 +25,14 @@ from pydantic_core import PydanticCustomError
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, Phase, Start
 from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kinds
 from hkt_mdo.case.messages import TAGS, translate
-from hkt_mdo.case.turbine import Fluid, Rotor, Site, own_keys
+from hkt_mdo.case.turbine import Condition, Fluid, Rotor, Site, own_keys
 from hkt_mdo.dynamics.aggregates import Aggregate, Expected
 from hkt_mdo.dynamics.flows import Inflow, SumInflow
 from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.limits import ElectricalPowerLimit, Limit, PowerLimit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, Objective
+from hkt_mdo.dynamics.resource import Resource
 from hkt_mdo.dynamics.wide_laws import RatedFeedback
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.cases import find_case
@@ -40,6 +41,7 @@ from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import Dumper, parse
 from hkt_mdo.sections import Quantity, Section, refusal
 
+MOST_SCENARIOS, LONGEST_NAME = 200, 40  # LONGEST_NAME in characters, of a scenario
 STATION_COUNT = 40  # within 0.1 % of the energy at any number of them, and 1 % of the loads
 MAX_CASE_BYTES = 1024**2  # of a file that is read
 VERSION = 2  # of the keys of a case; under 1, limits left a blade its own stations
@@ -75,14 +77,25 @@ class FlowScenario(Section):
     What it does not say it takes from the case.
     """
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=40)] | None = None
+    name: (
+        Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=LONGEST_NAME)] | None
+    ) = None
     """Name of the scenario and of its tables: up to 40 letters and digits and `_` that begin with a
     letter; null: `flow_1`, and so on."""
     inflow: SerializeAsAny[Inflow] | None = None
     """Inflow speed over time, given as `inflow` of the case; null: that of the case."""
+    resource: SerializeAsAny[Resource] | None = None
+    """How long the flow has each speed, given as `resource` of the case: another name of `inflow`,
+    where it is put."""
+    steady: bool = False
+    """Whether the flow counts without its time: the rotor is in equilibrium at each of its speeds.
+    A resource always does."""
     weight: Annotated[float, Quantity(ge=0)] = 1.0
-    """Share of time, over the sum of all weights. A scenario of weight 0 counts in no energy, and
-    its limits hold."""
+    """Share of time, over the sum of all weights. A scenario of weight 0 is a load case: it counts
+    in no energy and in no measure of `robustness`, and its limits hold."""
+    realizations: Annotated[int, Strict(), Field(ge=1, le=200)] | None = None
+    """Number of flows that differ by their seeds: `inflow.seed`, the next whole number, and so on.
+    They share the weight, and are scenarios of their own: `NAME_1`, `NAME_2`, and so on."""
     duration: Annotated[float, Quantity("s", gt=0, le=3.2e7)] | None = None
     """Duration; null: `phase.duration`, or that of the flow's record, or 60 s."""
     segments: Annotated[int, Strict(), Field(ge=2, le=20000)] | None = None
@@ -90,6 +103,47 @@ class FlowScenario(Section):
     limits: SerializeAsAny[Limits] = Limits()
     """Limits over time, given as `limits` of the case. They hold in this scenario besides those of
     the case, or in place of those under the same names."""
+    density: Annotated[float, Quantity("kg/m**3", gt=0, le=20000)] | None = None
+    """Density of the water; null: `fluid.density`."""
+    condition: Condition | None = None
+    """The turbine as it is in this scenario, given as `condition` of the case; null: that."""
+
+    def realized(self, inflow: Inflow, key: str) -> list[FlowScenario]:
+        """Return one scenario for each realization; `inflow` is that of a scenario without one.
+
+        Refuses a flow without a seed; `key` is what the scenario is called.
+        """
+        count = self.realizations or 1
+        if count == 1:
+            return [self.model_copy(update={"realizations": None})]
+        flow = self.inflow or inflow
+        return [
+            self.model_copy(
+                update={
+                    "name": f"{self.name}_{number + 1}",
+                    "inflow": _reseeded(flow, number, f"{key}.realizations", count),
+                    "weight": self.weight / count,
+                    "realizations": None,
+                }
+            )
+            for number in range(count)
+        ]
+
+
+def _reseeded(inflow: Inflow, number: int, key: str, count: int) -> Inflow:
+    """Return a flow whose seed, or those of its parts, are larger by a number."""
+    parts = inflow.parts if isinstance(inflow, SumInflow) else (inflow,)
+    made = [
+        each.model_copy(update={"seed": each.seed + number}) if hasattr(each, "seed") else each
+        for each in parts
+    ]
+    if not any(hasattr(each, "seed") for each in parts):
+        problem = f"asks for {count} flows, and inflow.profile = {inflow.profile} has no seed"
+        remedy = "leave realizations out, or give profile: turbulence"
+        raise refusal(problem, remedy, key=key, value=count)
+    if not isinstance(inflow, SumInflow):
+        return made[0]
+    return inflow.model_copy(update={"parts": tuple(made)})
 
 
 class Case(Section):
@@ -103,15 +157,20 @@ class Case(Section):
     rotor: Rotor = Rotor()
     fluid: Fluid = Fluid()
     site: Site = Site()
+    condition: Condition = Condition()
 
     inflow: SerializeAsAny[Inflow]
     """Inflow speed over time; `profile` says which kind."""
+    resource: SerializeAsAny[Resource] | None = None
+    """How long the flow has each speed in a year, in place of `inflow`, where it is put; `profile`
+    says which kind. The rotor is then in equilibrium at each speed, energies are those of a year,
+    and an optimization takes seconds."""
     control: SerializeAsAny[Law]
     """Control law; `law` says which."""
     limits: SerializeAsAny[Limits] = Limits()
     generator: Generator = Generator()
 
-    scenarios: SerializeAsAny[tuple[FlowScenario, ...]] = Field((), max_length=200)
+    scenarios: SerializeAsAny[tuple[FlowScenario, ...]] = Field((), max_length=MOST_SCENARIOS)
     """Several flows, for which one blade and one controller are designed.
 
     Feedback laws share their gains, an open loop has a trajectory in each. The objective is the
@@ -149,7 +208,7 @@ class Case(Section):
         """
         if not isinstance(data, dict):
             return data
-        data = _scenarios_spelled_out(data)
+        data = _scenarios_spelled_out(_resource_moved(data))
         for key, tag in TAGS.items():
             if isinstance(data.get(key), str):
                 data = data | {key: {tag: data[key]}}
@@ -167,6 +226,7 @@ class Case(Section):
     def _check_start(self) -> Case:
         """Refuse a start outside the bounds of the design, and options that exclude each other."""
         design, rotor, control = self.design, self.rotor, self.control
+        self._realize()
         if design.gain_bounds is not None and not isinstance(control, FeedbackLaw):
             problem = f"bounds a gain that the law {control.law} does not have"
             remedy = "leave design.gain_bounds out, or choose a feedback law"
@@ -175,7 +235,10 @@ class Case(Section):
             problem = f"bounds one gain, and the law {control.law} has {len(control.gain_units)}"
             remedy = "leave design.gain_bounds out"
             raise refusal(problem, remedy, key="design.gain_bounds", value=list(design.gain_bounds))
-        self._check_scenarios()
+        if self.robustness.relative and not self.objective.is_energy:
+            problem = "compares mean powers, and the objective is no energy that is maximized"
+            remedy = "give robustness: expected, or an objective such as captured"
+            raise refusal(problem, remedy, key="robustness.measure", value=self.robustness.measure)
         limited = {each.name for each in self.limits.given}
         if (
             isinstance(control, RatedFeedback)
@@ -215,6 +278,7 @@ class Case(Section):
         """Return the case of one of its scenarios alone; of a name that it has not, itself."""
         for own in self.scenarios:
             if own.name == name:
+                made = self.of_turbine(own.density, own.condition)
                 limits = {limit.name: limit for limit in own.limits.given}
                 mesh = {
                     "duration": own.duration or self.phase.duration,
@@ -226,17 +290,47 @@ class Case(Section):
                     "phase": self.phase.model_copy(update=mesh),
                     "scenarios": (),
                 }
-                return self.model_copy(update=update)
+                return made.model_copy(update=update)
         return self
 
+    def of_turbine(self, density: float | None, condition: Condition | None) -> Case:
+        """Return the case with other water and another condition of the turbine; None: its own."""
+        fluid = (
+            self.fluid if density is None else self.fluid.model_copy(update={"density": density})
+        )
+        return self.model_copy(update={"fluid": fluid, "condition": condition or self.condition})
+
+    def _realize(self) -> None:
+        """Put scenarios of several realizations as one scenario for each; refuse bad ones."""
+        self._check_scenarios()
+        made: dict[str, FlowScenario] = {}
+        for number, scenario in enumerate(self.scenarios):
+            for each in scenario.realized(self.inflow, f"scenarios[{number}]"):
+                name = (each.name or "").lower()  # they name files
+                if len(name) > LONGEST_NAME:
+                    problem = f"becomes {each.name}, of more than {LONGEST_NAME} characters"
+                    key = f"scenarios[{number}].name"
+                    raise refusal(problem, "give a shorter one", key=key, value=scenario.name)
+                if name in made:
+                    problem, remedy = "is the name of two scenarios", "give each its own"
+                    key = f"scenarios[{number}].name"
+                    raise refusal(problem, remedy, key=key, value=each.name)
+                made[name] = each
+        if len(made) > MOST_SCENARIOS:
+            problem = f"are {len(made)} flows with their realizations"
+            remedy, given = (
+                f"give at most {MOST_SCENARIOS}",
+                [x.realizations for x in self.scenarios],
+            )
+            raise refusal(problem, remedy, key="scenarios", value=given)
+        object.__setattr__(self, "scenarios", tuple(made.values()))
+
     def _check_scenarios(self) -> None:
-        """Refuse scenarios that share a name, weigh nothing, or limit what they do not own."""
-        names = [(each.name or "").lower() for each in self.scenarios]  # they name files
+        """Refuse scenarios that weigh nothing, or limit what they do not own."""
+        conditions = {"condition": self.condition}
         for number, scenario in enumerate(self.scenarios):
             key = f"scenarios[{number}]"
-            if names[number] in names[:number]:
-                problem, remedy = "is the name of two scenarios", "give each its own"
-                raise refusal(problem, remedy, key=f"{key}.name", value=scenario.name)
+            conditions[f"{key}.condition"] = scenario.condition or self.condition
             if scenario.limits.torque is not None:
                 problem = "is the controller's, which all scenarios share"
                 remedy = "give control.torque_limit"
@@ -252,6 +346,21 @@ class Case(Section):
             problem, remedy = "weigh nothing together", "give one of them a weight above 0"
             weights = [each.weight for each in self.scenarios]
             raise refusal(problem, remedy, key="scenarios", value=weights)
+        for key, condition in conditions.items():
+            if condition.torque_constant != 1.0 and not self.control.is_feedback:
+                problem = (
+                    "is that of a feedback law; the torque of an open loop is itself optimized"
+                )
+                given = {"key": f"{key}.torque_constant", "value": condition.torque_constant}
+                raise refusal(problem, "leave it out, or give another control.law", **given)
+            if condition.polar is not None and self.rotor.sections:
+                problem = "is that of one section, and the rotor has several"
+                remedy = "give factors on lift and drag instead"
+                raise refusal(problem, remedy, key=f"{key}.polar", value=condition.polar)
+            thick = self.rotor.reynolds == "local" or self.design.thickness_points
+            if condition.fouls and thick:
+                problem = "takes rotor.reynolds: invariant and no design.thickness_points"
+                raise refusal(problem, "give these, or leave it out", key=key)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the values and the extensions: another process makes the class again."""
@@ -324,7 +433,7 @@ def _scenarios_spelled_out(data: dict[str, Any]) -> dict[str, Any]:
         return data
     scenarios = []
     for number, scenario in enumerate(given, start=1):
-        spelled = dict(scenario)
+        spelled = dict(_resource_moved(scenario))
         if spelled.get("name") is None:
             spelled["name"] = f"flow_{number}"
         if isinstance(spelled.get("inflow"), str):
@@ -333,6 +442,22 @@ def _scenarios_spelled_out(data: dict[str, Any]) -> dict[str, Any]:
     data = data | {"scenarios": scenarios}
     first = scenarios[0].get("inflow") if scenarios else None
     return data if first is None else {"inflow": first} | data
+
+
+def _resource_moved(data: dict[str, Any]) -> dict[str, Any]:
+    """Return the data of a case, or a scenario, with `resource` in `inflow`; refuse both."""
+    resource = data.get("resource")
+    if not isinstance(resource, dict):
+        return data
+    if data.get("inflow") is not None:
+        problem = "is given besides inflow, whose other name it is"
+        raise refusal(problem, "give one of them", key="resource")
+    profile = resource.get("profile")
+    known = [kind_name(each) for each in BUILT_IN.profiles if issubclass(each, Resource)]
+    if profile not in known:
+        problem, remedy = "is no resource", f"give profile: {', '.join(known)}"
+        raise refusal(problem, remedy, key="resource.profile", value=profile)
+    return data | {"inflow": resource, "resource": None}
 
 
 def _torque_limit_moved(data: dict[str, Any]) -> dict[str, Any]:
@@ -361,7 +486,8 @@ _BaseCase = Case
 @cache
 def case_class(kinds: Kinds) -> type[Case]:
     """Return the class of the cases that may name some kinds; a subclass of `Case`."""
-    profiles = [each for each in kinds.profiles if not issubclass(each, SumInflow)]
+    resources = [each for each in kinds.profiles if issubclass(each, Resource)]
+    profiles = [x for x in kinds.profiles if not issubclass(x, SumInflow | Resource)]
     part: Any = Annotated[Union[tuple(profiles)], Field(discriminator="profile")]  # noqa: UP007
     about = SumInflow.model_fields["parts"].description
     parts = Field(min_length=2, max_length=20, description=about)
@@ -374,7 +500,8 @@ def case_class(kinds: Kinds) -> type[Case]:
     own = FlowScenario.model_fields
     scenario = _subclass(
         FlowScenario,
-        inflow=_choice("inflow", [*profiles, total, None], own["inflow"]),
+        inflow=_choice("inflow", [*profiles, *resources, total, None], own["inflow"]),
+        resource=_choice("resource", [*resources, None], own["resource"]),
         limits=(section, Field(section(), description=own["limits"].description)),
     )
     several = _BaseCase.model_fields["scenarios"].description
@@ -382,10 +509,11 @@ def case_class(kinds: Kinds) -> type[Case]:
         Case,
         scenarios=(
             tuple[scenario, ...],  # type: ignore[valid-type]
-            Field((), max_length=200, description=several),
+            Field((), max_length=MOST_SCENARIOS, description=several),
         ),
         robustness=_choice("robustness", kinds.aggregates),
-        inflow=_choice("inflow", [*profiles, total]),
+        inflow=_choice("inflow", [*profiles, *resources, total]),
+        resource=_choice("resource", [*resources, None]),
         control=_choice("control", kinds.laws),
         limits=(section, Field(section(), description=Limits.__doc__)),
         objective=_choice("objective", kinds.objectives),
@@ -507,7 +635,10 @@ def _make_case(
     try:
         return made.model_validate(data, context={"folder": folder, "check_files": check_files})
     except ValidationError as error:
-        raise translate(error.errors(include_url=False), made, file, given) from None
+        told = translate(error.errors(include_url=False), made, file, given)
+        if "resource" in data and told.key.partition(".")[0] == "inflow":
+            told.key = told.key.replace("inflow", "resource", 1)
+        raise told from None
 
 
 def _leave_to_blade(data: dict[str, Any], overrides: Sequence[str]) -> None:

@@ -249,6 +249,30 @@ class Site(Section):
     """Depth of the hub below the surface; it decides the pressure, and so cavitation."""
 
 
+class Condition(Section):
+    """The turbine as it is, where that is not what the files and the control law say.
+
+    Sections may be fouled or worn, the rotor may carry more mass, and the generator's torque may be
+    in error.
+    """
+
+    lift: Annotated[float, Quantity(gt=0, le=2)] = 1.0
+    """Factor on the lift coefficients of all sections."""
+    drag: Annotated[float, Quantity(gt=0, le=20)] = 1.0
+    """Factor on the drag coefficients of all sections."""
+    polar: _File | None = None
+    """Lift and drag of the one section in place of `rotor.polar`, before the factors."""
+    inertia: Annotated[float, Quantity(gt=0, le=20)] = 1.0
+    """Factor on the rotor's moment of inertia."""
+    torque_constant: Annotated[float, Quantity(gt=0, le=2)] = 1.0
+    """Torque on the rotor over that which a feedback law asks for and limits."""
+
+    @property
+    def fouls(self) -> bool:
+        """Whether the sections have other lift or drag."""
+        return (self.lift, self.drag, self.polar) != (1.0, 1.0, None)
+
+
 class Fluid(Section):
     """The water."""
 

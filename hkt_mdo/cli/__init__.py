@@ -20,7 +20,7 @@ from typing import Annotated
 
 import typer
 
-from hkt_mdo.cli import case, results, run, studies
+from hkt_mdo.cli import case, resource, results, run, studies
 from hkt_mdo.cli.parts import BAD_INPUT, BUG, EXIT_CODES, EXTENSIONS, INTERRUPTED, Extend, complain
 from hkt_mdo.errors import InputError, interrupts_of_compiled_code
 
@@ -37,7 +37,7 @@ app = typer.Typer(
 for _command in (
     *(run.run, case.check, case.n2),
     *(results.plot, results.show, results.simulate, results.compare, results.export),
-    *(studies.paper, case.schema, case.new, case.polar),
+    *(studies.paper, case.schema, case.new, case.polar, resource.resource),
 ):
     # the docstring is the help, and a line end within a paragraph is a blank
     _help = re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.getdoc(_command) or "")

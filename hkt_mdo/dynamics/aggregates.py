@@ -3,11 +3,13 @@
 An aggregate of your own is a subclass of `Aggregate` (docs/architecture.md).
 """
 
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
-from hkt_mdo.sections import Section
+from hkt_mdo.sections import Quantity, Section
+
+NEAR = 1e-4  # relative distance from the largest of the worst rates that counts as none
 
 
 class Aggregate(Section):
@@ -23,8 +25,12 @@ class Aggregate(Section):
 
     measure: str
     """What unites the scenarios."""
-    n_unknowns: ClassVar[int] = 0
-    """Number of unknowns."""
+    n_unknowns: ClassVar[int | None] = 0
+    """Number of unknowns; None: it depends on the scenarios, and `best_unknowns` tells it."""
+    relative: ClassVar[bool] = False
+    """Whether each rate counts over a ceiling of its own, so that the slowest flow is not the worst
+    by its speed alone. The rates are then multiplied by the scenarios' mean ceiling over their own,
+    and keep their unit (docs/theory.md)."""
 
     def value(self, rates: Any, shares: np.ndarray, unknowns: Any) -> Any:
         """Return the measure, a number in the unit of the rates."""
@@ -37,6 +43,13 @@ class Aggregate(Section):
     def best_unknowns(self, rates: np.ndarray, shares: np.ndarray) -> np.ndarray:
         """Return the unknowns of the best value at some rates, (n_unknowns,)."""
         return np.empty(0)
+
+    def binding(self, rates: np.ndarray, shares: np.ndarray) -> np.ndarray:
+        """Tell which scenarios decide the measure at some rates, (n_scenarios,); by default none.
+
+        Those whose rates alone, of all that have a share of time, change it if they change a little.
+        """
+        return np.zeros(shares.size, dtype=bool)
 
     def of(self, rates: np.ndarray, shares: np.ndarray) -> float:
         """Return the measure of some rates, the best over the unknowns.
@@ -55,3 +68,77 @@ class Expected(Aggregate):
 
     def value(self, rates, shares, unknowns):
         return shares @ rates
+
+
+class _OfTheWorst(Aggregate):
+    """A measure of the scenarios with the smallest rates; those of no share of time do not count."""
+
+    n_unknowns: ClassVar[int | None] = None
+    relative: ClassVar[bool] = True
+
+
+class Worst(_OfTheWorst):
+    """The smallest of the scenarios' mean powers, each over its own ceiling.
+
+    The ceiling is the mean of the largest power that a rotor of this kind can take from the flow,
+    or of the scenario's power limit where that is smaller.
+    """
+
+    measure: Literal["worst"] = "worst"
+    """What unites the scenarios."""
+
+    def value(self, rates, shares, unknowns):
+        return unknowns[0]
+
+    def rows(self, rates, shares, unknowns):
+        return rates[shares > 0.0] - unknowns[0]
+
+    def best_unknowns(self, rates, shares):
+        return np.array([np.min(rates[shares > 0.0])])
+
+    def binding(self, rates, shares):
+        least = np.min(rates[shares > 0.0])
+        return (shares > 0.0) & (rates <= least + NEAR * np.abs(least))
+
+
+class ConditionalValueAtRisk(_OfTheWorst):
+    """The mean over the worst share of time of the scenarios' mean powers, each over its ceiling.
+
+    The conditional value at risk, max over t of t - sum of p_i max(t - P_i, 0) / share (Rockafellar
+    and Uryasev 2000), with the shares of time p_i. A share of 1 is the mean of all scenarios, a
+    share that is at most each p_i the worst of them.
+    """
+
+    measure: Literal["cvar"] = "cvar"
+    """What unites the scenarios."""
+    share: Annotated[float, Quantity(gt=0, le=1)] = 0.2
+    """Share of time of the worst scenarios, of which the mean is taken."""
+
+    def value(self, rates, shares, unknowns):
+        if self.share == 1.0:  # any level from the largest rate on would do
+            return shares @ rates
+        level, below = unknowns[0], unknowns[1:]
+        return level - shares[shares > 0.0] @ below / self.share
+
+    def rows(self, rates, shares, unknowns):
+        if self.share == 1.0:
+            return np.empty(0)
+        level, below = unknowns[0], unknowns[1:]
+        return np.concatenate((below, below - level + rates[shares > 0.0]))
+
+    def best_unknowns(self, rates, shares):
+        if self.share == 1.0:
+            return np.empty(0)
+        rates, level = rates[shares > 0.0], self._level(rates, shares)
+        return np.concatenate(([level], np.maximum(level - rates, 0.0)))
+
+    def binding(self, rates, shares):
+        level = self._level(rates, shares)
+        return (shares > 0.0) & (rates <= level + NEAR * np.abs(level))
+
+    def _level(self, rates, shares):
+        """Return the rate that the worst scenarios do not exceed: the value at risk."""
+        rates, shares = rates[shares > 0.0], shares[shares > 0.0]
+        order = np.argsort(rates)
+        place = np.searchsorted(np.cumsum(shares[order]), self.share * (1.0 - 1e-12))
+        return rates[order[min(place, order.size - 1)]]

@@ -43,6 +43,8 @@ class Inflow(Section):
 
     profile: str
     """The kind of flow."""
+    steady: ClassVar[bool] = False
+    """Whether it has no course over time: a resource."""
     length: ClassVar[float | None] = None
     highest_frequency: ClassVar[float | None] = None
     messages: ClassVar[tuple[str, ...]] = ()

@@ -131,6 +131,7 @@ class FeedbackLaw(Law):
     smoothing: Annotated[float, Quantity(gt=0, le=1)] = 0.001
     """Smoothing nu of the saturation (paper, eq. 4); of no effect without a torque limit."""
     _begins: tuple[float, ...] | None = PrivateAttr(None)  # gains
+    _applied: float = PrivateAttr(1.0)  # torque on the rotor over that which the law asks for
 
     def demand(self, speed, gains, *states):
         """Return the torque before saturation, N*m.
@@ -142,9 +143,15 @@ class FeedbackLaw(Law):
     def torque(self, speed, gains, *states):
         """Return the generator torque, N*m; the parameters are those of `demand`."""
         demand = self.demand(speed, gains, *states)
-        if self.torque_limit is None:
-            return demand
-        return smooth_saturation(demand, self.torque_limit, self.smoothing)
+        if self.torque_limit is not None:
+            demand = smooth_saturation(demand, self.torque_limit, self.smoothing)
+        return self._applied * demand
+
+    def applied(self, factor: float) -> Self:
+        """Return the same law whose torque arrives at the rotor multiplied by a factor."""
+        law = self.model_copy()
+        law._applied = factor
+        return law
 
     def fit(self, speed, torque):
         """Return the starting gains: their demand is closest to torques (N*m) at speeds (rad/s).

@@ -421,3 +421,46 @@ def read_csv(path: Path, options: RecordOptions) -> Columns:
         raise InputError("has a header but no samples", "add its rows", file=path)
     raw = Columns(file, names, np.array(times), np.array(speeds), lambda row: f"line {lines[row]}")
     return raw.in_si(first is not None, options, ("", ""))
+
+
+def read_pairs(path: str | Path, columns: tuple[str, str]) -> tuple[np.ndarray, np.ndarray]:
+    """Read two columns of numbers of a CSV file.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        The file.
+    columns : tuple of str
+        Their names in its header. Where it has two columns, and neither of them, they are taken in
+        this order.
+
+    Returns
+    -------
+    numpy.ndarray, numpy.ndarray
+        Their values, (n_rows,), finite.
+
+    Raises
+    ------
+    InputError
+        If the file is broken, or has none of them; with file, line and column.
+    """  # noqa: DOC501 - `line_error` returns an InputError
+    path = Path(path)
+    table = Csv(read_text(path, "table", MAX_BYTES), path, f"a header with {','.join(columns)}")
+    if len(table.header) == 2 and not {*table.header} & {*columns}:
+        first, second = table.header
+        columns = first, second
+    for name in columns:
+        if name not in table.header:
+            remedy = f"name its columns {' and '.join(columns)}"
+            raise InputError(f"has no column {name}", remedy, file=path)
+    places, rows = [table.place(name) for name in columns], []
+    for line, cells in table:
+        row = [parse_number(cells[place].strip()) for place in places]
+        for name, place, value in zip(columns, places, row, strict=True):
+            if value is None:
+                raise line_error(path, line, *_NO_NUMBER, f"column {name}", value=cells[place])
+        rows.append(row)
+    if not rows:
+        raise InputError("has a header but no rows", "add its rows", file=path)
+    first, second = np.array(rows, dtype=float).T
+    return first, second

@@ -14,7 +14,7 @@ import openmdao.api as om
 from hkt_mdo.dynamics.limits import Limit, TorqueLimit
 from hkt_mdo.problem.components import AreaComp
 from hkt_mdo.problem.constraints import held_limits, size_of
-from hkt_mdo.problem.operation_group import OperationGroup
+from hkt_mdo.problem.operation_group import OperationGroup, named
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.scenario import Scales
 from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
@@ -107,6 +107,7 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
         loads=physics.load_names,
     )
     group.add_subsystem("rotor", rotor, promotes=["*"])
+    _add_variants(group, physics, setup)
     if physics.asks_for("blade_area"):
         group.add_subsystem("planform", AreaComp(blade=blade), promotes=["*"])
     if attached:
@@ -114,6 +115,28 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
     operation = OperationGroup(physics=physics, start=setup, scales=scales, above_lowest=attached)
     group.add_subsystem("operation", operation, promotes=["*"])
     _declare_constraints(group, physics, setup, scales)
+
+
+def _add_variants(group, physics, setup):
+    """Add the rotor as it is in scenarios with another turbine or water: inertia and tables."""
+    tables = ("torque_coefficient_table",) if physics.has_curve else ()
+    tables += tuple(f"{name}_table" for name in physics.load_names)
+    variants = {physics.variants[each.turbine]: physics.of(each) for each in physics.scenarios}
+    for variant, own in variants.items():
+        if not variant:
+            continue
+        rotor = BladeGroup(
+            rotor=replace(own.rotor, solver=own.case.hydrodynamics.bem),
+            blade=setup.start.blade,
+            nodes=np.asarray(setup.nodes, dtype=float),
+            coefficients=("torque",) if physics.has_curve else (),
+            loads=physics.load_names,
+        )
+        inputs = rotor_inputs(setup.start.blade)
+        outputs = [(name, named(name, variant)) for name in ("inertia", *tables)]
+        group.add_subsystem(
+            f"rotor{variant}", rotor, promotes_inputs=inputs, promotes_outputs=outputs
+        )
 
 
 def make_driver(physics: Physics, progress=None, most=None, near=True) -> om.Driver:
@@ -182,6 +205,9 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
         low, high = bounds[name]
         designed[name] = about
         model.add_design_var(name, lower=low, upper=high, ref=ref, units=units)
+    for scenario in physics.scenarios:
+        name = named("density", physics.variants[scenario.turbine])
+        kept[name] = {"val": physics.of(scenario).density, **QUANTITIES["density"].meta}
     kept["density"] = {"val": physics.density, **QUANTITIES["density"].meta}
     if not thickness.size and physics.asks_for("thickness"):
         given = np.broadcast_to(physics.turbine.thickness, start.blade.r.shape)
@@ -224,7 +250,7 @@ def _declare_constraints(model, physics, setup, scales):
         if limit.constrains(physics.law):
             _declare_design_limit(model, limit)
     for scenario in physics.scenarios:
-        if scenario.mesh.final_speed == "initial":
+        if scenario.closed:
             name = f"{scenario.name}_gain_of_speed.change"
             model.add_constraint(name, equals=0.0, ref=scales.rotor_speed, units="rad/s")
 

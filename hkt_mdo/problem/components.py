@@ -3,6 +3,7 @@
 import numpy as np
 import openmdao.api as om
 
+from hkt_mdo.case.guard import any_values
 from hkt_mdo.dynamics.aggregates import Aggregate
 from hkt_mdo.dynamics.formulas import Formula, slope
 from hkt_mdo.quantities import QUANTITIES, is_over_time
@@ -307,7 +308,7 @@ class IntegralComp(om.ExplicitComponent):
 class AggregateComp(om.ExplicitComponent):
     """The objective: a duration times the aggregate of the scenarios' mean rates.
 
-    Inputs mean_rate[n_scenarios], unknowns[n_unknowns] where the aggregate has some; outputs
+    Inputs mean_rate[n_scenarios] as the aggregate takes them, unknowns[n_unknowns] where the aggregate has some; outputs
     objective and, where the aggregate has some, rows[n_rows], which must not be negative.
     """
 
@@ -317,21 +318,38 @@ class AggregateComp(om.ExplicitComponent):
         declare("shares", types=np.ndarray, desc="shares of time of the scenarios")
         declare("duration", types=float, desc="s")
         declare("unit", default=None, allow_none=True, desc="of the objective")
+        declare("n_unknowns", default=0, types=int)
         declare("n_rows", default=0, types=int)
 
     def setup(self):
         options, unit = self.options, self.options["unit"]
         rate = f"({unit})/s" if unit else "1/s"
         self.add_input("mean_rate", shape=options["shares"].shape, units=rate)
-        if options["aggregate"].n_unknowns:
-            self.add_input("unknowns", shape=(options["aggregate"].n_unknowns,), units=rate)
+        if options["n_unknowns"]:
+            self.add_input("unknowns", shape=(options["n_unknowns"],), units=rate)
         self.add_output("objective", units=unit, desc="what is optimized")
         if options["n_rows"]:
             self.add_output("rows", shape=(options["n_rows"],), units=rate)
-        self.declare_partials("*", "*")
+
+    def setup_partials(self):
+        """Declare what each row depends on alone: what makes it NaN by being NaN."""
+        self._places = {}
+        sizes = {"mean_rate": self.options["shares"].size, "unknowns": self.options["n_unknowns"]}
+        for output, function in self._functions().items():
+            for name, size in sizes.items():
+                depends = []
+                for column in np.eye(size, dtype=bool):
+                    given = {each: np.ones(n) for each, n in sizes.items()}
+                    given[name] = np.where(column, np.nan, 1.0)
+                    with any_values():
+                        depends.append(np.isnan(np.atleast_1d(function(**given))))
+                if size:
+                    places = np.nonzero(np.transpose(depends))
+                    self._places[output, name] = places
+                    self.declare_partials(output, name, rows=places[0], cols=places[1])
 
     def _given(self, inputs):
-        unknowns = inputs["unknowns"] if self.options["aggregate"].n_unknowns else np.empty(0)
+        unknowns = inputs["unknowns"] if self.options["n_unknowns"] else np.empty(0)
         return {"mean_rate": inputs["mean_rate"], "unknowns": unknowns}
 
     def _functions(self):
@@ -358,4 +376,5 @@ class AggregateComp(om.ExplicitComponent):
         for output, function in self._functions().items():
             for name in given:
                 if given[name].size:
-                    partials[output, name] = slope(function, given, name, diagonal=False)
+                    by = slope(function, given, name, diagonal=False)
+                    partials[output, name] = by[self._places[output, name]]

@@ -59,7 +59,8 @@ class Held:
 def held_limits(physics: Physics, setup: Setup, scales: Scales) -> Iterator[Held]:
     """Yield the limits over time that the optimization holds, scenario by scenario."""
     for number, scenario in enumerate(physics.scenarios):
-        for limit in (*physics.limits_in(scenario), *_distance_from_stall(physics, setup)):
+        own = physics.of(scenario)
+        for limit in (*physics.limits_in(scenario), *_distance_from_stall(own, setup)):
             if limit.constrains(physics.law):
                 yield _held(physics, setup, limit, number, scales)
 
@@ -94,7 +95,7 @@ def _distance_from_stall(physics, setup):
 def _near_stall(physics, setup, limit, place, scenario):
     """Return the nodes at which the start is near stall, or at least the nearest ones."""
     start = setup.start
-    table = physics.rotor.coefficients(start.blade, limit.spline.nodes)
+    table = physics.of(scenario).rotor.coefficients(start.blade, limit.spline.nodes)
     known = physics.on_start(start)[place]
     known |= {"torque_coefficient_table": table.torque, "gains": start.gains}
     unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])

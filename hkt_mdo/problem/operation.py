@@ -23,7 +23,7 @@ def in_operation(
     `diameter` (m), is standstill too: a rotor and its wake need that long to come into balance. A
     flow that is nowhere faster is left as it is. Raises InputError if no time of operation is left.
     """
-    if cut_out is None:
+    if cut_out is None or whole.steady:
         return (whole,), ()
     mesh, total = whole.mesh, whole.duration
     spans = whole.inflow.spans_below(cut_out, total)

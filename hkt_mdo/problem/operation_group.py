@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import openmdao.api as om
 
@@ -16,11 +18,22 @@ from hkt_mdo.problem.components import (
     TorqueRateComp,
 )
 from hkt_mdo.problem.constraints import held_limits, source_of
+from hkt_mdo.problem.equilibrium import EquilibriumGroup
 from hkt_mdo.problem.physics import BEM, Physics
 from hkt_mdo.problem.scenario import Scales, add_phase, dm
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import QUANTITIES, RATES, is_over_time
 from hkt_mdo.rotor.torque_curve import TorqueSpline
+
+
+def named(name: str, variant: str) -> str:
+    """Return the name in the model of what may differ between scenarios; see `Physics.variants`."""
+    own = name in ("density", "inertia") or name.endswith("_table")
+    return f"{name}{variant}" if own else name
+
+
+def _hydrodynamics(options: dict, nodes: int) -> HydrodynamicsComp:
+    return HydrodynamicsComp(num_nodes=nodes, **options)
 
 
 class OperationGroup(om.Group):
@@ -29,7 +42,8 @@ class OperationGroup(om.Group):
     Inputs are what the rotor and its controller are: rotor_radius (m), density (kg/m**3), inertia
     (kg*m**2), torque_coefficient_table[n_nodes] (or chord and twist[n_stations] with direct BEM),
     <load>_table[n_nodes] of each load that is asked for, gain_0, gain_1, … in the law's units; and
-    what limits and objective take of the design. Outputs: ``traj.<scenario>.timeseries``, the loads
+    what limits and objective take of the design. Where scenarios differ in water or turbine, there
+    are density_1, inertia_1 and tables of these names for them (`Physics.variants`). Outputs: ``traj.<scenario>.timeseries``, the loads
     and rates that are asked for, ``limit_<name>.value``, energy, generator_energy,
     electrical_energy (J) and objective.
     """
@@ -49,7 +63,8 @@ class OperationGroup(om.Group):
         for held in held_limits(*self._given, self.options["scales"]):
             if held.component:
                 size = held.nodes.size
-                self._add_formula(held.component, held.limit, size, n_times=size)
+                variant = self._physics.variants[held.scenario.turbine]
+                self._add_formula(held.component, held.limit, size, variant=variant, n_times=size)
                 for name in held.limit.series:
                     nodes = om.slicer[held.nodes, :]
                     source, target = source_of(held.scenario, name), f"{held.component}.{name}"
@@ -59,7 +74,7 @@ class OperationGroup(om.Group):
                 start = self._physics.on_start(self.options["start"].start)[0]
                 self._add_formula(f"limit_{limit.name}", limit, np.size(limit.value_of(start)))
         for scenario in self._physics.scenarios:
-            if scenario.mesh.final_speed == "initial":
+            if scenario.closed:
                 self._close_cycle(scenario)
             if self.options["above_lowest"]:
                 name, n = f"above_lowest_ratio_{scenario.name}", scenario.node_times.size
@@ -79,29 +94,34 @@ class OperationGroup(om.Group):
         """Add one phase a scenario, at its start, and promote what feeds them."""
         physics, setup = self._given
         bounds = setup.moves.bounds(physics, setup.start)["rotor_speed"]
-        hydrodynamics, parameters = self._hydrodynamics()
-        options = {
-            "hydrodynamics": lambda nodes: HydrodynamicsComp(num_nodes=nodes, **hydrodynamics),
-            "generator": physics.generator,
-        }
-        trajectory = dm.Trajectory()
-        about = physics.law, options, parameters, self.options["scales"], bounds
+        trajectory, inputs = dm.Trajectory(), []
         operation = physics.split(setup.start.operation)
         for each, (speed, torque) in zip(physics.scenarios, operation, strict=True):
+            own, variant = physics.of(each), physics.variants[each.turbine]
+            hydrodynamics, parameters = self._hydrodynamics(own)
+            options = {
+                "hydrodynamics": partial(_hydrodynamics, hydrodynamics),
+                "generator": physics.generator,
+            }
+            about = own.law, options, parameters, self.options["scales"], bounds
             begin = {"time": each.samples, "rotor_speed": speed, "control_torque": torque}
             begin |= physics.states_at_rest(torque, each.inflow.speed_at(each.samples))
+            promoted = [(name, named(name, variant)) for name in parameters]
+            if each.steady:
+                names = "law", "ode", "parameters", "scales", "speed_bounds"
+                given = dict(zip(names, about, strict=True))
+                group = EquilibriumGroup(scenario=each, start=begin, **given)
+                self.add_subsystem(f"steady_{each.name}", group, promotes_inputs=promoted)
+                continue
             add_phase(trajectory, each, *about, begin)
-        self.add_subsystem("traj", trajectory)
-        inputs = [
-            (f"{each.name}.parameters:{name}", name)
-            for each in physics.scenarios
-            for name in parameters
-        ]
-        self.promotes("traj", inputs=inputs)
+            inputs += [(f"{each.name}.parameters:{name}", own) for name, own in promoted]
+        if inputs:
+            self.add_subsystem("traj", trajectory)
+            self.promotes("traj", inputs=inputs)
 
-    def _hydrodynamics(self):
+    def _hydrodynamics(self, physics):
         """Return the options of `HydrodynamicsComp` and the ODE's inputs, with units."""
-        physics, setup = self._given
+        setup = self.options["start"]
         names = ["density", "inertia", "rotor_radius"]
         if physics.has_curve:
             options = {"spline": TorqueSpline(setup.nodes)}
@@ -119,10 +139,12 @@ class OperationGroup(om.Group):
         """Add the loads that are asked for, at the nodes of every phase."""
         physics, setup = self._given
         names, nodes = physics.load_names, np.asarray(setup.nodes, dtype=float)
-        inputs = ["rotor_radius", "density", *(f"{name}_table" for name in names)]
+        fed = ["rotor_radius", "density", *(f"{name}_table" for name in names)]
         for scenario in physics.scenarios if names else ():
             name, n = f"loads_{scenario.name}", scenario.node_times.size
             component = LoadComp(num_nodes=n, names=names, spline=TorqueSpline(nodes))
+            variant = physics.variants[scenario.turbine]
+            inputs = [(each, named(each, variant)) for each in fed]
             self.add_subsystem(name, component, promotes_inputs=inputs)
             for quantity in ("rotor_speed", "inflow_speed"):
                 self.connect(f"{scenario.path}.{quantity}", f"{name}.{quantity}")
@@ -144,8 +166,8 @@ class OperationGroup(om.Group):
             source = f"{scenario.path}.rotor_speed"
             self.connect(source, f"{name}.{end}", src_indices=om.slicer[[index], 0])
 
-    def _add_formula(self, name, formula, size, outputs=(), **about):
-        """Add a formula, fed with all but what it takes over time."""
+    def _add_formula(self, name, formula, size, outputs=(), variant="", **about):
+        """Add a formula, fed with all but what it takes over time; `variant` of the turbine."""
         physics, setup = self._given
         component = FormulaComp(
             formula=formula,
@@ -158,6 +180,7 @@ class OperationGroup(om.Group):
         gains = [f"gain_{i}" for i in range(len(physics.gain_units))]
         inputs = [each for each in formula.inputs if each not in {*formula.series, "gains"}]
         inputs += gains if "gains" in formula.inputs else []
+        inputs = [(each, named(each, variant)) for each in inputs]
         self.add_subsystem(name, component, promotes_inputs=inputs, promotes_outputs=list(outputs))
 
     def _add_integrals(self, name, integrands, weights, **about):
@@ -191,15 +214,20 @@ class OperationGroup(om.Group):
             )
         groups, scenarios = list(physics.shares), physics.scenarios
         rows = {each.name: groups.index(each.group) for each in scenarios}
-        weights = {each.name: each.node_weights / each.mesh.duration for each in scenarios}
+        factors = dict(zip(groups, physics.rate_factors, strict=True))
+        weights = {
+            each.name: each.node_weights * factors[each.group] / each.mesh.duration
+            for each in scenarios
+        }
         rate = {"mean_rate": physics.objective}
         self._add_integrals("mean_rates", rate, weights, rows=rows, mean=True)
-        _, n_rows = physics.epigraph(self.options["start"].start)
+        unknowns, n_rows = physics.epigraph(self.options["start"].start)
         component = AggregateComp(
             aggregate=physics.aggregate,
             shares=np.array(list(physics.shares.values())),
             duration=physics.duration,
             unit=physics.objective.unit,
+            n_unknowns=unknowns.size,
             n_rows=n_rows,
         )
         self.add_subsystem("aggregate", component, promotes=["*"])

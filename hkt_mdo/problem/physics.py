@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -15,12 +15,13 @@ from hkt_mdo.case import Case
 from hkt_mdo.dynamics.aggregates import Aggregate
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.generator import Generator
-from hkt_mdo.dynamics.laws import Law
+from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.limits import (
     CavitationLimit,
     DesignBounds,
     ForwardRotation,
     Limit,
+    PowerLimit,
     TorqueLimit,
 )
 from hkt_mdo.dynamics.objectives import (
@@ -33,6 +34,7 @@ from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.contradictions import redundant_limits, refuse_contradictions
+from hkt_mdo.problem.equilibrium import SteadyScenario, better_steady
 from hkt_mdo.problem.operation import in_operation
 from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
 from hkt_mdo.problem.turbine import Turbine, build_turbine
@@ -42,9 +44,10 @@ from hkt_mdo.rotor.hydrodynamics import SOLVERS, Hydrodynamics
 from hkt_mdo.rotor.loads import Cavitation, LoadModel
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.planform import planform_area
-from hkt_mdo.rotor.scales import torque_scale
+from hkt_mdo.rotor.scales import power_scale, torque_scale
 from hkt_mdo.rotor.shape import Shape
 from hkt_mdo.rotor.stall import SLOWER
+from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.suction import require_suction
 
 BEM = SOLVERS
@@ -70,6 +73,8 @@ class Physics:
     operation.
     `messages` tell what was converted, repaired or left out, `warnings` what was hardly meant.
     `law` has no torque limit where the case gives one that no blade can reach in its flow.
+    `ceilings` (W) are upper bounds on the mean power of each scenario, by name, where the aggregate
+    compares with them; they stay what they are while the blade changes.
     """
 
     case: Case
@@ -82,6 +87,7 @@ class Physics:
     objective: Objective
     messages: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    ceilings: dict[str, float] = field(default_factory=dict)
 
     @property
     def polar(self) -> Any:
@@ -101,6 +107,34 @@ class Physics:
     def built(self, blade: Blade) -> Any:
         """Return the polars of a blade, as `polar`, at its thickness where that is designed."""
         return self.rotor.as_built(blade).polar
+
+    def of(self, scenario: Scenario) -> Physics:
+        """Return the physics of a scenario: of its own water, and the turbine as it is there."""
+        if scenario.turbine == (None, None):
+            return self
+        if scenario.turbine not in self._others:
+            case = self.case.of_turbine(*scenario.turbine)
+            turbine, law = self.turbine, self.law
+            if case.condition.fouls or self.case.condition.fouls:
+                clean = build_turbine(case.rotor, case.fluid, 1.0, case.design)
+                turbine = _in_condition(turbine._replace(polar=clean.polar), case)
+            if isinstance(law, FeedbackLaw):
+                law = law.applied(case.condition.torque_constant)
+            rotor = _rotor_model(case, turbine, self.shape)
+            own = replace(self, case=case, rotor=rotor, turbine=turbine, law=law)
+            self._others[scenario.turbine] = own
+        return self._others[scenario.turbine]
+
+    @cached_property
+    def _others(self) -> dict[tuple, Physics]:
+        return {}
+
+    @cached_property
+    def variants(self) -> dict[tuple, str]:
+        """What follows the names of quantities in the model, by `Scenario.turbine`; empty: as is."""
+        others = dict.fromkeys(each.turbine for each in self.scenarios)
+        others.pop((None, None), None)
+        return {(None, None): ""} | {each: f"_{i}" for i, each in enumerate(others, start=1)}
 
     def limits_in(self, scenario: Scenario) -> tuple[Limit, ...]:
         """Return the limits over time that hold in a scenario."""
@@ -133,6 +167,11 @@ class Physics:
         """What unites the scenarios to one objective."""
         return self.case.robustness
 
+    @cached_property
+    def best(self) -> SteadyOptimum:
+        """The steady optimum of the case's blades at their own radius."""
+        return self.rotor.best_of_shape(self.shape, self.blade)
+
     @property
     def duration(self) -> float:
         """Time for which the objective is told, s: that of the case."""
@@ -153,19 +192,30 @@ class Physics:
         return self.duration * self.aggregate.of(self._means(integrals), shares)
 
     def _means(self, integrals: Iterable[float]) -> np.ndarray:
-        """Return integrals over the scenarios over their durations, intervals of one together."""
+        """Return the rates that the aggregate takes, of integrals over the scenarios."""
         means = dict.fromkeys(self.shares, 0.0)
         for scenario, integral in zip(self.scenarios, integrals, strict=True):
             means[scenario.group] += float(integral) / scenario.mesh.duration
-        return np.array(list(means.values()))
+        return self.rate_factors * np.array(list(means.values()))
+
+    @cached_property
+    def rate_factors(self) -> np.ndarray:
+        """Factors on the scenarios' mean rates as the aggregate takes them, (n_scenarios,).
+
+        1, or the mean of all ceilings over that of the scenario where it compares with these.
+        """
+        if not self.ceilings:
+            return np.ones(len(self.shares))
+        own = np.array([self.ceilings[name] for name in self.shares])
+        return float(np.array(list(self.shares.values())) @ own) / own
 
     def mean_rates(self, starts: list[dict]) -> np.ndarray:
-        """Return the mean rate of the objective in each scenario, of quantities over the samples.
+        """Return the mean rate of the objective in each scenario, as the aggregate takes it.
 
         Parameters
         ----------
         starts : list of dict
-            What `on_start` returns.
+            What `on_start` returns: quantities over the samples.
 
         Returns
         -------
@@ -186,6 +236,7 @@ class Physics:
         """The same turbine with `STATIONS` stations, whatever the case gives."""
         case = self.case
         turbine = build_turbine(case.rotor, case.fluid, 1.0, case.design, STATIONS)
+        turbine = _in_condition(turbine, case)
         shape = replace(self.shape, blade=turbine.blade)
         rotor = _rotor_model(case, turbine, shape)
         return replace(self, shape=shape, rotor=rotor, turbine=turbine)
@@ -291,16 +342,20 @@ class Physics:
         scalars that limits and objectives may take; the control torque balances the flow's, and
         states of the control law are in equilibrium.
         """
-        scalars = self.scalars(point.blade, self.mass_and_inertia(point.blade)[1])
         found = []
         for scenario, (speed, torque) in zip(
             self.scenarios, self.split(point.operation), strict=True
         ):
-            time, radius = scenario.samples, point.blade.rotor_radius
-            flow = scenario.inflow.speed_at(time)
+            own, radius = self.of(scenario), point.blade.rotor_radius
+            time, flow = scenario.samples, scenario.inflow.speed_at(scenario.samples)
+            if own is not self:  # the operation is that of the case's own turbine
+                ratio = np.maximum(speed * radius / flow, SLOWEST_RATIO)
+                torque = own.rotor.coefficients(point.blade, ratio).torque
+                torque = torque * torque_scale(own.density, radius, flow)
             known = trajectory_of(time, flow, speed, torque, torque, radius, self.generator)
-            known |= self.loads_along(point.blade, known, self.load_names)
-            known["torque_rate"] = np.gradient(torque, time)
+            known |= own.loads_along(point.blade, known, self.load_names)
+            known["torque_rate"] = scenario.rate_of(torque)
+            scalars = own.scalars(point.blade, own.mass_and_inertia(point.blade)[1])
             found.append(known | scalars | self.states_at_rest(torque, flow))
         energies = self.energies([scenario.sample_weights for scenario in self.scenarios], found)
         return [known | energies for known in found]
@@ -457,21 +512,38 @@ def _span(inflow: Inflow, duration: float | None, segments: int | None) -> tuple
 def _whole_scenarios(case: Case) -> list[Scenario]:
     """Return the scenarios of a complete case, each over its whole time span."""
     if not case.scenarios:
-        return [_checked(case, Scenario(case.inflow, case.phase))]
+        return [_checked(case, _scenario(case, case.inflow, case.phase))]
     found, total = [], sum(each.weight for each in case.scenarios)
     for number, own in enumerate(case.scenarios):
         mesh = {"duration": own.duration, "segments": own.segments}
         weight = own.weight / total * case.phase.duration / own.duration
-        scenario = Scenario(
-            own.inflow or case.inflow,
-            case.phase.model_copy(update=mesh),
-            weight,
-            own.name,
-            own_limits={limit.name: limit for limit in own.limits.given},
-        )
+        mesh, limits = case.phase.model_copy(update=mesh), own.limits.given
         with _in_scenario(number):
+            scenario = _scenario(
+                case,
+                own.inflow or case.inflow,
+                mesh,
+                weight=weight,
+                name=own.name,
+                density=own.density,
+                condition=own.condition,
+                own_limits={limit.name: limit for limit in limits},
+                steady=own.steady,
+            )
             found.append(_checked(case, scenario))
     return found
+
+
+def _scenario(case: Case, inflow: Inflow, mesh, *, steady: bool = False, **about) -> Scenario:
+    """Return a scenario over its time, or without time where it is steady or of a resource."""
+    if not (steady or inflow.steady):
+        return Scenario(inflow, mesh, **about)
+    if case.control.chooses_torque:
+        problem = "has no torque over time in a steady scenario"
+        raise InputError(problem, "give control.unknown: speed", key="control.unknown")
+    inflow.check(mesh.duration)
+    made = SteadyScenario.of(inflow, mesh, **({"weight": 1.0, "name": "phase"} | about))
+    return made.below(case.control.cut_out)
 
 
 def _checked(case: Case, scenario: Scenario) -> Scenario:
@@ -487,6 +559,8 @@ def physics(case: Case) -> Physics:
     """Read the files that a case names; InputError if one is broken or does not fit the others."""
     case = complete(case)
     control = case.control
+    if isinstance(control, FeedbackLaw):
+        control = control.applied(case.condition.torque_constant)
     case.generator.check()
     whole = _whole_scenarios(case)
     speed = np.concatenate([each.inflow.speed_at(each.samples) for each in whole])
@@ -499,6 +573,7 @@ def physics(case: Case) -> Physics:
     # the speed at which most energy passes; only a local Reynolds number asks for it
     speed = float(weights @ speed**4 / (weights @ speed**3))
     turbine = build_turbine(case.rotor, case.fluid, speed, case.design)
+    turbine = _in_condition(turbine, case)
     shape = build_shape(
         case,
         turbine.blade,
@@ -521,7 +596,7 @@ def physics(case: Case) -> Physics:
         messages += (f"{text}, at most {most:.3g} N m: it counts as none",)
         control = control.with_torque_limit(None)
     limits = _limits(case, shape, control.torque_limit)
-    return Physics(
+    made = Physics(
         case,
         shape,
         _rotor_model(case, turbine, shape),
@@ -531,20 +606,44 @@ def physics(case: Case) -> Physics:
         limits,
         case.objective,
         messages,
-        tuple(_doubts(case, mean)),
+        (*_doubts(case, mean), *filter(None, [better_steady(whole)])),
     )
+    return replace(made, ceilings=_ceilings(made)) if case.robustness.relative else made
+
+
+def _ceilings(physics: Physics) -> dict[str, float]:
+    """Return an upper bound on the mean power of each scenario, W, by name.
+
+    That of a rotor at the steady optimum of the case's own radius at every instant, or of the
+    generator's limit where that is smaller.
+    """
+    found = dict.fromkeys(physics.shares, 0.0)
+    for each in physics.scenarios:
+        own = physics.of(each)
+        best = own.best.power_coefficient
+        best *= float(power_scale(own.density, own.blade.rotor_radius, 1.0))
+        most = [x.upper for x in physics.limits_in(each) if isinstance(x, PowerLimit)]
+        power = np.minimum(
+            best * each.inflow.speed_at(each.node_times) ** 3, min(most, default=np.inf)
+        )
+        found[each.group] += float(each.node_weights @ power) / each.mesh.duration
+    return found
 
 
 def _with_limits(
     scenario: Scenario, limits: tuple[Limit, ...], case: Case, shape: Shape
 ) -> Scenario:
     """Return a scenario with its limits over time: its own in place of the case's."""
-    if not scenario.own_limits:
+    constant = (scenario.condition or case.condition).torque_constant
+    if not scenario.own_limits and constant == case.condition.torque_constant:
         return scenario
     own = {
         name: limit.on(shape.blade, case.rotor.blade_material)
         for name, limit in scenario.own_limits.items()
     }
+    limit = case.control.torque_limit
+    if limit is not None:  # of what the law asks for
+        own[TorqueLimit.name] = TorqueLimit(bound=constant * limit)
     common = {limit.name: limit for limit in limits if limit.place == "time"}
     return replace(scenario, limits=tuple((common | own).values()), own_limits={})
 
@@ -589,7 +688,21 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
         water_density=case.fluid.density,
         structure=turbine.structure,
         cavitation=cavitation,
+        inertia_factor=case.condition.inertia,
     )
+
+
+def _in_condition(turbine: Turbine, case: Case) -> Turbine:
+    """Return a turbine with the polars that its sections have in the condition of a case."""
+    condition, polar = case.condition, turbine.polar
+    if not condition.fouls:
+        return turbine
+    if condition.polar is not None:
+        rotor = case.rotor.model_copy(update={"polar": condition.polar})
+        polar = build_turbine(rotor, case.fluid, 1.0).polar
+    several = polar if isinstance(polar, tuple) else (polar,)
+    fouled = tuple(each.scaled(condition.lift, condition.drag) for each in several)
+    return turbine._replace(polar=fouled if isinstance(polar, tuple) else fouled[0])
 
 
 def _doubts(case: Case, mean: float) -> Iterator[str]:
@@ -653,7 +766,7 @@ def _limits(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit
         bounds["set_angle"] = shape.twist_bounds
     bounds |= {"radius": shape.radius_bounds, "gain": case.design.gain_bounds}
     return (
-        TorqueLimit(bound=torque_limit),
+        TorqueLimit(bound=torque_limit and torque_limit * case.condition.torque_constant),
         ForwardRotation(),
         *(DesignBounds(quantity=name, bounds=ends) for name, ends in bounds.items() if ends),
         *(limit.on(shape.blade, case.rotor.blade_material) for limit in case.limits.given),

@@ -5,12 +5,13 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from openmdao.utils.om_warnings import OMDeprecationWarning
 from scipy.sparse import block_diag, csr_array, diags_array, kron
 
-from hkt_mdo.case import Phase
+from hkt_mdo.case import Condition, Phase
 from hkt_mdo.dynamics.flows import UNKNOWN_PIECES, Inflow
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.radau import divided
@@ -42,7 +43,8 @@ class Scenario:
     of the segments, in the time of the flow; None: they are equal, from 0 to the duration. `weight`
     is that of the scenario's energies in those of the problem, `name` that of its Dymos phase.
     `limits` are those that hold in it over time, None: the case's; `own_limits` those that its case
-    gives for it alone, as they are read.
+    gives for it alone, as they are read. `density` (kg/m**3) and `condition` are those of water and
+    turbine in it, None: the case's.
     Intervals of one scenario, between which the machine stands still, have the same `group`.
     """
 
@@ -54,6 +56,16 @@ class Scenario:
     limits: tuple[Limit, ...] | None = None
     interval_of: str = ""
     own_limits: dict[str, Limit] = field(default_factory=dict)
+    density: float | None = None
+    condition: Condition | None = None
+
+    @property
+    def turbine(self) -> tuple[float | None, Condition | None]:
+        """What of water and turbine differs from the case's; scenarios of one have one physics."""
+        return self.density, self.condition
+
+    steady: ClassVar[bool] = False
+    """Whether it has no time: speeds of the flow, at each of which the rotor is in equilibrium."""
 
     @property
     def group(self) -> str:
@@ -78,6 +90,19 @@ class Scenario:
     def within(self, share: np.ndarray) -> np.ndarray:
         """Return times, s, at shares (0 to 1) of the length of every segment, one after another."""
         return (self.edges[:-1, None] + np.diff(self.edges)[:, None] * share).ravel()
+
+    @property
+    def closed(self) -> bool:
+        """Whether the rotor has to end at its first speed."""
+        return self.mesh.final_speed == "initial" and not self.steady
+
+    def when(self, time: float, digits: str = ".2f") -> str:
+        """Return the words for a place in it, where `time` (s) is."""
+        return f"t = {time:{digits}} s"
+
+    def rate_of(self, values: np.ndarray) -> np.ndarray:
+        """Return the rates, 1/s, of values at its samples, (n_times,)."""
+        return np.gradient(values, self.samples)
 
     def divided(self, parts: np.ndarray) -> Scenario:
         """Return this scenario with each segment divided into a number of equal parts."""

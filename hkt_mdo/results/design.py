@@ -91,7 +91,7 @@ class Design:
             turbine.outlines,
             world.law,
             gains,
-            summary.inertia_kg_m2 or world.mass_and_inertia(blade)[1],
+            world.mass_and_inertia(blade)[1],
             turbine._replace(blade=blade, polar=polars),
             world,
         )

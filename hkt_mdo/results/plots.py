@@ -348,6 +348,34 @@ def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:
     return style.finish(ax, "evaluation (-)", "relative (-)")
 
 
+def plot_year_power(solutions: Solutions, ax: Axes | None = None) -> Axes:
+    """Plot the electrical power over the flow speed, bin by bin."""
+    ax = ax or style.new_axes()
+    for index, (solution, name) in enumerate(_scenarios(solutions)):
+        if table := solution.year:
+            look = style.line(index) | style.marker(index, 3.5)
+            along = table["inflow_speed_m_s"], 1e-3 * table["electrical_power_W"]
+            ax.plot(*along, label=name or "mean electrical power", **look)
+    ax.set_ylim(bottom=0.0)
+    return style.finish(ax, "inflow speed (m/s)", "power (kW)")
+
+
+def _by_bin(column: str, label: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
+    """Plot a column of the year over the flow speed as bars, one a bin."""
+    chosen, ax = _scenarios(solutions), ax or style.new_axes()
+    for index, (solution, name) in enumerate(chosen):
+        if table := solution.year:
+            speed = table["inflow_speed_m_s"]
+            step = float(np.min(np.diff(speed), initial=0.1)) / len(chosen)
+            at = speed + step * (index - 0.5 * (len(chosen) - 1))
+            ax.bar(at, table[column], width=0.9 * step, label=name or "a year", **style.bar(index))
+    return style.finish(ax, "inflow speed (m/s)", label)
+
+
+plot_year_hours = partial(_by_bin, "hours", "hours a year (h)")
+plot_year_energy = partial(_by_bin, "energy_kWh", "energy a year\n(kW h)")
+
+
 class Panel(NamedTuple):
     """A plot, and what tells of a solution whether it has data for it."""
 
@@ -359,7 +387,8 @@ def _panels(*plots: Callable[..., Axes], tables: Sequence[str], column: str = ""
     """Return panels that are drawn of one of some tables, or of a column of it."""
 
     def known(solution: Solution) -> bool:
-        found = (getattr(one, name) for one in solution.by_scenario for name in tables)
+        moving = (one for one in solution.by_scenario if tables != _TIMES or not one.steady)
+        found = (getattr(one, name) for one in moving for name in tables)
         return any(column in table if column else table for table in found)
 
     return [Panel(plot, known) for plot in plots]
@@ -370,7 +399,7 @@ def _limited(solution: Solution) -> bool:
 
 
 _TIMES = "simulation", "trajectory"
-_OVER_TIME = "operation", "limits"
+_OVER_TIME = "operation", "limits", "year"
 """Figures of one scenario each."""
 _OPERATION = (
     *(plot_inflow_speed, plot_power, plot_rotor_speed),
@@ -391,9 +420,14 @@ FIGURES: dict[str, tuple[list[Panel], float, float]] = {
         *(7.4, 10.4),
     ),
     "schedule": (
-        _panels(*_SCHEDULE, tables=_TIMES)
-        + _panels(plot_thrust_schedule, tables=_TIMES, column=QUANTITIES["thrust"].column),
+        _panels(*_SCHEDULE, tables=[*_TIMES])
+        + _panels(plot_thrust_schedule, tables=[*_TIMES], column=QUANTITIES["thrust"].column),
         *(7.0, 9.4),
+    ),
+    "year": (
+        _panels(plot_year_power, plot_year_hours, plot_year_energy, tables=["year"]),
+        6.4,
+        7.4,
     ),
     "limits": ([Panel(plot_limits, _limited)], 7.0, 4.2),
     "loads": (

@@ -9,7 +9,7 @@ import html
 import importlib
 import os.path
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,6 +51,16 @@ TABLES: dict[str, dict[str, tuple[str | None, str]]] = {
             "largest; linear between the stations",
         ),
     },
+    "year": {
+        "inflow_speed_m_s": ("m/s", "power-weighted mean speed of the flow in the bin"),
+        "hours": ("h", "hours of a year of operation in the bin"),
+        "rotor_speed_rad_s": ("rad/s", "mean angular speed of the rotor"),
+        "control_torque_Nm": ("N*m", "mean generator torque on the rotor"),
+        "captured_power_W": ("W", "mean power captured from the flow"),
+        "generator_power_W": ("W", "mean power taken by the generator"),
+        "electrical_power_W": ("W", "mean power delivered by the generator, less its losses"),
+        "energy_kWh": ("kW*h", "electrical energy of a year, less availability and losses"),
+    },
     "power_curve": {
         "tip_speed_ratio": _OVER_TIME["tip_speed_ratio"],
         "power_coefficient": (None, "power coefficient"),
@@ -84,7 +94,7 @@ _MAYBE = {
 """Columns that are there only if they are known of the rotor; older results lack them."""
 
 
-_OF_SCENARIOS = ("trajectory", "simulation", "loads")
+_OF_SCENARIOS = ("trajectory", "simulation", "loads", "year")
 _ONLY = "phase"
 """Name of the scenario of an older result, and of one that did not come to its end."""
 
@@ -101,11 +111,14 @@ class ScenarioTables:
         The independent integration of the same design.
     loads : dict of ndarray
         Loads along the blade at the times of the largest stress and of the largest suction.
+    year : dict of ndarray
+        Power curve and energy by bins of the flow speed, of a steady scenario.
     """
 
     trajectory: dict[str, np.ndarray]
     simulation: dict[str, np.ndarray]
     loads: dict[str, np.ndarray]
+    year: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -249,6 +262,17 @@ class Solution:
     def loads(self) -> dict[str, np.ndarray]:
         """Loads along the blade at the times of the largest ones, of the only scenario."""
         return self._only().loads
+
+    @property
+    def year(self) -> dict[str, np.ndarray]:
+        """Power curve and energy of a year by bins of the flow speed, of the only scenario."""
+        return self._only().year
+
+    @property
+    def steady(self) -> bool:
+        """Whether the only scenario has no time."""
+        entries = [*(self.summary.scenarios or {}).values()]
+        return len(entries) == 1 and entries[0].steady
 
     def design(self) -> Design:
         """Return blade, polars, outlines, law and turbine of the result, as objects.

@@ -89,12 +89,15 @@ class LoadEntry(_Entry):
     """Where along the blade, if it has a place there."""
     scenario: str | None = None
     """In which scenario, where the case has several."""
+    flow_m_s: _Number = None
+    """In which flow, m/s, where a scenario has no time."""
 
     @property
     def place(self) -> str:
         """When and where the largest value occurs, as text; empty if it is not known."""
         return joined(
             "" if self.time_s is None else f"at t = {self.time_s:.2f} s",
+            "" if self.flow_m_s is None else f"in a flow of {measured(self.flow_m_s, 'm/s', 4)}",
             "" if self.r_m is None else f"r = {self.r_m:.3f} m",
             "" if self.scenario is None else f"in {self.scenario}",
         )
@@ -216,6 +219,17 @@ class ObjectiveEntry(_Entry):
     value: _Number = Field(None, validation_alias=AliasChoices("value", "value_J"))
     simulated: _Number = Field(None, validation_alias=AliasChoices("simulated", "simulated_J"))
     bound: _Number = Field(None, validation_alias=AliasChoices("bound", "bound_J"))
+    measure: str | None = None
+    """What unites the scenarios; None: the result is older, or has one scenario."""
+
+    def rows(self, scenarios: dict[str, ScenarioEntry]) -> Iterator[Row]:
+        """Yield the objective, unless it is the captured energy, and which scenarios decide it."""
+        if self.kind != "captured":
+            yield Row(f"objective, {self.kind}", self.simulated, self.unit)
+        deciding = [name for name, entry in scenarios.items() if entry.decides]
+        if deciding:
+            named = f"decided by {', '.join(deciding)}"
+            yield Row(f"objective, {self.measure}", self.simulated, self.unit, named)
 
 
 class OperationEntry(_Entry):
@@ -247,13 +261,59 @@ class OperationEntry(_Entry):
         )
 
 
+class YearEntry(_Entry):
+    """What a resource gives in a year of 8766 h: electrical energy, and hours.
+
+    `net_energy_kWh` is what availability and losses leave, `kept` their factor. The capacity factor
+    is the net energy over that of the largest electrical power all year. `limits_h` has the hours
+    in which each limit binds.
+    """
+
+    energy_kWh: _Number = None
+    net_energy_kWh: _Number = None
+    kept: _Number = None
+    rated_power_W: _Number = None
+    capacity_factor: _Number = None
+    operation_h: _Number = None
+    standstill_h: _Number = None
+    rated_h: _Number = None
+    mean_cube_m3_s3: _Number = None
+    limits_h: dict[str, _Number] = {}
+
+    def rows(self) -> Iterator[Row]:
+        """Yield the entry as rows."""
+        lost = "" if self.kept in (None, 1.0) else f"times {self.kept:.4g} for what is lost"
+        gross = measured(self.energy_kWh, "", 6)
+        net, factor = self.net_energy_kWh, self.capacity_factor
+        yield Row("annual energy", f"{gross} kWh", note="electrical, of 8766 h")
+        if lost:
+            yield Row("annual energy, net", f"{measured(net, '', 6)} kWh", note=lost)
+        most = f"of the largest power, {measured(self.rated_power_W, 'W')}"
+        yield Row("capacity factor", factor, note=most, digits=4)
+        yield Row(
+            "hours of operation",
+            f"{measured(self.operation_h, '', 5)} h",
+            note=joined(
+                f"standstill {measured(self.standstill_h, '', 4)} h",
+                f"at the largest power {measured(self.rated_h, '', 4)} h",
+                *(
+                    f"at the limit {n} {measured(x, '', 4)} h"
+                    for n, x in self.limits_h.items()
+                    if x
+                ),
+            ),
+        )
+
+
 class ScenarioEntry(_Entry):
     """What one scenario gives by itself: energies, flow, limits and loads.
 
     `share` is the scenario's share of time; its energies count in those of the whole result with
     `weight`, that share times the case's duration over `duration_s`. `mean_power_W` is that of the
     objective over `duration_s`. A flow with a cut-out speed is one scenario, its energies those
-    of all its intervals of operation.
+    of all its intervals of operation. Where the measure of `robustness` compares the mean power
+    with an upper bound on it, `ceiling_W` is that; `decides` tells whether the measure would change
+    with this scenario's mean power.
     """
 
     share: _Number = None
@@ -264,11 +324,16 @@ class ScenarioEntry(_Entry):
     generator_energy_J: _Number = None
     electrical_energy_J: _Number = None
     mean_power_W: _Number = None
+    ceiling_W: _Number = None
+    decides: bool | None = None
     inflow_speed: Span | None = None
     tip_speed_ratio: Span | None = None
     operation: OperationEntry | None = None
     limits: dict[str, LimitEntry] | None = None
     loads: dict[str, LoadEntry] | None = None
+    steady: bool = False
+    """Whether it has no time: its tables have a row for each speed of the flow."""
+    year: YearEntry | None = None
 
     def rows(self, case: Case) -> Iterator[Row]:
         """Yield the entry as rows; the case says what else is known of loads without a limit."""
@@ -278,7 +343,14 @@ class ScenarioEntry(_Entry):
         yield Row("energy", self.energy_J, "J")
         power = f"on average {measured(self.mean_power_W, 'W')}"
         yield Row("energy, simulated", self.simulated_energy_J, "J", power)
+        if self.ceiling_W and self.mean_power_W is not None:
+            most = f"of at most {measured(self.ceiling_W, 'W')}"
+            told = joined(most, "decides the objective" if self.decides else "")
+            yield Row(
+                "mean power over its ceiling", 100.0 * self.mean_power_W / self.ceiling_W, "%", told
+            )
         yield Row("tip speed ratio", ratio.ends, note=f"mean {measured(ratio.mean)}")
+        yield from self.year.rows() if self.year else ()
         if self.operation is not None:
             yield self.operation.row(self.duration_s)
         yield from _largest_rows(self.limits, self.loads, case)
@@ -460,10 +532,8 @@ class Summary(_Entry, Mapping[str, Any]):
         losses = _losses(self.generator_energy_J, self.electrical_energy_J)
         yield Row("energy, electrical", self.electrical_energy_J, "J", losses)
         yield Row("share of quasi-steady bound", share, "%")
-        if self.objective is not None and self.objective.kind != "captured":
-            yield Row(
-                f"objective, {self.objective.kind}", self.objective.simulated, self.objective.unit
-            )
+        if self.objective is not None:
+            yield from self.objective.rows(self.scenarios or {})
         gap = None if self.certified_gap is None else max(100.0 * self.certified_gap, 0.0)
         known = "limits other than the torque's left out" if case.limits.given else ""
         yield Row("certificate", gap and f"gap up to {gap:.2g} %", "", known)
@@ -509,7 +579,10 @@ class Summary(_Entry, Mapping[str, Any]):
         yield from (each.row() for each in self.at_bounds or ())
 
     def _operation(self, case: Case) -> Iterator[Row]:
-        """Yield the rows of standstill, limits, loads and branches."""
+        """Yield the rows of a year, standstill, limits, loads and branches."""
+        scenarios = [*(self.scenarios or {}).values()]
+        if len(scenarios) == 1 and scenarios[0].year is not None:
+            yield from scenarios[0].year.rows()
         if self.operation is not None:
             yield self.operation.row(case.phase.duration)
         limits = self.limits or {}

@@ -18,7 +18,10 @@ _LARGE = ("G", 1e9), ("M", 1e6), ("k", 1e3)
 _PREFIXED = "W", "J", "N", "Pa", "N m"
 """Units that take a prefix for thousands; `_SMALL` take one for thousandths."""
 _SMALL = "m", "s"
-_IDLE = "start", "phase", "scale", "gaps", "spikes", "uneven"
+_IDLE = (
+    *("start", "phase", "scale", "gaps", "spikes", "uneven"),
+    *("turbulence_intensity", "reversal", "availability", "array_losses", "electrical_losses"),
+)
 """Keys of a flow that change nothing where they have their defaults."""
 
 
@@ -144,10 +147,10 @@ def flow_words(section: Any) -> str:
     """Return the kind of a flow and the values that make it, without those that change nothing."""
     if section.profile == "sum":
         return " + ".join(flow_words(part) for part in section.parts)
-    words, schema = [], type(section).model_json_schema()["properties"]
+    words, schema = [], type(section).model_json_schema(by_alias=False)["properties"]
     for name, field in type(section).model_fields.items():
         value, usual = getattr(section, name), field.default
-        if name == "file":
+        if name == "file" and value is not None:
             words.insert(0, Path(value).name)
         elif name == "constituents":
             words += [part.name or duration(part.period) for part in value]

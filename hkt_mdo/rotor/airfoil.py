@@ -1,6 +1,6 @@
 """Polars of a blade section: lift, drag, suction over all angles of attack, Reynolds numbers."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -115,6 +115,22 @@ class Polar:
             min(self.alpha_max, other.alpha_max),
             (1.0 - weight) * self.suction + weight * other.suction if with_suction else None,
         )
+
+    def scaled(self, lift, drag):
+        """Return the polar with factors on its lift and drag, such as that of a fouled section.
+
+        Parameters
+        ----------
+        lift, drag : float
+            The factors. The suction stays.
+
+        Returns
+        -------
+        Polar
+            Of the same range.
+        """
+        factors = np.repeat((lift, drag), 4)
+        return replace(self, coefficients=self.coefficients * factors)
 
     def evaluate(self, alpha, reynolds=None):
         """Return lift and drag coefficient at an angle of attack (rad).

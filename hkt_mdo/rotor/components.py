@@ -291,7 +291,9 @@ class InertiaComp(BladeComp):
     def compute(self, inputs, outputs):
         blades, stretch = self._evaluate(inputs)
         outputs["mass"] = blades.mass * stretch
-        outputs["inertia"] = blades.inertia * stretch**3 + self.options["rotor"].hub_inertia
+        rotor = self.options["rotor"]
+        hub = rotor.hub_inertia * rotor.inertia_factor
+        outputs["inertia"] = blades.inertia * stretch**3 + hub
 
     def compute_partials(self, inputs, partials):
         blades, stretch = self._evaluate(inputs)

@@ -23,6 +23,22 @@ class RotorMass(NamedTuple):
     mass_by_thickness: np.ndarray
     inertia_by_thickness: np.ndarray
 
+    def heavier(self, factor):
+        """Return the same with the inertia, and its gradients, times a factor.
+
+        Parameters
+        ----------
+        factor : float
+            The factor.
+
+        Returns
+        -------
+        RotorMass
+            The mass stays.
+        """
+        names = "inertia", "inertia_by_chord", "inertia_by_thickness"
+        return self._replace(**{name: factor * getattr(self, name) for name in names})
+
 
 def between(values):
     """Return what is linear between edges at the points of Gauss's rule.

@@ -33,6 +33,8 @@ class RotorModel(Hydrodynamics):
         What the sections resist; without it there is no stress.
     cavitation : Cavitation, optional
         What decides where sections cavitate; without it there is no such load.
+    inertia_factor : float
+        Of the rotor as it is, over that of blades and hub.
     """
 
     section_area: float | np.ndarray | CubicSpline
@@ -41,6 +43,7 @@ class RotorModel(Hydrodynamics):
     water_density: float = 1000.0
     structure: Structure | StructureByThickness | None = None
     cavitation: Cavitation | None = None
+    inertia_factor: float = 1.0
 
     @property
     def loads(self):
@@ -64,9 +67,10 @@ class RotorModel(Hydrodynamics):
         Returns
         -------
         RotorMass
-            The mass is that of the blades, the inertia that of blades and hub.
+            The mass is that of the blades, the inertia that of blades and hub times the factor.
         """
-        return mass_and_inertia(blade, self.section_area, self.material_density, self.hub_inertia)
+        about = self.section_area, self.material_density, self.hub_inertia
+        return mass_and_inertia(blade, *about).heavier(self.inertia_factor)
 
     def stall_fence(self, shape, blade, tip_speed_ratio):
         """Return the stations whose flow must stay attached; see `hkt_mdo.rotor.stall`.

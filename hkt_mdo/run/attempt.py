@@ -359,6 +359,8 @@ def quasi_steady_reference(physics: Physics, start: StartingPoint) -> float:
     """
     if physics.start_objective is not physics.objective:  # the start makes something else large
         return 0.0
+    if len(physics.variants) > 1:  # its operation is that of the case's own turbine
+        return 0.0
     state = start.operation
     kept = state.running and bool(np.all(state.margin >= LEAST)) and not physics.start_breaks(start)
     return physics.objective_at(start) if kept else 0.0

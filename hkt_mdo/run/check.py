@@ -230,7 +230,7 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
         own = flow.inflow.length
         why = "the length of the flow's data" if own else "by default: the flow has no end"
     passing, area = found.passing(flow), np.pi * found.plant.blade.rotor_radius**2
-    yield Row("kind", flow_words(flow.inflow))
+    yield Row("kind", flow_words(flow.kind))
     yield Row("speed", flow.range, "m/s", digits=4)
     yield Row("mean speed", flow.mean, "m/s", digits=4)
     share = f"{100.0 * flow.deviation / flow.mean:.3g} % of the mean"

@@ -11,6 +11,7 @@ import numpy as np
 from hkt_mdo.dynamics.flows import ConstantInflow
 from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.problem.build import assemble
+from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.problem.physics import BEM, Physics
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
@@ -120,7 +121,11 @@ class Flow:
     share : float
         Its share of time.
     inflow : Inflow
-        The flow.
+        The flow over time; of a steady scenario its duration curve, in operation.
+    steady : bool
+        Whether it has no time.
+    kind : Inflow
+        What the case gives.
     duration : float
         How long it lasts, s.
     time, speed : ndarray, shape (n,)
@@ -134,11 +139,15 @@ class Flow:
     """
 
     def __init__(self, name: str, scenarios: Sequence[Scenario], share: float):
-        self.name, self.share, self.inflow = name, share, scenarios[0].inflow
+        first = scenarios[0]
+        self.name, self.share, self.inflow = name, share, first.inflow
+        self.steady = isinstance(first, SteadyScenario)
+        self.kind = first.resource if isinstance(first, SteadyScenario) else first.inflow
         self.duration = scenarios[0].mesh.duration
         self.cutoff = self.inflow.highest_frequency or 0.0
         instants = int(np.clip(16.0 * self.duration * self.cutoff, 2048, MOST_INSTANTS)) + 1
-        self.time = np.linspace(0.0, self.duration, instants)
+        ends = first.edges[[0, -1]] if self.steady else (0.0, self.duration)
+        self.time = np.linspace(*ends, instants)
         self.speed = np.asarray(self.inflow.speed_at(self.time))
         parts = [self.speed, *(self.inflow.speed_at(each.samples) for each in scenarios)]
         self.range = np.array([min(map(np.min, parts)), max(map(np.max, parts))])
@@ -147,7 +156,7 @@ class Flow:
 
     def average(self, values: np.ndarray) -> float:
         """Return the mean over time of values at the instants."""
-        return float(np.trapezoid(values, self.time) / self.time[-1])
+        return float(np.trapezoid(values, self.time) / np.ptp(self.time))
 
     def above(self, speed: float) -> float:
         """Return the share of the time in which the flow is faster than a speed, m/s."""

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 import openmdao.api as om
-from scipy.integrate import simpson
+from scipy.integrate import simpson, trapezoid
 
+from hkt_mdo.dynamics.equilibrium import equilibria
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.simulation import (
     SLOWEST_RATIO,
@@ -167,6 +168,10 @@ class Flight(Flown):
         nodes = self.trajectory
         return np.abs(self.simulation.speed_at(nodes["time"]) / nodes["rotor_speed"] - 1.0)
 
+    def integral(self, values: np.ndarray) -> float:
+        """Return the integral of values along the integration."""
+        return float(trapezoid(values, self.simulation.time))
+
     def objective(self, objective) -> float:
         """Return the integral of an objective's rate over the integration, in its unit."""
         rate = objective.rate_of(self.flown)
@@ -192,15 +197,89 @@ class Flight(Flown):
         return over[rows, worst], dense.reshape(-1, SAMPLES)[rows, worst]
 
 
+@dataclass(frozen=True)
+class HeldSpeeds:
+    """The controller of an open loop in steady flows: the torque balances that of the flow.
+
+    stiffness (N*m*s/rad) is that which its rotor needs where it is unstable (`RecordedTorque`).
+    """
+
+    stiffness: float
+
+
+@dataclass(frozen=True, eq=False)
+class SteadyFlight(Flight):
+    """A steady scenario of a result: its equilibria by the optimization and by direct BEM."""
+
+    @property
+    def rates_at_nodes(self):
+        return {"torque_rate": np.zeros(self.scenario.segments)}
+
+    rates_flown = rates_at_nodes
+
+    @property
+    def recorded(self):
+        return self.controller if isinstance(self.controller, HeldSpeeds) else None
+
+    @property
+    def speed_errors(self):
+        return np.abs(self.simulation.rotor_speed / self.trajectory["rotor_speed"] - 1.0)
+
+    def integral(self, values):
+        return float(self.scenario.node_weights @ values)
+
+    def objective(self, objective):
+        return self.integral(objective.rate_of(self.flown))
+
+    def between_nodes(self, limit):
+        return limit.excess(self.flown), self.scenario.node_times
+
+    @property
+    def growth(self) -> np.ndarray:
+        """How fast a small change of the rotor's speed grows, 1/s; negative where it decays."""
+        run = self.simulation
+        known = self.plant, run.rotor_speed, run.inflow_speed, *run.states
+        return np.linalg.eigvals(self.controller.linearized(*known)).real.max(axis=1)
+
+
+def _balanced(plant: Plant, scenario, law, gains, nodes, states):
+    """Return the equilibria in a steady scenario by direct BEM, and the controller."""
+    flow, time = scenario.speeds, scenario.node_times
+    if law.is_feedback:
+        controller = FeedbackTorque(law, gains)
+        speed, running = equilibria(plant, controller, flow)
+        driving = plant.torque(speed, flow)
+        rest = np.array(law.at_rest(driving, flow)).reshape(len(states), flow.size)
+        control = law.torque(speed, gains, *rest)
+    else:
+        speed, rest = nodes["rotor_speed"], np.empty((0, flow.size))
+        driving = control = plant.torque(speed, flow)
+        running = np.ones(flow.size, dtype=bool)
+        controller = HeldSpeeds(2.0 * max(float(np.max(plant.torque_slope(speed, flow))), 0.0))
+    electrical = plant.generator.electrical_power(control, speed)
+    powers = driving * speed, control * speed, electrical
+    energies = (float(scenario.node_weights @ power) for power in powers)
+    stopped = None if np.all(running) else float(time[np.argmin(running)])
+    none = np.empty((flow.size, 0))
+    found = (time, flow, speed, driving, control, *energies, 0.0, stopped)
+    return Simulation(*found, lambda _: speed, rest, lambda _: none), controller
+
+
 def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
     """Integrate the found design under the found controller with direct BEM, in each scenario."""
     blade, gains = result.point.blade, result.point.gains
     check = BEM[physics.case.hydrodynamics.check]
-    polar, water, generator = physics.built(blade), physics.density, physics.generator
-    plant = Plant(blade, polar, result.inertia, water, check, generator)
     limited, flights = bool(physics.load_names), []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
-        mesh, law = scenario.mesh, physics.law
+        own = physics.of(scenario)
+        mesh, law = scenario.mesh, own.law
+        inertia = result.inertia * own.rotor.inertia_factor / physics.rotor.inertia_factor
+        plant = Plant(blade, own.built(blade), inertia, own.density, check, own.generator)
+        told = {"scenario": scenario, "trajectory": nodes, "limits_loads": limited}
+        if scenario.steady:
+            flown = _balanced(plant, scenario, law, gains, nodes, physics.states)
+            flights.append(SteadyFlight.of(own, plant, *flown, **told))
+            continue
         if law.is_feedback:
             controller = FeedbackTorque(law, gains)
         else:
@@ -213,8 +292,7 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
             [nodes[name][0] for name in physics.states],
             mesh.duration / mesh.segments,
         )
-        own = {"scenario": scenario, "trajectory": nodes, "limits_loads": limited}
-        flights.append(Flight.of(physics, plant, flown, controller, **own))
+        flights.append(Flight.of(own, plant, flown, controller, **told))
     return tuple(flights)
 
 

@@ -36,6 +36,7 @@ from hkt_mdo.run.certified import certified_energy
 from hkt_mdo.run.flight import (
     Flight,
     Optimized,
+    SteadyFlight,
     design_and_result,
     simulated_objective,
     total,
@@ -95,27 +96,14 @@ def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
     """Yield name, value, limit and place of what the integration of a scenario is asked."""
     flown, nodes, integrated = flight.simulation, flight.trajectory, flight.integrated
     time, stopped = nodes["time"], flown.stopped_at
-    errors, edges = flight.scenario.flow_errors, flight.scenario.edges
-    worst = int(np.argmax(errors))
-    yield (
-        "flow_error",
-        np.sum(errors),
-        FLOW_ERROR,
-        "the mesh's integral of v³ against an adaptive one; they differ most between "
-        f"t = {edges[worst]:.6g} and {edges[worst + 1]:.6g} s",
-    )
-    missed = flight.scenario.flow_missed
-    worst = int(np.argmax(missed))
-    yield (
-        "flow_missed",
-        missed[worst],
-        FLOW_MISSED,
-        "the flow between the instants at which limits are judged, over its speed, between "
-        f"t = {edges[worst]:.10g} and {edges[worst + 1]:.10g} s",
-    )
-    word = "" if stopped is None else f"rotor stops at t = {stopped:.2f} s, not generating"
+    if not flight.scenario.steady:
+        yield from _of_flow(flight.scenario)
+    when = flight.scenario.when
+    word = "" if stopped is None else f"rotor stops at {when(stopped)}, not generating"
     if stopped is not None and integrated["tip_speed_ratio"][-1] > 2.0 * SLOWEST_RATIO:
-        word = f"the rotor's motion has no solution after t = {stopped:.2f} s"
+        word = f"the rotor's motion has no solution after {when(stopped)}"
+    if stopped is not None and flight.scenario.steady:
+        word = f"the rotor has no equilibrium in {when(stopped)}"
     yield "rotor_keeps_turning", float(stopped is not None), 0.0, word
     power = np.interp(time, integrated["time"], integrated["hydrodynamic_power"])
     off = time[np.argmax(np.abs(power - nodes["hydrodynamic_power"]))]
@@ -124,11 +112,37 @@ def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
         flight.energy_error,
         ENERGY_ERROR,
         "collocated over independently integrated energy, less one; power differs most at "
-        f"t = {off:.2f} s",
+        f"{when(off)}",
     )
     error = flight.speed_errors
     worst = int(np.argmax(error))
-    yield "max_speed_error", error[worst], SPEED_ERROR, f"at t = {time[worst]:.2f} s"
+    yield "max_speed_error", error[worst], SPEED_ERROR, f"at {when(time[worst])}"
+    if isinstance(flight, SteadyFlight) and flight.recorded is None:
+        worst = int(np.argmax(flight.growth))
+        word = "growth of a small change of the rotor's speed in equilibrium, 1/s, at "
+        yield "equilibrium_growth", flight.growth[worst], 0.0, f"{word}{when(time[worst])}"
+
+
+def _of_flow(scenario) -> Iterator[tuple[str, float, float, str]]:
+    """Yield name, value, limit and place of what the mesh of a scenario makes of its flow."""
+    errors, edges = scenario.flow_errors, scenario.edges
+    worst = int(np.argmax(errors))
+    yield (
+        "flow_error",
+        np.sum(errors),
+        FLOW_ERROR,
+        "the mesh's integral of v³ against an adaptive one; they differ most between "
+        f"t = {edges[worst]:.6g} and {edges[worst + 1]:.6g} s",
+    )
+    missed = scenario.flow_missed
+    worst = int(np.argmax(missed))
+    yield (
+        "flow_missed",
+        missed[worst],
+        FLOW_MISSED,
+        "the flow between the instants at which limits are judged, over its speed, between "
+        f"t = {edges[worst]:.10g} and {edges[worst + 1]:.10g} s",
+    )
 
 
 def _of_design(physics, optimum, reference, result, flights):
@@ -185,17 +199,20 @@ def _resolved(physics, result, flights):
     """Yield by how much a blade of many stations exceeds a limit on its loads, the most."""
     if not any(limit.is_of(LOADS) for limit in physics.all_limits):
         return
-    known = [flight.flown for flight in flights]
-    finer, found = loads.resolved(physics, result.point.blade, known), []
-    for flight, each in zip(flights, finer, strict=False):  # none where nothing is to be resolved
+    found, blade = [], result.point.blade
+    finer = [loads.resolved(physics.of(x.scenario), blade, [x.flown]) for x in flights]
+    for flight, each in (
+        (x, y) for x, several in zip(flights, finer, strict=True) for y in several
+    ):
         for limit in filter(lambda limit: limit.is_of(LOADS), physics.limits_in(flight.scenario)):
             over = limit.excess(each)
             worst = int(np.argmax(over))
-            found.append((float(over[worst]), limit.name, each["time"][worst]))
+            when = flight.scenario.when(each["time"][worst])
+            found.append((float(over[worst]), limit.name, when))
     if found:
         over, name, when = max(found)
         word = f"{name} of the same blade with {loads.STATIONS} stations over its limit, less one"
-        yield "loads_resolved", max(over, 0.0), RESOLVED, f"{word}, at t = {when:.2f} s"
+        yield "loads_resolved", max(over, 0.0), RESOLVED, f"{word}, at {when}"
 
 
 def sells(physics: Physics) -> bool:
@@ -231,10 +248,10 @@ def _recovery(physics, result, flights):
     shares = [short_of_recovery(physics, result, flight) for flight in flights]
     worst = [int(np.argmax(each)) for each in shares]
     share, when = max(
-        (each[place], flight.simulation.time[place])
+        (each[place], flight.scenario.when(flight.simulation.time[place]))
         for each, place, flight in zip(shares, worst, flights, strict=True)
     )
-    word = f"the torque that recovers a slowed rotor falls short of its least at t = {when:.2f} s"
+    word = f"the torque that recovers a slowed rotor falls short of its least at {when}"
     # without a torque curve no distance is asked, only that the rotor recovers at all
     if np.isfinite(share):
         yield "distance_from_stall", share, RECOVERY_ERROR if physics.has_curve else 1.0, word
@@ -248,7 +265,7 @@ def short_of_recovery(physics: Physics, result: Optimized, flight: Flight) -> np
     -inf: in a gust that is faster than the rotor, the integration tells whether it comes back.
     """
     flown, radius = flight.simulation, flight.scalars["rotor_radius"]
-    unit = TYPICAL * torque_scale(physics.density, radius, flown.inflow_speed)
+    unit = TYPICAL * torque_scale(flight.plant.density, radius, flown.inflow_speed)
     net, slowed = _net_torques(physics, result, flight)
     recovery = (slowed - net) / unit
     known = settled(flight.integrated | flight.scalars)
@@ -261,11 +278,11 @@ def _net_torques(physics, result, flight):
     That is at its speed, and at what is left of it after a loss of `SLOWED`; in the flow, and with
     the states of the law, of its integration.
     """
-    flown = flight.simulation
+    flown, law = flight.simulation, physics.of(flight.scenario).law
 
     def net(speed):
         driving = flight.plant.torque(speed, flown.inflow_speed)
-        return driving - physics.law.torque(speed, result.point.gains, *flown.states)
+        return driving - law.torque(speed, result.point.gains, *flown.states)
 
     return net(flown.rotor_speed), net((1.0 - SLOWED) * flown.rotor_speed)
 
@@ -277,9 +294,10 @@ def _closed_loop(flights):
         flown = flight.simulation
         known = flight.plant, flown.rotor_speed, flown.inflow_speed, *flown.states
         growth = np.linalg.eigvals(flight.controller.linearized(*known)).real.max(axis=1)
-        found.append((np.max(growth), flown.time[np.argmax(growth)]))
+        when = flight.scenario.when(flown.time[np.argmax(growth)])
+        found.append((np.max(growth), when))
     value, when = max(found)
-    word = f"largest real part of the closed loop's eigenvalues, 1/s, at t = {when:.2f} s"
+    word = f"largest real part of the closed loop's eigenvalues, 1/s, at {when}"
     return "closed_loop", value, 0.0, word
 
 
@@ -298,15 +316,17 @@ def _of_limit(physics, limit, flight, suffix):
     """Yield how far a limit over time is exceeded in a scenario, at and between the nodes."""
     over = limit.excess(flight.at_nodes)
     worst = int(np.argmax(over))
-    when = f"at t = {flight.trajectory['time'][worst]:.2f} s"
+    place = flight.scenario.when
+    when = f"at {place(flight.trajectory['time'][worst])}"
     # an optimization has loads from tables, which are as exact as this asks
     most = BETWEEN if limit.is_of(LOADS) else NODE_VIOLATION
     yield f"{limit.name}_at_nodes{suffix}", max(over[worst], 0.0), most, when
     if limit.constrains(physics.law):
         over, when = flight.between_nodes(limit)
         worst = int(np.argmax(over))
-        place = f"at t = {when[worst]:.2f} s"
-        yield f"{limit.name}_between_nodes{suffix}", over[worst], most_between(limit), place
+        when = f"at {place(when[worst])}"
+        name = "in_equilibrium" if flight.scenario.steady else "between_nodes"
+        yield f"{limit.name}_{name}{suffix}", over[worst], most_between(limit), when
 
 
 def most_between(limit: Limit) -> float:
@@ -337,35 +357,54 @@ def in_case(blade: Blade) -> dict[str, tuple[str, float]]:
 
 def energy_bound(physics: Physics, optimum: SteadyOptimum) -> float:
     """Return the quasi-steady bound, J; see `hkt_mdo.rotor.steady_optimum`."""
-    bound = 0.0
+    bound, blade = 0.0, optimum.blade
     for scenario in physics.scenarios:
-        bound += scenario.weight * float(np.sum(scenario.inflow.cubes(scenario.edges)))
-    scale = power_scale(physics.density, optimum.blade.rotor_radius, 1.0)
-    return bound * scale * optimum.power_coefficient
+        own, coefficient = physics.of(scenario), optimum.power_coefficient
+        if own is not physics:
+            found = own.rotor.best_of_shape(
+                own.shape, own.blade.with_rotor_radius(blade.rotor_radius)
+            )
+            coefficient = found.power_coefficient
+        passing = scenario.weight * float(np.sum(scenario.inflow.cubes(scenario.edges)))
+        bound += passing * coefficient * power_scale(own.density, blade.rotor_radius, 1.0)
+    return bound
 
 
 def curve_errors(physics: Physics, result: Optimized) -> tuple[np.ndarray, np.ndarray]:
-    """Return the curve's relative torque errors over the trajectories' tip speed ratios."""
+    """Return the curves' relative torque errors over the trajectories' tip speed ratios.
+
+    The largest of all turbines, where these differ between scenarios.
+    """
     ratios = np.concatenate([each["tip_speed_ratio"] for each in result.trajectories])
     ratios = np.maximum(ratios, SLOWEST_RATIO)
     probe = np.linspace(np.min(ratios), np.max(ratios), 201)
     if not result.curve.size:
         return probe, np.zeros(probe.size)
     blade = result.point.blade
-    exact = physics.rotor.as_built(blade).coefficients(blade, probe).torque
-    curve = TorqueSpline(result.setup.nodes).basis(probe) @ result.curve
-    return probe, np.abs(curve / exact - 1.0)
+    basis, errors = TorqueSpline(result.setup.nodes).basis(probe), []
+    for own in dict.fromkeys(map(physics.of, physics.scenarios)):
+        rotor, curve = own.rotor.as_built(blade), result.curve
+        if own is not physics:
+            curve = rotor.coefficients(blade, result.setup.nodes).torque
+        errors.append(np.abs(basis @ curve / rotor.coefficients(blade, probe).torque - 1.0))
+    return probe, np.max(errors, axis=0)
 
 
 def recovers(physics: Physics, result: Optimized) -> bool:
     """Tell whether a rotor under feedback recovers from a small loss of speed, by the curve."""
     if not (physics.law.is_feedback and result.curve.size):
         return True
-    limit = DistanceFromStall(law=physics.law, spline=TorqueSpline(result.setup.nodes))
-    design = physics.scalars(result.point.blade, result.inertia)
-    design |= {"torque_coefficient_table": result.curve, "gains": result.point.gains}
-    each = (nodes | design for nodes in result.trajectories)
-    return all(np.all(~settled(known) | (limit.value_of(known) >= 0.0)) for known in each)
+    blade = result.point.blade
+    for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
+        own, curve = physics.of(scenario), result.curve
+        if own is not physics:
+            curve = own.rotor.coefficients(blade, result.setup.nodes).torque
+        limit = DistanceFromStall(law=own.law, spline=TorqueSpline(result.setup.nodes))
+        known = nodes | own.scalars(blade, result.inertia)
+        known |= {"torque_coefficient_table": curve, "gains": result.point.gains}
+        if not np.all(~settled(known) | (limit.value_of(known) >= 0.0)):
+            return False
+    return True
 
 
 FALSE_SOLUTION = (

@@ -125,6 +125,8 @@ def division(
     coarse, error = _denied(physics, flights, before), 0.0
     unchanged = before and abs(result.objective / before[-1] - 1.0) < RULES.unchanged
     for marks, close, flight in zip(coarse, near, flights, strict=True):
+        if flight.scenario.steady:  # has no mesh
+            continue
         if not unchanged:  # by the last division: what is close to stall then is so at the nodes
             marks |= close
         for limit in held(physics, flight.scenario) if len(before) < RULES.few else ():
@@ -155,6 +157,8 @@ def _denied(physics, flights, before) -> list[np.ndarray]:
     if not is_false(flights):
         return coarse
     for marks, flight in zip(coarse, flights, strict=True):
+        if flight.scenario.steady:
+            continue
         errors = flight.speed_errors.reshape(marks.size, -1)
         marks |= np.max(errors, axis=1) > RULES.speed * SPEED_ERROR
     # a second time it is another trajectory, which no mesh will mend; Radau's ends are free
@@ -176,6 +180,8 @@ def _open_loop(physics, result, flights, coarse, before) -> float:
     if error <= MESH_ERROR and (before or not rates):
         return error
     for marks, flight, own in zip(coarse, flights, left, strict=True):
+        if flight.scenario.steady:
+            continue
         marks |= _switches(physics, flight) | (own > 0.0 if rates and not before else _most(own))
     return error
 
@@ -194,6 +200,9 @@ def too_close_to_stall(
         return [np.zeros(each.scenario.segments, dtype=bool) for each in flights]
     found = []
     for flight in flights:
+        if flight.scenario.steady:
+            found.append(np.zeros(flight.scenario.segments, dtype=bool))
+            continue
         short = short_of_recovery(physics, result, flight)[1:].reshape(flight.scenario.segments, -1)
         found.append(np.max(short, axis=1) > RECOVERY_ERROR)
     return found
@@ -227,10 +236,14 @@ def _left(physics, flight, energy, best) -> np.ndarray:
     for that.
     """
     scenario, nodes = flight.scenario, flight.at_nodes
+    if scenario.steady:
+        return np.zeros(scenario.segments)
     flown = flight.integrated
     short = np.zeros(scenario.segments)
     if physics.objective.is_energy and physics.starting_generator is None:
-        scale = power_scale(physics.density, flight.scalars["rotor_radius"], flown["inflow_speed"])
+        scale = power_scale(
+            flight.plant.density, flight.scalars["rotor_radius"], flown["inflow_speed"]
+        )
         short = scale * best - flown["hydrodynamic_power"]
         short = np.mean(short[1:].reshape(scenario.segments, -1), axis=1)
         short *= np.diff(scenario.edges) * scenario.weight / abs(energy)

@@ -121,6 +121,10 @@ def point_of(physics: Physics, problem) -> StartingPoint:
     """
     sampled = {"rotor_speed": [], "hydrodynamic_torque": []}
     for scenario in physics.scenarios:
+        if scenario.steady:
+            for name, values in sampled.items():
+                values.append(_series(problem, scenario, name))
+            continue
         time, first = np.unique(_series(problem, scenario, "time"), return_index=True)
         for name, values in sampled.items():
             spline = CubicSpline(time, _series(problem, scenario, name)[first])

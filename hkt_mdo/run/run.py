@@ -15,6 +15,7 @@ import sqlite3
 import tempfile
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterable
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,6 +25,7 @@ import openmdao.api as om
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.errors import InputError, interrupts_of_compiled_code
 from hkt_mdo.problem.build import make_driver
+from hkt_mdo.problem.equilibrium import better_steady
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.results.folder import check_folder, claim, locked, make_folder, write_text
@@ -100,6 +102,8 @@ def run_case(
     out = Path(out)
     physics = make_physics(case)
     make_driver(physics)  # a missing package is told before anything is written
+    if slow := better_steady(physics.scenarios):
+        warnings.warn(slow, stacklevel=2)  # what the run may end with in minutes
     check_folder(out, force)
     out = out.absolute()  # the current folder is the process's, and another thread may change it
     with locked(out):
@@ -214,7 +218,8 @@ def _optimize_and_judge(state: RunState, earlier: Earlier, out: Path, records: b
     if held:
         message = f"{refused}; the folder holds {held}, which is better than the end"
     if not finished.success:
-        message = "; ".join(filter(None, (_why_none(state.first, best), message)))
+        slow = better_steady(state.first.scenarios)
+        message = "; ".join(filter(None, (_why_none(state.first, best), message, slow)))
     write_tables(out, parts)
     if records:
         om.n2(result.problem, outfile=str(out / "n2.html"), show_browser=False)

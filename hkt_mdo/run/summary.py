@@ -11,13 +11,14 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from scipy.integrate import trapezoid
 
 from hkt_mdo.dynamics.limits import DesignBounds
+from hkt_mdo.dynamics.resource import Resource
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.files.blade import write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.yaml_text import Dumper
+from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES
@@ -27,10 +28,12 @@ from hkt_mdo.results.summary import VERSION, CheckEntry, Summary
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.strength import place_weights
 from hkt_mdo.run import loads
+from hkt_mdo.run import year as a_year
 from hkt_mdo.run.findings import Stations
 from hkt_mdo.run.flight import (
     Flight,
     Optimized,
+    SteadyFlight,
     design_and_result,
     simulated_objective,
     total,
@@ -109,6 +112,10 @@ def summarize(finished: Finished) -> Summary:
     outcome = finished.result.outcome
     passed = all(check.passed for check in finished.checks)
     scenarios = {name: _scenario(finished, each) for name, each in finished.scenarios.items()}
+    several = len(scenarios) > 1
+    if several and finished.physics.objective.is_rate:
+        for name, decides in _deciding(finished.physics, scenarios).items():
+            scenarios[name]["decides"] = decides
     values = {
         "version": VERSION,
         "case": finished.physics.case.name,
@@ -169,6 +176,7 @@ def _energies(finished):
             "value": finished.result.objective,
             "simulated": simulated_objective(physics, flights),
             "bound": None if open_ended else physics.objective_bound(bound),
+            "measure": physics.aggregate.measure if len(finished.scenarios) > 1 else None,
         },
         "bound_power_coefficient": finished.optimum.power_coefficient,
         "bound_tip_speed_ratio": finished.optimum.tip_speed_ratio,
@@ -247,12 +255,16 @@ def _extremes(finished, scenarios):
             over = {each: _over(told["limits"].get(name)) for each, told in scenarios.items()}
             limits[name]["scenario"] = max(over, key=over.get)
     (first, *others) = scenarios.values()
-    flown = [flight.told for flight in finished.flights]
+    blade = finished.result.point.blade
+    bent = [
+        loads.tip_deflection(physics.of(each.scenario), blade, [each.told])
+        for each in finished.flights
+    ]
     return {
         "operation": None if others else first["operation"],
         "limits": limits,
         "loads": found,
-        "tip_deflection_m": loads.tip_deflection(physics, finished.result.point.blade, flown),
+        "tip_deflection_m": None if None in bent else max(bent),
     }
 
 
@@ -265,11 +277,14 @@ def _scenario(finished, flights):
         for name, key in SIMULATED.items()
     }
     power = sum(flight.objective(objective) for flight in flights) / duration if turning else None
-    times = [flight.simulation.time for flight in flights]
     speeds = [flight.simulation.inflow_speed for flight in flights]
-    passed = sum(trapezoid(v, t) for v, t in zip(speeds, times, strict=True))
-    mean = passed / sum(time[-1] - time[0] for time in times)
-    limits = _over_time(finished, flights)
+    passed = sum(x.integral(v) for v, x in zip(speeds, flights, strict=True))
+    mean = passed / sum(x.integral(np.ones(v.size)) for v, x in zip(speeds, flights, strict=True))
+    over_time = _over_time(finished, flights)
+    limits = {name: _limit(pairs) for name, pairs in over_time.items()}
+    year = None
+    if isinstance(scenario, SteadyScenario) and isinstance(scenario.resource, Resource):
+        year = a_year.entry(flights[0], limits).model_dump()
     return {
         "share": finished.physics.shares[scenario.group],
         "weight": scenario.weight,
@@ -279,12 +294,25 @@ def _scenario(finished, flights):
         ),
         **sums,
         "mean_power_W": power,
+        "ceiling_W": finished.physics.ceilings.get(scenario.group),
         "inflow_speed": _span(np.concatenate(speeds)) | {"mean": mean},
         "tip_speed_ratio": _span(_nodes(flights, "tip_speed_ratio")),
         "operation": _operation(finished, flights, power),
-        "limits": {name: _limit(pairs) for name, pairs in limits.items()},
+        "limits": limits,
         "loads": _loads(finished, flights),
+        "steady": scenario.steady,
+        "year": year,
     }
+
+
+def _deciding(physics, scenarios):
+    """Return whether each scenario decides the measure of the objective, by name."""
+    powers = [scenarios[name]["mean_power_W"] for name in physics.shares]
+    if None in powers:
+        return {}
+    shares = np.array(list(physics.shares.values()))
+    decides = physics.aggregate.binding(physics.rate_factors * np.array(powers), shares)
+    return dict(zip(physics.shares, decides.tolist(), strict=True))
 
 
 def _turning(flights):
@@ -304,7 +332,8 @@ def _operation(finished, flights, power):
     """Return the intervals of operation; None where a machine never stands still."""
     spans = np.array([flight.scenario.edges[[0, -1]] for flight in flights])
     still = flights[0].scenario.mesh.duration - float(np.sum(np.diff(spans)))
-    if finished.physics.case.control.cut_out is None or still <= 0.0:
+    steady = flights[0].scenario.steady
+    if finished.physics.case.control.cut_out is None or still <= 0.0 or steady:
         return None
     speeds = np.array([flight.trajectory["rotor_speed"][0] for flight in flights])
     return {
@@ -359,7 +388,11 @@ def _notes(finished):
 def _unresolved(physics, blade, flights):
     """Yield by how much more the loads are on a blade of many stations, if that counts."""
     known = [flight.told for flight in flights]
-    finer = loads.resolved(physics, blade, known)
+    finer = [
+        each
+        for flight, own in zip(flights, known, strict=True)
+        for each in loads.resolved(physics.of(flight.scenario), blade, [own])
+    ]
     changes = {
         name: max(np.max(each[name]) for each in finer) / max(np.max(each[name]) for each in known)
         for name in (physics.load_names if finer else ())
@@ -409,19 +442,29 @@ def _limit(pairs):
     for limit, flight in pairs:
         flown, time = limit.told(flight.flown), flight.flown["time"]
         value = float(max(np.max(flown), np.max(limit.told(flight.at_nodes))))
-        found.append(_entry(limit, value) | {"time_s": time[np.argmax(flown)]})
+        found.append(_entry(limit, value) | _place(flight.scenario, time[np.argmax(flown)]))
         binding = np.where(flown >= _least(limit), 1.0, 0.0)
         weight = flight.scenario.weight if counts else 1.0
-        binds += weight * trapezoid(binding, time)
-        spans += weight * (time[-1] - time[0])
+        binds += weight * flight.integral(binding)
+        spans += weight * flight.integral(np.ones(time.size))
     return max(found, key=_over) | {"share_of_time": binds / spans}
 
 
 def _loads(finished, flights):
     """Return the largest loads along some integrations, when and where along the blade."""
     flown = [flight.told for flight in flights]
-    found = loads.placed(finished.physics, finished.result.point.blade, flown)
-    return {name: entry.model_dump(exclude_unset=True) for name, entry in found.items()}
+    own = finished.physics.of(flights[0].scenario)
+    found = loads.placed(own, finished.result.point.blade, flown)
+    entries = {name: entry.model_dump(exclude_unset=True) for name, entry in found.items()}
+    scenario = flights[0].scenario
+    return {name: each | _place(scenario, each.pop("time_s")) for name, each in entries.items()}
+
+
+def _place(scenario, time):
+    """Return when the largest value of something occurs, or in which flow."""
+    if scenario.steady:
+        return {"flow_m_s": float(scenario.inflow.speed_at(np.array(time)))}
+    return {"time_s": time}
 
 
 def _set_angle(physics, blade):
@@ -465,8 +508,11 @@ def write_tables(out: Path, finished: Finished) -> None:
                 if quantity in values[0]
             }
             write_csv(out / f"{name}{suffix}.csv", table, zip(*table.values(), strict=True))
-        span = loads.over_span(physics, blade, flown)
+        span = loads.over_span(physics.of(flights[0].scenario), blade, flown)
         _write_loads(out / f"loads{suffix}.csv", blade, span)
+        if isinstance(flights[0], SteadyFlight):
+            bins = a_year.table(flights[0])
+            write_csv(out / f"year{suffix}.csv", bins, zip(*bins.values(), strict=True))
     _write_blade(out / "blade.csv", physics, blade)
     met = [x.told["tip_speed_ratio"] for several in finished.scenarios.values() for x in several]
     best = physics.rotor.best_operation(blade).tip_speed_ratio

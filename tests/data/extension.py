@@ -83,10 +83,10 @@ class BladeMass(Objective):
         return mass
 
 
-class Worst(Aggregate):
+class Smallest(Aggregate):
     """The smallest of the scenarios' mean rates, as the largest number at or below each of them."""
 
-    measure: ClassVar[str] = "worst"
+    measure: ClassVar[str] = "smallest"
     n_unknowns: ClassVar[int] = 1
 
     def value(self, rates, shares, unknowns):

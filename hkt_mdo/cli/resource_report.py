@@ -1,0 +1,166 @@
+"""What `hkt resource` writes: hours of each speed, constituents of the tide, and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from matplotlib.axes import Axes
+from pydantic import ValidationError
+
+from hkt_mdo.case.messages import translate
+from hkt_mdo.cli.parts import refuse_existing
+from hkt_mdo.dynamics.harmonics import Tide, constituents
+from hkt_mdo.dynamics.long_record import FlowSamples, RecordResource
+from hkt_mdo.dynamics.resource import YEAR
+from hkt_mdo.errors import InputError
+from hkt_mdo.files.yaml_text import Dumper, parse
+from hkt_mdo.results import style
+from hkt_mdo.results.folder import make_folder, write_csv, write_text
+
+HOURS = YEAR / 3600.0
+DAYS_SHOWN = 15.0  # of the record, beside its prediction
+MOST_SHOWN = 20_000  # samples in a figure
+
+
+def report_resource(
+    file: Path, out: Path, keys: Sequence[str], asked: str, force: bool
+) -> Iterator[str]:
+    """Read a record, write what a case takes of it, and yield what is told, line by line.
+
+    Parameters
+    ----------
+    file : Path
+        The record.
+    out : Path
+        Folder to write to.
+    keys : sequence of str
+        Keys of `RecordResource`, as ``key=value``.
+    asked : str
+        Names of constituents with commas between them, ``auto``, or empty for none.
+    force : bool
+        Whether to replace what is there.
+
+    Yields
+    ------
+    str
+
+    Raises
+    ------
+    InputError
+        If a key or the record is not as it should be, or a file is there already.
+    """
+    record = _record(file, keys)
+    samples = record.samples
+    speed, share = record.occurrence()
+    tide = None
+    if asked:
+        names = [] if asked.strip() == "auto" else [name.strip() for name in asked.split(",")]
+        tide = constituents(samples, names)
+    written = [out / name for name in ("resource.csv", "case.yaml", *["tide.yaml"] * bool(tide))]
+    refuse_existing(written, force)
+    make_folder(out)
+    order = np.argsort(speed)
+    rows = np.stack((speed, HOURS * share), axis=1)[order]
+    write_csv(written[0], ["speed_m_s", "hours"], rows)
+    write_text(written[1], _yaml({"profile": "histogram", "file": "resource.csv"}))
+    yield from samples.messages
+    yield from _statistics(speed, share)
+    if tide is not None:
+        write_text(written[2], _yaml(tide.section))
+        yield from _of_tide(tide)
+    figures = {"resource": [partial(draw_hours, speed, share), partial(draw_duration, samples)]}
+    if tide is not None:
+        figures["tide"] = [partial(draw_tide, samples, tide)]
+    drawn = {
+        name: style.figure_of(7.0, 3.2 * len(x) + 0.8, x, share=False)
+        for name, x in figures.items()
+    }
+    names = (path.name for path in (*written, *style.save(drawn, out)))
+    yield f"Written: {out}: {', '.join(names)}"
+
+
+def _record(file: Path, keys: Sequence[str]) -> RecordResource:
+    """Return the record of a file, with keys as a case would have them."""
+    data: dict[str, Any] = {"file": str(file)}
+    given = {}
+    for text in keys:
+        key, equals, value = text.partition("=")
+        if not equals or not value.strip():
+            raise InputError("is no key", "write key=value", key="--set", value=text)
+        data[key.strip()] = parse(value, "--set", key.strip())
+        given[key.strip()] = text
+    try:
+        return RecordResource.model_validate(data, context={"folder": "."})
+    except ValidationError as error:
+        raise translate(
+            error.errors(include_url=False), RecordResource, "hkt resource", given
+        ) from None
+
+
+def _yaml(section: dict[str, Any]) -> str:
+    """Return the lines of a case."""
+    return str(yaml.dump({"resource": section}, Dumper=Dumper, sort_keys=False, width=100))
+
+
+def _statistics(speed, share) -> Iterator[str]:
+    """Yield what characterizes the flow."""
+    size = np.abs(speed)
+    mean, cube = float(share @ size), float(share @ size**3)
+    yield (
+        f"mean speed {mean:.4g} m/s, mean cubed speed {cube:.4g} m³/s³ (cube root "
+        f"{np.cbrt(cube):.4g} m/s), at most {np.max(size):.4g} m/s in a bin"
+    )
+    back = float(np.sum(share[speed < 0.0]))
+    if back:
+        cubes = float(share[speed < 0.0] @ size[speed < 0.0] ** 3) / cube
+        yield (
+            f"the flow runs the other way in {100.0 * back:.3g} % of the time, with "
+            f"{100.0 * cubes:.3g} % of the mean cubed speed"
+        )
+
+
+def _of_tide(tide: Tide) -> Iterator[str]:
+    """Yield the constituents and what they explain."""
+    share = 100.0 * tide.explained
+    yield f"the tide explains {share:.4g} % of the variance, mean {tide.mean:.4g} m/s"
+    for place in np.argsort(-tide.amplitude):
+        hours = 1.0 / tide.frequency[place] / 3600.0
+        amplitude, phase = tide.amplitude[place], np.rad2deg(tide.phase[place])
+        yield f"{tide.names[place]}: {amplitude:.4f} m/s, {phase:.1f} deg, period {hours:.4f} h"
+
+
+def draw_hours(speed: np.ndarray, share: np.ndarray, ax: Axes) -> Axes:
+    """Draw the hours of each speed in a year, whichever way the flow runs."""
+    for index, (word, own) in enumerate(
+        (("forward", speed >= 0.0), ("the other way", speed < 0.0))
+    ):
+        if np.any(own):
+            step = float(np.min(np.diff(np.sort(speed[own])), initial=0.1))
+            look = style.bar(index) | {"alpha": 0.8}
+            ax.bar(np.abs(speed[own]), HOURS * share[own], 0.9 * step, label=word, **look)
+    return style.finish(ax, "speed of the flow (m/s)", "hours a year (h)")
+
+
+def draw_duration(samples: FlowSamples, ax: Axes) -> Axes:
+    """Draw the speed over the share of the time in which it is exceeded."""
+    size = np.sort(np.abs(samples.speed))[::-1]
+    rank = 100.0 * np.arange(1, size.size + 1) / (size.size + 1)
+    every = max(1, size.size // MOST_SHOWN)
+    ax.plot(rank[::every], size[::every], **style.line(0))
+    return style.finish(ax, "exceeded in a share of the time (%)", "speed of the flow (m/s)")
+
+
+def draw_tide(samples: FlowSamples, tide: Tide, ax: Axes) -> Axes:
+    """Draw the last days of a record and what the tide predicts of them."""
+    last = samples.time >= samples.time[-1] - DAYS_SHOWN * 86400.0
+    time = samples.time[last]
+    look = style.marker(0, 2.0) | {"linestyle": "none", "color": "0.4"}
+    ax.plot(time / 86400.0, samples.speed[last], label="record", **look)
+    fine = np.linspace(time[0], time[-1], 3000)
+    ax.plot(fine / 86400.0, tide.speed_at(fine), label="tide", **style.line(0))
+    return style.finish(ax, "time since the first sample (days)", "speed (m/s)")

@@ -1,0 +1,97 @@
+"""The equilibria of a rotor under a feedback law in steady flows, by direct BEM.
+
+Nothing here is shared with the optimization but the physics: no torque curve, no start.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, FeedbackTorque, Plant
+from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.scales import torque_scale
+
+GRID = 241  # tip speed ratios among which the equilibria are looked for
+HIGHEST = 12.0, 96.0  # of them, at first and at last
+ROUNDS, EXACT = 80, 1e-14  # of the root finding, and its relative tolerance
+
+
+def equilibria(
+    plant: Plant, controller: FeedbackTorque, flow: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the fastest equilibrium of a rotor in each flow: where Q = u and Q - u falls.
+
+    That is where a rotor comes to that runs fast and is loaded then. A law with states has them at
+    rest.
+
+    Parameters
+    ----------
+    plant : Plant
+        The rotor in water.
+    controller : FeedbackTorque
+        A law with its gains.
+    flow : np.ndarray
+        Speeds of the flow, m/s, (n,).
+
+    Returns
+    -------
+    speed : np.ndarray
+        Speeds of the rotor, rad/s, (n,).
+    running : np.ndarray
+        Whether there is one, (n,); else the speed is that of a rotor that stands.
+    """
+    law, gains, unit = controller.law, controller.gains, flow / plant.blade.rotor_radius
+    if law.states:
+        speed = np.asarray(law.speed_at_rest(flow, gains), dtype=float)
+        return speed, plant.torque(speed, flow) > 0.0
+
+    def net(ratio, place=slice(None)):
+        speed = ratio * unit[place]
+        return plant.torque(speed, flow[place]) - law.torque(speed, gains)
+
+    highest, last = HIGHEST
+    while True:
+        ratios = np.linspace(SLOWEST_RATIO, highest, GRID)
+        driving = _driving(plant, flow, ratios) >= law.torque(np.outer(unit, ratios), gains)
+        if not np.any(driving[:, -1]) or highest >= last:
+            break
+        highest *= 2.0
+    place = GRID - 1 - np.argmax(driving[:, ::-1], axis=1)
+    running = driving.any(axis=1) & (place < GRID - 1)
+    place = np.minimum(place, GRID - 2)
+    found = np.full(flow.size, SLOWEST_RATIO)
+    some = np.flatnonzero(running)
+    if some.size:
+        ends = ratios[place[some]], ratios[place[some] + 1]
+        found[some] = _root(lambda ratio: net(ratio, some), *ends)
+    return found * unit, running
+
+
+def _driving(plant, flow, ratios):
+    """Return the torque of the flow at tip speed ratios, N m, (n, n_ratios)."""
+    radius = plant.blade.rotor_radius
+    if isinstance(plant.polar, LocalReynolds):
+        both = np.outer(flow / radius, ratios).ravel(), np.repeat(flow, ratios.size)
+        return plant.torque(*both).reshape(flow.size, -1)
+    one = np.full(ratios.size, 1.0)
+    coefficient = plant.torque(ratios / radius, one) / torque_scale(plant.density, radius, 1.0)
+    return np.outer(torque_scale(plant.density, radius, flow), coefficient)
+
+
+def _root(function, low, high):
+    """Return where functions[n] fall through zero between low[n] and high[n] (Illinois)."""
+    at_low, at_high = function(low), function(high)
+    for _ in range(ROUNDS):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x = high - at_high * (high - low) / (at_high - at_low)
+        x = np.where((x > low) & (x < high), x, 0.5 * (low + high))
+        value = function(x)
+        above = value >= 0.0
+        # the end that stays counts half, so that both ends move
+        at_high = np.where(above, 0.5 * at_high, value)
+        at_low = np.where(above, value, 0.5 * at_low)
+        low, high = np.where(above, x, low), np.where(above, high, x)
+        size = np.abs(value) <= EXACT * np.maximum(np.abs(at_low), np.abs(at_high))
+        if np.all((high - low <= EXACT * high) | (value == 0.0) | size):
+            break
+    return x

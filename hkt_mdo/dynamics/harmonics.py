@@ -1,0 +1,160 @@
+"""Constituents of a tidal current from a record, by harmonic analysis with `utide`.
+
+Codiga, D. L.: Unified tidal analysis and prediction using the UTide Matlab functions, 2011.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hkt_mdo.dynamics.flows import TIDAL_HOURS
+from hkt_mdo.dynamics.long_record import FlowSamples
+from hkt_mdo.errors import InputError, install
+
+USUAL = "M2", "S2", "N2", "K2", "K1", "O1", "P1", "Q1", "M4", "MS4", "M6"
+HOUR, DAY = 3600.0, 86400.0
+TINY = 1e-4  # amplitude over the largest, below which a constituent is left out of a case
+
+
+@dataclass(frozen=True, eq=False)
+class Tide:
+    """A current as a mean and constituents, v = mean + sum_k a_k cos(2 pi f_k t - phase_k).
+
+    Attributes
+    ----------
+    names : tuple of str
+    frequency : np.ndarray
+        Hz, (n,).
+    amplitude, phase : np.ndarray
+        m/s and rad at the first sample, (n,).
+    mean : float
+        m/s.
+    explained : float
+        Share of the variance of the record that it explains.
+    """
+
+    names: tuple[str, ...]
+    frequency: np.ndarray
+    amplitude: np.ndarray
+    phase: np.ndarray
+    mean: float
+    explained: float
+
+    def speed_at(self, time: np.ndarray) -> np.ndarray:
+        """Return the predicted speed, m/s, at times since the first sample, s."""
+        found = np.full(time.shape, self.mean)
+        for f, a, phase in zip(self.frequency, self.amplitude, self.phase, strict=True):
+            found += a * np.cos(2.0 * np.pi * f * time - phase)
+        return found
+
+    @property
+    def section(self) -> dict[str, Any]:
+        """What a case takes as `resource`, the largest constituents first."""
+        least, parts = TINY * np.max(self.amplitude), []
+        for place in np.argsort(-self.amplitude):
+            if self.amplitude[place] < least:
+                break
+            name = self.names[place]
+            about = {"name": name} if name in TIDAL_HOURS else {}
+            about = about or {"period": float(1.0 / self.frequency[place])}
+            amplitude, phase = (float(x[place]) for x in (self.amplitude, self.phase))
+            parts.append(about | {"amplitude": amplitude, "phase": phase % (2.0 * np.pi)})
+        return {"profile": "tidal_year", "mean": float(self.mean), "constituents": parts[:100]}
+
+
+def constituents(samples: FlowSamples, names: Sequence[str] = ()) -> Tide:
+    """Return the tidal constituents of a record, by least squares.
+
+    Parameters
+    ----------
+    samples : FlowSamples
+        Speed with its sign.
+    names : sequence of str
+        Constituents that are asked for; by default those of `USUAL` that the record separates.
+
+    Returns
+    -------
+    Tide
+
+    Raises
+    ------
+    InputError
+        If `utide` is missing, a constituent is unknown, or the record is too short to separate
+        those that are asked for: by Rayleigh's criterion frequencies differ by at least one over
+        its length.
+    """
+    try:
+        import utide
+    except ImportError:
+        problem = "needs utide, which is not installed"
+        raise InputError(f"harmonic analysis {problem}", install("resource")) from None
+    known = utide.constit_index_dict
+    for name in names:
+        if name not in known:
+            problem = f"is no constituent: known are {', '.join(USUAL)} and others of utide"
+            raise InputError(problem, "give names such as M2,S2,K1", key="constituents", value=name)
+    frequency = {name: _frequency(utide, name) for name in names or USUAL}
+    length = float(samples.time[-1])
+    chosen = _separated(frequency, length, asked=bool(names))
+    names = [name for name in frequency if name in chosen]
+    found = utide.solve(
+        samples.time / DAY,
+        samples.speed,
+        lat=45.0,  # of no effect without nodal corrections
+        nodal=False,
+        trend=False,
+        phase="raw",
+        method="ols",
+        conf_int="none",
+        constit=names,
+        verbose=False,
+        epoch="2000-01-01",
+    )
+    order = [list(found.name).index(name) for name in names]
+    rate = np.array([frequency[name] for name in names])
+    middle = (float(found.aux.reftime) - _first_day(samples)) * DAY
+    phase = np.deg2rad(found.g[order]) + 2.0 * np.pi * rate * middle
+    tide = Tide(tuple(names), rate, found.A[order], phase % (2.0 * np.pi), float(found.mean), 0.0)
+    left = samples.speed - tide.speed_at(samples.time)
+    explained = 1.0 - float(np.var(left)) / max(float(np.var(samples.speed)), 1e-300)
+    return Tide(tide.names, rate, tide.amplitude, tide.phase, tide.mean, explained)
+
+
+def _frequency(utide, name) -> float:
+    """Return the frequency of a constituent, Hz; that of a case's table, where it has it."""
+    if name in TIDAL_HOURS:
+        return 1.0 / (HOUR * TIDAL_HOURS[name])
+    return float(utide.ut_constants["const"]["freq"][utide.constit_index_dict[name]]) / HOUR
+
+
+def _first_day(samples) -> float:
+    """Return the day of the first sample as utide counts from its epoch of the year 2000."""
+    from datetime import date
+
+    return float(date(2000, 1, 1).toordinal()) + float(samples.time[0]) / DAY
+
+
+def _separated(frequency: dict[str, float], length: float, asked: bool) -> list[str]:
+    """Return the constituents that a record of a length, s, separates, the usual order first.
+
+    Raises InputError where one that is asked for is not among them.
+    """
+    kept: dict[str, float] = {"the mean": 0.0}
+    for name, value in frequency.items():
+        near = min(kept, key=lambda other: abs(kept[other] - value))
+        apart = abs(kept[near] - value)
+        if apart * length >= 1.0:
+            kept[name] = value
+        elif asked:
+            needed = 1.0 / max(apart, 1e-300) / DAY
+            problem = f"cannot be told from {near} in a record of {length / DAY:.4g} days"
+            remedy = f"give a record of {needed:.4g} days at least, or fewer constituents"
+            raise InputError(problem, remedy, key="constituents", value=name)
+    if len(kept) == 1:
+        problem = f"is too short for any constituent, with {length / DAY:.3g} days"
+        raise InputError(problem, "give a longer record, or none of the tide", key="constituents")
+    return [name for name in kept if name != "the mean"]

@@ -1,0 +1,386 @@
+"""Resources: how long a flow has each speed in a year, without its course over time.
+
+A resource is a kind of flow that a case names under `resource`. The rotor is then in equilibrium at
+each speed, and the energy of a year is a sum over the speeds, each with its hours. Bins, mean speed
+of a bin and hours of a year as IEC TS 62600-200 and -201 have them (docs/year.md).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from hkt_mdo.dynamics.flows import SLOWEST, Inflow, TidalConstituent, TidalInflow
+from hkt_mdo.errors import InputError
+from hkt_mdo.sections import Quantity, existing_file, refusal
+
+YEAR = 8766.0 * 3600.0
+"""A year, s: 8766 hours."""
+POINTS = 5  # of a normal distribution of turbulence: exact for polynomials of the ninth degree
+FINE = 64  # points of Gauss's rule in a bin of a distribution
+TAIL = 1e-5  # share of the time above the fastest bin of a distribution, five minutes a year
+TIDE_STEP = 600.0  # s, at which a tide is sampled
+SAME = 1e-9  # m/s, by which speeds of one bin differ at most
+MOST_SPEEDS = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class Speeds:
+    """Speeds of a flow, and how long it has each of them.
+
+    Attributes
+    ----------
+    speed : np.ndarray
+        Speeds, m/s, rising, (n,).
+    share : np.ndarray
+        Share of the time of each, (n,); what is missing to 1 is `idle`.
+    place : np.ndarray
+        Number of the bin of each, (n,); a bin has several under turbulence.
+    mean : np.ndarray
+        Mean speed of each bin, m/s, (n_bins,).
+    idle : float
+        Share of the time in which the turbine stands still: the flow is too slow, too fast, or runs
+        the other way.
+    """
+
+    speed: np.ndarray
+    share: np.ndarray
+    place: np.ndarray
+    mean: np.ndarray
+    idle: float = 0.0
+
+    def between(self, slowest: float, fastest: float) -> Speeds:
+        """Return the speeds from the slowest to the fastest, m/s; the others are `idle`."""
+        kept = (self.speed >= slowest) & (self.speed <= fastest)
+        return Speeds(
+            self.speed[kept],
+            self.share[kept],
+            self.place[kept],
+            self.mean,
+            self.idle + float(np.sum(self.share[~kept])),
+        )
+
+    def turbulent(self, intensity: float) -> Speeds:
+        """Return each speed as a normal distribution about it, of a standard deviation over it.
+
+        By Gauss and Hermite's rule; what of it would run backwards is `idle`.
+        """
+        if not intensity:
+            return self
+        places, weights = np.polynomial.hermite_e.hermegauss(POINTS)
+        speed = np.outer(self.speed, 1.0 + intensity * places).ravel()
+        share = np.outer(self.share, weights / weights.sum()).ravel()
+        order = np.argsort(speed, kind="stable")
+        place = np.repeat(self.place, POINTS)
+        found = Speeds(speed[order], share[order], place[order], self.mean, self.idle)
+        return found.between(SLOWEST, np.inf)
+
+
+def in_bins(speed: np.ndarray, share: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the power-weighted speeds of bins, m/s, and the share of the time of each.
+
+    The speed of a bin is the cube root of the mean cubed speed in it, so that the power of the flow
+    is kept. Bins begin at multiples of the width.
+
+    Parameters
+    ----------
+    speed, share : np.ndarray
+        Speeds of at least 0, m/s, and their shares of the time, (n,).
+    width : float
+        Of a bin, m/s.
+
+    Returns
+    -------
+    speed, share : np.ndarray
+        Of the bins that have a share, rising.
+    """
+    place = np.floor(speed / width + SAME).astype(int)
+    shares = np.bincount(place, share)
+    cubes = np.bincount(place, share * speed**3)
+    used = shares > 0.0
+    return np.cbrt(cubes[used] / shares[used]), shares[used]
+
+
+class DurationCurve(Inflow):
+    """The speeds of a resource in rising order over time, each as long as the flow has it.
+
+    Not a kind that a case names: it is made of a resource.
+    """
+
+    profile: Literal["duration_curve"] = "duration_curve"
+    """The kind of flow."""
+    speeds: tuple[float, ...]
+    """Speeds, m/s, rising."""
+    ends: tuple[float, ...]
+    """Times, s, between which the flow has each speed, rising; one more than speeds."""
+    features: ClassVar[tuple] = ()
+    told: tuple[str, ...] = ()
+    """Messages about it."""
+
+    @property
+    def messages(self):
+        return self.told
+
+    @property
+    def tells_features(self):
+        return True
+
+    def speed_at(self, time):
+        inner = np.array(self.ends[1:-1])
+        return np.array(self.speeds)[np.searchsorted(inner, np.real(time), "right")] + 0.0 * time
+
+    def rate_at(self, time):
+        return np.zeros(np.shape(time))
+
+    def cubes(self, edges):
+        middle = 0.5 * (edges[1:] + edges[:-1])
+        return np.diff(edges) * self.speed_at(middle) ** 3
+
+    def off_lines(self, times):
+        return np.zeros(times.size - 1)
+
+    def check(self, duration):
+        pass
+
+
+class Resource(Inflow):
+    """How long a flow has each speed in a year, and what else decides the energy of a year.
+
+    A subclass tells the speeds by `occurrence`. Negative speeds are those of a flow that runs the
+    other way.
+    """
+
+    steady: ClassVar[bool] = True
+    features: ClassVar[tuple] = ()
+    length: ClassVar[float | None] = YEAR
+    own_bins: ClassVar[bool] = False
+    """Whether `occurrence` has the speeds of bins, which are taken as they are."""
+
+    bin_width: Annotated[float, Quantity("m/s", ge=0.005, le=1)] = 0.1
+    """Width of the bins of the flow speed; 0.1 m/s is that of IEC TS 62600-200."""
+    turbulence_intensity: Annotated[float, Quantity(ge=0, le=0.3)] = 0.0
+    """Standard deviation of the flow's speed within a bin over its mean. The rotor follows it at
+    once: power is averaged over a normal distribution of speeds, of which limits hold up to 2.86
+    standard deviations above the mean."""
+    cut_in: Annotated[float, Quantity("m/s", ge=0)] = 0.5
+    """Speed of the flow below which the machine stands still; `control.cut_out` is that above
+    which it does."""
+    reversal: Literal["turns", "stands"] = "turns"
+    """What the turbine does where the flow runs the other way, its speed negative: it turns into
+    the flow, or it stands still. A rotor that works backwards would need polars of flow from the
+    trailing edge, which are not taken."""
+    availability: Annotated[float, Quantity(gt=0, le=1)] = 1.0
+    """Share of the time in which the machine is ready to work."""
+    array_losses: Annotated[float, Quantity(ge=0, lt=1)] = 0.0
+    """Share of the energy that is lost to wakes of other machines."""
+    electrical_losses: Annotated[float, Quantity(ge=0, lt=1)] = 0.0
+    """Share of the energy that is lost between generator and grid; the section `generator` has the
+    generator's own losses."""
+
+    def occurrence(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return speeds, m/s, and their shares of the time, which sum to 1, both (n,)."""
+        raise NotImplementedError
+
+    @property
+    def kept(self) -> float:
+        """What is left of the energy by availability and losses, as a factor."""
+        lost = (1.0 - self.array_losses) * (1.0 - self.electrical_losses)
+        return self.availability * lost
+
+    @cached_property
+    def speeds(self) -> Speeds:
+        """The speeds in bins, rising, without those at which the machine stands still."""
+        speed, share = self.occurrence()
+        idle = 0.0
+        if self.reversal == "stands":
+            idle = float(np.sum(share[speed < 0.0]))
+            speed, share = speed[speed >= 0.0], share[speed >= 0.0]
+        speed = np.abs(speed)
+        if self.own_bins:
+            speed, place = np.unique(np.round(speed / SAME) * SAME, return_inverse=True)
+            share = np.bincount(place, share)
+            used = share > 0.0
+            speed, share = speed[used], share[used]
+        else:
+            speed, share = in_bins(speed, share, self.bin_width)
+        found = Speeds(speed, share, np.arange(speed.size), speed, idle)
+        found = found.turbulent(self.turbulence_intensity).between(
+            max(self.cut_in, SLOWEST), np.inf
+        )
+        if not found.speed.size or not np.any(found.share):
+            problem = "leaves no time of operation: the flow is slower, or runs the other way"
+            raise InputError(
+                f"{problem}, all year", "give a smaller cut_in", key="resource.cut_in",
+                value=self.cut_in,
+            )  # fmt: skip
+        if found.speed.size > MOST_SPEEDS:
+            problem = f"makes {found.speed.size} speeds, and {MOST_SPEEDS} are taken"
+            raise InputError(problem, "give wider bins", key="resource.bin_width")
+        return found
+
+    @property
+    def messages(self):
+        found = self.speeds
+        told = f"resource {self.profile}: {found.mean.size} speeds of the flow"
+        told += f", mean cubed speed {self.mean_cube:.4g} m³/s³"
+        idle = f"; below resource.cut_in = {self.cut_in:g} m/s the machine stands still"
+        if self.reversal == "stands":
+            idle += ", and where the flow runs the other way"
+        return (f"{told}{idle}: {8766.0 * found.idle:.4g} h a year",)
+
+    @property
+    def mean_cube(self) -> float:
+        """Mean cubed speed of the flow, whichever way it runs, m³/s³."""
+        speed, share = self.occurrence()
+        return float(share @ np.abs(speed) ** 3)
+
+    def check(self, duration):
+        if self.speeds.speed[-1] > 1e3:
+            problem = f"reaches {self.speeds.speed[-1]:.3g} m/s"
+            raise InputError(problem, "give speeds of currents", key="resource")
+
+    def curve(self, duration: float) -> DurationCurve:
+        """Return the speeds as a flow over a duration, s."""
+        found = self.speeds
+        ends = duration * np.append(found.idle, found.idle + np.cumsum(found.share))
+        return DurationCurve(speeds=tuple(found.speed), ends=tuple(ends), told=self.messages)
+
+    def speed_at(self, time):
+        return self.curve(YEAR).speed_at(time)
+
+
+_Speed = Annotated[float, Quantity("m/s", ge=-20, le=20)]
+_Hours = Annotated[float, Quantity(ge=0)]
+
+
+class HistogramResource(Resource):
+    """A histogram: hours of a year, or shares of the time, of each speed of the flow."""
+
+    own_bins: ClassVar[bool] = True
+
+    profile: Literal["histogram"] = "histogram"
+    """The kind of resource."""
+    speeds_of_bins: Annotated[tuple[_Speed, ...] | None, Field(alias="speeds", max_length=2000)] = (
+        None
+    )
+    """Speed of each bin, negative for a flow that runs the other way."""
+    hours: Annotated[tuple[_Hours, ...] | None, Field(max_length=2000)] = None
+    """Hours of each bin, or any numbers in proportion to them: their sum is a year."""
+    file: str | None = None
+    """Path of a CSV file with the columns `speed_m_s` and `hours` in place of both, such as
+    `hkt resource` writes."""
+
+    @field_validator("file")
+    @classmethod
+    def _find_file(cls, value: str | None, info: ValidationInfo) -> str | None:
+        if value is None:
+            return None
+        return existing_file(value, info, "give the path of a CSV file")
+
+    @model_validator(mode="after")
+    def _check(self) -> HistogramResource:
+        if self.file is not None:
+            if self.speeds_of_bins is not None or self.hours is not None:
+                raise refusal("is given besides speeds and hours", "give one of them", key="file")
+            return self
+        speeds, hours = self.speeds_of_bins or (), self.hours or ()
+        if not speeds or len(speeds) != len(hours):
+            problem = f"has {len(hours)} values for {len(speeds)} speeds"
+            raise refusal(problem, "give speeds and hours, one for each, or file", key="hours")
+        if len(set(speeds)) != len(speeds):
+            raise refusal("has a speed twice", "give each bin once", key="speeds")
+        if not sum(hours) > 0.0:
+            problem = "sum to nothing: the year has no flow"
+            raise refusal(problem, "give the hours of each speed", key="hours", value=list(hours))
+        return self
+
+    @cached_property
+    def _table(self) -> tuple[np.ndarray, np.ndarray]:
+        if self.file is None:
+            return np.array(self.speeds_of_bins, dtype=float), np.array(self.hours, dtype=float)
+        from hkt_mdo.files.record_table import read_pairs
+
+        speed, hours = read_pairs(self.file, ("speed_m_s", "hours"))
+        for row in np.flatnonzero((hours < 0.0) | (np.abs(speed) > 20.0))[:1]:
+            remedy = "give hours of at least 0 and speeds of at most 20 m/s"
+            raise InputError(
+                f"has {hours[row]:g} hours of {speed[row]:g} m/s", remedy, file=self.file,
+                key="hours",
+            )  # fmt: skip
+        if not np.sum(hours) > 0.0:
+            problem, remedy = "sum to nothing: the year has no flow", "give the hours of each speed"
+            raise InputError(problem, remedy, file=self.file, key="hours")
+        return speed, hours
+
+    def occurrence(self):
+        speed, hours = self._table
+        return speed, hours / np.sum(hours)
+
+
+class DistributionResource(Resource):
+    """A distribution of the flow's speed that a formula gives."""
+
+    profile: Literal["distribution"] = "distribution"
+    """The kind of resource."""
+    family: Literal["weibull", "lognormal", "gamma"] = "weibull"
+    """Which distribution, with the parameters of SciPy's `weibull_min`, `lognorm` or `gamma`.
+    Rayleigh's is Weibull's of shape 2."""
+    scale: Annotated[float, Quantity("m/s", gt=0, le=20)]
+    """Scale: of Weibull's, the speed below which 63 % of the time lies."""
+    shape: Annotated[float, Quantity(gt=0.1, le=100)]
+    """Shape: of Weibull's its exponent, of the lognormal one the standard deviation of the speed's
+    logarithm."""
+
+    @cached_property
+    def _distribution(self):
+        from scipy import stats
+
+        family = {"weibull": "weibull_min", "lognormal": "lognorm", "gamma": "gamma"}[self.family]
+        return getattr(stats, family)(self.shape, scale=self.scale)
+
+    def occurrence(self):
+        """Return the speeds at Gauss's points of every bin."""
+        known = self._distribution
+        count = int(np.ceil(known.ppf(1.0 - TAIL) / self.bin_width))
+        if count > MOST_SPEEDS:
+            problem = f"needs {count} bins of resource.bin_width"
+            raise InputError(problem, "mend scale and shape", key="resource.shape")
+        edges = self.bin_width * np.arange(count + 1)
+        places, weights = np.polynomial.legendre.leggauss(FINE)
+        speed = edges[:-1, None] + 0.5 * self.bin_width * (places + 1.0)
+        share = known.pdf(speed) * weights
+        exact = np.diff(known.cdf(edges))
+        sums = np.maximum(share.sum(axis=1), 1e-300)
+        share *= (exact / sums)[:, None]  # steep densities keep the share of their bin
+        return speed.ravel(), share.ravel() / np.sum(share)
+
+
+class TidalResource(Resource):
+    """The tide of a year, from its constituents.
+
+    v = scale (mean + sum_k amplitude_k cos(2 pi t/period_k - phase_k)), sampled every ten minutes
+    over some years from t = 0.
+    """
+
+    profile: Literal["tidal_year"] = "tidal_year"
+    """The kind of resource."""
+    mean: Annotated[float, Quantity("m/s")] = 0.0
+    """Mean (residual) current, before scaling."""
+    constituents: Annotated[tuple[TidalConstituent, ...], Field(min_length=1, max_length=100)]
+    """The tide's constituents, as of the profile `tide`, such as `hkt resource` writes them."""
+    scale: Annotated[float, Quantity(gt=0)] = 1.0
+    """Factor on the whole flow."""
+    years: Annotated[float, Quantity(ge=0.05, le=20)] = 1.0
+    """Years that are sampled."""
+
+    def occurrence(self):
+        tide = TidalInflow(mean=self.mean, constituents=self.constituents, scale=self.scale)
+        count = int(self.years * YEAR / TIDE_STEP)
+        speed = np.concatenate(
+            [tide.speed_at(TIDE_STEP * part) for part in np.array_split(np.arange(count), 20)]
+        )
+        return speed, np.full(count, 1.0 / count)

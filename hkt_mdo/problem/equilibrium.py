@@ -1,0 +1,229 @@
+"""Steady scenarios: speeds of the flow without time, at each of which the rotor is in equilibrium.
+
+The rotor's equation of motion is that of the other scenarios at rest, Q = u: rotor speeds at the
+flow speeds are design variables, and the balance of torques under a feedback law is a constraint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+import openmdao.api as om
+from scipy.sparse import csr_array
+
+from hkt_mdo.case import Phase
+from hkt_mdo.dynamics.flows import ConstantInflow, Inflow
+from hkt_mdo.dynamics.resource import DurationCurve, Resource, Speeds, in_bins
+from hkt_mdo.dynamics.rotor_ode import RotorODE
+from hkt_mdo.errors import InputError
+from hkt_mdo.problem.scenario import Scenario
+from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
+
+SLOW = 600.0  # s, length of a segment in which a rotor does nothing but follow the flow
+WIDTH = 0.05  # m/s, of the bins of a flow over time that is taken without its time
+
+
+@dataclass(frozen=True, eq=False)
+class SteadyScenario(Scenario):
+    """Speeds of a flow, each for its share of the time: one segment and one node for each.
+
+    `edges` (s) are the ends of each speed's share in the order of rising speeds, in the time of its
+    `inflow`, a duration curve; what they leave of the mesh's duration is standstill. `place` is the
+    number of the bin of each speed, and `resource` what the speeds are from.
+    """
+
+    place: np.ndarray = None  # type: ignore[assignment]
+    resource: Inflow = None  # type: ignore[assignment]
+    steady: ClassVar[bool] = True
+
+    @classmethod
+    def of(cls, inflow: Inflow, mesh: Phase, weight: float, name: str, **others) -> SteadyScenario:
+        """Return the scenario of a resource, or of a flow over time without its time."""
+        if isinstance(inflow, Resource):
+            speeds, told = inflow.speeds, inflow.messages
+        else:
+            speeds = _without_time(Scenario(inflow, mesh).resolved())
+            told = (*inflow.messages, f"taken without time: {speeds.speed.size} speeds of the flow")
+        ends = mesh.duration * np.append(speeds.idle, speeds.idle + np.cumsum(speeds.share))
+        curve = DurationCurve(speeds=tuple(speeds.speed), ends=tuple(ends), told=told)
+        return cls(curve, mesh, weight, name, ends, place=speeds.place, resource=inflow, **others)
+
+    @property
+    def speeds(self) -> np.ndarray:
+        """Its speeds of the flow, m/s, rising, (n,)."""
+        return self.inflow.speed_at(self.samples)
+
+    def below(self, cut_out: float | None) -> SteadyScenario:
+        """Return it without the speeds above that at which the machine stands still, m/s."""
+        if cut_out is None or self.speeds[-1] <= cut_out:
+            return self
+        count = int(np.sum(self.speeds <= cut_out))
+        if not count:
+            problem = f"leaves no time of operation: the flow has at least {self.speeds[0]:.4g} m/s"
+            place = {"key": "control.cut_out", "value": cut_out}
+            raise InputError(problem, "give a larger one, or null for none", **place)
+        return replace(self, edges=self.edges[: count + 1], place=self.place[:count])
+
+    @property
+    def standstill(self) -> float:
+        """Time in which the machine stands still, s."""
+        return float(self.mesh.duration - self.duration)
+
+    def when(self, time, digits=".2f"):
+        return f"a flow of {float(self.inflow.speed_at(np.array(time))):.4g} m/s"
+
+    def rate_of(self, values):
+        return np.zeros(values.shape)
+
+    def divided(self, parts):
+        return self
+
+    def resolved(self):
+        return self
+
+    @property
+    def flow_errors(self):
+        return np.zeros(self.segments)
+
+    @property
+    def flow_missed(self):
+        return np.zeros(self.segments)
+
+    @property
+    def dense(self):
+        return self.samples
+
+    @property
+    def messages(self):
+        return self.inflow.messages
+
+    @property
+    def mean_flow(self):
+        return float(self.sample_weights @ self.speeds / np.sum(self.sample_weights))
+
+    @property
+    def samples(self):
+        return 0.5 * (self.edges[1:] + self.edges[:-1])
+
+    @property
+    def sample_weights(self):
+        return np.diff(self.edges)
+
+    @property
+    def nodes_per_segment(self):
+        return 1
+
+    node_times, node_weights = samples, sample_weights
+
+    @cached_property
+    def distinct_nodes(self):
+        return np.arange(self.segments)
+
+    @cached_property
+    def differentiation(self):
+        return csr_array((self.segments, self.segments))
+
+    @property
+    def path(self):
+        return f"steady_{self.name}.timeseries"
+
+
+def better_steady(scenarios: Iterable[Scenario]) -> str:
+    """Return that a flow changes so slowly that its time does not count; empty if none does."""
+    longest = max((float(np.max(np.diff(x.edges))) for x in scenarios if not x.steady), default=0.0)
+    if longest <= SLOW:
+        return ""
+    return (
+        f"the flow changes within hours, the rotor within a second, and segments of {longest:.3g} s "
+        "may follow a false solution: take it without its time, by "
+        "scenarios: [{inflow: ..., steady: true}], or as a resource of a year (docs/year.md)"
+    )
+
+
+def _without_time(whole: Scenario) -> Speeds:
+    """Return the speeds of a flow over time, in bins unless it is constant."""
+    if isinstance(whole.inflow, ConstantInflow):
+        speed, share = np.array([whole.inflow.speed]), np.ones(1)
+    else:
+        weights = whole.node_weights
+        speed = whole.inflow.speed_at(whole.node_times)
+        speed, share = in_bins(speed, weights / np.sum(weights), WIDTH)
+    return Speeds(speed, share, np.arange(speed.size), speed)
+
+
+class EquilibriumGroup(om.Group):
+    """A rotor in equilibrium at the speeds of a steady scenario.
+
+    Unknowns are the rotor's speed, (n_speeds,), and the states of the law; under feedback the
+    balance of torques and the states' rates are constraints. Inputs are those of `RotorODE` that do
+    not change over time; outputs ``timeseries.<quantity>``[n_speeds, 1].
+    """
+
+    def initialize(self):
+        declare = self.options.declare
+        declare("scenario", types=SteadyScenario, recordable=False)
+        declare("law", recordable=False)
+        declare("ode", types=dict, recordable=False, desc="options of `RotorODE` besides")
+        declare("parameters", desc="names of the inputs that the model feeds")
+        declare("scales", recordable=False, desc="reference magnitudes")
+        declare("speed_bounds", desc="rad/s, a pair")
+        declare("start", types=dict, recordable=False, desc="values at the speeds, by name")
+
+    def setup(self):
+        options, scenario, law = self.options, self.options["scenario"], self.options["law"]
+        start, inverse = options["start"], law.chooses_speed
+        unknowns = self.add_subsystem("unknowns", om.IndepVarComp(), promotes=["*"])
+        unknowns.add_output("time", scenario.node_times, units="s")
+        unknowns.add_output("rotor_speed", start["rotor_speed"], units="rad/s")
+        if inverse:
+            at_rest = np.zeros(scenario.segments)
+            unknowns.add_output("rotor_acceleration", at_rest, units="rad/s**2")
+        for name, (unit, _) in law.states.items():
+            unknowns.add_output(name, start[name], units=unit)
+        about = {"num_nodes": scenario.segments, "law": law, "inflow": scenario.inflow}
+        self.add_subsystem("ode", RotorODE(**about, **options["ode"]), promotes=["*"])
+        columns = Columns(num_nodes=scenario.segments, states=law.states)
+        self.add_subsystem("timeseries", columns)
+        for name in (*TRAJECTORY, *law.states):
+            self.connect(name, f"timeseries.{name}:in")
+        self._declare(start, law, inverse)
+
+    def _declare(self, start, law, inverse):
+        """Declare the unknowns and what holds under feedback."""
+        scales, (low, high) = self.options["scales"], self.options["speed_bounds"]
+        ref = np.maximum(start["rotor_speed"], 1e-3 * scales.rotor_speed)
+        self.add_design_var("rotor_speed", lower=low, upper=high, ref=ref, units="rad/s")
+        if not inverse:
+            # each flow has a torque of its own size
+            torque = np.maximum(np.abs(start["control_torque"]), 1e-3 * scales.torque)
+            ref = scales.acceleration * torque / scales.torque
+            self.add_constraint("rotor_acceleration", equals=0.0, ref=ref, units="rad/s**2")
+        for name, (unit, _) in law.states.items():
+            size, rate = scales.states[name]
+            self.add_design_var(name, ref=size, units=unit)
+            self.add_constraint(f"{name}_rate", equals=0.0, ref=rate)
+
+
+class Columns(om.ExplicitComponent):
+    """The quantities of a trajectory as columns, as the time series of other scenarios are."""
+
+    def initialize(self):
+        self.options.declare("num_nodes", types=int)
+        self.options.declare("states", default={}, types=dict, desc="unit and text of the law's")
+
+    def setup(self):
+        n, rows = self.options["num_nodes"], np.arange(self.options["num_nodes"])
+        units = {name: QUANTITIES[name].unit for name in TRAJECTORY}
+        self._names = units | {name: unit for name, (unit, _) in self.options["states"].items()}
+        for name, unit in self._names.items():
+            self.add_input(f"{name}:in", shape=(n,), units=unit)
+            self.add_output(name, shape=(n, 1), units=unit)
+            self.declare_partials(name, f"{name}:in", rows=rows, cols=rows, val=1.0)
+
+    def compute(self, inputs, outputs):
+        for name in self._names:
+            outputs[name] = inputs[f"{name}:in"][:, None]

@@ -1,0 +1,145 @@
+"""Long records and tidal constituents, held to MHKiT's own numbers and to known tides.
+
+tests/data/mhkit has files of MHKiT-Python (examples/data/river, commit 9fa9f9c, BSD 3-clause).
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import rv_histogram
+
+from hkt_mdo.case import load_case
+from hkt_mdo.cli import main
+from hkt_mdo.dynamics.flows import TidalInflow
+from hkt_mdo.dynamics.harmonics import constituents
+from hkt_mdo.dynamics.long_record import FlowSamples, RecordResource
+from hkt_mdo.dynamics.resource import TidalResource
+from hkt_mdo.errors import InputError
+
+DATA = Path(__file__).parents[1] / "data" / "mhkit"
+DETERMINATION = 0.9971199490337135  # printed by MHKiT's examples/river_example.ipynb
+TANANA = {
+    "file": str(DATA / "tanana_discharge_data.csv"),
+    "speed_column": "Tanana",
+    "speed_unit": "m3/s",
+    "rating": str(DATA / "tanana_DV_curve.csv"),
+    "rating_degree": 2,
+}
+ENERGY = 5.30  # kWh a year, as printed there
+DAY = 86400.0
+
+
+def test_the_tanana_has_the_rating_curve_and_the_energy_of_mhkit():
+    """As its river example computes them: turbine power a polynomial of the velocity."""
+    file = str(DATA / "usgs_discharge_TRTS_20090801_20190801_daily.csv")
+    record = RecordResource(**TANANA | {"file": file, "speed_column": None, "speed_unit": None})
+    assert record.rating_curve.determination == pytest.approx(DETERMINATION, rel=1e-12)
+    speed = record.samples.speed
+    assert speed.size == 3653
+    turbine = np.genfromtxt(DATA / "tanana_VP_curve.csv", delimiter=",", skip_header=1)
+    power = np.polynomial.Polynomial.fit(*turbine.T, 2)
+    low, high = turbine[[0, -1], 0]
+
+    def of(v):
+        return np.where((v >= low) & (v <= high), power(v), 0.0)
+
+    # MHKiT integrates a histogram of the power, whose first bin counts standstill as some power
+    histogram = rv_histogram(np.histogram(of(speed), 100))
+    at = np.linspace(0.0, np.max(of(speed)), 1000)
+    assert 8.76 * np.trapezoid(at * histogram.pdf(at), at) == pytest.approx(ENERGY, abs=5e-3)
+    mean, share = record.occurrence()
+    assert share @ of(mean) == pytest.approx(np.mean(of(speed)), rel=0.02)  # at 0.1 m/s
+    assert share @ mean**3 == pytest.approx(np.mean(speed**3), rel=1e-12)
+    assert "IEC TS 62600-301 asks for 15 points" in " ".join(record.messages)
+
+
+def test_the_usgs_file_has_its_days():
+    data = json.loads((DATA / "USGS_08313000_Jan2019_daily.json").read_text())
+    values = data["value"]["timeSeries"][0]["values"][0]["value"]
+    file = str(DATA / "USGS_08313000_Jan2019_daily.json")
+    record = RecordResource(file=file, area=30.0).samples
+    expected = [0.3048**3 * float(each["value"]) / 30.0 for each in values]
+    np.testing.assert_allclose(record.speed, expected, rtol=1e-12)
+    np.testing.assert_allclose(np.diff(record.time), DAY)
+
+
+def test_currents_of_noaa_are_signed_along_their_axis(tmp_path):
+    time = np.arange(0, 3 * DAY, 600.0)
+    along = 1.2 * np.cos(2.0 * np.pi * time / (12.42 * 3600.0)) + 0.2
+    degrees = np.where(along > 0.0, 30.0, 210.0)
+    keys = [str(int(1e3 * t) + 1_500_000_000_000) for t in time]
+    columns = {
+        "s": dict(zip(keys, 100.0 * np.abs(along), strict=True)),
+        "d": dict(zip(keys, degrees, strict=True)),
+        "metadata": {"id": "x"},
+    }
+    (tmp_path / "noaa.json").write_text(json.dumps(columns))
+    samples = RecordResource(file=str(tmp_path / "noaa.json"), direction_column="d").samples
+    np.testing.assert_allclose(samples.speed, along, atol=1e-12)
+    assert samples.axis == pytest.approx(30.0, abs=1e-9)
+
+
+def test_gaps_are_left_out_and_nonsense_is_refused(tmp_path):
+    path = tmp_path / "v.csv"
+    rows = [f"{3600 * i},{1.0 + 0.01 * i if i % 5 else ''}" for i in range(50)]
+    path.write_text("time_s,speed_m_s\n" + "\n".join(rows))
+    record = RecordResource(file=str(path))
+    assert record.samples.speed.size == 40
+    assert "10 missing" in record.messages[0]
+    for row, words in (("180000,99", "which no river has"), ("10,1", "does not rise")):
+        path.write_text("time_s,speed_m_s\n" + "\n".join([*rows, row]))
+        with pytest.raises(InputError, match=words):
+            RecordResource(file=str(path)).messages  # noqa: B018
+
+
+@pytest.fixture(scope="module")
+def known():
+    parts = [
+        {"name": "M2", "amplitude": 2.0, "phase": 0.5},
+        {"name": "S2", "amplitude": 0.6, "phase": 1.0},
+        {"name": "K1", "amplitude": 0.3, "phase": 2.0},
+    ]
+    tide = TidalInflow(mean=0.1, constituents=parts)
+    time = np.arange(0.0, 30.0 * DAY, 1200.0)
+    return FlowSamples(time, tide.speed_at(time)), tide
+
+
+def test_constituents_of_a_known_tide_come_back(known):
+    samples, tide = known
+    found = constituents(samples, ["M2", "S2", "K1"])
+    np.testing.assert_allclose(found.amplitude, [2.0, 0.6, 0.3], rtol=1e-6)
+    np.testing.assert_allclose(found.phase, [0.5, 1.0, 2.0], rtol=1e-6)
+    assert found.mean == pytest.approx(0.1, rel=1e-5)
+    assert found.explained == pytest.approx(1.0, abs=1e-12)
+    later = np.linspace(0.0, 100.0 * DAY, 500)
+    again = TidalResource(**found.section)
+    assert [part.name for part in again.constituents] == ["M2", "S2", "K1"]
+    np.testing.assert_allclose(found.speed_at(later), tide.speed_at(later), atol=1e-5)
+
+
+def test_a_record_too_short_is_refused_with_the_length_it_needs(known):
+    """K2 and S2 differ by one cycle in 182.6 days."""
+    samples, _ = known
+    with pytest.raises(InputError, match=r"182\.6 days"):
+        constituents(samples, ["M2", "S2", "K2"])
+    assert "K2" not in constituents(samples).names
+    with pytest.raises(InputError, match="no constituent"):
+        constituents(samples, ["M99"])
+
+
+def test_hkt_resource_writes_what_a_case_reads(tmp_path, capsys):
+    keys = [f"--set={key}={value}" for key, value in TANANA.items() if key != "file"]
+    assert main(["resource", TANANA["file"], "--out", str(tmp_path / "out"), *keys]) == 0
+    told = capsys.readouterr().out
+    assert "3649 samples over 9.99 years" in told
+    case = (tmp_path / "out" / "case.yaml").read_text() + "control: {law: quadratic}\n"
+    (tmp_path / "out" / "case.yaml").write_text(case)
+    found = load_case(tmp_path / "out" / "case.yaml").inflow
+    mean, share = RecordResource(**TANANA).occurrence()
+    again, hours = found.occurrence()
+    np.testing.assert_allclose(again, mean, rtol=1e-9)
+    np.testing.assert_allclose(hours, share, rtol=1e-8)
+    assert (tmp_path / "out" / "resource.png").stat().st_size > 10_000
+    assert main(["resource", TANANA["file"], "--out", str(tmp_path / "out"), *keys]) == 2

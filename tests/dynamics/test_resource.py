@@ -1,0 +1,150 @@
+"""Resources: hours of a year of each speed of the flow, held to formulas and to SciPy."""
+
+from math import gamma
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from hkt_mdo.case import load_case
+from hkt_mdo.dynamics.equilibrium import equilibria
+from hkt_mdo.dynamics.laws import LinearFeedback
+from hkt_mdo.dynamics.resource import (
+    YEAR,
+    DistributionResource,
+    HistogramResource,
+    TidalResource,
+    in_bins,
+)
+from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant
+from hkt_mdo.errors import InputError
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.rotor import bem
+
+CONTROL = {"law": "quadratic"}
+
+
+def year(**resource):
+    return load_case({"resource": resource, "control": CONTROL})
+
+
+def test_bins_keep_time_and_power_of_the_flow():
+    speed = np.random.default_rng(1).weibull(2.0, 1000)
+    share = np.full(1000, 1e-3)
+    mean, found = in_bins(speed, share, 0.1)
+    assert np.sum(found) == pytest.approx(1.0, rel=1e-12)
+    assert found @ mean**3 == pytest.approx(np.mean(speed**3), rel=1e-12)
+    assert np.all((mean / 0.1).astype(int) == np.unique((speed / 0.1).astype(int)))
+
+
+@pytest.mark.parametrize("width", [0.05, 0.2])
+def test_a_weibull_distribution_has_its_moments(width):
+    found = DistributionResource(scale=1.5, shape=2.0, bin_width=width, cut_in=0.0).speeds
+    exact = 1.5**3 * gamma(1.0 + 3.0 / 2.0)
+    assert np.sum(found.share) == pytest.approx(1.0, rel=1e-12)
+    assert found.share @ found.speed**3 == pytest.approx(exact, rel=4e-4)  # but for the tail
+    below = found.speed < 1.2  # the end of a bin
+    assert np.sum(found.share[below]) == pytest.approx(1.0 - np.exp(-(0.8**2)), rel=2e-5)
+
+
+def test_turbulence_adds_its_variance_to_the_mean_cube():
+    """Of a normal distribution, E v³ = m³ (1 + 3 I²)."""
+    about = {"speeds": [1.0, 2.0], "hours": [3.0, 1.0], "cut_in": 0.0}
+    calm = HistogramResource(**about).speeds
+    rough = HistogramResource(**about, turbulence_intensity=0.1).speeds
+    factor = rough.share @ rough.speed**3 / (calm.share @ calm.speed**3)
+    assert factor == pytest.approx(1.03, rel=1e-12)
+    assert np.all(np.diff(rough.speed) >= 0.0)
+    means = [rough.share[rough.place == i] @ rough.speed[rough.place == i] for i in (0, 1)]
+    assert means == pytest.approx([0.75 * 1.0, 0.25 * 2.0], rel=1e-12)
+
+
+def test_a_reversing_tide_turns_or_stands():
+    parts = [{"name": "M2", "amplitude": 2.0}]
+    turns, stands = (
+        TidalResource(constituents=parts, cut_in=0.0, reversal=each).speeds
+        for each in ("turns", "stands")
+    )
+    assert turns.share @ turns.speed**3 == pytest.approx(8.0 * 4.0 / (3.0 * np.pi), rel=1e-3)
+    assert stands.idle == pytest.approx(0.5, abs=2e-3)
+    half = stands.share @ stands.speed**3
+    assert half == pytest.approx(0.5 * (turns.share @ turns.speed**3), rel=5e-3)
+    slow = TidalResource(constituents=parts, cut_in=1.0).speeds
+    assert slow.idle == pytest.approx(2.0 / np.pi * np.arcsin(0.5), abs=0.03)  # to a bin
+
+
+def test_a_scenario_of_a_year_has_its_hours():
+    data = {"profile": "histogram", "speeds": [0.3, 1.0, -1.5], "hours": [2, 5, 3]}
+    scenario = physics(year(**data)).scenarios[0]
+    assert scenario.steady
+    assert scenario.mesh.duration == YEAR
+    np.testing.assert_allclose(scenario.speeds, [1.0, 1.5], rtol=1e-12)
+    np.testing.assert_allclose(scenario.node_weights, [0.5 * YEAR, 0.3 * YEAR], rtol=1e-12)
+    assert scenario.standstill == pytest.approx(0.2 * YEAR, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("resource", "words"),
+    [
+        ({"speeds": [1, 2], "hours": [-1, 3]}, "hours\\[0\\] = -1: must be at least 0"),
+        ({"speeds": [1, 2], "hours": [0, 0]}, "sum to nothing"),
+        ({"speeds": [1, float("nan")], "hours": [1, 1]}, "finite"),
+        ({"speeds": [1, 2], "hours": [1, float("inf")]}, "finite"),
+        ({"speeds": [1], "hours": [1, 1]}, "2 values for 1 speeds"),
+        ({"speeds": [1, 1], "hours": [1, 1]}, "twice"),
+        ({"profile": "sine"}, "is no resource"),
+        ({"profile": "distribution", "scale": -1, "shape": 2}, "greater than 0"),
+    ],
+)
+def test_a_bad_resource_is_refused_with_its_key(resource, words):
+    with pytest.raises(InputError, match=words) as refused:
+        year(**({"profile": "histogram"} | resource))
+    assert str(refused.value.key).startswith("resource")
+
+
+def test_a_year_without_flow_is_refused():
+    slow = year(profile="histogram", speeds=[0.1, 0.2], hours=[1, 1])
+    with pytest.raises(InputError, match="no time of operation"):
+        physics(slow)
+    fast = year(profile="histogram", speeds=[2, 3], hours=[1, 1])
+    with pytest.raises(InputError, match="no time of operation"):
+        physics(fast.with_overrides("control.cut_out=1.5"))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("speed_m_s,hours\n1,-2\n", "-2 hours"),
+        ("speed_m_s,hours\n1,0\n", "sum to nothing"),
+        ("speed_m_s,hours\n1,inf\n", "finite number"),
+        ("a,b,c\n1,2,3\n", "no column speed_m_s"),
+        ("speed_m_s,hours\n", "no rows"),
+    ],
+)
+def test_a_bad_file_is_refused(tmp_path, text, words):
+    (tmp_path / "year.csv").write_text(text)
+    with pytest.raises(InputError, match=words):
+        physics(year(profile="histogram", file=str(tmp_path / "year.csv")))
+
+
+def test_equilibria_are_those_of_brentq():
+    """The fastest root of Q = u, from direct BEM, each by itself."""
+    world = physics(year(profile="histogram", speeds=[1, 1.5, 2.5], hours=[1, 1, 1]))
+    plant = Plant(world.blade, world.polar, 1.0, 1000.0, bem.rotor_coefficients)
+    law = LinearFeedback(torque_limit=700.0)
+    flow = world.scenarios[0].speeds
+    speed, running = equilibria(plant, FeedbackTorque(law, np.array([70.0])), flow)
+    assert np.all(running)
+    for v, found in zip(flow, speed, strict=True):
+
+        def net(w, v=v):
+            return float(
+                plant.torque(np.array([w]), np.array([v]))[0] - law.torque(np.array([w]), [70.0])[0]
+            )
+
+        assert found == pytest.approx(brentq(net, found - 0.2, found + 0.2, xtol=1e-14), rel=1e-10)
+        beyond = np.linspace(1.001, 3.0, 30) * found
+        assert max(map(net, beyond)) < 0.0
+    law = LinearFeedback()
+    _, none = equilibria(plant, FeedbackTorque(law, np.array([7e4])), flow)
+    assert not np.any(none)

@@ -1,0 +1,284 @@
+"""One design for many flows: measures of risk, realizations and what differs between scenarios.
+
+The measures are held to their definitions: to linear programs by SciPy, to their limits, to equal
+flows that count as one, and to designs that another measure has found.
+"""
+
+import re
+
+import numpy as np
+import openmdao.api as om
+import pytest
+from openmdao.utils.assert_utils import assert_check_partials
+from scipy.optimize import linprog
+
+from hkt_mdo.case import load_case
+from hkt_mdo.dynamics.aggregates import ConditionalValueAtRisk, Expected, Worst
+from hkt_mdo.errors import InputError
+from hkt_mdo.problem.components import AggregateComp
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.results.words import texts
+from hkt_mdo.run.run import run_case
+
+RATES, SHARES = np.array([2.0, 5.0, 3.0, 1.0, 4.0]) * 1e3, np.array([0.3, 0.2, 0.1, 0.0, 0.4])
+MEASURES = {"worst": Worst(), "cvar": ConditionalValueAtRisk(share=0.5)}
+TURBULENCE = {"profile": "turbulence", "mean": 1.5, "seed": 7}
+
+
+def case(*scenarios, law="quadratic", duration=8.0, segments=6, **sections):
+    control = {"law": law, "torque_limit": 700.0}
+    phase = {"duration": duration, "segments": segments}
+    return {"control": control, "phase": phase, "scenarios": list(scenarios), **sections}
+
+
+def run(out, data):
+    return run_case(load_case(data), out, figures=False, records=False)
+
+
+# Measures -----------------------------------------------------------------------------------------
+
+
+def by_linear_program(aggregate, rates, shares):
+    """Return the largest value over the unknowns within the rows, both of which are linear."""
+    size = aggregate.best_unknowns(rates, shares).size
+    if not size:
+        return aggregate.value(rates, shares, np.empty(0))
+    origin, units = np.zeros(size), np.eye(size)
+    value = np.array([aggregate.value(rates, shares, unit) for unit in units])
+    rows = aggregate.rows(rates, shares, origin)
+    slopes = np.array([aggregate.rows(rates, shares, unit) - rows for unit in units]).T
+    found = linprog(-value, -slopes, rows, bounds=(None, None))
+    assert found.success
+    return -found.fun
+
+
+@pytest.mark.parametrize("share", [0.01, 0.3, 0.45, 0.8, 1.0])
+def test_the_conditional_value_at_risk_is_that_of_a_linear_program(share):
+    """And the mean over the worst share of time, which a sum over sorted rates has too."""
+    cvar = ConditionalValueAtRisk(share=share)
+    found = cvar.of(RATES, SHARES)
+    assert found == pytest.approx(by_linear_program(cvar, RATES, SHARES), rel=1e-12)
+    left, total = share, 0.0
+    for rate, part in sorted(zip(RATES, SHARES, strict=True)):
+        total, left = total + rate * min(part, left), left - min(part, left)
+    assert found == pytest.approx(total / share, rel=1e-12)
+    rows = cvar.rows(RATES, SHARES, cvar.best_unknowns(RATES, SHARES))
+    assert np.all(rows >= 0.0)
+
+
+def test_the_measures_meet_at_their_ends():
+    """CVaR of all is the mean; of less than the worst's share, the worst, which has a share."""
+    mean, worst = Expected().of(RATES, SHARES), MEASURES["worst"].of(RATES, SHARES)
+    assert ConditionalValueAtRisk(share=1.0).of(RATES, SHARES) == pytest.approx(mean, rel=1e-14)
+    assert ConditionalValueAtRisk(share=0.3).of(RATES, SHARES) == worst == 2e3
+    assert worst == pytest.approx(by_linear_program(MEASURES["worst"], RATES, SHARES), rel=1e-12)
+    for measure, deciding in (("worst", [0]), ("cvar", [0, 2, 4])):
+        assert list(np.flatnonzero(MEASURES[measure].binding(RATES, SHARES))) == deciding
+
+
+@pytest.mark.parametrize("measure", MEASURES)
+def test_partials_of_the_measures_are_exact_and_sparse(measure):
+    aggregate = MEASURES[measure]
+    unknowns = aggregate.best_unknowns(RATES, SHARES)
+    rows = aggregate.rows(RATES, SHARES, unknowns).size
+    about = {"n_unknowns": unknowns.size, "n_rows": rows}
+    component = AggregateComp(aggregate=aggregate, shares=SHARES, duration=60.0, unit="J", **about)
+    problem = om.Problem(reports=False)
+    problem.model.add_subsystem("of", component, promotes=["*"])
+    problem.setup(force_alloc_complex=True)
+    problem.set_val("mean_rate", RATES)
+    problem.set_val("unknowns", unknowns - 10.0)
+    problem.run_model()
+    data = problem.check_partials(method="cs", out_stream=None)
+    assert_check_partials(data, atol=1e-12, rtol=1e-12)
+    by_rate = component._subjacs_info["of.rows", "of.mean_rate"]
+    assert by_rate["val"].size == 4  # each scenario with a share of time is in one row
+
+
+# Realizations -------------------------------------------------------------------------------------
+
+
+def test_realizations_are_scenarios_of_consecutive_seeds_that_share_a_weight():
+    flows = {"name": "river", "inflow": TURBULENCE, "weight": 0.6, "realizations": 3}
+    data = case(flows, {"inflow": "sine", "weight": 0.4})
+    made = load_case(data)
+    assert [each.name for each in made.scenarios] == ["river_1", "river_2", "river_3", "flow_2"]
+    assert [each.inflow.seed for each in made.scenarios[:3]] == [7, 8, 9]
+    assert sum(each.weight for each in made.scenarios[:3]) == pytest.approx(0.6, rel=1e-15)
+    written = [
+        {"name": f"river_{i + 1}", "inflow": TURBULENCE | {"seed": 7 + i}, "weight": 0.6 / 3}
+        for i in range(3)
+    ]
+    last = {"name": "flow_2", "inflow": "sine", "weight": 0.4}
+    assert made == load_case(case(*written, last))
+    parts = {"profile": "sum", "parts": [{"profile": "constant", "speed": 1.0}, TURBULENCE]}
+    made = load_case(case({"realizations": 2}, inflow=parts))
+    assert [each.inflow.parts[1].seed for each in made.scenarios] == [7, 8]
+
+
+BAD = {
+    "no seed": (
+        {"scenarios": [{"inflow": "sine"}, {"inflow": "sine", "realizations": 2}]},
+        r"scenarios\[1\].realizations = 2: asks for 2 flows, .* has no seed; leave realizations out",
+    ),
+    "none": (
+        {"scenarios": [{"inflow": TURBULENCE, "realizations": 0}]},
+        r"scenarios\[0\].realizations = 0: .*at least 1",
+    ),
+    "too many": (
+        {"scenarios": [{"inflow": TURBULENCE, "realizations": 101} for _ in range(2)]},
+        r"scenarios = .*: are 202 flows .*; give at most 200",
+    ),
+    "a name of another": (
+        {"scenarios": [{"inflow": TURBULENCE, "realizations": 2}, {"name": "flow_1_2"}]},
+        r"scenarios\[1\].name = 'flow_1_2': is the name of two scenarios",
+    ),
+    "share of nothing": (
+        {"robustness": {"measure": "cvar", "share": 0}},
+        r"robustness.share = 0: must be greater than 0",
+    ),
+    "share beyond all": (
+        {"robustness": {"measure": "cvar", "share": 1.2}},
+        r"robustness.share = 1.2: must be at most 1",
+    ),
+    "unknown measure": ({"robustness": "cvr"}, r"robustness.measure = 'cvr'.*did you mean cvar"),
+    "unknown key": ({"robustness": {"measure": "worst", "shar": 1}}, r"robustness.shar = 1"),
+    "no weight": (
+        {"scenarios": [{"inflow": TURBULENCE, "realizations": 2, "weight": 0}]},
+        r"scenarios = .*weigh nothing together",
+    ),
+}
+
+
+@pytest.mark.parametrize(("sections", "message"), BAD.values(), ids=BAD)
+def test_bad_input_is_refused_with_its_key(sections, message):
+    data = case({"inflow": "sine"}) | {"inflow": "sine"} | sections
+    with pytest.raises(InputError) as error:
+        load_case(data)
+    assert re.search(message, str(error.value)), str(error.value)
+
+
+# Designs ------------------------------------------------------------------------------------------
+
+
+def test_ceilings_are_those_of_theory():
+    """Of a constant flow: the steady optimum's power, or the limit where that is smaller."""
+    flows = [{"inflow": {"profile": "constant", "speed": v}} for v in (1.2, 2.0)]
+    data = case(*flows, robustness="worst", limits={"power": "5 kW"})
+    del data["control"]["torque_limit"]
+    made = physics(load_case(data))
+    best = made.rotor.best_of_shape(made.shape, made.blade).power_coefficient
+    power = 0.5 * made.density * np.pi * made.blade.rotor_radius**2 * best * 1.2**3
+    assert made.ceilings == pytest.approx({"flow_1": power, "flow_2": 5e3}, rel=1e-9)
+    mean = 0.5 * (power + 5e3)
+    np.testing.assert_allclose(made.rate_factors, [mean / power, mean / 5e3], rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_two_equal_flows_are_one_under_every_measure(tmp_path):
+    tight, flow = {"driver": {"tolerance": 1e-10}}, {"inflow": "sine", "weight": 0.5}
+    one = run(tmp_path / "one", case(flow, **tight))
+    for measure in ("worst", {"measure": "cvar", "share": 0.3}):
+        found = run(tmp_path / str(len(measure)), case(flow, flow, robustness=measure, **tight))
+        assert found.success, found.message
+        assert found.energy == pytest.approx(one.energy, rel=1e-8)
+        assert found.summary.objective.simulated == pytest.approx(one.energy, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_the_worst_of_two_flows_is_larger_than_the_mean_s_design_has_it(tmp_path):
+    """Under a torque limit, which a feedback law keeps by losing energy in one of the flows."""
+    flows = [
+        {"name": name, "inflow": {"profile": "sine", "mean": mean}, "weight": weight}
+        for name, mean, weight in (("slow", 1.2, 0.8), ("fast", 1.8, 0.2), ("flood", 1.9, 0.0))
+    ]
+    data = case(*flows)
+    data["control"]["torque_limit"] = 500.0
+
+    def ratios(solution):
+        own = solution.summary.scenarios
+        return {each: own[each].mean_power_W / own[each].ceiling_W for each in ("slow", "fast")}
+
+    found = {}
+    for name, measure in (("worst", "worst"), ("mean", {"measure": "cvar", "share": 1.0})):
+        found[name] = run(tmp_path / name, data | {"robustness": measure})
+        assert found[name].success, found[name].message
+    worst, mean = ratios(found["worst"]), ratios(found["mean"])
+    assert min(worst.values()) > min(mean.values()) * (1.0 + 1e-4)
+    weigh = {"slow": 0.8, "fast": 0.2}
+    averages = [sum(weigh[name] * each[name] for name in weigh) for each in (worst, mean)]
+    assert averages[0] < averages[1]
+    own = found["worst"].summary.scenarios
+    deciding = [name for name, each in own.items() if each.decides]
+    assert deciding == [name for name, x in worst.items() if x <= min(worst.values()) * (1 + 1e-4)]
+    assert (
+        f"decided by {', '.join(deciding)}"
+        in texts(found["worst"].summary.rows(found["worst"].case))["objective, worst"]
+    )
+
+
+# What differs between scenarios --------------------------------------------------------------------
+
+WORN = {"lift": 0.95, "drag": 1.4, "inertia": 1.3, "torque_constant": 1.02}
+
+
+@pytest.mark.slow
+def test_a_scenario_of_its_own_turbine_is_that_of_the_case_with_it(tmp_path):
+    """Water and condition of the one scenario, or of the whole case, are the same problem."""
+    data = case({"inflow": "sine"}, limits={"thrust": "20 kN"}, design={"blade": "fixed"})
+    data["control"]["torque_limit"] = 2e3
+    ours = {"density": 1025.0, "condition": WORN}
+    whole = {"fluid": {"density": 1025.0}, "condition": WORN}
+    found = run(tmp_path / "own", data | {"scenarios": [{"inflow": "sine"} | ours]})
+    expected = run(tmp_path / "case", data | whole)
+    for solution in (found, expected):
+        assert solution.success, solution.message
+    assert found.gain == pytest.approx(expected.gain, rel=5e-3)  # flat, by curves of 1e-5
+    assert found.energy == pytest.approx(expected.energy, rel=1e-5)
+    flown = [each.summary.scenarios["flow_1"] for each in (found, expected)]
+    assert flown[0].simulated_energy_J == pytest.approx(flown[1].simulated_energy_J, rel=1e-5)
+    assert flown[0].limits["control_torque"].limit == pytest.approx(1.02 * 2e3)
+    nominal = physics(load_case(data))
+    inertia = physics(load_case(data | whole)).mass_and_inertia(nominal.blade)[1]
+    assert inertia == pytest.approx(1.3 * nominal.mass_and_inertia(nominal.blade)[1], rel=1e-14)
+
+
+def test_factors_on_lift_and_drag_are_those_of_a_polar_with_them(tmp_path):
+    """A file whose columns are multiplied by hand says the same as the factors."""
+    alpha = np.arange(-180.0, 181.0, 1.0)
+    lift, drag = np.sin(np.deg2rad(2.0 * alpha)), 1.2 - np.cos(np.deg2rad(2.0 * alpha))
+    files = {"clean": (lift, drag), "worn": (0.9 * lift, 1.5 * drag)}
+    for name, columns in files.items():
+        rows = "\n".join(f"{a},{x:.17g},{y:.17g}" for a, x, y in zip(alpha, *map(list, columns)))
+        (tmp_path / f"{name}.csv").write_text(f"alpha_deg,cl,cd\n{rows}\n", encoding="utf-8")
+    flows = [
+        {"condition": {"lift": 0.9, "drag": 1.5}},
+        {"condition": {"polar": str(tmp_path / "worn.csv")}},
+        {},
+    ]
+    rotor = {"polar": str(tmp_path / "clean.csv")}
+    made = physics(load_case(case(*flows, rotor=rotor, inflow="sine")))
+    ratios = np.linspace(2.0, 9.0, 15)
+    worn, file, clean = (
+        made.of(each).rotor.coefficients(made.blade, ratios).torque for each in made.scenarios
+    )
+    np.testing.assert_allclose(worn, file, rtol=1e-9, atol=1e-12)
+    assert np.all(worn < clean)
+
+
+def test_a_condition_that_cannot_be_is_refused():
+    for law, sections, message in (
+        (
+            "open_loop",
+            {"torque_constant": 1.1},
+            r"\[0\].condition.torque_constant = 1.1: .*open loop",
+        ),
+        ("quadratic", {"lift": 0.0}, r"condition.lift = 0.0: must be greater than 0"),
+        ("quadratic", {"lft": 0.9}, r"condition.lft = 0.9: .*did you mean lift"),
+    ):
+        with pytest.raises(InputError) as error:
+            load_case(case({"inflow": "sine", "condition": sections}, law=law))
+        assert re.search(message, str(error.value)), str(error.value)
+    local = {"reynolds": "local", "polar": "naca63815"}
+    with pytest.raises(InputError, match="condition.*takes rotor.reynolds: invariant"):
+        load_case(case({"inflow": "sine"}, condition={"lift": 0.9}, rotor=local), check_files=False)
