@@ -8,7 +8,7 @@ import numpy as np
 import openmdao.api as om
 
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
-from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
+from hkt_mdo.dynamics.rotor_ode import HydrodynamicsGroup
 from hkt_mdo.problem.components import (
     AboveComp,
     AggregateComp,
@@ -31,8 +31,8 @@ def named(name: str, variant: str) -> str:
     return f"{name}{variant}" if own else name
 
 
-def _hydrodynamics(options: dict, nodes: int) -> HydrodynamicsComp:
-    return HydrodynamicsComp(num_nodes=nodes, **options)
+def _hydrodynamics(options: dict, nodes: int) -> HydrodynamicsGroup:
+    return HydrodynamicsGroup(num_nodes=nodes, **options)
 
 
 class OperationGroup(om.Group):
@@ -112,7 +112,7 @@ class OperationGroup(om.Group):
         self.promotes("traj", inputs=inputs)
 
     def _hydrodynamics(self, physics):
-        """Return the options of `HydrodynamicsComp` and the ODE's inputs, with units."""
+        """Return the options of `HydrodynamicsGroup` and the ODE's inputs, with units."""
         setup = self.options["start"]
         names = ["density", "inertia", "rotor_radius"]
         if physics.has_curve:

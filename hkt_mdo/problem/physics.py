@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -341,6 +342,17 @@ class Physics:
         scalars that limits and objectives may take; the control torque balances the flow's, and
         states of the control law are in equilibrium.
         """
+        if point not in self._starts:
+            self._starts[point] = self._quantities(point)
+        return [dict(each) for each in self._starts[point]]
+
+    @cached_property
+    def _starts(self) -> WeakKeyDictionary:
+        """What `on_start` has found: every scenario's part of a problem asks it of the same point."""
+        return WeakKeyDictionary()
+
+    def _quantities(self, point) -> list[dict]:
+        """Return what `on_start` does."""
         found = []
         for scenario, (speed, torque) in zip(
             self.scenarios, self.split(point.operation), strict=True
