@@ -42,9 +42,9 @@ class OperationGroup(om.Group):
     (kg*m**2), torque_coefficient_table[n_nodes] (or chord and twist[n_stations] with direct BEM),
     <load>_table[n_nodes] of each load that is asked for, gain_0, gain_1, … in the law's units; and
     what limits and objective take of the design. Where scenarios differ in water or turbine, there
-    are density_1, inertia_1 and tables of these names for them (`Physics.variants`). Outputs: ``traj.<scenario>.timeseries``, the loads
-    and rates that are asked for, ``limit_<name>.value``, energy, generator_energy,
-    electrical_energy (J) and objective.
+    are density_1, inertia_1 and tables of these names for them (`Physics.variants`). Outputs:
+    ``traj.<scenario>.timeseries``, the loads and rates that are asked for, ``limit_<name>.value``,
+    energy, generator_energy, electrical_energy (J) and objective.
     """
 
     def initialize(self):

@@ -131,7 +131,7 @@ class Physics:
 
     @cached_property
     def variants(self) -> dict[tuple, str]:
-        """What follows the names of quantities in the model, by `Scenario.turbine`; empty: as is."""
+        """What is appended to the names of quantities in the model, by `Scenario.turbine`."""
         others = dict.fromkeys(each.turbine for each in self.scenarios)
         others.pop((None, None), None)
         return {(None, None): ""} | {each: f"_{i}" for i, each in enumerate(others, start=1)}
@@ -348,7 +348,7 @@ class Physics:
 
     @cached_property
     def _starts(self) -> WeakKeyDictionary:
-        """What `on_start` has found: every scenario's part of a problem asks it of the same point."""
+        """What `on_start` has found, which is asked of the same point for every scenario."""
         return WeakKeyDictionary()
 
     def _quantities(self, point) -> list[dict]:

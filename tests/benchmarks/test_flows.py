@@ -7,11 +7,11 @@ import time
 
 import numpy as np
 import pytest
+from test_iteration import iteration, peak_memory
 
 from cases import start_of
 from hkt_mdo.case import load_case
 from hkt_mdo.problem.build import assemble
-from test_iteration import iteration, peak_memory
 
 FLOWS = (1, 10, 30, 100)
 LIMITS = {"power": "5 kW", "thrust": "6.5 kN", "stress": "100 MPa"}
