@@ -47,7 +47,7 @@ class Aggregate(Section):
     def binding(self, rates: np.ndarray, shares: np.ndarray) -> np.ndarray:
         """Tell which scenarios decide the measure at some rates, (n_scenarios,); by default none.
 
-        Those whose rates alone, of all that have a share of time, change it if they change a little.
+        Those without whose rates it would not change if the rates changed a little.
         """
         return np.zeros(shares.size, dtype=bool)
 
@@ -71,7 +71,7 @@ class Expected(Aggregate):
 
 
 class _OfTheWorst(Aggregate):
-    """A measure of the scenarios with the smallest rates; those of no share of time do not count."""
+    """A measure of the scenarios with the smallest rates; without those of no share of time."""
 
     n_unknowns: ClassVar[int | None] = None
     relative: ClassVar[bool] = True
