@@ -22,7 +22,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError
 
-from hkt_mdo.case.design import Design, Driver, Hydrodynamics, Phase, Start
+from hkt_mdo.case.design import Design, Driver, Hydrodynamics, InflowDynamics, Phase, Start
 from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kinds
 from hkt_mdo.case.messages import TAGS, translate
 from hkt_mdo.case.turbine import Fluid, Rotor, Site, own_keys
@@ -126,6 +126,8 @@ class Case(Section):
     phase: Phase = Phase()
     start: Start = Start()
     hydrodynamics: Hydrodynamics = Hydrodynamics()
+    inflow_dynamics: InflowDynamics = InflowDynamics()
+    """Whether the wake has memory: `quasi_steady`, or `oye`, or a section of the keys below."""
     driver: Driver = Driver()
 
     version: Annotated[int, Strict(), AfterValidator(_known_version)] = VERSION
@@ -189,6 +191,8 @@ class Case(Section):
             problem = f"is for open loop: the law {control.law} decides the speed"
             remedy = "give free, or control.law: open_loop"
             raise refusal(problem, remedy, key="phase.final_speed", value="initial")
+        if self.inflow_dynamics.remembers:
+            self._check_memory()
         problem = "takes the Reynolds number of the induced speed, not that of rotor.reynolds"
         remedy = "give vectorized, or rotor.reynolds: invariant"
         for name in ("bem", "check"):
@@ -228,6 +232,18 @@ class Case(Section):
                 }
                 return self.model_copy(update=update)
         return self
+
+    def _check_memory(self) -> None:
+        """Refuse what the optimization with a wake that has memory cannot do."""
+        hydro, problem = self.hydrodynamics, "does not go with inflow_dynamics: oye"
+        for key, value, only in (
+            ("rotor.reynolds", self.rotor.reynolds, "invariant"),
+            ("hydrodynamics.torque", hydro.torque, "curve"),
+            ("hydrodynamics.bem", hydro.bem, "vectorized"),
+        ):
+            if value != only:
+                remedy = f"give {only}, or inflow_dynamics: quasi_steady"
+                raise refusal(problem, remedy, key=key, value=value)
 
     def _check_scenarios(self) -> None:
         """Refuse scenarios that share a name, weigh nothing, or limit what they do not own."""

@@ -198,7 +198,7 @@ def simulate(
     scenario: Annotated[str | None, Option(metavar="NAME", help=_SCENARIO)] = None,
     start: Annotated[bool, Option("--start-up", help=_START)] = False,
     stop: Annotated[float | None, Option("--shut-down", metavar="SECONDS", help=_STOP)] = None,
-    inflow_dynamics: Annotated[str, Option(metavar="NAME", help=_INFLOW_DYNAMICS)] = "quasi_steady",
+    inflow_dynamics: Annotated[str | None, Option(metavar="NAME", help=_INFLOW_DYNAMICS)] = None,
     tau1: Annotated[float | None, Option(metavar="SECONDS", help=_TAU1)] = None,
     out: Annotated[Path | None, Option(metavar="DIR", help=_TABLES)] = None,
     strict: Annotated[bool, Option("--strict", help=_STRICT)] = False,
@@ -223,9 +223,12 @@ def simulate(
 
     for_program = parts.one_form(as_json, as_csv)
     _check_sensor(snr, reference, rate, cutoff)
-    memory = _memory(inflow_dynamics, tau1, snr, start)
+    memory = _memory(inflow_dynamics or "quasi_steady", tau1, snr, start)
     _check_start(start, stop, snr)
     solution = read_result(result)
+    own = solution.case.inflow_dynamics
+    if inflow_dynamics is None and own.remembers and not start and snr is None:
+        memory, tau1 = True, own.tau1
     chosen = solution if scenario is None else solution.scenario(scenario)
     runs = runs_of(chosen, flow, flow_seeds, memory, tau1)
     several, told = len(runs) > 1, []

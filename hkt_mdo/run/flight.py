@@ -193,12 +193,16 @@ class Flight(Flown):
 
 
 def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
-    """Integrate the found design under the found controller with direct BEM, in each scenario."""
+    """Integrate the found design under the found controller with direct BEM, in each scenario.
+
+    With the wake that the case asks for, whose filters are those of all stations.
+    """
     blade, gains = result.point.blade, result.point.gains
     check = BEM[physics.case.hydrodynamics.check]
     polar, water, generator = physics.built(blade), physics.density, physics.generator
     plant = Plant(blade, polar, result.inertia, water, check, generator)
-    limited, flights = bool(physics.load_names), []
+    dynamics, limited, flights = physics.case.inflow_dynamics, bool(physics.load_names), []
+    plant = plant.with_memory(dynamics.tau1) if dynamics.remembers else plant
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
         mesh, law = scenario.mesh, physics.law
         if law.is_feedback:

@@ -37,6 +37,7 @@ from hkt_mdo.run.flight import (
 )
 from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.judge import RESOLVED, designed, energy_bound, explain_all, in_case
+from hkt_mdo.run.memory import stability
 
 # relative distance from its bound within which a limit counts as binding; that of a load, of whose
 # values along the blade the optimization has a smooth largest that is up to as much above them
@@ -121,6 +122,7 @@ def summarize(finished: Finished) -> Summary:
         **_controller(finished),
         **_blade(finished),
         **_extremes(finished, scenarios),
+        **_memory(finished),
         "at_bounds": list(_at_bounds(finished)),
         "scenarios": scenarios,
         "branches": [
@@ -254,6 +256,13 @@ def _extremes(finished, scenarios):
         "loads": found,
         "tip_deflection_m": loads.tip_deflection(physics, finished.result.point.blade, flown),
     }
+
+
+def _memory(finished):
+    """Return how stable the loop is in water whose wake has memory, where the rotor turns."""
+    dynamics = finished.physics.case.inflow_dynamics
+    found = stability(finished.flights, dynamics.tau1)
+    return {} if found is None else {"memory": found.model_dump()}
 
 
 def _scenario(finished, flights):
