@@ -153,7 +153,10 @@ class Hydrodynamics(Section):
 
 
 class InflowDynamics(Section):
-    """How what the wake induces follows the speeds of rotor and flow."""
+    """How what the wake induces follows the speeds of rotor and flow.
+
+    The name of the model may stand alone, `inflow_dynamics: oye`.
+    """
 
     model: Literal["quasi_steady", "oye"] = "quasi_steady"
     """`quasi_steady`: at once; `oye`: with memory, by the two filters of Oye, in the optimization,

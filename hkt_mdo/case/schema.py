@@ -127,7 +127,6 @@ class Case(Section):
     start: Start = Start()
     hydrodynamics: Hydrodynamics = Hydrodynamics()
     inflow_dynamics: InflowDynamics = InflowDynamics()
-    """Whether the wake has memory: `quasi_steady`, or `oye`, or a section of the keys below."""
     driver: Driver = Driver()
 
     version: Annotated[int, Strict(), AfterValidator(_known_version)] = VERSION

@@ -35,7 +35,7 @@ _REFERENCE = "What is the signal: the speed's fluctuation about its mean, or the
 _RATE = "Samples of the sensor a second."
 _SEEDS = "Seeds of a turbulent flow, such as 1..20 or 3,5,9: each is simulated."
 _TABLES = "Folder for simulations.json and simulations.csv; files of these names are replaced."
-_INFLOW_DYNAMICS = (
+_DYNAMICS = (
     "quasi_steady: the wake is in equilibrium at every instant; oye: it has memory, by Oye's two "
     "filters at every station (docs/theory.md)."
 )
@@ -198,7 +198,7 @@ def simulate(
     scenario: Annotated[str | None, Option(metavar="NAME", help=_SCENARIO)] = None,
     start: Annotated[bool, Option("--start-up", help=_START)] = False,
     stop: Annotated[float | None, Option("--shut-down", metavar="SECONDS", help=_STOP)] = None,
-    inflow_dynamics: Annotated[str | None, Option(metavar="NAME", help=_INFLOW_DYNAMICS)] = None,
+    inflow_dynamics: Annotated[str | None, Option(metavar="NAME", help=_DYNAMICS)] = None,
     tau1: Annotated[float | None, Option(metavar="SECONDS", help=_TAU1)] = None,
     out: Annotated[Path | None, Option(metavar="DIR", help=_TABLES)] = None,
     strict: Annotated[bool, Option("--strict", help=_STRICT)] = False,
@@ -226,9 +226,8 @@ def simulate(
     memory = _memory(inflow_dynamics or "quasi_steady", tau1, snr, start)
     _check_start(start, stop, snr)
     solution = read_result(result)
-    own = solution.case.inflow_dynamics
-    if inflow_dynamics is None and own.remembers and not start and snr is None:
-        memory, tau1 = True, own.tau1
+    if (own := solution.case.inflow_dynamics).remembers and inflow_dynamics is None:
+        memory, tau1 = not start and snr is None, own.tau1
     chosen = solution if scenario is None else solution.scenario(scenario)
     runs = runs_of(chosen, flow, flow_seeds, memory, tau1)
     several, told = len(runs) > 1, []
