@@ -236,8 +236,8 @@ def simulate(
     for run in runs:
         if start:
             began = start_and_stop(run.design, run.inflow, stop)
-            lines, flown = list(began.lines()), replace(run, given=began.operation)
-            told += [flown] if began.operation is not None else []
+            lines, given = list(began.lines()), began.operation
+            told += [replace(run, given=given)] if given is not None else []
         else:
             lines, told = run.memory or [f"without noise: {run.outcome}"], [*told, run]
             if several:
@@ -246,15 +246,14 @@ def simulate(
                 sensor = Sensor(snr, reference, rate, cutoff or None)
                 lines += _with_noise(run, sensor, repeats, seed)
         echo("  " + "\n  ".join([joined(run.name, lines[0]), *lines[1:]]), err=for_program)
-    most = largest(told)
     if for_program:
         parts.print_records(records(told), as_json)
-    elif rows := [entry.row(name) for name, entry in most.items()]:
+    elif rows := [entry.row(name) for name, entry in largest(told).items()]:
         parts.print_rows(rows, f"Largest values{f' of {len(told)} simulations' if several else ''}")
     for path in write(out, told) if out is not None else ():
         echo(str(path), err=for_program)
     if strict:
-        _refuse_broken(most)
+        _refuse_broken(largest(told))
 
 
 def _refuse_broken(most: dict[str, Told]) -> None:
