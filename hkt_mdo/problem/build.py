@@ -12,6 +12,7 @@ import numpy as np
 import openmdao.api as om
 
 from hkt_mdo.dynamics.limits import Limit, TorqueLimit
+from hkt_mdo.dynamics.rotor_ode import WAKE_STATES
 from hkt_mdo.problem.components import AreaComp
 from hkt_mdo.problem.constraints import held_limits, size_of
 from hkt_mdo.problem.operation_group import OperationGroup
@@ -24,6 +25,7 @@ from hkt_mdo.rotor.stall import SLOWER
 from hkt_mdo.solve import drivers
 from hkt_mdo.solve.totals import Substitution
 
+WAKE_SHARE = 0.3  # typical axial induction
 ANGLE_UNIT = np.deg2rad(5.0)  # typical change of an angle of attack
 DESIGNED = {
     "rotor_radius": "radius of the swept disc",
@@ -105,6 +107,7 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
         nodes=np.asarray(setup.nodes, dtype=float),
         coefficients=("torque",) if physics.has_curve else (),
         loads=physics.load_names,
+        band=physics.band(setup),
     )
     group.add_subsystem("rotor", rotor, promotes=["*"])
     if physics.asks_for("blade_area"):
@@ -143,7 +146,17 @@ def _scales(physics, setup):
     limit = physics.law.torque_limit
     if limit is not None:
         limit *= min(np.min(setup.share(TorqueLimit(), each)) for each in physics.scenarios)
-    return Scales(speed, torque, torque / inertia, limit, _state_scales(physics, setup.start))
+    states = _state_scales(physics, setup.start)
+    if physics.remembers:
+        states |= _wake_scales(physics, setup.start)
+    return Scales(speed, torque, torque / inertia, limit, states)
+
+
+def _wake_scales(physics, start):
+    """Return the reference magnitudes of the wake's states and rates, by name."""
+    fastest = max(float(np.max(known["inflow_speed"])) for known in physics.on_start(start))
+    tau1 = physics.case.inflow_dynamics.tau1 or start.blade.rotor_radius / fastest
+    return {name: (WAKE_SHARE * fastest, WAKE_SHARE * fastest / tau1) for name in WAKE_STATES}
 
 
 def _state_scales(physics, start):

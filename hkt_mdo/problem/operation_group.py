@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import openmdao.api as om
 
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
-from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
+from hkt_mdo.dynamics.rotor_ode import WAKE_STATES, HydrodynamicsComp, RememberingComp
+from hkt_mdo.dynamics.wake import AT_ONCE
 from hkt_mdo.problem.components import (
     AboveComp,
     AggregateComp,
     FormulaComp,
     IntegralComp,
     LoadComp,
+    RememberingLoadComp,
     TorqueRateComp,
 )
 from hkt_mdo.problem.constraints import held_limits, source_of
@@ -75,13 +79,19 @@ class OperationGroup(om.Group):
     def _given(self) -> tuple[Physics, Setup]:
         return self.options["physics"], self.options["start"]
 
+    @cached_property
+    def _band(self):
+        """The tables of a wake with memory."""
+        return self._physics.band(self.options["start"])
+
     def _add_phases(self):
         """Add one phase a scenario, at its start, and promote what feeds them."""
         physics, setup = self._given
         bounds = setup.moves.bounds(physics, setup.start)["rotor_speed"]
         hydrodynamics, parameters = self._hydrodynamics()
+        made = RememberingComp if physics.remembers else HydrodynamicsComp
         options = {
-            "hydrodynamics": lambda nodes: HydrodynamicsComp(num_nodes=nodes, **hydrodynamics),
+            "hydrodynamics": lambda nodes: made(num_nodes=nodes, **hydrodynamics),
             "generator": physics.generator,
         }
         trajectory = dm.Trajectory()
@@ -89,7 +99,10 @@ class OperationGroup(om.Group):
         operation = physics.split(setup.start.operation)
         for each, (speed, torque) in zip(physics.scenarios, operation, strict=True):
             begin = {"time": each.samples, "rotor_speed": speed, "control_torque": torque}
-            begin |= physics.states_at_rest(torque, each.inflow.speed_at(each.samples))
+            flow = each.inflow.speed_at(each.samples)
+            begin |= physics.states_at_rest(torque, flow)
+            if physics.remembers:
+                begin |= self._wake_at_rest(speed, flow)
             add_phase(trajectory, each, *about, begin)
         self.add_subsystem("traj", trajectory)
         inputs = [
@@ -99,18 +112,33 @@ class OperationGroup(om.Group):
         ]
         self.promotes("traj", inputs=inputs)
 
+    def _wake_at_rest(self, speed, flow):
+        """Return the states of a wake in equilibrium, by name, m/s, (n_times,)."""
+        (physics, setup), band = self._given, self._band
+        blade = setup.start.blade
+        table = band.solve(physics.rotor, blade, ())["wake_induction_table"].values
+        steady = flow * band.spline.values(table, speed * blade.rotor_radius / flow)[0]
+        return dict(zip(WAKE_STATES, ((1.0 - AT_ONCE) * steady, steady), strict=True))
+
     def _hydrodynamics(self):
         """Return the options of `HydrodynamicsComp` and the ODE's inputs, with units."""
         physics, setup = self._given
         names = ["density", "inertia", "rotor_radius"]
-        if physics.has_curve:
+        if physics.remembers:
+            place = setup.start.blade.r / setup.start.blade.tip_radius
+            share = float(self._band.weights @ (0.39 - 0.26 * place**2))
+            tau1 = physics.case.inflow_dynamics.tau1
+            options = {"band": self._band, "tau1": tau1, "share": share}
+        elif physics.has_curve:
             options = {"spline": TorqueSpline(setup.nodes)}
         else:
             solver = BEM[physics.case.hydrodynamics.bem]
             options = {"blade": setup.start.blade, "polar": physics.polar, "coefficients": solver}
             names += ["chord", "twist"]
         parameters = {name: QUANTITIES[name].unit for name in names}
-        if physics.has_curve:
+        if physics.remembers:
+            parameters |= dict.fromkeys(self._band.outputs(()))
+        elif physics.has_curve:
             parameters["torque_coefficient_table"] = None
         gains = {f"gain_{i}": units for i, units in enumerate(physics.gain_units)}
         return options, parameters | gains
@@ -119,12 +147,17 @@ class OperationGroup(om.Group):
         """Add the loads that are asked for, at the nodes of every phase."""
         physics, setup = self._given
         names, nodes = physics.load_names, np.asarray(setup.nodes, dtype=float)
-        inputs = ["rotor_radius", "density", *(f"{name}_table" for name in names)]
+        kind = "band" if physics.remembers else "table"
+        inputs = ["rotor_radius", "density", *(f"{name}_{kind}" for name in names)]
+        sources = "rotor_speed", "inflow_speed", *("wake_ratio",) * physics.remembers
         for scenario in physics.scenarios if names else ():
             name, n = f"loads_{scenario.name}", scenario.node_times.size
-            component = LoadComp(num_nodes=n, names=names, spline=TorqueSpline(nodes))
+            if physics.remembers:
+                component = RememberingLoadComp(num_nodes=n, names=names, band=self._band)
+            else:
+                component = LoadComp(num_nodes=n, names=names, spline=TorqueSpline(nodes))
             self.add_subsystem(name, component, promotes_inputs=inputs)
-            for quantity in ("rotor_speed", "inflow_speed"):
+            for quantity in sources:
                 self.connect(f"{scenario.path}.{quantity}", f"{name}.{quantity}")
 
     def _add_rates(self):
