@@ -19,6 +19,7 @@ _INNER = {
         "desc": "torque coefficient at the nodes of the curve",
     },
     "wake_ratio": {"units": None, "desc": "tip speed ratio of the wake"},
+    "wake_factor": {"units": None, "desc": "tip speed ratio of the rotor over that of the wake"},
 }
 """Units and description of what the equation has besides the quantities of the registry."""
 
@@ -249,13 +250,14 @@ class RememberingComp(HydrodynamicsComp):
     needs = {  # noqa: RUF012
         "tip_speed_ratio": _AT,
         "wake_ratio": ("inflow_speed", "induced_velocity"),
+        "wake_factor": (*_AT, "induced_velocity"),
         "torque_coefficient": (*_AT, "induced_velocity"),
         "hydrodynamic_torque": (*_AT, "density", "induced_velocity"),
         "hydrodynamic_power": (*_AT, "density", "induced_velocity"),
         "reduced_velocity_rate": (*_AT, "reduced_velocity"),
         "induced_velocity_rate": (*_AT, *WAKE_STATES),
     }
-    over_time = (*HydrodynamicsComp.over_time, "wake_ratio", *WAKE_STATES)
+    over_time = (*HydrodynamicsComp.over_time, "wake_ratio", "wake_factor", *WAKE_STATES)
 
     def initialize(self):
         super().initialize()
@@ -279,7 +281,7 @@ class RememberingComp(HydrodynamicsComp):
         )
         for name in ("torque_coefficient", "hydrodynamic_torque", "hydrodynamic_power"):
             self.declare_partials(name, (band, induction))
-        self.declare_partials("wake_ratio", induction)
+        self.declare_partials(("wake_ratio", "wake_factor"), induction)
         times = () if self.options["tau1"] else (place,)
         for name in WAKE_STATES:
             self.declare_partials(f"{name}_rate", (induction, *times))
@@ -310,6 +312,7 @@ class RememberingComp(HydrodynamicsComp):
         return {
             "tip_speed_ratio": ratio,
             "wake_ratio": wake_ratio,
+            "wake_factor": ratio / wake_ratio,
             "torque_coefficient": coefficient,
             "hydrodynamic_torque": torque,
             "hydrodynamic_power": torque * rotor_speed,
@@ -340,6 +343,8 @@ class RememberingComp(HydrodynamicsComp):
         _, _, by_wake = band.values(tables["torque_coefficient_band"], ratio, wake_ratio)
         moved = -slope[:, None] * band.spline.basis(wake_ratio)
         partials["wake_ratio", "wake_induction_table"] = moved
+        factor = (-ratio / wake_ratio**2)[:, None] * moved
+        partials["wake_factor", "wake_induction_table"] = factor
         scale = torque_scale(inputs["density"], radius, flow)
         for name, factor in (
             ("torque_coefficient", np.ones(scale.shape)),

@@ -19,6 +19,7 @@ from hkt_mdo.problem.operation_group import OperationGroup
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.scenario import Scales
 from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
+from hkt_mdo.problem.wake import PULSE, Follower
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.components import AngleComp, BladeGroup, rotor_inputs
 from hkt_mdo.rotor.stall import SLOWER
@@ -236,7 +237,12 @@ def _declare_constraints(model, physics, setup, scales):
     for limit in physics.design_limits:
         if limit.constrains(physics.law):
             _declare_design_limit(model, limit)
-    for scenario in physics.scenarios:
+    for number, scenario in enumerate(physics.scenarios):
+        if physics.may_pulse:
+            lower, upper = Follower(physics, setup, physics.band(setup)).bounds(number)
+            about = {"indices": scenario.distinct_nodes, "flat_indices": True, "ref": PULSE}
+            name = f"{scenario.path}.wake_factor"
+            model.add_constraint(name, lower=lower, upper=upper, **about)
         if scenario.mesh.final_speed == "initial":
             name = f"{scenario.name}_gain_of_speed.change"
             model.add_constraint(name, equals=0.0, ref=scales.rotor_speed, units="rad/s")

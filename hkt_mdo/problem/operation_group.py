@@ -8,8 +8,7 @@ import numpy as np
 import openmdao.api as om
 
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
-from hkt_mdo.dynamics.rotor_ode import WAKE_STATES, HydrodynamicsComp, RememberingComp
-from hkt_mdo.dynamics.wake import AT_ONCE
+from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp, RememberingComp
 from hkt_mdo.problem.components import (
     AboveComp,
     AggregateComp,
@@ -23,6 +22,7 @@ from hkt_mdo.problem.constraints import held_limits, source_of
 from hkt_mdo.problem.physics import BEM, Physics
 from hkt_mdo.problem.scenario import Scales, add_phase, dm
 from hkt_mdo.problem.setup import Setup
+from hkt_mdo.problem.wake import Follower
 from hkt_mdo.quantities import QUANTITIES, RATES, is_over_time
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
@@ -80,9 +80,13 @@ class OperationGroup(om.Group):
         return self.options["physics"], self.options["start"]
 
     @cached_property
+    def _follower(self):
+        """The wake with memory along the start."""
+        return Follower(*self._given, self._physics.band(self.options["start"]))
+
+    @property
     def _band(self):
-        """The tables of a wake with memory."""
-        return self._physics.band(self.options["start"])
+        return self._follower.band
 
     def _add_phases(self):
         """Add one phase a scenario, at its start, and promote what feeds them."""
@@ -102,7 +106,7 @@ class OperationGroup(om.Group):
             flow = each.inflow.speed_at(each.samples)
             begin |= physics.states_at_rest(torque, flow)
             if physics.remembers:
-                begin |= self._wake_at_rest(speed, flow)
+                begin |= self._follower.along(each, speed)
             add_phase(trajectory, each, *about, begin)
         self.add_subsystem("traj", trajectory)
         inputs = [
@@ -112,23 +116,13 @@ class OperationGroup(om.Group):
         ]
         self.promotes("traj", inputs=inputs)
 
-    def _wake_at_rest(self, speed, flow):
-        """Return the states of a wake in equilibrium, by name, m/s, (n_times,)."""
-        (physics, setup), band = self._given, self._band
-        blade = setup.start.blade
-        table = band.solve(physics.rotor, blade, ())["wake_induction_table"].values
-        steady = flow * band.spline.values(table, speed * blade.rotor_radius / flow)[0]
-        return dict(zip(WAKE_STATES, ((1.0 - AT_ONCE) * steady, steady), strict=True))
-
     def _hydrodynamics(self):
         """Return the options of `HydrodynamicsComp` and the ODE's inputs, with units."""
         physics, setup = self._given
         names = ["density", "inertia", "rotor_radius"]
         if physics.remembers:
-            place = setup.start.blade.r / setup.start.blade.tip_radius
-            share = float(self._band.weights @ (0.39 - 0.26 * place**2))
             tau1 = physics.case.inflow_dynamics.tau1
-            options = {"band": self._band, "tau1": tau1, "share": share}
+            options = {"band": self._band, "tau1": tau1, "share": self._follower.share}
         elif physics.has_curve:
             options = {"spline": TorqueSpline(setup.nodes)}
         else:

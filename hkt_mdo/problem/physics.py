@@ -284,6 +284,14 @@ class Physics:
         """Whether the wake has memory."""
         return self.case.inflow_dynamics.remembers
 
+    @property
+    def may_pulse(self) -> bool:
+        """Whether the optimizer may let the rotor pulse, faster and slower than its wake by turns.
+
+        That captures more in this model, the more so the finer the mesh (docs/memory.md).
+        """
+        return self.remembers and not self.law.is_feedback
+
     def band(self, setup) -> Band | None:
         """Return the tables of a wake with memory at a setup; None without memory.
 

@@ -375,7 +375,7 @@ def add_phase(trajectory, scenario, law, ode_options, parameters, scales, speed_
             ref=scales.acceleration,
             units="rad/s**2",
         )
-    for name in (*TRAJECTORY, *("wake_ratio",) * remembers):
+    for name in (*TRAJECTORY, *("wake_ratio", "wake_factor") * remembers):
         if name not in ("time", "rotor_speed"):
             phase.add_timeseries_output(name)
 

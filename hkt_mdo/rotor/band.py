@@ -21,6 +21,22 @@ PLACE = 0.7
 """Radius over that of the tip whose induction decides the wake's time constant."""
 
 
+def place_shares(places):
+    """Return the share of each station in the induction at `PLACE`, linear between stations.
+
+    Parameters
+    ----------
+    places : ndarray of shape (n_stations,)
+        Radii of the stations over that of the tip.
+
+    Returns
+    -------
+    ndarray of shape (n_stations,)
+        Their sum is one.
+    """
+    return np.array([np.interp(PLACE, places, each) for each in np.eye(places.size)])
+
+
 class Entries(NamedTuple):
     """Values of a table, (n_values,), and their derivatives, as `hkt_mdo.rotor.loads.Envelope`.
 
@@ -80,8 +96,7 @@ class Band:
             induced[:, 0] += move
             ends.append(bem.sections_with(blade, rotor.polar, ratio, induced).tangential_load[0])
         weights = bem.torque_weights(blade) * np.abs(ends[0] - ends[1])
-        at = blade.r / blade.tip_radius
-        places = np.array([np.interp(PLACE, at, each) for each in np.eye(at.size)])
+        places = place_shares(blade.r / blade.tip_radius)
         return cls(np.asarray(nodes, dtype=float), weights / np.sum(weights), places)
 
     def outputs(self, names):

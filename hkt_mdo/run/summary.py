@@ -50,6 +50,11 @@ SIMULATED = {
 }
 """Key in the summary of each energy of a `Simulation`."""
 TORQUE = "control_torque"
+PULSES = (
+    "an open loop whose wake has memory would pulse the rotor, which captures more by this model: "
+    "its tip speed ratio is held to 0.2 % of the difference from the wake's that the start has, and "
+    "a finer mesh is not asked for (docs/memory.md)"
+)
 PACKAGES = "hkt_mdo openmdao dymos numpy scipy numba casadi wisdem pyoptsparse".split()
 
 
@@ -362,6 +367,7 @@ def _notes(finished):
         *_unresolved(physics, blade, finished.flights),
         *_outside_table(physics.generator, finished.flights),
         *_unstable(finished.flights),
+        *(PULSES,) * physics.may_pulse,
     ]
 
 
