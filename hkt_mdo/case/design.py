@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os.path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
@@ -150,6 +150,36 @@ class Hydrodynamics(Section):
     refined."""
     check: Literal["vectorized", "ccblade"] = "vectorized"
     """Blade element momentum solver of the independent simulation; choices as for `bem`."""
+
+
+class InflowDynamics(Section):
+    """How what the wake induces follows the speeds of rotor and flow.
+
+    The name of the model may stand alone, `inflow_dynamics: oye`.
+    """
+
+    model: Literal["quasi_steady", "oye"] = "quasi_steady"
+    """`quasi_steady`: at once; `oye`: with memory, by the two filters of Oye, in the optimization,
+    in the independent simulation and in the judges (docs/memory.md)."""
+    tau1: Annotated[float, Quantity("s", ge=1e-3, le=1e4)] | None = None
+    """Time constant of the slow filters of `oye`; null: by the induction a in equilibrium at 0.7 R,
+    1.1 R / ((1 - 1.3 a) v), in which a counts as 0.5 where it is more."""
+
+    @property
+    def remembers(self) -> bool:
+        """Whether the wake has memory."""
+        return self.model == "oye"
+
+    @model_validator(mode="after")
+    def _check_time(self) -> InflowDynamics:
+        if self.tau1 is not None and not self.remembers:
+            problem, remedy = "is of no use without memory", "give model: oye, or leave it out"
+            raise refusal(problem, remedy, key="tau1", value=self.tau1)
+        return self
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
+        return {"anyOf": [{"enum": ["quasi_steady", "oye"]}, handler(schema)]}
 
 
 _OPTIMIZERS = "IPOPT", "SLSQP", "SNOPT"

@@ -51,6 +51,8 @@ def unit_of(value: Any) -> str:
 def _chapters(schema: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], dict[str, Any]]]:
     """Yield each key of a case, its schema without references, and the sections by their tag."""
     for key, value in _inlined(schema["properties"], schema["$defs"]).items():
+        whole = value.get("anyOf", [value])[-1]  # a section may be a name alone
+        value = whole if "properties" in whole else value
         sections = {"": value} if "properties" in value else {}
         for section in value.get("oneOf", ()):
             if "properties" in section:  # not a bare name

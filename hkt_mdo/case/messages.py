@@ -14,7 +14,7 @@ from hkt_mdo.errors import InputError, did_you_mean
 from hkt_mdo.files.yaml_text import dotted
 from hkt_mdo.sections import Section
 
-TAGS = {
+KINDS = {
     "inflow": "profile",
     "resource": "profile",
     "control": "law",
@@ -22,6 +22,9 @@ TAGS = {
     "robustness": "measure",
 }
 """The sections of a case that name a kind, and the key that names it."""
+
+TAGS = KINDS | {"inflow_dynamics": "model"}
+"""These, and others that may be given by that name alone."""
 
 _SECTION = (
     "must be a section of keys and values",
@@ -157,7 +160,7 @@ def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, d
         case "literal_error":
             problem, remedy = "unknown", _suggest(given, place.choices)
     section, _, name = key.rpartition(".")
-    if problem.startswith("unknown") and (section.endswith("limits") or name in TAGS.values()):
+    if problem.startswith("unknown") and (section.endswith("limits") or name in KINDS.values()):
         remedy += "; one of your own needs --extend FILE"
     return key, problem, remedy, found
 

@@ -22,7 +22,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError
 
-from hkt_mdo.case.design import Design, Driver, Hydrodynamics, Phase, Start
+from hkt_mdo.case.design import Design, Driver, Hydrodynamics, InflowDynamics, Phase, Start
 from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kinds
 from hkt_mdo.case.messages import TAGS, translate
 from hkt_mdo.case.turbine import Condition, Fluid, Rotor, Site, Spread, own_keys
@@ -185,6 +185,7 @@ class Case(Section):
     phase: Phase = Phase()
     start: Start = Start()
     hydrodynamics: Hydrodynamics = Hydrodynamics()
+    inflow_dynamics: InflowDynamics = InflowDynamics()
     driver: Driver = Driver()
 
     version: Annotated[int, Strict(), AfterValidator(_known_version)] = VERSION
@@ -252,6 +253,8 @@ class Case(Section):
             problem = f"is for open loop: the law {control.law} decides the speed"
             remedy = "give free, or control.law: open_loop"
             raise refusal(problem, remedy, key="phase.final_speed", value="initial")
+        if self.inflow_dynamics.remembers:
+            self._check_memory()
         problem = "takes the Reynolds number of the induced speed, not that of rotor.reynolds"
         remedy = "give vectorized, or rotor.reynolds: invariant"
         for name in ("bem", "check"):
@@ -327,6 +330,24 @@ class Case(Section):
             )
             raise refusal(problem, remedy, key="scenarios", value=given)
         object.__setattr__(self, "scenarios", tuple(made.values()))
+
+    def _check_memory(self) -> None:
+        """Refuse what the optimization with a wake that has memory cannot do."""
+        hydro, problem = self.hydrodynamics, "does not go with inflow_dynamics: oye"
+        for key, value, only in (
+            ("rotor.reynolds", self.rotor.reynolds, "invariant"),
+            ("hydrodynamics.torque", hydro.torque, "curve"),
+            ("hydrodynamics.bem", hydro.bem, "vectorized"),
+        ):
+            if value != only:
+                remedy = f"give {only}, or inflow_dynamics: quasi_steady"
+                raise refusal(problem, remedy, key=key, value=value)
+        for number, scenario in enumerate(self.scenarios):
+            for key in ("steady", "density", "condition"):
+                if getattr(scenario, key):
+                    remedy = "leave it out, or give inflow_dynamics: quasi_steady"
+                    key, value = f"scenarios[{number}].{key}", getattr(scenario, key)
+                    raise refusal(problem, remedy, key=key, value=value)
 
     def _check_scenarios(self) -> None:
         """Refuse scenarios that weigh nothing, or limit what they do not own."""

@@ -14,7 +14,8 @@ _USUAL = (
     "material wall hub_inertia density hub_depth mean amplitude angular_frequency file "
     "speed_column speed_unit start duration gaps spikes cutoff torque_limit gain power "
     "rotor_speed thrust stress efficiency chord_bounds twist_bounds chord_points twist_points "
-    "radius_bounds segments initial_speed method torque tolerance optimizer max_iterations"
+    "radius_bounds segments initial_speed method torque tolerance model tau1 optimizer "
+    "max_iterations"
 ).split()
 """The keys that most cases say something about."""
 

@@ -35,7 +35,7 @@ _REFERENCE = "What is the signal: the speed's fluctuation about its mean, or the
 _RATE = "Samples of the sensor a second."
 _SEEDS = "Seeds of a turbulent flow, such as 1..20 or 3,5,9: each is simulated."
 _TABLES = "Folder for simulations.json and simulations.csv; files of these names are replaced."
-_INFLOW_DYNAMICS = (
+_DYNAMICS = (
     "quasi_steady: the wake is in equilibrium at every instant; oye: it has memory, by Oye's two "
     "filters at every station (docs/theory.md)."
 )
@@ -198,7 +198,7 @@ def simulate(
     scenario: Annotated[str | None, Option(metavar="NAME", help=_SCENARIO)] = None,
     start: Annotated[bool, Option("--start-up", help=_START)] = False,
     stop: Annotated[float | None, Option("--shut-down", metavar="SECONDS", help=_STOP)] = None,
-    inflow_dynamics: Annotated[str, Option(metavar="NAME", help=_INFLOW_DYNAMICS)] = "quasi_steady",
+    inflow_dynamics: Annotated[str | None, Option(metavar="NAME", help=_DYNAMICS)] = None,
     tau1: Annotated[float | None, Option(metavar="SECONDS", help=_TAU1)] = None,
     out: Annotated[Path | None, Option(metavar="DIR", help=_TABLES)] = None,
     strict: Annotated[bool, Option("--strict", help=_STRICT)] = False,
@@ -223,9 +223,11 @@ def simulate(
 
     for_program = parts.one_form(as_json, as_csv)
     _check_sensor(snr, reference, rate, cutoff)
-    memory = _memory(inflow_dynamics, tau1, snr, start)
+    memory = _memory(inflow_dynamics or "quasi_steady", tau1, snr, start)
     _check_start(start, stop, snr)
     solution = read_result(result)
+    if (own := solution.case.inflow_dynamics).remembers and inflow_dynamics is None:
+        memory, tau1 = not start and snr is None, own.tau1
     chosen = solution if scenario is None else solution.scenario(scenario)
     runs = runs_of(chosen, flow, flow_seeds, memory, tau1)
     several, told = len(runs) > 1, []
@@ -234,8 +236,8 @@ def simulate(
     for run in runs:
         if start:
             began = start_and_stop(run.design, run.inflow, stop)
-            lines, flown = list(began.lines()), replace(run, given=began.operation)
-            told += [flown] if began.operation is not None else []
+            lines, given = list(began.lines()), began.operation
+            told += [replace(run, given=given)] if given is not None else []
         else:
             lines, told = run.memory or [f"without noise: {run.outcome}"], [*told, run]
             if several:
@@ -244,15 +246,14 @@ def simulate(
                 sensor = Sensor(snr, reference, rate, cutoff or None)
                 lines += _with_noise(run, sensor, repeats, seed)
         echo("  " + "\n  ".join([joined(run.name, lines[0]), *lines[1:]]), err=for_program)
-    most = largest(told)
     if for_program:
         parts.print_records(records(told), as_json)
-    elif rows := [entry.row(name) for name, entry in most.items()]:
+    elif rows := [entry.row(name) for name, entry in largest(told).items()]:
         parts.print_rows(rows, f"Largest values{f' of {len(told)} simulations' if several else ''}")
     for path in write(out, told) if out is not None else ():
         echo(str(path), err=for_program)
     if strict:
-        _refuse_broken(most)
+        _refuse_broken(largest(told))
 
 
 def _refuse_broken(most: dict[str, Told]) -> None:

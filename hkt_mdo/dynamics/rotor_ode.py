@@ -6,6 +6,7 @@ import openmdao.api as om
 from hkt_mdo.dynamics.formulas import STEP
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law, OpenLoop
+from hkt_mdo.dynamics.wake import AT_ONCE, MOST_INDUCTION
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
@@ -17,6 +18,8 @@ _INNER = {
         "units": None,
         "desc": "torque coefficient at the nodes of the curve",
     },
+    "wake_ratio": {"units": None, "desc": "tip speed ratio of the wake"},
+    "wake_factor": {"units": None, "desc": "tip speed ratio of the rotor over that of the wake"},
 }
 """Units and description of what the equation has besides the quantities of the registry."""
 
@@ -243,6 +246,154 @@ class CoefficientComp(_NodeComp):
         super().compute_partials(inputs, partials)
         for name, by in by_shape.items():
             partials["torque_coefficient", name] = by
+
+
+WAKE_STATES = {
+    "reduced_velocity": ("m/s", "what the wake's slow filter holds of its mean axial velocity"),
+    "induced_velocity": ("m/s", "mean axial velocity that the wake induces"),
+}
+"""Unit and description of the states of a wake with memory, by their names."""
+_INNER |= {name: {"units": unit, "desc": text} for name, (unit, text) in WAKE_STATES.items()}
+_INNER |= {
+    f"{name}_rate": {"units": f"{unit}/s", "desc": f"rate of {text}"}
+    for name, (unit, text) in WAKE_STATES.items()
+}
+
+
+class RememberingComp(_NodeComp):
+    """Torque and power under a wake that has memory, by two filters of its mean axial velocity w.
+
+    With what the wake would induce in equilibrium, w_s = v a(tsr), a the mean axial induction,
+
+        tau1 x' = (1 - k) w_s - x,    tau2 w' = x + k w_s - w;
+
+    v a(tsr_w) = w tells the wake's tip speed ratio, and torque is a table over both ratios (`Band`,
+    docs/memory.md). tau1 is given, or 1.1 R / ((1 - 1.3 a') v), a' the axial induction in
+    equilibrium at 0.7 R, which counts as 0.5 where it is more; tau2 is a share of it.
+
+    Inputs are those of `needs` and the tables of `Band`.
+    """
+
+    _AT = ("rotor_speed", "inflow_speed", "rotor_radius")
+    needs = {  # noqa: RUF012
+        "tip_speed_ratio": _AT,
+        "wake_ratio": ("inflow_speed", "induced_velocity"),
+        "wake_factor": (*_AT, "induced_velocity"),
+        "torque_coefficient": (*_AT, "induced_velocity"),
+        "hydrodynamic_torque": (*_AT, "density", "induced_velocity"),
+        "hydrodynamic_power": (*_AT, "density", "induced_velocity"),
+        "reduced_velocity_rate": (*_AT, "reduced_velocity"),
+        "induced_velocity_rate": (*_AT, *WAKE_STATES),
+    }
+    over_time = (*_NodeComp.over_time, "wake_ratio", "wake_factor", *WAKE_STATES)
+
+    def initialize(self):
+        super().initialize()
+        self.options.declare("band", desc="tables over both ratios, a `Band`", recordable=False)
+        self.options.declare("tau1", default=None, desc="s; None: by the induction")
+        self.options.declare("share", types=float, desc="tau2 over tau1")
+
+    def setup(self):
+        _NodeComp.setup(self)
+        self._designed = {
+            name: np.ones(shape) for name, (shape, _) in self.options["band"].outputs(()).items()
+        }
+        for name, value in self._designed.items():
+            self.add_input(name, val=value, tags=["dymos.static_target"])
+
+    def setup_partials(self):
+        _NodeComp.setup_partials(self)
+        induction, place, band = (
+            f"{name}"
+            for name in ("wake_induction_table", "place_induction_table", "torque_coefficient_band")
+        )
+        for name in ("torque_coefficient", "hydrodynamic_torque", "hydrodynamic_power"):
+            self.declare_partials(name, (band, induction))
+        self.declare_partials(("wake_ratio", "wake_factor"), induction)
+        times = () if self.options["tau1"] else (place,)
+        for name in WAKE_STATES:
+            self.declare_partials(f"{name}_rate", (induction, *times))
+
+    def _wake(self, inputs):
+        """Keep what the formula needs of the tables and of the wake's tip speed ratio."""
+        band = self.options["band"]
+        self._tables = {name: inputs[name] for name in self._designed}
+        induction = inputs["induced_velocity"] / inputs["inflow_speed"]
+        table = self._tables["wake_induction_table"]
+        self._found = induction, *band.wake_ratio(table, induction)
+
+    def formula(
+        self, rotor_speed, inflow_speed, density, rotor_radius, reduced_velocity, induced_velocity,
+        **_,
+    ):  # fmt: skip
+        band, tables = self.options["band"], self._tables
+        ratio = rotor_speed * rotor_radius / inflow_speed
+        induction, wake_ratio, slope = self._found
+        wake_ratio = wake_ratio + slope * (induced_velocity / inflow_speed - induction)
+        coefficient, *_ = band.values(tables["torque_coefficient_band"], ratio, wake_ratio)
+        torque = torque_scale(density, rotor_radius, inflow_speed) * coefficient
+        steady, _ = band.spline.values(tables["wake_induction_table"], ratio)
+        steady = inflow_speed * steady
+        slow, _ = self._times(ratio, inflow_speed, rotor_radius)
+        fast = self.options["share"] * slow
+        held = reduced_velocity + AT_ONCE * steady
+        return {
+            "tip_speed_ratio": ratio,
+            "wake_ratio": wake_ratio,
+            "wake_factor": ratio / wake_ratio,
+            "torque_coefficient": coefficient,
+            "hydrodynamic_torque": torque,
+            "hydrodynamic_power": torque * rotor_speed,
+            "reduced_velocity_rate": ((1.0 - AT_ONCE) * steady - reduced_velocity) / slow,
+            "induced_velocity_rate": (held - induced_velocity) / fast,
+        }
+
+    def _times(self, ratio, flow, radius):
+        """Return tau1 (s) and the derivative of its logarithm by the induction at 0.7 R."""
+        if self.options["tau1"] is not None:
+            return self.options["tau1"] * np.ones(ratio.shape), 0.0
+        table = self._tables["place_induction_table"]
+        place, _ = self.options["band"].spline.values(table, ratio)
+        counts = np.real(place) < MOST_INDUCTION
+        kept = 1.0 - 1.3 * np.where(counts, place, MOST_INDUCTION)
+        return 1.1 * radius / (kept * flow), np.where(counts, 1.3 / kept, 0.0)
+
+    def compute(self, inputs, outputs):
+        self._wake(inputs)
+        _NodeComp.compute(self, inputs, outputs)
+
+    def compute_partials(self, inputs, partials):
+        self._wake(inputs)
+        _NodeComp.compute_partials(self, inputs, partials)
+        band, tables, flow = self.options["band"], self._tables, inputs["inflow_speed"]
+        radius, speed = inputs["rotor_radius"], inputs["rotor_speed"]
+        ratio, (_, wake_ratio, slope) = speed * radius / flow, self._found
+        _, _, by_wake = band.values(tables["torque_coefficient_band"], ratio, wake_ratio)
+        moved = -slope[:, None] * band.spline.basis(wake_ratio)
+        partials["wake_ratio", "wake_induction_table"] = moved
+        factor = (-ratio / wake_ratio**2)[:, None] * moved
+        partials["wake_factor", "wake_induction_table"] = factor
+        scale = torque_scale(inputs["density"], radius, flow)
+        for name, factor in (
+            ("torque_coefficient", np.ones(scale.shape)),
+            ("hydrodynamic_torque", scale),
+            ("hydrodynamic_power", scale * speed),
+        ):
+            whole = factor[:, None] * band.basis(ratio, wake_ratio)
+            partials[name, "torque_coefficient_band"] = whole
+            partials[name, "wake_induction_table"] = (factor * by_wake)[:, None] * moved
+        slow, by_place = self._times(ratio, flow, radius)
+        basis = flow[:, None] * band.spline.basis(ratio)
+        found = self.formula(**dict(inputs.items()))
+        share = self.options["share"]
+        for name, part, time in zip(
+            WAKE_STATES, (1.0 - AT_ONCE, AT_ONCE), (slow, share * slow), strict=True
+        ):
+            rate = f"{name}_rate"
+            partials[rate, "wake_induction_table"] = part * basis / time[:, None]
+            if self.options["tau1"] is None:
+                by = (-found[rate] * by_place)[:, None] * basis / flow[:, None]
+                partials[rate, "place_induction_table"] = by
 
 
 class FeedbackComp(_NodeComp):

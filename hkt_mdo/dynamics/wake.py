@@ -18,6 +18,7 @@ import numpy as np
 
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.band import place_shares
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.reynolds import LocalReynolds
 
@@ -25,8 +26,11 @@ AT_ONCE = 0.6
 """Øye's k: the share of a change that passes by the slow filter."""
 MOST_INDUCTION = 0.5
 """Axial induction above which the slow filter's time constant grows no more."""
-PLACE = 0.7
-"""Radius over that of the tip whose induction decides the time constant."""
+
+
+def fast_share(places):
+    """Return the fast filter's time constant over the slow one's, at radii over the tip's."""
+    return 0.39 - 0.26 * places**2
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +50,9 @@ class Wake:
 
     @cached_property
     def _spread(self):
-        """Share of each station in the induction at `PLACE`, and tau2 over tau1 of each."""
+        """Share of each station in the induction at 0.7 R, and tau2 over tau1 of each."""
         places = self.blade.r / self.blade.tip_radius
-        share = [np.interp(PLACE, places, each) for each in np.eye(places.size)]
-        return np.array(share), 0.39 - 0.26 * places**2
+        return place_shares(places), fast_share(places)
 
     def _polar(self, flow):
         polar = self.polar

@@ -12,18 +12,21 @@ import numpy as np
 import openmdao.api as om
 
 from hkt_mdo.dynamics.limits import Limit, TorqueLimit
+from hkt_mdo.dynamics.rotor_ode import WAKE_STATES
 from hkt_mdo.problem.components import AreaComp
 from hkt_mdo.problem.constraints import held_limits, size_of
 from hkt_mdo.problem.operation_group import OperationGroup, named
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.scenario import Scales
 from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
+from hkt_mdo.problem.wake import PULSE, Follower
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.components import AngleComp, BladeGroup, rotor_inputs
 from hkt_mdo.rotor.stall import SLOWER
 from hkt_mdo.solve import drivers
 from hkt_mdo.solve.totals import Substitution
 
+WAKE_SHARE = 0.3  # typical axial induction
 ANGLE_UNIT = np.deg2rad(5.0)  # typical change of an angle of attack
 DESIGNED = {
     "rotor_radius": "radius of the swept disc",
@@ -105,6 +108,7 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
         nodes=np.asarray(setup.nodes, dtype=float),
         coefficients=("torque",) if physics.has_curve else (),
         loads=physics.load_names,
+        band=physics.band(setup),
     )
     group.add_subsystem("rotor", rotor, promotes=["*"])
     _add_variants(group, physics, setup)
@@ -166,7 +170,17 @@ def _scales(physics, setup):
     limit = physics.law.torque_limit
     if limit is not None:
         limit *= min(np.min(setup.share(TorqueLimit(), each)) for each in physics.scenarios)
-    return Scales(speed, torque, torque / inertia, limit, _state_scales(physics, setup.start))
+    states = _state_scales(physics, setup.start)
+    if physics.remembers:
+        states |= _wake_scales(physics, setup.start)
+    return Scales(speed, torque, torque / inertia, limit, states)
+
+
+def _wake_scales(physics, start):
+    """Return the reference magnitudes of the wake's states and rates, by name."""
+    fastest = max(float(np.max(known["inflow_speed"])) for known in physics.on_start(start))
+    tau1 = physics.case.inflow_dynamics.tau1 or start.blade.rotor_radius / fastest
+    return {name: (WAKE_SHARE * fastest, WAKE_SHARE * fastest / tau1) for name in WAKE_STATES}
 
 
 def _state_scales(physics, start):
@@ -249,7 +263,12 @@ def _declare_constraints(model, physics, setup, scales):
     for limit in physics.design_limits:
         if limit.constrains(physics.law):
             _declare_design_limit(model, limit)
-    for scenario in physics.scenarios:
+    for number, scenario in enumerate(physics.scenarios):
+        if physics.may_pulse:
+            lower, upper = Follower(physics, setup, physics.band(setup)).bounds(number)
+            about = {"indices": scenario.distinct_nodes, "flat_indices": True, "ref": PULSE}
+            name = f"{scenario.path}.wake_factor"
+            model.add_constraint(name, lower=lower, upper=upper, **about)
         if scenario.closed:
             name = f"{scenario.name}_gain_of_speed.change"
             model.add_constraint(name, equals=0.0, ref=scales.rotor_speed, units="rad/s")

@@ -7,6 +7,7 @@ from hkt_mdo.case.guard import any_values
 from hkt_mdo.dynamics.aggregates import Aggregate
 from hkt_mdo.dynamics.formulas import Formula, slope
 from hkt_mdo.quantities import QUANTITIES, is_over_time
+from hkt_mdo.rotor.band import Band
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.planform import area_weights
 from hkt_mdo.rotor.torque_curve import TorqueSpline
@@ -86,6 +87,61 @@ class LoadComp(om.ExplicitComponent):
             by_flow = 2.0 * pressure * values - by_ratio * ratio
             partials[name, "inflow_speed"] = by_flow / flow
             partials[name, "rotor_radius"] = (by_ratio * ratio / inputs["rotor_radius"])[:, None]
+            partials[name, "density"] = (pressure * values / inputs["density"])[:, None]
+
+
+class RememberingLoadComp(om.ExplicitComponent):
+    """The same where the wake has memory, 0.5 rho v² c(w R / v, tsr_w), from the tables of `Band`.
+
+    Inputs are those of `LoadComp`, wake_ratio[num_nodes, 1], and <name>_band in place of tables.
+    """
+
+    def initialize(self):
+        self.options.declare("num_nodes", types=int)
+        self.options.declare("names", types=tuple, desc="names of the loads")
+        self.options.declare("band", types=Band, recordable=False)
+
+    def setup(self):
+        n, tables = self.options["num_nodes"], self.options["band"].outputs(self.options["names"])
+        rows = np.arange(n)
+        for name in ("rotor_speed", "inflow_speed"):
+            self.add_input(name, shape=(n, 1), **QUANTITIES[name].meta)
+        self.add_input("wake_ratio", shape=(n, 1), desc="tip speed ratio of the wake")
+        for name in ("rotor_radius", "density"):
+            self.add_input(name, **QUANTITIES[name].meta)
+        for name in self.options["names"]:
+            shape, about = tables[f"{name}_band"]
+            self.add_input(f"{name}_band", shape=shape, **about)
+            self.add_output(name, shape=(n, 1), **QUANTITIES[name].meta)
+            self.declare_partials(name, ("rotor_radius", "density", f"{name}_band"))
+            for each in ("rotor_speed", "inflow_speed", "wake_ratio"):
+                self.declare_partials(name, each, rows=rows, cols=rows)
+
+    def _at(self, inputs):
+        names = "rotor_speed", "inflow_speed", "wake_ratio"
+        speed, flow, wake_ratio = (inputs[name][:, 0] for name in names)
+        pressure = 0.5 * inputs["density"] * flow**2
+        return speed * inputs["rotor_radius"] / flow, wake_ratio, flow, pressure
+
+    def compute(self, inputs, outputs):
+        ratio, wake_ratio, _, pressure = self._at(inputs)
+        for name in self.options["names"]:
+            values, *_ = self.options["band"].values(inputs[f"{name}_band"], ratio, wake_ratio)
+            outputs[name][:, 0] = pressure * values
+
+    def compute_partials(self, inputs, partials):
+        ratio, wake_ratio, flow, pressure = self._at(inputs)
+        band, radius = self.options["band"], inputs["rotor_radius"]
+        basis = pressure[:, None] * band.basis(ratio, wake_ratio)
+        for name in self.options["names"]:
+            table = inputs[f"{name}_band"]
+            values, by_ratio, by_wake = band.values(table, ratio, wake_ratio)
+            by_ratio = pressure * by_ratio
+            partials[name, f"{name}_band"] = basis
+            partials[name, "wake_ratio"] = pressure * by_wake
+            partials[name, "rotor_speed"] = by_ratio * radius / flow
+            partials[name, "inflow_speed"] = (2.0 * pressure * values - by_ratio * ratio) / flow
+            partials[name, "rotor_radius"] = (by_ratio * ratio / radius)[:, None]
             partials[name, "density"] = (pressure * values / inputs["density"])[:, None]
 
 

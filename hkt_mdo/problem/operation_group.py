@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 import openmdao.api as om
 
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
-from hkt_mdo.dynamics.rotor_ode import HydrodynamicsGroup
+from hkt_mdo.dynamics.rotor_ode import HydrodynamicsGroup, RememberingComp
 from hkt_mdo.problem.components import (
     AboveComp,
     AggregateComp,
     FormulaComp,
     IntegralComp,
     LoadComp,
+    RememberingLoadComp,
     TorqueRateComp,
 )
 from hkt_mdo.problem.constraints import held_limits, source_of
@@ -22,6 +23,7 @@ from hkt_mdo.problem.equilibrium import EquilibriumGroup
 from hkt_mdo.problem.physics import BEM, Physics
 from hkt_mdo.problem.scenario import Scales, add_phase, dm
 from hkt_mdo.problem.setup import Setup
+from hkt_mdo.problem.wake import Follower
 from hkt_mdo.quantities import QUANTITIES, RATES, is_over_time
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
@@ -32,8 +34,9 @@ def named(name: str, variant: str) -> str:
     return f"{name}{variant}" if own else name
 
 
-def _hydrodynamics(options: dict, nodes: int) -> HydrodynamicsGroup:
-    return HydrodynamicsGroup(num_nodes=nodes, **options)
+def _hydrodynamics(options: dict, nodes: int) -> HydrodynamicsGroup | RememberingComp:
+    made = RememberingComp if "band" in options else HydrodynamicsGroup
+    return made(num_nodes=nodes, **options)
 
 
 class OperationGroup(om.Group):
@@ -90,6 +93,15 @@ class OperationGroup(om.Group):
     def _given(self) -> tuple[Physics, Setup]:
         return self.options["physics"], self.options["start"]
 
+    @cached_property
+    def _follower(self):
+        """The wake with memory along the start."""
+        return Follower(*self._given, self._physics.band(self.options["start"]))
+
+    @property
+    def _band(self):
+        return self._follower.band
+
     def _add_phases(self):
         """Add one phase a scenario, at its start, and promote what feeds them."""
         physics, setup = self._given
@@ -113,6 +125,8 @@ class OperationGroup(om.Group):
                 group = EquilibriumGroup(scenario=each, start=begin, **given)
                 self.add_subsystem(f"steady_{each.name}", group, promotes_inputs=promoted)
                 continue
+            if physics.remembers:
+                begin |= self._follower.along(each, speed)
             add_phase(trajectory, each, *about, begin)
             inputs += [(f"{each.name}.parameters:{name}", own) for name, own in promoted]
         if inputs:
@@ -123,14 +137,19 @@ class OperationGroup(om.Group):
         """Return the options of `HydrodynamicsGroup` and the ODE's inputs, with units."""
         setup = self.options["start"]
         names = ["density", "inertia", "rotor_radius"]
-        if physics.has_curve:
+        if physics.remembers:
+            tau1 = physics.case.inflow_dynamics.tau1
+            options = {"band": self._band, "tau1": tau1, "share": self._follower.share}
+        elif physics.has_curve:
             options = {"spline": TorqueSpline(setup.nodes)}
         else:
             solver = BEM[physics.case.hydrodynamics.bem]
             options = {"blade": setup.start.blade, "polar": physics.polar, "coefficients": solver}
             names += ["chord", "twist"]
         parameters = {name: QUANTITIES[name].unit for name in names}
-        if physics.has_curve:
+        if physics.remembers:
+            parameters |= dict.fromkeys(self._band.outputs(()))
+        elif physics.has_curve:
             parameters["torque_coefficient_table"] = None
         gains = {f"gain_{i}": units for i, units in enumerate(physics.gain_units)}
         return options, parameters | gains
@@ -139,14 +158,19 @@ class OperationGroup(om.Group):
         """Add the loads that are asked for, at the nodes of every phase."""
         physics, setup = self._given
         names, nodes = physics.load_names, np.asarray(setup.nodes, dtype=float)
-        fed = ["rotor_radius", "density", *(f"{name}_table" for name in names)]
+        kind = "band" if physics.remembers else "table"
+        fed = ["rotor_radius", "density", *(f"{name}_{kind}" for name in names)]
+        sources = "rotor_speed", "inflow_speed", *("wake_ratio",) * physics.remembers
         for scenario in physics.scenarios if names else ():
             name, n = f"loads_{scenario.name}", scenario.node_times.size
-            component = LoadComp(num_nodes=n, names=names, spline=TorqueSpline(nodes))
+            if physics.remembers:
+                component = RememberingLoadComp(num_nodes=n, names=names, band=self._band)
+            else:
+                component = LoadComp(num_nodes=n, names=names, spline=TorqueSpline(nodes))
             variant = physics.variants[scenario.turbine]
             inputs = [(each, named(each, variant)) for each in fed]
             self.add_subsystem(name, component, promotes_inputs=inputs)
-            for quantity in ("rotor_speed", "inflow_speed"):
+            for quantity in sources:
                 self.connect(f"{scenario.path}.{quantity}", f"{name}.{quantity}")
 
     def _add_rates(self):

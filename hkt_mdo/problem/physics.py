@@ -40,6 +40,7 @@ from hkt_mdo.problem.operation import in_operation
 from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
 from hkt_mdo.problem.turbine import Turbine, build_turbine
 from hkt_mdo.quantities import LOADS, RATES, STEADY, names
+from hkt_mdo.rotor.band import Band
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.hydrodynamics import SOLVERS, Hydrodynamics
 from hkt_mdo.rotor.loads import Cavitation, LoadModel
@@ -329,6 +330,30 @@ class Physics:
         A local Reynolds number depends on the speed of the flow too, which the curve does not have.
         """
         return self.case.hydrodynamics.torque == "curve" and not self.rotor.follows_reynolds
+
+    @property
+    def remembers(self) -> bool:
+        """Whether the wake has memory."""
+        return self.case.inflow_dynamics.remembers
+
+    @property
+    def may_pulse(self) -> bool:
+        """Whether the optimizer may let the rotor pulse, faster and slower than its wake by turns.
+
+        That captures more in this model, the more so the finer the mesh (docs/memory.md).
+        """
+        return self.remembers and not self.law.is_feedback
+
+    def band(self, setup) -> Band | None:
+        """Return the tables of a wake with memory at a setup; None without memory.
+
+        Its weights are those of the setup's blade at the mean of its tip speed ratios.
+        """
+        if not self.remembers:
+            return None
+        ratios = [known["tip_speed_ratio"] for known in self.on_start(setup.start)]
+        mean = float(np.mean(np.concatenate(ratios)))
+        return Band.of(self.rotor.as_built(setup.start.blade), setup.start.blade, mean, setup.nodes)
 
     def split(self, operation):
         """Return rotor speed and hydrodynamic torque of an operation, (2, n_times) a scenario."""

@@ -15,7 +15,7 @@ from hkt_mdo.case import Condition, Phase
 from hkt_mdo.dynamics.flows import UNKNOWN_PIECES, Inflow
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.radau import divided
-from hkt_mdo.dynamics.rotor_ode import RotorODE
+from hkt_mdo.dynamics.rotor_ode import WAKE_STATES, RotorODE
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 
 with warnings.catch_warnings():  # Dymos uses names that OpenMDAO gives up: no matter of the user's
@@ -346,7 +346,7 @@ def add_phase(trajectory, scenario, law, ode_options, parameters, scales, speed_
 
     `ode_options` are those of `RotorODE` besides law and inflow; `parameters` the ODE inputs that
     the model feeds, with their units; `speed_bounds` (rad/s) a pair. `start` has time, rotor_speed,
-    control_torque and the states of the law at samples, SI units, (n_times,).
+    control_torque and the states of law and wake at samples, SI units, (n_times,).
     """
     mesh, time = scenario.mesh, start["time"]
     phase = dm.Phase(
@@ -379,7 +379,8 @@ def add_phase(trajectory, scenario, law, ode_options, parameters, scales, speed_
             defect_ref=scales.acceleration,
             **speed,
         )
-    for name, (unit, _) in law.states.items():
+    remembers = WAKE_STATES.keys() <= start.keys()
+    for name, (unit, _) in (law.states | (WAKE_STATES if remembers else {})).items():
         ref, rate = scales.states[name]
         source = f"{name}_rate"
         phase.add_state(
@@ -399,7 +400,7 @@ def add_phase(trajectory, scenario, law, ode_options, parameters, scales, speed_
             ref=scales.acceleration,
             units="rad/s**2",
         )
-    for name in TRAJECTORY:
+    for name in (*TRAJECTORY, *("wake_ratio", "wake_factor") * remembers):
         if name not in ("time", "rotor_speed"):
             phase.add_timeseries_output(name)
 

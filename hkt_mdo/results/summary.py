@@ -147,6 +147,53 @@ class LimitEntry(LoadEntry):
         return Row(_largest(name), self.value, self.unit, joined(limit, self.margin, place))
 
 
+class MemoryEntry(_Entry):
+    """How stable the loop of rotor and controller is in water whose wake has memory.
+
+    By its eigenvalues at instants along the integration, with Oye's filters at every station
+    (docs/memory.md): `growth` (1/s) is the largest real part at any of them, `frozen_growth` that
+    of a wake that stays as it is. `tau1_s` is the wake's time constant where the growth is largest.
+    Time and flow are those of the first instant that is unstable, or of the least stable one.
+    `least_inertia_kg_m2` is the inertia of the shaft from which the loop is stable at all of them;
+    null: at none. `stiffness` (N m s/rad) is what a controller of the speed must add to the torque
+    of an open loop, as a slope over the speed, to hold it while the wake stays as it is.
+    """
+
+    stable: bool
+    growth: _Number = None
+    frozen_growth: _Number = None
+    tau1_s: _Number = None
+    time_s: _Number = None
+    inflow_speed: _Number = None
+    share_of_instants: _Number = None
+    inertia_kg_m2: _Number = None
+    least_inertia_kg_m2: _Number = None
+    stiffness: _Number = None
+
+    @property
+    def text(self) -> str:
+        """The verdict as one line of text."""
+        if self.stable:
+            word = "stable"
+            if (self.frozen_growth or 0.0) > 0.0:
+                word = "stable, although not while the wake stays as it is"
+            return f"{word}: the slowest change decays with {measured(-(self.growth or 0.0))} 1/s"
+        least = self.least_inertia_kg_m2
+        heavy = "stable by no inertia of the shaft"
+        if least is not None:
+            own = f"the rotor has {measured(self.inertia_kg_m2, digits=3)}"
+            heavy = f"stable from a shaft inertia of {measured(least, 'kg*m**2', 3)} ({own})"
+        if self.stiffness is not None:
+            held = f"{measured(self.stiffness, 'N*m*s/rad', 3)} times the difference of speed"
+            heavy += f", or with a controller that adds more than {held}"
+        share = f"{round(100.0 * (self.share_of_instants or 0.0))} % of the instants"
+        return (
+            f"UNSTABLE from t = {self.time_s or 0.0:.2f} s at v = {self.inflow_speed or 0.0:.3g} "
+            f"m/s, at {share}: the rotor may run away before its wake answers (tau1 = "
+            f"{measured(self.tau1_s, 's', 3)}); {heavy}"
+        )
+
+
 class BoundEntry(_Entry):
     """A design variable that ends at one of its bounds, in the unit of the case."""
 
@@ -404,6 +451,8 @@ class Summary(_Entry, Mapping[str, Any]):
     """Largest loads: thrust, root moment of one blade, stress in a blade, and, where the depth of
     the hub and the suction of the sections are known, cavitation; shaft power of the generator,
     rotor speed and tip speed."""
+    memory: MemoryEntry | None = None
+    """How stable the loop is in water whose wake has memory, asked for or not."""
     tip_deflection_m: _Number = None
     """Largest deflection of a tip out of the rotor plane, of a linear beam."""
     at_bounds: list[BoundEntry] | None = None
@@ -526,6 +575,8 @@ class Summary(_Entry, Mapping[str, Any]):
         yield Row("case", case.name)
         yield Row("success", "yes" if self.success else "no")
         yield Row("message", self.message)
+        if self.memory is not None:
+            yield Row("in water with memory", self.memory.text)
         yield Row("energy", found, "J")
         yield Row("energy, simulated", simulated, "J", off)
         yield Row("energy of the generator", self.generator_energy_J, "J")

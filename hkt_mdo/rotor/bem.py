@@ -477,6 +477,34 @@ def _forces(phi, twist, polars, section, mixture):
     return found
 
 
+@compiled(error_model="numpy")
+def _force_slopes(phi, twist, polars, section, mixture):
+    """Return slopes of the force coefficients that `_forces` has, (2, 2, *phi.shape).
+
+    Of the tangential and the normal one (first axis) by the angle of attack at a constant inflow
+    angle, and by what the polars follow.
+    """
+    n_mixed, last, one = mixture.shape[3], mixture.shape[2] - 1, np.ones(1)
+    found = np.zeros((2, 2, *phi.shape))
+    for j in range(phi.shape[1]):
+        station_polars = polars[section[j] : section[j] + max(n_mixed, 1)]
+        for i in range(phi.shape[0]):
+            angle, lift_a, drag_a = phi[i, j], 0.0, 0.0
+            weights = mixture[0, j, min(i, last)] if n_mixed else one
+            for number in range(weights.size):
+                each = _polar_at(angle - twist[j], station_polars[number])
+                lift_a += weights[number] * each[2]
+                drag_a += weights[number] * each[3]
+            sine, cosine = np.sin(angle), np.cos(angle)
+            found[0, 0, i, j] = lift_a * sine - drag_a * cosine
+            found[1, 0, i, j] = lift_a * cosine + drag_a * sine
+            if n_mixed:
+                slopes = mixture[1, j, min(i, last)]
+                force = _mixed_force(angle, twist[j], station_polars, slopes)
+                found[0, 1, i, j], found[1, 1, i, j] = force
+    return found
+
+
 @lru_cache(maxsize=32)
 def _stack(polars):
     """Return the coefficients of different polars in one array (n_polars, n_knots, 8)."""
@@ -598,6 +626,62 @@ def sections_with(blade, polar, tip_speed_ratio, induced):
     state = phi, phi - twist, axial, swirl / lambda_r, np.sqrt(squared), along, around
     nothing = np.zeros(phi.shape)
     return Sections(*state, nothing, nothing.astype(np.int8), np.empty(0))
+
+
+def sections_behind(blade, polar, wake, wake_ratio, tip_speed_ratio):
+    """Return the `Sections` of a blade whose wake is still that of another tip speed ratio.
+
+    What the wake induces at its own tip speed ratio stays, in shares of the flow's speed.
+
+    Parameters
+    ----------
+    blade : Blade
+        The blade.
+    polar : Polar or sequence of Polar or ByThickness
+        Polars of the sections: one, one a station, or what they follow.
+    wake : Sections
+        What `sections` returns at the tip speed ratios of the wake.
+    wake_ratio, tip_speed_ratio : ndarray of shape (n_points,)
+        Omega R / V with R along the blade, of the wake and of the blade.
+
+    Returns
+    -------
+    Sections
+        State of the flow, (n_points, n_stations). Derivatives, if the wake has them, are totals:
+        those by the tip speed ratio while the wake stays, the others by a blade that changes its
+        wake too.
+    """
+    found = sections_with(blade, polar, tip_speed_ratio, induced_speeds(blade, wake, wake_ratio))
+    if not wake.derivatives.size:
+        return found
+    _, chord, twist, *_, polars, section, mixture = _arguments(blade, polar, tip_speed_ratio)
+    phi, speed, has_root = found.inflow_angle, found.relative_speed, wake.branch >= 0
+    slopes = _force_slopes(phi, twist, polars, section, mixture)
+    squared = chord * speed**2
+    forces = np.stack((found.tangential_load, found.normal_load)) / squared
+    by_phi = slopes[:, 0] + np.stack((forces[1], -forces[0]))
+    derivatives = np.zeros((4, len(INPUTS), *phi.shape))
+    for column in range(len(INPUTS)):
+        if column == 0:
+            across, along = 0.0, blade.r / blade.tip_radius
+        else:  # of the velocities that the wake leaves, W sin(phi) and W cos(phi) of its own
+            angle, own = wake.derivatives[2:, column]
+            sine, cosine = np.sin(wake.inflow_angle), np.cos(wake.inflow_angle)
+            turned = wake.relative_speed * angle
+            across = np.where(has_root, own * sine + turned * cosine, 0.0)
+            along = np.where(has_root, own * cosine - turned * sine, 0.0)
+        sine, cosine = np.sin(phi), np.cos(phi)
+        angle, own = (across * cosine - along * sine) / speed, across * sine + along * cosine
+        change = by_phi * angle + 2.0 * forces * own / speed
+        if column == 1:
+            change = change + forces / chord
+        elif column == 2:
+            change = change - slopes[:, 0]
+        elif column == 3:
+            change = change + slopes[:, 1]
+        derivatives[:2, column] = squared * change
+        derivatives[2:, column] = angle, own
+    return found._replace(derivatives=derivatives)
 
 
 def induced_speeds(blade, flow, tip_speed_ratio):

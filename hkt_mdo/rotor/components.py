@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import openmdao.api as om
 
+from hkt_mdo.rotor.band import Band
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.loads import COEFFICIENT_UNITS
@@ -217,6 +218,38 @@ class LoadTable(_Table):
         return {name: load.envelope(model.exponent) for name, load in loads.items()}
 
 
+class BandTables(_Table):
+    """Tables of a blade whose wake has memory; see `Band.solve`.
+
+    Inputs are those of `BladeComp`; outputs torque_coefficient_table, wake_induction_table,
+    place_induction_table[n_nodes], torque_coefficient_band and, for each load of names,
+    <name>_band[n_nodes * n_factors]. The option rotor is a `RotorModel`.
+    """
+
+    def initialize(self):
+        super().initialize()
+        self.options.declare("names", types=tuple, desc="names of the loads")
+        self.options.declare("band", types=Band, recordable=False)
+
+    def setup(self):
+        super().setup()
+        for name, (shape, about) in self.options["band"].outputs(self.options["names"]).items():
+            self.add_output(name, shape=shape, **about)
+            self.declare_partials(name, self.inputs_of_blade)
+
+    def compute(self, inputs, outputs):
+        for name, table in self._solve(inputs).items():
+            outputs[name] = table.values
+
+    def compute_partials(self, inputs, partials):
+        for name, table in self._solve(inputs, derivatives=True).items():
+            self._set_partials(partials, name, table)
+
+    def _solve(self, inputs, derivatives=False):
+        about = self.options["rotor"], self.blade_of(inputs), self.options["names"]
+        return self.options["band"].solve(*about, derivatives)
+
+
 class AngleComp(BladeComp):
     """Angle of attack at some stations, `slowed` below the lowest tip speed ratio of a rotor.
 
@@ -330,6 +363,8 @@ class BladeGroup(om.Group):
         declare("shape", default=None, types=Shape, allow_none=True, recordable=False)
         declare("coefficients", default=("torque",), types=tuple, desc="names of coefficients")
         declare("loads", default=(), types=tuple, desc="names of loads")
+        about = "of a wake with memory: its tables stand for those of torque and loads"
+        declare("band", default=None, types=Band, allow_none=True, recordable=False, desc=about)
 
     def setup(self):
         rotor, blade, nodes, vary, shape, coefficients, loads = (
@@ -346,6 +381,10 @@ class BladeGroup(om.Group):
                     self.set_input_defaults(f"{name}_control", values)
         mass = InertiaComp(rotor=rotor, blade=blade)
         self.add_subsystem("mass_and_inertia", mass, promotes=["*"])
+        if (band := self.options["band"]) is not None:
+            tables = BandTables(band=band, names=loads, **table)
+            self.add_subsystem("band_tables", tables, promotes=["*"])
+            return
         if {"torque", "power"} & set(coefficients):
             self.add_subsystem("torque_table", TorqueTable(**table), promotes=["*"])
         if "power" in coefficients:

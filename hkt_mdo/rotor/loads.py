@@ -334,7 +334,7 @@ def _by_flow(flow, blade, normal, tangential):
     return np.sum(by_ratio, axis=-1) / np.cos(blade.cone), *by_shape
 
 
-def _by_radius(blade, values, by_chord, power):
+def radius_slope(blade, values, by_chord, power):
     """Return the derivative by the rotor radius of values that grow with length to a power.
 
     They are homogeneous in the lengths, of which only the chord does not move with the radius.
@@ -362,7 +362,7 @@ def _whole(blade, flow, weights, power):
 
     def slopes(share):
         by = _by_flow(flow, blade, share * weights, np.zeros(flow.normal_load.shape))
-        return *by, _by_radius(blade, (share * values)[:, 0], by[1], power)
+        return *by, radius_slope(blade, (share * values)[:, 0], by[1], power)
 
     return Load(r, values, values, slopes)
 
@@ -412,7 +412,7 @@ def _stress(model, blade, flow, ratio):
         if change is not None:
             by_places = share * bending.by_change + (by_area - tensile / area) * change.area
             by_thickness = by_thickness + by_places @ weights
-        by_radius = _by_radius(blade, np.sum(share * values, axis=1), by_chord, 0)
+        by_radius = radius_slope(blade, np.sum(share * values, axis=1), by_chord, 0)
         return by_ratio, by_chord, by_twist, by_thickness, by_radius
 
     return Load(r, exact, values, slopes)
@@ -473,7 +473,7 @@ def _cavitation(model, blade, flow, ratio):
         both = [(share * slope).reshape(len(share), 2, -1).sum(axis=1) for slope in by]
         by_ratio, by_chord, by_twist, by_thickness = both
         weighted = share * values
-        by_radius = _by_radius(blade, np.sum(weighted, axis=1), by_chord, 0)
+        by_radius = radius_slope(blade, np.sum(weighted, axis=1), by_chord, 0)
         by_radius = by_radius + weighted @ lift / blade.rotor_radius
         return np.sum(by_ratio, axis=1) / cosine, by_chord, by_twist, by_thickness, by_radius
 

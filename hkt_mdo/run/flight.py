@@ -266,15 +266,19 @@ def _balanced(plant: Plant, scenario, law, gains, nodes, states):
 
 
 def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
-    """Integrate the found design under the found controller with direct BEM, in each scenario."""
+    """Integrate the found design under the found controller with direct BEM, in each scenario.
+
+    With the wake that the case asks for, whose filters are those of all stations.
+    """
     blade, gains = result.point.blade, result.point.gains
     check = BEM[physics.case.hydrodynamics.check]
-    limited, flights = bool(physics.load_names), []
+    dynamics, limited, flights = physics.case.inflow_dynamics, bool(physics.load_names), []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
         own = physics.of(scenario)
         mesh, law = scenario.mesh, own.law
         inertia = result.inertia * own.rotor.inertia_factor / physics.rotor.inertia_factor
         plant = Plant(blade, own.built(blade), inertia, own.density, check, own.generator)
+        plant = plant.with_memory(dynamics.tau1) if dynamics.remembers else plant
         told = {"scenario": scenario, "trajectory": nodes, "limits_loads": limited}
         if scenario.steady:
             flown = _balanced(plant, scenario, law, gains, nodes, physics.states)

@@ -94,9 +94,9 @@ def collect(physics: Physics, setup: Setup, problem, outcome: Outcome) -> Optimi
     outcome
         How the optimizer ended.
     """
+    names = *TRAJECTORY, *physics.states, *("wake_ratio",) * physics.remembers
     trajectories = tuple(
-        {name: _series(problem, scenario, name) for name in (*TRAJECTORY, *physics.states)}
-        for scenario in physics.scenarios
+        {name: _series(problem, scenario, name) for name in names} for scenario in physics.scenarios
     )
     return Optimized(
         *(problem, outcome, setup, point_of(physics, problem), trajectories),

@@ -106,9 +106,9 @@ def farther_from_stall(attempt: Attempt) -> Begin | None:
 
 
 def finer_mesh(attempt: Attempt) -> Begin | None:
-    """Divide the segments that are too coarse."""
+    """Divide the segments that are too coarse; not where that would let the rotor pulse faster."""
     physics = attempt.physics
-    if not attempt.converged:
+    if not attempt.converged or physics.may_pulse:
         return None
     division = attempt.division
     if not division.allowed(physics.case.driver.optimizer):

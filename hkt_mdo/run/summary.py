@@ -40,6 +40,7 @@ from hkt_mdo.run.flight import (
 )
 from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.judge import RESOLVED, designed, energy_bound, explain_all, in_case
+from hkt_mdo.run.memory import stability
 
 # relative distance from its bound within which a limit counts as binding; that of a load, of whose
 # values along the blade the optimization has a smooth largest that is up to as much above them
@@ -52,6 +53,11 @@ SIMULATED = {
 }
 """Key in the summary of each energy of a `Simulation`."""
 TORQUE = "control_torque"
+PULSES = (
+    "an open loop whose wake has memory would pulse the rotor, which captures more by this model: "
+    "its tip speed ratio is held to 0.2 % of the difference from the wake's that the start has, and "
+    "a finer mesh is not asked for (docs/memory.md)"
+)
 PACKAGES = "hkt_mdo openmdao dymos numpy scipy numba casadi wisdem pyoptsparse".split()
 
 
@@ -128,6 +134,7 @@ def summarize(finished: Finished) -> Summary:
         **_controller(finished),
         **_blade(finished),
         **_extremes(finished, scenarios),
+        **_memory(finished),
         "at_bounds": list(_at_bounds(finished)),
         "scenarios": scenarios,
         "branches": [
@@ -268,6 +275,13 @@ def _extremes(finished, scenarios):
     }
 
 
+def _memory(finished):
+    """Return how stable the loop is in water whose wake has memory, where the rotor turns."""
+    dynamics = finished.physics.case.inflow_dynamics
+    found = stability(finished.flights, dynamics.tau1)
+    return {} if found is None else {"memory": found.model_dump()}
+
+
 def _scenario(finished, flights):
     """Return what one scenario gives by itself, by the keys of `ScenarioEntry`."""
     scenario, objective = flights[0].scenario, finished.physics.start_objective
@@ -382,6 +396,7 @@ def _notes(finished):
         *_unresolved(physics, blade, finished.flights),
         *_outside_table(physics.generator, finished.flights),
         *_unstable(finished.flights),
+        *(PULSES,) * physics.may_pulse,
     ]
 
 

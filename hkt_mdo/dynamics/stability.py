@@ -1,0 +1,148 @@
+"""Stability of rotor, wake and controller together, linearized about equilibrium at instants.
+
+A rotor that gains speed first has the torque of the wake as it is, and only after seconds that of
+the wake that follows. With Øye's filters at every station (`hkt_mdo.dynamics.wake`), a small change
+of the speed, e^(st), changes the torque of the flow by (docs/theory.md)
+
+    G(s) = k0 + sum of c_j (k + (1 - k) / (1 + tau1 s)) / (1 + tau2_j s),
+
+k0 the slope while the wake stays, c_j what the torque gains by what a speed of 1 rad/s lets the
+wake of station j induce in the end. With the controller's U(s), the loop has I s = G(s) - U(s).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, RecordedTorque
+from hkt_mdo.dynamics.wake import AT_ONCE
+
+FREQUENCIES = 600  # at which the loop is looked at between its slowest and its fastest time
+HEAVY = 1e3  # times the largest inertia of a loop at its limit: as heavy as any rotor
+MOVE = 1e-4  # relative change of the speed, or of the flow, for differences
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """A rotor, its wake and its controller, linearized at n instants.
+
+    Attributes
+    ----------
+    frozen : array, shape (n,)
+        Slope of the flow's torque by the rotor's speed while the wake stays, N*m*s/rad.
+    answers : array, shape (n, n_stations)
+        What the wake of each station adds to that slope in the end, N*m*s/rad.
+    slow, fast : array, shape (n, 1) and (n, n_stations)
+        Time constants of the wake's filters, s.
+    law : array, shape (n, 1 + n_states, 1 + n_states)
+        Derivatives of the control torque and of the rates of the law's states (rows) by the
+        rotor's speed and those states.
+    inertia : float
+        That of the rotor, kg*m**2.
+    """
+
+    frozen: np.ndarray
+    answers: np.ndarray
+    slow: np.ndarray
+    fast: np.ndarray
+    law: np.ndarray
+    inertia: float
+
+    @classmethod
+    def of(cls, plant: Plant, controller: FeedbackTorque | RecordedTorque, speed, flow, *states):
+        """Return the loop of a plant whose wake has memory, in equilibrium at some points.
+
+        speed (rad/s), flow (m/s) and the states of the law have the shape (n,).
+        """
+        wake, n = plant.wake, speed.size
+        rest = wake.at_rest(speed, flow)
+        step = MOVE * speed
+        ends = (wake.balanced(speed + move, flow) for move in (step, -step))
+        by_speed = -np.subtract(*reversed(list(ends))) / (2.0 * step[:, None])
+        places, answers = rest.shape[1] // 4, 0.0
+        for part in (0, 1):  # the axial velocity, the tangential one
+            moved = []
+            for move in (MOVE * flow, -MOVE * flow):
+                state = rest.copy()
+                state[:, (2 + part) * places : (3 + part) * places] += move[:, None]
+                moved.append(plant.station_torques(speed, flow, state))
+            by_wake = np.subtract(*moved) / (2.0 * MOVE * flow[:, None])
+            answers = answers + by_wake * by_speed[:, part * places : (part + 1) * places]
+        slow, fast = wake.times(flow, rest[:, 2 * places :])
+        if isinstance(controller, FeedbackTorque):
+            slopes = controller.law.slopes(speed, flow, controller.gains, *states)
+            law = np.moveaxis(slopes, -1, 0)
+        else:
+            law = np.full((n, 1, 1), controller.stiffness)
+        return cls(plant.torque_slope(speed, flow), answers, slow, fast, law, plant.inertia)
+
+    def matrix(self, inertia: float) -> np.ndarray:
+        """Return the matrix of the motion with an inertia, kg*m**2, (n, size, size).
+
+        Its values are the rotor's speed, the law's states, the slow filter, which all stations
+        share, and the fast filters.
+        """
+        (n, dense, _), stations = self.law.shape, self.answers.shape[1]
+        found = np.zeros((n, dense + 1 + stations, dense + 1 + stations))
+        found[:, :dense, :dense] = self.law
+        found[:, 0, :dense] *= -1.0 / inertia
+        found[:, 0, 0] += self.frozen / inertia
+        found[:, 0, dense + 1 :] = self.answers / inertia
+        found[:, dense, 0] = (1.0 - AT_ONCE) / self.slow[:, 0]
+        found[:, dense, dense] = -1.0 / self.slow[:, 0]
+        fast, chain = np.arange(dense + 1, dense + 1 + stations), 1.0 / self.fast
+        found[:, fast, 0], found[:, fast, dense], found[:, fast, fast] = (
+            AT_ONCE * chain,
+            chain,
+            -chain,
+        )
+        return found
+
+    @cached_property
+    def growth(self) -> np.ndarray:
+        """Largest real part of the loop's eigenvalues, 1/s, (n,); it is stable below 0."""
+        return self._growth(self.inertia)
+
+    @property
+    def frozen_growth(self) -> np.ndarray:
+        """The same of rotor and controller alone, while the wake stays, 1/s."""
+        dense = self.law.shape[1]
+        rotor = self.matrix(self.inertia)[:, :dense, :dense]
+        return np.linalg.eigvals(rotor).real.max(axis=1)
+
+    def _growth(self, inertia):
+        return np.linalg.eigvals(self.matrix(inertia)).real.max(axis=1)
+
+    @cached_property
+    def least_inertia(self) -> np.ndarray:
+        """Inertia above which the loop is stable, kg*m**2, (n,); infinite where no inertia is.
+
+        On the limit of stability s = i w: the real part of G - U is zero there, and its imaginary
+        part over w is the inertia. The largest of these is the one above which nothing changes.
+        """
+        ends = 1e-3 / np.max(self.slow), 1e2 / np.min(self.fast)
+        w = np.geomspace(*ends, FREQUENCIES)
+        s = 1j * w
+        passed = AT_ONCE + (1.0 - AT_ONCE) / (1.0 + self.slow * s)
+        chains = np.einsum("nj,njw->nw", self.answers, 1.0 / (1.0 + self.fast[..., None] * s))
+        open_loop = self.frozen[:, None] + passed * chains - self._controller(s)
+        real, imaginary = open_loop.real, open_loop.imag / w
+        crossed = real[:, :-1] * real[:, 1:] <= 0.0
+        share = real[:, :-1] / np.where(crossed, real[:, :-1] - real[:, 1:], 1.0)
+        at = imaginary[:, :-1] + share * np.diff(imaginary, axis=1)
+        least = np.max(np.where(crossed, at, 0.0), axis=1, initial=0.0)
+        heavy = HEAVY * max(self.inertia, float(np.max(least)))
+        return np.where(self._growth(heavy) < 0.0, least, np.inf)
+
+    def _controller(self, s):
+        """Return the control torque over the speed, N*m*s/rad, at s (1/s), (n, n_frequencies)."""
+        law, states = self.law, self.law.shape[1] - 1
+        found = np.broadcast_to(law[:, :1, 0], (law.shape[0], s.size)).astype(complex)
+        if states:
+            system = s[:, None, None] * np.eye(states) - law[:, None, 1:, 1:]
+            answer = np.linalg.solve(system, law[:, None, 1:, :1] + 0j)[..., 0]
+            found = found + np.einsum("ns,nws->nw", law[:, 0, 1:], answer)
+        return found

@@ -1,0 +1,101 @@
+"""A wake with memory along the start of an optimization."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hkt_mdo.dynamics.wake import AT_ONCE, MOST_INDUCTION, fast_share
+from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.setup import Setup
+from hkt_mdo.rotor.band import Band
+
+PULSE = 0.002
+"""By how much an open loop may be farther from its wake than its start is, relatively."""
+
+
+@dataclass(frozen=True, eq=False)
+class Follower:
+    """A wake that follows the quasi-steady start of an optimization by its two filters.
+
+    Attributes
+    ----------
+    physics, setup
+        The start.
+    band : Band
+        The tables of its blade.
+    """
+
+    physics: Physics
+    setup: Setup
+    band: Band
+
+    @property
+    def share(self) -> float:
+        """Time constant of the fast filter over that of the slow one, the mean of all stations."""
+        blade = self.setup.start.blade
+        return float(self.band.weights @ fast_share(blade.r / blade.tip_radius))
+
+    def along(self, scenario, speed) -> dict[str, np.ndarray]:
+        """Return what the wake does at the samples of a scenario, (n_times,).
+
+        Parameters
+        ----------
+        scenario : Scenario
+            Flow and samples.
+        speed : array, shape (n_times,)
+            The start's rotor speed there, rad/s.
+
+        Returns
+        -------
+        dict of array
+            reduced_velocity, induced_velocity (m/s), and wake_factor, the tip speed ratio over that
+            of the wake.
+        """
+        blade, time = self.setup.start.blade, scenario.samples
+        flow = scenario.inflow.speed_at(time)
+        ratio = speed * blade.rotor_radius / flow
+        tables = self.band.solve(self.physics.rotor, blade, ())
+        table, place = (tables[f"{name}_induction_table"].values for name in ("wake", "place"))
+        steady = flow * self.band.spline.values(table, ratio)[0]
+        slow = self.physics.case.inflow_dynamics.tau1
+        if slow is None:
+            kept = np.minimum(self.band.spline.values(place, ratio)[0], MOST_INDUCTION)
+            slow = 1.1 * blade.rotor_radius / ((1.0 - 1.3 * kept) * flow)
+        slow = np.broadcast_to(slow, time.shape)
+        reduced = _followed(time, (1.0 - AT_ONCE) * steady, slow)
+        induced = _followed(time, reduced + AT_ONCE * steady, self.share * slow)
+        wake_ratio, _ = self.band.wake_ratio(table, induced / flow)
+        return {
+            "reduced_velocity": reduced,
+            "induced_velocity": induced,
+            "wake_factor": ratio / wake_ratio,
+        }
+
+    def bounds(self, number: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return between which an open loop's wake factor is held in a scenario, by its number.
+
+        At the distinct nodes. A rotor that pulses, faster and slower than its wake by turns, would
+        capture more than the best steady rotor, by a model that was not made for it; so it may be
+        no farther from its wake than its quasi-steady start, which the flow drives, by `PULSE`.
+        """
+        scenario = self.physics.scenarios[number]
+        speed, _ = self.physics.split(self.setup.start.operation)[number]
+        factor = self.along(scenario, speed)["wake_factor"]
+        factor = np.interp(scenario.node_times[scenario.distinct_nodes], scenario.samples, factor)
+        return factor - PULSE, factor + PULSE
+
+
+def _followed(time, goal, constant):
+    """Return what follows a goal that is linear between the times, constant z' = goal - z.
+
+    It begins in equilibrium.
+    """
+    step = np.diff(time) / (0.5 * (constant[1:] + constant[:-1]))
+    decay, rate = np.exp(-step), np.diff(goal) / step
+    found = np.array(goal)
+    for i in range(step.size):
+        off = found[i] - goal[i] + rate[i]
+        found[i + 1] = goal[i + 1] - rate[i] + off * decay[i]
+    return found

@@ -1,0 +1,259 @@
+"""Tables of a rotor whose wake has memory: loads in a band about the wake's tip speed ratio.
+
+A wake that has not answered yet is that of another tip speed ratio, the wake's. It is known by the
+mean axial velocity that it induces, as a share of the flow's speed, which rises with that ratio.
+Loads are a table over both: the wake's ratio, and the rotor's over it.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.loads import COEFFICIENT_UNITS, radius_slope
+from hkt_mdo.rotor.torque_curve import TorqueSpline
+
+FACTORS = np.linspace(0.7, 1.3, 13)
+"""Tip speed ratios of the rotor over those of its wake at which loads are computed."""
+PLACE = 0.7
+"""Radius over that of the tip whose induction decides the wake's time constant."""
+
+
+def place_shares(places):
+    """Return the share of each station in the induction at `PLACE`, linear between stations.
+
+    Parameters
+    ----------
+    places : ndarray of shape (n_stations,)
+        Radii of the stations over that of the tip.
+
+    Returns
+    -------
+    ndarray of shape (n_stations,)
+        Their sum is one.
+    """
+    return np.array([np.interp(PLACE, places, each) for each in np.eye(places.size)])
+
+
+class Entries(NamedTuple):
+    """Values of a table, (n_values,), and their derivatives, as `hkt_mdo.rotor.loads.Envelope`.
+
+    by_chord, by_twist, by_thickness (n_values, n_stations); by_rotor_radius (n_values,).
+    """
+
+    values: np.ndarray
+    by_chord: np.ndarray = np.empty(0)
+    by_twist: np.ndarray = np.empty(0)
+    by_thickness: np.ndarray = np.empty(0)
+    by_rotor_radius: np.ndarray = np.empty(0)
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """The tip speed ratios of the tables, and what the mean induction is.
+
+    Attributes
+    ----------
+    nodes : array, shape (n_nodes,)
+        Tip speed ratios of the wake (of the disc), rising.
+    weights : array, shape (n_stations,)
+        Share of each station in the mean axial induction.
+    places : array, shape (n_stations,)
+        Share of each station in the axial induction at `PLACE`.
+    """
+
+    nodes: np.ndarray
+    weights: np.ndarray
+    places: np.ndarray
+
+    @classmethod
+    def of(cls, rotor, blade, tip_speed_ratio, nodes):
+        """Return the band of a blade; a station weighs as much as its induction moves the torque.
+
+        Parameters
+        ----------
+        rotor : Hydrodynamics
+            Polars of the sections.
+        blade : Blade
+            The blade.
+        tip_speed_ratio : float
+            Of the disc, at which the weights are made.
+        nodes : array_like of shape (n_nodes,)
+            Tip speed ratios of the tables.
+
+        Returns
+        -------
+        Band
+            With weights whose sum is one.
+        """
+        ratio = np.array([tip_speed_ratio]) / np.cos(blade.cone)
+        flow = rotor.sections(blade, tip_speed_ratio)
+        ends = []
+        for move in (1e-4, -1e-4):
+            induced = bem.induced_speeds(blade, flow, ratio)
+            induced[:, 0] += move
+            ends.append(bem.sections_with(blade, rotor.polar, ratio, induced).tangential_load[0])
+        weights = bem.torque_weights(blade) * np.abs(ends[0] - ends[1])
+        places = place_shares(blade.r / blade.tip_radius)
+        return cls(np.asarray(nodes, dtype=float), weights / np.sum(weights), places)
+
+    def outputs(self, names):
+        """Return shape and description of each table of `solve`, as OpenMDAO takes them.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Names of the loads.
+
+        Returns
+        -------
+        dict of tuple
+            By the names of the tables: shape, and a dict of units and description.
+        """
+        one, whole = self.nodes.shape, (self.nodes.size * FACTORS.size,)
+        behind = "about the wake's tip speed ratios"
+        found = {
+            "torque_coefficient_table": (one, {"desc": "Q / (0.5 rho V^2 pi R^3) at the nodes"}),
+            "wake_induction_table": (one, {"desc": "mean axial induction in equilibrium"}),
+            "place_induction_table": (one, {"desc": f"axial induction at {PLACE} R"}),
+            "torque_coefficient_band": (whole, {"desc": f"torque coefficient {behind}"}),
+        }
+        for name in names:
+            about = {"units": COEFFICIENT_UNITS[name], "desc": f"{name} / (0.5 rho v^2) {behind}"}
+            found[f"{name}_band"] = whole, about
+        return found
+
+    @cached_property
+    def spline(self):
+        """The curves over the tip speed ratio of the wake."""
+        return TorqueSpline(self.nodes)
+
+    @cached_property
+    def _across(self):
+        return TorqueSpline(FACTORS)
+
+    def values(self, table, ratio, wake_ratio):
+        """Return a table's values at tip speed ratios of rotor and wake, and their slopes by both.
+
+        Parameters
+        ----------
+        table : ndarray of shape (n_nodes * n_factors,)
+            As `solve` makes it.
+        ratio, wake_ratio : ndarray of shape (n_points,)
+            Tip speed ratios; they may be complex.
+
+        Returns
+        -------
+        values, by_ratio, by_wake_ratio : ndarray of shape (n_points,)
+            The load, and its slopes.
+        """
+        factor = ratio / wake_ratio
+        columns, slopes = self.spline.values(table.reshape(-1, FACTORS.size), wake_ratio)
+        basis, by_factor = (self._across.basis(factor, order) for order in (0, 1))
+        value = np.sum(columns * basis, axis=1)
+        across = np.sum(columns * by_factor, axis=1) / wake_ratio
+        return value, across, np.sum(slopes * basis, axis=1) - across * factor
+
+    def basis(self, ratio, wake_ratio):
+        """Return the matrix (n_points, n_nodes * n_factors) from a table to `values`.
+
+        Parameters
+        ----------
+        ratio, wake_ratio : ndarray of shape (n_points,)
+            Tip speed ratios of rotor and wake.
+
+        Returns
+        -------
+        ndarray
+            The matrix.
+        """
+        along, across = self.spline.basis(wake_ratio), self._across.basis(ratio / wake_ratio)
+        return (along[:, :, None] * across[:, None]).reshape(ratio.size, -1)
+
+    def wake_ratio(self, table, induction):
+        """Return the wake's tip speed ratio and its slope by the mean induction.
+
+        Parameters
+        ----------
+        table : ndarray of shape (n_nodes,)
+            Mean axial induction in equilibrium, at the nodes; it rises.
+        induction : ndarray of shape (n_points,)
+            Mean axial induction.
+
+        Returns
+        -------
+        ratio, slope : ndarray of shape (n_points,)
+            By Newton's method, from linear interpolation.
+        """
+        rising = np.maximum.accumulate(table) + 1e-9 * np.arange(table.size)
+        ratio = np.interp(induction, rising, self.nodes)
+        least = 1e-3 * (rising[-1] - rising[0]) / np.ptp(self.nodes)
+        for _ in range(8):
+            value, slope = self.spline.values(table, ratio)
+            slope = np.maximum(slope, least)
+            ratio = np.maximum(ratio - (value - induction) / slope, 0.1 * self.nodes[0])
+        return ratio, 1.0 / slope
+
+    def solve(self, rotor, blade, names, derivatives=False):
+        """Return the tables of a blade by their names.
+
+        Parameters
+        ----------
+        rotor : RotorModel
+            What tells the loads.
+        blade : Blade
+            The blade.
+        names : sequence of str
+            Names of loads besides the torque.
+        derivatives : bool
+            Whether the tables have derivatives.
+
+        Returns
+        -------
+        dict of Entries
+            torque_coefficient_table, wake_induction_table, place_induction_table (n_nodes) in
+            equilibrium; torque_coefficient_band and, of each load over the dynamic pressure,
+            <load>_band (n_nodes * n_factors).
+        """
+        along = self.nodes / np.cos(blade.cone)
+        wake = rotor.sections(blade, self.nodes, derivatives)
+        repeated = bem.Sections(
+            *(np.repeat(each, FACTORS.size, axis=0) for each in wake[:-1]),
+            np.repeat(wake.derivatives, FACTORS.size, axis=2) if derivatives else np.empty(0),
+        )
+        ratio = np.outer(self.nodes, FACTORS).ravel()
+        ratios = np.repeat(along, FACTORS.size), ratio / np.cos(blade.cone)
+        flow = bem.sections_behind(blade, rotor.polar, repeated, *ratios)
+        found = {
+            "torque_coefficient_table": _sum(blade, bem.torque_weights(blade), wake, 0),
+            "torque_coefficient_band": _sum(blade, bem.torque_weights(blade), flow, 0),
+            "wake_induction_table": _induction(blade, self.weights, wake),
+            "place_induction_table": _induction(blade, self.places, wake),
+        }
+        loads = rotor.loads.coefficients(blade, ratio, names=names, flow=flow)
+        for name, load in loads.items():
+            found[f"{name}_band"] = load.envelope(rotor.loads.exponent)
+        return found
+
+
+def _sum(blade, weights, flow, which):
+    """Return the weighted sum over the stations of a load of sections, without dimension."""
+    values = (flow.tangential_load, flow.normal_load)[which] @ weights
+    if not flow.derivatives.size:
+        return Entries(values)
+    _, *slopes = flow.derivatives[which] * weights
+    return Entries(values, *slopes, radius_slope(blade, values, slopes[0], 0))
+
+
+def _induction(blade, weights, flow):
+    """Return the weighted axial induction of sections, as a share of the flow's normal speed."""
+    speed, angle = flow.relative_speed, flow.inflow_angle
+    has_root = (flow.branch >= 0) * weights
+    values = np.sum(has_root * (1.0 - speed * np.sin(angle)), axis=1)
+    if not flow.derivatives.size:
+        return Entries(values)
+    angles, speeds = flow.derivatives[2:, 1:]
+    slopes = -has_root * (speeds * np.sin(angle) + speed * np.cos(angle) * angles)
+    return Entries(values, *slopes, radius_slope(blade, 0.0 * values, slopes[0], 0))
