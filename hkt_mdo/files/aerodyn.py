@@ -14,7 +14,14 @@ import numpy as np
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade_table import FEWEST_ROWS, MOST_ROWS, BladeTable, check_rows
 from hkt_mdo.files.polar_table import PolarTable, Source, check_reynolds, polar_table
-from hkt_mdo.files.table import Column, fortran_number, line_error, lines_of, number_columns
+from hkt_mdo.files.table import (
+    Column,
+    fortran_number,
+    line_error,
+    lines_of,
+    number_columns,
+    read_text,
+)
 
 # Airfoil tables -----------------------------------------------------------------------------------
 
@@ -146,6 +153,67 @@ def _read_table(file: _Lines, where: str) -> PolarTable:
     pressure = {"Cpmin": further["cpmin"]} if "cpmin" in further else None
     source = Source(file.file, where, ("Alpha", "Cl", "Cd", "Cm"), [line for line, _ in rows])
     return polar_table(alpha, lift, drag, further.get("cm"), reynolds, pressure, source)
+
+
+_COORDINATES = re.compile(
+    r"""^[ \t]*(@?"[^"\n]*"|@?'[^'\n]*'|\S+)[ \t]+NumCoords\b""", re.MULTILINE | re.IGNORECASE
+)
+
+
+def coordinates_of(airfoil: Path) -> Path:
+    """Return the file that holds the coordinates of a section.
+
+    Parameters
+    ----------
+    airfoil : pathlib.Path
+        An airfoil file of AeroDyn, or any other file.
+
+    Returns
+    -------
+    pathlib.Path
+        The file that the airfoil file names at ``NumCoords``, in its own folder; else itself.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or the one that it names does not exist.
+    """
+    text = read_text(airfoil, "file with an outline")
+    match = _COORDINATES.search(text)
+    if match is None or not match[1].startswith("@"):
+        return airfoil
+    path = airfoil.parent / match[1][1:].strip("\"'").replace("\\", "/")
+    if not path.is_file():
+        line = len(lines_of(text[: match.end()]))
+        remedy = "put the file there, or give an outline of another file"
+        raise line_error(airfoil, line, "does not exist", remedy, "NumCoords", value=str(path))
+    return path
+
+
+def has_coordinates(airfoil: Path) -> bool:
+    """Tell whether an airfoil file of AeroDyn holds coordinates or names a file that exists.
+
+    Parameters
+    ----------
+    airfoil : pathlib.Path
+        Any file with a polar.
+
+    Returns
+    -------
+    bool
+        False also for files of other formats.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    match = _COORDINATES.search(read_text(airfoil, "file with a polar"))
+    if match is None:
+        return False
+    if match[1].startswith("@"):
+        return (airfoil.parent / match[1][1:].strip("\"'").replace("\\", "/")).is_file()
+    return (fortran_number(match[1]) or 0.0) > 0.0
 
 
 # Blade definition ---------------------------------------------------------------------------------
