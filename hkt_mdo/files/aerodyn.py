@@ -155,6 +155,9 @@ def _read_table(file: _Lines, where: str) -> PolarTable:
     return polar_table(alpha, lift, drag, further.get("cm"), reynolds, pressure, source)
 
 
+FEWEST_POINTS = 10
+"""Fewer points show no section."""
+
 _COORDINATES = re.compile(
     r"""^[ \t]*(@?"[^"\n]*"|@?'[^'\n]*'|\S+)[ \t]+NumCoords\b""", re.MULTILINE | re.IGNORECASE
 )
@@ -171,49 +174,52 @@ def coordinates_of(airfoil: Path) -> Path:
     Returns
     -------
     pathlib.Path
-        The file that the airfoil file names at ``NumCoords``, in its own folder; else itself.
+        The file that the airfoil file names at ``NumCoords``, from its own folder; else itself.
 
     Raises
     ------
     InputError
         If the file cannot be read, or the one that it names does not exist.
-    """
+    """  # noqa: DOC501 - `line_error` returns an InputError
     text = read_text(airfoil, "file with an outline")
     match = _COORDINATES.search(text)
-    if match is None or not match[1].startswith("@"):
+    named = match and _named(match, airfoil)
+    if not match or not named:
         return airfoil
-    path = airfoil.parent / match[1][1:].strip("\"'").replace("\\", "/")
-    if not path.is_file():
+    if not named.is_file():
         line = len(lines_of(text[: match.end()]))
-        remedy = "put the file there, or give an outline of another file"
-        raise line_error(airfoil, line, "does not exist", remedy, "NumCoords", value=str(path))
-    return path
+        remedy = "put the file there, or give another outline"
+        raise line_error(airfoil, line, "does not exist", remedy, "NumCoords", value=str(named))
+    return named
 
 
-def has_coordinates(airfoil: Path) -> bool:
-    """Tell whether an airfoil file of AeroDyn holds coordinates or names a file that exists.
+def has_coordinates(airfoil: str) -> bool:
+    """Tell whether an airfoil file of AeroDyn holds coordinates, or names a file that exists.
 
     Parameters
     ----------
-    airfoil : pathlib.Path
-        Any file with a polar.
+    airfoil : str
+        A path, or anything else.
 
     Returns
     -------
     bool
-        False also for files of other formats.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
+        False also for files of other formats, and for those that cannot be read.
     """
-    match = _COORDINATES.search(read_text(airfoil, "file with a polar"))
-    if match is None:
+    try:
+        match = _COORDINATES.search(read_text(Path(airfoil), "file with a polar"))
+    except InputError:  # said where the polar is read
         return False
-    if match[1].startswith("@"):
-        return (airfoil.parent / match[1][1:].strip("\"'").replace("\\", "/")).is_file()
-    return (fortran_number(match[1]) or 0.0) > 0.0
+    if not match:
+        return False
+    named = _named(match, Path(airfoil))
+    return named.is_file() if named else (fortran_number(match[1]) or 0.0) >= FEWEST_POINTS
+
+
+def _named(match: re.Match[str], airfoil: Path) -> Path | None:
+    """Return the file that a setting NumCoords names by an @, if it does."""
+    name = match[1].removeprefix("@").strip("\"'").replace("\\", "/")
+    return airfoil.parent / name if match[1].startswith("@") else None
 
 
 # Blade definition ---------------------------------------------------------------------------------
@@ -222,6 +228,9 @@ def has_coordinates(airfoil: Path) -> bool:
 _UNITS = {"BlSpn": "m", "BlCrvAC": "m", "BlSwpAC": "m", "BlCrvAng": "deg"}
 _UNITS |= {"BlTwist": "deg", "BlChord": "m", "BlAFID": "-", "t_c": "-"}
 _NEEDED = ("BlSpn", "BlTwist", "BlChord", "BlAFID")
+AT_HUB = 1e-3
+"""How far over the span the first row may be from the hub's radius to count as there."""
+
 _USUAL = "BlSpn BlCrvAC BlSwpAC BlCrvAng BlTwist BlChord BlAFID"
 
 
@@ -255,9 +264,14 @@ def read_blade_definition(text: str, file: Path, hub_radius: float | None) -> Bl
     unknown = np.full(span.values.size, hub_radius is None)
     problem = "counts from the blade's root, whose radius an AeroDyn file does not say"
     span.refuse(unknown, problem, "give the hub radius in metres")
-    problem = "is not 0, where AeroDyn's span begins: it counts from the blade's root"
-    span.refuse(span.values[:1] != 0.0, problem, "subtract the hub radius from the column")
+    first, last = float(span.values[0]), float(span.values[-1])
     messages.append("BlTwist: degrees converted to radians")
+    at_hub = np.array([0.0 < first and abs(first - (hub_radius or 0.0)) < AT_HUB * last])
+    problem = "is the hub's radius, and AeroDyn counts the span from the blade's root"
+    span.refuse(at_hub, problem, "subtract the hub's radius from the column")
+    if first > 0.0:
+        note = f"rows begin {first:g} m ({100.0 * first / last:.3g} % of the span) outboard of the"
+        messages.append(f"BlSpn: {note} blade's root, from which AeroDyn counts")
     if hub_radius:
         messages.append(f"BlSpn: counted from the root, hub radius of {hub_radius:g} m added")
     for name, what in (("BlCrvAC", "prebend"), ("BlSwpAC", "sweep"), ("BlCrvAng", "cant angle")):

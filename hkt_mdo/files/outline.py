@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.aerodyn import coordinates_of
+from hkt_mdo.files.aerodyn import FEWEST_POINTS, coordinates_of
 from hkt_mdo.files.shipped import locate
 from hkt_mdo.files.table import Csv, line_error, lines_of, number_columns, parse_number, read_text
 
-FEWEST_POINTS, MOST_POINTS = 10, 5000
-"""Fewer points show no section; testing more for a crossing takes too long."""
+MOST_POINTS = 5000
+"""Testing more for a crossing takes too long."""
 
 EDGE = 0.02
 """How far the leading edge may lie from x = 0 and the trailing edge from x = 1, over the chord."""
