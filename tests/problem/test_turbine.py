@@ -128,7 +128,7 @@ def test_rows_may_begin_outboard_of_the_hub(turbine, tmp_path):
     assert any("rows begin 0.2 m (25 % of the span) outboard" in line for line in found.messages)
     found = turbine("blade: b.csv, radius: 1, hub_radius_fraction: 0.1")
     assert any("rows begin at r/R = 0.2, the hub ends at 0.1" in line for line in found.messages)
-    with pytest.raises(InputError, match="column BlSpn = 0.2: is the hub's radius"):
+    with pytest.raises(InputError, match=r"column BlSpn = 0\.2: is the hub's radius"):
         turbine("blade: o.dat, hub_radius_fraction: 0.25, polar: naca4415_Re2e5")
 
 
