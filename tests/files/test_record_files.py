@@ -441,7 +441,7 @@ def test_a_variable_may_have_a_time_and_a_range_of_its_own(tmp_path):
     data.to_netcdf(tmp_path / "a.nc")
     record = read_record(tmp_path / "a.nc", speed_column="vel_b5", bins=(1.0, 2.0))
     np.testing.assert_allclose(record.speed, SMOOTH, rtol=1e-9)
-    with pytest.raises(InputError, match="of vel, U_mag, vel_b5, c_sound, pressure$"):
+    with pytest.raises(InputError, match=r"of vel, U_mag, vel_b5, c_sound, pressure$"):
         read_record(tmp_path / "a.nc")
 
 

@@ -6,6 +6,7 @@ import pytest
 from hkt_mdo.case import read_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import shipped_names
+from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
@@ -207,3 +208,30 @@ def test_polars_of_a_turbine_file_need_no_reynolds_number(turbine, tmp_path):
 def test_what_does_not_fit_together_is_told(keys, told, turbine):
     with pytest.raises(InputError, match=told):
         turbine(keys)
+
+
+@pytest.mark.parametrize(
+    ("keys", "bounds"),
+    [
+        ("", (0.01, 1.0)),  # the paper's rotor
+        ("rotor: {radius: 1.4}", (0.01, 1.0)),
+        ("rotor: {radius: 14}", None),
+        ("rotor: {blade: rm1}", None),
+        ("rotor: {blade: river, radius: 1.6}", None),
+        ("version: 1, rotor: {blade: rm1}", (0.01, 1.0)),
+        ("rotor: {blade: rm1}, design: {chord_bounds: [0.3, 2.5]}", (0.3, 2.5)),
+        ("rotor: {blade: rm1}, design: {blade: fixed}", None),
+    ],
+)
+def test_bounds_of_the_chord_follow_the_blade(keys, bounds):
+    case = read_case(f"{{inflow: sine, control: linear, {keys}}}")
+    assert case.design.chord_bounds == bounds
+    world = physics(case)
+    chord = world.turbine.blade.chord
+    bounds = bounds or (0.2 * chord.min(), 3.0 * chord.max())
+    if case.design.blade == "fixed":
+        assert world.case.design.chord_bounds is None
+        return
+    assert world.shape.chord_bounds == pytest.approx(bounds, rel=0.005)  # three digits
+    again = physics(read_case(world.case.to_yaml()))  # a result's case has the numbers
+    assert again.case.design == world.case.design
