@@ -1,4 +1,4 @@
-"""Files of OpenFAST's AeroDyn 15: blade definitions, and airfoil tables (AirfoilInfo v1.01).
+"""Files of OpenFAST's AeroDyn 15: blade definitions, and airfoil tables (also AeroDyn 13's).
 
 Numbers may have Fortran's exponents (1.0D+00).
 """
@@ -26,6 +26,9 @@ from hkt_mdo.files.table import (
 # Airfoil tables -----------------------------------------------------------------------------------
 
 _SETTING = re.compile(r"""\s*(@?"[^"]*"|@?'[^']*'|\S+)\s+([A-Za-z]\w*)""")
+OLD_COUNT = re.compile(r"Number of airfoil tables", re.IGNORECASE)
+"""In the line of an airfoil file of AeroDyn 14 or older that says how many tables it has."""
+
 _REMEDY = "see OpenFAST's AirfoilInfo v1.01 files"
 _COUNTS = "NumAlf counts the rows of a table, NumTabs the tables"
 
@@ -157,6 +160,77 @@ def _read_table(file: _Lines, where: str) -> PolarTable:
 
 FEWEST_POINTS = 10
 """Fewer points show no section."""
+
+_OLD_REMEDY = "see the airfoil files of AeroDyn 13, or copy the rows into a CSV file"
+
+
+def read_old_airfoil(text: str, path: Path) -> list[PolarTable]:
+    """Read the tables of an airfoil file of AeroDyn 13 or 14, as WT_Perf and HARP_Opt have them.
+
+    After lines of text and the number of tables, each table has some lines of a number and its
+    meaning, the first of them the Reynolds number in millions, then its rows, and ``EOT``.
+
+    Parameters
+    ----------
+    text : str
+        Content of the file.
+    path : pathlib.Path
+        The file, for messages.
+
+    Returns
+    -------
+    list of PolarTable
+        The tables in the order of the file. The fourth column is the smallest pressure coefficient
+        if the text says so, else the moment.
+
+    Raises
+    ------
+    InputError
+        If the file is broken, or older, with its tables beside each other; with the line.
+    """  # noqa: DOC501 - `line_error` returns an InputError
+    lines = list(enumerate(lines_of(text), start=1))
+    begin = next(at for at, (_, line) in enumerate(lines) if OLD_COUNT.search(line))
+    number, counted = lines[begin]
+    count = int(fortran_number(counted.split()[0]) or 0)
+    about = " ".join(line for _, line in lines[:begin]).lower()
+    fourth = "cpmin" if re.search(r"min\w* pressure|cpmin", about) else "cm"
+    tables: list[PolarTable] = []
+    block: list[tuple[int, list[str]]] = []
+    for line, content in [*lines[begin + 1 :], (lines[-1][0], "EOT")]:
+        cells = re.split(r"[\s,]+", content.strip())
+        if cells[0].upper() != "EOT":
+            block += [(line, cells)] if content.strip() else []
+        elif block:
+            tables.append(_read_old_table(block, path, f"table {len(tables) + 1}", fourth))
+            block = []
+    if len(tables) != count:
+        problem = f"is not the number of tables that end with EOT, {len(tables)}"
+        raise line_error(path, number, problem, _OLD_REMEDY, value=counted.strip())
+    return tables
+
+
+def _read_old_table(
+    block: list[tuple[int, list[str]]], path: Path, where: str, fourth: str
+) -> PolarTable:
+    """Read a table of AeroDyn 13 from the lines between two EOT."""
+    line, cells = block[0]
+    if len(cells) > 1 and fortran_number(cells[1]) is not None:
+        problem = (
+            "has several Reynolds numbers: its tables stand beside each other, as of AeroDyn 12"
+        )
+        raise line_error(path, line, problem, _OLD_REMEDY, where, value=" ".join(cells))
+    reynolds = check_reynolds(fortran_number(cells[0]), cells[0], path, f"line {line}, Re", 1e6)
+    rows = [row for row in block if len(row[1]) > 2 and None not in map(fortran_number, row[1])]
+    if not rows:
+        raise line_error(path, line, "begins a table without rows", _OLD_REMEDY, where)
+    names = ["alpha", "cl", "cd", fourth][: len(rows[0][1])]
+    given = {
+        name: column.values for name, column in number_columns(rows, names, path, names).items()
+    }
+    pressure = {"Cpmin": given.pop("cpmin")} if "cpmin" in given else None
+    source = Source(path, where, ("alpha", "cl", "cd", "cm"), [number for number, _ in rows])
+    return polar_table(*given.values(), reynolds=reynolds, pressure=pressure, source=source)
+
 
 _COORDINATES = re.compile(
     r"""^[ \t]*(@?"[^"\n]*"|@?'[^'\n]*'|\S+)[ \t]+NumCoords\b""", re.MULTILINE | re.IGNORECASE

@@ -214,6 +214,41 @@ def test_without_such_a_column_there_is_none(tmp_path):
     )
 
 
+def airfoil_tools_text():
+    about = (
+        "Xfoil polar. Reynolds number fixed. Mach  number fixed\nPolar key,xf-naca2408-il-50000\n"
+    )
+    about += "Airfoil,naca2408-il\nReynolds number,50000\nNcrit,9\nMach,0\nMax Cl/Cd,37.4214\n\n"
+    rows_ = [f"{a:.3f},{cl},{cd},0.004,{cm},1.0,0.2\n" for a, cl, cd, cm in rows(ALPHA, 5e4)]
+    return about + "Alpha,Cl,Cd,Cdp,Cm,Top_Xtr,Bot_Xtr\n" + "".join(rows_)
+
+
+def xflr5_text():
+    """Return a polar as XFLR5 6.61 has it, with two numbers more than names."""
+    head = "xflr5 v6.61\n\n Calculated polar for: NACA 0012\n\n Mach = 0.000 Re = 0.050 e 6\n\n"
+    head += (
+        "  alpha     CL        CD       CDp       Cm    Top Xtr Bot Xtr   Cpmin    Chinge    XCp\n"
+    )
+    ends = "1.0 0.1 -1.5 0.0 0.0 0.0 0.3"
+    rows_ = [f" {a:.3f} {cl} {cd} 0.003 {cm} {ends}\n" for a, cl, cd, cm in rows(ALPHA, 5e4)]
+    return head + " ------- -------- ---------\n" + "".join(rows_)
+
+
+@pytest.mark.parametrize("text", [airfoil_tools_text(), xflr5_text()])
+def test_polars_of_airfoil_tools_and_xflr5(tmp_path, text):
+    (table,) = read_polars(write(tmp_path, text))
+    assert table.reynolds == 5e4
+    np.testing.assert_array_equal(table.lift, lift(ALPHA, 5e4))
+    np.testing.assert_array_equal(table.drag, drag(ALPHA, 5e4))
+    np.testing.assert_array_equal(table.moment, moment(ALPHA, 5e4))
+
+
+def test_airfoil_tools_must_say_the_reynolds_number(tmp_path):
+    text = airfoil_tools_text().replace("number,50000", "number,fast")
+    with pytest.raises(InputError, match=r"line 4, Reynolds number = 'fast': is no Reynolds"):
+        read_polars(write(tmp_path, text))
+
+
 # Half of a symmetric section
 
 

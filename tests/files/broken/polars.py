@@ -177,7 +177,21 @@ _BROKEN_AERODYN: dict[str, tuple[bytes, str]] = {
     "AeroDyn 14": (
         b"AeroDyn airfoil file\nmade by hand\n 1   Number of airfoil tables in this file\n"
         b" 0   Table ID parameter\n 9.0 Stall angle (deg)\n -8 0.1 0.02\nEOT\n",
-        "AeroDyn 14 or older",
+        "line 4, Re = '0': is no Reynolds number",
+    ),
+    "AeroDyn 12": (
+        b"AeroDyn airfoil file\n 2   Number of airfoil tables in this file\n"
+        b" 1.0 2.0 Table ID parameter\n -8 0.1 0.02 0.1 0.02\n",
+        "line 3, table 1 = '1.0 2.0 Table ID parameter': has several Reynolds numbers",
+    ),
+    "AeroDyn 14 cut off": (
+        b"AeroDyn airfoil file\n 2   Number of airfoil tables in this file\n 1.0 Re\n"
+        + "\n".join(f"{angle} 0.1 0.02" for angle in range(-9, 16)).encode(),
+        "line 2 = '2   Number of airfoil tables in this file': is not the number of tables",
+    ),
+    "AeroDyn 14 without rows": (
+        b"AeroDyn airfoil file\n 1   Number of airfoil tables in this file\n 1.0 Re\nEOT\n",
+        "line 3, table 1: begins a table without rows",
     ),
 }
 
