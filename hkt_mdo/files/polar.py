@@ -120,7 +120,7 @@ def _read_csv(text: str, path: Path) -> list[PolarTable]:
 
 
 def _read_airfoil_tools(text: str, path: Path) -> PolarTable:
-    """Return the polar of a CSV file of airfoiltools.com: lines about it, a header, and its rows."""
+    """Return the polar of a CSV file of airfoiltools.com: lines about it, a header, rows."""
     lines = list(enumerate(lines_of(text), start=1))
     number, cell = next(
         (line, row.partition(",")[2].strip())
