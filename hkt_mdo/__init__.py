@@ -31,6 +31,8 @@ __all__ = sorted(_HOMES)
 
 def __getattr__(name: str):
     """Import a public name on first use, so that `import hkt_mdo` costs nothing."""
+    if name == "__version__":
+        return import_module(f"{__name__}.errors").program_version()
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

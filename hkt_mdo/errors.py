@@ -84,6 +84,20 @@ def install(extra: str) -> str:
     return f"pip install -e '{root}[{extra}]'" if checkout else f"pip install 'hkt_mdo[{extra}]'"
 
 
+def program_version() -> str:
+    """Return the version of this program, as it is installed.
+
+    Returns
+    -------
+    str
+        Such as 0.2.0; "unknown" where it runs without being installed.
+    """
+    from importlib import metadata  # here, so that an error costs no import
+
+    found = (distribution.version for distribution in metadata.distributions(name="hkt_mdo"))
+    return next(found, "unknown")
+
+
 class InputError(Exception):
     """Bad input from the user: one line naming the file, the key, the value and the remedy.
 

@@ -95,7 +95,7 @@ def _own_environment(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def complaint(case: Path, capsys: pytest.CaptureFixture[str]) -> str:
     """Return the one line with which a check of a case ends."""
-    code = main(["check", str(case), "--no-figures"])
+    code = main(["check", str(case)])
     out, err = capsys.readouterr()
     assert code == 2, err
     assert out == ""

@@ -109,9 +109,9 @@ def test_the_command_line_takes_the_same(tmp_path, capsys):
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(case))
     file, out = str(tmp_path / "own.yaml"), str(tmp_path / "out")
     extend = ["--extend", str(EXTENSION)]
-    assert main(["check", file, "--no-figures"]) == 2
+    assert main(["check", file]) == 2
     assert "limits.tip_acceleration" in capsys.readouterr().err
-    assert main([*extend, "check", file, "--no-figures"]) == 0
+    assert main([*extend, "check", file]) == 0
     assert "limits.tip_acceleration" in capsys.readouterr().out
     assert main([*extend, "schema"]) == 0
     schema = capsys.readouterr().out

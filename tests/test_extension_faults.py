@@ -146,7 +146,7 @@ def test_a_fault_is_told_with_its_place(tmp_path, capsys, kind, fault):
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_unknown_unit_is_told(tmp_path, capsys, kind):
     extend, case, _ = written(tmp_path, kind, unit="furlong")
-    assert main([*extend, "check", case, "--no-figures"]) == 2
+    assert main([*extend, "check", case]) == 2
     error = capsys.readouterr().err
     assert f"{tmp_path / 'own.py'}: Own: has the unknown unit 'furlong'" in error
 

@@ -215,7 +215,7 @@ def test_a_check_and_the_diagram_name_the_flows(tmp_path, capsys):
     file = tmp_path / "case.yaml"
     data = case("quadratic", SLOW, FAST | {"limits": {"thrust": "6 kN"}})
     file.write_text(load_case(data).to_yaml(), encoding="utf-8")
-    assert main(["check", str(file), "--no-figures"]) == 0
+    assert main(["check", str(file)]) == 0
     checked = " ".join(capsys.readouterr().out.split())
     assert "Flow of slow" in checked
     assert "fast: limits.thrust" in checked
@@ -355,7 +355,7 @@ def test_bad_scenarios_are_refused_in_a_line(tmp_path, capsys, scenarios, place,
     file = tmp_path / "case.yaml"
     text = json.dumps(case() | {"scenarios": scenarios})
     file.write_text(text, encoding="utf-8")
-    assert main(["check", str(file), "--no-figures"]) == 2
+    assert main(["check", str(file)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert re.search(place, line), line
     assert remedy in line

@@ -71,14 +71,14 @@ def test_it_has_every_case_and_its_files(installed):
 def test_new_case_is_checked(hkt, tmp_path):
     hkt("new", "mine", "--kind", "river")
     assert {path.name for path in tmp_path.iterdir()} == {"mine.yaml", "mine_record.csv"}
-    assert "mine can be run." in hkt("check", "mine.yaml", "--no-figures")
+    assert "mine can be run." in hkt("check", "mine.yaml")
 
 
 def test_shipped_case_runs_by_its_bare_name(hkt, tmp_path):
     hkt("run", "sine_oloc", "--set", "phase={duration: 20, segments: 20}", "--quiet")
     summary = json.loads((tmp_path / "results" / "sine_oloc" / "summary.json").read_text())
     assert summary["success"]
-    assert "own_files" in hkt("check", "own_files", "--no-figures")
+    assert "own_files" in hkt("check", "own_files")
 
 
 def test_page_and_paper(hkt):

@@ -49,8 +49,10 @@ class Design(Section):
 
     blade: Literal["optimized", "fixed"] = "optimized"
     """Whether chord and twist are optimized along with the control, or kept."""
-    chord_bounds: _Lengths = (0.01, 1.0)
-    """Bounds on the chord, [lower, upper]."""
+    chord_bounds: _Lengths | None = None
+    """Bounds on the chord, [lower, upper]; null: from a fifth of the smallest chord of the blade at
+    the start to three times its largest, and [0.01, 1] for the paper's rotor (the blade bahaj2007
+    with R = 1.4 m), as in the paper."""
     twist_bounds: _Angles = (-30.0, 30.0)
     """Bounds on the twist, [lower, upper]."""
     chord_points: _Points | None = None

@@ -44,7 +44,9 @@ from hkt_mdo.sections import Quantity, Section, refusal
 MOST_SCENARIOS, LONGEST_NAME = 200, 40  # LONGEST_NAME in characters, of a scenario
 STATION_COUNT = 40  # within 0.1 % of the energy at any number of them, and 1 % of the loads
 MAX_CASE_BYTES = 1024**2  # of a file that is read
-VERSION = 2  # of the keys of a case; under 1, limits left a blade its own stations
+VERSION = 2  # of the keys of a case; what 1 means is said at `Case.version`
+PAPER_BLADE = "bahaj2007"
+PAPER_CHORD_BOUNDS = 0.01, 1.0  # m; those of its rotor, and under version 1 of every case
 
 
 def _known_version(version: int) -> int:
@@ -190,7 +192,7 @@ class Case(Section):
 
     version: Annotated[int, Strict(), AfterValidator(_known_version)] = VERSION
     """Version of the keys that the file is written with. Under version 1, a blade whose operation
-    is limited keeps the stations of its file."""
+    is limited keeps the stations of its file, and `design.chord_bounds` is [0.01, 1] by default."""
 
     kinds: ClassVar[Kinds] = BUILT_IN
     """What cases of this class may name."""
@@ -203,9 +205,10 @@ class Case(Section):
     @model_validator(mode="before")
     @classmethod
     def _spell_out(cls, data: Any) -> Any:
-        """Write out a kind that is given by its bare name, and the stations of a resolved blade.
+        """Write out a kind that is given by its bare name, and the paper's bounds on the chord.
 
-        A blade of splines has them, and one whose operation is limited (docs/stations.md).
+        Also the stations of a resolved blade, one of splines or whose operation is limited
+        (docs/stations.md).
         """
         if not isinstance(data, dict):
             return data
@@ -216,6 +219,7 @@ class Case(Section):
         data = _torque_limit_moved(data)
         if isinstance(data.get("inflow"), SumInflow):  # of any class of parts
             data = data | {"inflow": data["inflow"].model_dump()}
+        data = _chord_bounds_filled(data)
         rotor, given = data.get("rotor", {}), ("stations", "station_count", "chord")
         if isinstance(rotor, dict) and all(rotor.get(name) is None for name in given):
             limited = _is_limited(data) and data.get("version", VERSION) != 1
@@ -481,6 +485,19 @@ def _resource_moved(data: dict[str, Any]) -> dict[str, Any]:
         problem, remedy = "is no resource", f"give profile: {', '.join(known)}"
         raise refusal(problem, remedy, key="resource.profile", value=profile)
     return data | {"inflow": resource, "resource": None}
+
+
+def _chord_bounds_filled(data: dict[str, Any]) -> dict[str, Any]:
+    """Return a case's data with the paper's bounds on the chord where they are the default."""
+    design, rotor = data.get("design", {}), data.get("rotor", {})
+    if not isinstance(design, dict) or not isinstance(rotor, dict):
+        return data
+    own = shipped_rotor(PAPER_BLADE)
+    paper = rotor.get("blade") in (None, PAPER_BLADE) and rotor.get("chord") is None
+    paper = paper and rotor.get("radius") in (None, own["radius"])
+    if design.get("chord_bounds") is not None or not (paper or data.get("version") == 1):
+        return data
+    return data | {"design": design | {"chord_bounds": PAPER_CHORD_BOUNDS}}
 
 
 def _torque_limit_moved(data: dict[str, Any]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, Strict, ValidationInfo, model_validator
 
 from hkt_mdo.errors import did_you_mean
+from hkt_mdo.files.aerodyn import has_coordinates
 from hkt_mdo.files.shipped import MATERIALS, POLAR_FAMILIES, shipped_names, shipped_rotor
 from hkt_mdo.sections import Quantity, Section, find_file, refusal
 
@@ -27,8 +28,15 @@ def _find_file(value: str, info: ValidationInfo) -> str:
     return str(path)
 
 
+def _outline_of_polar(value: str | None, info: ValidationInfo) -> str | None:
+    """Return the outline; without one the polar, if that names or holds coordinates (AeroDyn)."""
+    polar = info.data.get("polar") if value is None else None
+    return polar if polar and has_coordinates(polar) else value
+
+
 _File = Annotated[str, AfterValidator(_find_file)]
 MOST_DRAW, MOST_SPREAD = 3.0, 0.3  # standard deviations; largest one, so that none is negative
+_Outline = Annotated[_File | None, AfterValidator(_outline_of_polar), Field(validate_default=True)]
 _Station = Annotated[float, Quantity(gt=0, lt=1)]
 
 
@@ -95,8 +103,9 @@ class SectionFile(Section):
     """Name by which a blade file's column `section` calls it; null: its number, from 1."""
     polar: _File
     """Lift and drag of the section, given as `rotor.polar`."""
-    outline: _File | None = None
-    """Outline, given as `rotor.outline`; null: that of the rotor, stretched to the thickness."""
+    outline: _Outline = None
+    """Outline, given as `rotor.outline`; null: the coordinates that the polar names, or that of the
+    rotor, stretched to the thickness."""
     thickness: Annotated[float, Quantity(gt=0, le=1)] | None = None
     """Largest thickness over chord; null: that of the outline."""
     wall: _Wall | None = None
@@ -153,10 +162,10 @@ class Rotor(Section):
     polar: _File | None = None
     """Lift and drag of the section: a shipped name, or the path of a CSV file (`alpha_deg, cl,
     cd`), an AeroDyn airfoil table or an XFOIL polar; null: the blade's own, or naca63815_Re2e5."""
-    outline: _File | None = None
+    outline: _Outline = None
     """Outline of the section, for thickness, area and inertia: a shipped name, or the path of a CSV
-    file (`x_over_c, y_over_c`) or of a Selig or Lednicer file; null: the blade's own, or
-    naca63815."""
+    file (`x_over_c, y_over_c`), of a Selig or Lednicer file, or of AeroDyn's coordinates; null: the
+    blade's own, or the coordinates that an AeroDyn `polar` names, or naca63815."""
     sections: Annotated[tuple[SectionFile, ...], Field(max_length=50)] = ()
     """Several sections along the span, in place of `polar` and `outline`. The blade file says by
     thickness or by name which two a station lies between; their polars are blended."""
@@ -166,7 +175,8 @@ class Rotor(Section):
     torque is computed at every node, as with `hydrodynamics.torque: direct`. `invariant`: it does
     not, as the paper assumes."""
     reynolds_number: Annotated[float, Quantity(gt=0)] | None = None
-    """Reynolds number at which an `invariant` polar is read that has tables for several."""
+    """Reynolds number at which an `invariant` polar is read that has tables for several; null: of
+    the sections of a windIO file, midway (in its logarithm) between the lowest and the highest."""
     material: Material = Field(default="aluminium_6061_t6", validate_default=True)  # type: ignore[assignment]
     """Material of the blades: a shipped name, or a section of its properties."""
     material_density: Annotated[float, Quantity("kg/m**3", gt=0)] | None = None

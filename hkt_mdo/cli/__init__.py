@@ -14,7 +14,6 @@ import re
 import sys
 import warnings
 from collections.abc import Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import Annotated
 
@@ -22,7 +21,7 @@ import typer
 
 from hkt_mdo.cli import case, resource, results, run, studies
 from hkt_mdo.cli.parts import BAD_INPUT, BUG, EXIT_CODES, EXTENSIONS, INTERRUPTED, Extend, complain
-from hkt_mdo.errors import InputError, interrupts_of_compiled_code
+from hkt_mdo.errors import InputError, interrupts_of_compiled_code, program_version
 
 __all__ = ["app", "main"]
 
@@ -46,8 +45,7 @@ for _command in (
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        installed = [found.version for found in metadata.distributions(name="hkt_mdo")]
-        typer.echo(f"hkt_mdo {next(iter(installed), '(not installed)')}")
+        typer.echo(f"hkt_mdo {program_version()}")
         raise typer.Exit
 
 

@@ -30,11 +30,14 @@ def new(
         echo(str(path))
 
 
+_FIGURES = "Folder for figures (PNG), made if need be; without it nothing is written."
+
+
 def check(
     case: parts.CaseFile,
     overrides: parts.Overrides = None,
-    out: parts.OutFolder = None,
-    no_figures: parts.NoFigures = False,
+    out: Annotated[Path | None, Option(metavar="DIR", help=_FIGURES)] = None,
+    no_figures: Annotated[bool, Option("--no-figures", hidden=True)] = False,
     as_json: parts.Json = False,
     as_csv: parts.AsCsv = False,
 ) -> None:
@@ -43,8 +46,8 @@ def check(
     Reads and builds all that a run of the case needs and tells what the case means: turbine, flow,
     control law, size, and what follows from them for the starting blade, such as its loads and by
     how much it keeps or breaks each limit. Notes say what was done to
-    the files, warnings what may not be meant. Nothing is optimized. Draws blade, polar, inflow and
-    power_curve as PNG, in check/<name of the case> unless --out is given.
+    the files, warnings what may not be meant. Nothing is optimized, and nothing is written unless
+    --out names a folder for the figures of blade, polar, inflow and power curve.
     """
     for_program = parts.one_form(as_json, as_csv)
     loaded = parts.read_case(case, overrides)
@@ -64,11 +67,11 @@ def check(
     for title, rows in told.items():
         if rows and not for_program:
             parts.print_rows(rows, title)
-    if not no_figures:
+    if out and not no_figures:
         from hkt_mdo.results import check_plots, style
 
         figures = check_plots.check_figures(report.figures)
-        written = style.save(figures, out or Path("check") / report.name)
+        written = style.save(figures, out)
         names = ", ".join(path.name for path in written)
         echo(f"Figures: {written[0].parent}: {names}", err=for_program)
     number = len(report.warnings)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.record_json import read_json
 from hkt_mdo.files.record_table import MAX_ROWS, Columns, RecordOptions, read_csv
 from hkt_mdo.files.record_xarray import columns_from, read_binary
 
@@ -36,7 +37,7 @@ SHORTEST = 1e-6
 UNEVEN = 0.05
 """Share of a step by which a sample may miss its even time."""
 
-_READERS = dict.fromkeys((".csv", ".txt"), read_csv)
+_READERS = dict.fromkeys((".csv", ".txt"), read_csv) | {".json": read_json}
 _READERS |= dict.fromkeys((".nc", ".nc4", ".cdf", ".parquet", ".pq"), read_binary)
 
 
@@ -56,10 +57,11 @@ class Record:
 
 
 def read_record(path: str | Path, **options: Any) -> Record:
-    """Read a record from a CSV, NetCDF or Parquet file; the ending says which.
+    """Read a record from a CSV, JSON, NetCDF or Parquet file; the ending says which.
 
-    `.csv` or `.txt`: a header line, commas, UTF-8; empty cells and `nan` are gaps. `.nc`, `.nc4` or
-    `.cdf`, `.parquet` or `.pq`: as MHKiT's data are saved. The options are those of
+    `.csv` or `.txt`: a header line, commas, UTF-8; empty cells and `nan` are gaps. `.json`: tidal
+    data as MHKiT saves them, or a response of USGS. `.nc`, `.nc4` or `.cdf`, `.parquet` or `.pq`:
+    as MHKiT's data are saved. The options are those of
     `RecordOptions`. Raises InputError, with file, line, column, value and remedy, if anything in
     the file is not as they say, it has more than 256 MiB or 10 million rows, or packages for NetCDF
     or Parquet are missing.

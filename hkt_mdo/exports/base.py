@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from importlib import import_module, metadata
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -19,7 +19,7 @@ from pydantic import Field, ValidationError, create_model
 
 from hkt_mdo.case.messages import translate
 from hkt_mdo.case.schema import assign
-from hkt_mdo.errors import InputError, did_you_mean, install
+from hkt_mdo.errors import InputError, did_you_mean, install, program_version
 from hkt_mdo.exports import FORMATS
 from hkt_mdo.files.table import write_files
 from hkt_mdo.results.solution import Solution
@@ -63,9 +63,8 @@ class Source:
             Program and version, case, result folder, and a mark where the result is no success.
         """
         solution = self.solution
-        version = next((d.version for d in metadata.distributions(name="hkt_mdo")), "unknown")
         lines = [
-            f"written by hkt_mdo {version} from the result {solution.folder.name}",
+            f"written by hkt_mdo {program_version()} from the result {solution.folder.name}",
             f"case {solution.name}, control law {solution.case.control.law}",
         ]
         if not solution.success:

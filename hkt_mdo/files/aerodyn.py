@@ -1,4 +1,4 @@
-"""Files of OpenFAST's AeroDyn 15: blade definitions, and airfoil tables (AirfoilInfo v1.01).
+"""Files of OpenFAST's AeroDyn 15: blade definitions, and airfoil tables (also AeroDyn 13's).
 
 Numbers may have Fortran's exponents (1.0D+00).
 """
@@ -14,11 +14,21 @@ import numpy as np
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade_table import FEWEST_ROWS, MOST_ROWS, BladeTable, check_rows
 from hkt_mdo.files.polar_table import PolarTable, Source, check_reynolds, polar_table
-from hkt_mdo.files.table import Column, fortran_number, line_error, lines_of, number_columns
+from hkt_mdo.files.table import (
+    Column,
+    fortran_number,
+    line_error,
+    lines_of,
+    number_columns,
+    read_text,
+)
 
 # Airfoil tables -----------------------------------------------------------------------------------
 
 _SETTING = re.compile(r"""\s*(@?"[^"]*"|@?'[^']*'|\S+)\s+([A-Za-z]\w*)""")
+OLD_COUNT = re.compile(r"Number of airfoil tables", re.IGNORECASE)
+"""In the line of an airfoil file of AeroDyn 14 or older that says how many tables it has."""
+
 _REMEDY = "see OpenFAST's AirfoilInfo v1.01 files"
 _COUNTS = "NumAlf counts the rows of a table, NumTabs the tables"
 
@@ -148,12 +158,153 @@ def _read_table(file: _Lines, where: str) -> PolarTable:
     return polar_table(alpha, lift, drag, further.get("cm"), reynolds, pressure, source)
 
 
+FEWEST_POINTS = 10
+"""Fewer points show no section."""
+
+_OLD_REMEDY = "see the airfoil files of AeroDyn 13, or copy the rows into a CSV file"
+
+
+def read_old_airfoil(text: str, path: Path) -> list[PolarTable]:
+    """Read the tables of an airfoil file of AeroDyn 13 or 14, as WT_Perf and HARP_Opt have them.
+
+    After lines of text and the number of tables, each table has some lines of a number and its
+    meaning, the first of them the Reynolds number in millions, then its rows, and ``EOT``.
+
+    Parameters
+    ----------
+    text : str
+        Content of the file.
+    path : pathlib.Path
+        The file, for messages.
+
+    Returns
+    -------
+    list of PolarTable
+        The tables in the order of the file. The fourth column is the smallest pressure coefficient
+        if the text says so, else the moment.
+
+    Raises
+    ------
+    InputError
+        If the file is broken, or older, with its tables beside each other; with the line.
+    """  # noqa: DOC501 - `line_error` returns an InputError
+    lines = list(enumerate(lines_of(text), start=1))
+    begin = next(at for at, (_, line) in enumerate(lines) if OLD_COUNT.search(line))
+    number, counted = lines[begin]
+    count = int(fortran_number(counted.split()[0]) or 0)
+    about = " ".join(line for _, line in lines[:begin]).lower()
+    fourth = "cpmin" if re.search(r"min\w* pressure|cpmin", about) else "cm"
+    tables: list[PolarTable] = []
+    block: list[tuple[int, list[str]]] = []
+    for line, content in [*lines[begin + 1 :], (lines[-1][0], "EOT")]:
+        cells = re.split(r"[\s,]+", content.strip())
+        if cells[0].upper() != "EOT":
+            block += [(line, cells)] if content.strip() else []
+        elif block:
+            tables.append(_read_old_table(block, path, f"table {len(tables) + 1}", fourth))
+            block = []
+    if len(tables) != count:
+        problem = f"is not the number of tables that end with EOT, {len(tables)}"
+        raise line_error(path, number, problem, _OLD_REMEDY, value=counted.strip())
+    return tables
+
+
+def _read_old_table(
+    block: list[tuple[int, list[str]]], path: Path, where: str, fourth: str
+) -> PolarTable:
+    """Read a table of AeroDyn 13 from the lines between two EOT."""
+    line, cells = block[0]
+    if len(cells) > 1 and fortran_number(cells[1]) is not None:
+        problem = (
+            "has several Reynolds numbers: its tables stand beside each other, as of AeroDyn 12"
+        )
+        raise line_error(path, line, problem, _OLD_REMEDY, where, value=" ".join(cells))
+    reynolds = check_reynolds(fortran_number(cells[0]), cells[0], path, f"line {line}, Re", 1e6)
+    rows = [row for row in block if len(row[1]) > 2 and None not in map(fortran_number, row[1])]
+    if not rows:
+        raise line_error(path, line, "begins a table without rows", _OLD_REMEDY, where)
+    names = ["alpha", "cl", "cd", fourth][: len(rows[0][1])]
+    given = {
+        name: column.values for name, column in number_columns(rows, names, path, names).items()
+    }
+    pressure = {"Cpmin": given.pop("cpmin")} if "cpmin" in given else None
+    source = Source(path, where, ("alpha", "cl", "cd", "cm"), [number for number, _ in rows])
+    return polar_table(*given.values(), reynolds=reynolds, pressure=pressure, source=source)
+
+
+_COORDINATES = re.compile(
+    r"""^[ \t]*(@?"[^"\n]*"|@?'[^'\n]*'|\S+)[ \t]+NumCoords\b""", re.MULTILINE | re.IGNORECASE
+)
+
+
+def coordinates_of(airfoil: Path) -> Path:
+    """Return the file that holds the coordinates of a section.
+
+    Parameters
+    ----------
+    airfoil : pathlib.Path
+        An airfoil file of AeroDyn, or any other file.
+
+    Returns
+    -------
+    pathlib.Path
+        The file that the airfoil file names at ``NumCoords``, from its own folder; else itself.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or the one that it names does not exist.
+    """  # noqa: DOC501 - `line_error` returns an InputError
+    text = read_text(airfoil, "file with an outline")
+    match = _COORDINATES.search(text)
+    named = match and _named(match, airfoil)
+    if not match or not named:
+        return airfoil
+    if not named.is_file():
+        line = len(lines_of(text[: match.end()]))
+        remedy = "put the file there, or give another outline"
+        raise line_error(airfoil, line, "does not exist", remedy, "NumCoords", value=str(named))
+    return named
+
+
+def has_coordinates(airfoil: str) -> bool:
+    """Tell whether an airfoil file of AeroDyn holds coordinates, or names a file that exists.
+
+    Parameters
+    ----------
+    airfoil : str
+        A path, or anything else.
+
+    Returns
+    -------
+    bool
+        False also for files of other formats, and for those that cannot be read.
+    """
+    try:
+        match = _COORDINATES.search(read_text(Path(airfoil), "file with a polar"))
+    except InputError:  # said where the polar is read
+        return False
+    if not match:
+        return False
+    named = _named(match, Path(airfoil))
+    return named.is_file() if named else (fortran_number(match[1]) or 0.0) >= FEWEST_POINTS
+
+
+def _named(match: re.Match[str], airfoil: Path) -> Path | None:
+    """Return the file that a setting NumCoords names by an @, if it does."""
+    name = match[1].removeprefix("@").strip("\"'").replace("\\", "/")
+    return airfoil.parent / name if match[1].startswith("@") else None
+
+
 # Blade definition ---------------------------------------------------------------------------------
 
 # Units of the columns; see the input files of AeroDyn at https://openfast.readthedocs.io.
 _UNITS = {"BlSpn": "m", "BlCrvAC": "m", "BlSwpAC": "m", "BlCrvAng": "deg"}
 _UNITS |= {"BlTwist": "deg", "BlChord": "m", "BlAFID": "-", "t_c": "-"}
 _NEEDED = ("BlSpn", "BlTwist", "BlChord", "BlAFID")
+AT_HUB = 1e-3
+"""How far over the span the first row may be from the hub's radius to count as there."""
+
 _USUAL = "BlSpn BlCrvAC BlSwpAC BlCrvAng BlTwist BlChord BlAFID"
 
 
@@ -187,9 +338,14 @@ def read_blade_definition(text: str, file: Path, hub_radius: float | None) -> Bl
     unknown = np.full(span.values.size, hub_radius is None)
     problem = "counts from the blade's root, whose radius an AeroDyn file does not say"
     span.refuse(unknown, problem, "give the hub radius in metres")
-    problem = "is not 0, where AeroDyn's span begins: it counts from the blade's root"
-    span.refuse(span.values[:1] != 0.0, problem, "subtract the hub radius from the column")
+    first, last = float(span.values[0]), float(span.values[-1])
     messages.append("BlTwist: degrees converted to radians")
+    at_hub = np.array([0.0 < first and abs(first - (hub_radius or 0.0)) < AT_HUB * last])
+    problem = "is the hub's radius, and AeroDyn counts the span from the blade's root"
+    span.refuse(at_hub, problem, "subtract the hub's radius from the column")
+    if first > 0.0:
+        note = f"rows begin {first:g} m ({100.0 * first / last:.3g} % of the span) outboard of the"
+        messages.append(f"BlSpn: {note} blade's root, from which AeroDyn counts")
     if hub_radius:
         messages.append(f"BlSpn: counted from the root, hub radius of {hub_radius:g} m added")
     for name, what in (("BlCrvAC", "prebend"), ("BlSwpAC", "sweep"), ("BlCrvAng", "cant angle")):

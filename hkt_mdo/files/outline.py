@@ -1,4 +1,4 @@
-"""Outline files: CSV, Selig and Lednicer coordinates of a section in units of its chord."""
+"""Outline files: CSV, Selig, Lednicer and AeroDyn coordinates of a section, over its chord."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.aerodyn import FEWEST_POINTS, coordinates_of
 from hkt_mdo.files.shipped import locate
 from hkt_mdo.files.table import Csv, line_error, lines_of, number_columns, parse_number, read_text
 
-FEWEST_POINTS, MOST_POINTS = 10, 5000
-"""Fewer points show no section; testing more for a crossing takes too long."""
+MOST_POINTS = 5000
+"""Testing more for a crossing takes too long."""
 
 EDGE = 0.02
 """How far the leading edge may lie from x = 0 and the trailing edge from x = 1, over the chord."""
@@ -27,20 +28,27 @@ FARTHEST = 0.6
 _ORDER = "give the points from the trailing edge over the upper side to the leading edge and back"
 _CHORD_AXES = "give coordinates over the chord: leading edge at (0, 0), trailing edge at (1, 0)"
 _FORMATS = "a CSV file x_over_c,y_over_c, or coordinates in Selig's or Lednicer's order"
+_COUNT = re.compile(r"(\d+)\s+NumCoords\b", re.IGNORECASE)
+_TEXT = re.compile(r"(?!.*\b(nan|inf)).*[^\W\d_]{3}")
+
+_ROUNDING = 1e-12
+"""Twice the area of a triangle, over the chord squared, below which its corners are on a line."""
 
 
 def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
     """Read the outline of a section.
 
     The content decides the format: a CSV file with the columns ``x_over_c`` and ``y_over_c``, or
-    pairs of numbers, with or without a line of text above them, in Selig's order (from the trailing
+    pairs of numbers, with or without lines of text above them, in Selig's order (from the trailing
     edge round to it) or Lednicer's (number of points of either side, then the upper and the lower
-    side from the leading edge); both are those of https://m-selig.ae.illinois.edu/ads.html.
+    side from the leading edge); both are those of https://m-selig.ae.illinois.edu/ads.html. Text
+    after the last point is passed over. A coordinate file of OpenFAST's AeroDyn begins with
+    ``NumCoords`` and the point of reference; an airfoil table of AeroDyn may name or hold one.
 
     Parameters
     ----------
     source : str or pathlib.Path
-        Name of a shipped outline, or a path.
+        Name of a shipped outline, or a path, also of an AeroDyn airfoil table.
 
     Returns
     -------
@@ -53,7 +61,7 @@ def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
         If there is no such file, it is broken, or its points are no closed section; with file,
         line, value and remedy.
     """
-    path = locate(source, "outline")
+    path = coordinates_of(locate(source, "outline"))
     text = read_text(path, "file with an outline")
     lines = [
         (number, line.strip())
@@ -68,7 +76,9 @@ def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
         x, y = (column.values for column in columns.values())
         numbers = [line for line, _ in table.rows]
     else:
-        x, y, numbers = _read_pairs(lines, path)
+        begin = next((at for at, line in enumerate(lines) if _COUNT.match(line[1])), None)
+        read = _read_pairs(lines, path) if begin is None else _read_aerodyn(lines[begin:], path)
+        x, y, numbers = read
     _check(x, y, numbers, path)
     return x, y
 
@@ -78,10 +88,14 @@ def _read_pairs(
 ) -> tuple[np.ndarray, np.ndarray, list[int]]:
     """Read pairs of numbers in Selig's or Lednicer's order."""
     rows = [(number, re.split(r"[\s,;]+", line)) for number, line in lines]
-    if len(rows[0][1]) != 2 or None in map(parse_number, rows[0][1]):
-        lines, rows = lines[1:], rows[1:]  # the first line is the name of the section
+    begin = int(not _is_point(rows[0][1]))  # the first line is the name of the section
+    while begin < len(rows) and _is_heading(lines[begin][1], rows[begin][1]):
+        begin += 1
+    lines, rows = lines[begin:], rows[begin:]
     if not rows:
         raise line_error(path, 1, "has no coordinates", f"give {_FORMATS}")
+    count = _count_before_text(lines, rows)
+    lines, rows = lines[:count], rows[:count]
     columns = number_columns(rows, ("x", "y"), path, ("x", "y"), f"give {_FORMATS}")
     x, y = columns["x"].values, columns["y"].values
     numbers = [number for number, _ in lines]
@@ -101,6 +115,49 @@ def _read_pairs(
             raise line_error(path, line, problem, remedy, value=shown)
     shared = x[upper[0]] == x[lower[0]] and y[upper[0]] == y[lower[0]]
     order = np.concatenate((upper[::-1], lower[1:] if shared else lower))
+    return x[order], y[order], [numbers[point] for point in order]
+
+
+def _is_point(cells: Sequence[str]) -> bool:
+    """Tell whether a row is two numbers."""
+    return len(cells) == 2 and None not in map(parse_number, cells)
+
+
+def _is_heading(line: str, cells: Sequence[str]) -> bool:
+    """Tell whether a line above the points is text, or the four ends of the grid of MSES."""
+    grid = len(cells) == 4 and None not in map(parse_number, cells)
+    return not _is_point(cells) and (grid or bool(_TEXT.match(line)))
+
+
+def _count_before_text(
+    lines: Sequence[tuple[int, str]], rows: Sequence[tuple[int, list[str]]]
+) -> int:
+    """Return how many rows come before the text at the end of a file, which no point follows."""
+    last = max((at for at, (_, cells) in enumerate(rows) if _is_point(cells)), default=-1)
+    text = " ".join(line for _, line in lines[last + 1 : last + 2])
+    return last + 1 if last >= 0 and _TEXT.match(text) else len(rows)
+
+
+def _read_aerodyn(
+    lines: list[tuple[int, str]], path: Path
+) -> tuple[np.ndarray, np.ndarray, list[int]]:
+    """Read coordinates of AeroDyn: their number, the reference, and points from either edge."""
+    (line, first), *lines = lines
+    count = int(_COUNT.match(first)[1])  # type: ignore[index]
+    rows = [(number, re.split(r"[\s,]+", text.partition("!")[0].strip())) for number, text in lines]
+    rows = rows[:count]
+    if len(rows) < count or count < FEWEST_POINTS or not all(_is_point(row) for _, row in rows):
+        good = next((at for at, (_, row) in enumerate(rows) if not _is_point(row)), len(rows))
+        problem = f"is followed by {good} pairs of numbers"
+        remedy = f"NumCoords counts the reference and the points, {FEWEST_POINTS} at least"
+        raise line_error(path, line, problem, remedy, "NumCoords", value=count)
+    numbers = [number for number, _ in rows[1:]]
+    x, y = np.array([list(map(float, row)) for _, row in rows[1:]]).T
+    if max(abs(x[0]), abs(x[-1])) > EDGE:
+        return x, y, numbers
+    # from the leading edge round to it: over the same side back from the trailing edge
+    order = np.arange(x.size - 1 if x[0] == x[-1] and y[0] == y[-1] else x.size)
+    order = np.roll(order[::-1], int(np.argmax(x)) + 1)
     return x[order], y[order], [numbers[point] for point in order]
 
 
@@ -137,8 +194,9 @@ def _first_crossing(x: np.ndarray, y: np.ndarray) -> list[tuple[int, int]]:
     """Return the first two sides (by their first points) that cross within both, if any."""
     dx, dy = np.diff(x, append=x[0]), np.diff(y, append=y[0])
 
-    def turn(i, k):  # of point k from side i: positive on its left
-        return dx[i] * (y[k] - y[i]) - dy[i] * (x[k] - x[i])
+    def turn(i, k):  # of point k from side i: positive on its left, 0 within rounding
+        area = dx[i] * (y[k] - y[i]) - dy[i] * (x[k] - x[i])
+        return np.where(np.abs(area) > _ROUNDING, area, 0.0)
 
     for side in range(x.size - 2):
         others = np.arange(side + 2, x.size - (side == 0))

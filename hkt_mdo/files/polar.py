@@ -10,13 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.aerodyn import read_airfoil
+from hkt_mdo.files.aerodyn import OLD_COUNT, read_airfoil, read_old_airfoil
 from hkt_mdo.files.polar_table import SURFACES, PolarTable, Source, check_reynolds, polar_table
 from hkt_mdo.files.shipped import POLAR_FAMILIES, locate, shipped_names
 from hkt_mdo.files.table import Csv, line_error, lines_of, number_columns, parse_number, read_text
 
 _FORMATS = "a CSV file alpha_deg,cl,cd, an AeroDyn airfoil table or an XFOIL polar"
-_CSV_WITH_MOMENT = "a CSV file alpha_deg,cl,cd,cm"
 _FLAGS = re.MULTILINE | re.IGNORECASE
 _AERODYN = re.compile(
     r"""^[ \t]*(@?"[^"\n]*"|\S+)[ \t]+"""
@@ -24,7 +23,7 @@ _AERODYN = re.compile(
     r"|^!.*AirfoilInfo",
     _FLAGS,
 )
-_OLD_AERODYN = re.compile(r"Number of airfoil tables", _FLAGS)
+_AIRFOIL_TOOLS = re.compile(r"^Reynolds number,([^,\n]*)$(?=.*^Alpha,Cl,Cd,)", _FLAGS | re.DOTALL)
 _XFOIL = re.compile(r"\A\s*(XFOIL|xflr5)\b|Calculated polar for", re.IGNORECASE)
 
 
@@ -34,8 +33,8 @@ def read_polars(source: str | Path) -> tuple[PolarTable, ...]:
     The content decides the format: a CSV file with the columns ``alpha_deg`` or ``alpha_rad``,
     ``cl``, ``cd`` and perhaps ``cm``, ``cpmin`` or ``cpmin_upper`` and ``cpmin_lower`` (smallest
     pressure coefficient) and ``reynolds``; an airfoil file of OpenFAST's AeroDyn (AirfoilInfo
-    v1.01, Reynolds numbers in millions); or polars that XFOIL or XFLR5 has written, one after the
-    other.
+    v1.01, Reynolds numbers in millions) or of AeroDyn 13, as HARP_Opt has them; or polars that
+    XFOIL or XFLR5 has written, one after the other, or a CSV file of airfoiltools.com.
 
     Parameters
     ----------
@@ -80,9 +79,10 @@ def _read_file(path: Path) -> list[PolarTable]:
         raise InputError("is empty", f"give {_FORMATS}", file=path)
     if _AERODYN.search(text):
         return read_airfoil(text, path)
-    if old := _OLD_AERODYN.search(text):
-        line, remedy = len(lines_of(text[: old.start()])), f"copy its rows into {_CSV_WITH_MOMENT}"
-        raise line_error(path, line, "is an airfoil table of AeroDyn 14 or older", remedy)
+    if OLD_COUNT.search(text):
+        return read_old_airfoil(text, path)
+    if _AIRFOIL_TOOLS.search(text):
+        return [_read_airfoil_tools(text, path)]
     return _read_xfoil(text, path) if _XFOIL.search(text) else _read_csv(text, path)
 
 
@@ -119,6 +119,23 @@ def _read_csv(text: str, path: Path) -> list[PolarTable]:
     ]
 
 
+def _read_airfoil_tools(text: str, path: Path) -> PolarTable:
+    """Return the polar of a CSV file of airfoiltools.com: lines about it, a header, rows."""
+    lines = list(enumerate(lines_of(text), start=1))
+    number, cell = next(
+        (line, row.partition(",")[2].strip())
+        for line, row in lines
+        if row.lower().startswith("reynolds number,")
+    )
+    reynolds = check_reynolds(parse_number(cell), cell, path, f"line {number}, Reynolds number")
+    begin = next(at for at, (_, row) in enumerate(lines) if row.lower().startswith("alpha,cl,cd,"))
+    names = lines[begin][1].lower().split(",")
+    rows = [(line, row.split(",")) for line, row in lines[begin + 1 :] if row.strip()]
+    columns = number_columns(rows, names, path, _COEFFICIENTS[:4])
+    source = Source(path, "", ("Alpha", "Cl", "Cd", "Cm"), [line for line, _ in rows])
+    return polar_table(*(column.values for column in columns.values()), reynolds, source=source)
+
+
 # XFOIL --------------------------------------------------------------------------------------------
 
 _XFOIL_BEGIN = re.compile(r"Calculated polar for\s*:", re.IGNORECASE)
@@ -131,18 +148,21 @@ def _read_xfoil(text: str, path: Path) -> list[PolarTable]:
     """Return the polars of a file that XFOIL's PACC or XFLR5 has written, one after the other."""
     lines = list(enumerate(lines_of(text), start=1))
     begins = [at for at, (_, line) in enumerate(lines) if _XFOIL_BEGIN.search(line)]
+    above = lines[: begins[0]] if begins else []
     if not begins:
         raise line_error(path, 1, "lacks the line Calculated polar for:", _XFOIL_REMEDY)
     parts = [lines[low:high] for low, high in pairwise([*begins, len(lines)])]
     return [
-        _read_xfoil_polar(part, path, f"polar {index}" if len(parts) > 1 else "")
+        _read_xfoil_polar(part, path, f"polar {index}" if len(parts) > 1 else "", above)
         for index, part in enumerate(parts, start=1)
     ]
 
 
-def _read_xfoil_polar(part: list[tuple[int, str]], path: Path, where: str) -> PolarTable:
-    """Return one polar of numbered lines."""
-    reynolds = None
+def _read_xfoil_polar(
+    part: list[tuple[int, str]], path: Path, where: str, above: list[tuple[int, str]]
+) -> PolarTable:
+    """Return one polar of numbered lines; `above` are those at the file's head."""
+    reynolds, of_xflr5 = None, any("xflr5" in line.lower() for _, line in above)
     names: list[str] = []
     rows: list[tuple[int, list[str]]] = []
     for number, line in part:
@@ -150,8 +170,8 @@ def _read_xfoil_polar(part: list[tuple[int, str]], path: Path, where: str) -> Po
         if names:
             if _XFOIL.match(line):
                 break
-            if words and set(line.strip()) - set("- "):
-                rows.append((number, words))
+            if words and set(line.strip()) - set("- "):  # XFLR5 names fewer columns than it has
+                rows.append((number, words[: len(names)] if of_xflr5 else words))
         elif words and words[0].lower() == "alpha":
             names = [word.lower() for word in words]
         else:

@@ -32,6 +32,9 @@ SURFACES = "cpmin_upper", "cpmin_lower"
 _CIRCLE_EDGE = 1e-3
 """How far an end of a full circle may be from 180 deg, deg; files write 3.1416 rad."""
 
+_SYMMETRIC = {"lift": 0.005, "drag": 0.05, "moment": 0.005}
+"""How far rows at opposite angles of a symmetric section may differ; drag relatively."""
+
 _ENDS_EQUAL = 1e-6
 """How far coefficients at -180 and 180 deg, which are one angle, may differ."""
 
@@ -57,6 +60,8 @@ class PolarTable:
     the upper and the lower surface, or (1, n_rows) where only the smaller of them is known."""
     source: str = ""
     """Where the table comes from, for messages."""
+    messages: tuple[str, ...] = ()
+    """What was done to the rows."""
 
 
 class Source(NamedTuple):
@@ -111,6 +116,10 @@ def polar_table(
 ) -> PolarTable:
     """Check a polar and return it in radians.
 
+    Rows of a symmetric section that begin between -5 and 0 degrees are mirrored: lift and moment
+    change their sign with the angle, drag does not. A section counts as symmetric if that is so of
+    the rows that have a counterpart.
+
     Parameters
     ----------
     alpha : numpy.ndarray, shape (n_rows,)
@@ -140,7 +149,15 @@ def polar_table(
         ends of a full circle differ, drag is not positive, one surface's pressure comes without the
         other's, or a number is not finite or beyond what sections have.
     """
-    source = source or Source()
+    source, messages = source or Source(), ()
+    given = {"angle": alpha, "lift": lift, "drag": drag, "moment": moment}
+    given = {name: np.asarray(rows, float) for name, rows in given.items() if rows is not None}
+    half_turn = np.pi if source.titles[0].endswith("_rad") else 180.0
+    if _is_half_of_symmetric(given, half_turn / 180.0):
+        first = f"{given['angle'][0] * 180.0 / half_turn:.4g}"
+        messages = (f"{source.file}: symmetric section, mirrored below {first} degrees",)
+        given, pressure, source = _mirrored(given, pressure or {}, source)
+    alpha, lift, drag, moment = (given.get(name) for name in ("angle", *LARGEST))
     angle, *coefficients = (
         source.column(title, values)
         for title, values in zip(source.titles, (alpha, lift, drag, moment), strict=False)
@@ -160,7 +177,45 @@ def polar_table(
         circle,
         _smallest_pressure(pressures),
         f"{source.file}, {source.where}" if source.where else str(source.file),
+        messages,
     )
+
+
+def _is_half_of_symmetric(given: Mapping[str, np.ndarray], degree: float) -> bool:
+    """Tell whether a table begins late, and what it has at angles up to 0 mirrors the rest."""
+    angle, low = given["angle"], NEEDED_RANGE[0] * degree
+    begins_late = angle.size and low < angle[0] <= 0.0 and np.all(np.diff(angle) > 0.0)
+    if not begins_late or (angle[0] == 0.0 and "moment" not in given):
+        return False
+    for at in np.flatnonzero(angle <= 0.0):
+        (other,) = np.nonzero(np.abs(angle + angle[at]) < 1e-6)
+        if not other.size:
+            return False
+        for name, near in _SYMMETRIC.items():
+            if name in given:
+                one, two = given[name][at], given[name][other[0]]
+                off = abs(one - two) / abs(two) if name == "drag" and two else abs(one + two)
+                if not off <= near:
+                    return False
+    return True
+
+
+def _mirrored(
+    given: Mapping[str, np.ndarray], pressure: Mapping[str, np.ndarray], source: Source
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], Source]:
+    """Return columns, pressures and source with the rows that a symmetric section lacks."""
+    (more,) = np.nonzero(given["angle"] > -given["angle"][0])
+    more = more[::-1]
+
+    def joined(rows, other=None, sign=1.0):
+        rows = np.asarray(rows)
+        return np.concatenate((sign * (rows if other is None else np.asarray(other))[more], rows))
+
+    given = {n: joined(rows, sign=1.0 if n == "drag" else -1.0) for n, rows in given.items()}
+    surfaces = dict(zip(SURFACES, SURFACES[::-1], strict=True))
+    pressure = {n: joined(rows, pressure.get(surfaces.get(n, n))) for n, rows in pressure.items()}
+    lines = joined(source.lines).tolist() if len(source.lines) else ()
+    return given, pressure, source._replace(lines=[int(line) for line in lines])
 
 
 def _angles(given: Column, in_degrees: bool, constant: bool) -> tuple[np.ndarray, bool]:

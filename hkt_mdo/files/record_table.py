@@ -329,20 +329,19 @@ def choose(
     InputError
         If either is not clear, is no column, or is one of two columns of that name.
     """
-    listed = [name[:LONGEST_NAME] for name in names[:_MOST_NAMES]]
-    shown = ", ".join(listed + ["..."] * (len(names) > _MOST_NAMES))
     time = default if options.time_column is None else options.time_column
+    others = [name for name in names if name != time]
     if time is None:
-        problem, remedy = "has nothing that is plainly the time", f"give time_column: of {shown}"
-        raise InputError(problem, remedy, file=file)
+        problem = "has nothing that is plainly the time"
+        raise InputError(problem, f"give time_column: of {_listed(names)}", file=file)
     speed = options.speed_column
     if speed is None:
-        others = [name for name in names if name != time]
         if len(others) != 1:
             problem = f"has {len(others) or 'no'} columns besides the time, {time[:LONGEST_NAME]}"
-            remedy = f"give speed_column: of {shown}" if others else "add the speed"
+            remedy = f"give speed_column: of {_listed(others)}" if others else "add the speed"
             raise InputError(problem, remedy, file=file)
         speed = others[0]
+    shown = _listed(names)
     for key, name in (("time_column", time), ("speed_column", speed)):
         count = names.count(name)
         if count != 1 or time == speed:
@@ -350,6 +349,12 @@ def choose(
             remedy = f"{'' if count else did_you_mean(name, names)}there are {shown}"
             raise InputError(problem, remedy, file=file, key=key, value=name)
     return time, speed
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Return the first of some names."""
+    listed = [name[:LONGEST_NAME] or "''" for name in names[:_MOST_NAMES]]
+    return ", ".join(listed + ["..."] * (len(names) > _MOST_NAMES))
 
 
 def check_length(count: int, file: str) -> None:

@@ -175,14 +175,18 @@ def _from_dataset(data: Any, file: str, options: RecordOptions) -> Columns:
     """Take a variable over time of a Dataset: a speed, or a profiler's velocity."""
     vectors = [name for name, variable in data.variables.items() if variable.ndim == 1]
     dates = [name for name in vectors if name in data.dims and data[name].dtype.kind == "M"]
-    usual = [name for name in ("time", "dateTime") if name in vectors]
-    default = next(iter(usual or (dates if len(dates) == 1 else [])), None)
+    times = [name for name in ("time", "dateTime") if name in vectors] + dates
+    if options.speed_column in data.data_vars:  # a variable may have a time of its own
+        own = data[options.speed_column].dims
+        times = [name for name in times if data[name].dims[0] in own]
+    plain = len(set(times)) == 1 or (times and times[0] in ("time", "dateTime"))
+    default = times[0] if plain else None
     chosen = options.time_column or default
     dimension = data[chosen].dims[0] if chosen in vectors else None
-    speeds = [str(name) for name, v in data.data_vars.items() if dimension in v.dims]
-    speeds = [name for name in speeds if name != chosen]
-    # messages name the variables with a unit of speed first
-    speeds.sort(key=lambda name: named_unit(str(data[name].attrs.get("units")), SPEEDS) is None)
+    along = {dimension} if options.time_column else {data[name].dims[0] for name in times}
+    speeds = [str(name) for name, v in data.data_vars.items() if along & set(v.dims)]
+    speeds = [name for name in speeds if name != chosen and data[name].dtype.kind != "M"]
+    speeds.sort(key=lambda name: _unlikeness(data[name]))
     columns = [*([str(chosen)] if chosen in vectors else vectors), *speeds]
     names = choose(columns, None if default is None else str(default), options, file)
     time, speed = data[names[0]], data[names[1]]
@@ -191,6 +195,13 @@ def _from_dataset(data: Any, file: str, options: RecordOptions) -> Columns:
     units = str(time.attrs.get("units", "")), str(speed.attrs.get("units", ""))
     times = time.values if time.dtype.kind == "M" else time.values.astype(float)
     return _in_si(Columns(file, names, times, values, messages=messages), options, units)
+
+
+def _unlikeness(variable: Any) -> int:
+    """Return how unlikely a variable is a speed of the flow, for the order in messages."""
+    described = f"{variable.name} {variable.attrs.get('long_name')}".lower()
+    unit = named_unit(str(variable.attrs.get("units")), SPEEDS)
+    return 2 if unit is None else int("sound" in described)
 
 
 def _profile(

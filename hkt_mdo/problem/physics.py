@@ -60,6 +60,7 @@ MOST_PERIODS = 1_000_000  # of the flow's highest frequencies that can be looked
 MOST_TORQUE = 1.0  # torque coefficient that no rotor has; good ones have 0.06
 CURRENT, WATER = 10.0, (900.0, 1300.0)  # m/s and kg/m**3: beyond, a unit was hardly meant
 RATIOS = 1001  # tip speed ratios at which loads are computed at most
+CHORD_FACTORS = 0.2, 3.0  # on the smallest and the largest chord: the default bounds
 STATIONS = 120  # from which the loads of a blade change by less than a thousandth
 NEAR_STALL = np.deg2rad(0.1)  # by which a start may be closer to stall and count as keeping away
 START_EXCESS = 1e-3  # relative excess of a limit up to which a start counts as keeping it
@@ -611,6 +612,7 @@ def physics(case: Case) -> Physics:
     speed = float(weights @ speed**4 / (weights @ speed**3))
     turbine = build_turbine(case.rotor, case.fluid, speed, case.design)
     turbine = _in_condition(turbine, case)
+    case = _with_chord_bounds(case, turbine.blade)
     shape = build_shape(
         case,
         turbine.blade,
@@ -761,6 +763,16 @@ def _doubts(case: Case, mean: float) -> Iterator[str]:
             "control.unknown = torque may end several per cent below the best under "
             "limits.torque_rate: give control.unknown: speed"
         )
+
+
+def _with_chord_bounds(case: Case, blade: Blade) -> Case:
+    """Return a case with the bounds on the chord that follow from its blade, if it gives none."""
+    if case.design.chord_bounds is not None or case.design.blade == "fixed":
+        return case
+    ends = CHORD_FACTORS[0] * np.min(blade.chord), CHORD_FACTORS[1] * np.max(blade.chord)
+    bounds = tuple(float(f"{end:.3g}") for end in ends)
+    design = case.design.model_copy(update={"chord_bounds": bounds})
+    return case.model_copy(update={"design": design})
 
 
 def build_shape(

@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from hkt_mdo.case import Design, Fluid, Rotor
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.aerodyn import AT_HUB
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.shipped import shipped_names, shipped_rotor
@@ -21,6 +22,7 @@ from hkt_mdo.rotor.thickness import ByThickness, over_thickness
 
 HUB, BLADES = 0.125, 3  # hub over tip radius, blade count: where neither case nor file says
 POLAR, OUTLINE = "naca63815_Re2e5", "naca63815"
+OUTBOARD = 0.02  # of the tip radius: rows that begin farther from the hub are told
 ROUNDED = 1e-3  # by which a bound may leave the sections' thickness, as files round it
 
 
@@ -105,7 +107,9 @@ def build_turbine(
     count = rotor.blade_count or table.blade_count or BLADES
     shape = table.r, table.chord, table.twist + set_angle
     blade = Blade(*shape, hub_radius, tip_radius, count, float(cone))
-    named = _named_sections(rotor, table)
+    named, notes = _named_sections(rotor, table)
+    rotor, chosen = _with_reynolds(rotor, named)
+    messages = (*messages, *notes, *chosen)
     if design is not None and design.thickness_points:
         polar, area, structure = _by_thickness(rotor, design, named)
         thickness = np.clip(_starting_thickness(rotor, table, named), *polar.bounds)
@@ -147,6 +151,10 @@ def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
             remedy = "give rotor.hub_radius_fraction"
             raise InputError(problem, remedy, file=rotor.blade)
         span = float(table.r[-1])
+        if abs(table.r[0] / span - fraction) < AT_HUB:
+            problem = "is the hub's radius, and AeroDyn counts the span from the blade's root"
+            value, remedy = float(table.r[0]), "subtract the hub's radius from the column"
+            raise InputError(problem, remedy, file=rotor.blade, key="column BlSpn", value=value)
         hub = span * fraction / (1.0 - fraction)
         table = replace(table, r=table.r + hub, tip_radius=hub + span, hub_radius=hub)
     if fraction is None:
@@ -177,7 +185,12 @@ def _stations(rotor, table, tip_radius, hub_radius) -> tuple[np.ndarray, tuple[s
             raise InputError(problem, remedy, file=rotor.blade)
         text = f"{table.r.size - own.size} of {table.r.size} rows lie at hub or tip, where there is"
         left_out = own.size < table.r.size
-        return own, (f"{text} no load: the stations are the others",) if left_out else ()
+        notes = [f"{text} no load: the stations are the others"] if left_out else []
+        if low > hub / tip + OUTBOARD:
+            text = f"rows begin at r/R = {low:.4g}, the hub ends at {hub / tip:.4g}: the load falls"
+            text += " to zero between them"
+            notes.append(f"{text}; with rotor.station_count the first row is carried on to the hub")
+        return own, tuple(notes)
     if rotor.stations is None:
         angle = np.pi * (np.arange(rotor.station_count) + 0.5) / rotor.station_count
         fraction = hub / tip + (1.0 - hub / tip) * 0.5 * (1.0 - np.cos(angle))
@@ -283,8 +296,22 @@ def _structure(rotor, sections, thickness=None) -> Structure | StructureByThickn
     return structure.with_section(area, moments) if given else structure
 
 
-def _named_sections(rotor, table) -> dict[str, _Section]:
-    """Return the sections that the case or the blade's file gives, by name."""
+def _with_reynolds(rotor, named) -> tuple[Rotor, tuple[str, ...]]:
+    """Return a rotor with a Reynolds number where a blade's file brings polars for several."""
+    numbers = np.unique(np.concatenate([each.polars.reynolds for each in named.values()]))
+    numbers = numbers[np.isfinite(numbers)]
+    own = not rotor.sections and rotor.polar is None
+    if not own or rotor.reynolds_number or rotor.reynolds == "local" or numbers.size < 2:
+        return rotor, ()
+    number = float(np.sqrt(numbers[0] * numbers[-1]))
+    span = f"{numbers[0]:.3g} to {numbers[-1]:.3g}"
+    note = f"polars of the blade's file, from {span}, are read at a Reynolds number of {number:.3g}"
+    remedy = "rotor.reynolds_number chooses another"
+    return rotor.model_copy(update={"reynolds_number": number}), (f"{note}: {remedy}",)
+
+
+def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]:
+    """Return the sections that the case or the blade's file gives, by name, and notes."""
     named, from_file = {}, PolarFamily.from_file
     for number, entry in enumerate(rotor.sections):
         if entry.outline is None and entry.thickness is None:
@@ -306,7 +333,13 @@ def _named_sections(rotor, table) -> dict[str, _Section]:
     sections = [
         _with_material(_section(rotor, *parts), rotor, entry) for *parts, entry in named.values()
     ]
-    return dict(zip(named, _alike(sections), strict=True))
+    notes = [note for each in sections for note in each.polars.messages]
+    notes += [
+        f"{each.outline}: outline by its NumCoords"
+        for each in (*rotor.sections, rotor)
+        if each.outline and each.outline == each.polar and Path(each.outline).is_file()
+    ]
+    return dict(zip(named, _alike(sections), strict=True)), tuple(dict.fromkeys(notes))
 
 
 def _section(rotor, polars, outline, thickness) -> _Section:

@@ -140,7 +140,7 @@ def _allows_blade(result, other) -> bool:
     if own.blade == "fixed" or own.chord_points or own.twist_points or own.thickness_points:
         return False
     chord, twist = other.summary.chord_m, other.summary.twist_deg
-    bounds = (chord, own.chord_bounds), (twist, own.twist_bounds)
+    bounds = (chord, own.chord_bounds or (0.0, np.inf)), (twist, own.twist_bounds)
     within = all(low <= min(values) and max(values) <= high for values, (low, high) in bounds)
     return within and other.summary.rotor_radius_m == result.summary.rotor_radius_m
 

@@ -217,11 +217,13 @@ class PolarFamily:
 
     Between two of reynolds[n], which increase, lift and drag are linear in its logarithm; beyond
     the first and the last they are constant. Reynolds numbers are by the chord, and infinite for
-    the one polar of a file that states none (Reynolds invariance).
+    the one polar of a file that states none (Reynolds invariance). `messages` say what was done to
+    the rows of its file.
     """
 
     reynolds: np.ndarray
     polars: tuple[Polar, ...]
+    messages: tuple[str, ...] = ()
 
     @classmethod
     def from_tables(cls, tables):
@@ -243,7 +245,9 @@ class PolarFamily:
             As `Polar.from_polar_table`.
         """
         reynolds = [np.inf if table.reynolds is None else table.reynolds for table in tables]
-        return cls(np.array(reynolds), tuple(map(Polar.from_polar_table, tables)))
+        messages = dict.fromkeys(message for table in tables for message in table.messages)
+        polars = tuple(map(Polar.from_polar_table, tables))
+        return cls(np.array(reynolds), polars, tuple(messages))
 
     @classmethod
     def from_file(cls, source):

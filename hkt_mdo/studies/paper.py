@@ -8,13 +8,12 @@ import hashlib
 import json
 from collections.abc import Callable
 from functools import partial
-from importlib.metadata import version
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 
-from hkt_mdo.errors import InputError
+from hkt_mdo.errors import InputError, program_version
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results.folder import write_json
@@ -89,7 +88,7 @@ def _ensembles(out, repeats, seed, jobs, report):
         if law == "oloc" and sensor:
             continue  # it reads none
         key, source = ensemble_key(law, flow, sensor), out / "cases" / f"sine_limited_{law}"
-        made_of = repr((flow, sensor, repeats, seed, version("hkt_mdo"))).encode()
+        made_of = repr((flow, sensor, repeats, seed, program_version())).encode()
         made_of += (source / "summary.json").read_bytes() + (source / "trajectory.csv").read_bytes()
         stamps[key] = hashlib.sha256(made_of).hexdigest()
         try:

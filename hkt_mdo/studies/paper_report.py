@@ -7,7 +7,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from importlib.metadata import version
 from itertools import product
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import numpy as np
 import yaml
 from markdown_it import MarkdownIt
 
+from hkt_mdo.errors import program_version
 from hkt_mdo.files.shipped import data_path
 from hkt_mdo.results import plots, style
 from hkt_mdo.results.folder import write_json, write_text
@@ -86,7 +86,7 @@ def write_report(solutions: dict, ensembles: dict, out: Path, report: Callable) 
     """
     printed = yaml.safe_load(data_path("amini2023", "reported").read_text(encoding="utf-8"))
     data = {
-        "version": version("hkt_mdo"),
+        "version": program_version(),
         "python": platform.python_version(),
         "tables": {each: _scenario(solutions, each, printed[each]) for each in SCENARIOS},
         "uncertain_flow": {

@@ -42,7 +42,8 @@ SECTIONS = [
         "has 2 values for 9 stations",
     ),
     (
-        "rotor: {stations: [0.2, 0.5, 0.9], chord: [0.1, 2, 0.1], twist: [3, 2, 1]}",
+        "rotor: {stations: [0.2, 0.5, 0.9], chord: [0.1, 2, 0.1], twist: [3, 2, 1]}\n"
+        "design: {chord_bounds: [0.01, 1]}",
         "rotor.chord[1]",
         "2",
         "design.chord_bounds",

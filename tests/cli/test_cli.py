@@ -294,7 +294,7 @@ def test_show_and_compare_print_for_programs(
 
 
 def test_check_prints_for_programs(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", CASE, "--no-figures", "--json"]) == 0
+    assert main(["check", CASE, "--json"]) == 0
     out, err = capsys.readouterr()
     rows = json.loads(out)
     (torque,) = (row for row in rows if row["quantity"] == "control.torque_limit")

@@ -214,6 +214,82 @@ def test_without_such_a_column_there_is_none(tmp_path):
     )
 
 
+def airfoil_tools_text():
+    about = (
+        "Xfoil polar. Reynolds number fixed. Mach  number fixed\nPolar key,xf-naca2408-il-50000\n"
+    )
+    about += "Airfoil,naca2408-il\nReynolds number,50000\nNcrit,9\nMach,0\nMax Cl/Cd,37.4214\n\n"
+    rows_ = [f"{a:.3f},{cl},{cd},0.004,{cm},1.0,0.2\n" for a, cl, cd, cm in rows(ALPHA, 5e4)]
+    return about + "Alpha,Cl,Cd,Cdp,Cm,Top_Xtr,Bot_Xtr\n" + "".join(rows_)
+
+
+def xflr5_text():
+    """Return a polar as XFLR5 6.61 has it, with two numbers more than names."""
+    head = "xflr5 v6.61\n\n Calculated polar for: NACA 0012\n\n Mach = 0.000 Re = 0.050 e 6\n\n"
+    head += (
+        "  alpha     CL        CD       CDp       Cm    Top Xtr Bot Xtr   Cpmin    Chinge    XCp\n"
+    )
+    ends = "1.0 0.1 -1.5 0.0 0.0 0.0 0.3"
+    rows_ = [f" {a:.3f} {cl} {cd} 0.003 {cm} {ends}\n" for a, cl, cd, cm in rows(ALPHA, 5e4)]
+    return head + " ------- -------- ---------\n" + "".join(rows_)
+
+
+@pytest.mark.parametrize("text", [airfoil_tools_text(), xflr5_text()])
+def test_polars_of_airfoil_tools_and_xflr5(tmp_path, text):
+    (table,) = read_polars(write(tmp_path, text))
+    assert table.reynolds == 5e4
+    np.testing.assert_array_equal(table.lift, lift(ALPHA, 5e4))
+    np.testing.assert_array_equal(table.drag, drag(ALPHA, 5e4))
+    np.testing.assert_array_equal(table.moment, moment(ALPHA, 5e4))
+
+
+def test_airfoil_tools_must_say_the_reynolds_number(tmp_path):
+    text = airfoil_tools_text().replace("number,50000", "number,fast")
+    with pytest.raises(InputError, match=r"line 4, Reynolds number = 'fast': is no Reynolds"):
+        read_polars(write(tmp_path, text))
+
+
+# Half of a symmetric section
+
+
+def symmetric_text(first, camber=0.0, noise=0.0):
+    """Return an XFOIL polar from `first` to 16 degrees of a section, symmetric without camber."""
+    head = " XFOIL Version 6.99\n Calculated polar for: NACA 0018\n Mach = 0.0 Re = 0.500 e 6\n"
+    text = [head + " alpha CL CD CDp CM Top_Xtr Bot_Xtr Cpmin\n ------ ---- ---- ----\n"]
+    for angle in np.arange(first, 16.5):
+        cl, cd = 0.1 * angle + camber + noise * (angle < 0.0), 0.01 + 1e-4 * angle**2
+        text.append(f"{angle:.3f} {cl:.4f} {cd:.5f} 0 {0.001 * angle:.4f} 1 1 {-1 - abs(cl):.4f}\n")
+    return "".join(text)
+
+
+@pytest.mark.parametrize("first", [-2.0, -4.0, 0.0])
+def test_half_of_a_symmetric_section_is_mirrored_and_told(tmp_path, first):
+    (table,) = read_polars(write(tmp_path, symmetric_text(first, noise=0.002)))
+    degrees = np.round(np.rad2deg(table.alpha), 9)
+    assert degrees.tolist() == list(range(-16, 17))
+    mirrored = slice(None, int(16 + first))
+    for values, sign in ((table.lift, -1), (table.drag, 1), (table.moment, -1)):
+        assert values[mirrored].tolist() == (sign * values[::-1])[mirrored].tolist()
+    assert table.smallest_pressure[0].tolist() == table.smallest_pressure[0][::-1].tolist() or first
+    (message,) = table.messages
+    assert f"symmetric section, mirrored below {first:g} degrees" in message
+    assert PolarFamily.from_tables([table]).messages == (message,)
+
+
+@pytest.mark.parametrize("changes", [{"camber": 0.02}, {"noise": 0.02}, {"first": 1.0}])
+def test_what_is_not_symmetric_is_not_mirrored(tmp_path, changes):
+    with pytest.raises(InputError, match="must reach from -5 or less to 12 or more"):
+        read_polars(write(tmp_path, symmetric_text(**{"first": -2.0} | changes)))
+
+
+def test_both_surfaces_change_places_in_the_mirror():
+    alpha, upper, lower = np.arange(-2.0, 13.0), np.arange(-17.0, -2.0), np.arange(-33.0, -18.0)
+    columns = {"cpmin_upper": upper, "cpmin_lower": lower}
+    table = polar_table(alpha, 0.1 * alpha, 0.01 + 0.0 * alpha, pressure=columns)
+    at_5 = int(np.flatnonzero(np.isclose(table.alpha, np.deg2rad(-5.0)))[0])
+    assert table.smallest_pressure[:, at_5].tolist() == [lower[7], upper[7]]
+
+
 # Full circle
 
 

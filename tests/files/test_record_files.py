@@ -1,5 +1,6 @@
 """Measured records: readers against each other, what is repaired, flaws told."""
 
+import json
 import subprocess
 import sys
 from datetime import UTC, datetime, timedelta
@@ -323,7 +324,7 @@ def test_a_series_is_a_record():
     data = usgs()
     record = record_from(data[USGS[1]["speed_column"]])
     np.testing.assert_allclose(record.speed, SMOOTH, rtol=1e-9)
-    with pytest.raises(InputError, match="give speed_column: of dateTime, Discharge, cubic feet"):
+    with pytest.raises(InputError, match="give speed_column: of Discharge, cubic feet"):
         record_from(data)
 
 
@@ -375,7 +376,7 @@ def test_profiles(tmp_path, form, options, factor, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({}, "give speed_column: of time, vel, U_mag, c_sound, pressure"),
+        ({}, "give speed_column: of vel, U_mag, c_sound, pressure"),
         ({"speed_column": "U_mag"}, "has depth bins along range; give bins: [lower, upper]; there"),
         ({"speed_column": "U_mag", "bins": (8.0, 9.0)}, "bins = [8.0, 9.0]: has no bin; widen it"),
         ({"speed_column": "vel", "bins": (1, 2), "component": "W"}, "there are E, N, U"),
@@ -428,6 +429,89 @@ def test_times_of_a_netcdf_file_may_be_numbers(tmp_path):
     record = read_record(tmp_path / "a.nc", speed_unit="m/s")
     np.testing.assert_allclose(record.time, TIME, atol=1e-9)
     np.testing.assert_allclose(record.speed, SMOOTH, rtol=1e-12)
+
+
+def test_a_variable_may_have_a_time_and_a_range_of_its_own(tmp_path):
+    pytest.importorskip("netCDF4")
+    data = adcp()
+    later = data["time"].values + np.timedelta64(7, "s")
+    beam = (("range_b5", "time_b5"), np.stack((SPEED, 3.0 * SPEED)), {"units": "m s-1"})
+    data = data.assign(vel_b5=beam, when=("time_b5", later))
+    data = data.assign_coords(time_b5=later, range_b5=[1.5, 2.5])
+    data.to_netcdf(tmp_path / "a.nc")
+    record = read_record(tmp_path / "a.nc", speed_column="vel_b5", bins=(1.0, 2.0))
+    np.testing.assert_allclose(record.speed, SMOOTH, rtol=1e-9)
+    with pytest.raises(InputError, match=r"of vel, U_mag, vel_b5, c_sound, pressure$"):
+        read_record(tmp_path / "a.nc")
+
+
+MILLISECONDS = [1_478_606_640_000 + round(1000 * time) for time in TIME.tolist()]
+DATES = [datetime.fromtimestamp(time / 1e3, UTC).isoformat() for time in MILLISECONDS]
+JSON = {
+    "MHKiT": {
+        "s": dict(zip(map(str, MILLISECONDS), (100 * SPEED).tolist(), strict=True)),
+        "d": dict.fromkeys(map(str, MILLISECONDS), 358),
+        "metadata": {"id": "s08010", "lat": "37.9"},
+    },
+    "unsorted": {
+        "s": dict(zip(map(str, MILLISECONDS[::-1]), (100 * SPEED[::-1]).tolist(), strict=True))
+    },
+    "split": {
+        "columns": ["s", "d"],
+        "index": DATES,
+        "data": [[100 * speed, 358] for speed in SPEED.tolist()],
+        "metadata": {},
+    },
+    "USGS": {
+        "value": {
+            "timeSeries": [
+                {
+                    "variable": {"variableDescription": "s", "noDataValue": -999999.0},
+                    "values": [
+                        {
+                            "value": [
+                                {"value": str(100 * speed), "dateTime": date, "qualifiers": ["A"]}
+                                for speed, date in zip(SPEED.tolist(), DATES, strict=True)
+                            ]
+                        }
+                    ],
+                }
+            ]
+        }
+    },
+}
+
+
+@pytest.mark.parametrize("form", JSON)
+def test_json_of_noaa_and_usgs(tmp_path, form):
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps(JSON[form]), encoding="utf-8")
+    record = read_record(path, speed_column="s", speed_unit="cm/s")
+    np.testing.assert_allclose(record.speed, SMOOTH, rtol=1e-9)
+    np.testing.assert_allclose(record.time, TIME, atol=1e-3)
+    assert told(record, "rows sorted by time") == (form == "unsorted")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "cannot be read as JSON (Expecting property name"),
+        ("[" * 20_000, "cannot be read as JSON"),
+        ("[1, 2]", "is JSON, and no record of a known form; give columns over times"),
+        ('{"a": {"b": 1}}', "is JSON, and no record of a known form"),
+        ('{"s": {"1478606640000": 1, "noon": 2}}', "row 2, column time = 'noon': is neither"),
+        ('{"s": {"1478606640000": 1, "1478606650000": "x"}}', "row 2, column s = 'x': is no num"),
+        ('{"s": {"1478606640000": 1}, "d": {"1478606640000": 1}}', "give speed_column: of s, d"),
+        ('{"s": {"1478606640000": 1}}', "column s: has no unit that is known"),
+    ],
+)
+def test_json_that_is_no_record(tmp_path, text, message):
+    path = tmp_path / "a.json"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        read_record(path)
+    assert message in str(caught.value)
+    assert str(path) in str(caught.value)
 
 
 def test_other_objects_are_refused():

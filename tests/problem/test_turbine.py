@@ -6,11 +6,13 @@ import pytest
 from hkt_mdo.case import read_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import shipped_names
+from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.steady_optimum import best_operation
+from tests.files.broken.blades import WINDIO
 
 CSV = (
     "r_m,chord_m,twist_deg,t_over_c\n0.2,0.2,20,0.24\n0.6,0.1,10,0.18\n0.9,0.1,5,0.15\n1,0.1,4,0.15"
@@ -117,6 +119,56 @@ def test_sections_are_those_that_the_file_names(turbine):
     np.testing.assert_allclose(found.thickness, [0.24, 0.15, 0.15], rtol=1e-12)
 
 
+def test_rows_may_begin_outboard_of_the_hub(turbine, tmp_path):
+    text = AERODYN.replace("5 NumBlNds", "4 NumBlNds").replace("0.0 0 0 0 20 0.2 1\n", "")
+    (tmp_path / "o.dat").write_text(text, encoding="utf-8")
+    keys = "hub_radius_fraction: 0.2, polar: naca4415_Re2e5"
+    found = turbine(f"blade: o.dat, {keys}, station_count: 9")
+    assert found.blade.tip_radius == pytest.approx(1.0)
+    np.testing.assert_array_equal(found.blade.chord[found.blade.r < 0.4], 0.15)
+    assert any("rows begin 0.2 m (25 % of the span) outboard" in line for line in found.messages)
+    found = turbine("blade: b.csv, radius: 1, hub_radius_fraction: 0.1")
+    assert any("rows begin at r/R = 0.2, the hub ends at 0.1" in line for line in found.messages)
+    with pytest.raises(InputError, match=r"column BlSpn = 0\.2: is the hub's radius"):
+        turbine("blade: o.dat, hub_radius_fraction: 0.25, polar: naca4415_Re2e5")
+
+
+def test_an_aerodyn_polar_brings_its_outline(turbine, tmp_path):
+    foil = Outline.from_file("naca4415")
+    points = [f"{x} {y}" for x, y in zip(foil.x, foil.y, strict=True)]
+    text = "\n".join([f"{len(points) + 1} NumCoords", "0.25 0", *points])
+    (tmp_path / "coords.txt").write_text(text, encoding="utf-8")
+    rows = "\n".join(f"{a} {0.1 * a + 0.3} 0.02" for a in range(-9, 16))
+    table = f'@"coords.txt" NumCoords\n1 NumTabs\n1.0 Re\nFalse InclUAdata\n25 NumAlf\n{rows}\n'
+    (tmp_path / "foil.dat").write_text(table, encoding="utf-8")
+    found = turbine("blade: b.csv, radius: 1, polar: foil.dat")
+    assert found.section_area == pytest.approx(foil.area, rel=1e-12)
+    assert any("foil.dat: outline by its NumCoords" in line for line in found.messages)
+    other = turbine("blade: b.csv, radius: 1, polar: foil.dat, outline: naca63815")
+    assert other.section_area == Outline.from_file("naca63815").area
+    sections = turbine(
+        "blade: n.csv, radius: 1, sections: [{name: a, polar: foil.dat}, "
+        "{name: b, polar: foil.dat, outline: naca63815}]"
+    )
+    assert sections.thickness[0] == pytest.approx(foil.thickness)
+    (tmp_path / "coords.txt").unlink()  # the table alone is read as before
+    assert turbine("blade: b.csv, radius: 1, polar: foil.dat").section_area == other.section_area
+
+
+def test_polars_of_a_turbine_file_need_no_reynolds_number(turbine, tmp_path):
+    low, high = WINDIO, WINDIO.replace("re: 1.0e+6", "re: 9.0e+6")
+    start = low.index("          - re: 1.0e+6")
+    one = low[start : low.index("  - name: thin")]
+    two = high[start : high.index("  - name: thin")].replace("0.01, 0.01", "0.03, 0.03")
+    (tmp_path / "t.yaml").write_text(low.replace(one, one + two), encoding="utf-8")
+    found = turbine("blade: t.yaml, station_count: 5")
+    assert any("are read at a Reynolds number of 3e+06" in line for line in found.messages)
+    given = turbine("blade: t.yaml, station_count: 5, reynolds_number: 3e6")
+    for one, other in zip(found.polar, given.polar, strict=True):
+        assert one.evaluate(0.05) == other.evaluate(0.05)
+    assert found.polar[0].evaluate(0.0)[1] > 0.011  # between both tables of the thick section
+
+
 @pytest.mark.parametrize(
     ("keys", "told"),
     [
@@ -156,3 +208,30 @@ def test_sections_are_those_that_the_file_names(turbine):
 def test_what_does_not_fit_together_is_told(keys, told, turbine):
     with pytest.raises(InputError, match=told):
         turbine(keys)
+
+
+@pytest.mark.parametrize(
+    ("keys", "bounds"),
+    [
+        ("", (0.01, 1.0)),  # the paper's rotor
+        ("rotor: {radius: 1.4}", (0.01, 1.0)),
+        ("rotor: {radius: 14}", None),
+        ("rotor: {blade: rm1}", None),
+        ("rotor: {blade: river, radius: 1.6}", None),
+        ("version: 1, rotor: {blade: rm1}", (0.01, 1.0)),
+        ("rotor: {blade: rm1}, design: {chord_bounds: [0.3, 2.5]}", (0.3, 2.5)),
+        ("rotor: {blade: rm1}, design: {blade: fixed}", None),
+    ],
+)
+def test_bounds_of_the_chord_follow_the_blade(keys, bounds):
+    case = read_case(f"{{inflow: sine, control: linear, {keys}}}")
+    assert case.design.chord_bounds == bounds
+    world = physics(case)
+    chord = world.turbine.blade.chord
+    bounds = bounds or (0.2 * chord.min(), 3.0 * chord.max())
+    if case.design.blade == "fixed":
+        assert world.case.design.chord_bounds is None
+        return
+    assert world.shape.chord_bounds == pytest.approx(bounds, rel=0.005)  # three digits
+    again = physics(read_case(world.case.to_yaml()))  # a result's case has the numbers
+    assert again.case.design == world.case.design

@@ -252,6 +252,18 @@ def outline_files():
         "Selig with commas": ["63 815 by hand", *(", ".join(row.split()) for row in selig)],
         "Lednicer with a name": ["NACA 2412", "  41.  41.", "", *sides],
         "Lednicer without a name": ["41 41", *sides],
+        "Selig with text after": [
+            "NACA 2412",
+            *selig,
+            "",
+            "http://a.example/b",
+            "t/c 12 %",
+            "12 of 3",
+        ],
+        "Selig below two lines": ["NACA 2412", "These points are of a model.", *selig],
+        "MSES": ["NACA 2412", "-2.0 3.0 -2.5 3.5", *selig],
+        "AeroDyn": ["  82  NumCoords ! and the reference", "! x/c y/c", "0.25  0", *selig],
+        "AeroDyn from the nose": ["82 NumCoords", "0.25 0", *selig[40::-1], *selig[:39:-1]],
     }
 
 
@@ -264,6 +276,18 @@ def test_outline_formats_agree(tmp_path, name, end):
     x, y = naca_4_digit(0.02, 0.4, 0.12, 41)
     assert outline.x.tolist() == np.round(x, 6).tolist()
     assert outline.y.tolist() == np.round(y, 6).tolist()
+
+
+def test_an_aerodyn_table_names_its_outline(tmp_path):
+    rows = outline_files()["AeroDyn from the nose"]
+    (tmp_path / "coords.txt").write_text("\n".join(rows), encoding="utf-8")
+    for line in ('@"coords.txt" NumCoords', "\n".join(rows)):  # in another file, and in this one
+        table = tmp_path / "airfoil.dat"
+        table.write_text(f'"default" InterpOrd\n{line}\n', encoding="utf-8")
+        x, y = naca_4_digit(0.02, 0.4, 0.12, 41)
+        outline = Outline.from_file(table)
+        assert outline.x.tolist() == np.round(x, 6).tolist()
+        assert outline.y.tolist() == np.round(y, 6).tolist()
 
 
 def test_lednicer_sides_with_noses_apart_keep_both_points(tmp_path):

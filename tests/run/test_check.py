@@ -456,21 +456,21 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for title in ("Turbine", "Flow", "Control", "Starting blade", "Optimization", "Warnings"):
         assert f"\n{title}\n" in out
     assert out.endswith("sine_limited_quadratic can be run, with 1 warning.\n")
-    names = ("blade", "inflow", "polar", "power_curve")
-    folder = "check/sine_limited_quadratic"
-    assert list(folders(tmp_path)) == [f"{folder}/{name}.png" for name in names]
+    assert not list(folders(tmp_path))
 
 
-def test_command_draws_where_told_or_nothing(
+def test_command_draws_only_where_a_folder_is_given(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "a.yaml").write_text(
         "rotor: {blade: river}\ninflow: {profile: constant, "
         "speed: 1.5}\ncontrol: {law: open_loop}\ndesign: {chord_points: 6, twist_points: 5}\n"
     )
-    assert main(["check", "a.yaml", "--no-figures"]) == 0
+    assert main(["check", "a.yaml", "--out", "b", "--no-figures"]) == 0  # an option of 0.1
     assert list(folders(tmp_path)) == ["a.yaml"]
     assert main(["check", "a.yaml", "--out", "b"]) == 0
+    names = ("blade", "inflow", "polar", "power_curve")
+    assert list(folders(tmp_path)) == ["a.yaml", *(f"b/{name}.png" for name in names)]
     assert (tmp_path / "b" / "polar.png").stat().st_size > 10_000
     assert "a can be run" in capsys.readouterr().out
     assert main(["check", "a.yaml", "--out", "a.yaml"]) == 2
@@ -482,7 +482,7 @@ def test_a_missing_optimizer_is_told(
 ) -> None:
     monkeypatch.setattr("hkt_mdo.solve.drivers._is_usable", lambda *_: False)
     case = str(CASES / "sine_oloc.yaml")
-    assert main(["check", case, "--no-figures"]) == 2
+    assert main(["check", case]) == 2
     out, err = capsys.readouterr()
     assert out == ""
     assert err.startswith(f"error: {case}: driver.package = 'auto': IPOPT is not installed; ")

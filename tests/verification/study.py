@@ -77,7 +77,8 @@ def _energy(solution):
 
 def random_start(case: Case, rng: np.random.Generator) -> Case:
     """Return a case that starts from a random smooth blade: chord × 0.6 to 1.6, twist ± 6°."""
-    blade = physics(case).blade
+    world = physics(case)
+    blade, case = world.blade, world.case
     knots, place = [0.0, 0.5, 1.0], blade.r / blade.tip_radius
     factor = np.exp(PchipInterpolator(knots, rng.uniform(np.log(0.6), np.log(1.6), 3))(place))
     offset = PchipInterpolator(knots, rng.uniform(-6.0, 6.0, 3))(place)

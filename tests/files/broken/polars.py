@@ -177,7 +177,21 @@ _BROKEN_AERODYN: dict[str, tuple[bytes, str]] = {
     "AeroDyn 14": (
         b"AeroDyn airfoil file\nmade by hand\n 1   Number of airfoil tables in this file\n"
         b" 0   Table ID parameter\n 9.0 Stall angle (deg)\n -8 0.1 0.02\nEOT\n",
-        "AeroDyn 14 or older",
+        "line 4, Re = '0': is no Reynolds number",
+    ),
+    "AeroDyn 12": (
+        b"AeroDyn airfoil file\n 2   Number of airfoil tables in this file\n"
+        b" 1.0 2.0 Table ID parameter\n -8 0.1 0.02 0.1 0.02\n",
+        "line 3, table 1 = '1.0 2.0 Table ID parameter': has several Reynolds numbers",
+    ),
+    "AeroDyn 14 cut off": (
+        b"AeroDyn airfoil file\n 2   Number of airfoil tables in this file\n 1.0 Re\n"
+        + "\n".join(f"{angle} 0.1 0.02" for angle in range(-9, 16)).encode(),
+        "line 2 = '2   Number of airfoil tables in this file': is not the number of tables",
+    ),
+    "AeroDyn 14 without rows": (
+        b"AeroDyn airfoil file\n 1   Number of airfoil tables in this file\n 1.0 Re\nEOT\n",
+        "line 3, table 1: begins a table without rows",
     ),
 }
 
@@ -267,7 +281,19 @@ _BROKEN_OUTLINES: dict[str, tuple[str, bytes, str]] = {
     ),
     "ragged row": ("ragged.dat", _replace(_SELIG, (_POINTS[5], "0.9")), "line 7 = '0.9'"),
     "nan": ("nan.dat", _replace(_SELIG, (_POINTS[5], "0.9 nan")), "line 7, column y = 'nan'"),
-    "two lines of words": ("words.dat", b"A BOOK\n" + _SELIG.encode(), "line 2, column x = 'A'"),
+    "half a point above": ("above.dat", b"A BOOK\n1.0 -\n" + _SELIG.encode(), "line 3, column x"),
+    "broken last point": ("last.dat", _SELIG.encode() + b"1.0 O.0\n", "column y = 'O.0'"),
+    "text between points": ("text.dat", _replace(_SELIG, (_POINTS[5], "lower side")), "line 7"),
+    "AeroDyn's count lies": (
+        "coords.txt",
+        "\n".join(["43 NumCoords ! and the reference", "0.25 0", *_POINTS]).encode(),
+        "line 1, NumCoords = 43: is followed by 42 pairs",
+    ),
+    "AeroDyn's file is missing": (
+        "airfoil.dat",
+        b'"default" InterpOrd\n@"absent.txt" NumCoords\n1 NumTabs\n',
+        "line 2, NumCoords",
+    ),
     "upper side alone": ("half.dat", "\n".join(_UPPER[::-1]).encode(), "last point"),
     "millimetres": ("mm.dat", _points(lambda x, y: (250 * x, 250 * y)), "largest x is 250"),
     "centred": ("centred.dat", _points(lambda x, y: (x - 0.25, y)), "smallest x is -0.25"),

@@ -43,7 +43,7 @@ _CSV: dict[str, tuple[bytes, str]] = {
     "one column": (_csv(["1.5"] * 60, "speed_m_s"), "has no columns besides the time"),
     "three columns": (
         _csv([f"{row},3" for row in ROWS], f"{HEADER},temperature"),
-        "give speed_column: of time_s, speed_m_s, temperature",
+        "give speed_column: of speed_m_s, temperature",
     ),
     "no unit of time": (_csv(header="time,speed_m_s"), "column time: has no unit that is known"),
     "a discharge": (
