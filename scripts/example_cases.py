@@ -201,7 +201,7 @@ def over(column, label, *, hours=False, across=None, ends=None):
 
 
 SPEED, RATIO = "rotor speed (rad/s)", "tip speed ratio (-)"
-TORQUE, POWER = "control torque (N m)", "rotor power (W)"
+TORQUE, POWER = "generator torque (N m)", "rotor power (W)"
 FIGURES = {
     "rm1_turbulent": (
         lambda found: panels(

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Source
 from hkt_mdo.exports.solids import Stl, outline_names, triangles
-from hkt_mdo.report.charts import FAINT, Chart, Look, Told, escaped
+from hkt_mdo.report.charts import FAINT, Chart, Look, Told, escaped, line
 from hkt_mdo.results import style
 
 SOLID = Stl(spanwise=44, points=48)
@@ -23,8 +23,8 @@ APART = 1.35
 """Distance of two blades over the width of the widest one."""
 SHOWN = 0.25, 0.5, 0.75
 """Places of the sections that are shown, from hub to tip."""
-EYE = np.array([-0.25, -1.0, 0.8])
-"""Where the picture is seen from; x along the blade, y across it in the rotor plane."""
+EYE, LIGHT = np.array([-0.25, -1.0, 0.8]), np.array([-0.4, 0.3, 0.87])
+"""Where the picture is seen and lighted from; x along the blade, y across it, z upstream."""
 
 
 class Body(NamedTuple):
@@ -50,20 +50,26 @@ def bodies(told: Sequence[Told]) -> tuple[list[Body], list[str]]:
     Returns
     -------
     found : list of Body
-        In axes of which x is along the blade, y in the rotor plane, z along the shaft.
+        In axes of which x is along the blade, y in the rotor plane, z along the shaft, upstream.
     reasons : list of str
         A line for each result whose blade is not known as a solid.
     """
-    found, starts, reasons, known = [], [], [], []
+    found: list[Body] = []
+    starts: list[Body] = []
+    reasons: list[str] = []
+    known: list[np.ndarray] = []
     for index, each in enumerate(told):
         try:
             source = Source(each.solution)
             outline_names(source)  # refuses where the polars have no outline of their own
             color = Look.of(index, each).color
-            found.append(_body(source.design, each.label or "optimized blade", color))
             start = _start(source.design, each.solution)
-            shape = None if start is None else (start.blade.chord, start.blade.twist)
-            if start is not None and not any(np.array_equal(shape, other) for other in known):
+            name = each.label or ("blade" if start is None else "optimized blade")
+            found.append(_body(source.design, name, color))
+            if start is None:
+                continue
+            shape = np.stack((start.blade.r, start.blade.chord, start.blade.twist))
+            if not any(np.array_equal(shape, other) for other in known):
                 known.append(shape)
                 name = "blade at the start" + (f" of {each.label}" if starts else "")
                 starts.append(_body(start, name, FAINT))
@@ -84,7 +90,8 @@ def _start(design: Any, solution: Any) -> Any:
 
 
 def _body(design: Any, name: str, color: str) -> Body:
-    corners = triangles(SOLID.surface(design, SOLID.radii(design)))[..., [2, 1, 0]]
+    # the rotor's axes turned about y
+    corners = triangles(SOLID.surface(design, SOLID.radii(design)))[..., [2, 1, 0]] * (1, 1, -1)
     hub, tip = design.blade.hub_radius, design.blade.tip_radius
     radii = hub + np.array(SHOWN) * (tip - hub)
     return Body(name, corners, color, SOLID.stations(design, radii).plane)
@@ -105,19 +112,23 @@ def solid(found: Sequence[Body]) -> Chart:
         mesh = {axis: _packed(x, "<f4", "f4") for axis, x in zip("xyz", points.T, strict=True)}
         mesh |= {key: _packed(x, "<u4", "u4") for key, x in zip("ijk", corner, strict=True)}
         look = {"color": body.color, "flatshading": False, "hoverinfo": "name"}
-        light = {"ambient": 0.55, "diffuse": 0.7, "specular": 0.25, "roughness": 0.6}
+        # faces of a few mm have normals, too
+        exact = {"vertexnormalsepsilon": 0, "facenormalsepsilon": 0}
+        light = {"ambient": 0.45, "diffuse": 0.7, "specular": 0.3, "roughness": 0.4} | exact
         data.append(
             {"type": "mesh3d", "name": escaped(body.name), "showlegend": True}
             | mesh
             | look
-            | {"lighting": light, "lightposition": {"x": -2000, "y": -3000, "z": 6000}}
+            | {"lighting": light, "lightposition": {"x": -2000, "y": 1500, "z": 4000}}
         )
-    quiet = {"visible": False}
-    eye = {"x": 0.0, "y": -1.1, "z": 1.25}
-    scene = {"aspectmode": "data", "dragmode": "orbit", "yaxis": quiet, "zaxis": quiet}
+    whole = np.concatenate([corners.reshape(-1, 3) for corners in _beside(found)])
+    ratio = np.ptp(whole, axis=0) / np.ptp(whole[:, 0])
+    quiet, eye = {"visible": False}, {"x": -0.7, "y": -2.2, "z": 1.8}
+    scene = {"aspectmode": "manual", "dragmode": "orbit", "yaxis": quiet, "zaxis": quiet}
     along = {"title": {"text": "radius (m)"}, "nticks": 6, "showbackground": False}
-    scene |= {"xaxis": along, "camera": {"eye": eye, "projection": {"type": "orthographic"}}}
-    return {"data": data, "layout": {"height": 440, "scene": scene}}
+    scene |= {"xaxis": along, "camera": {"eye": eye}}
+    scene["aspectratio"] = dict(zip("xyz", ratio.tolist(), strict=True))
+    return {"data": data, "layout": {"height": 300 + 60 * len(found), "scene": scene}}
 
 
 def _packed(values: np.ndarray, kind: str, name: str) -> dict[str, str]:
@@ -136,7 +147,7 @@ def picture(found: Sequence[Body]) -> bytes:
     Returns
     -------
     bytes
-        With a transparent ground, lighted from the eye.
+        With a transparent ground.
     """
     toward = EYE / np.linalg.norm(EYE)
     right = np.cross((0.0, 0.0, 1.0), toward)
@@ -152,12 +163,18 @@ def picture(found: Sequence[Body]) -> bytes:
         order = np.argsort(seen[:, :, 2].mean(axis=1))
         order = order[facing[order] > 0.0]
         color = np.array([int(body.color[i : i + 2], 16) / 255.0 for i in (1, 3, 5)])
-        light = 0.35 + 0.65 * facing[order, None]
-        faces = np.clip(color * light + 0.25 * light**8, 0.0, 1.0)
+        light = 0.5 + 0.5 * np.clip(normal[order] @ LIGHT, 0.0, 1.0)[:, None]
+        faces = np.clip(color * light + 0.3 * light**12, 0.0, 1.0)
         ax.add_collection(PolyCollection(seen[order, :, :2], facecolors=faces, edgecolors=faces))
-        words = {"color": "0.5", "fontsize": style.FONT_SIZE, "va": "bottom", "ha": "left"}
-        place = seen[:, :, 1].max()
-        ax.text(seen[:, :, 0].min(), place, body.name.replace("$", r"\$"), **words)
+        words: dict[str, Any] = {
+            "color": "0.5",
+            "fontsize": style.FONT_SIZE,
+            "va": "bottom",
+            "ha": "left",
+        }
+        root = seen[corners[:, 0, 0] < corners[..., 0].min() + 0.15 * np.ptp(corners[..., 0])]
+        x, y = root[..., :2].reshape(-1, 2)[np.argmax(root[..., 1])]
+        ax.text(x, y, body.name.replace("$", r"\$"), **words)
     ax.set_aspect("equal")
     ax.autoscale_view()
     ax.set_axis_off()
@@ -166,29 +183,27 @@ def picture(found: Sequence[Body]) -> bytes:
 
 
 def sections(found: Sequence[Body]) -> Chart:
-    """Return some sections of the blades, to scale, with the blade's axis."""
-    data, layout = [], {"height": 330, "annotations": []}
-    gap = 1.15 * max(np.ptp(each.sections[..., 0]) for each in found)
-    for row, body in enumerate(found):
-        for column, points in enumerate(body.sections):
-            x, y = points.T
-            trace = {"type": "scatter", "mode": "lines", "name": escaped(body.name)}
-            dash = "dot" if body.color == FAINT else "solid"
-            look = {"line": {"color": body.color, "width": 1.6, "dash": dash}}
-            fill = {} if body.color == FAINT else {"fill": "toself", "fillcolor": f"{body.color}18"}
-            ends = [[float(f"{v:.5g}") for v in np.append(u, u[0])] for u in (x + column * gap, y)]
-            shown = {"legendgroup": body.name, "showlegend": column == 0, "hoverinfo": "name"}
-            data.append(trace | look | fill | shown | {"x": ends[0], "y": ends[1]})
-    top = max(np.max(each.sections[..., 1]) for each in found)
-    for column, place in enumerate(SHOWN):
-        at = {"x": column * gap, "y": top * 1.2, "showarrow": False, "yanchor": "bottom"}
+    """Return some sections of the blades, to scale, one below the other, with the blade's axis."""
+    data: list[dict[str, Any]] = []
+    notes: list[dict[str, Any]] = []
+    thick = max(np.ptp(each.sections[..., 1]) for each in found)
+    for row, place in enumerate(SHOWN):
+        down = -1.9 * row * thick
+        for body in found:
+            x, y = np.append(body.sections[row], body.sections[row][:1], axis=0).T
+            start = body.color == FAINT
+            dash = {"dash": "dot"} if start else {}
+            trace = line(x, y + down, escaped(body.name), body.color, showlegend=row == 0, **dash)
+            if not start and len(found) <= 2:
+                trace |= {"fill": "toself", "fillcolor": f"{body.color}18"}
+            data.append(trace | {"hoverinfo": "name"})
+        axis = line([0.0], [down], "blade's axis, at a quarter of the chord", FAINT, mode="markers")
+        mark = {"symbol": "cross-thin-open", "size": 9, "color": FAINT}
+        data.append(axis | {"marker": mark, "showlegend": row == 0, "hoverinfo": "name"})
+        at = {"x": 0, "xref": "paper", "xanchor": "left", "y": down + 0.75 * thick}
         words = {"text": f"{100.0 * place:g} % of the span", "font": {"size": 12}}
-        layout["annotations"].append(at | words)
-        axis = {"type": "scatter", "mode": "markers", "x": [column * gap], "y": [0.0]}
-        look = {"marker": {"symbol": "cross-thin-open", "size": 12, "color": FAINT}}
-        name = {"name": "blade's axis, at a quarter of the chord", "legendgroup": "axis"}
-        data.append(axis | look | name | {"showlegend": column == 0, "hoverinfo": "name"})
-    layout["xaxis"] = {"title": {"text": "along the chord, in the scale of the vertical axis"}}
-    layout["xaxis"] |= {"showticklabels": False, "zeroline": False, "constrain": "domain"}
-    layout["yaxis"] = {"scaleanchor": "x", "title": {"text": "across (m)"}, "zeroline": False}
+        notes.append(at | words | {"showarrow": False, "yanchor": "bottom"})
+    across = {"scaleanchor": "x", "showticklabels": False, "showgrid": False, "zeroline": False}
+    layout = {"height": 430, "annotations": notes, "hovermode": "closest", "yaxis": across}
+    layout["xaxis"] = {"title": {"text": "along the chord (m)"}, "zeroline": False}
     return {"data": data, "layout": layout}

@@ -11,16 +11,17 @@ import html
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results import style
-from hkt_mdo.results.plots import LIMITED_BY, WORDS, limit_words
+from hkt_mdo.results.plots import LIMITED_BY, WORDS
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import Binned, binned, rated_point, steady_curve
-from hkt_mdo.results.words import measured, printable
+from hkt_mdo.results.words import limit_words, measured, printable
 
 Chart = dict[str, Any]
 
@@ -37,6 +38,8 @@ FAINT = "#4a4a4a"
 MOST_POINTS, LEAST_POINTS = 200_000, 60
 """Points of all series of a page together, and of a series at least."""
 MOST_OF_ONE = 6000
+LEAST_SHOWN = 1e-10
+"""Smallest value of a logarithmic axis."""
 ENVELOPE = 300
 """Classes of the time or of the flow speed in an envelope of scenarios."""
 
@@ -80,9 +83,8 @@ def thinned(time: np.ndarray, values: np.ndarray, most: int) -> np.ndarray:
     if size <= most:
         return np.arange(size)
     edges = np.linspace(0, size, max(1, (most - 2) // 2) + 1).astype(int)
-    parts = zip(edges[:-1], edges[1:], strict=True)
     kept = [0, size - 1, *np.flatnonzero(~np.isfinite(values) | ~np.isfinite(time))]
-    for begin, end in parts:
+    for begin, end in pairwise(edges):
         if np.any(np.isfinite(values[begin:end])):
             part = values[begin:end]
             kept += [begin + np.nanargmin(part), begin + np.nanargmax(part)]
@@ -112,29 +114,35 @@ def line(x: Any, y: Any, name: str, color: str, **more: Any) -> dict[str, Any]:
     return {"x": plain(x, 7), "y": plain(y), **shown, "line": look, "legendgroup": name, **more}
 
 
-def band(x: Any, low: Any, high: Any, name: str, color: str) -> list[dict[str, Any]]:
-    """Return the traces of a filled range."""
-    quiet: dict[str, Any] = {"width": 0, "hoverinfo": "skip"}
+def band(
+    x: Any, low: Any, high: Any, name: str, color: str, width: float = 0.0
+) -> list[dict[str, Any]]:
+    """Return the traces of a filled range, and of its edges where they have a width."""
+    quiet: dict[str, Any] = {"width": width} if width else {"width": 0.0, "hoverinfo": "skip"}
     lower = line(x, low, name, color, showlegend=False, **quiet)
     return [lower, line(x, high, name, color, fill="tonexty", fillcolor=f"{color}33", **quiet)]
 
 
-def stacked(
-    panels: Sequence[Panel], x_title: str, height: int = 150
-) -> Chart | None:
-    """Return panels one below the other, over one horizontal axis; None where there are none."""
+GAP = 42
+"""Pixels between two panels, for title and labels."""
+
+
+def stacked(panels: Sequence[Panel], x_title: str, height: int = 150) -> Chart | None:
+    """Return panels one below the other, over one horizontal axis; None where there are none.
+
+    The height of the chart is without its margins.
+    """
     panels = [panel for panel in panels if panel.traces]
     if not panels:
         return None
-    total = 40.0 + len(panels) * (height + 44.0) + 40.0
-    layout: dict[str, Any] = {"height": total, "annotations": [], "shapes": []}
+    plotted = len(panels) * (height + GAP)
+    layout: dict[str, Any] = {"height": plotted, "annotations": [], "shapes": []}
     last = "y" if len(panels) == 1 else f"y{len(panels)}"
     layout["xaxis"] = {"title": {"text": x_title}, "anchor": last}
     data: list[dict[str, Any]] = []
     named: set[str] = set()
-    plotted = total - 80.0
     for number, panel in enumerate(panels, 1):
-        top = 1.0 - (number - 1) * (height + 44.0) / plotted - 22.0 / plotted
+        top = 1.0 - ((number - 1) * (height + GAP) + 0.6 * GAP) / plotted
         key = "" if number == 1 else str(number)
         axis = {"domain": [max(0.0, top - height / plotted), top], "anchor": "x"}
         layout[f"yaxis{key}"] = axis | _vertical(panel)
@@ -248,10 +256,10 @@ def _flow_panel(told: Sequence[Told], quantity: str) -> Panel:
             panel.traces += _met(found, name, look)
         steady = steady_curve(each.solution)
         if column in steady:
-            words = ", ".join(filter(None, (name, "in steady flow")))
             curve = steady["inflow_speed_m_s"], scale * steady[column]
-            ink = look.color if name else FAINT
-            panel.traces.append(line(*curve, words, ink, dash="dot", width=1.4))
+            ink = {"showlegend": not name, "dash": "dot", "width": 1.4}
+            words = name or "in steady flow"
+            panel.traces.append(line(*curve, words, look.color if name else FAINT, **ink))
         if quantity == "generator_power":
             panel.traces += _power_of(each, look, table)
         stop = each.solution.case.control.cut_out
@@ -316,7 +324,7 @@ def _time_panel(told: Sequence[Told], quantity: str, most: int) -> Panel:
         if column in table:
             series = _series(each, scale * table[column], most)
             name = escaped(each.label) or WORDS[quantity][0]
-            shown = {"showlegend": bool(each.label)}
+            shown = {"showlegend": bool(each.label), "dash": look.dash if each.label else "solid"}
             panel.traces.append(line(*series, name, look.color, width=1.4, **shown))
     if panel.traces:
         panel.levels = levels_of(told, quantity)
@@ -340,7 +348,7 @@ def _margin_panel(told: Sequence[Told], most: int) -> Panel:
             left = {each.label: np.min([*left.values()], axis=0)}
         for number, (limit, values) in enumerate(left.items()):
             look = Look.of(index, each, limit)
-            dash = "solid" if several else DASHES[number % len(DASHES)]
+            dash = look.dash if several else DASHES[number % len(DASHES)]
             name = escaped(each.label) if several else f"margin: {limit_words(limit)}"
             series = _series(each, values, most)
             panel.traces.append(line(*series, name, look.color, dash=dash, width=1.4))
@@ -380,7 +388,7 @@ def envelope(told: Sequence[Told], over: str) -> Chart | None:
 
 def _envelope_panel(told: Sequence[Told], quantity: str, x: str) -> Panel:
     column, scale = QUANTITIES[quantity].column, WORDS[quantity][2]
-    panel, alone = Panel(title_of(quantity)), []
+    panel, alone = Panel(title_of(quantity), from_zero=x != "time_s"), []
     for index, each in enumerate(told):
         tables = [table_of(one) for one in each.solution.by_scenario]
         parts = [(table[x], scale * table[column]) for table in tables if column in table]
@@ -388,7 +396,7 @@ def _envelope_panel(told: Sequence[Told], quantity: str, x: str) -> Panel:
         if parts:
             name = escaped(each.label) or "smallest to largest of all scenarios"
             color = Look.of(index, each, quantity).color
-            panel.traces += band(*_ranges(parts), name, color)
+            panel.traces += band(*_ranges(parts), name, color, 1.0)
     if panel.traces:
         panel.levels = levels_of(alone, quantity)
     return panel
@@ -449,12 +457,12 @@ def _beside_start(
             dotted = {"dash": "dot", "width": 1.4}
             panel.traces.append(line(columns[x], start, "blade at the start", FAINT, **dotted))
             starts.append(start)
-        name = escaped(each.label) or "optimized blade"
+        name = escaped(each.label) or ("optimized blade" if new else "blade")
         panel.traces.append(line(columns[x], columns[y], name, look.color, dash=look.dash))
 
 
 def coefficients(told: Sequence[Told]) -> Chart | None:
-    """Return power and thrust coefficient over the tip speed ratio; what is operated in, shaded."""
+    """Return power and thrust coefficient over the tip speed ratio, and what is operated in."""
     panels = []
     for word in ("power", "thrust"):
         panel = Panel(f"{word} coefficient (-)", from_zero=True)
@@ -467,9 +475,12 @@ def coefficients(told: Sequence[Told]) -> Chart | None:
         if chart is None or reach is None or reach.ends is None:
             continue
         color, ends = Look.of(index, each).color, {"x0": reach.min, "x1": reach.max}
-        tall = {"yref": "paper", "y0": 0, "y1": 1, "xref": "x", "type": "rect", "layer": "below"}
-        look = {"fillcolor": f"{color}22", "line": {"width": 1, "color": f"{color}66"}}
-        chart["layout"]["shapes"].append(tall | ends | look)
+        foot = 0.018 * index
+        tall = {"y0": foot, "y1": foot + 0.012} if each.label else {"y0": 0, "y1": 1}
+        place = {"yref": "paper", "xref": "x", "type": "rect", "layer": "below"}
+        look = {"fillcolor": color + ("cc" if each.label else "22")}
+        look |= {"line": {"width": 1, "color": color}}
+        chart["layout"]["shapes"].append(tall | place | ends | look)
     return chart
 
 
@@ -481,28 +492,40 @@ _SPAN = {
 
 
 def over_span(told: Sequence[Told]) -> Chart | None:
-    """Return the loads along the blade at the times of the largest ones, with their limits."""
+    """Return the loads along the blade at the times of the largest ones, with their limits.
+
+    Of several scenarios, the largest of all.
+    """
     panels = []
     for column, (title, quantity, scale) in _SPAN.items():
         panel = Panel(title, from_zero=True)
         for index, each in enumerate(told):
-            loads, look = each.solution.loads, Look.of(index, each, quantity)
+            scenarios, look = each.solution.by_scenario, Look.of(index, each, quantity)
+            loads = _largest([one.loads for one in scenarios if one.loads])
             if column in loads:
-                name = escaped(each.label) or "at the time of the largest one"
+                name = escaped(each.label) or "load"
                 shown = {"showlegend": bool(each.label), "dash": look.dash}
                 values = scale * loads[column]
                 panel.traces.append(line(loads["r_over_R"], values, name, look.color, **shown))
             if column != "flapwise_moment_Nm":
-                level = each.solution.limit_levels(quantity)
-                for name, value in level.items():
-                    panel.levels[f"{limit_words(name)} limit"] = scale * value
+                for one in scenarios:
+                    for name, value in one.limit_levels(quantity).items():
+                        panel.levels[f"{limit_words(name)} limit"] = scale * value
         panels.append(panel)
     return stacked(panels, "radius over that of the tip (-)", 160)
 
 
+def _largest(tables: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Return the largest values of tables of one blade, which have the same rows."""
+    columns = {name for table in tables for name in table}
+    having = {name: [table[name] for table in tables if name in table] for name in columns}
+    return {name: np.max(values, axis=0) for name, values in having.items()}
+
+
 def limit_bars(told: Sequence[Told]) -> Chart | None:
     """Return a bar for each limit of each result: the largest value over the limit, in per cent."""
-    data, names = [], []
+    data: list[dict[str, Any]] = []
+    names: list[str] = []
     for index, each in enumerate(told):
         left = [margins(one) for one in each.solution.by_scenario]
         limits = list(dict.fromkeys(name for one in left for name in one))
@@ -513,7 +536,8 @@ def limit_bars(told: Sequence[Told]) -> Chart | None:
         words = [limit_words(limit) for limit in limits]
         names += [word for word in words if word not in names]
         bar = {"type": "bar", "orientation": "h", "x": plain(most), "y": words}
-        text = {"text": [f"{value:.1f} %" for value in most], "textposition": "outside"}
+        text = {"text": [f"{x:.1f} %" for x in most], "textposition": "auto"}
+        text |= {"insidetextanchor": "end"}
         pattern = {"shape": ("", "/", ".", "x", "-", "+")[index % 6]}
         marker = {"marker": {"color": look if not each.label else look[0], "pattern": pattern}}
         data.append(bar | text | marker | {"name": escaped(each.label), "cliponaxis": False})
@@ -521,9 +545,10 @@ def limit_bars(told: Sequence[Told]) -> Chart | None:
         return None
     high = max(100.0, max(x for bar in data for x in bar["x"]))
     layout = {
-        "height": 110 + 34 * len(names) * max(1, len(data)) + 20 * len(names),
+        "height": (12 + 24 * len(data)) * len(names),
+        "bargap": 0.3,
         "xaxis": {"title": {"text": "largest value, % of the limit"}, "range": [0, 1.18 * high]},
-        "yaxis": {"autorange": "reversed", "automargin": True, "ticksuffix": "  "},
+        "yaxis": {"autorange": "reversed", "ticksuffix": "  ", "showgrid": False},
         "showlegend": len(data) > 1,
         "shapes": [
             {"type": "line", "xref": "x", "x0": 100, "x1": 100, "yref": "paper", "y0": 0, "y1": 1}
@@ -545,7 +570,7 @@ def convergence(told: Sequence[Told]) -> Chart | None:
         end = known[-1] if known.size and known[-1] else 1.0
         away = np.abs(table["energy_J"] / end - 1.0)
         for panel, values in ((energy, away), (broken, table["infeasibility"])):
-            shown = np.where(values > 1e-10, values, np.nan)
+            shown = np.maximum(values, LEAST_SHOWN)
             kept = thinned(table["evaluation"], shown, 1000)
             name, more = escaped(each.label) or "optimizer", {"showlegend": bool(each.label)}
             series = table["evaluation"][kept], shown[kept]
@@ -566,6 +591,7 @@ def views(told: Sequence[Told]) -> dict[str, dict[str, Chart]]:
             "flow": envelope(told, "inflow_speed"),
             "time": envelope(told, "time"),
             "limits": limit_bars(told),
+            "span": over_span(told),
         }
     for name in names:
         having = [each for each in told if name in each.solution.scenarios]

@@ -18,8 +18,8 @@ from hkt_mdo.files.table import read_text, write_files
 from hkt_mdo.results.nesting import beaten, ranked
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
-from hkt_mdo.results.summary import LimitEntry, Summary
-from hkt_mdo.results.words import Row, joined, measured, number, printable, texts
+from hkt_mdo.results.summary import LimitEntry, Summary, unasked
+from hkt_mdo.results.words import Row, joined, limit_words, measured, number, printable, texts
 
 PACKAGES = "jinja2", "plotly"
 LONGEST_CASE = 1024**2
@@ -40,7 +40,7 @@ def write_report(solutions: Iterable[Solution], out: str | Path) -> Path:
     solutions : iterable of Solution
         One result, or several that the page sets side by side, the best first.
     out : str or pathlib.Path
-        The file, which is replaced.
+        The file, which is replaced; its folder is made if need be.
 
     Returns
     -------
@@ -60,6 +60,11 @@ def write_report(solutions: Iterable[Solution], out: str | Path) -> Path:
     if not chosen:
         raise InputError("a report needs a result", "give a result folder")
     path = Path(out)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        problem = f"cannot be made a folder ({error.strerror})"
+        raise InputError(problem, "choose another one", file=path.parent) from error
     write_files({path: _page(chosen).encode()})
     return path
 
@@ -69,7 +74,7 @@ def _page(solutions: Sequence[Solution]) -> str:
     jinja2, offline = import_module("jinja2"), import_module("plotly.offline")
     from hkt_mdo.report import blade, charts
 
-    order = ranked(solutions)[0]
+    order, shares = ranked(solutions)
     told = [charts.Told(*each) for each in zip(order, labels(order), strict=True)]
     found, reasons = blade.bodies(told)
     drawn, views = charts.designs(told), charts.views(told)
@@ -83,7 +88,9 @@ def _page(solutions: Sequence[Solution]) -> str:
     return environment.get_template("report.html").render(
         title=" and ".join(dict.fromkeys(each.name for each in order)),
         results=[_told(each, name) for each, name in zip(order, names, strict=True)],
-        headline=_aligned([_headline(each) for each in order]),
+        headline=_aligned(
+            [_behind(share, order) | _headline(x) for x, share in zip(order, shares, strict=True)]
+        ),
         merits=_aligned([texts(each.summary.rows(each.case)) for each in order]),
         checks=_checks(order),
         limits=_limits(order, names),
@@ -135,7 +142,7 @@ def _told(solution: Solution, name: str) -> dict[str, Any]:
         "control law": solution.case.control.law,
         "optimizer": joined(optimizer, f"{summary.iterations} iterations", seconds),
         "digest of files and code": summary.digest or "not recorded",
-        **{f"version of {key}": str(value) for key, value in (summary.versions or {}).items()},
+        "versions": joined(*(f"{key} {value}" for key, value in (summary.versions or {}).items())),
     }
     text = read_text(solution.folder / "case.yaml", "case of a result", LONGEST_CASE)
     return {
@@ -146,6 +153,7 @@ def _told(solution: Solution, name: str) -> dict[str, Any]:
         "message": solution.message,
         "law": solution.case.control.law,
         "failed": solution.failed_checks,
+        "large": [f"{label}: {words}" for label, words in _unasked(solution)],
         "notes": solution.notes,
         "bounds": [str(each.row()) for each in summary.at_bounds or ()],
         "passes": summary.passes or (),
@@ -162,18 +170,29 @@ def _aligned(columns: Sequence[dict[str, str]]) -> list[tuple[str, list[str]]]:
     return [(name, [column.get(name, "") for column in columns]) for name in names]
 
 
+def _behind(share: float | None, order: Sequence[Solution]) -> dict[str, str]:
+    """Return by how much the objective of one of several results differs from the best."""
+    if share is None or len(order) == 1:
+        return {}
+    return {f"objective, {order[0].case.objective.kind}, to the best": f"{100.0 * share:+.4f} %"}
+
+
 def _headline(solution: Solution) -> dict[str, str]:
     """Return the figures that a designer asks for first, by their names."""
     summary, loads = solution.summary, solution.summary.loads or {}
     entries = (summary.scenarios or {}).values()
     spans = [(x.weight or 0.0) * (x.duration_s or 0.0) for x in entries]
+    duration = sum(spans)
+    if not duration and len(solution.scenarios) == 1:  # an older result
+        duration = float(np.ptp(solution.trajectory.get("time_s", [0.0])))
     rows: dict[str, str] = {}
     for name, energy in (
         ("captured", summary.simulated_energy_J or summary.energy_J),
         ("electrical", summary.electrical_energy_J),
     ):
-        if energy is not None and sum(spans) > 0.0:
-            power = 1e-3 * energy / sum(spans)
+        lossless = name == "electrical" and energy == summary.generator_energy_J
+        if energy is not None and not lossless and duration:
+            power = 1e-3 * energy / duration
             rows[f"mean {name} power"] = f"{number(power)} kW"
             rows[f"{name} energy a day"] = f"{number(24.0 * power)} kWh"
     alone = [(each, rated_point(each)) for each in solution.by_scenario]
@@ -219,8 +238,16 @@ def _checks(solutions: Sequence[Solution]) -> list[dict[str, Any]]:
             for x in known
         ]
         refused = any(x is not None and not x.passed for x in known)
-        rows.append({"name": name.replace("_", " "), "cells": cells, "refused": refused})
+        rows.append({"name": limit_words(name), "cells": cells, "refused": refused})
     return sorted(rows, key=lambda row: not row["refused"])
+
+
+def _unasked(solution: Solution) -> list[tuple[str, str]]:
+    """Return the loads that are large and have no limit, and what is to be said of them."""
+    limits, loads = solution.summary.limits or {}, solution.summary.loads or {}
+    free = {name: entry for name, entry in loads.items() if name not in limits}
+    told = [(x.row(name), unasked(name, x.value, solution.case)) for name, x in free.items()]
+    return [(f"{x.label} {measured(x.value, x.unit, 4)}", words) for x, words in told if words]
 
 
 def _limits(solutions: Sequence[Solution], names: Sequence[str]) -> list[dict[str, str]]:
@@ -232,22 +259,25 @@ def _limits(solutions: Sequence[Solution], names: Sequence[str]) -> list[dict[st
         given = {limit: entry.row(limit, loads.get(limit)) for limit, entry in limits.items()}
         free = {load: entry.row(load) for load, entry in loads.items() if load not in limits}
         for key, row in (given | free).items():
-            entry = limits.get(key)
-            rows.append({"key": key, "of": name} | _limit_cells(entry, row, loads.get(key)))
+            cells = _limit_cells(limits.get(key), row, loads.get(key))
+            large = "" if key in limits else unasked(key, loads[key].value, solution.case)
+            rows.append({"key": key, "of": name, "large": large} | cells)
     order = list(dict.fromkeys(row["key"] for row in rows))
     return sorted(rows, key=lambda row: order.index(row["key"]))
 
 
 def _limit_cells(entry: LimitEntry | None, row: Row, load: Any) -> dict[str, Any]:
     """Return the cells of a limit, or of a load without one."""
-    cells = {"label": row.label.removeprefix("largest "), "most": measured(row.value, row.unit, 4)}
+    most = measured(row.value, row.unit, 4)
+    cells = {"label": limit_words(row.label.removeprefix("largest ")), "most": most}
     if entry is None:
         return cells | {"limit": "none", "margin": "", "when": load.place, "binds": False}
     limit, worth = measured(entry.limit, entry.unit, 4), entry.worth
-    share = "" if entry.share_of_time is None else f"{100.0 * entry.share_of_time:.3g} % of the time"
+    time = entry.share_of_time
+    share = "" if time is None else f"{100.0 * time:.3g} % of the time"
     return cells | {
         "limit": limit,
-        "margin": entry.margin.partition(",")[0],
+        "margin": entry.margin.partition(",")[0].removeprefix("margin "),
         "binding": (share or "yes") if entry.binding else "no",
         "when": (load or entry).place,
         "worth": "" if not entry.binding or worth is None else measured(worth, "J", 3),
@@ -265,7 +295,7 @@ def _scenarios(summary: Summary) -> list[dict[str, str]]:
     for name, entry in entries.items():
         flow = entry.inflow_speed
         shares = {
-            x.replace("_", " "): each.value / each.limit
+            limit_words(x): each.value / each.limit
             for x, each in (entry.limits or {}).items()
             if each.value is not None and each.limit
         }
@@ -283,7 +313,7 @@ def _scenarios(summary: Summary) -> list[dict[str, str]]:
         )
     worst: dict[str, str] = {"scenario": "largest of all"}
     for limit in limits:
-        key = f"of the {limit.replace('_', ' ')} limit"
+        key = f"of the {limit_words(limit)} limit"
         known = [row[key] for row in rows if key in row]
         if known:
             worst[key] = max(known, key=lambda text: float(text.removesuffix(" %")))

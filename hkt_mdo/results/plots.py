@@ -25,7 +25,7 @@ from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results import style
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import binned, rated_point, steady_curve
-from hkt_mdo.results.words import joined, measured
+from hkt_mdo.results.words import joined, limit_words, measured
 
 Solutions = Solution | Sequence[Solution]
 
@@ -301,11 +301,6 @@ def _over_span(column: str, solutions: Solutions, ax: Axes | None = None) -> Axe
 plot_stress = partial(_over_span, "stress_Pa")
 plot_flapwise_moment = partial(_over_span, "flapwise_moment_Nm")
 plot_suction = partial(_over_span, "cavitation")
-
-
-def limit_words(name: str) -> str:
-    """Return the name of a limit as it is read in figures."""
-    return name.replace("control_torque", "generator_torque").replace("_", " ")
 
 
 def _draw_levels(quantities: Sequence[str], scale: float, solutions: Solutions, ax: Axes) -> None:

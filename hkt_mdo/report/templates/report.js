@@ -15,32 +15,38 @@
   }
 
   // the chart in the colours of the screen
-  function themed(chart) {
+  function themed(chart, element) {
     let text = JSON.stringify(chart);
     if (dark.matches) {
       for (const [light, other] of Object.entries(page.dark)) text = text.replaceAll(light, other);
     }
     const { data, layout } = JSON.parse(text);
-    const ink = color("--ink"), rule = color("--rule");
-    const axis = { gridcolor: rule, linecolor: rule, zerolinecolor: rule, automargin: true };
-    const narrow = window.innerWidth < 600;
+    const ink = color("--ink"), rule = color("--rule"), width = element.clientWidth;
+    const axis = { gridcolor: rule, linecolor: rule, zerolinecolor: rule };
+    const size = width < 600 ? 11 : 13, margin = { l: 8, r: 12, b: 50 };
+    // room for the legend above, which plotly.js does not make
+    const names = data.filter(each => each.showlegend).map(each => 48 + 0.56 * size * each.name.length);
+    const columns = Math.max(1, Math.floor((width - 20) / Math.max(...names, 1)));
+    margin.t = names.length ? 12 + 1.75 * size * Math.ceil(names.length / columns) : 8;
     Object.assign(layout, { autosize: true, paper_bgcolor: "rgba(0,0,0,0)",
-      plot_bgcolor: "rgba(0,0,0,0)", font: { color: ink, size: narrow ? 11 : 13 },
-      hovermode: "x", hoversubplots: "axis", margin: { l: 8, r: 12, t: 40, b: 40, ...layout.margin },
+      plot_bgcolor: "rgba(0,0,0,0)", font: { color: ink, size }, margin,
+      height: layout.height + margin.t + margin.b, hovermode: layout.hovermode || "x",
+      hoversubplots: "axis", hoverlabel: { namelength: -1 },
       legend: { orientation: "h", x: 0, xanchor: "left", y: 1, yref: "container", yanchor: "top",
-        ...layout.legend },
-      hoverlabel: { namelength: -1 } });
+        entrywidth: Math.max(...names, 1) - 40, traceorder: "normal" } });
     if (touch.matches) layout.dragmode = false; // a finger scrolls the page
-    for (const key of Object.keys(layout)) {
-      if (key.startsWith("xaxis")) layout[key] = { ...axis, ...layout[key] };
+    for (const [key, own] of Object.entries(layout)) {
+      if (key.startsWith("xaxis")) Object.assign(own, { ...axis, ...own }).title.standoff = 8;
       // zoom is along the horizontal axis that the panels share
-      if (key.startsWith("yaxis")) layout[key] = { ...axis, fixedrange: true, ...layout[key] };
+      if (key.startsWith("yaxis")) layout[key] = { ...axis, fixedrange: true, automargin: true, ...own };
     }
     if (layout.scene) {
-      Object.assign(layout.scene.xaxis, { color: ink, gridcolor: rule });
+      layout.height = Math.min(layout.height, 120 + 0.6 * width);
+      const view = layout.scene, wide = Math.min(2.9, 1.65 * width / layout.height);
+      Object.assign(view.xaxis, { color: ink, gridcolor: rule });
+      for (const side of "xyz") view.aspectratio[side] *= wide;
       layout.margin = { l: 0, r: 0, t: 0, b: 0 };
       delete layout.dragmode;
-      if (narrow) { layout.height = 300; layout.scene.camera.projection.type = "perspective"; }
     }
     return [data, layout];
   }
@@ -50,7 +56,7 @@
     const chart = of.chart ? page.charts[of.chart] : page.views[chosen()][of.view];
     element.closest("figure").hidden = !chart;
     if (!chart) return Promise.resolve();
-    return Plotly.react(element, ...themed(chart), config)
+    return Plotly.react(element, ...themed(chart, element), config)
       .then(() => { element.dataset.drawn = of.chart || chosen(); });
   }
 
