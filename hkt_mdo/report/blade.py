@@ -104,7 +104,18 @@ def _beside(found: Sequence[Body]) -> list[np.ndarray]:
 
 
 def solid(found: Sequence[Body]) -> Chart:
-    """Return the blades as one scene that can be turned, one beside the other."""
+    """Return the blades as one scene that can be turned, one beside the other.
+
+    Parameters
+    ----------
+    found : list of Body
+        The blades.
+
+    Returns
+    -------
+    dict
+        The chart.
+    """
     data = []
     for body, corners in zip(found, _beside(found), strict=True):
         points, place = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
@@ -172,7 +183,7 @@ def picture(found: Sequence[Body]) -> bytes:
             "va": "bottom",
             "ha": "left",
         }
-        root = seen[corners[:, 0, 0] < corners[..., 0].min() + 0.15 * np.ptp(corners[..., 0])]
+        root = seen[corners[:, 0, 0] < corners[..., 0].min() + 0.01 * np.ptp(corners[..., 0])]
         x, y = root[..., :2].reshape(-1, 2)[np.argmax(root[..., 1])]
         ax.text(x, y, body.name.replace("$", r"\$"), **words)
     ax.set_aspect("equal")
@@ -183,7 +194,18 @@ def picture(found: Sequence[Body]) -> bytes:
 
 
 def sections(found: Sequence[Body]) -> Chart:
-    """Return some sections of the blades, to scale, one below the other, with the blade's axis."""
+    """Return some sections of the blades, to scale, one below the other, with the blade's axis.
+
+    Parameters
+    ----------
+    found : list of Body
+        The blades.
+
+    Returns
+    -------
+    dict
+        The chart.
+    """
     data: list[dict[str, Any]] = []
     notes: list[dict[str, Any]] = []
     thick = max(np.ptp(each.sections[..., 1]) for each in found)

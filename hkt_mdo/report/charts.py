@@ -92,29 +92,68 @@ def thinned(time: np.ndarray, values: np.ndarray, most: int) -> np.ndarray:
 
 
 def points_each(told: Sequence[Told]) -> int:
-    """Return how many points of a series a page has room for."""
+    """Return how many points of a series a page has room for.
+
+    Parameters
+    ----------
+    told : sequence of Told
+        All results of the page.
+
+    Returns
+    -------
+    int
+        Number of points.
+    """
     series = 9 * sum(len(each.solution.scenarios) for each in told)
     return int(np.clip(MOST_POINTS // max(1, series), LEAST_POINTS, MOST_OF_ONE))
 
 
-def plain(values: Any, digits: int = 5) -> list[float | None]:
+def _plain(values: Any, digits: int = 5) -> list[float | None]:
     """Return numbers with so many digits, None for what is none."""
     return [float(f"{x:.{digits}g}") if np.isfinite(x) else None for x in np.ravel(values)]
 
 
 def escaped(text: str) -> str:
-    """Return a text of which plotly.js, whose texts may have tags, takes none for one."""
+    """Return a text of which plotly.js, whose texts may have tags, takes none for one.
+
+    Parameters
+    ----------
+    text : str
+        Any text.
+
+    Returns
+    -------
+    str
+        The text with entities in place of the signs of a tag.
+    """
     return html.escape(printable(text))
 
 
 def line(x: Any, y: Any, name: str, color: str, **more: Any) -> dict[str, Any]:
-    """Return a line; `dash`, `width` and `mode` may be given, and other keys of a trace."""
+    """Return a line as a trace.
+
+    Parameters
+    ----------
+    x, y : array_like
+        The points.
+    name : str
+        Name in the legend, escaped.
+    color : str
+        Colour on a light screen.
+    **more
+        `dash`, `width` and `mode`, and other keys of a trace.
+
+    Returns
+    -------
+    dict
+        The trace.
+    """
     look = {"color": color, "dash": more.pop("dash", "solid"), "width": more.pop("width", 1.8)}
     shown = {"type": "scatter", "mode": more.pop("mode", "lines"), "name": name}
-    return {"x": plain(x, 7), "y": plain(y), **shown, "line": look, "legendgroup": name, **more}
+    return {"x": _plain(x, 7), "y": _plain(y), **shown, "line": look, "legendgroup": name, **more}
 
 
-def band(
+def _band(
     x: Any, low: Any, high: Any, name: str, color: str, width: float = 0.0
 ) -> list[dict[str, Any]]:
     """Return the traces of a filled range, and of its edges where they have a width."""
@@ -127,7 +166,7 @@ GAP = 42
 """Pixels between two panels, for title and labels."""
 
 
-def stacked(panels: Sequence[Panel], x_title: str, height: int = 150) -> Chart | None:
+def _stacked(panels: Sequence[Panel], x_title: str, height: int = 150) -> Chart | None:
     """Return panels one below the other, over one horizontal axis; None where there are none.
 
     The height of the chart is without its margins.
@@ -170,7 +209,7 @@ def _vertical(panel: Panel) -> dict[str, Any]:
     middle, half = 0.5 * (low + high), max(0.54 * (high - low), 0.005 * abs(high), 1e-9)
     least = low if panel.from_zero and low >= 0.0 else middle - half
     room = 0.14 * 2.0 * half if panel.levels else 0.0
-    return {"range": plain([least, middle + half + room]), "nticks": 5}
+    return {"range": _plain([least, middle + half + room]), "nticks": 5}
 
 
 def _draw_levels(layout: dict[str, Any], panel: Panel, key: str) -> None:
@@ -199,25 +238,40 @@ class Look(NamedTuple):
 
     @classmethod
     def of(cls, index: int, told: Told, quantity: str = "") -> Look:
-        """Return the look of a result; `index` is its place among the results."""
+        """Return the look of a result.
+
+        Parameters
+        ----------
+        index : int
+            Its place among the results.
+        told : Told
+            The result.
+        quantity : str
+            What is drawn; of a single result it has its own colour.
+
+        Returns
+        -------
+        Look
+            Colour and dashes.
+        """
         color = style.COLORS[index % len(style.COLORS)]
         if not told.label:
             color = style.QUANTITY_COLORS.get(quantity, color)
         return cls(color, DASHES[index % len(DASHES)])
 
 
-def table_of(solution: Solution) -> dict[str, np.ndarray]:
+def _table_of(solution: Solution) -> dict[str, np.ndarray]:
     """Return the integration of one scenario, else its trajectory; empty where there is none."""
     return solution.simulation or solution.trajectory
 
 
-def title_of(quantity: str) -> str:
+def _title_of(quantity: str) -> str:
     """Return the name and the unit of a quantity."""
     words, unit, _ = WORDS[quantity]
     return f"{words} ({unit})"
 
 
-def levels_of(told: Sequence[Told], quantity: str) -> dict[str, float]:
+def _levels_of(told: Sequence[Told], quantity: str) -> dict[str, float]:
     """Return the limits of a quantity as levels in the unit of its panel, by their names."""
     found: dict[str, float] = {}
     for solution, label in told:
@@ -238,16 +292,16 @@ _FLOW = "generator_power", "rotor_speed", "control_torque", "thrust"
 _TIME = "inflow_speed", "generator_power", "rotor_speed", "control_torque", "thrust"
 
 
-def over_flow(told: Sequence[Told]) -> Chart | None:
+def _over_flow(told: Sequence[Told]) -> Chart | None:
     """Return power, speed, torque and thrust over the flow speed, with limits and rated points."""
-    return stacked([_flow_panel(told, quantity) for quantity in _FLOW], "flow speed (m/s)", 170)
+    return _stacked([_flow_panel(told, quantity) for quantity in _FLOW], "flow speed (m/s)", 170)
 
 
 def _flow_panel(told: Sequence[Told], quantity: str) -> Panel:
     column, scale = QUANTITIES[quantity].column, WORDS[quantity][2]
-    panel = Panel(title_of(quantity), from_zero=True)
+    panel = Panel(_title_of(quantity), from_zero=True)
     for index, each in enumerate(told):
-        table, look = table_of(each.solution), Look.of(index, each, quantity)
+        table, look = _table_of(each.solution), Look.of(index, each, quantity)
         if column not in table:
             continue
         found = binned(table["inflow_speed_m_s"], scale * table[column])
@@ -265,7 +319,7 @@ def _flow_panel(told: Sequence[Told], quantity: str) -> Panel:
         stop = each.solution.case.control.cut_out
         panel.marks |= {} if stop is None else {f"cut-out {stop:g} m/s": stop}
     if panel.traces:
-        panel.levels = levels_of(told, quantity)
+        panel.levels = _levels_of(told, quantity)
     return panel
 
 
@@ -273,7 +327,7 @@ def _met(found: Binned, name: str, look: Look) -> list[dict[str, Any]]:
     """Return mean and range of a quantity over the flow speed as traces."""
     words = name or "mean at this flow speed"
     mean = line(found.speed, found.mean, words, look.color, dash=look.dash, mode="lines+markers")
-    spread = band(found.speed, found.low, found.high, words, look.color)
+    spread = _band(found.speed, found.low, found.high, words, look.color)
     spread[1] |= {"showlegend": False} if name else {"name": "90 % of the instants"}
     return [*spread, mean | {"marker": {"size": 5, "color": look.color}}]
 
@@ -293,23 +347,15 @@ def _power_of(each: Told, look: Look, table: dict[str, np.ndarray]) -> list[dict
     return traces
 
 
-def over_time(told: Sequence[Told], most: int) -> Chart | None:
-    """Return flow, power, speed, torque, thrust and margins over time, on one axis.
-
-    Parameters
-    ----------
-    told : sequence of Told
-        Results of one scenario each.
-    most : int
-        Points of a series.
-    """
+def _over_time(told: Sequence[Told], most: int) -> Chart | None:
+    """Return flow, power, speed, torque, thrust and margins over time, on one axis."""
     panels = [_time_panel(told, quantity, most) for quantity in _TIME]
-    return stacked([*panels, _margin_panel(told, most)], "time (s)", 130)
+    return _stacked([*panels, _margin_panel(told, most)], "time (s)", 130)
 
 
 def _series(each: Told, values: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Return time and values with gaps at a standstill, of as many points as there is room for."""
-    time = table_of(each.solution)["time_s"]
+    time = _table_of(each.solution)["time_s"]
     along = each.solution.across_gaps(time, values)
     across = each.solution.across_gaps(time, time)
     kept = thinned(across, along, most)
@@ -318,20 +364,20 @@ def _series(each: Told, values: np.ndarray, most: int) -> tuple[np.ndarray, np.n
 
 def _time_panel(told: Sequence[Told], quantity: str, most: int) -> Panel:
     column, scale = QUANTITIES[quantity].column, WORDS[quantity][2]
-    panel = Panel(title_of(quantity))
+    panel = Panel(_title_of(quantity))
     for index, each in enumerate(told):
-        table, look = table_of(each.solution), Look.of(index, each, quantity)
+        table, look = _table_of(each.solution), Look.of(index, each, quantity)
         if column in table:
             series = _series(each, scale * table[column], most)
             name = escaped(each.label) or WORDS[quantity][0]
             shown = {"showlegend": bool(each.label), "dash": look.dash if each.label else "solid"}
             panel.traces.append(line(*series, name, look.color, width=1.4, **shown))
     if panel.traces:
-        panel.levels = levels_of(told, quantity)
+        panel.levels = _levels_of(told, quantity)
     return panel
 
 
-def margins(solution: Solution) -> dict[str, np.ndarray]:
+def _margins(solution: Solution) -> dict[str, np.ndarray]:
     """Return what is left up to each limit over time (%), (n_times,), by its name."""
     shares = solution.limit_shares("simulation" if solution.simulation else "trajectory")
     return {name: 100.0 * (1.0 - share) for name, share in shares.items()}
@@ -343,7 +389,7 @@ def _margin_panel(told: Sequence[Told], most: int) -> Panel:
     words = "smallest margin of all limits" if several else "margin of each limit"
     panel = Panel(f"{words} (%)", levels={"limit": 0.0})
     for index, each in enumerate(told):
-        left = margins(each.solution)
+        left = _margins(each.solution)
         if several and left:
             left = {each.label: np.min([*left.values()], axis=0)}
         for number, (limit, values) in enumerate(left.items()):
@@ -358,16 +404,8 @@ def _margin_panel(told: Sequence[Told], most: int) -> Panel:
 # ---- the envelope of several scenarios
 
 
-def envelope(told: Sequence[Told], over: str) -> Chart | None:
-    """Return the range of each quantity over all scenarios of each result.
-
-    Parameters
-    ----------
-    told : sequence of Told
-        Results of several scenarios.
-    over : str
-        `time` or `inflow_speed`.
-    """
+def _envelope(told: Sequence[Told], over: str) -> Chart | None:
+    """Return the range of each quantity over all scenarios, over `time` or `inflow_speed`."""
     column = QUANTITIES[over].column
     panels = [_envelope_panel(told, each, column) for each in (_TIME if over == "time" else _FLOW)]
     if over == "time":
@@ -375,30 +413,30 @@ def envelope(told: Sequence[Told], over: str) -> Chart | None:
         for index, each in enumerate(told):
             parts = []
             for one in each.solution.by_scenario:
-                if left := margins(one):
-                    parts.append((table_of(one)[column], np.min([*left.values()], axis=0)))
+                if left := _margins(one):
+                    parts.append((_table_of(one)[column], np.min([*left.values()], axis=0)))
             if parts:
                 x, low, _ = _ranges(parts)
                 color = Look.of(index, each).color
                 margin.traces.append(line(x, low, escaped(each.label) or "smallest margin", color))
         panels.append(margin)
     title = "time (s)" if over == "time" else "flow speed (m/s)"
-    return stacked(panels, title, 130 if over == "time" else 170)
+    return _stacked(panels, title, 130 if over == "time" else 170)
 
 
 def _envelope_panel(told: Sequence[Told], quantity: str, x: str) -> Panel:
     column, scale = QUANTITIES[quantity].column, WORDS[quantity][2]
-    panel, alone = Panel(title_of(quantity), from_zero=x != "time_s"), []
+    panel, alone = Panel(_title_of(quantity), from_zero=x != "time_s"), []
     for index, each in enumerate(told):
-        tables = [table_of(one) for one in each.solution.by_scenario]
+        tables = [_table_of(one) for one in each.solution.by_scenario]
         parts = [(table[x], scale * table[column]) for table in tables if column in table]
         alone += [Told(one, each.label) for one in each.solution.by_scenario]
         if parts:
             name = escaped(each.label) or "smallest to largest of all scenarios"
             color = Look.of(index, each, quantity).color
-            panel.traces += band(*_ranges(parts), name, color, 1.0)
+            panel.traces += _band(*_ranges(parts), name, color, 1.0)
     if panel.traces:
-        panel.levels = levels_of(alone, quantity)
+        panel.levels = _levels_of(alone, quantity)
     return panel
 
 
@@ -419,17 +457,17 @@ def _ranges(
 
 # ---- the blade, its coefficients, its loads, and the optimizer's way
 
-_SHAPE = {
+_SHAPES = {
     "chord_m": ("chord (m)", "chord_bounds"),
     "twist_deg": ("twist (deg)", "twist_bounds"),
     "thickness_over_chord": ("thickness over chord (-)", "thickness_bounds"),
 }
 
 
-def shape(told: Sequence[Told]) -> Chart | None:
+def _shape(told: Sequence[Told]) -> Chart | None:
     """Return chord, twist and a designed thickness over the radius, with start and bounds."""
     panels = []
-    for column, (title, bounds) in _SHAPE.items():
+    for column, (title, bounds) in _SHAPES.items():
         panel = Panel(title, from_zero=True)
         _beside_start(panel, told, lambda each: each.blade, "r_m", column)
         values = [x for trace in panel.traces for x in trace["y"]]
@@ -439,7 +477,7 @@ def shape(told: Sequence[Told]) -> Chart | None:
             if len(ends) == 1 and near:  # a bound far away says nothing
                 panel.levels[f"{word} {title.partition(' (')[0]} {end:.4g}"] = end
         panels.append(panel)
-    return stacked(panels, "radius (m)", 160)
+    return _stacked(panels, "radius (m)", 160)
 
 
 def _beside_start(
@@ -461,7 +499,7 @@ def _beside_start(
         panel.traces.append(line(columns[x], columns[y], name, look.color, dash=look.dash))
 
 
-def coefficients(told: Sequence[Told]) -> Chart | None:
+def _coefficients(told: Sequence[Told]) -> Chart | None:
     """Return power and thrust coefficient over the tip speed ratio, and what is operated in."""
     panels = []
     for word in ("power", "thrust"):
@@ -469,7 +507,7 @@ def coefficients(told: Sequence[Told]) -> Chart | None:
         column = f"{word}_coefficient"
         _beside_start(panel, told, lambda each: each.power_curve, "tip_speed_ratio", column)
         panels.append(panel)
-    chart = stacked(panels, "tip speed ratio (-)", 170)
+    chart = _stacked(panels, "tip speed ratio (-)", 170)
     for index, each in enumerate(told):
         reach = each.solution.summary.tip_speed_ratio
         if chart is None or reach is None or reach.ends is None:
@@ -477,27 +515,27 @@ def coefficients(told: Sequence[Told]) -> Chart | None:
         color, ends = Look.of(index, each).color, {"x0": reach.min, "x1": reach.max}
         foot = 0.018 * index
         tall = {"y0": foot, "y1": foot + 0.012} if each.label else {"y0": 0, "y1": 1}
-        place = {"yref": "paper", "xref": "x", "type": "rect", "layer": "below"}
-        look = {"fillcolor": color + ("cc" if each.label else "22")}
-        look |= {"line": {"width": 1, "color": color}}
-        chart["layout"]["shapes"].append(tall | place | ends | look)
+        place: Chart = {"yref": "paper", "xref": "x", "type": "rect", "layer": "below"}
+        place |= {"fillcolor": color + ("cc" if each.label else "22")}
+        place |= {"line": {"width": 1, "color": color}}
+        chart["layout"]["shapes"].append(place | tall | ends)
     return chart
 
 
-_SPAN = {
+_LOADS = {
     "stress_Pa": ("stress (MPa)", "stress", 1e-6),
     "flapwise_moment_Nm": ("flapwise moment (kN m)", "root_moment", 1e-3),
     "cavitation": ("suction, 1: cavitation (-)", "cavitation", 1.0),
 }
 
 
-def over_span(told: Sequence[Told]) -> Chart | None:
+def _over_span(told: Sequence[Told]) -> Chart | None:
     """Return the loads along the blade at the times of the largest ones, with their limits.
 
     Of several scenarios, the largest of all.
     """
     panels = []
-    for column, (title, quantity, scale) in _SPAN.items():
+    for column, (title, quantity, scale) in _LOADS.items():
         panel = Panel(title, from_zero=True)
         for index, each in enumerate(told):
             scenarios, look = each.solution.by_scenario, Look.of(index, each, quantity)
@@ -512,7 +550,7 @@ def over_span(told: Sequence[Told]) -> Chart | None:
                     for name, value in one.limit_levels(quantity).items():
                         panel.levels[f"{limit_words(name)} limit"] = scale * value
         panels.append(panel)
-    return stacked(panels, "radius over that of the tip (-)", 160)
+    return _stacked(panels, "radius over that of the tip (-)", 160)
 
 
 def _largest(tables: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
@@ -522,12 +560,12 @@ def _largest(tables: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     return {name: np.max(values, axis=0) for name, values in having.items()}
 
 
-def limit_bars(told: Sequence[Told]) -> Chart | None:
+def _limit_bars(told: Sequence[Told]) -> Chart | None:
     """Return a bar for each limit of each result: the largest value over the limit, in per cent."""
     data: list[dict[str, Any]] = []
     names: list[str] = []
     for index, each in enumerate(told):
-        left = [margins(one) for one in each.solution.by_scenario]
+        left = [_margins(one) for one in each.solution.by_scenario]
         limits = list(dict.fromkeys(name for one in left for name in one))
         if not limits:
             continue
@@ -535,10 +573,13 @@ def limit_bars(told: Sequence[Told]) -> Chart | None:
         look = [Look.of(index, each, limit).color for limit in limits]
         words = [limit_words(limit) for limit in limits]
         names += [word for word in words if word not in names]
-        bar = {"type": "bar", "orientation": "h", "x": plain(most), "y": words}
-        text = {"text": [f"{x:.1f} %" for x in most], "textposition": "auto"}
+        bar = {"type": "bar", "orientation": "h", "x": _plain(most), "y": words}
+        text = {
+            "text": [f"{x:.1f} %" for x in most],
+            "textposition": "outside" if each.label else "auto",
+        }
         text |= {"insidetextanchor": "end"}
-        pattern = {"shape": ("", "/", ".", "x", "-", "+")[index % 6]}
+        pattern = {"shape": ("", "/", ".", "x", "-", "+")[index % 6], "fillmode": "overlay"}
         marker = {"marker": {"color": look if not each.label else look[0], "pattern": pattern}}
         data.append(bar | text | marker | {"name": escaped(each.label), "cliponaxis": False})
     if not data:
@@ -558,7 +599,7 @@ def limit_bars(told: Sequence[Told]) -> Chart | None:
     return {"data": data, "layout": layout}
 
 
-def convergence(told: Sequence[Told]) -> Chart | None:
+def _convergence(told: Sequence[Told]) -> Chart | None:
     """Return the distance of the energy from its last value, and infeasibility, by evaluation."""
     energy = Panel("distance of the energy from its last value, relative (-)", log=True)
     broken = Panel("infeasibility: largest scaled violation (-)", log=True)
@@ -576,39 +617,58 @@ def convergence(told: Sequence[Told]) -> Chart | None:
             series = table["evaluation"][kept], shown[kept]
             panel.traces.append(line(*series, name, look.color, mode="lines+markers", **more))
             panel.traces[-1] |= {"marker": {"size": 4, "color": look.color}}
-    return stacked([energy, broken], "evaluation of the optimizer (-)", 150)
+    return _stacked([energy, broken], "evaluation of the optimizer (-)", 150)
 
 
 def views(told: Sequence[Told]) -> dict[str, dict[str, Chart]]:
     """Return the charts that each scenario has, by the name of the scenario and of the chart.
 
-    Where there are several scenarios, the first entry is the envelope of all of them.
+    Parameters
+    ----------
+    told : sequence of Told
+        All results of the page.
+
+    Returns
+    -------
+    dict of dict
+        Where there are several scenarios, the first entry is the envelope of all of them.
     """
     most, found = points_each(told), {}
     names = list(dict.fromkeys(name for each in told for name in each.solution.scenarios))
     if len(names) > 1:
         found["all scenarios"] = {
-            "flow": envelope(told, "inflow_speed"),
-            "time": envelope(told, "time"),
-            "limits": limit_bars(told),
-            "span": over_span(told),
+            "flow": _envelope(told, "inflow_speed"),
+            "time": _envelope(told, "time"),
+            "limits": _limit_bars(told),
+            "span": _over_span(told),
         }
     for name in names:
         having = [each for each in told if name in each.solution.scenarios]
         alone = [Told(each.solution.scenario(name), each.label) for each in having]
         charts: dict[str, Callable[[Sequence[Told]], Chart | None]] = {
-            "flow": over_flow,
-            "time": partial(over_time, most=most),
-            "limits": limit_bars,
-            "span": over_span,
+            "flow": _over_flow,
+            "time": partial(_over_time, most=most),
+            "limits": _limit_bars,
+            "span": _over_span,
         }
         found[name] = {key: make(alone) for key, make in charts.items()}
     return {name: _drawn(charts.items()) for name, charts in found.items()}
 
 
 def designs(told: Sequence[Told]) -> dict[str, Chart]:
-    """Return the charts that belong to a result as a whole, by their names."""
-    makers = {"shape": shape, "coefficients": coefficients, "convergence": convergence}
+    """Return the charts that belong to a result as a whole, by their names.
+
+    Parameters
+    ----------
+    told : sequence of Told
+        All results of the page.
+
+    Returns
+    -------
+    dict of dict
+        Those for which there are data.
+    """
+    makers = {"shape": _shape, "coefficients": _coefficients, "convergence": _convergence}
     return _drawn((name, make(told)) for name, make in makers.items())
 
 

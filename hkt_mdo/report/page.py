@@ -93,7 +93,7 @@ def _page(solutions: Sequence[Solution]) -> str:
         ),
         merits=_aligned([texts(each.summary.rows(each.case)) for each in order]),
         checks=_checks(order),
-        limits=_limits(order, names),
+        limits=_limits(order),
         differences=_differences([each.case for each in order]),
         beaten=[printable(str(line)) for line in beaten(each for each in order if each.finished)],
         not_modelled=list(dict.fromkeys(line for x in order for line in not_modelled(x.case))),
@@ -114,6 +114,7 @@ def labels(solutions: Sequence[Solution]) -> list[str]:
     Parameters
     ----------
     solutions : sequence of Solution
+        The results.
 
     Returns
     -------
@@ -153,7 +154,7 @@ def _told(solution: Solution, name: str) -> dict[str, Any]:
         "message": solution.message,
         "law": solution.case.control.law,
         "failed": solution.failed_checks,
-        "large": [f"{label}: {words}" for label, words in _unasked(solution)],
+        "large": "; ".join(f"{label}: {words}" for label, words in _unasked(solution)),
         "notes": solution.notes,
         "bounds": [str(each.row()) for each in summary.at_bounds or ()],
         "passes": summary.passes or (),
@@ -250,28 +251,34 @@ def _unasked(solution: Solution) -> list[tuple[str, str]]:
     return [(f"{x.label} {measured(x.value, x.unit, 4)}", words) for x, words in told if words]
 
 
-def _limits(solutions: Sequence[Solution], names: Sequence[str]) -> list[dict[str, str]]:
-    """Return the limits as rows, those of each result below one another, and loads without one."""
-    rows: list[dict[str, Any]] = []
-    for solution, name in zip(solutions, names, strict=True):
-        summary = solution.summary
-        limits, loads = summary.limits or {}, summary.loads or {}
-        given = {limit: entry.row(limit, loads.get(limit)) for limit, entry in limits.items()}
-        free = {load: entry.row(load) for load, entry in loads.items() if load not in limits}
-        for key, row in (given | free).items():
-            cells = _limit_cells(limits.get(key), row, loads.get(key))
-            large = "" if key in limits else unasked(key, loads[key].value, solution.case)
-            rows.append({"key": key, "of": name, "large": large} | cells)
-    order = list(dict.fromkeys(row["key"] for row in rows))
-    return sorted(rows, key=lambda row: order.index(row["key"]))
+def _limits(solutions: Sequence[Solution]) -> list[dict[str, Any]]:
+    """Return the limits as rows with a cell a result, and below them the loads without one."""
+    columns: list[dict[str, dict[str, Any]]] = []
+    for solution in solutions:
+        limits, loads = solution.summary.limits or {}, solution.summary.loads or {}
+        given = {name: entry.row(name, loads.get(name)) for name, entry in limits.items()}
+        free = {name: entry.row(name) for name, entry in loads.items() if name not in limits}
+        column = {}
+        for name, row in (given | free).items():
+            column[name] = _limit_cells(limits.get(name), row, loads.get(name))
+            large = "" if name in limits else unasked(name, loads[name].value, solution.case)
+            column[name]["large"] = large
+        columns.append(column)
+    names = dict.fromkeys(name for column in columns for name in column)
+    order = sorted(
+        names, key=lambda name: all(name not in (x.summary.limits or {}) for x in solutions)
+    )
+    return [
+        {"label": limit_words(x), "cells": [column.get(x) for column in columns]} for x in order
+    ]
 
 
 def _limit_cells(entry: LimitEntry | None, row: Row, load: Any) -> dict[str, Any]:
     """Return the cells of a limit, or of a load without one."""
-    most = measured(row.value, row.unit, 4)
-    cells = {"label": limit_words(row.label.removeprefix("largest ")), "most": most}
+    cells = {"most": measured(row.value, row.unit, 4)}
     if entry is None:
-        return cells | {"limit": "none", "margin": "", "when": load.place, "binds": False}
+        empty = dict.fromkeys(("margin", "binding", "worth"), "")
+        return cells | empty | {"limit": "none", "when": load.place, "binds": False}
     limit, worth = measured(entry.limit, entry.unit, 4), entry.worth
     time = entry.share_of_time
     share = "" if time is None else f"{100.0 * time:.3g} % of the time"
