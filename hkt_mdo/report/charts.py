@@ -271,8 +271,8 @@ def _title_of(quantity: str) -> str:
     return f"{words} ({unit})"
 
 
-def _levels_of(told: Sequence[Told], quantity: str) -> dict[str, float]:
-    """Return the limits of a quantity as levels in the unit of its panel, by their names."""
+def _levels_of(told: Sequence[Told], quantity: str, scale: float) -> dict[str, float]:
+    """Return the limits of a quantity as levels times a scale, by their names."""
     found: dict[str, float] = {}
     for solution, label in told:
         for each in LIMITED_BY.get(quantity, (quantity,)):
@@ -280,7 +280,7 @@ def _levels_of(told: Sequence[Told], quantity: str) -> dict[str, float]:
             for name, level in solution.limit_levels(each).items():
                 limit = measured(float(known[name].upper), known[name].unit or "", 4)
                 words = f"{limit_words(name)} limit {limit}"
-                scaled = WORDS[quantity][2] * level
+                scaled = scale * level
                 words += "" if words not in found or found[words] == scaled else f", {label}"
                 found[words] = scaled
     return found
@@ -319,7 +319,7 @@ def _flow_panel(told: Sequence[Told], quantity: str) -> Panel:
         stop = each.solution.case.control.cut_out
         panel.marks |= {} if stop is None else {f"cut-out {stop:g} m/s": stop}
     if panel.traces:
-        panel.levels = _levels_of(told, quantity)
+        panel.levels = _levels_of(told, quantity, scale)
     return panel
 
 
@@ -373,7 +373,7 @@ def _time_panel(told: Sequence[Told], quantity: str, most: int) -> Panel:
             shown = {"showlegend": bool(each.label), "dash": look.dash if each.label else "solid"}
             panel.traces.append(line(*series, name, look.color, width=1.4, **shown))
     if panel.traces:
-        panel.levels = _levels_of(told, quantity)
+        panel.levels = _levels_of(told, quantity, scale)
     return panel
 
 
@@ -436,7 +436,7 @@ def _envelope_panel(told: Sequence[Told], quantity: str, x: str) -> Panel:
             color = Look.of(index, each, quantity).color
             panel.traces += _band(*_ranges(parts), name, color, 1.0)
     if panel.traces:
-        panel.levels = _levels_of(alone, quantity)
+        panel.levels = _levels_of(alone, quantity, scale)
     return panel
 
 
@@ -536,7 +536,7 @@ def _over_span(told: Sequence[Told]) -> Chart | None:
     """
     panels = []
     for column, (title, quantity, scale) in _LOADS.items():
-        panel = Panel(title, from_zero=True)
+        panel, alone = Panel(title, from_zero=True), []
         for index, each in enumerate(told):
             scenarios, look = each.solution.by_scenario, Look.of(index, each, quantity)
             loads = _largest([one.loads for one in scenarios if one.loads])
@@ -545,10 +545,9 @@ def _over_span(told: Sequence[Told]) -> Chart | None:
                 shown = {"showlegend": bool(each.label), "dash": look.dash}
                 values = scale * loads[column]
                 panel.traces.append(line(loads["r_over_R"], values, name, look.color, **shown))
-            if column != "flapwise_moment_Nm":
-                for one in scenarios:
-                    for name, value in one.limit_levels(quantity).items():
-                        panel.levels[f"{limit_words(name)} limit"] = scale * value
+            alone += [Told(one, each.label) for one in scenarios]
+        if panel.traces and column == QUANTITIES[quantity].column:  # not a moment along the blade
+            panel.levels = _levels_of(alone, quantity, scale)
         panels.append(panel)
     return _stacked(panels, "radius over that of the tip (-)", 160)
 

@@ -87,6 +87,7 @@ def _page(solutions: Sequence[Solution]) -> str:
     names = [label or "result" for label in labels(order)]
     return environment.get_template("report.html").render(
         title=" and ".join(dict.fromkeys(each.name for each in order)),
+        alike=len({each.case.objective.kind for each in order}) == 1,
         results=[_told(each, name) for each, name in zip(order, names, strict=True)],
         headline=_aligned(
             [_behind(share, order) | _headline(x) for x, share in zip(order, shares, strict=True)]
