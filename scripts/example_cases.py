@@ -170,9 +170,9 @@ def panels(solutions, *draws):
         draw(solutions, ax)
         if ax is not axes[0] and ax.get_legend():
             ax.get_legend().remove()
-    handles, labels = axes[0].get_legend_handles_labels()
+    handles = axes[0].get_legend().legend_handles  # without what is told beside its line
     axes[0].get_legend().remove()
-    figure.legend(handles, labels, loc="outside upper center", ncols=4, fontsize=8, frameon=False)
+    figure.legend(handles=handles, loc="outside upper center", ncols=4, fontsize=8, frameon=False)
     return figure
 
 

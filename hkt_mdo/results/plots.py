@@ -50,7 +50,7 @@ def _over_radius(column: str, label: str, solutions: Solutions, ax: Axes | None 
         for bound in bounds if len(bounds) == 1 else ():
             if low <= bound <= high:
                 quantity, unit = column.split("_")
-                style.level(ax, bound, f"{word} {quantity} {bound:g} {unit}")
+                style.level(ax, bound, f"{word} {quantity} {bound:g} {unit}", below=end == 0)
     return style.finish(ax, "radius (m)", label)
 
 
