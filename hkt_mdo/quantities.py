@@ -103,7 +103,7 @@ _ALL = (
         "loads",
         "1/Pa",
     ),
-    Described("torque_rate", "N*m/s", "rate of the control torque", "time", "rates"),
+    Described("torque_rate", "N*m/s", "rate of the generator torque", "time", "rates"),
     Described("chord", "m", "chord at the stations", "span", "rotor"),
     Described("twist", "rad", "twist at the stations, set angle included", "span", "rotor"),
     Described("thickness", None, "thickness over chord at the stations", "span", "rotor"),

@@ -11,6 +11,7 @@ import io
 import os
 import sys
 from datetime import datetime, timedelta
+from functools import partial
 from pathlib import Path
 
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -28,7 +29,7 @@ from hkt_mdo.dynamics.sampled import TurbulentInflow
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.outline import read_outline
 from hkt_mdo.files.polar import read_polars
-from hkt_mdo.results import plots
+from hkt_mdo.results import plots, style
 from hkt_mdo.run.batch import run_batch
 
 ROOT = Path(__file__).parent.parent
@@ -169,9 +170,9 @@ def panels(solutions, *draws):
         draw(solutions, ax)
         if ax is not axes[0] and ax.get_legend():
             ax.get_legend().remove()
-    handles, labels = axes[0].get_legend_handles_labels()
+    handles = axes[0].get_legend().legend_handles  # without what is told beside its line
     axes[0].get_legend().remove()
-    figure.legend(handles, labels, loc="outside upper center", ncols=4, fontsize=8, frameon=False)
+    figure.legend(handles=handles, loc="outside upper center", ncols=4, fontsize=8, frameon=False)
     return figure
 
 
@@ -182,7 +183,7 @@ def save(figure, path):
     Image.open(memory).convert("RGB").quantize(96).save(path, optimize=True)
 
 
-def over(column, label, *, hours=False, across=None, ends=None):
+def over(column, label, *, scale=1.0, hours=False, across=None, ends=None):
     """Return a function that draws a column of the simulation over time or another column."""
 
     def draw(solutions, ax):
@@ -190,18 +191,16 @@ def over(column, label, *, hours=False, across=None, ends=None):
             data = solution.simulation
             x = data[across or "time_s"] / (3600.0 if hours else 1.0)
             part = slice(None) if ends is None else (x >= ends[0]) & (x <= ends[1])
-            style = {"linestyle": ("-", "--", "-.", ":")[index % 4], "linewidth": 1.2}
-            ax.plot(x[part], data[column][part], label=solution.name, **style)
-        ax.set_xlabel("inflow speed (m/s)" if across else "time (h)" if hours else "time (s)")
-        ax.set_ylabel(label)
-        ax.grid(True, color="0.88", linewidth=0.6)
-        ax.legend()
+            ax.plot(x[part], scale * data[column][part], label=solution.name, **style.line(index))
+        words = "inflow speed (m/s)" if across else "time (h)" if hours else "time (s)"
+        style.finish(ax, words, label)
 
     return draw
 
 
-SPEED, RATIO = "rotor speed (rad/s)", "tip speed ratio (-)"
-TORQUE, POWER = "control torque (N m)", "rotor power (W)"
+RATIO, TORQUE = "tip speed ratio (-)", "generator torque (N m)"
+speed = partial(over, "rotor_speed_rad_s", "rotor speed (rpm)", scale=30.0 / np.pi)
+power = partial(over, "hydrodynamic_power_W", "rotor power (kW)", scale=1e-3)
 FIGURES = {
     "rm1_turbulent": (
         lambda found: panels(
@@ -209,7 +208,7 @@ FIGURES = {
             plots.plot_chord,
             plots.plot_twist,
             plots.plot_power_curve,
-            over("rotor_speed_rad_s", SPEED, ends=(0.0, 200.0)),
+            speed(ends=(0.0, 200.0)),
         ),
         "rm1_turbulent",
         "rm1_turbulent_kept",
@@ -218,9 +217,9 @@ FIGURES = {
         lambda found: panels(
             found,
             over("inflow_speed_m_s", "inflow speed (m/s)", hours=True),
-            over("rotor_speed_rad_s", SPEED, hours=True),
+            speed(hours=True),
             over("tip_speed_ratio", RATIO, across="inflow_speed_m_s"),
-            over("hydrodynamic_power_W", POWER, across="inflow_speed_m_s"),
+            power(across="inflow_speed_m_s"),
         ),
         "rm1_set_angle",
         "rm1_set_angle_zero",
@@ -229,7 +228,7 @@ FIGURES = {
         lambda found: panels(
             found,
             over("inflow_speed_m_s", "inflow speed (m/s)", ends=(15.0, 35.0)),
-            over("rotor_speed_rad_s", SPEED, ends=(15.0, 35.0)),
+            speed(ends=(15.0, 35.0)),
             over("tip_speed_ratio", RATIO, ends=(15.0, 35.0)),
             over("control_torque_Nm", TORQUE, ends=(15.0, 35.0)),
         ),

@@ -62,7 +62,7 @@ SENSOR = Sensor(cutoff=None, snr=50.0, reference="total")
 CHANGES = "density", "polar", "inertia"
 TRACKING, ESTIMATED = "tracking", "tracking, flow estimated"
 OPEN = "open loop", "designed"
-NEAR, LEAST = 0.1, 1e-4  # per cent of open loop's energy: a line of the figure, and its lower end
+NEAR, LEAST = 0.1, 5e-4  # per cent of open loop's energy: a line of the figure, and its lower end
 NEARLY = 1e-4  # share of an energy below which two are the same
 IMAGE = "images/laws.png"
 

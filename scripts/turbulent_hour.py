@@ -78,7 +78,7 @@ def draw(solutions: dict, path: Path, span=(1500.0, 1620.0)) -> None:
     columns = {
         "inflow_speed_m_s": "flow (m/s)",
         "rotor_speed_rad_s": "rotor speed (rad/s)",
-        "control_torque_Nm": "control torque (N m)",
+        "control_torque_Nm": "generator torque (N m)",
         "hydrodynamic_power_W": "captured power (W)",
     }
     for law, solution in solutions.items():

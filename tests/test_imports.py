@@ -46,6 +46,7 @@ ALLOWED = {
         "rotor",
         "sections",
     },
+    "report": {"case", "errors", "exports", "files", "quantities", "results"},
     "studies": {
         "case",
         "compiled",
@@ -66,6 +67,7 @@ ALLOWED = {
         "exports",
         "files",
         "problem",
+        "report",
         "results",
         "rotor",
         "run",
@@ -120,7 +122,7 @@ def test_every_room_is_named():
     [
         ("import hkt_mdo", "numpy"),
         ("from hkt_mdo import load_case", "openmdao"),
-        ("import hkt_mdo.cli", "numpy"),
+        ("import hkt_mdo.cli", "numpy jinja2 plotly"),
         ("from hkt_mdo import Solution", "dymos openmdao wisdem matplotlib numba"),
         ("import hkt_mdo.start.quasi_steady", "dymos openmdao wisdem numba"),
         ("import hkt_mdo.rotor.bem, hkt_mdo.rotor.shape, hkt_mdo.rotor.inertia", "openmdao"),

@@ -78,6 +78,7 @@ def test_shipped_case_runs_by_its_bare_name(hkt, tmp_path):
     hkt("run", "sine_oloc", "--set", "phase={duration: 20, segments: 20}", "--quiet")
     summary = json.loads((tmp_path / "results" / "sine_oloc" / "summary.json").read_text())
     assert summary["success"]
+    assert hkt("report", "results/sine_oloc", "--out", "report.html") == "report.html\n"
     assert "own_files" in hkt("check", "own_files")
 
 

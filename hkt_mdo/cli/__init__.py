@@ -35,7 +35,8 @@ app = typer.Typer(
 )
 for _command in (
     *(run.run, case.check, case.n2),
-    *(results.plot, results.show, results.simulate, results.compare, results.export),
+    *(results.plot, results.report, results.show, results.simulate, results.compare),
+    results.export,
     *(studies.paper, case.schema, case.new, case.polar, resource.resource),
 ):
     # the docstring is the help, and a line end within a paragraph is a blank

@@ -1,4 +1,4 @@
-"""The commands that work on results: show, plot, compare, simulate, export."""
+"""The commands that work on results: show, plot, report, compare, simulate, export."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ _FLOW = (
     "0.225 rad/s, phase 0.2 pi); or an inflow section in YAML, such as {profile: sine, mean: 1.4}."
 )
 _TO = f"{', '.join(FORMATS)}; several with commas between, or one each time."
+_PAGE = "The HTML file to write."
 _OPTION = "Option of a format, such as stl.trailing_edge='2 mm'; may be given several times."
 _ANYWAY = "Replace files that are there already; also export a result that is no success."
 _SCENARIO = "Simulate the operation of this scenario only, of a result with several."
@@ -87,6 +88,23 @@ def plot(
         raise InputError("holds no data to draw", "let the run come to its end", file=result)
     for path in written:
         echo(str(path))
+
+
+def report(
+    results: Annotated[list[Path], Argument(metavar="RESULT...", help="Result folders.")],
+    out: Annotated[Path, Option("--out", metavar="FILE", help=_PAGE)] = Path("report.html"),
+    force: parts.Force = False,
+) -> None:
+    """Write a report of one result, or of several side by side, as one HTML page (docs/report.md).
+
+    A browser opens it from disk, without a network. It has the verdict with every judge, figures of
+    merit, the blade as a solid that can be turned, operation over the flow speed and over time,
+    limits, convergence, and what is not modelled. Needs the extra `report` of hkt_mdo.
+    """
+    from hkt_mdo.report.page import write_report
+
+    parts.refuse_existing([out], force)
+    echo(str(write_report([read_result(result) for result in results], out)))
 
 
 def compare(

@@ -25,7 +25,7 @@ from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results import style
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import binned, rated_point, steady_curve
-from hkt_mdo.results.words import joined, measured
+from hkt_mdo.results.words import joined, limit_words, measured
 
 Solutions = Solution | Sequence[Solution]
 
@@ -50,7 +50,7 @@ def _over_radius(column: str, label: str, solutions: Solutions, ax: Axes | None 
         for bound in bounds if len(bounds) == 1 else ():
             if low <= bound <= high:
                 quantity, unit = column.split("_")
-                style.level(ax, bound, f"{word} {quantity} {bound:g} {unit}")
+                style.level(ax, bound, f"{word} {quantity} {bound:g} {unit}", below=end == 0)
     return style.finish(ax, "radius (m)", label)
 
 
@@ -142,7 +142,7 @@ def _few_markers(index: int, count: int, size: int) -> dict[str, Any]:
     return style.marker(index, 4.0) | {"markevery": (index * every // count, every)}
 
 
-_WORDS = {
+WORDS = {
     "inflow_speed": ("inflow speed", "m/s", 1.0),
     "rotor_speed": ("rotor speed", "rpm", 30.0 / np.pi),
     "tip_speed_ratio": ("tip speed ratio", "-", 1.0),
@@ -156,7 +156,7 @@ _WORDS = {
 
 def _over_time(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a quantity over time, of one solution at some of the nodes too, and its limits."""
-    words, unit, scale = _WORDS[quantity]
+    words, unit, scale = WORDS[quantity]
     chosen, ax = _scenarios(solutions), _series("time", quantity, solutions, ax, scale)
     nodes, column = chosen[0][0].trajectory, QUANTITIES[quantity].column
     if len(chosen) == 1 and column in nodes:
@@ -164,12 +164,12 @@ def _over_time(quantity: str, solutions: Solutions, ax: Axes | None = None) -> A
         look |= {"color": "0.35", "zorder": 2.5, "label": "collocation nodes"}
         look |= {"markevery": max(1, -(-nodes["time_s"].size // _NODES_SHOWN))}
         ax.plot(nodes["time_s"], scale * nodes[column], **look)
-    _draw_levels(_LIMITED_BY.get(quantity, (quantity,)), scale, solutions, ax)
+    _draw_levels(LIMITED_BY.get(quantity, (quantity,)), scale, solutions, ax)
     style.widen(ax)
     return style.finish(ax, "time (s)", f"{words} ({unit})")
 
 
-_LIMITED_BY = {"generator_power": ("generator_power", "electrical_power")}
+LIMITED_BY = {"generator_power": ("generator_power", "electrical_power")}
 
 # over time: m/s, rpm, dimensionless, N m, kW and kN
 plot_inflow_speed = partial(_over_time, "inflow_speed")
@@ -202,7 +202,7 @@ def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:
     room = max(0.6, 0.5 * (4 - len(rows)))  # a single bar does not fill the axes
     ax.set_ylim(-room, len(rows) - 1 + room)
     style.finish(ax, "largest value over its limit (-)", "")
-    ax.set_yticks(range(len(rows)), [_limit_words(limit) for limit in rows])
+    ax.set_yticks(range(len(rows)), [limit_words(limit) for limit in rows])
     return ax
 
 
@@ -211,7 +211,7 @@ def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Ax
 
     A single solution has all instants, too, as a thin line.
     """
-    words, unit, scale = _WORDS[quantity]
+    words, unit, scale = WORDS[quantity]
     chosen, ax = _scenarios(solutions), ax or style.new_axes()
     column = QUANTITIES[quantity].column
     for index, (solution, name) in enumerate(chosen):
@@ -232,7 +232,7 @@ def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Ax
             dashed: dict[str, Any] = {"color": "black", "linewidth": 1.0, "linestyle": "--"}
             values = scale * steady[column]
             ax.plot(steady["inflow_speed_m_s"], values, label="in steady flow", **dashed)
-    _draw_levels(_LIMITED_BY.get(quantity, (quantity,)), scale, solutions, ax)
+    _draw_levels(LIMITED_BY.get(quantity, (quantity,)), scale, solutions, ax)
     stops = {solution.case.control.cut_out for solution, _ in chosen} - {None}
     for stop in sorted(stops):
         ax.axvline(stop, label=f"cut-out {stop:g} m/s", linestyle=":", **style.REFERENCE)
@@ -303,11 +303,6 @@ plot_flapwise_moment = partial(_over_span, "flapwise_moment_Nm")
 plot_suction = partial(_over_span, "cavitation")
 
 
-def _limit_words(name: str) -> str:
-    """Return the name of a limit as it is read in figures."""
-    return name.replace("control_torque", "generator_torque").replace("_", " ")
-
-
 def _draw_levels(quantities: Sequence[str], scale: float, solutions: Solutions, ax: Axes) -> None:
     """Draw the limits of some quantities as lines, one for equal ones."""
     drawn: dict[tuple[str, float], list[str]] = {}
@@ -318,7 +313,7 @@ def _draw_levels(quantities: Sequence[str], scale: float, solutions: Solutions, 
             levels |= solution.limit_levels(each)
         for limit in (each for each in solution.limits if each.name in levels):
             told = measured(float(limit.upper), limit.unit or "", 4)
-            label = f"{_limit_words(limit.name)} limit {told}"
+            label = f"{limit_words(limit.name)} limit {told}"
             drawn.setdefault((label, levels[limit.name]), []).append(name)
     for (label, level), names in drawn.items():
         where = "" if len(names) == len(chosen) else f" in {' and '.join(names)}"

@@ -92,14 +92,18 @@ def colored(look: dict[str, Any], quantity: str) -> dict[str, Any]:
 _SIDES = ("right", 0.995), ("left", 0.005), ("center", 0.5)
 
 
-def level(ax: Axes, value: float, label: str) -> None:
-    """Draw a horizontal line with its label beside it, each at another place; no legend has it."""
+def level(ax: Axes, value: float, label: str, below: bool = False) -> None:
+    """Draw a horizontal line with its label beside it, each at another place; no legend has it.
+
+    `below`: the label is below the line.
+    """
     number = sum(line.get_gid() == _TOLD for line in ax.lines)
     side, place = _SIDES[number % len(_SIDES)]
     ax.axhline(value, linestyle="-.", label=label, gid=_TOLD, **REFERENCE)
     low, high = ax.get_ylim()
     ax.set_ylim(low, max(high, value + 0.16 * (max(high, value) - low)))  # room for the label
-    words: dict[str, Any] = {"fontsize": FONT_SIZE - 1.5, "color": "0.3", "va": "bottom"}
+    words: dict[str, Any] = {"fontsize": FONT_SIZE - 1.5, "color": "0.3"}
+    words["va"] = "top" if below else "bottom"
     ax.text(place, value, label, ha=side, transform=ax.get_yaxis_transform(), **words)
 
 

@@ -25,7 +25,15 @@ from hkt_mdo.case import Case
 from hkt_mdo.dynamics.limits import BETWEEN, CavitationLimit
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import dotted
-from hkt_mdo.results.words import Row, amounts, joined, measured, printable, tip_deflection
+from hkt_mdo.results.words import (
+    Row,
+    amounts,
+    joined,
+    limit_words,
+    measured,
+    printable,
+    tip_deflection,
+)
 
 VERSION = 1
 """Version of `summary.json`; a summary without one is older, and is read too."""
@@ -604,7 +612,7 @@ class Summary(_Entry, Mapping[str, Any]):
         if limit is not None:
             entry = LimitEntry(value=torque, limit=limit)
             margin = joined(f"limit {measured(limit, 'N*m')}", entry.margin)
-        yield Row("largest control torque", torque, "N*m", margin)
+        yield Row("largest generator torque", torque, "N*m", margin)
         if case.design.radius_bounds is not None:
             yield Row("tip radius", self.tip_radius_m, "m", digits=4)
         if case.design.set_angle_bounds:
@@ -646,7 +654,7 @@ class Summary(_Entry, Mapping[str, Any]):
 
 def _largest(name: str) -> str:
     """Return the label of the largest value of a limit or a load."""
-    return f"largest {name.replace('_', ' ')}"
+    return f"largest {limit_words(name)}"
 
 
 def _largest_rows(

@@ -108,6 +108,11 @@ def measured(value: Any, unit: str = "", digits: int = 5) -> str:
     return f"{text} ({measured(np.array(ends) * 30.0 / np.pi, 'rpm', digits)})"
 
 
+def limit_words(name: str) -> str:
+    """Return the name of a limit, a load or a check as it is read."""
+    return name.replace("_", " ").replace("control torque", "generator torque")
+
+
 def number(value: float, digits: int = 4, zeros: bool = False) -> str:
     """Return a number with so many digits, without a power of ten where it can be avoided."""
     if zeros:

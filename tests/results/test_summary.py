@@ -133,7 +133,7 @@ def test_the_table_has_units(result_folder: Path) -> None:
         ("gain, quadratic feedback", "10.98 N m s^2/rad^2"),
         ("tip speed ratio", "7.15 to 7.25, mean 7.202"),
         ("largest power coefficient", "0.47, at tip speed ratio 7.2"),
-        ("largest control torque", "700 N m, limit 700 N m, margin 0.00 %"),
+        ("largest generator torque", "700 N m, limit 700 N m, margin 0.00 %"),
         ("inertia", "35.2 kg m^2"),
         ("mass", "90.1 kg"),
         ("torque curve, relative error", "2.3e-05"),
@@ -150,7 +150,7 @@ def test_the_table_has_units(result_folder: Path) -> None:
 def test_the_table_of_linear_feedback_without_limit(linear_result_folder: Path) -> None:
     rows = dict(table(Solution.load(linear_result_folder)))
     assert rows["gain, linear feedback"] == "90.9 N m s/rad"
-    assert rows["largest control torque"].endswith(", no limit")
+    assert rows["largest generator torque"].endswith(", no limit")
 
 
 @pytest.mark.parametrize(
@@ -198,7 +198,7 @@ def test_the_table_of_linear_feedback_without_limit(linear_result_folder: Path) 
         ),
         (
             {"control_torque_max_Nm": 1234.5},
-            "largest control torque",
+            "largest generator torque",
             "1.2345 kN m, limit 700 N m, exceeded by 76.36 %",
         ),
         ({"energy_J": 1.23456789e9}, "energy", "1.2346 GJ"),

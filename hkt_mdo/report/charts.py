@@ -1,0 +1,675 @@
+"""The charts of a report, as the plain data that plotly.js draws.
+
+A chart is a dictionary with `data`, the traces, and `layout`. Colours are those of the figures
+(`hkt_mdo.results.style`), and the page replaces them by `DARK` on a dark screen. Of a single
+result, a quantity has its own colour; several results differ by colour and dashes.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hkt_mdo.quantities import QUANTITIES
+from hkt_mdo.results import style
+from hkt_mdo.results.plots import LIMITED_BY, WORDS
+from hkt_mdo.results.solution import Solution
+from hkt_mdo.results.steady import Binned, binned, rated_point, steady_curve
+from hkt_mdo.results.words import limit_words, measured, printable
+
+Chart = dict[str, Any]
+
+DARK = dict(
+    zip(
+        (*style.COLORS, style.QUANTITY_COLORS["cavitation"]),
+        ("#78aee6", "#f08d57", "#6fd3a5", "#c594dc", "#e2b549", "#b9b9b9", "#6fcdf5"),
+        strict=True,
+    )
+)
+"""The colour on a dark screen of each colour on a light one."""
+DASHES = "solid", "dash", "dashdot", "longdashdot", "dot", "longdash"
+FAINT = "#4a4a4a"
+MOST_POINTS, LEAST_POINTS = 200_000, 60
+"""Points of all series of a page together, and of a series at least."""
+MOST_OF_ONE = 6000
+LEAST_SHOWN = 1e-10
+"""Smallest value of a logarithmic axis."""
+ENVELOPE = 300
+"""Classes of the time or of the flow speed in an envelope of scenarios."""
+
+
+class Told(NamedTuple):
+    """A result of a report and the name that the page gives it; "" where it is the only one."""
+
+    solution: Solution
+    label: str
+
+
+@dataclass
+class Panel:
+    """Axes of a chart: its title, traces, and levels that are drawn across it, with their names."""
+
+    title: str
+    traces: list[dict[str, Any]] = field(default_factory=list)
+    levels: dict[str, float] = field(default_factory=dict)
+    marks: dict[str, float] = field(default_factory=dict)
+    """Places on the horizontal axis, by name."""
+    from_zero: bool = False
+    log: bool = False
+
+
+def thinned(time: np.ndarray, values: np.ndarray, most: int) -> np.ndarray:
+    """Return the places of a series that a chart needs: the extremes of equal parts are kept.
+
+    Parameters
+    ----------
+    time, values : numpy.ndarray, shape (n_times,)
+        The series; NaN is a gap in a line.
+    most : int
+        Largest number of places, but for gaps.
+
+    Returns
+    -------
+    numpy.ndarray of int
+        Places in their order: the smallest and the largest value of each part, both ends, gaps.
+    """
+    size = values.size
+    if size <= most:
+        return np.arange(size)
+    edges = np.linspace(0, size, max(1, (most - 2) // 2) + 1).astype(int)
+    kept = [0, size - 1, *np.flatnonzero(~np.isfinite(values) | ~np.isfinite(time))]
+    for begin, end in pairwise(edges):
+        if np.any(np.isfinite(values[begin:end])):
+            part = values[begin:end]
+            kept += [begin + np.nanargmin(part), begin + np.nanargmax(part)]
+    return np.unique(kept)
+
+
+def points_each(told: Sequence[Told]) -> int:
+    """Return how many points of a series a page has room for.
+
+    Parameters
+    ----------
+    told : sequence of Told
+        All results of the page.
+
+    Returns
+    -------
+    int
+        Number of points.
+    """
+    series = 9 * sum(len(each.solution.scenarios) for each in told)
+    return int(np.clip(MOST_POINTS // max(1, series), LEAST_POINTS, MOST_OF_ONE))
+
+
+def _plain(values: Any, digits: int = 5) -> list[float | None]:
+    """Return numbers with so many digits, None for what is none."""
+    return [float(f"{x:.{digits}g}") if np.isfinite(x) else None for x in np.ravel(values)]
+
+
+def escaped(text: str) -> str:
+    """Return a text of which plotly.js, whose texts may have tags, takes none for one.
+
+    Parameters
+    ----------
+    text : str
+        Any text.
+
+    Returns
+    -------
+    str
+        The text with entities in place of the signs of a tag.
+    """
+    return html.escape(printable(text))
+
+
+def line(x: Any, y: Any, name: str, color: str, **more: Any) -> dict[str, Any]:
+    """Return a line as a trace.
+
+    Parameters
+    ----------
+    x, y : array_like
+        The points.
+    name : str
+        Name in the legend, escaped.
+    color : str
+        Colour on a light screen.
+    **more
+        `dash`, `width` and `mode`, and other keys of a trace.
+
+    Returns
+    -------
+    dict
+        The trace.
+    """
+    look = {"color": color, "dash": more.pop("dash", "solid"), "width": more.pop("width", 1.8)}
+    shown = {"type": "scatter", "mode": more.pop("mode", "lines"), "name": name}
+    return {"x": _plain(x, 7), "y": _plain(y), **shown, "line": look, "legendgroup": name, **more}
+
+
+def _band(
+    x: Any, low: Any, high: Any, name: str, color: str, width: float = 0.0
+) -> list[dict[str, Any]]:
+    """Return the traces of a filled range, and of its edges where they have a width."""
+    quiet: dict[str, Any] = {"width": width} if width else {"width": 0.0, "hoverinfo": "skip"}
+    lower = line(x, low, name, color, showlegend=False, **quiet)
+    return [lower, line(x, high, name, color, fill="tonexty", fillcolor=f"{color}33", **quiet)]
+
+
+GAP = 42
+"""Pixels between two panels, for title and labels."""
+
+
+def _stacked(panels: Sequence[Panel], x_title: str, height: int = 150) -> Chart | None:
+    """Return panels one below the other, over one horizontal axis; None where there are none.
+
+    The height of the chart is without its margins.
+    """
+    panels = [panel for panel in panels if panel.traces]
+    if not panels:
+        return None
+    plotted = len(panels) * (height + GAP)
+    layout: dict[str, Any] = {"height": plotted, "annotations": [], "shapes": []}
+    last = "y" if len(panels) == 1 else f"y{len(panels)}"
+    layout["xaxis"] = {"title": {"text": x_title}, "anchor": last}
+    data: list[dict[str, Any]] = []
+    named: set[str] = set()
+    for number, panel in enumerate(panels, 1):
+        top = 1.0 - ((number - 1) * (height + GAP) + 0.6 * GAP) / plotted
+        key = "" if number == 1 else str(number)
+        axis = {"domain": [max(0.0, top - height / plotted), top], "anchor": "x"}
+        layout[f"yaxis{key}"] = axis | _vertical(panel)
+        title = {"text": f"<b>{panel.title}</b>", "x": 0, "xanchor": "left", "xref": "paper"}
+        layout["annotations"].append(title | _at(f"y{key} domain", 1.0) | {"yanchor": "bottom"})
+        for trace in panel.traces:
+            first = trace["name"] not in named and trace.get("showlegend", True)
+            named |= {trace["name"]} if first else set()
+            data.append(trace | {"xaxis": "x", "yaxis": f"y{key}", "showlegend": first})
+        _draw_levels(layout, panel, key)
+    return {"data": data, "layout": layout}
+
+
+def _at(reference: str, place: float) -> dict[str, Any]:
+    return {"yref": reference, "y": place, "showarrow": False, "font": {"size": 12}}
+
+
+def _vertical(panel: Panel) -> dict[str, Any]:
+    """Return the vertical axis of a panel, which shows its levels too."""
+    if panel.log:
+        return {"type": "log", "exponentformat": "power", "dtick": 2}
+    values = [x for trace in panel.traces for x in trace["y"] if x is not None]
+    values += [*panel.levels.values(), *([0.0] if panel.from_zero else [])]
+    low, high = (min(values), max(values)) if values else (0.0, 1.0)
+    middle, half = 0.5 * (low + high), max(0.54 * (high - low), 0.005 * abs(high), 1e-9)
+    least = low if panel.from_zero and low >= 0.0 else middle - half
+    room = 0.14 * 2.0 * half if panel.levels else 0.0
+    return {"range": _plain([least, middle + half + room]), "nticks": 5}
+
+
+def _draw_levels(layout: dict[str, Any], panel: Panel, key: str) -> None:
+    """Draw the levels and the marks of a panel with their names."""
+    look = {"line": {"color": FAINT, "width": 1.2, "dash": "dashdot"}, "type": "line"}
+    for number, (name, level) in enumerate(panel.levels.items()):
+        ends = {"xref": "paper", "x0": 0, "x1": 1, "yref": f"y{key}", "y0": level, "y1": level}
+        layout["shapes"].append(look | ends)
+        side, place = (("right", 1.0), ("left", 0.0))[number % 2]
+        words = {"text": escaped(name), "xref": "paper", "x": place, "xanchor": side}
+        small = {"yanchor": "bottom", "font": {"size": 11, "color": FAINT}}
+        layout["annotations"].append(words | _at(f"y{key}", level) | small)
+    for name, place in panel.marks.items():
+        ends = {"xref": "x", "x0": place, "x1": place, "yref": f"y{key} domain", "y0": 0, "y1": 1}
+        layout["shapes"].append(look | ends)
+        words = {"text": escaped(name), "xref": "x", "x": place, "xanchor": "right"}
+        small = {"yanchor": "top", "font": {"size": 11, "color": FAINT}}
+        layout["annotations"].append(words | _at(f"y{key} domain", 1.0) | small)
+
+
+class Look(NamedTuple):
+    """Colour and dashes of a result among several, or of a quantity of a single one."""
+
+    color: str
+    dash: str
+
+    @classmethod
+    def of(cls, index: int, told: Told, quantity: str = "") -> Look:
+        """Return the look of a result.
+
+        Parameters
+        ----------
+        index : int
+            Its place among the results.
+        told : Told
+            The result.
+        quantity : str
+            What is drawn; of a single result it has its own colour.
+
+        Returns
+        -------
+        Look
+            Colour and dashes.
+        """
+        color = style.COLORS[index % len(style.COLORS)]
+        if not told.label:
+            color = style.QUANTITY_COLORS.get(quantity, color)
+        return cls(color, DASHES[index % len(DASHES)])
+
+
+def _table_of(solution: Solution) -> dict[str, np.ndarray]:
+    """Return the integration of one scenario, else its trajectory; empty where there is none."""
+    return solution.simulation or solution.trajectory
+
+
+def _title_of(quantity: str) -> str:
+    """Return the name and the unit of a quantity."""
+    words, unit, _ = WORDS[quantity]
+    return f"{words} ({unit})"
+
+
+def _levels_of(told: Sequence[Told], quantity: str, scale: float) -> dict[str, float]:
+    """Return the limits of a quantity as levels times a scale, by their names."""
+    found: dict[str, float] = {}
+    for solution, label in told:
+        for each in LIMITED_BY.get(quantity, (quantity,)):
+            known = {limit.name: limit for limit in solution.limits}
+            for name, level in solution.limit_levels(each).items():
+                limit = measured(float(known[name].upper), known[name].unit or "", 4)
+                words = f"{limit_words(name)} limit {limit}"
+                scaled = scale * level
+                words += "" if words not in found or found[words] == scaled else f", {label}"
+                found[words] = scaled
+    return found
+
+
+# ---- over the flow speed and over time, of one scenario of each result
+
+_FLOW = "generator_power", "rotor_speed", "control_torque", "thrust"
+_TIME = "inflow_speed", "generator_power", "rotor_speed", "control_torque", "thrust"
+
+
+def _over_flow(told: Sequence[Told]) -> Chart | None:
+    """Return power, speed, torque and thrust over the flow speed, with limits and rated points."""
+    return _stacked([_flow_panel(told, quantity) for quantity in _FLOW], "flow speed (m/s)", 170)
+
+
+def _flow_panel(told: Sequence[Told], quantity: str) -> Panel:
+    column, scale = QUANTITIES[quantity].column, WORDS[quantity][2]
+    panel = Panel(_title_of(quantity), from_zero=True)
+    for index, each in enumerate(told):
+        table, look = _table_of(each.solution), Look.of(index, each, quantity)
+        if column not in table:
+            continue
+        found = binned(table["inflow_speed_m_s"], scale * table[column])
+        name = escaped(each.label)
+        if found.speed.size:
+            panel.traces += _met(found, name, look)
+        steady = steady_curve(each.solution)
+        if column in steady:
+            curve = steady["inflow_speed_m_s"], scale * steady[column]
+            ink = {"showlegend": not name, "dash": "dot", "width": 1.4}
+            words = name or "in steady flow"
+            panel.traces.append(line(*curve, words, look.color if name else FAINT, **ink))
+        if quantity == "generator_power":
+            panel.traces += _power_of(each, look, table)
+        stop = each.solution.case.control.cut_out
+        panel.marks |= {} if stop is None else {f"cut-out {stop:g} m/s": stop}
+    if panel.traces:
+        panel.levels = _levels_of(told, quantity, scale)
+    return panel
+
+
+def _met(found: Binned, name: str, look: Look) -> list[dict[str, Any]]:
+    """Return mean and range of a quantity over the flow speed as traces."""
+    words = name or "mean at this flow speed"
+    mean = line(found.speed, found.mean, words, look.color, dash=look.dash, mode="lines+markers")
+    spread = _band(found.speed, found.low, found.high, words, look.color)
+    spread[1] |= {"showlegend": False} if name else {"name": "90 % of the instants"}
+    return [*spread, mean | {"marker": {"size": 5, "color": look.color}}]
+
+
+def _power_of(each: Told, look: Look, table: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+    """Return electrical power, where there are losses, and the rated point, as traces."""
+    traces, name = [], escaped(each.label)
+    speed, electrical = table["inflow_speed_m_s"], table["electrical_power_W"]
+    if not np.allclose(electrical, table["generator_power_W"]):
+        found = binned(speed, 1e-3 * electrical)
+        words = ", ".join(filter(None, (name, "electrical, mean")))
+        traces.append(line(found.speed, found.mean, words, look.color, dash="dash", width=1.3))
+    if (rated := rated_point(each.solution)) is not None:
+        words = ", ".join(filter(None, (name, f"rated at {rated[0]:.2f} m/s")))
+        point = line([rated[0]], [1e-3 * rated[1]], words, look.color, mode="markers")
+        traces.append(point | {"marker": {"size": 11, "symbol": "diamond", "color": look.color}})
+    return traces
+
+
+def _over_time(told: Sequence[Told], most: int) -> Chart | None:
+    """Return flow, power, speed, torque, thrust and margins over time, on one axis."""
+    panels = [_time_panel(told, quantity, most) for quantity in _TIME]
+    return _stacked([*panels, _margin_panel(told, most)], "time (s)", 130)
+
+
+def _series(each: Told, values: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return time and values with gaps at a standstill, of as many points as there is room for."""
+    time = _table_of(each.solution)["time_s"]
+    along = each.solution.across_gaps(time, values)
+    across = each.solution.across_gaps(time, time)
+    kept = thinned(across, along, most)
+    return across[kept], along[kept]
+
+
+def _time_panel(told: Sequence[Told], quantity: str, most: int) -> Panel:
+    column, scale = QUANTITIES[quantity].column, WORDS[quantity][2]
+    panel = Panel(_title_of(quantity))
+    for index, each in enumerate(told):
+        table, look = _table_of(each.solution), Look.of(index, each, quantity)
+        if column in table:
+            series = _series(each, scale * table[column], most)
+            name = escaped(each.label) or WORDS[quantity][0]
+            shown = {"showlegend": bool(each.label), "dash": look.dash if each.label else "solid"}
+            panel.traces.append(line(*series, name, look.color, width=1.4, **shown))
+    if panel.traces:
+        panel.levels = _levels_of(told, quantity, scale)
+    return panel
+
+
+def _margins(solution: Solution) -> dict[str, np.ndarray]:
+    """Return what is left up to each limit over time (%), (n_times,), by its name."""
+    shares = solution.limit_shares("simulation" if solution.simulation else "trajectory")
+    return {name: 100.0 * (1.0 - share) for name, share in shares.items()}
+
+
+def _margin_panel(told: Sequence[Told], most: int) -> Panel:
+    """Return the margin of each limit of a single result, the smallest of each of several."""
+    several = len(told) > 1
+    words = "smallest margin of all limits" if several else "margin of each limit"
+    panel = Panel(f"{words} (%)", levels={"limit": 0.0})
+    for index, each in enumerate(told):
+        left = _margins(each.solution)
+        if several and left:
+            left = {each.label: np.min([*left.values()], axis=0)}
+        for number, (limit, values) in enumerate(left.items()):
+            look = Look.of(index, each, limit)
+            dash = look.dash if several else DASHES[number % len(DASHES)]
+            name = escaped(each.label) if several else f"margin: {limit_words(limit)}"
+            series = _series(each, values, most)
+            panel.traces.append(line(*series, name, look.color, dash=dash, width=1.4))
+    return panel
+
+
+# ---- the envelope of several scenarios
+
+
+def _envelope(told: Sequence[Told], over: str) -> Chart | None:
+    """Return the range of each quantity over all scenarios, over `time` or `inflow_speed`."""
+    column = QUANTITIES[over].column
+    panels = [_envelope_panel(told, each, column) for each in (_TIME if over == "time" else _FLOW)]
+    if over == "time":
+        margin = Panel("smallest margin of all limits and scenarios (%)", levels={"limit": 0.0})
+        for index, each in enumerate(told):
+            parts = []
+            for one in each.solution.by_scenario:
+                if left := _margins(one):
+                    parts.append((_table_of(one)[column], np.min([*left.values()], axis=0)))
+            if parts:
+                x, low, _ = _ranges(parts)
+                color = Look.of(index, each).color
+                margin.traces.append(line(x, low, escaped(each.label) or "smallest margin", color))
+        panels.append(margin)
+    title = "time (s)" if over == "time" else "flow speed (m/s)"
+    return _stacked(panels, title, 130 if over == "time" else 170)
+
+
+def _envelope_panel(told: Sequence[Told], quantity: str, x: str) -> Panel:
+    column, scale = QUANTITIES[quantity].column, WORDS[quantity][2]
+    panel, alone = Panel(_title_of(quantity), from_zero=x != "time_s"), []
+    for index, each in enumerate(told):
+        tables = [_table_of(one) for one in each.solution.by_scenario]
+        parts = [(table[x], scale * table[column]) for table in tables if column in table]
+        alone += [Told(one, each.label) for one in each.solution.by_scenario]
+        if parts:
+            name = escaped(each.label) or "smallest to largest of all scenarios"
+            color = Look.of(index, each, quantity).color
+            panel.traces += _band(*_ranges(parts), name, color, 1.0)
+    if panel.traces:
+        panel.levels = _levels_of(alone, quantity, scale)
+    return panel
+
+
+def _ranges(
+    parts: Sequence[tuple[np.ndarray, np.ndarray]],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the smallest and the largest of several series in classes of their abscissa."""
+    x, y = (np.concatenate(each) for each in zip(*parts, strict=True))
+    count = max(1, min(ENVELOPE, min(each.size for each, _ in parts) // 2))
+    edges = np.linspace(np.min(x), np.max(x), count + 1)
+    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, count - 1)
+    low, high = np.full(count, np.inf), np.full(count, -np.inf)
+    np.minimum.at(low, place, y)
+    np.maximum.at(high, place, y)
+    met = np.isfinite(low)
+    return 0.5 * (edges[1:] + edges[:-1])[met], low[met], high[met]
+
+
+# ---- the blade, its coefficients, its loads, and the optimizer's way
+
+_SHAPES = {
+    "chord_m": ("chord (m)", "chord_bounds"),
+    "twist_deg": ("twist (deg)", "twist_bounds"),
+    "thickness_over_chord": ("thickness over chord (-)", "thickness_bounds"),
+}
+
+
+def _shape(told: Sequence[Told]) -> Chart | None:
+    """Return chord, twist and a designed thickness over the radius, with start and bounds."""
+    panels = []
+    for column, (title, bounds) in _SHAPES.items():
+        panel = Panel(title, from_zero=True)
+        _beside_start(panel, told, lambda each: each.blade, "r_m", column)
+        values = [x for trace in panel.traces for x in trace["y"]]
+        ends = {getattr(each.solution.case.design, bounds) for each in told}
+        for end, word in zip(next(iter(ends)) or (), ("smallest", "largest"), strict=False):
+            near = values and 1.5 * min(values) <= end <= 1.5 * max(values)
+            if len(ends) == 1 and near:  # a bound far away says nothing
+                panel.levels[f"{word} {title.partition(' (')[0]} {end:.4g}"] = end
+        panels.append(panel)
+    return _stacked(panels, "radius (m)", 160)
+
+
+def _beside_start(
+    panel: Panel, told: Sequence[Told], table: Callable[[Solution], Any], x: str, y: str
+) -> None:
+    """Add a column of each result to a panel, and of the blade at the start, once if it is one."""
+    starts: list[np.ndarray] = []
+    for index, each in enumerate(told):
+        columns, look = table(each.solution), Look.of(index, each)
+        if y not in columns:
+            continue
+        start = columns.get(f"start_{y}")
+        new = start is not None and not np.array_equal(start, columns[y])
+        if new and not any(np.array_equal(start, other) for other in starts):
+            dotted = {"dash": "dot", "width": 1.4}
+            panel.traces.append(line(columns[x], start, "blade at the start", FAINT, **dotted))
+            starts.append(start)
+        name = escaped(each.label) or ("optimized blade" if new else "blade")
+        panel.traces.append(line(columns[x], columns[y], name, look.color, dash=look.dash))
+
+
+def _coefficients(told: Sequence[Told]) -> Chart | None:
+    """Return power and thrust coefficient over the tip speed ratio, and what is operated in."""
+    panels = []
+    for word in ("power", "thrust"):
+        panel = Panel(f"{word} coefficient (-)", from_zero=True)
+        column = f"{word}_coefficient"
+        _beside_start(panel, told, lambda each: each.power_curve, "tip_speed_ratio", column)
+        panels.append(panel)
+    chart = _stacked(panels, "tip speed ratio (-)", 170)
+    for index, each in enumerate(told):
+        reach = each.solution.summary.tip_speed_ratio
+        if chart is None or reach is None or reach.ends is None:
+            continue
+        color, ends = Look.of(index, each).color, {"x0": reach.min, "x1": reach.max}
+        foot = 0.018 * index
+        tall = {"y0": foot, "y1": foot + 0.012} if each.label else {"y0": 0, "y1": 1}
+        place: Chart = {"yref": "paper", "xref": "x", "type": "rect", "layer": "below"}
+        place |= {"fillcolor": color + ("cc" if each.label else "22")}
+        place |= {"line": {"width": 1, "color": color}}
+        chart["layout"]["shapes"].append(place | tall | ends)
+    return chart
+
+
+_LOADS = {
+    "stress_Pa": ("stress (MPa)", "stress", 1e-6),
+    "flapwise_moment_Nm": ("flapwise moment (kN m)", "root_moment", 1e-3),
+    "cavitation": ("suction, 1: cavitation (-)", "cavitation", 1.0),
+}
+
+
+def _over_span(told: Sequence[Told]) -> Chart | None:
+    """Return the loads along the blade at the times of the largest ones, with their limits.
+
+    Of several scenarios, the largest of all.
+    """
+    panels = []
+    for column, (title, quantity, scale) in _LOADS.items():
+        panel, alone = Panel(title, from_zero=True), []
+        for index, each in enumerate(told):
+            scenarios, look = each.solution.by_scenario, Look.of(index, each, quantity)
+            loads = _largest([one.loads for one in scenarios if one.loads])
+            if column in loads:
+                name = escaped(each.label) or "load"
+                shown = {"showlegend": bool(each.label), "dash": look.dash}
+                values = scale * loads[column]
+                panel.traces.append(line(loads["r_over_R"], values, name, look.color, **shown))
+            alone += [Told(one, each.label) for one in scenarios]
+        if panel.traces and column == QUANTITIES[quantity].column:  # not a moment along the blade
+            panel.levels = _levels_of(alone, quantity, scale)
+        panels.append(panel)
+    return _stacked(panels, "radius over that of the tip (-)", 160)
+
+
+def _largest(tables: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Return the largest values of tables of one blade, which have the same rows."""
+    columns = {name for table in tables for name in table}
+    having = {name: [table[name] for table in tables if name in table] for name in columns}
+    return {name: np.max(values, axis=0) for name, values in having.items()}
+
+
+def _limit_bars(told: Sequence[Told]) -> Chart | None:
+    """Return a bar for each limit of each result: the largest value over the limit, in per cent."""
+    data: list[dict[str, Any]] = []
+    names: list[str] = []
+    for index, each in enumerate(told):
+        left = [_margins(one) for one in each.solution.by_scenario]
+        limits = list(dict.fromkeys(name for one in left for name in one))
+        if not limits:
+            continue
+        most = [100.0 - min(np.min(one[x]) for one in left if x in one) for x in limits]
+        look = [Look.of(index, each, limit).color for limit in limits]
+        words = [limit_words(limit) for limit in limits]
+        names += [word for word in words if word not in names]
+        bar = {"type": "bar", "orientation": "h", "x": _plain(most), "y": words}
+        text = {
+            "text": [f"{x:.1f} %" for x in most],
+            "textposition": "outside" if each.label else "auto",
+        }
+        text |= {"insidetextanchor": "end"}
+        pattern = {"shape": ("", "/", ".", "x", "-", "+")[index % 6], "fillmode": "overlay"}
+        marker = {"marker": {"color": look if not each.label else look[0], "pattern": pattern}}
+        data.append(bar | text | marker | {"name": escaped(each.label), "cliponaxis": False})
+    if not data:
+        return None
+    high = max(100.0, max(x for bar in data for x in bar["x"]))
+    layout = {
+        "height": (12 + 24 * len(data)) * len(names),
+        "bargap": 0.3,
+        "xaxis": {"title": {"text": "largest value, % of the limit"}, "range": [0, 1.18 * high]},
+        "yaxis": {"autorange": "reversed", "ticksuffix": "  ", "showgrid": False},
+        "showlegend": len(data) > 1,
+        "shapes": [
+            {"type": "line", "xref": "x", "x0": 100, "x1": 100, "yref": "paper", "y0": 0, "y1": 1}
+            | {"line": {"color": FAINT, "width": 1.6, "dash": "dashdot"}}
+        ],
+    }
+    return {"data": data, "layout": layout}
+
+
+def _convergence(told: Sequence[Told]) -> Chart | None:
+    """Return the distance of the energy from its last value, and infeasibility, by evaluation."""
+    energy = Panel("distance of the energy from its last value, relative (-)", log=True)
+    broken = Panel("infeasibility: largest scaled violation (-)", log=True)
+    for index, each in enumerate(told):
+        table, look = each.solution.convergence, Look.of(index, each)
+        if not table:
+            continue
+        known = table["energy_J"][np.isfinite(table["energy_J"])]
+        end = known[-1] if known.size and known[-1] else 1.0
+        away = np.abs(table["energy_J"] / end - 1.0)
+        for panel, values in ((energy, away), (broken, table["infeasibility"])):
+            shown = np.maximum(values, LEAST_SHOWN)
+            kept = thinned(table["evaluation"], shown, 1000)
+            name, more = escaped(each.label) or "optimizer", {"showlegend": bool(each.label)}
+            series = table["evaluation"][kept], shown[kept]
+            panel.traces.append(line(*series, name, look.color, mode="lines+markers", **more))
+            panel.traces[-1] |= {"marker": {"size": 4, "color": look.color}}
+    return _stacked([energy, broken], "evaluation of the optimizer (-)", 150)
+
+
+def views(told: Sequence[Told]) -> dict[str, dict[str, Chart]]:
+    """Return the charts that each scenario has, by the name of the scenario and of the chart.
+
+    Parameters
+    ----------
+    told : sequence of Told
+        All results of the page.
+
+    Returns
+    -------
+    dict of dict
+        Where there are several scenarios, the first entry is the envelope of all of them.
+    """
+    most, found = points_each(told), {}
+    names = list(dict.fromkeys(name for each in told for name in each.solution.scenarios))
+    if len(names) > 1:
+        found["all scenarios"] = {
+            "flow": _envelope(told, "inflow_speed"),
+            "time": _envelope(told, "time"),
+            "limits": _limit_bars(told),
+            "span": _over_span(told),
+        }
+    for name in names:
+        having = [each for each in told if name in each.solution.scenarios]
+        alone = [Told(each.solution.scenario(name), each.label) for each in having]
+        charts: dict[str, Callable[[Sequence[Told]], Chart | None]] = {
+            "flow": _over_flow,
+            "time": partial(_over_time, most=most),
+            "limits": _limit_bars,
+            "span": _over_span,
+        }
+        found[name] = {key: make(alone) for key, make in charts.items()}
+    return {name: _drawn(charts.items()) for name, charts in found.items()}
+
+
+def designs(told: Sequence[Told]) -> dict[str, Chart]:
+    """Return the charts that belong to a result as a whole, by their names.
+
+    Parameters
+    ----------
+    told : sequence of Told
+        All results of the page.
+
+    Returns
+    -------
+    dict of dict
+        Those for which there are data.
+    """
+    makers = {"shape": _shape, "coefficients": _coefficients, "convergence": _convergence}
+    return _drawn((name, make(told)) for name, make in makers.items())
+
+
+def _drawn(charts: Iterable[tuple[str, Chart | None]]) -> dict[str, Chart]:
+    return {name: chart for name, chart in charts if chart is not None}

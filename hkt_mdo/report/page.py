@@ -1,0 +1,384 @@
+"""The page of a report: what is told of each result, put into the templates."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Iterable, Sequence
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hkt_mdo.case import Case
+from hkt_mdo.errors import InputError, install
+from hkt_mdo.files.table import read_text, write_files
+from hkt_mdo.results.nesting import beaten, ranked
+from hkt_mdo.results.solution import Solution
+from hkt_mdo.results.steady import rated_point
+from hkt_mdo.results.summary import LimitEntry, Summary, unasked
+from hkt_mdo.results.words import Row, joined, limit_words, measured, number, printable, texts
+
+PACKAGES = "jinja2", "plotly"
+LONGEST_CASE = 1024**2
+"""Bytes of a case's file that a report repeats."""
+
+BADGES = {
+    "verified": "converged and verified by every judge",
+    "refused": "no success",
+    "unfinished": "the run did not come to its end",
+}
+
+
+def write_report(solutions: Iterable[Solution], out: str | Path) -> Path:
+    """Write the report of results as one HTML file that needs no network.
+
+    Parameters
+    ----------
+    solutions : iterable of Solution
+        One result, or several that the page sets side by side, the best first.
+    out : str or pathlib.Path
+        The file, which is replaced; its folder is made if need be.
+
+    Returns
+    -------
+    pathlib.Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        If a package is missing, there is no result, or the file cannot be written.
+    """
+    missing = [name for name in PACKAGES if find_spec(name) is None]
+    if missing:
+        problem = f"a report needs {' and '.join(missing)}, which is not installed"
+        raise InputError(problem, f"install it with: {install('report')}")
+    chosen = list(solutions)
+    if not chosen:
+        raise InputError("a report needs a result", "give a result folder")
+    path = Path(out)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        problem = f"cannot be made a folder ({error.strerror})"
+        raise InputError(problem, "choose another one", file=path.parent) from error
+    write_files({path: _page(chosen).encode()})
+    return path
+
+
+def _page(solutions: Sequence[Solution]) -> str:
+    """Return the page as HTML."""
+    jinja2, offline = import_module("jinja2"), import_module("plotly.offline")
+    from hkt_mdo.report import blade, charts
+
+    order, shares = ranked(solutions)
+    told = [charts.Told(*each) for each in zip(order, labels(order), strict=True)]
+    found, reasons = blade.bodies(told)
+    drawn, views = charts.designs(told), charts.views(told)
+    if found:
+        drawn |= {"solid": blade.solid(found), "sections": blade.sections(found)}
+    folder = jinja2.PackageLoader("hkt_mdo.report", "templates")
+    environment = jinja2.Environment(
+        loader=folder, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
+    )
+    names = [label or "result" for label in labels(order)]
+    return environment.get_template("report.html").render(
+        title=" and ".join(dict.fromkeys(each.name for each in order)),
+        alike=len({each.case.objective.kind for each in order}) == 1,
+        results=[_told(each, name) for each, name in zip(order, names, strict=True)],
+        headline=_aligned(
+            [_behind(share, order) | _headline(x) for x, share in zip(order, shares, strict=True)]
+        ),
+        merits=_aligned([texts(each.summary.rows(each.case)) for each in order]),
+        checks=_checks(order),
+        limits=_limits(order),
+        differences=_differences([each.case for each in order]),
+        beaten=[printable(str(line)) for line in beaten(each for each in order if each.finished)],
+        not_modelled=list(dict.fromkeys(line for x in order for line in not_modelled(x.case))),
+        reasons=[printable(reason) for reason in reasons],
+        picture=base64.b64encode(blade.picture(found)).decode() if found else "",
+        points=charts.points_each(told),
+        views=list(views),
+        charts=drawn,
+        view_charts=sorted({name for each in views.values() for name in each}),
+        data=json.dumps({"charts": drawn, "views": views, "dark": charts.DARK}, allow_nan=False),
+        plotly=offline.get_plotlyjs(),
+    )
+
+
+def labels(solutions: Sequence[Solution]) -> list[str]:
+    """Return what results are called beside one another; "" for a single one.
+
+    Parameters
+    ----------
+    solutions : sequence of Solution
+        The results.
+
+    Returns
+    -------
+    list of str
+        Names of the cases, of the folders where those are equal, and numbers where these are, too.
+    """
+    if len(solutions) == 1:
+        return [""]
+    for name in (lambda each: each.name, lambda each: each.folder.resolve().name):
+        names = [printable(name(each)) for each in solutions]
+        if len(set(names)) == len(names):
+            return names
+    return [f"{index}: {name}" for index, name in enumerate(names, 1)]
+
+
+def _told(solution: Solution, name: str) -> dict[str, Any]:
+    """Return what the page says of one result by itself."""
+    summary = solution.summary
+    state = "verified" if solution.success else "refused" if solution.finished else "unfinished"
+    folder = solution.folder.resolve().name
+    optimizer = joined(summary.optimizer or "", summary.package or "")
+    seconds = "" if summary.wall_seconds is None else f"{summary.wall_seconds:.1f} s"
+    origin = {
+        "case": solution.name,
+        "result folder": folder,
+        "control law": solution.case.control.law,
+        "optimizer": joined(optimizer, f"{summary.iterations} iterations", seconds),
+        "digest of files and code": summary.digest or "not recorded",
+        "versions": joined(*(f"{key} {value}" for key, value in (summary.versions or {}).items())),
+    }
+    text = read_text(solution.folder / "case.yaml", "case of a result", LONGEST_CASE)
+    return {
+        "name": name,
+        "folder": folder,
+        "state": state,
+        "badge": BADGES[state],
+        "message": solution.message,
+        "law": solution.case.control.law,
+        "failed": solution.failed_checks,
+        "large": "; ".join(f"{label}: {words}" for label, words in _unasked(solution)),
+        "notes": solution.notes,
+        "bounds": [str(each.row()) for each in summary.at_bounds or ()],
+        "passes": summary.passes or (),
+        "starts": [str(row) for row in summary.rows(solution.case) if row.label == "starts"],
+        "scenarios": _scenarios(summary),
+        "origin": {key: printable(value) for key, value in origin.items()},
+        "yaml": text,
+    }
+
+
+def _aligned(columns: Sequence[dict[str, str]]) -> list[tuple[str, list[str]]]:
+    """Return texts by their labels as rows, one text a column."""
+    names = dict.fromkeys(label for column in columns for label in column)
+    return [(name, [column.get(name, "") for column in columns]) for name in names]
+
+
+def _behind(share: float | None, order: Sequence[Solution]) -> dict[str, str]:
+    """Return by how much the objective of one of several results differs from the best."""
+    if share is None or len(order) == 1:
+        return {}
+    return {f"objective, {order[0].case.objective.kind}, to the best": f"{100.0 * share:+.4f} %"}
+
+
+def _headline(solution: Solution) -> dict[str, str]:
+    """Return the figures that a designer asks for first, by their names."""
+    summary, loads = solution.summary, solution.summary.loads or {}
+    entries = (summary.scenarios or {}).values()
+    spans = [(x.weight or 0.0) * (x.duration_s or 0.0) for x in entries]
+    duration = sum(spans)
+    if not duration and len(solution.scenarios) == 1:  # an older result
+        duration = float(np.ptp(solution.trajectory.get("time_s", [0.0])))
+    rows: dict[str, str] = {}
+    for name, energy in (
+        ("captured", summary.simulated_energy_J or summary.energy_J),
+        ("electrical", summary.electrical_energy_J),
+    ):
+        lossless = name == "electrical" and energy == summary.generator_energy_J
+        if energy is not None and not lossless and duration:
+            power = 1e-3 * energy / duration
+            rows[f"mean {name} power"] = f"{number(power)} kW"
+            rows[f"{name} energy a day"] = f"{number(24.0 * power)} kWh"
+    alone = [(each, rated_point(each)) for each in solution.by_scenario]
+    rated = [point[0] for _, point in alone if point is not None]
+    if rated:
+        rows["power limit reached from"] = f"{min(rated):.2f} m/s"
+    speeds = [x.table("simulation")["rotor_speed_rad_s"] for x, _ in alone if x.simulation]
+    if speeds:
+        both = 30.0 / np.pi * np.array([min(map(np.min, speeds)), max(map(np.max, speeds))])
+        rows["rotor speed"] = measured(both, "rpm", 4)
+    torque = summary.control_torque_max_Nm
+    rows |= {} if torque is None else {"largest generator torque": measured(torque, "N*m", 4)}
+    for name, label in _LARGEST.items():
+        if name in loads and loads[name].value is not None:
+            rows[label] = measured(loads[name].value, loads[name].unit, 4)
+    if summary.rotor_radius_m is not None:
+        rows["rotor diameter"] = f"{2.0 * summary.rotor_radius_m:.4g} m"
+    rows |= {} if summary.mass_kg is None else {"mass of the blades": f"{summary.mass_kg:.4g} kg"}
+    return rows
+
+
+_LARGEST = {
+    "power": "largest generator power",
+    "thrust": "largest thrust",
+    "root_moment": "largest root moment of a blade",
+    "stress": "largest stress in a blade",
+    "cavitation": "largest suction (1: cavitation)",
+    "tip_speed": "largest tip speed",
+}
+
+
+def _checks(solutions: Sequence[Solution]) -> list[dict[str, Any]]:
+    """Return the judges as rows, those that refused a result first, with a cell a result."""
+    entries = [{x.name: x for x in each.summary.checks or ()} for each in solutions]
+    rows = []
+    for name in dict.fromkeys(name for each in entries for name in each):
+        known = [each.get(name) for each in entries]
+        cells = [
+            {"passed": x.passed, "value": measured(x.value, digits=3), "detail": x.detail or ""}
+            | {"limit": measured(x.limit, digits=3)}
+            if x
+            else None
+            for x in known
+        ]
+        refused = any(x is not None and not x.passed for x in known)
+        rows.append({"name": limit_words(name), "cells": cells, "refused": refused})
+    return sorted(rows, key=lambda row: not row["refused"])
+
+
+def _unasked(solution: Solution) -> list[tuple[str, str]]:
+    """Return the loads that are large and have no limit, and what is to be said of them."""
+    limits, loads = solution.summary.limits or {}, solution.summary.loads or {}
+    free = {name: entry for name, entry in loads.items() if name not in limits}
+    told = [(x.row(name), unasked(name, x.value, solution.case)) for name, x in free.items()]
+    return [(f"{x.label} {measured(x.value, x.unit, 4)}", words) for x, words in told if words]
+
+
+def _limits(solutions: Sequence[Solution]) -> list[dict[str, Any]]:
+    """Return the limits as rows with a cell a result, and below them the loads without one."""
+    columns: list[dict[str, dict[str, Any]]] = []
+    for solution in solutions:
+        limits, loads = solution.summary.limits or {}, solution.summary.loads or {}
+        given = {name: entry.row(name, loads.get(name)) for name, entry in limits.items()}
+        free = {name: entry.row(name) for name, entry in loads.items() if name not in limits}
+        column = {}
+        for name, row in (given | free).items():
+            column[name] = _limit_cells(limits.get(name), row, loads.get(name))
+            large = "" if name in limits else unasked(name, loads[name].value, solution.case)
+            column[name]["large"] = large
+        columns.append(column)
+    names = dict.fromkeys(name for column in columns for name in column)
+    order = sorted(
+        names, key=lambda name: all(name not in (x.summary.limits or {}) for x in solutions)
+    )
+    return [
+        {"label": limit_words(x), "cells": [column.get(x) for column in columns]} for x in order
+    ]
+
+
+def _limit_cells(entry: LimitEntry | None, row: Row, load: Any) -> dict[str, Any]:
+    """Return the cells of a limit, or of a load without one."""
+    cells = {"most": measured(row.value, row.unit, 4)}
+    if entry is None:
+        empty = dict.fromkeys(("margin", "binding", "worth"), "")
+        return cells | empty | {"limit": "none", "when": load.place, "binds": False}
+    limit, worth = measured(entry.limit, entry.unit, 4), entry.worth
+    time = entry.share_of_time
+    share = "" if time is None else f"{100.0 * time:.3g} % of the time"
+    return cells | {
+        "limit": limit,
+        "margin": entry.margin.partition(",")[0].removeprefix("margin "),
+        "binding": (share or "yes") if entry.binding else "no",
+        "when": (load or entry).place,
+        "worth": "" if not entry.binding or worth is None else measured(worth, "J", 3),
+        "binds": bool(entry.binding),
+    }
+
+
+def _scenarios(summary: Summary) -> list[dict[str, str]]:
+    """Return the scenarios of a result as rows, the largest of all of them first."""
+    entries = summary.scenarios or {}
+    if len(entries) < 2:
+        return []
+    limits = list(dict.fromkeys(name for x in entries.values() for name in x.limits or {}))
+    rows = []
+    for name, entry in entries.items():
+        flow = entry.inflow_speed
+        shares = {
+            limit_words(x): each.value / each.limit
+            for x, each in (entry.limits or {}).items()
+            if each.value is not None and each.limit
+        }
+        rows.append(
+            {
+                "scenario": name,
+                "share of time": measured(entry.share, digits=3),
+                "duration": measured(entry.duration_s, "s"),
+                "mean flow": "-" if flow is None else measured(flow.mean, "m/s", 3),
+                "largest flow": "-" if flow is None else measured(flow.max, "m/s", 3),
+                "energy": measured(entry.simulated_energy_J, "J", 4),
+                "mean power": measured(entry.mean_power_W, "W", 4),
+                **{f"of the {x} limit": f"{100.0 * y:.1f} %" for x, y in shares.items()},
+            }
+        )
+    worst: dict[str, str] = {"scenario": "largest of all"}
+    for limit in limits:
+        key = f"of the {limit_words(limit)} limit"
+        known = [row[key] for row in rows if key in row]
+        if known:
+            worst[key] = max(known, key=lambda text: float(text.removesuffix(" %")))
+    return [worst, *rows]
+
+
+def _differences(cases: Sequence[Case]) -> list[tuple[str, list[str]]]:
+    """Return the keys in which cases differ, with the value of each case."""
+    flat = [_flat(case.model_dump(mode="json")) for case in cases]
+    rows = []
+    for key in dict.fromkeys(key for each in flat for key in each):
+        values = ["-" if each.get(key) is None else str(each[key]) for each in flat]
+        if len(set(values)) > 1 and key != "name":
+            rows.append((key, [printable(value) for value in values]))
+    return rows
+
+
+def _flat(data: Any, key: str = "") -> dict[str, Any]:
+    """Return the values of a nested dictionary by their dotted keys."""
+    if not isinstance(data, dict):
+        return {key: data}
+    parts = (_flat(value, f"{key}.{name}" if key else name) for name, value in data.items())
+    return {name: value for part in parts for name, value in part.items()}
+
+
+def not_modelled(case: Case) -> list[str]:
+    """Return what the numbers of a result leave out, a sentence each.
+
+    Parameters
+    ----------
+    case : Case
+        The case that was run.
+
+    Returns
+    -------
+    list of str
+        What no case has, and what this case does not ask for.
+    """
+    found = [
+        "The flow has one speed over the whole disc: no shear, no waves, no yaw, no wake of "
+        "another turbine, and no turbulence that is smaller than the rotor.",
+        "The channel is wide and deep: no blockage by bed, banks or surface, and no support "
+        "structure.",
+        "The wake answers at once. A real one needs seconds, in which a light rotor at its limit "
+        "may run away: hkt simulate RESULT --inflow-dynamics oye tells.",
+        "Sections have the lift and drag of steady flow: no dynamic stall, no added mass.",
+        "Blades are rigid in the flow. Stress is that of a beam of one material, by thrust, torque "
+        "and centrifugal force: no fatigue, no buckling, no torsion, no weight, no root joint.",
+        "The torque follows its demand at once, and the sensor has no noise: hkt simulate RESULT "
+        "--noise-snr tells what noise and its filter change. Start and stop are left out.",
+    ]
+    if case.rotor.reynolds == "invariant":
+        found.append("The polars are those of one Reynolds number (rotor.reynolds: invariant).")
+    if case.site.hub_depth is None:
+        found.append("Cavitation is not known: the case gives no depth of the hub.")
+    if case.generator == type(case.generator)():
+        found.append("The generator and the drive train have no losses.")
+    if case.control.cut_out is not None:
+        found.append("After a standstill the machine runs at once, without a run-up.")
+    return found

@@ -1,0 +1,238 @@
+"""The report: what its page says, read by a parser of its own, and what its charts show."""
+
+import base64
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hkt_mdo.cli import main
+from hkt_mdo.exports.solids import outline_volume
+from hkt_mdo.report import blade, charts, page
+from hkt_mdo.results.solution import Solution
+from tests.conftest import make_result
+from tests.exports.made import made
+
+TWO = """
+name: two
+inflow: {profile: sine}
+control: {law: quadratic, torque_limit: 700}
+scenarios:
+  - {name: slow, weight: 3}
+  - {name: fast, inflow: {profile: sine, mean: 1.6}, limits: {thrust: 6 kN}}
+"""
+
+
+class Reader(HTMLParser):
+    """The rows of a page's tables, its headings and its data, by Python's own parser."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.rows: list[list[str]] = []
+        self.headings: list[str] = []
+        self.links: list[str] = []
+        self.data, self._into = "", ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        self.links += [value for key, value in attrs if key in ("src", "href") and value]
+        if tag == "tr":
+            self.rows.append([])
+        elif tag in ("td", "th"):
+            self.rows[-1].append("")
+        elif tag in ("h1", "h2"):
+            self.headings.append("")
+        if tag in ("td", "th", "h1", "h2", "script"):
+            self._into = given.get("id") or tag
+
+    def handle_endtag(self, tag):
+        self._into = "" if tag in ("td", "th", "h1", "h2", "script") else self._into
+
+    def handle_data(self, data):
+        if self._into == "data":
+            self.data += data
+        elif self._into in ("td", "th"):
+            self.rows[-1][-1] += data
+        elif self._into in ("h1", "h2"):
+            self.headings[-1] += data
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory) -> list[Path]:
+    """Two invented results, of which judges refused the second one, with a tag in its message."""
+    base = tmp_path_factory.mktemp("report")
+    found = [make_result(base / "one"), make_result(base / "two", "linear", None)]
+    summary = json.loads((found[1] / "summary.json").read_text())
+    words = "<script>alert(1)</script> exceeds"
+    check = {"name": "power", "value": 2.0, "limit": 1.0, "passed": False, "detail": words}
+    summary |= {"success": False, "message": words, "checks": [*summary["checks"], check]}
+    (found[1] / "summary.json").write_text(json.dumps(summary))
+    return found
+
+
+@pytest.fixture(scope="module")
+def read(texts) -> dict[str, Reader]:
+    """The pages as they are read."""
+    return {name: Reader(text) for name, text in texts.items()}
+
+
+@pytest.fixture(scope="module")
+def texts(folders, tmp_path_factory) -> dict[str, str]:
+    """The pages of one result and of both."""
+    out = tmp_path_factory.mktemp("pages")
+    solutions = [Solution.load(folder) for folder in folders]
+    return {
+        name: page.write_report(some, out / f"{name}.html").read_text("utf-8")
+        for name, some in (("one", solutions[:1]), ("both", solutions))
+    }
+
+
+def cells(read: Reader) -> dict[str, list[str]]:
+    """Return the cells of a page's rows by the first one."""
+    return {row[0].strip(): [x.strip() for x in row[1:]] for row in read.rows if row}
+
+
+def test_one_result_tells_all_that_was_asked(texts, read, folders):
+    assert read["one"].headings == [
+        *("sine_quadratic", "Figures of merit", "Blade", "Operation", "Limits"),
+        *("Judges", "What is not modelled", "Convergence", "Case and versions"),
+    ]
+    rows = cells(read["one"])
+    checks = json.loads((folders[0] / "summary.json").read_text())["checks"]
+    told = [row[:4] for row in read["one"].rows if "✓ passed" in row]
+    assert told == [
+        [x["name"].replace("_", " "), "✓ passed", f"{x['value']:.3g}", f"{x['limit']:.3g}"]
+        for x in checks
+    ]
+    assert rows["generator torque"][:4] == ["700 N m", "700 N m", "0.00 %", "yes"]
+    # energy over 60 s, in kW and in kWh a day
+    assert f"{322240.5 / 60e3:.3f} kW" in texts["one"]
+    assert f"{322240.5 / 60.0 * 24e-3:.4g} kWh" in texts["one"]
+
+
+def test_page_loads_nothing(texts, read):
+    for name, text in texts.items():
+        assert read[name].links
+        assert all(link.startswith(("#", "data:image/png")) for link in read[name].links)
+        assert "default-src 'none'" in text
+
+
+def test_several_results_stand_side_by_side(read):
+    rows = cells(read["both"])
+    assert rows["largest thrust"] == [rows["largest thrust"][0]] * 2  # of the same operation
+    assert rows["control.law"] == ["quadratic", "linear"]
+    assert rows["power"][0] == ""  # a check that only the second one has
+    assert rows["power"][1].startswith("✗ failed")
+    assert rows["objective, captured, to the best"] == ["+0.0000 %", "+0.0000 %"]
+
+
+def test_texts_are_escaped(texts):
+    assert "<script>alert" not in texts["both"]
+    assert "&lt;script&gt;alert(1)" in texts["both"]
+    assert charts.escaped("<b>a</b>\n&") == "&lt;b&gt;a&lt;/b&gt; &amp;"
+
+
+def test_charts_hold_the_numbers_of_the_tables(read, folders):
+    data = json.loads(read["one"].data)
+    (view,) = data["views"].values()
+    table = Solution.load(folders[0]).simulation
+    lines = {x["name"]: x for x in view["time"]["data"]}
+    speed, margin = lines["rotor speed"], lines["margin: generator torque"]
+    np.testing.assert_allclose(speed["x"], table["time_s"], rtol=1e-6)
+    rpm = table["rotor_speed_rad_s"] * 60.0 / (2.0 * np.pi)
+    np.testing.assert_allclose(speed["y"], rpm, rtol=1e-4)
+    left = 100.0 * (1.0 - table["control_torque_Nm"] / 700.0)
+    np.testing.assert_allclose(margin["y"], left, atol=1e-3)
+    shown = set(re.findall("#[0-9a-f]{6}", json.dumps(data["views"]) + json.dumps(data["charts"])))
+    assert shown
+    assert shown <= data["dark"].keys()
+
+
+@settings(max_examples=25)
+@given(
+    st.lists(st.floats(-1e3, 1e3) | st.just(np.nan), min_size=1, max_size=200),
+    st.integers(4, 60),
+)
+def test_thinning_keeps_extremes_ends_and_gaps(values, most):
+    values = np.array(values)
+    kept = charts.thinned(np.arange(values.size), values, most)
+    gaps = np.flatnonzero(np.isnan(values))
+    assert np.all(np.diff(kept) > 0)
+    assert {0, values.size - 1, *gaps} <= set(kept)
+    assert len(set(kept) - set(gaps)) <= most
+    if gaps.size < values.size:
+        assert np.nanmin(values[kept]) == np.nanmin(values)
+        assert np.nanmax(values[kept]) == np.nanmax(values)
+
+
+def test_solid_is_the_blade(folders):
+    """The volume of the drawn mesh is the integral of the outlines, its normals point outwards."""
+    solution = Solution.load(folders[0])
+    found, reasons = blade.bodies([charts.Told(solution, "")])
+    assert not reasons
+    assert [each.name for each in found] == ["optimized blade", "blade at the start"]
+    mesh = blade.solid(found)["data"][0]
+
+    def unpacked(key):
+        kinds = {"f4": "<f4", "u4": "<u4"}
+        return np.frombuffer(base64.b64decode(mesh[key]["bdata"]), kinds[mesh[key]["dtype"]])
+
+    points = np.stack([unpacked(key) for key in "xyz"], axis=-1).astype(float)
+    one, two, three = (points[unpacked(key)] for key in "ijk")
+    volume = np.sum(one * np.cross(two, three)) / 6.0
+    # a section of 48 points and a thicker trailing edge
+    assert volume == pytest.approx(outline_volume(solution.design()), rel=0.02)
+    assert np.min(points[:, 0]) == pytest.approx(0.125 * 1.4)
+    assert np.max(points[:, 0]) == pytest.approx(1.4)
+
+
+def test_envelope_covers_every_scenario(tmp_path):
+    solution = made(tmp_path / "two", TWO, [7.5])
+    told = [charts.Told(solution, "")]
+    views = charts.views(told)
+    assert list(views) == ["all scenarios", "slow", "fast"]
+    band = [x for x in views["all scenarios"]["time"]["data"] if x["yaxis"] == "y5"]  # thrust, kN
+    low, high = (np.array(x["y"]) for x in band)
+    thrust = [1e-3 * one.simulation["thrust_N"] for one in solution.by_scenario]
+    assert np.min(low) == pytest.approx(np.min(thrust), rel=1e-4)
+    assert np.max(high) == pytest.approx(np.max(thrust), rel=1e-4)
+    assert np.all(low <= high)
+    limits = {x["text"] for x in views["fast"]["time"]["layout"]["annotations"]}
+    assert "thrust limit 6 kN" in limits
+    assert "thrust limit 6 kN" not in {
+        x["text"] for x in views["slow"]["time"]["layout"]["annotations"]
+    }
+
+
+def test_an_unfinished_result_is_told(folders, tmp_path):
+    solution = Solution.load(folders[0])
+    summary = solution.summary.model_copy(
+        update={"success": False, "checks": None, "chord_m": None, "message": "interrupted"}
+    )
+    tables = {name: replace(x, loads={}, simulation={}) for name, x in solution.tables.items()}
+    half = replace(solution, summary=summary, tables=tables, power_curve={}, convergence={})
+    text = page.write_report([half], tmp_path / "half.html").read_text("utf-8")
+    assert "the run did not come to its end" in text
+    assert "No solid of sine_quadratic" in text
+    assert "No judge has looked at it." in text
+
+
+def test_command_writes_and_refuses(folders, tmp_path, capsys, monkeypatch):
+    out = str(tmp_path / "new" / "report.html")
+    assert main(["report", str(folders[0]), "--out", out]) == 0
+    assert capsys.readouterr().out == f"{out}\n"
+    assert main(["report", str(folders[0]), "--out", out]) == 2
+    assert "is there already; give --force" in capsys.readouterr().err
+    monkeypatch.setattr(page, "find_spec", lambda name: None)
+    assert main(["report", str(folders[0]), "--out", out, "--force"]) == 2
+    told = capsys.readouterr().err
+    assert "needs jinja2 and plotly, which is not installed" in told
+    assert "pip install" in told
+    assert "[report]" in told
