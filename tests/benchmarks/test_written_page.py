@@ -10,6 +10,13 @@ def test_page_takes_what_the_benchmarks_found(request, measured, tmp_path):
         pytest.skip("needs the other benchmarks in the same process")
     report.write(measured, {}, tmp_path)
     page = (tmp_path / "performance.md").read_text(encoding="utf-8")
-    for section in ("The whole case", "One NLP iteration", "Growth", "A year", "Peers", "BEM alone"):
+    for section in (
+        "The whole case",
+        "One NLP iteration",
+        "Growth",
+        "A year",
+        "Peers",
+        "BEM alone",
+    ):
         assert f"\n## {section}\n" in page
     assert (tmp_path / "images" / "growth.png").is_file()
