@@ -80,8 +80,8 @@ def report_resource(
         name: style.figure_of(7.0, 3.2 * len(x) + 0.8, x, share=False)
         for name, x in figures.items()
     }
-    names = (path.name for path in (*written, *style.save(drawn, out)))
-    yield f"Written: {out}: {', '.join(names)}"
+    files = [path.name for path in (*written, *style.save(drawn, out))]
+    yield f"Written: {out}: {', '.join(files)}"
 
 
 def _record(file: Path, keys: Sequence[str]) -> RecordResource:

@@ -138,8 +138,8 @@ def better_steady(scenarios: Iterable[Scenario]) -> str:
     if longest <= SLOW:
         return ""
     return (
-        f"the flow changes within hours, the rotor within a second, and segments of {longest:.3g} s "
-        "may follow a false solution: take it without its time, by "
+        "the flow changes within hours, the rotor within a second, and segments of "
+        f"{longest:.3g} s may follow a false solution: take it without its time, by "
         "scenarios: [{inflow: ..., steady: true}], or as a resource of a year (docs/year.md)"
     )
 

@@ -394,6 +394,7 @@ class Physics:
             known |= own.loads_along(point.blade, known, self.load_names)
             known["torque_rate"] = scenario.rate_of(torque)
             scalars = own.scalars(point.blade, own.mass_and_inertia(point.blade)[1])
+            known["steady"] = scenario.steady
             found.append(known | scalars | self.states_at_rest(torque, flow))
         energies = self.energies([scenario.sample_weights for scenario in self.scenarios], found)
         return [known | energies for known in found]

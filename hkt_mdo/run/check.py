@@ -8,6 +8,7 @@ import numpy as np
 
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.limits import DesignBounds, Limit, TorqueLimit
+from hkt_mdo.dynamics.resource import Resource
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.problem.build import make_driver
@@ -219,7 +220,7 @@ def _polars(rotor) -> dict[str, tuple]:
 
 def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
     """Yield a flow; warn of changes that mesh, disc or rotor cannot follow."""
-    cutoff, changes = flow.cutoff, "none: it is steady"
+    cutoff, changes = flow.cutoff, "not counted" if flow.steady else "none: it is steady"
     if cutoff:
         period = measured(1.0 / cutoff, "s", 3)
         changes = f"up to {cutoff:.3g} Hz, a period of {period}"
@@ -235,6 +236,7 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
     yield Row("mean speed", flow.mean, "m/s", digits=4)
     share = f"{100.0 * flow.deviation / flow.mean:.3g} % of the mean"
     yield Row("standard deviation", flow.deviation, "m/s", share, 3)
+    why = "a year" if isinstance(flow.kind, Resource) else why
     yield Row("time", duration(flow.duration), "", why)
     if len(found.flows) > 1:
         yield Row("share of time", flow.share)
@@ -402,7 +404,10 @@ def _optimization(found: Findings, package: str) -> Rows:
         torque = "as a curve over the tip speed ratio, one for each blade"
     of = f"{min(segments, given)} of {measured(length, 's', 3)}{periods}"
     nodes = f"{phase.transcription} of order {phase.order}, {size.nodes} nodes"
-    yield Row("segments", of, "", nodes)
+    if all(each.steady for each in found.flows):
+        yield Row("speeds of the flow", str(size.nodes), "", "in equilibrium, without time")
+    else:
+        yield Row("segments", of, "", nodes)
     yield Row("unknowns", _sizes(size.unknowns))
     yield Row("constraints", _sizes(size.constraints))
     yield Row("torque", torque, "", f"by BEM: {hydro.bem}; in the simulation {hydro.check}")

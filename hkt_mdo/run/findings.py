@@ -334,7 +334,7 @@ def problem_size(physics: Physics, best: SteadyOptimum) -> ProblemSize:
     """
     segments = sum(each.segments for each in physics.scenarios)
     nodes = physics.scenarios[0].nodes_per_segment * segments
-    if len(physics.scenarios) > 1:
+    if len(physics.scenarios) > 1 or physics.scenarios[0].steady:
         unknowns, constraints, seconds = _trial(physics, best)
         return ProblemSize(unknowns, constraints, nodes, seconds)
     few, many = (min(count, segments) for count in TRIAL_SEGMENTS)

@@ -218,6 +218,10 @@ class SteadyFlight(Flight):
     rates_flown = rates_at_nodes
 
     @property
+    def told(self):
+        return super().told | {"steady": True}
+
+    @property
     def recorded(self):
         return self.controller if isinstance(self.controller, HeldSpeeds) else None
 

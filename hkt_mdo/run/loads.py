@@ -25,10 +25,12 @@ def largest(trajectories: Iterable[Known]) -> dict[str, LoadEntry]:
         told["tip_speed"] = known["rotor_speed"] * known["rotor_radius"], "m/s"
         for name, (values, unit) in told.items():
             worst = int(np.argmax(values))
-            value, time = float(values[worst]), float(known["time"][worst])
+            value, place = float(values[worst]), {"time_s": float(known["time"][worst])}
+            if known.get("steady"):
+                place = {"flow_m_s": float(known["inflow_speed"][worst])}
             before = found.get(name)
             if before is None or value > before.value:
-                found[name] = LoadEntry(value=value, unit=unit or "", time_s=time)
+                found[name] = LoadEntry(value=value, unit=unit or "", **place)
     return found
 
 

@@ -470,9 +470,7 @@ def _loads(finished, flights):
     flown = [flight.told for flight in flights]
     own = finished.physics.of(flights[0].scenario)
     found = loads.placed(own, finished.result.point.blade, flown)
-    entries = {name: entry.model_dump(exclude_unset=True) for name, entry in found.items()}
-    scenario = flights[0].scenario
-    return {name: each | _place(scenario, each.pop("time_s")) for name, each in entries.items()}
+    return {name: entry.model_dump(exclude_unset=True) for name, entry in found.items()}
 
 
 def _place(scenario, time):

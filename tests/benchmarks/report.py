@@ -189,6 +189,22 @@ at a time.
 {table(header, lines)}"""
 
 
+def year(found):
+    """Return the section on the co-design of a year."""
+    lines = [
+        (name, speeds, f"{energy:.0f}", seconds(time), iterations)
+        for name, speeds, energy, time, iterations in found["test_year"]["rows"]
+    ]
+    header = ("case", "speeds of the flow", "energy a year / kWh", "time", "last iterations")
+    return f"""
+## A year
+
+The paper's rotor in a Weibull distribution of the flow's speed, blade and controller designed for
+the energy of a year ([year.md](year.md)); processor time of one core, judges included.
+
+{table(header, lines)}"""
+
+
 def peers(found):
     """Return the section on what else one might use."""
     rows, ratios = [], []
@@ -288,7 +304,7 @@ One core, the fastest of several calls. [bem.md](bem.md) says what is computed a
 def write(found, machine, docs):
     """Write the document and the figure of what was found, by name of the benchmark."""
     packages = ("openmdao", "dymos", "numpy", "scipy", "numba", "casadi")
-    sections = (whole_case, parts, iteration, many, direct, peers, bem_alone)
+    sections = (whole_case, parts, iteration, many, direct, year, peers, bem_alone)
     cpu = machine.get("cpu", {})
     end = (
         f"\nMeasured with Python {platform.python_version()}, "
