@@ -45,9 +45,9 @@ class Aggregate(Section):
         return np.empty(0)
 
     def binding(self, rates: np.ndarray, shares: np.ndarray) -> np.ndarray:
-        """Tell which scenarios decide the measure at some rates, (n_scenarios,); by default none.
+        """Tell which scenarios the measure is taken of, where not of all, (n_scenarios,).
 
-        Those without whose rates it would not change if the rates changed a little.
+        None by default. The worst rate, for example, is that of one scenario or a few.
         """
         return np.zeros(shares.size, dtype=bool)
 

@@ -681,10 +681,11 @@ def _with_limits(
         name: limit.on(shape.blade, case.rotor.blade_material)
         for name, limit in scenario.own_limits.items()
     }
-    limit = case.control.torque_limit
-    if limit is not None:  # of what the law asks for
-        own[TorqueLimit.name] = TorqueLimit(bound=constant * limit)
     common = {limit.name: limit for limit in limits if limit.place == "time"}
+    for limit in limits:
+        if isinstance(limit, TorqueLimit) and limit.bound is not None:  # of what the law asks for
+            bound = limit.bound * constant / case.condition.torque_constant
+            common[limit.name] = TorqueLimit(bound=bound)
     return replace(scenario, limits=tuple((common | own).values()), own_limits={})
 
 
