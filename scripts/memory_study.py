@@ -320,7 +320,9 @@ def pulses():
         problem.run_driver()
         rows.append((f"{100 * pulse:g} %", f"{problem.get_val('energy')[0] / 1e3:.2f}"))
     wake.PULSE = kept
-    about = "Open loop under 700 N m, 60 segments, by how far it may be from the start's wake factor:"
+    about = (
+        "Open loop under 700 N m, 60 segments, by how far it may be from the start's wake factor:"
+    )
     return [about, "", *markdown_table(("from the start's", "captured, kJ"), rows)]
 
 
