@@ -1,4 +1,4 @@
-"""Draw the baseline's power coefficient beside the measurements of Bahaj et al. (2007).
+"""Draw the baseline's power and thrust coefficients beside those measured by Bahaj et al. (2007).
 
 python scripts/plot_measurements.py docs/images/baseline_measured.png
 """
@@ -23,13 +23,14 @@ SETS = {
 
 
 def main():
-    """Draw measured points and the curves of two sets of stations."""
+    """Draw measured points and the curves of two sets of stations; tell the errors."""
     measured = read_table("bahaj2007", ("TSR", "Cp"), "measurement")
+    thrust = read_table("bahaj2007", ("TSR", "Ct"), "thrust")
     tabulated = np.minimum(read_table("bahaj2007", ("r_over_R",), "blade")["r_over_R"], 0.999)
     polar = PolarFamily.from_file("naca63815_Re2e5").polars[0]
-    figure = Figure(figsize=(6.2, 4.0), layout="constrained")
+    figure = Figure(figsize=(6.2, 6.4), layout="constrained")
     FigureCanvasAgg(figure)
-    ax = figure.subplots()
+    ax, below = figure.subplots(2, 1, sharex=True)
     ax.plot(
         measured["TSR"],
         measured["Cp"],
@@ -37,6 +38,7 @@ def main():
         markersize=4,
         label="measured, 20° hub pitch, 1.73 m/s",
     )
+    below.plot(thrust["TSR"], thrust["Ct"], "ko", markersize=4, label="measured, same tests")
     ratios = np.linspace(3.5, 10.5, 141)
     for (label, stations), line in zip(SETS.items(), ("-", "--"), strict=True):
         r = tabulated if stations is None else stations
@@ -45,7 +47,15 @@ def main():
         rms = np.sqrt(np.mean(error**2))
         power = bem.rotor_coefficients(blade, polar, ratios).power
         ax.plot(ratios, power, line, color="0.25", label=f"BEM, {label} (rms error {rms:.3f})")
-    ax.set_xlabel("tip speed ratio (-)")
+        share = bem.rotor_coefficients(blade, polar, thrust["TSR"]).thrust / thrust["Ct"] - 1.0
+        text = f"{100 * np.min(share):.1f} to {100 * np.max(share):.1f} %"
+        print(f"thrust of BEM against the measured one, {label}: {text}")
+        curve = bem.rotor_coefficients(blade, polar, ratios).thrust
+        below.plot(ratios, curve, line, color="0.25", label=f"BEM, {label} ({text})")
+    below.set_xlabel("tip speed ratio (-)")
+    below.set_ylabel("thrust coefficient $C_T$ (-)")
+    below.grid(True, color="0.88", linewidth=0.6)
+    below.legend(loc="lower right", fontsize=9)
     ax.set_ylabel("power coefficient $C_P$ (-)")
     ax.set_ylim(0.0, 0.55)
     ax.grid(True, color="0.88", linewidth=0.6)

@@ -32,6 +32,7 @@ SAMPLES = 20  # a segment, of the independent integration and between the nodes
 FLOW_MISSED = 1e-4  # what a segment's samples may miss of the flow, over its largest speed there
 MORE_SEGMENTS = 0.25  # of `MOST_SEGMENTS`, to resolve the flow's features where they are
 SHORTEST = 1e-9  # segment that is divided for a feature, over the duration
+WAKE_MOVES = 0.5, 1.6  # bounds of the wake's states, over the start's smallest and largest
 LONG = 10.0  # s, length of a segment in which a rotor comes into balance with the flow
 
 
@@ -382,10 +383,12 @@ def add_phase(trajectory, scenario, law, ode_options, parameters, scales, speed_
     remembers = WAKE_STATES.keys() <= start.keys()
     for name, (unit, _) in (law.states | (WAKE_STATES if remembers else {})).items():
         ref, rate = scales.states[name]
-        source = f"{name}_rate"
-        phase.add_state(
-            name, rate_source=source, targets=[name], units=unit, ref=ref, defect_ref=rate
-        )
+        source, bounds = f"{name}_rate", {}
+        if name in WAKE_STATES:
+            low, high = np.min(start[name]), np.max(start[name])
+            bounds = {"lower": WAKE_MOVES[0] * low, "upper": WAKE_MOVES[1] * high}
+        about = {"units": unit, "ref": ref, "defect_ref": rate}
+        phase.add_state(name, rate_source=source, targets=[name], **about, **bounds)
         phase.add_boundary_constraint(source, loc="initial", equals=0.0, ref=rate)
     if law.chooses_torque:
         limits = {"lower": 0.0, "upper": scales.torque_limit}

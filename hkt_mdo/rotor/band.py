@@ -17,6 +17,8 @@ from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 FACTORS = np.linspace(0.7, 1.3, 13)
 """Tip speed ratios of the rotor over those of its wake at which loads are computed."""
+BEYOND = 0.1
+"""Share of the range of a table's tip speed ratios by which the wake's may be beyond them."""
 PLACE = 0.7
 """Radius over that of the tip whose induction decides the wake's time constant."""
 
@@ -185,16 +187,20 @@ class Band:
         Returns
         -------
         ratio, slope : ndarray of shape (n_points,)
-            By Newton's method, from linear interpolation.
+            By Newton's method, from linear interpolation. Beyond the nodes, where an optimizer may
+            try points, it goes on smoothly by at most `BEYOND` of their range.
         """
         rising = np.maximum.accumulate(table) + 1e-9 * np.arange(table.size)
-        ratio = np.interp(induction, rising, self.nodes)
-        least = 1e-3 * (rising[-1] - rising[0]) / np.ptp(self.nodes)
+        inside = np.clip(induction, rising[0], rising[-1])
+        ratio = np.interp(inside, rising, self.nodes)
+        least = 1e-2 * (rising[-1] - rising[0]) / np.ptp(self.nodes)
         for _ in range(8):
             value, slope = self.spline.values(table, ratio)
             slope = np.maximum(slope, least)
-            ratio = np.maximum(ratio - (value - induction) / slope, 0.1 * self.nodes[0])
-        return ratio, 1.0 / slope
+            ratio = np.clip(ratio - (value - inside) / slope, self.nodes[0], self.nodes[-1])
+        room = BEYOND * np.ptp(self.nodes)
+        turned = np.tanh((induction - inside) / (slope * room))
+        return ratio + room * turned, (1.0 - turned**2) / slope
 
     def solve(self, rotor, blade, names, derivatives=False):
         """Return the tables of a blade by their names.

@@ -95,10 +95,15 @@ def resolved(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> l
     for known in trajectories:
         worst = np.unique([np.argmax(known[name]) for name in names])
         size = known["time"].size
-        told = {name: x[worst] if np.shape(x) == (size,) else x for name, x in known.items()}
+        at = {name: x for name, x in known.items() if name != "sections"}
+        told = {name: x[worst] if np.shape(x) == (size,) else x for name, x in at.items()}
+        own = dict(told)
         told |= finer.loads_along(many, told, tuple(set(names) - {"cavitation"}))
         if "cavitation" in names:
             told |= _cavitation(finer, many, told, many.r <= blade.r[-1])
+        if "sections" in known:  # by as much as with a wake in equilibrium
+            steady = physics.loads_along(blade, own, names)
+            told |= {name: own[name] * told[name] / steady[name] for name in names}
         found.append(told)
     return found
 

@@ -55,7 +55,7 @@ SIMULATED = {
 TORQUE = "control_torque"
 PULSES = (
     "an open loop whose wake has memory would pulse the rotor, which captures more by this model: "
-    "its tip speed ratio is held to 0.2 % of the difference from the wake's that the start has, and "
+    "its tip speed ratio is held to that of the start over its wake's within 0.2 %, and "
     "a finer mesh is not asked for (docs/memory.md)"
 )
 PACKAGES = "hkt_mdo openmdao dymos numpy scipy numba casadi wisdem pyoptsparse".split()

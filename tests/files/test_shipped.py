@@ -10,6 +10,7 @@ COLUMNS = {
     "polar": ("alpha_deg", "cl", "cd", "cm"),
     "outline": ("x_over_c", "y_over_c"),
     "measurement": ("TSR", "Cp"),
+    "thrust": ("TSR", "Ct"),
 }
 
 
