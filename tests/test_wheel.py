@@ -17,27 +17,40 @@ CASES = sorted(path.relative_to(ROOT) for path in (ROOT / "cases").rglob("*") if
 pytestmark = pytest.mark.slow
 
 
+PAGES = "CHANGELOG.md CITATION.cff CONTRIBUTING.md LICENSE MANIFEST.in Makefile README.md"
+SAMPLE = ("files/test_shipped.py", "files/test_polar_files.py", "case/test_quantity.py")
+"""Tests that are run against what is installed."""
+
+
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory):
-    """The program of a fresh environment that has the wheel and sees this one's dependencies."""
-    place = tmp_path_factory.mktemp("wheel")
-    source, environment = place / "source", place / "environment"
-    for name in ("hkt_mdo", "cases"):  # a copy: building leaves files behind
-        ignored = shutil.ignore_patterns("__pycache__")
+def built(tmp_path_factory):
+    """Return the folder with the source distribution, and the wheel that is built from it."""
+    place = tmp_path_factory.mktemp("built")
+    source = place / "source"
+    for name in ("hkt_mdo", "cases", "docs", "scripts", "tests"):  # a copy: building leaves files
+        ignored = shutil.ignore_patterns("__pycache__", "images")
         shutil.copytree(ROOT / name, source / name, ignore=ignored)
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
+    for name in ("pyproject.toml", "environment.yml", *PAGES.split()):
         shutil.copy(ROOT / name, source)
+    command = [sys.executable, "-m", "build", "--outdir", place / "dist", source]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    return place / "dist"
+
+
+@pytest.fixture(scope="module", params=["*.whl", "*.tar.gz"], ids=["wheel", "source"])
+def installed(request, built, tmp_path_factory):
+    """The programs of a fresh environment that has the package and sees this one's dependencies."""
+    (file,) = built.glob(request.param)
+    environment = tmp_path_factory.mktemp("environment")
     pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
-    subprocess.run([*pip, "wheel", "--no-deps", "-w", place, source], check=True)
-    (wheel,) = place.glob("*.whl")
     venv.create(environment, symlinks=os.name != "nt")
     programs = environment / ("Scripts" if os.name == "nt" else "bin")
     python = programs / "python"
     code = "import sysconfig; print(sysconfig.get_path('purelib'))"
     library = Path(subprocess.check_output([python, "-c", code], text=True).strip())
-    # after the wheel's own folder on the search path
+    # after the package's own folder on the search path
     (library / "dependencies.pth").write_text("\n".join(site.getsitepackages()), encoding="utf-8")
-    subprocess.run([*pip, "--python", python, "install", "--no-deps", wheel], check=True)
+    subprocess.run([*pip, "--python", python, "install", "--no-deps", file], check=True)
     return programs, library
 
 
@@ -68,6 +81,24 @@ def test_it_has_every_case_and_its_files(installed):
         assert (library / "hkt_mdo" / path).read_bytes() == (ROOT / path).read_bytes()
 
 
+def test_the_tests_of_the_source_pass_with_what_is_installed(installed, built, tmp_path):
+    programs, library = installed
+    (archive,) = built.glob("*.tar.gz")
+    shutil.unpack_archive(archive, tmp_path, filter="data")
+    (source,) = tmp_path.iterdir()
+    shutil.rmtree(source / "hkt_mdo")  # what is tested is the installed package
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    code = "import hkt_mdo; print(hkt_mdo.__file__, hkt_mdo.__version__)"
+    command = [programs / "python", "-c", code]
+    place = subprocess.check_output(command, cwd=source, env=environment, text=True)
+    version = archive.name.removeprefix("hkt_mdo-").removesuffix(".tar.gz")
+    assert place.split() == [str(library / "hkt_mdo" / "__init__.py"), version]
+    tests = [f"tests/{name}" for name in SAMPLE]
+    command = [programs / "python", "-m", "pytest", "-p", "no:cacheprovider", *tests]
+    done = subprocess.run(command, cwd=source, env=environment, capture_output=True, check=False)
+    assert done.returncode == 0, done.stdout.decode()
+
+
 def test_new_case_is_checked(hkt, tmp_path):
     hkt("new", "mine", "--kind", "river")
     assert {path.name for path in tmp_path.iterdir()} == {"mine.yaml", "mine_record.csv"}
@@ -75,7 +106,7 @@ def test_new_case_is_checked(hkt, tmp_path):
 
 
 def test_shipped_case_runs_by_its_bare_name(hkt, tmp_path):
-    hkt("run", "sine_oloc", "--set", "phase={duration: 20, segments: 20}", "--quiet")
+    hkt("run", "sine_oloc", "--set", "phase={duration: 20, segments: 20}", "--quiet", "--no-figures")
     summary = json.loads((tmp_path / "results" / "sine_oloc" / "summary.json").read_text())
     assert summary["success"]
     assert hkt("report", "results/sine_oloc", "--out", "report.html") == "report.html\n"
