@@ -99,11 +99,13 @@ def _reporters(
     from hkt_mdo.results.words import measured
 
     began = last = time.monotonic()
-    ends = [began]  # of the passes
+    ends: list[float] = []  # when the first pass began, and when each ended
 
     def evaluation(count: int, value: float, infeasibility: float) -> None:
         nonlocal last
         now = time.monotonic()
+        if not ends:
+            ends.append(now)
         line = f"{name}: {now - began:.0f} s, pass {len(ends)}, evaluation {count}"
         line += f", objective {measured(value, unit)}, infeasibility {infeasibility:.1e}"
         if len(ends) > 1 and (left := 2.0 * ends[-1] - ends[-2] - now) > 1.0:
