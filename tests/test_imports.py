@@ -55,6 +55,7 @@ ALLOWED = {
         "files",
         "problem",
         "quantities",
+        "report",
         "results",
         "rotor",
         "run",

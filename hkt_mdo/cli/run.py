@@ -101,12 +101,17 @@ def _reporters(
     from hkt_mdo.results.words import measured
 
     began = last = time.monotonic()
+    ends: list[float] = []  # when the first pass began, and when each ended
 
     def evaluation(count: int, value: float, infeasibility: float) -> None:
         nonlocal last
         now = time.monotonic()
-        line = f"{name}: {now - began:.0f} s, evaluation {count}, objective {measured(value, unit)}"
-        line += f", infeasibility {infeasibility:.1e}"
+        if not ends:
+            ends.append(now)
+        line = f"{name}: {now - began:.0f} s, pass {len(ends)}, evaluation {count}"
+        line += f", objective {measured(value, unit)}, infeasibility {infeasibility:.1e}"
+        if len(ends) > 1 and (left := 2.0 * ends[-1] - ends[-2] - now) > 1.0:
+            line += f", {left:.0f} s left if it takes as long as the pass before"
         if status.console.is_terminal:
             status.update(line)
         elif now - last >= _SECONDS_BETWEEN_LINES:
@@ -114,6 +119,7 @@ def _reporters(
             echo(line)
 
     def passed(entry: Any) -> None:
+        ends.append(time.monotonic())
         ended = "converged" if entry.converged else "did not converge"
         line = f"{name}: {time.monotonic() - began:.0f} s, pass {entry.number} {ended} in "
         line += f"{entry.iterations} iterations, {measured(entry.objective_J, unit)}"

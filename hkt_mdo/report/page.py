@@ -16,6 +16,7 @@ from hkt_mdo.case import Case
 from hkt_mdo.errors import InputError, install
 from hkt_mdo.files.table import read_text, write_files
 from hkt_mdo.results.nesting import beaten, ranked
+from hkt_mdo.results.plots import labels
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
 from hkt_mdo.results.summary import LimitEntry, Summary, unasked
@@ -107,28 +108,6 @@ def _page(solutions: Sequence[Solution]) -> str:
         data=json.dumps({"charts": drawn, "views": views, "dark": charts.DARK}, allow_nan=False),
         plotly=offline.get_plotlyjs(),
     )
-
-
-def labels(solutions: Sequence[Solution]) -> list[str]:
-    """Return what results are called beside one another; "" for a single one.
-
-    Parameters
-    ----------
-    solutions : sequence of Solution
-        The results.
-
-    Returns
-    -------
-    list of str
-        Names of the cases, of the folders where those are equal, and numbers where these are, too.
-    """
-    if len(solutions) == 1:
-        return [""]
-    for name in (lambda each: each.name, lambda each: each.folder.resolve().name):
-        names = [printable(name(each)) for each in solutions]
-        if len(set(names)) == len(names):
-            return names
-    return [f"{index}: {name}" for index, name in enumerate(names, 1)]
 
 
 def _told(solution: Solution, name: str) -> dict[str, Any]:

@@ -25,7 +25,7 @@ from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results import style
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import binned, rated_point, steady_curve
-from hkt_mdo.results.words import joined, limit_words, measured
+from hkt_mdo.results.words import joined, limit_words, measured, printable
 
 Solutions = Solution | Sequence[Solution]
 
@@ -519,13 +519,34 @@ def save_figures(
     return style.save(figures(solutions), folder, formats)
 
 
+def labels(solutions: Sequence[Solution]) -> list[str]:
+    """Return what results are called beside one another; "" for a single one.
+
+    Parameters
+    ----------
+    solutions : sequence of Solution
+        The results.
+
+    Returns
+    -------
+    list of str
+        Names of the cases, of the folders where those are equal, and numbers where these are, too.
+    """
+    if len(solutions) == 1:
+        return [""]
+    for name in (lambda each: each.name, lambda each: each.folder.resolve().name):
+        names = [printable(name(each)) for each in solutions]
+        if len(set(names)) == len(names):
+            return names
+    return [f"{index}: {name}" for index, name in enumerate(names, 1)]
+
+
 def _named(solutions: Solutions) -> list[tuple[Solution, str]]:
     """Return solutions and their names in a legend; a single solution needs no name."""
     several = [solutions] if isinstance(solutions, Solution) else list(solutions)
-    if len(several) == 1:
-        return [(several[0], "")]
     # Matplotlib leaves labels that begin with an underscore out of legends
-    return [(each, re.sub("^_", " _", each.name)) for each in several]
+    names = [re.sub("^_", " _", label) for label in labels(several)]
+    return list(zip(several, names, strict=True))
 
 
 def _scenarios(solutions: Solutions) -> list[tuple[Solution, str]]:

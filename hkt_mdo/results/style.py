@@ -103,8 +103,9 @@ def level(ax: Axes, value: float, label: str, below: bool = False) -> None:
     low, high = ax.get_ylim()
     ax.set_ylim(low, max(high, value + 0.16 * (max(high, value) - low)))  # room for the label
     words: dict[str, Any] = {"fontsize": FONT_SIZE - 1.5, "color": "0.3"}
-    words["va"] = "top" if below else "bottom"
-    ax.text(place, value, label, ha=side, transform=ax.get_yaxis_transform(), **words)
+    words |= {"va": "top", "xytext": (0, -3)} if below else {"va": "bottom", "xytext": (0, 1)}
+    where: dict[str, Any] = {"xycoords": ax.get_yaxis_transform(), "textcoords": "offset points"}
+    ax.annotate(label, (place, value), ha=side, **where, **words)
 
 
 _TOLD = "told beside it"

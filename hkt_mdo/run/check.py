@@ -326,7 +326,7 @@ def _control(found: Findings) -> Rows:
             )
     initial = found.case.phase.initial_speed
     free = initial == "free" or (initial == "auto" and not law.is_feedback)
-    balance = "hydrodynamic and control torque balance"
+    balance = "hydrodynamic and generator torque balance"
     yield Row("at t = 0", "the rotor's speed is free" if free else balance)
 
 

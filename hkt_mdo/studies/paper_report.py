@@ -16,6 +16,7 @@ from markdown_it import MarkdownIt
 
 from hkt_mdo.errors import program_version
 from hkt_mdo.files.shipped import data_path
+from hkt_mdo.report import style as style_sheet
 from hkt_mdo.results import plots, style
 from hkt_mdo.results.folder import write_json, write_text
 from hkt_mdo.results.solution import ScenarioTables
@@ -317,12 +318,12 @@ def _filled(templates, row):
 
 
 _STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 64rem; margin: 2rem auto; }
-table { border-collapse: collapse; font-size: 0.9rem; display: block; overflow-x: auto; }
-th, td { border-bottom: 1px solid #ccc; padding: 0.25rem 0.6rem; white-space: nowrap; }
+table { display: block; overflow-x: auto; }
+th, td { white-space: nowrap; }
 td + td, th + th { text-align: right; }
-img { max-width: 100%; }
+img { background: white; }
 """
+"""What its tables and figures have besides the style of all pages."""
 
 
 def _page(text, out):
@@ -334,5 +335,7 @@ def _page(text, out):
 
     body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
     body = re.sub('src="(.*?)"', inside, body)
-    head = f'<meta charset="utf-8"><title>{TITLE}</title><style>{_STYLE}</style>'
+    head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+    head += '<meta name="color-scheme" content="light dark">'
+    head += f"<title>{TITLE}</title><style>{style_sheet()}{_STYLE}</style>"
     return f'<!doctype html>\n<html lang="en"><head>{head}</head>\n<body>\n{body}</body></html>\n'

@@ -286,6 +286,7 @@ def test_what_is_no_readable_case_file_is_told(name, content, told, tmp_path):
         ("rotor.blade.x=1", "rotor.blade = 'bahaj2007': .* rotor.blade.x cannot be made"),
         ("rotr.radius=1", "rotr = .*did you mean rotor"),
         ("control.law=linar", "control.law = 'linar': unknown; did you mean linear"),
+        ("limits={thrust: }", "limits.thrust: has no value .*; give one, or null for the default"),
     ],
 )
 def test_bad_overrides_are_told_as_such(override, message):

@@ -377,3 +377,12 @@ def test_save_figures_refuses_unknown_formats(solution: Solution, tmp_path: Path
     with pytest.raises(InputError, match=r"unknown format of figures; known: .*pdf"):
         plots.save_figures(solution, tmp_path / "figures", ("png", "docx"))
     assert not (tmp_path / "figures").exists()
+
+
+def test_results_of_one_case_are_told_apart(solution: Solution, tmp_path: Path) -> None:
+    other = replace(solution, folder=tmp_path / "other")
+    assert plots.labels([solution]) == [""]
+    assert plots.labels([solution, other]) == ["result", "other"]
+    assert plots.labels([solution, solution]) == ["1: result", "2: result"]
+    ax = plots.plot_power([solution, other])
+    assert {"result", "other"} <= set(legend_texts(ax))
