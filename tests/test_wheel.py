@@ -106,7 +106,9 @@ def test_new_case_is_checked(hkt, tmp_path):
 
 
 def test_shipped_case_runs_by_its_bare_name(hkt, tmp_path):
-    hkt("run", "sine_oloc", "--set", "phase={duration: 20, segments: 20}", "--quiet", "--no-figures")
+    hkt(
+        "run", "sine_oloc", "--set", "phase={duration: 20, segments: 20}", "--quiet", "--no-figures"
+    )
     summary = json.loads((tmp_path / "results" / "sine_oloc" / "summary.json").read_text())
     assert summary["success"]
     assert "own_files" in hkt("check", "own_files")
