@@ -143,7 +143,7 @@ def test_an_aerodyn_polar_brings_its_outline(turbine, tmp_path):
     (tmp_path / "foil.dat").write_text(table, encoding="utf-8")
     found = turbine("blade: b.csv, radius: 1, polar: foil.dat")
     assert found.section_area == pytest.approx(foil.area, rel=1e-12)
-    assert any("foil.dat: outline by its NumCoords" in line for line in found.messages)
+    assert any("foil.dat: outline from the coordinates" in line for line in found.messages)
     other = turbine("blade: b.csv, radius: 1, polar: foil.dat, outline: naca63815")
     assert other.section_area == Outline.from_file("naca63815").area
     sections = turbine(
