@@ -1,6 +1,6 @@
-"""Cost of energy of RM1's rotor: as an objective, and of a result; writes docs/cost.md's numbers.
+"""Cost of energy of RM1's plant, of its blade and as an objective; writes docs/cost.md's tables.
 
-python scripts/cost_of_energy.py    # prints, and writes them into the page; about a minute
+python scripts/cost_of_energy.py    # prints, and writes the tables of the page; seconds
 """
 
 import os
@@ -11,117 +11,163 @@ from pathlib import Path
 
 import openmdao.api as om
 
-from hkt_mdo import TurbineGroup, load_case
+from hkt_mdo import RotorGroup, load_case
 
 PAGE = Path(__file__).parents[1] / "docs" / "cost.md"
 BEGIN, END = "<!-- numbers -->\n", "<!-- end of numbers -->"
 
-DEVICES, ROTORS = 10, 2  # of RM1's plant; two rotors stand on one pile
-RATED = 0.5  # MW of one rotor
-HOURS = 8766.0 * 0.95  # of a year that the plant works; availability is an assumption
-BLADE_PRICE = 14.6  # USD/kg of a finished blade, WISDEM's turbine_costsse_2015
+NUMBER = 10 * 2  # rotors of the plant: ten devices of two
+AVAILABILITY, EFFICIENCY = 0.95, 0.9  # of the plant, and from the shaft to the grid: assumptions
+BLADE_PRICE = 14.6  # USD/kg of a finished blade
 CHARGE = 0.108  # fixed charge rate, a year
 SOFT = 0.016 + 0.011 + 0.05 + 0.01 + 0.03  # commissioning, port, contingency, insurance, reserves
-EXPORT = 1000.0  # m of cable to the shore, an assumption
+CABLE = 1000.0  # m to the shore, an assumption
 
-# USD over the plant's capacity P in MW: NRWAL's curves through RM1's costs of the Reference Model
-# Project for 1 to 100 devices. The structure has the blades in it: see `Cost`.
+# USD and USD a year: of N MW of RM1's devices, and of the rated power of P MW in all
+NOMINAL = 0.55  # MW of one rotor of RM1, by which the curves count devices
 CAPITAL = {
-    "structure and blades": "284245 * P + 785137",
+    "structure, with RM1's blades": "284245 * N + 785137",
     "power take-off": "1527017 * P + 505548",
-    "pile": "437091 * P + 433518",
-    "development": "3197591 * P**0.49",
-    "engineering": "850744 * P**0.5649",
-    "installation": "2805302 * P**0.66",
-    "cables and substation": "(4.4 * P + 162.81) * EXPORT + 147966.16 * P + 665841",
+    "pile": "437091 * N + 433518",
+    "development": "3197591 * N**0.49",
+    "engineering": "850744 * N**0.5649",
+    "assembly and installation": "2805302 * N**0.66",
+    "export cable": f"{CABLE} * (4.4 * P + 162.81)",
+    "substation and other electrical": "147966.16 * P + 665841",
 }
-YEARLY = {"operations": "31250 * P + 879282", "maintenance": "116803 * P + 317719"}
+YEARLY = {"operations": "31250 * N + 879282", "maintenance": "116803 * N + 317719"}
+
+# a year of the flow: speeds in m/s and hours, an assumption
+FLOW = [0.6, 1.0, 1.4, 1.8, 2.2, 2.6]
+HOURS = [2000.0, 2200.0, 2100.0, 1500.0, 750.0, 216.0]
 
 CASE = {
     "rotor": {"blade": "rm1", "material": "glass_epoxy_triaxial", "wall": 0.04},
     "fluid": {"density": 1025},
-    "inflow": {"profile": "sine", "mean": 1.7, "amplitude": 0.5, "angular_frequency": 0.15},
-    "control": {"law": "quadratic", "torque_limit": "415 kN*m"},
-    "limits": {"stress": "60 MPa"},
+    "inflow": {"profile": "constant", "speed": 1.8},
+    "control": "open_loop",
     "design": {"chord_points": 5, "twist_points": 5},
-    "phase": {"duration": 42, "segments": 28},
 }
 
 
-def evaluated(formulas, capacity):
-    """Return the costs (USD) of a plant's capacity (MW)."""
-    known = {"P": capacity, "EXPORT": EXPORT}
-    return {name: eval(formula, {}, known) for name, formula in formulas.items()}
+def parts(formulas, rated):
+    """Return the costs of a plant by name; `rated` is the rated power of one rotor in MW."""
+    known = {"P": NUMBER * rated, "N": NUMBER * NOMINAL}
+    return {name: eval(text, known) for name, text in formulas.items()}
 
 
-def cost_of_energy(mean_power, blade_mass, reference_mass, capacity=DEVICES * ROTORS * RATED):
-    """Return the cost of energy (USD/kWh) and its parts (USD, USD a year, kWh a year).
+def cost_of_energy(annual_energy, blade_mass, rated, reference_mass):
+    """Return the cost of energy in USD/kWh.
 
-    mean_power (W) and blade_mass (kg) are of one rotor; `reference_mass` is that of the blades whose
-    price is in RM1's structure. A year's energy is put in here: mean_power times the hours.
+    The year's energy of one rotor goes in here, kWh: of a case it is the mean electrical power
+    times the hours of a year in which the plant works. blade_mass (kg) is that of one rotor, as
+    `reference_mass`, that of the blades whose price is in RM1's structure; rated (MW) of one rotor.
     """
-    capital = evaluated(CAPITAL, capacity)
-    more = BLADE_PRICE * (blade_mass - reference_mass) * DEVICES * ROTORS
-    capital["structure and blades"] += more
-    yearly = evaluated(YEARLY, capacity)
-    energy = mean_power / 1e3 * HOURS * DEVICES * ROTORS
-    cost = CHARGE * (1.0 + SOFT) * sum(capital.values()) + sum(yearly.values())
-    return cost / energy, capital, yearly, energy
+    capital = sum(parts(CAPITAL, rated).values())
+    capital += NUMBER * BLADE_PRICE * (blade_mass - reference_mass)
+    yearly = CHARGE * (1.0 + SOFT) * capital + sum(parts(YEARLY, rated).values())
+    return yearly / (NUMBER * annual_energy)
 
 
-def model(case, reference_mass=None):
-    """Return a problem with the turbine and, given a reference mass, the cost as its objective."""
+def cost_model(reference_mass):
+    """Return a group: energy of a year (kWh) of a rotor, and cost of energy in USD/kWh."""
+
+    def written(formulas):
+        text = " + ".join(formulas.values()).replace("P", f"({NUMBER} * rated)")
+        return text.replace("N", f"{NUMBER * NOMINAL}")
+
+    capital, yearly = written(CAPITAL), written(YEARLY)
+    blades = f"{NUMBER * BLADE_PRICE} * (mass - {reference_mass!r})"
+    # no more than the rated power, with a round corner 4 kW wide
+    power = f"{EFFICIENCY} * hydrodynamic_power / 1e3"
+    limited = f"0.5 * ({power} + 1e3 * rated - (({power} - 1e3 * rated)**2 + 16)**0.5)"
+    names = {
+        "energy": om.ExecComp(
+            f"annual_energy = {AVAILABILITY} * sum(hours * {limited})",
+            hours={"val": HOURS},
+            hydrodynamic_power={"shape": len(FLOW), "units": "W"},
+            rated={"val": NOMINAL},
+        ),
+        "cost": om.ExecComp(
+            f"cost_of_energy = ({CHARGE * (1 + SOFT)} * ({capital} + {blades}) + {yearly})"
+            f" / ({NUMBER} * annual_energy)",
+            mass={"units": "kg"},
+            rated={"val": NOMINAL},
+        ),
+    }
+    group = om.Group()
+    for name, part in names.items():
+        group.add_subsystem(name, part, promotes=["*"])
+    return group
+
+
+def designed(objective, reference_mass, ref, free=()):
+    """Return the optimum of an objective; `free` are design variables besides the operation."""
     problem = om.Problem(reports=False)
-    problem.model.add_subsystem("turbine", TurbineGroup(case, improve=False), promotes=["*"])
-    if reference_mass is None:
-        problem.model.add_objective("energy", ref=-1e7)
-    else:
-        fixed = sum(evaluated(CAPITAL, DEVICES * ROTORS * RATED).values())
-        yearly = sum(evaluated(YEARLY, DEVICES * ROTORS * RATED).values())
-        number = DEVICES * ROTORS
-        capital = f"({fixed!r} + {BLADE_PRICE * number!r} * (mass - {reference_mass!r}))"
-        cost = f"({CHARGE * (1 + SOFT)!r} * {capital} + {yearly!r})"
-        seconds = CASE["phase"]["duration"]
-        formula = f"cost_of_energy = {cost} / (energy / {seconds} * {HOURS * number!r})"
-        units = {"mass": {"units": "kg"}, "energy": {"units": "kJ"}}
-        problem.model.add_subsystem("cost", om.ExecComp(formula, **units), promotes=["*"])
-        problem.model.add_objective("cost_of_energy", ref=0.1)
+    model = problem.model
+    rotor = RotorGroup(load_case(CASE), num_points=len(FLOW))
+    model.add_subsystem("rotor", rotor, promotes=["*"])
+    model.add_subsystem("plant", cost_model(reference_mass), promotes=["*"])
+    model.set_input_defaults("inflow_speed", FLOW, units="m/s")
+    model.set_input_defaults("rated", NOMINAL)
+    bounds = {
+        "tip_speed_ratio": {"lower": 3, "upper": 10, "ref": 6},
+        "chord_control": {"lower": 0.3, "upper": 3.0},
+        "twist_control": {"lower": -10, "upper": 35, "ref": 10, "units": "deg"},
+        "rated": {"lower": 0.1, "upper": 1.5, "ref": 0.5},
+    }
+    for name in ("tip_speed_ratio", *free):
+        model.add_design_var(name, **bounds[name])
+    if "chord_control" in free:
+        model.add_constraint("stress", upper=100, ref=100, units="MPa")
+    model.add_objective(objective, ref=ref)
     problem.driver = om.ScipyOptimizeDriver(optimizer="SLSQP", tol=1e-8, maxiter=300, disp=False)
-    problem.driver.declare_coloring(show_summary=False)
     problem.setup()
     problem.run_model()
+    assert problem.run_driver().success, objective
     return problem
 
 
-def row(name, problem, reference_mass):
+def row(name, problem):
     """Return a line of the page's table about a design."""
-    power = problem.get_val("energy", units="J")[0] / CASE["phase"]["duration"]
-    mass = problem.get_val("mass", units="kg")[0]
-    cost, _, _, energy = cost_of_energy(power, mass, reference_mass)
-    stress = problem.get_val("loads_phase.stress", units="MPa").max()
-    parts = f"{power / 1e3:.1f} | {mass / 1e3:.2f} | {stress:.0f} | {energy / 1e6:.2f}"
-    return f"| {name} | {parts} | {cost:.4f} |"
+    energy, mass = (float(problem.get_val(x)[0]) for x in ("annual_energy", "mass"))
+    rated, cost = (float(problem.get_val(x)[0]) for x in ("rated", "cost_of_energy"))
+    stress = problem.get_val("stress", units="MPa").max()
+    share = energy / (1e3 * rated * 8766.0)
+    numbers = f"{1e3 * rated:.0f} | {energy / 1e6:.3f} | {100 * share:.0f} | {mass / 1e3:.2f}"
+    return f"| {name} | {numbers} | {stress:.0f} | {cost:.4f} |"
 
 
 def main():
-    """Optimize for energy and for cost, and write what comes out."""
-    case = load_case(CASE)
-    given = model(case)
-    reference = float(given.get_val("mass", units="kg")[0])
-    rows = [row("RM1's blade", given, reference)]
-    for name, mass in (("most energy", None), ("least cost of energy", reference)):
-        problem = model(case, mass)
-        ended = problem.run_driver()
-        rows.append(row(name if ended.success else f"{name} (NOT CONVERGED)", problem, reference))
-    power = given.get_val("energy", units="J")[0] / CASE["phase"]["duration"]
-    _, capital, yearly, _ = cost_of_energy(power, reference, reference)
-    lines = ["| part | million USD |", "|---|---|"]
+    """Optimize, and write what comes out."""
+    blade = "chord_control", "twist_control"
+    kept = designed("annual_energy", 0.0, -1e6)
+    mass = float(kept.get_val("mass")[0])
+    kept = designed("annual_energy", mass, -1e6)
+    cost = cost_of_energy(float(kept.get_val("annual_energy")[0]), mass, NOMINAL, mass)
+    assert abs(cost / kept.get_val("cost_of_energy")[0] - 1.0) < 1e-12  # the model, the function
+    designs = {
+        "RM1's blade": kept,
+        "RM1's blade, rated power for the least cost": designed(
+            "cost_of_energy", mass, 0.1, ("rated",)
+        ),
+        "blade for the most energy": designed("annual_energy", mass, -1e6, blade),
+        "blade for the least cost": designed("cost_of_energy", mass, 0.1, blade),
+        "blade and rated power for the least cost": designed(
+            "cost_of_energy", mass, 0.1, (*blade, "rated")
+        ),
+    }
+    capital = parts(CAPITAL, NOMINAL)
+    lines = [f"| part of the plant of {NUMBER * NOMINAL:g} MW | million USD |", "|---|---|"]
     lines += [f"| {name} | {value / 1e6:.2f} |" for name, value in capital.items()]
-    lines += [f"| on top: {100 * SOFT:.1f} % | {SOFT * sum(capital.values()) / 1e6:.2f} |"]
-    lines += [f"| {name}, a year | {value / 1e6:.2f} |" for name, value in yearly.items()]
-    head = "design | mean power of a rotor / kW | its blades / t | stress / MPa | plant / GWh a year"
-    lines += ["", f"| {head} | cost of energy / USD/kWh |", "|---|---|---|---|---|---|", *rows, ""]
-    text = "\n".join(lines)
+    lines += [f"| on top, {100 * SOFT:.1f} % | {SOFT * sum(capital.values()) / 1e6:.2f} |"]
+    yearly = parts(YEARLY, NOMINAL).items()
+    lines += [f"| {name}, a year | {value / 1e6:.2f} |" for name, value in yearly]
+    head = "design | rated power of a rotor / kW | its energy / GWh a year | capacity factor / %"
+    head += " | its blades / t | stress / MPa | cost of energy / USD/kWh"
+    lines += ["", f"| {head} |", "|" + "---|" * 7]
+    lines += [row(name, problem) for name, problem in designs.items()]
+    text = "\n".join(lines) + "\n"
     print(text)
     page = PAGE.read_text(encoding="utf-8")
     PAGE.write_text(page.split(BEGIN)[0] + BEGIN + text + END + page.split(END)[1], "utf-8")

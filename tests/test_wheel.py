@@ -15,6 +15,7 @@ ROOT = Path(__file__).parent.parent
 CASES = sorted(path.relative_to(ROOT) for path in (ROOT / "cases").rglob("*") if path.is_file())
 
 pytestmark = pytest.mark.slow
+of_the_wheel = pytest.mark.parametrize("installed", ["*.whl"], ids=["wheel"], indirect=True)
 
 
 PAGES = "CHANGELOG.md CITATION.cff CONTRIBUTING.md LICENSE MANIFEST.in Makefile README.md"
@@ -99,20 +100,25 @@ def test_the_tests_of_the_source_pass_with_what_is_installed(installed, built, t
     assert done.returncode == 0, done.stdout.decode()
 
 
+@of_the_wheel
 def test_new_case_is_checked(hkt, tmp_path):
     hkt("new", "mine", "--kind", "river")
     assert {path.name for path in tmp_path.iterdir()} == {"mine.yaml", "mine_record.csv"}
     assert "mine can be run." in hkt("check", "mine.yaml")
 
 
+@of_the_wheel
 def test_shipped_case_runs_by_its_bare_name(hkt, tmp_path):
-    hkt("run", "sine_oloc", "--set", "phase={duration: 20, segments: 20}", "--quiet", "--no-figures")
+    hkt(
+        "run", "sine_oloc", "--set", "phase={duration: 20, segments: 20}", "--quiet", "--no-figures"
+    )
     summary = json.loads((tmp_path / "results" / "sine_oloc" / "summary.json").read_text())
     assert summary["success"]
     assert hkt("report", "results/sine_oloc", "--out", "report.html") == "report.html\n"
     assert "own_files" in hkt("check", "own_files")
 
 
+@of_the_wheel
 def test_page_and_paper(hkt):
     assert hkt("schema", "--markdown").startswith("# The case file")
     assert "--cases" in hkt("paper", "--help")

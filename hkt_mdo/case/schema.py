@@ -425,6 +425,9 @@ class Case(Section):
         paths count from the current folder. Raises InputError for one that is not valid.
         """
         data, _ = self._without_own()
+        bare = data | {"design": data["design"] | {"chord_bounds": None}}
+        if _chord_bounds_filled(bare)["design"]["chord_bounds"] == self.design.chord_bounds:
+            data = bare  # the default of the paper's rotor, which the overrides may change
         return _make_case(data, overrides, self.kinds, file=f"case {self.name}")
 
 
@@ -494,7 +497,11 @@ def _chord_bounds_filled(data: dict[str, Any]) -> dict[str, Any]:
         return data
     own = shipped_rotor(PAPER_BLADE)
     paper = rotor.get("blade") in (None, PAPER_BLADE) and rotor.get("chord") is None
-    paper = paper and rotor.get("radius") in (None, own["radius"])
+    try:
+        radius = _LENGTH.read(rotor.get("radius") or own["radius"])
+        paper = paper and abs(radius / own["radius"] - 1.0) < 1e-9  # 1400 mm
+    except PydanticCustomError:  # which is told where the key is read
+        return data
     if design.get("chord_bounds") is not None or not (paper or data.get("version") == 1):
         return data
     return data | {"design": design | {"chord_bounds": PAPER_CHORD_BOUNDS}}
@@ -520,6 +527,7 @@ def _torque_limit_moved(data: dict[str, Any]) -> dict[str, Any]:
 
 
 _TORQUE = Quantity("N*m", gt=0)
+_LENGTH = Quantity("m", gt=0)
 _BaseCase = Case
 
 

@@ -161,7 +161,8 @@ class Rotor(Section):
     tests, else 0."""
     polar: _File | None = None
     """Lift and drag of the section: a shipped name, or the path of a CSV file (`alpha_deg, cl,
-    cd`), an AeroDyn airfoil table or an XFOIL polar; null: the blade's own, or naca63815_Re2e5."""
+    cd`, or of airfoiltools.com), an AeroDyn airfoil table or a polar of XFOIL or XFLR5; null: the
+    blade's own, or naca63815_Re2e5."""
     outline: _Outline = None
     """Outline of the section, for thickness, area and inertia: a shipped name, or the path of a CSV
     file (`x_over_c, y_over_c`), of a Selig or Lednicer file, or of AeroDyn's coordinates; null: the

@@ -55,11 +55,12 @@ class RecordInflow(SampledInflow):
     profile: Literal["record"] = "record"
     """The kind of flow."""
     file: str
-    """Path of the record, from the folder of the case file: `.csv` with a header line, `.nc`
-    (NetCDF) or `.parquet`; the latter two, as MHKiT's data are saved, need `hkt_mdo[records]`."""
+    """Path of the record, from the folder of the case file: `.csv` with a header line, `.json` of
+    tidal currents (MHKiT) or of USGS, `.nc` (NetCDF) or `.parquet`; the latter two, as MHKiT's data
+    are saved, need `hkt_mdo[records]`."""
     time_column: str | None = None
     """Column or variable of the time; null: the first column of a CSV file, the index of a Parquet
-    file, the only time in a NetCDF file."""
+    file, the only time in a NetCDF file, or that over which its speed is."""
     speed_column: str | None = None
     """Column or variable of the speed; null: the only one besides the time."""
     time_unit: Literal["s", "ms", "min", "h", "days"] | None = None
@@ -102,7 +103,7 @@ class RecordInflow(SampledInflow):
     @field_validator("file")
     @classmethod
     def _find_file(cls, value: str, info: ValidationInfo) -> str:
-        return existing_file(value, info, "give the path of a CSV, NetCDF or Parquet file")
+        return existing_file(value, info, "give the path of a CSV, JSON, NetCDF or Parquet file")
 
     @cached_property
     def _record(self):

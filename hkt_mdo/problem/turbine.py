@@ -335,7 +335,7 @@ def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]
     ]
     notes = [note for each in sections for note in each.polars.messages]
     notes += [
-        f"{each.outline}: outline by its NumCoords"
+        f"{each.outline}: outline from the coordinates that it names or holds (NumCoords)"
         for each in (*rotor.sections, rotor)
         if each.outline and each.outline == each.polar and Path(each.outline).is_file()
     ]

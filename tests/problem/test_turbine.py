@@ -143,7 +143,7 @@ def test_an_aerodyn_polar_brings_its_outline(turbine, tmp_path):
     (tmp_path / "foil.dat").write_text(table, encoding="utf-8")
     found = turbine("blade: b.csv, radius: 1, polar: foil.dat")
     assert found.section_area == pytest.approx(foil.area, rel=1e-12)
-    assert any("foil.dat: outline by its NumCoords" in line for line in found.messages)
+    assert any("foil.dat: outline from the coordinates" in line for line in found.messages)
     other = turbine("blade: b.csv, radius: 1, polar: foil.dat, outline: naca63815")
     assert other.section_area == Outline.from_file("naca63815").area
     sections = turbine(
@@ -214,7 +214,7 @@ def test_what_does_not_fit_together_is_told(keys, told, turbine):
     ("keys", "bounds"),
     [
         ("", (0.01, 1.0)),  # the paper's rotor
-        ("rotor: {radius: 1.4}", (0.01, 1.0)),
+        ("rotor: {radius: 1400 mm}", (0.01, 1.0)),
         ("rotor: {radius: 14}", None),
         ("rotor: {blade: rm1}", None),
         ("rotor: {blade: river, radius: 1.6}", None),
@@ -235,3 +235,11 @@ def test_bounds_of_the_chord_follow_the_blade(keys, bounds):
     assert world.shape.chord_bounds == pytest.approx(bounds, rel=0.005)  # three digits
     again = physics(read_case(world.case.to_yaml()))  # a result's case has the numbers
     assert again.case.design == world.case.design
+
+
+def test_bounds_of_the_paper_stay_with_its_rotor():
+    case = read_case("{inflow: sine, control: linear}")
+    assert case.with_overrides("inflow.mean=1.4").design.chord_bounds == (0.01, 1.0)
+    assert case.with_overrides("rotor.radius=14").design.chord_bounds is None
+    given = case.with_overrides("design.chord_bounds=[0.02, 1]")
+    assert given.with_overrides("rotor.radius=14").design.chord_bounds == (0.02, 1.0)

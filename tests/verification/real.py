@@ -21,7 +21,9 @@ def real_cases():
     for blade, rotor in rotors.items():
         for law in LAWS:
             control = {"law": law.replace("oloc", "open_loop")}
-            case = load_case({"rotor": rotor, "inflow": "sine", "control": control})
+            design = {"chord_bounds": [0.01, 1.0]}  # those of the paper, as in the whole study
+            keys = {"rotor": rotor, "inflow": "sine", "control": control, "design": design}
+            case = load_case(keys)
             world = physics(case)
             fastest = world.inflow.speed_at(world.scenarios[0].samples).max()
             limit = LOWERED * torque_scale(world.density, world.blade.rotor_radius, fastest)

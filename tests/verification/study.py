@@ -87,6 +87,10 @@ def random_start(case: Case, rng: np.random.Generator) -> Case:
     return with_blade(case, chord, twist)
 
 
+CHORDS = "design.chord_bounds=[0.01,1.0]"
+"""Bounds of every case of the study, whatever its radius: those of the paper."""
+
+
 def single_changes() -> dict[str, list[str]]:
     """Return the overrides of each change of one factor of a paper's case, by name."""
     radii = [(radius, 700 * (radius / 1.4) ** 3) for radius in (0.4, 0.8, 3.0, 5.0, 10.0)]
@@ -97,7 +101,7 @@ def single_changes() -> dict[str, list[str]]:
         "mean": ("inflow.mean={}", (0.8, 1.2, 2.0, 3.0)),
         "frequency": ("inflow.angular_frequency={} phase.segments={}", frequencies),
         "blades": ("rotor.blade_count={}", (4, 5)),
-        "radius": ("rotor.radius={} control.torque_limit={:.6g}", radii),
+        "radius": (f"rotor.radius={{}} control.torque_limit={{:.6g}} {CHORDS}", radii),
         "density": ("fluid.density={}", (998, 1027)),
         "segments": ("phase.segments={}", (20, 150, 300)),
         "duration": ("phase.duration={} phase.segments={} inflow.angular_frequency={}", times),
@@ -123,6 +127,7 @@ def random_change(rng: np.random.Generator, law: str) -> list[str]:
     torque = PEAK_TORQUE_COEFFICIENT * torque_scale(density, radius, mean + amplitude)
     torque *= rng.uniform(0.4, 1.5)  # times the largest of a good rotor without a limit
     return [
+        CHORDS,
         f"control={{law: {law.replace('oloc', 'open_loop')}, torque_limit: {torque:.6g}}}",
         f"inflow.mean={mean:.6g}",
         f"inflow.amplitude={amplitude:.6g}",

@@ -1,0 +1,48 @@
+"""The page of the cost of energy says what its command computes."""
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def script():
+    path = ROOT / "scripts" / "cost_of_energy.py"
+    spec = importlib.util.spec_from_file_location("cost_of_energy", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_cost_is_that_of_its_formula_by_hand(script):
+    """NRWAL's rm1.yaml: (capital × 0.108 + yearly) / energy; RM1's ten devices of 1.1 MW."""
+    n = 11.0
+    device = (284245 * n + 785137) + (1527017 * n + 505548) + (437091 * n + 433518)
+    plant = 3197591 * n**0.49 + 850744 * n**0.5649 + 2805302 * n**0.66
+    electrical = (4.40 * n + 162.81) * script.CABLE + 1e5 * n + 47966.16 * n + 665841.0
+    capital = (device + plant + electrical) * (1 + 0.016 + 0.011 + 0.05 + 0.01 + 0.03)
+    yearly = (31250.0 * n + 879282.0) + (116803.0 * n + 317719.0)
+    expected = (0.108 * capital + yearly) / (20 * 1.5e6)
+    assert script.cost_of_energy(1.5e6, 4000.0, 0.55, 4000.0) == pytest.approx(expected, rel=1e-12)
+    heavier = script.cost_of_energy(1.5e6, 4100.0, 0.55, 4000.0)
+    assert heavier - expected == pytest.approx(0.108 * 1.117 * 20 * 1460 / 3e7, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_the_page_has_the_numbers_of_the_command(script, tmp_path, monkeypatch):
+    page = (ROOT / "docs" / "cost.md").read_text(encoding="utf-8")
+    copy = tmp_path / "cost.md"
+    copy.write_text(page, encoding="utf-8")
+    monkeypatch.setattr(script, "PAGE", copy)
+    script.main()
+    tables = [
+        x.split(script.BEGIN)[1].split(script.END)[0] for x in (copy.read_text("utf-8"), page)
+    ]
+    now, then = (re.split(r"(-?\d+\.?\d*)", text) for text in tables)
+    assert now[::2] == then[::2]
+    numbers = [list(map(float, each[1::2])) for each in (now, then)]
+    assert numbers[0] == pytest.approx(numbers[1], rel=2e-3)
