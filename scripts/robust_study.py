@@ -65,6 +65,23 @@ DRAWS, INTERVAL = 10_000, (2.5, 97.5)  # of the bootstrap; per cent
 HEAD = """\
 # One design for many flows
 
+A case may have many flows, and the turbine may differ from one to the next; one blade and one
+controller are designed for all. `hkt show` tells what each of them does, which of them breaks or
+reaches a limit, and which decides the objective ([cases.md](cases.md#scenarios)):
+
+```yaml
+control: {law: quadratic, torque_limit: 700}
+scenarios:
+  - {name: river, inflow: {profile: turbulence, seed: 1}, weight: 0.9, realizations: 10}
+  - {name: fouled, inflow: sine, weight: 0.1, condition: {lift: 0.9, drag: 1.5}}
+  - {name: flood, inflow: {profile: sine, mean: 2.2}, weight: 0, limits: {power: 6 kW}}
+robustness: {measure: cvar, share: 0.2}
+```
+
+What such a design is worth was looked at in an example.
+
+## The example
+
 Written by `python scripts/robust_study.py`: the paper's rotor on 40 stations with 700 N m, 5 kW,
 6.5 kN, 11 rad/s, 100 MPa and no cavitation at 3 m; blade and law are designed together. *Nominal*
 is designed in one minute of turbulence (seed 1), the others in ten minutes (seeds 1 to 10) of the
