@@ -129,12 +129,11 @@ def main():
 
 
 def case(law, name, out):
-    """Return the case of a design; each begins with one of those before it."""
+    """Return the case of a design; those of other measures begin with that of the mean power."""
     river, measure = RIVERS["calm"], MEASURES[name]
     data = {"control": {"law": law, "torque_limit": 700}, "limits": LIMITS}
-    if name != "nominal":
-        before = "nominal" if name == "expected" else "expected"
-        data["start"] = {"method": "blade", "from": str((out / law / before).absolute())}
+    if name not in ("nominal", "expected"):
+        data["start"] = {"method": "blade", "from": str((out / law / "expected").absolute())}
     if measure is None:
         return load_case(data | {"inflow": river | {"seed": 1}})
     data["driver"] = {"tolerance": TOLERANCE[law]}
