@@ -35,7 +35,7 @@ DARK = dict(
 """The colour on a dark screen of each colour on a light one."""
 DASHES = "solid", "dash", "dashdot", "longdashdot", "dot", "longdash"
 FAINT = "#4a4a4a"
-MOST_POINTS, LEAST_POINTS = 200_000, 60
+MOST_POINTS, LEAST_POINTS = 100_000, 60
 """Points of all series of a page together, and of a series at least."""
 MOST_OF_ONE = 6000
 LEAST_SHOWN = 1e-10
