@@ -21,7 +21,7 @@ SOLIDS = Stl(spanwise=44, points=48), Stl(spanwise=20, points=24)
 """Sections and points of the solids of few results and of many, beside their stations."""
 FEW = 4
 APART = 1.35
-"""Distance of two blades over the width of the widest one."""
+"""Distance from one blade to the next one over its width."""
 SHOWN = 0.25, 0.5, 0.75
 """Places of the sections that are shown, from hub to tip."""
 EYE, LIGHT = np.array([-0.25, -1.0, 0.8]), np.array([-0.4, 0.3, 0.87])
@@ -100,8 +100,12 @@ def _body(design: Any, kind: Stl, name: str, color: str) -> Body:
 
 def _beside(found: Sequence[Body]) -> list[np.ndarray]:
     """Return the corners of blades that lie beside one another."""
-    width = APART * max(np.ptp(each.corners[..., 1]) for each in found)
-    return [each.corners - (0.0, row * width, 0.0) for row, each in enumerate(found)]
+    widths = np.array([np.ptp(each.corners[..., 1]) for each in found])
+    ends = np.cumsum(APART * widths)
+    return [
+        each.corners - (0.0, end - 0.5 * width + np.mean(each.corners[..., 1]), 0.0)
+        for each, end, width in zip(found, ends, widths, strict=True)
+    ]
 
 
 def solid(found: Sequence[Body]) -> Chart:
@@ -135,7 +139,8 @@ def solid(found: Sequence[Body]) -> Chart:
             | {"lighting": light, "lightposition": {"x": -2000, "y": 1500, "z": 4000}}
         )
     whole = np.concatenate([corners.reshape(-1, 3) for corners in _beside(found)])
-    ratio = np.ptp(whole, axis=0) / np.ptp(whole[:, 0])
+    extent = np.ptp(whole, axis=0)
+    ratio = extent / max(extent[0], 0.9 * extent[1])
     quiet, eye = {"visible": False}, {"x": -0.7, "y": -2.2, "z": 1.8}
     scene = {"aspectmode": "manual", "dragmode": "orbit", "yaxis": quiet, "zaxis": quiet}
     along = {"title": {"text": "radius (m)"}, "nticks": 6, "showbackground": False}
