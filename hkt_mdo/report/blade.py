@@ -17,10 +17,11 @@ from hkt_mdo.exports.solids import Stl, outline_names, triangles
 from hkt_mdo.report.charts import FAINT, Chart, Look, Told, escaped, line
 from hkt_mdo.results import style
 
-SOLID = Stl(spanwise=44, points=48)
-"""Sections and points of a solid in a report, beside its stations."""
+SOLIDS = Stl(spanwise=44, points=48), Stl(spanwise=20, points=24)
+"""Sections and points of the solids of few results and of many, beside their stations."""
+FEW = 4
 APART = 1.35
-"""Distance of two blades over the width of the widest one."""
+"""Distance from one blade to the next one over its width."""
 SHOWN = 0.25, 0.5, 0.75
 """Places of the sections that are shown, from hub to tip."""
 EYE, LIGHT = np.array([-0.25, -1.0, 0.8]), np.array([-0.4, 0.3, 0.87])
@@ -63,16 +64,16 @@ def bodies(told: Sequence[Told]) -> tuple[list[Body], list[str]]:
             source = Source(each.solution)
             outline_names(source)  # refuses where the polars have no outline of their own
             color = Look.of(index, each).color
-            start = _start(source.design, each.solution)
+            start, kind = _start(source.design, each.solution), SOLIDS[len(told) > FEW]
             name = each.label or ("blade" if start is None else "optimized blade")
-            found.append(_body(source.design, name, color))
+            found.append(_body(source.design, kind, name, color))
             if start is None:
                 continue
             shape = np.stack((start.blade.r, start.blade.chord, start.blade.twist))
             if not any(np.array_equal(shape, other) for other in known):
                 known.append(shape)
                 name = "blade at the start" + (f" of {each.label}" if starts else "")
-                starts.append(_body(start, name, FAINT))
+                starts.append(_body(start, kind, name, FAINT))
         except InputError as error:
             reasons.append(f"{each.label or each.solution.name}: {error}")
     return [*found, *starts], reasons
@@ -89,18 +90,22 @@ def _start(design: Any, solution: Any) -> Any:
     return replace(design, blade=before.with_shape(*shape, before.thickness))
 
 
-def _body(design: Any, name: str, color: str) -> Body:
+def _body(design: Any, kind: Stl, name: str, color: str) -> Body:
     # the rotor's axes turned about y
-    corners = triangles(SOLID.surface(design, SOLID.radii(design)))[..., [2, 1, 0]] * (1, 1, -1)
+    corners = triangles(kind.surface(design, kind.radii(design)))[..., [2, 1, 0]] * (1, 1, -1)
     hub, tip = design.blade.hub_radius, design.blade.tip_radius
     radii = hub + np.array(SHOWN) * (tip - hub)
-    return Body(name, corners, color, SOLID.stations(design, radii).plane)
+    return Body(name, corners, color, SOLIDS[0].stations(design, radii).plane)
 
 
 def _beside(found: Sequence[Body]) -> list[np.ndarray]:
     """Return the corners of blades that lie beside one another."""
-    width = APART * max(np.ptp(each.corners[..., 1]) for each in found)
-    return [each.corners - (0.0, row * width, 0.0) for row, each in enumerate(found)]
+    widths = np.array([np.ptp(each.corners[..., 1]) for each in found])
+    ends = np.cumsum(APART * widths)
+    return [
+        each.corners - (0.0, end - 0.5 * width + np.mean(each.corners[..., 1]), 0.0)
+        for each, end, width in zip(found, ends, widths, strict=True)
+    ]
 
 
 def solid(found: Sequence[Body]) -> Chart:
@@ -120,8 +125,9 @@ def solid(found: Sequence[Body]) -> Chart:
     for body, corners in zip(found, _beside(found), strict=True):
         points, place = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
         corner = place.reshape(-1, 3).T
-        mesh = {axis: _packed(x, "<f4", "f4") for axis, x in zip("xyz", points.T, strict=True)}
-        mesh |= {key: _packed(x, "<u4", "u4") for key, x in zip("ijk", corner, strict=True)}
+        mesh = {axis: _packed(x, "f4") for axis, x in zip("xyz", points.T, strict=True)}
+        kind = "u2" if len(points) < 2**16 else "u4"
+        mesh |= {key: _packed(x, kind) for key, x in zip("ijk", corner, strict=True)}
         look = {"color": body.color, "flatshading": False, "hoverinfo": "name"}
         # faces of a few mm have normals, too
         exact = {"vertexnormalsepsilon": 0, "facenormalsepsilon": 0}
@@ -133,7 +139,8 @@ def solid(found: Sequence[Body]) -> Chart:
             | {"lighting": light, "lightposition": {"x": -2000, "y": 1500, "z": 4000}}
         )
     whole = np.concatenate([corners.reshape(-1, 3) for corners in _beside(found)])
-    ratio = np.ptp(whole, axis=0) / np.ptp(whole[:, 0])
+    extent = np.ptp(whole, axis=0)
+    ratio = extent / max(extent[0], 0.9 * extent[1])
     quiet, eye = {"visible": False}, {"x": -0.7, "y": -2.2, "z": 1.8}
     scene = {"aspectmode": "manual", "dragmode": "orbit", "yaxis": quiet, "zaxis": quiet}
     along = {"title": {"text": "radius (m)"}, "nticks": 6, "showbackground": False}
@@ -142,9 +149,10 @@ def solid(found: Sequence[Body]) -> Chart:
     return {"data": data, "layout": {"height": 300 + 60 * len(found), "scene": scene}}
 
 
-def _packed(values: np.ndarray, kind: str, name: str) -> dict[str, str]:
+def _packed(values: np.ndarray, kind: str) -> dict[str, str]:
     """Return an array as plotly.js reads it from base64."""
-    return {"dtype": name, "bdata": base64.b64encode(values.astype(kind).tobytes()).decode()}
+    data = values.astype(f"<{kind}").tobytes()
+    return {"dtype": kind, "bdata": base64.b64encode(data).decode()}
 
 
 def picture(found: Sequence[Body]) -> bytes:

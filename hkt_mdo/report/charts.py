@@ -20,7 +20,7 @@ from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results import style
 from hkt_mdo.results.plots import LIMITED_BY, WORDS
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.results.steady import Binned, binned, rated_point, steady_curve
+from hkt_mdo.results.steady import BINS, Binned, binned, rated_point, steady_curve
 from hkt_mdo.results.words import limit_words, measured, printable
 
 Chart = dict[str, Any]
@@ -35,13 +35,13 @@ DARK = dict(
 """The colour on a dark screen of each colour on a light one."""
 DASHES = "solid", "dash", "dashdot", "longdashdot", "dot", "longdash"
 FAINT = "#4a4a4a"
-MOST_POINTS, LEAST_POINTS = 200_000, 60
+MOST_POINTS, LEAST_POINTS = 100_000, 60
 """Points of all series of a page together, and of a series at least."""
 MOST_OF_ONE = 6000
 LEAST_SHOWN = 1e-10
 """Smallest value of a logarithmic axis."""
 ENVELOPE = 300
-"""Classes of the time or of the flow speed in an envelope of scenarios."""
+"""Classes of the time in an envelope of scenarios."""
 
 
 class Told(NamedTuple):
@@ -416,7 +416,7 @@ def _envelope(told: Sequence[Told], over: str) -> Chart | None:
                 if left := _margins(one):
                     parts.append((_table_of(one)[column], np.min([*left.values()], axis=0)))
             if parts:
-                x, low, _ = _ranges(parts)
+                x, low, _ = _ranges(parts, ENVELOPE)
                 color = Look.of(index, each).color
                 margin.traces.append(line(x, low, escaped(each.label) or "smallest margin", color))
         panels.append(margin)
@@ -434,18 +434,19 @@ def _envelope_panel(told: Sequence[Told], quantity: str, x: str) -> Panel:
         if parts:
             name = escaped(each.label) or "smallest to largest of all scenarios"
             color = Look.of(index, each, quantity).color
-            panel.traces += _band(*_ranges(parts), name, color, 1.0)
+            classes = ENVELOPE if x == "time_s" else BINS
+            panel.traces += _band(*_ranges(parts, classes), name, color, 1.0)
     if panel.traces:
         panel.levels = _levels_of(alone, quantity, scale)
     return panel
 
 
 def _ranges(
-    parts: Sequence[tuple[np.ndarray, np.ndarray]],
+    parts: Sequence[tuple[np.ndarray, np.ndarray]], most: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the smallest and the largest of several series in classes of their abscissa."""
     x, y = (np.concatenate(each) for each in zip(*parts, strict=True))
-    count = max(1, min(ENVELOPE, min(each.size for each, _ in parts) // 2))
+    count = max(1, min(most, min(each.size for each, _ in parts) // 2))
     edges = np.linspace(np.min(x), np.max(x), count + 1)
     place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, count - 1)
     low, high = np.full(count, np.inf), np.full(count, -np.inf)

@@ -87,7 +87,7 @@ def _page(solutions: Sequence[Solution]) -> str:
     )
     names = [label or "result" for label in labels(order)]
     return environment.get_template("report.html").render(
-        title=" and ".join(dict.fromkeys(each.name for each in order)),
+        title=_title(order),
         alike=len({each.case.objective.kind for each in order}) == 1,
         results=[_told(each, name) for each, name in zip(order, names, strict=True)],
         headline=_aligned(
@@ -108,6 +108,11 @@ def _page(solutions: Sequence[Solution]) -> str:
         data=json.dumps({"charts": drawn, "views": views, "dark": charts.DARK}, allow_nan=False),
         plotly=offline.get_plotlyjs(),
     )
+
+
+def _title(solutions: Sequence[Solution]) -> str:
+    names = list(dict.fromkeys(each.name for each in solutions))
+    return " and ".join(names) if len(names) < 4 else f"{len(solutions)} results"
 
 
 def _told(solution: Solution, name: str) -> dict[str, Any]:

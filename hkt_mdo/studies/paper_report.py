@@ -319,7 +319,7 @@ def _filled(templates, row):
 
 _STYLE = """
 table { display: block; overflow-x: auto; }
-th, td { white-space: nowrap; }
+th, td { white-space: nowrap; max-width: none; }
 td + td, th + th { text-align: right; }
 img { background: white; }
 """

@@ -420,3 +420,25 @@ def test_module_is_the_command() -> None:
     )
     assert done.returncode == 2
     assert done.stderr.startswith("error: not_here.yaml: does not exist")
+
+
+def test_progress_tells_the_pass_and_what_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    from hkt_mdo.cli import run
+
+    now, shown = [0.0], []
+    monkeypatch.setattr(run.time, "monotonic", lambda: now[0])
+    console = types.SimpleNamespace(is_terminal=True)
+    status = types.SimpleNamespace(console=console, update=shown.append)
+    evaluation, passed = run._reporters("mine", "J", status)
+    entry = types.SimpleNamespace(number=1, converged=True, iterations=9, objective_J=1.0)
+    entry.remedy = entry.why = ""
+    now[0] = 10.0  # the start is found
+    evaluation(1, 2000.0, 1e-3)
+    now[0] = 30.0
+    passed(entry)
+    now[0] = 35.0
+    evaluation(9, 2000.0, 1e-5)
+    told = "mine: 10 s, pass 1, evaluation 1, objective 2.0000 kJ, infeasibility 1.0e-03"
+    assert shown[0] == told
+    assert shown[1].startswith("mine: 35 s, pass 2, evaluation 9")
+    assert shown[1].endswith(", 15 s left if it takes as long as the pass before")

@@ -59,7 +59,7 @@ def opened(browser, path, width=1400, scheme="light"):
     tab.on("console", lambda x: seen.append(x.text) if x.type == "error" else None)
     tab.on("pageerror", lambda error: seen.append(str(error)))
     tab.on("request", lambda x: seen.append(x.url) if not x.url.startswith("data:") else None)
-    tab.goto(path.as_uri())
+    tab.goto(path.as_uri(), timeout=60_000)
     tab.wait_for_selector("body[data-ready]", timeout=60_000)
     assert seen == [path.as_uri()]
     return tab

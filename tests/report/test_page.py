@@ -181,8 +181,7 @@ def test_solid_is_the_blade(folders):
     mesh = blade.solid(found)["data"][0]
 
     def unpacked(key):
-        kinds = {"f4": "<f4", "u4": "<u4"}
-        return np.frombuffer(base64.b64decode(mesh[key]["bdata"]), kinds[mesh[key]["dtype"]])
+        return np.frombuffer(base64.b64decode(mesh[key]["bdata"]), f"<{mesh[key]['dtype']}")
 
     points = np.stack([unpacked(key) for key in "xyz"], axis=-1).astype(float)
     one, two, three = (points[unpacked(key)] for key in "ijk")
