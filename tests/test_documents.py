@@ -423,7 +423,7 @@ def test_keys_shown_as_comments_are_keys_that_null_leaves_as_they_are(tmp_path, 
     assert {"torque_limit", "gain", "duration", "segments", "radius_bounds"} <= set(shown)
     text = re.sub(r"^  # (\w+: null\b)", r"  \1", text, flags=re.MULTILINE)
     path.write_text(
-        re.sub(r"^# (site|limits|generator):$", r"\1:", text, flags=re.MULTILINE), "utf-8"
+        re.sub(r"^# (site|condition|limits|generator):$", r"\1:", text, flags=re.MULTILINE), "utf-8"
     )
     assert load_case(path) == case
 

@@ -119,7 +119,7 @@ def test_realizations_are_scenarios_of_consecutive_seeds_that_share_a_weight():
 BAD = {
     "no seed": (
         {"scenarios": [{"inflow": "sine"}, {"inflow": "sine", "realizations": 2}]},
-        r"scenarios\[1\].realizations = 2: asks for 2 flows, .* has no seed; leave realizations out",
+        r"scenarios\[1\].realizations = 2: asks for 2 flows, .* has no seed; leave realizations",
     ),
     "none": (
         {"scenarios": [{"inflow": TURBULENCE, "realizations": 0}]},
@@ -217,7 +217,7 @@ def test_the_worst_of_two_flows_is_larger_than_the_mean_s_design_has_it(tmp_path
     )
 
 
-# What differs between scenarios --------------------------------------------------------------------
+# What differs between scenarios -------------------------------------------------------------------
 
 WORN = {"lift": 0.95, "drag": 1.4, "inertia": 1.3, "torque_constant": 1.02}
 
@@ -249,7 +249,7 @@ def test_factors_on_lift_and_drag_are_those_of_a_polar_with_them(tmp_path):
     lift, drag = np.sin(np.deg2rad(2.0 * alpha)), 1.2 - np.cos(np.deg2rad(2.0 * alpha))
     files = {"clean": (lift, drag), "worn": (0.9 * lift, 1.5 * drag)}
     for name, columns in files.items():
-        rows = "\n".join(f"{a},{x:.17g},{y:.17g}" for a, x, y in zip(alpha, *map(list, columns)))
+        rows = "\n".join(f"{a},{x:.17g},{y:.17g}" for a, x, y in zip(alpha, *columns, strict=True))
         (tmp_path / f"{name}.csv").write_text(f"alpha_deg,cl,cd\n{rows}\n", encoding="utf-8")
     flows = [
         {"condition": {"lift": 0.9, "drag": 1.5}},
@@ -266,6 +266,21 @@ def test_factors_on_lift_and_drag_are_those_of_a_polar_with_them(tmp_path):
     assert np.all(worn < clean)
 
 
+def test_realizations_of_a_turbine_are_draws_from_its_spread():
+    """Mean, deviation and largest distance are those of a cut normal distribution."""
+    spread = {"drag": 0.1, "inertia": 0.05, "density": 4.0, "torque_constant": 0.02}
+    flows = {"inflow": "sine", "realizations": 200, "condition": {"drag": 1.4}, "spread": spread}
+    made = load_case(case(flows)).scenarios
+    for name, mean in (("drag", 1.4), ("inertia", 1.0), ("torque_constant", 1.0)):
+        values = np.array([getattr(each.condition, name) for each in made])
+        assert np.mean(values) == pytest.approx(mean, abs=4.0 * spread[name] / np.sqrt(200))
+        assert np.std(values) == pytest.approx(spread[name], rel=0.2)
+        assert np.max(np.abs(values - mean)) <= 3.0 * spread[name] * (1.0 + 1e-12)
+    assert len({each.density for each in made}) == 200
+    assert {each.condition.lift for each in made} == {1.0}
+    assert load_case(case(flows)).scenarios == made
+
+
 def test_a_condition_that_cannot_be_is_refused():
     for law, sections, message in (
         (
@@ -280,5 +295,5 @@ def test_a_condition_that_cannot_be_is_refused():
             load_case(case({"inflow": "sine", "condition": sections}, law=law))
         assert re.search(message, str(error.value)), str(error.value)
     local = {"reynolds": "local", "polar": "naca63815"}
-    with pytest.raises(InputError, match="condition.*takes rotor.reynolds: invariant"):
+    with pytest.raises(InputError, match=r"condition.*takes rotor.reynolds: invariant"):
         load_case(case({"inflow": "sine"}, condition={"lift": 0.9}, rotor=local), check_files=False)

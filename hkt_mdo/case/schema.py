@@ -25,7 +25,7 @@ from pydantic_core import PydanticCustomError
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, Phase, Start
 from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kinds
 from hkt_mdo.case.messages import TAGS, translate
-from hkt_mdo.case.turbine import Condition, Fluid, Rotor, Site, own_keys
+from hkt_mdo.case.turbine import Condition, Fluid, Rotor, Site, Spread, own_keys
 from hkt_mdo.dynamics.aggregates import Aggregate, Expected
 from hkt_mdo.dynamics.flows import Inflow, SumInflow
 from hkt_mdo.dynamics.generator import Generator
@@ -107,40 +107,40 @@ class FlowScenario(Section):
     """Density of the water; null: `fluid.density`."""
     condition: Condition | None = None
     """The turbine as it is in this scenario, given as `condition` of the case; null: that."""
+    spread: Spread | None = None
+    """How far `condition` and `density` vary from one realization to the next; null: they do not.
+    """
 
-    def realized(self, inflow: Inflow, key: str) -> list[FlowScenario]:
-        """Return one scenario for each realization; `inflow` is that of a scenario without one.
+    def realized(self, case: Case, key: str) -> list[FlowScenario]:
+        """Return one scenario for each realization of a case's scenario, called `key`.
 
-        Refuses a flow without a seed; `key` is what the scenario is called.
+        Refuses realizations that would all be the same.
         """
-        count = self.realizations or 1
-        if count == 1:
-            return [self.model_copy(update={"realizations": None})]
-        flow = self.inflow or inflow
-        return [
-            self.model_copy(
-                update={
-                    "name": f"{self.name}_{number + 1}",
-                    "inflow": _reseeded(flow, number, f"{key}.realizations", count),
-                    "weight": self.weight / count,
-                    "realizations": None,
-                }
-            )
-            for number in range(count)
-        ]
+        count, flow, made = self.realizations or 1, self.inflow or case.inflow, []
+        for number in range(count):
+            changes: dict[str, Any] = {"realizations": None, "spread": None}
+            if count > 1:
+                changes |= {"name": f"{self.name}_{number + 1}", "weight": self.weight / count}
+                changes["inflow"] = _reseeded(flow, number)
+            if self.spread is not None:
+                own = self.condition or case.condition, self.density or case.fluid.density
+                drawn = self.spread.drawn(*own, number)
+                changes |= dict(zip(("condition", "density"), drawn, strict=True))
+            elif number and changes["inflow"] == flow:
+                problem = f"asks for {count} flows, and inflow.profile = {flow.profile} has no seed"
+                remedy = "leave realizations out, or give profile: turbulence, or a spread"
+                raise refusal(problem, remedy, key=f"{key}.realizations", value=count)
+            made.append(self.model_copy(update=changes))
+        return made
 
 
-def _reseeded(inflow: Inflow, number: int, key: str, count: int) -> Inflow:
+def _reseeded(inflow: Inflow, number: int) -> Inflow:
     """Return a flow whose seed, or those of its parts, are larger by a number."""
     parts = inflow.parts if isinstance(inflow, SumInflow) else (inflow,)
     made = [
         each.model_copy(update={"seed": each.seed + number}) if hasattr(each, "seed") else each
         for each in parts
     ]
-    if not any(hasattr(each, "seed") for each in parts):
-        problem = f"asks for {count} flows, and inflow.profile = {inflow.profile} has no seed"
-        remedy = "leave realizations out, or give profile: turbulence"
-        raise refusal(problem, remedy, key=key, value=count)
     if not isinstance(inflow, SumInflow):
         return made[0]
     return inflow.model_copy(update={"parts": tuple(made)})
@@ -303,9 +303,10 @@ class Case(Section):
     def _realize(self) -> None:
         """Put scenarios of several realizations as one scenario for each; refuse bad ones."""
         self._check_scenarios()
+        self._check_condition("condition", self.condition)
         made: dict[str, FlowScenario] = {}
         for number, scenario in enumerate(self.scenarios):
-            for each in scenario.realized(self.inflow, f"scenarios[{number}]"):
+            for each in scenario.realized(self, f"scenarios[{number}]"):
                 name = (each.name or "").lower()  # they name files
                 if len(name) > LONGEST_NAME:
                     problem = f"becomes {each.name}, of more than {LONGEST_NAME} characters"
@@ -316,6 +317,8 @@ class Case(Section):
                     key = f"scenarios[{number}].name"
                     raise refusal(problem, remedy, key=key, value=each.name)
                 made[name] = each
+                if each.condition is not None:
+                    self._check_condition(f"scenarios[{number}].condition", each.condition)
         if len(made) > MOST_SCENARIOS:
             problem = f"are {len(made)} flows with their realizations"
             remedy, given = (
@@ -327,10 +330,8 @@ class Case(Section):
 
     def _check_scenarios(self) -> None:
         """Refuse scenarios that weigh nothing, or limit what they do not own."""
-        conditions = {"condition": self.condition}
         for number, scenario in enumerate(self.scenarios):
             key = f"scenarios[{number}]"
-            conditions[f"{key}.condition"] = scenario.condition or self.condition
             if scenario.limits.torque is not None:
                 problem = "is the controller's, which all scenarios share"
                 remedy = "give control.torque_limit"
@@ -346,21 +347,22 @@ class Case(Section):
             problem, remedy = "weigh nothing together", "give one of them a weight above 0"
             weights = [each.weight for each in self.scenarios]
             raise refusal(problem, remedy, key="scenarios", value=weights)
-        for key, condition in conditions.items():
-            if condition.torque_constant != 1.0 and not self.control.is_feedback:
-                problem = (
-                    "is that of a feedback law; the torque of an open loop is itself optimized"
-                )
-                given = {"key": f"{key}.torque_constant", "value": condition.torque_constant}
-                raise refusal(problem, "leave it out, or give another control.law", **given)
-            if condition.polar is not None and self.rotor.sections:
-                problem = "is that of one section, and the rotor has several"
-                remedy = "give factors on lift and drag instead"
-                raise refusal(problem, remedy, key=f"{key}.polar", value=condition.polar)
-            thick = self.rotor.reynolds == "local" or self.design.thickness_points
-            if condition.fouls and thick:
-                problem = "takes rotor.reynolds: invariant and no design.thickness_points"
-                raise refusal(problem, "give these, or leave it out", key=key)
+
+    def _check_condition(self, key: str, condition: Condition) -> None:
+        """Refuse a condition that the law or the rotor cannot have."""
+        if condition.torque_constant != 1.0 and not self.control.is_feedback:
+            problem = "is that of a feedback law; the torque of an open loop is itself optimized"
+            given = {"key": f"{key}.torque_constant", "value": condition.torque_constant}
+            raise refusal(problem, "leave it out, or give another control.law", **given)
+        if condition.polar is not None and self.rotor.sections:
+            problem = "is that of one section, and the rotor has several"
+            remedy = "give factors on lift and drag instead"
+            raise refusal(problem, remedy, key=f"{key}.polar", value=condition.polar)
+        thick = self.rotor.reynolds == "local" or self.design.thickness_points
+        if condition.fouls and thick:
+            problem = "takes rotor.reynolds: invariant and no design.thickness_points"
+            remedy = "give these, or leave it out"
+            raise refusal(problem, remedy, key=key, value=condition.model_dump(mode="json"))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the values and the extensions: another process makes the class again."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import AfterValidator, Field, Strict, ValidationInfo, model_validator
 
 from hkt_mdo.errors import did_you_mean
@@ -27,6 +28,7 @@ def _find_file(value: str, info: ValidationInfo) -> str:
 
 
 _File = Annotated[str, AfterValidator(_find_file)]
+MOST_DRAW, MOST_SPREAD = 3.0, 0.3  # standard deviations; largest one, so that none is negative
 _Station = Annotated[float, Quantity(gt=0, lt=1)]
 
 
@@ -271,6 +273,44 @@ class Condition(Section):
     def fouls(self) -> bool:
         """Whether the sections have other lift or drag."""
         return (self.lift, self.drag, self.polar) != (1.0, 1.0, None)
+
+
+_Deviation = Annotated[float, Quantity(ge=0, lt=MOST_SPREAD)]
+
+
+class Spread(Section):
+    """Standard deviations of normal distributions about what a scenario says, 0: it is certain.
+
+    Each realization is drawn from them, none farther than three standard deviations away.
+    """
+
+    lift: _Deviation = 0.0
+    """Of the factor on the lift."""
+    drag: _Deviation = 0.0
+    """Of the factor on the drag."""
+    inertia: _Deviation = 0.0
+    """Of the factor on the inertia."""
+    torque_constant: _Deviation = 0.0
+    """Of the torque on the rotor over that which a feedback law asks for."""
+    density: Annotated[float, Quantity("kg/m**3", ge=0, le=100)] = 0.0
+    """Of the density of the water."""
+    seed: Annotated[int, Strict(), Field(ge=0, lt=2**63)] = 1
+    """Seed of the draws."""
+
+    def drawn(
+        self, condition: Condition, density: float, number: int
+    ) -> tuple[Condition, float | None]:
+        """Return condition of the turbine and density of the water (kg/m**3) of a realization."""
+        names = "lift", "drag", "inertia", "torque_constant", "density"
+        draws = np.random.default_rng((self.seed, number)).standard_normal(len(names))
+        moved = {
+            name: getattr(self, name) * float(draw)
+            for name, draw in zip(names, np.clip(draws, -MOST_DRAW, MOST_DRAW), strict=True)
+        }
+        density += moved.pop("density")
+        return condition.model_copy(
+            update={name: getattr(condition, name) + by for name, by in moved.items()}
+        ), density
 
 
 class Fluid(Section):

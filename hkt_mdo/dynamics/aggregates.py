@@ -45,9 +45,9 @@ class Aggregate(Section):
         return np.empty(0)
 
     def binding(self, rates: np.ndarray, shares: np.ndarray) -> np.ndarray:
-        """Tell which scenarios decide the measure at some rates, (n_scenarios,); by default none.
+        """Tell which scenarios the measure is taken of, where not of all, (n_scenarios,).
 
-        Those whose rates alone, of all that have a share of time, change it if they change a little.
+        None by default. The worst rate, for example, is that of one scenario or a few.
         """
         return np.zeros(shares.size, dtype=bool)
 
@@ -71,7 +71,7 @@ class Expected(Aggregate):
 
 
 class _OfTheWorst(Aggregate):
-    """A measure of the scenarios with the smallest rates; those of no share of time do not count."""
+    """A measure of the scenarios with the smallest rates; without those of no share of time."""
 
     n_unknowns: ClassVar[int | None] = None
     relative: ClassVar[bool] = True

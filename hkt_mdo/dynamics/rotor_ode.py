@@ -125,10 +125,49 @@ class InflowComp(_NodeComp):
         return {"inflow_speed": self.options["inflow"].speed_at(time)}
 
 
-class HydrodynamicsComp(_NodeComp):
+class HydrodynamicsGroup(om.Group):
     """Hydrodynamic torque and power at a phase's nodes, by the torque spline or by BEM itself.
 
-    Q = 0.5 rho v² pi R³ Cq(tsr), tsr = w R / v, P = Q w (paper eq. 5).
+    Options are those of `CoefficientComp`. The torque has a component of its own: only the
+    coefficient then depends on the whole table, which is most of the Jacobian of a long flow.
+    """
+
+    def initialize(self):
+        self.options.declare("num_nodes", types=int)
+        self.options.declare("spline", default=None, desc="TorqueSpline; None: direct BEM")
+        for name in ("blade", "polar", "coefficients"):
+            self.options.declare(name, default=None, recordable=False)
+
+    def setup(self):
+        options = dict(self.options.items())
+        names = "num_nodes", "spline", "blade", "polar", "coefficients"
+        coefficient = CoefficientComp(**{name: options[name] for name in names})
+        self.add_subsystem("coefficient", coefficient, promotes=["*"])
+        torque = TorqueComp(num_nodes=options["num_nodes"])
+        self.add_subsystem("torque", torque, promotes=["*"])
+
+
+class TorqueComp(_NodeComp):
+    """Torque and power from the coefficient, Q = 0.5 rho v² pi R³ Cq, P = Q w (paper eq. 5)."""
+
+    needs = {  # noqa: RUF012
+        "hydrodynamic_torque": ("torque_coefficient", "inflow_speed", "density", "rotor_radius"),
+        "hydrodynamic_power": (
+            "torque_coefficient",
+            "inflow_speed",
+            "density",
+            "rotor_radius",
+            "rotor_speed",
+        ),
+    }
+
+    def formula(self, torque_coefficient, inflow_speed, density, rotor_radius, rotor_speed):
+        torque = torque_scale(density, rotor_radius, inflow_speed) * torque_coefficient
+        return {"hydrodynamic_torque": torque, "hydrodynamic_power": torque * rotor_speed}
+
+
+class CoefficientComp(_NodeComp):
+    """Tip speed ratio w R / v and torque coefficient at a phase's nodes, by spline or by BEM.
 
     Besides the inputs of `needs`, with a `spline`, torque_coefficient_table[n_tsr], else chord and
     twist[n_stations].
@@ -137,8 +176,6 @@ class HydrodynamicsComp(_NodeComp):
     needs = {  # noqa: RUF012
         "tip_speed_ratio": ("rotor_speed", "inflow_speed", "rotor_radius"),
         "torque_coefficient": ("rotor_speed", "inflow_speed", "rotor_radius"),
-        "hydrodynamic_torque": ("rotor_speed", "inflow_speed", "density", "rotor_radius"),
-        "hydrodynamic_power": ("rotor_speed", "inflow_speed", "density", "rotor_radius"),
     }
 
     def initialize(self):
@@ -160,7 +197,7 @@ class HydrodynamicsComp(_NodeComp):
 
     def setup_partials(self):
         super().setup_partials()
-        self.declare_partials(list(self.needs)[1:], list(self._designed))
+        self.declare_partials("torque_coefficient", list(self._designed))
 
     def _coefficient(self, inputs, derivatives):
         """Return Cq(tsr, v, R) near the inputs, and by name dCq/dshape at fixed tsr."""
@@ -192,16 +229,10 @@ class HydrodynamicsComp(_NodeComp):
 
         return near, {"chord": found.torque_by_chord, "twist": found.torque_by_twist}
 
-    def formula(self, rotor_speed, inflow_speed, density, rotor_radius, **_):
+    def formula(self, rotor_speed, inflow_speed, rotor_radius, **_):
         ratio = rotor_speed * rotor_radius / inflow_speed
         coefficient = self._near(ratio, inflow_speed, rotor_radius)
-        torque = torque_scale(density, rotor_radius, inflow_speed) * coefficient
-        return {
-            "tip_speed_ratio": ratio,
-            "torque_coefficient": coefficient,
-            "hydrodynamic_torque": torque,
-            "hydrodynamic_power": torque * rotor_speed,
-        }
+        return {"tip_speed_ratio": ratio, "torque_coefficient": coefficient}
 
     def compute(self, inputs, outputs):
         self._near, _ = self._coefficient(inputs, derivatives=False)
@@ -210,11 +241,8 @@ class HydrodynamicsComp(_NodeComp):
     def compute_partials(self, inputs, partials):
         self._near, by_shape = self._coefficient(inputs, derivatives=True)
         super().compute_partials(inputs, partials)
-        scale = torque_scale(inputs["density"], inputs["rotor_radius"], inputs["inflow_speed"])
         for name, by in by_shape.items():
             partials["torque_coefficient", name] = by
-            partials["hydrodynamic_torque", name] = scale[:, None] * by
-            partials["hydrodynamic_power", name] = (scale * inputs["rotor_speed"])[:, None] * by
 
 
 class FeedbackComp(_NodeComp):

@@ -308,8 +308,9 @@ class IntegralComp(om.ExplicitComponent):
 class AggregateComp(om.ExplicitComponent):
     """The objective: a duration times the aggregate of the scenarios' mean rates.
 
-    Inputs mean_rate[n_scenarios] as the aggregate takes them, unknowns[n_unknowns] where the aggregate has some; outputs
-    objective and, where the aggregate has some, rows[n_rows], which must not be negative.
+    Inputs mean_rate[n_scenarios] as the aggregate takes them, unknowns[n_unknowns] where the
+    aggregate has some; outputs objective and, where the aggregate has some, rows[n_rows], which
+    must not be negative.
     """
 
     def initialize(self):

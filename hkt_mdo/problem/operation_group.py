@@ -8,7 +8,7 @@ import numpy as np
 import openmdao.api as om
 
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
-from hkt_mdo.dynamics.rotor_ode import HydrodynamicsComp
+from hkt_mdo.dynamics.rotor_ode import HydrodynamicsGroup
 from hkt_mdo.problem.components import (
     AboveComp,
     AggregateComp,
@@ -32,8 +32,8 @@ def named(name: str, variant: str) -> str:
     return f"{name}{variant}" if own else name
 
 
-def _hydrodynamics(options: dict, nodes: int) -> HydrodynamicsComp:
-    return HydrodynamicsComp(num_nodes=nodes, **options)
+def _hydrodynamics(options: dict, nodes: int) -> HydrodynamicsGroup:
+    return HydrodynamicsGroup(num_nodes=nodes, **options)
 
 
 class OperationGroup(om.Group):
@@ -43,9 +43,9 @@ class OperationGroup(om.Group):
     (kg*m**2), torque_coefficient_table[n_nodes] (or chord and twist[n_stations] with direct BEM),
     <load>_table[n_nodes] of each load that is asked for, gain_0, gain_1, … in the law's units; and
     what limits and objective take of the design. Where scenarios differ in water or turbine, there
-    are density_1, inertia_1 and tables of these names for them (`Physics.variants`). Outputs: ``traj.<scenario>.timeseries``, the loads
-    and rates that are asked for, ``limit_<name>.value``, energy, generator_energy,
-    electrical_energy (J) and objective.
+    are density_1, inertia_1 and tables of these names for them (`Physics.variants`). Outputs:
+    ``traj.<scenario>.timeseries``, the loads and rates that are asked for, ``limit_<name>.value``,
+    energy, generator_energy, electrical_energy (J) and objective.
     """
 
     def initialize(self):
@@ -120,7 +120,7 @@ class OperationGroup(om.Group):
             self.promotes("traj", inputs=inputs)
 
     def _hydrodynamics(self, physics):
-        """Return the options of `HydrodynamicsComp` and the ODE's inputs, with units."""
+        """Return the options of `HydrodynamicsGroup` and the ODE's inputs, with units."""
         setup = self.options["start"]
         names = ["density", "inertia", "rotor_radius"]
         if physics.has_curve:

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -131,7 +132,7 @@ class Physics:
 
     @cached_property
     def variants(self) -> dict[tuple, str]:
-        """What follows the names of quantities in the model, by `Scenario.turbine`; empty: as is."""
+        """What is appended to the names of quantities in the model, by `Scenario.turbine`."""
         others = dict.fromkeys(each.turbine for each in self.scenarios)
         others.pop((None, None), None)
         return {(None, None): ""} | {each: f"_{i}" for i, each in enumerate(others, start=1)}
@@ -342,6 +343,17 @@ class Physics:
         scalars that limits and objectives may take; the control torque balances the flow's, and
         states of the control law are in equilibrium.
         """
+        if point not in self._starts:
+            self._starts[point] = self._quantities(point)
+        return [dict(each) for each in self._starts[point]]
+
+    @cached_property
+    def _starts(self) -> WeakKeyDictionary:
+        """What `on_start` has found, which is asked of the same point for every scenario."""
+        return WeakKeyDictionary()
+
+    def _quantities(self, point) -> list[dict]:
+        """Return what `on_start` does."""
         found = []
         for scenario, (speed, torque) in zip(
             self.scenarios, self.split(point.operation), strict=True
@@ -642,10 +654,11 @@ def _with_limits(
         name: limit.on(shape.blade, case.rotor.blade_material)
         for name, limit in scenario.own_limits.items()
     }
-    limit = case.control.torque_limit
-    if limit is not None:  # of what the law asks for
-        own[TorqueLimit.name] = TorqueLimit(bound=constant * limit)
     common = {limit.name: limit for limit in limits if limit.place == "time"}
+    for limit in limits:
+        if isinstance(limit, TorqueLimit) and limit.bound is not None:  # of what the law asks for
+            bound = limit.bound * constant / case.condition.torque_constant
+            common[limit.name] = TorqueLimit(bound=bound)
     return replace(scenario, limits=tuple((common | own).values()), own_limits={})
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.case import Case
-from hkt_mdo.dynamics.laws import Law
+from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import BEM, Physics, physics
@@ -35,7 +35,7 @@ class Design:
         One for all stations, or one a station; where the thickness is designed, those of the
         case's sections, from thin to thick.
     law : Law
-        The control law; the torque of an open loop is in the trajectory.
+        The control law with the torque that it asks for; that of an open loop is in the trajectory.
     gains : ndarray, shape (n_gains,)
         Gains of the law, in its `gain_units`; empty for open loop.
     inertia : float
@@ -89,7 +89,7 @@ class Design:
             blade,
             polars,
             turbine.outlines,
-            world.law,
+            world.law.applied(1.0) if isinstance(world.law, FeedbackLaw) else world.law,
             gains,
             world.mass_and_inertia(blade)[1],
             turbine._replace(blade=blade, polar=polars),

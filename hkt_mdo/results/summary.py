@@ -312,8 +312,8 @@ class ScenarioEntry(_Entry):
     `weight`, that share times the case's duration over `duration_s`. `mean_power_W` is that of the
     objective over `duration_s`. A flow with a cut-out speed is one scenario, its energies those
     of all its intervals of operation. Where the measure of `robustness` compares the mean power
-    with an upper bound on it, `ceiling_W` is that; `decides` tells whether the measure would change
-    with this scenario's mean power.
+    with an upper bound on it, `ceiling_W` is that; `decides` tells whether the measure is taken of
+    this scenario, where it is not taken of all.
     """
 
     share: _Number = None

@@ -24,7 +24,8 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
 
     `bound` is the quasi-steady one, which it never exceeds. Of a law that is not the package's own,
     only the torque limit is regarded. None where polars follow the Reynolds number, the radius or
-    the thickness is designed, the turbine differs between scenarios, or the best tip speed ratio is near `HIGHEST`.
+    the thickness is designed, the turbine differs between scenarios, or the best tip speed ratio is
+    near `HIGHEST`.
     """
     shape, law, limit = physics.shape, physics.law, physics.law.torque_limit
     if physics.rotor.follows_reynolds or shape.radius_bounds is not None:

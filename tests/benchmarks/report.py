@@ -141,6 +141,32 @@ of a control's continuity dense before it takes their nonzeros. That is once, no
 """
 
 
+def many(found):
+    """Return the section on problems of many flows."""
+    text = """
+## Many flows
+
+One problem of flows of a minute (turbulence up to 0.5 Hz, 240 segments each) under limits of power,
+thrust and stress, with CVaR: columns as above, in processor time.
+"""
+    for law in ("quadratic", "open_loop"):
+        of = found[f"test_growth_of_flows[{law}]"]
+        rows = [
+            (
+                row["flows"],
+                *(seconds(row[name]) for name in ("evaluation", "iteration", "setup")),
+                f"{row['memory_MB']:.0f} MB",
+                row["nonzeros"],
+            )
+            for row in of["rows"]
+        ]
+        header = ("flows", "evaluation", "iteration", "set-up", "memory", "nonzeros of the totals")
+        names = {"evaluation": "evaluation", "setup": "set-up", "memory_MB": "memory"}
+        told = ", ".join(f"{word} {of['slopes'][name]:.2f}" for name, word in names.items())
+        text += f"\n`{law}`:\n\n{table(header, rows)}\nExponents over the last step: {told}.\n"
+    return text
+
+
 def direct(found):
     """Return the section on direct BEM against the torque curve."""
     lines = [
@@ -278,7 +304,7 @@ One core, the fastest of several calls. [bem.md](bem.md) says what is computed a
 def write(found, machine, docs):
     """Write the document and the figure of what was found, by name of the benchmark."""
     packages = ("openmdao", "dymos", "numpy", "scipy", "numba", "casadi")
-    sections = (whole_case, parts, iteration, direct, year, peers, bem_alone)
+    sections = (whole_case, parts, iteration, many, direct, year, peers, bem_alone)
     cpu = machine.get("cpu", {})
     end = (
         f"\nMeasured with Python {platform.python_version()}, "

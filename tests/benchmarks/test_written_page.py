@@ -15,6 +15,7 @@ def test_page_takes_what_the_benchmarks_found(request, measured, tmp_path):
         "One NLP iteration",
         "Growth",
         "A year",
+        "Many flows",
         "Peers",
         "BEM alone",
     ):
