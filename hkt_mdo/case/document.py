@@ -82,7 +82,7 @@ def case_markdown(extensions: Iterable[Extension] = ()) -> str:
     """
     schema = case_json_schema(extensions)
     contents, blocks = [], []
-    needs = {"inflow": ", required unless `scenarios` or `resource` say it", "control": ", required"}
+    needs = {"inflow": ", or `scenarios`, or `resource`", "control": ", required"}
     for key, value, sections in _chapters(schema):
         entry = value.get("items", {})
         if not sections and "properties" not in entry:

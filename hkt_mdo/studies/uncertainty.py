@@ -235,7 +235,9 @@ class Design:
         """
         if inflow.steady:
             problem = "is a resource, which has no course over time to be simulated in"
-            raise InputError(problem, "give another flow, such as --flow '{profile: sine}'", key="inflow")
+            raise InputError(
+                problem, "give another flow, such as --flow '{profile: sine}'", key="inflow"
+            )
         if self.physics.case.inflow.steady and not self.law.is_feedback:
             problem = "has a torque for each speed of a year's flow, and none over time"
             raise InputError(problem, "give a design under a feedback law", key="control.law")
