@@ -277,7 +277,8 @@ def test_schema_says_what_it_is():
     assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
     assert schema["title"] == "Case"
     assert schema["required"] == ["control"]
-    assert schema["anyOf"] == [{"required": ["inflow"]}, {"required": ["scenarios"]}]
+    keys = "inflow", "resource", "scenarios"
+    assert schema["anyOf"] == [{"required": [key]} for key in keys]
     # a limit may be its bound alone
     parts = (whole.get("anyOf", [whole])[-1] for whole in schema["$defs"].values())
     for section in (schema, *parts):
@@ -382,7 +383,7 @@ def test_schema_refuses_unions_that_a_case_refuses(validator, text):
 
 # New cases ----------------------------------------------------------------------------------------
 
-UNUSUAL = {"name", "scenarios", "robustness", "version"}
+UNUSUAL = {"name", "resource", "scenarios", "robustness", "version"}
 """Keys that a new case does not show."""
 
 

@@ -37,7 +37,7 @@ def case_json_schema(extensions: Iterable[Extension] = ()) -> dict[str, Any]:
                 paragraphs = described["description"].split("\n\n")
                 described["description"] = "\n\n".join(" ".join(p.split()) for p in paragraphs)
     schema["required"].remove("inflow")  # a scenario may have it
-    schema["anyOf"] = [{"required": ["inflow"]}, {"required": ["scenarios"]}]
+    schema["anyOf"] = [{"required": [key]} for key in ("inflow", "resource", "scenarios")]
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
@@ -84,7 +84,7 @@ def case_markdown(extensions: Iterable[Extension] = ()) -> str:
     """
     schema = case_json_schema(extensions)
     contents, blocks = [], []
-    needs = {"inflow": ", required unless `scenarios` have theirs", "control": ", required"}
+    needs = {"inflow": ", or `scenarios`, or `resource`", "control": ", required"}
     for key, value, sections in _chapters(schema):
         entry = value.get("items", {})
         if not sections and "properties" not in entry:
@@ -219,7 +219,7 @@ def _cases() -> str:
         remarks = (line.lstrip("# ") for line in text.splitlines() if line.startswith("#"))
         first = next((line for line in remarks if not line.startswith("yaml-language-server")), "")
         link = f"[{file.stem}](../cases/{file.relative_to(folder).as_posix()})"
-        kinds = data["inflow"]["profile"], data["control"]["law"]
+        kinds = (data.get("inflow") or data["resource"])["profile"], data["control"]["law"]
         rows.append((link, *kinds, first.replace("|", "\\|")))
     table = _table(["case", "`inflow.profile`", "`control.law`", "what"], *rows)
     return f"\n## Shipped cases\n\n{table}\n" if rows else ""

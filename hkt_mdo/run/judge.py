@@ -425,6 +425,10 @@ FALSE_SOLUTION = (
     "the collocation is too coarse or met a false solution: try more phase.segments, "
     "phase.transcription=gauss-lobatto, start.method=quasi_steady"
 )
+OTHER_EQUILIBRIUM = (
+    "the rotor has another, faster equilibrium there than the optimizer met: try a larger cut_in, "
+    "or another control.law"
+)
 TRY = {
     "optimizer": "try hkt run --resume, the other driver.optimizer, or more driver.max_iterations",
     "flow_error": "try more phase.segments",
@@ -438,7 +442,9 @@ TRY = {
         "the captured energy counts what the rotor stores: try objective=generator, or "
         "phase.stored_energy=allowed"
     ),
-    "rotor_keeps_turning": "try a larger control.torque_limit, or start.method=quasi_steady",
+    "rotor_keeps_turning": (
+        "try a larger control.torque_limit, start.method=quasi_steady, or of a year a larger cut_in"
+    ),
     "energy_error": FALSE_SOLUTION,
     "max_speed_error": FALSE_SOLUTION,
     "objective_error": FALSE_SOLUTION,
@@ -464,6 +470,8 @@ def explain(check: CheckEntry, first: str = "") -> str:
     name = check.name.partition(" (")[0]
     between = "try more phase.segments" if name.endswith("_between_nodes") else ""
     remedy = TRY.get(name) or between or "try a smaller driver.tolerance"
+    if remedy is FALSE_SOLUTION and " a flow of " in (check.detail or ""):  # of a steady scenario
+        remedy = OTHER_EQUILIBRIUM
     if name == "optimizer":
         return f"the optimizer did not converge: {check.detail} ({first or remedy})"
     if name == "rotor_keeps_turning":

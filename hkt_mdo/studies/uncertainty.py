@@ -16,7 +16,7 @@ import numpy as np
 from scipy import signal
 from scipy.interpolate import CubicSpline
 
-from hkt_mdo.case import Case
+from hkt_mdo.case import Case, Phase
 from hkt_mdo.compiled import compiled
 from hkt_mdo.dynamics.estimate import FlowEstimate
 from hkt_mdo.dynamics.flows import Inflow
@@ -230,15 +230,45 @@ class Design:
         Raises
         ------
         InputError
-            If this flow, or that of the design, exceeds the cut-out speed.
+            If this flow, or that of the design, exceeds the cut-out speed, or this one has no
+            course over time.
         """
-        cut_out, duration = self.physics.case.control.cut_out, self.physics.case.phase.duration
-        for flow in (inflow, self.physics.inflow) if cut_out is not None else ():
+        if inflow.steady:
+            problem = "is a resource, which has no course over time to be simulated in"
+            raise InputError(
+                problem, "give another flow, such as --flow '{profile: sine}'", key="inflow"
+            )
+        if self.physics.case.inflow.steady and not self.law.is_feedback:
+            problem = "has a torque for each speed of a year's flow, and none over time"
+            raise InputError(problem, "give a design under a feedback law", key="control.law")
+        cut_out, duration = self.physics.case.control.cut_out, self.phase(inflow).duration
+        both = inflow, *(() if self.physics.case.inflow.steady else (self.physics.inflow,))
+        for flow in both if cut_out is not None else ():
             if np.sum(np.diff(flow.spans_below(cut_out, duration))) < duration:
                 problem = "lets the machine stand still in this flow or in that of its design, and "
                 problem += "a design is simulated through one interval of operation only"
                 remedy = "give a slower flow, or take a design that was made without cut_out"
                 raise InputError(problem, remedy, key="control.cut_out", value=cut_out)
+
+    def phase(self, inflow: Inflow) -> Phase:
+        """Return the time span of a run in a flow: the design's, of a year that of the flow.
+
+        Parameters
+        ----------
+        inflow : Inflow
+            The flow.
+
+        Returns
+        -------
+        Phase
+            With numbers for duration and segments.
+        """
+        case = self.physics.case
+        if not case.inflow.steady or inflow.steady:
+            return case.phase
+        given = {"duration": None, "segments": None}
+        update = {"inflow": inflow, "phase": case.phase.model_copy(update=given)}
+        return complete(case.model_copy(update=update)).phase
 
     def fly(self, inflow: Inflow, initial_speed=None, tolerance=1e-9, refined=1) -> Simulation:
         """Integrate the design in a flow with direct BEM and a perfect, unfiltered sensor.
@@ -257,9 +287,9 @@ class Design:
         Returns
         -------
         Simulation
-            The run over the time span of the design's case.
+            The run over the time span of the design's case, of a year's that of the flow.
         """
-        phase = self.physics.case.phase
+        phase = self.phase(inflow)
         self.refuse_standstill(inflow)
         speed = initial_speed or self.initial_speed(inflow)
         samples = Scenario(inflow, phase).resolved().dense

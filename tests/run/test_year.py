@@ -6,6 +6,7 @@ from openmdao.utils.assert_utils import assert_check_partials, assert_check_tota
 from scipy.optimize import brentq
 
 from hkt_mdo.case import load_case
+from hkt_mdo.dynamics.flows import ConstantInflow
 from hkt_mdo.dynamics.resource import YEAR
 from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.errors import InputError
@@ -20,6 +21,7 @@ from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.check import check_case
 from hkt_mdo.run.run import run_case
 from hkt_mdo.start.find import find_start
+from hkt_mdo.studies.uncertainty import Design
 
 HISTOGRAM = {
     "profile": "histogram",
@@ -182,6 +184,17 @@ def test_turbulence_within_a_bin_is_the_mean_of_a_run_over_time(tmp_path):
     assert powers[0] == pytest.approx(powers[1], rel=2e-3)
     calm = mean**3 * powers[1] / np.mean(speed**3)
     assert abs(powers[0] - powers[1]) < 0.1 * abs(calm - powers[1])
+
+
+def test_a_year_has_no_course_to_be_simulated_in(year):
+    design = Design.of(year)
+    with pytest.raises(InputError, match="no course over time"):
+        design.fly(year.case.inflow)
+    flow = ConstantInflow(speed=1.4)
+    run_over_time = design.fly(flow)
+    assert run_over_time.time[-1] == 60.0
+    power = np.interp(1.4, year.year["inflow_speed_m_s"], year.year["captured_power_W"])
+    assert run_over_time.energy / 60.0 == pytest.approx(power, rel=1e-4)
 
 
 def test_the_torque_over_time_is_refused():
