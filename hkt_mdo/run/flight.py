@@ -197,18 +197,9 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
 
     With the wake that the case asks for, whose filters are those of all stations.
     """
-    blade, gains = result.point.blade, result.point.gains
-    check = BEM[physics.case.hydrodynamics.check]
-    polar, water, generator = physics.built(blade), physics.density, physics.generator
-    plant = Plant(blade, polar, result.inertia, water, check, generator)
-    dynamics, limited, flights = physics.case.inflow_dynamics, bool(physics.load_names), []
-    plant = plant.with_memory(dynamics.tau1) if dynamics.remembers else plant
+    plant, limited, flights = plant_of(physics, result), bool(physics.load_names), []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
-        mesh, law = scenario.mesh, physics.law
-        if law.is_feedback:
-            controller = FeedbackTorque(law, gains)
-        else:
-            controller = RecordedTorque.of(plant, nodes, law.torque_limit)
+        mesh, controller = scenario.mesh, controller_of(physics, result, plant, nodes)
         flown = _flown(
             plant,
             scenario,
@@ -220,6 +211,22 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
         own = {"scenario": scenario, "trajectory": nodes, "limits_loads": limited}
         flights.append(Flight.of(physics, plant, flown, controller, **own))
     return tuple(flights)
+
+
+def plant_of(physics: Physics, result: Optimized) -> Plant:
+    """Return the found rotor with direct BEM and the wake that the case asks for."""
+    blade, dynamics = result.point.blade, physics.case.inflow_dynamics
+    check = BEM[physics.case.hydrodynamics.check]
+    polar, water, generator = physics.built(blade), physics.density, physics.generator
+    plant = Plant(blade, polar, result.inertia, water, check, generator)
+    return plant.with_memory(dynamics.tau1) if dynamics.remembers else plant
+
+
+def controller_of(physics: Physics, result: Optimized, plant: Plant, nodes: dict):
+    """Return the found controller; nodes has the trajectory that an open loop repeats."""
+    if physics.law.is_feedback:
+        return FeedbackTorque(physics.law, result.point.gains)
+    return RecordedTorque.of(plant, nodes, physics.law.torque_limit)
 
 
 def _flown(plant, scenario, controller, speed, states, max_step) -> Simulation:
