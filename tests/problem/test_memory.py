@@ -52,6 +52,7 @@ def test_partials_are_exact(tau1, monkeypatch):
     assert checked == set(kinds)
 
 
+@pytest.mark.slow
 def test_a_steady_flow_has_the_energy_of_a_wake_in_equilibrium():
     steady = "inflow={profile: constant, speed: 1.5}"
     remembers, quiet = made(steady), made(steady, "inflow_dynamics=quasi_steady")
