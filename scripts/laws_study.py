@@ -75,9 +75,10 @@ Every energy is the captured one of the integration with direct BEM, over an ope
 open loop in the same flow, under the same limits. A run that its judges refused is in the tables as
 such; flows and limits that are not in them were not run.
 
-Induction answers at once in this program, while a wake needs seconds. That a light rotor is stable
-at a torque limit or at constant power is therefore not shown by these results, and so not for any
-law of this page ([theory.md](theory.md#what-induction-that-answers-at-once-leaves-out)).
+Induction answers at once in this program, while a wake needs seconds. With memory, laws that hold
+the torque or the power constant let a light rotor run away; laws that rise with the speed do not
+([memory.md](memory.md)). Every result tells which it is. The designs and energies of this page are
+those of induction in equilibrium.
 """
 LUCK = """\
 That static laws keep every limit in the other seeds is luck. Seed 1, of which all these designs

@@ -390,9 +390,10 @@ def branches_text(found):
         rows,
         (
             "With a limit of the power, overspeed has the larger thrust, and underspeed is close",
-            "to stall: as an open loop it is unstable (docs/theory.md). That overspeed at the",
-            "limit is stable is not shown either: a wake needs seconds, and induction here answers",
-            "at once. Under all limits the slow",
+            "to stall: as an open loop it is unstable (docs/theory.md). Overspeed at the limit is",
+            "stable only with induction in equilibrium: with a wake that needs seconds it wants a",
+            "heavier shaft or a controller of the speed ([memory.md](memory.md)). Under all limits",
+            "the slow",
             f"branch is {100.0 * (1.0 - min(start) / max(start)):.0f} % below the fast one in",
             "quasi-steady operation; an optimization from there is refused.",
         ),

@@ -15,6 +15,7 @@ from hkt_mdo.results.summary import CheckEntry, PassEntry
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.run.flight import Flight, Optimized, fly, simulated_objective
 from hkt_mdo.run.judge import BELOW_START, curve_errors, is_false, judge, recovers
+from hkt_mdo.run.memory import stability_of
 from hkt_mdo.run.mesh import Division, division, too_close_to_stall
 from hkt_mdo.run.optimization import assembled
 from hkt_mdo.run.state import RunState
@@ -182,6 +183,14 @@ class Attempt:
     def recovers(self) -> bool:
         """Whether the rotor recovers from a small loss of speed, or the setup asks for it."""
         return bool(self.setup.slowed) or recovers(self.physics, self.result)
+
+    @cached_property
+    def runs_away(self) -> bool:
+        """Whether the loop is unstable in water with memory, where the case asks for it."""
+        if not (self.physics.remembers and self.converged):
+            return False
+        found = stability_of(self.physics, self.result)
+        return found is not None and not found.stable
 
     @cached_property
     def flights(self) -> tuple[Flight, ...]:

@@ -34,6 +34,7 @@ from hkt_mdo.problem.scenario import SAMPLES, Scenario
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import names
 from hkt_mdo.rotor.bem import Sections
+from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.solve.drivers import Outcome
 
 SHORTER, LEAST_SHARE = 0.9, 1e-3  # of the time to where a motion ends, and of the whole, at least
@@ -274,24 +275,17 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
 
     With the wake that the case asks for, whose filters are those of all stations.
     """
-    blade, gains = result.point.blade, result.point.gains
-    check = BEM[physics.case.hydrodynamics.check]
-    dynamics, limited, flights = physics.case.inflow_dynamics, bool(physics.load_names), []
+    blade, limited, flights = result.point.blade, bool(physics.load_names), []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
-        own = physics.of(scenario)
-        mesh, law = scenario.mesh, own.law
+        own, mesh = physics.of(scenario), scenario.mesh
         inertia = result.inertia * own.rotor.inertia_factor / physics.rotor.inertia_factor
-        plant = Plant(blade, own.built(blade), inertia, own.density, check, own.generator)
-        plant = plant.with_memory(dynamics.tau1) if dynamics.remembers else plant
+        plant = plant_of(own, blade, inertia)
         told = {"scenario": scenario, "trajectory": nodes, "limits_loads": limited}
         if scenario.steady:
-            flown = _balanced(plant, scenario, law, gains, nodes, physics.states)
+            flown = _balanced(plant, scenario, own.law, result.point.gains, nodes, physics.states)
             flights.append(SteadyFlight.of(own, plant, *flown, **told))
             continue
-        if law.is_feedback:
-            controller = FeedbackTorque(law, gains)
-        else:
-            controller = RecordedTorque.of(plant, nodes, law.torque_limit)
+        controller = controller_of(own, result, plant, nodes)
         flown = _flown(
             plant,
             scenario,
@@ -302,6 +296,21 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
         )
         flights.append(Flight.of(own, plant, flown, controller, **told))
     return tuple(flights)
+
+
+def plant_of(physics: Physics, blade: Blade, inertia: float) -> Plant:
+    """Return a rotor (inertia in kg*m**2) with direct BEM and the wake that the case asks for."""
+    check, dynamics = BEM[physics.case.hydrodynamics.check], physics.case.inflow_dynamics
+    water, generator = physics.density, physics.generator
+    plant = Plant(blade, physics.built(blade), inertia, water, check, generator)
+    return plant.with_memory(dynamics.tau1) if dynamics.remembers else plant
+
+
+def controller_of(physics: Physics, result: Optimized, plant: Plant, nodes: dict):
+    """Return the found controller; nodes has the trajectory that an open loop repeats."""
+    if physics.law.is_feedback:
+        return FeedbackTorque(physics.law, result.point.gains)
+    return RecordedTorque.of(plant, nodes, physics.law.torque_limit)
 
 
 def _flown(plant, scenario, controller, speed, states, max_step) -> Simulation:

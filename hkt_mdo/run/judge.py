@@ -41,7 +41,7 @@ from hkt_mdo.run.flight import (
     simulated_objective,
     total,
 )
-from hkt_mdo.run.memory import stability
+from hkt_mdo.run.memory import stability_of
 
 # Limits of the judges, as README.md explains them
 ENERGY_ERROR, SPEED_ERROR = 2e-4, 1e-2
@@ -161,8 +161,8 @@ def _of_design(physics, optimum, reference, result, flights):
         yield from _recovery(physics, result, flights)
     if physics.states:
         yield _closed_loop(flights)
-    if (dynamics := physics.case.inflow_dynamics).remembers:
-        found = stability(flights, dynamics.tau1)
+    if physics.remembers:
+        found = stability_of(physics, result)
         growth, word = (0.0, "") if found is None else (found.growth, found.text)
         yield "closed_loop_with_memory", growth, 0.0, f"growth, 1/s, with memory: {word}"
     yield from _bounds(physics, optimum, flights)
@@ -196,7 +196,7 @@ def _of_design(physics, optimum, reference, result, flights):
 
 def _bounds(physics, optimum, flights):
     """Yield by how much the energy exceeds what theory allows, with a wake in equilibrium."""
-    if physics.case.inflow_dynamics.remembers:  # a wake that has not answered yet gives more
+    if physics.remembers:  # a wake that has not answered yet gives more
         return
     energy = total(flights, lambda flight: flight.simulation.energy)
     bound = energy_bound(physics, optimum)

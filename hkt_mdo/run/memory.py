@@ -8,11 +8,12 @@ import numpy as np
 
 from hkt_mdo.dynamics.simulation import RecordedTorque
 from hkt_mdo.dynamics.stability import Loop
+from hkt_mdo.problem.physics import Physics
 from hkt_mdo.results.summary import MemoryEntry
-from hkt_mdo.run.flight import Flown
+from hkt_mdo.run.flight import Flown, HeldSpeeds, Optimized, controller_of, plant_of
 
 INSTANTS = 50
-"""Instants of an integration at which the loop is linearized."""
+"""Instants of all integrations at which the loop is linearized."""
 LEAST_RATIO = 2.0
 """Tip speed ratio below which the filters do not hold (docs/theory.md)."""
 
@@ -23,8 +24,8 @@ def stability(flights: Sequence[Flown], tau1: float | None = None) -> MemoryEntr
     Parameters
     ----------
     flights
-        Integrations of one design, with or without memory. It is looked at where their rotor turns
-        at a tip speed ratio of `LEAST_RATIO` or more.
+        Integrations of one design without memory. It is looked at where their rotor turns at a tip
+        speed ratio of `LEAST_RATIO` or more.
     tau1
         Time constant of the slow filters, s; None: by the induction.
 
@@ -33,28 +34,46 @@ def stability(flights: Sequence[Flown], tau1: float | None = None) -> MemoryEntr
     MemoryEntry or None
         Of the instant at which the loop is least stable; None where the rotor does not turn.
     """
-    parts, share = [], max(INSTANTS // len(flights), 5)
+    along = []
     for flight in flights:
-        run, plant = flight.simulation, flight.plant.with_memory(tau1)
-        ratio = run.rotor_speed * plant.blade.rotor_radius / run.inflow_speed
-        turning = np.flatnonzero(ratio >= LEAST_RATIO)
+        run = flight.simulation
+        if isinstance(flight.controller, HeldSpeeds):  # of an open loop in steady flows
+            continue
+        series = run.time, run.rotor_speed, run.inflow_speed, *run.states
+        along.append((flight.plant.with_memory(tau1), flight.controller, series))
+    return _verdict(along)
+
+
+def stability_of(physics: Physics, result: Optimized) -> MemoryEntry | None:
+    """Return the same along the trajectories of an optimization whose case asks for memory."""
+    plant, along = plant_of(physics, result.point.blade, result.inertia), []
+    for nodes in result.trajectories:
+        names = "time", "rotor_speed", "inflow_speed", *physics.states
+        controller = controller_of(physics, result, plant, nodes)
+        along.append((plant, controller, [nodes[name] for name in names]))
+    return _verdict(along)
+
+
+def _verdict(along):
+    """Return the verdict along some series of time, rotor speed, flow and the law's states."""
+    parts, share = [], max(INSTANTS // max(len(along), 1), 5)
+    for plant, controller, (time, speed, flow, *states) in along:
+        turning = np.flatnonzero(speed * plant.blade.rotor_radius >= LEAST_RATIO * flow)
         if turning.size:
-            flow = run.inflow_speed[turning]
             at = np.linspace(0, turning.size - 1, share).round().astype(int)
-            at = turning[np.unique([*at, np.argmax(flow), np.argmin(flow)])]
-            known = run.rotor_speed[at], run.inflow_speed[at], *(each[at] for each in run.states)
-            parts.append((Loop.of(plant, flight.controller, *known), run.time[at], known[1]))
+            ends = np.argmax(flow[turning]), np.argmin(flow[turning])
+            at = turning[np.unique([*at, *ends])]
+            known = (each[at] for each in (speed, flow, *states))
+            parts.append((Loop.of(plant, controller, *known), time[at], flow[at]))
     if not parts:
         return None
     growth, frozen, least, slow, answer = (
-        np.concatenate(
-            [getattr(loop, name).reshape(time.size, -1)[:, 0] for loop, time, _ in parts]
-        )
+        np.concatenate([getattr(loop, name).reshape(at.size, -1)[:, 0] for loop, at, _ in parts])
         for name in ("growth", "frozen_growth", "least_inertia", "slow", "frozen")
     )
     time, flow = (np.concatenate([each[place] for each in parts]) for place in (1, 2))
     unstable, inertia = growth >= 0.0, float(np.max(least))
-    replayed = isinstance(flights[0].controller, RecordedTorque)
+    replayed = isinstance(along[0][1], RecordedTorque)
     first = int(np.argmax(unstable if np.any(unstable) else growth))
     return MemoryEntry(
         stable=not np.any(unstable),

@@ -231,8 +231,11 @@ REMEDIES: tuple[Callable[[Attempt], Begin | None], ...] = (
 def next_begin(attempt: Attempt) -> Begin | None:
     """Return what the next optimization begins with, by the first remedy that applies.
 
-    After `MAX_PASSES` from one start, only another start is left.
+    After `MAX_PASSES` from one start, only another start is left. A loop that is unstable in water
+    with memory is refused as it is: no mesh mends it, and its integration runs away.
     """
+    if attempt.runs_away:
+        return None
     enough = attempt.before.passes + 1 >= MAX_PASSES
     for remedy in REMEDIES[-1:] if enough else REMEDIES:
         begin = remedy(attempt)

@@ -40,7 +40,7 @@ from hkt_mdo.run.flight import (
 )
 from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.judge import RESOLVED, designed, energy_bound, explain_all, in_case
-from hkt_mdo.run.memory import stability
+from hkt_mdo.run.memory import stability, stability_of
 
 # relative distance from its bound within which a limit counts as binding; that of a load, of whose
 # values along the blade the optimization has a smooth largest that is up to as much above them
@@ -277,8 +277,10 @@ def _extremes(finished, scenarios):
 
 def _memory(finished):
     """Return how stable the loop is in water whose wake has memory, where the rotor turns."""
-    dynamics = finished.physics.case.inflow_dynamics
-    found = stability(finished.flights, dynamics.tau1)
+    if finished.physics.remembers:
+        found = stability_of(finished.physics, finished.result)
+    else:
+        found = stability(finished.flights)
     return {} if found is None else {"memory": found.model_dump()}
 
 

@@ -1,0 +1,96 @@
+"""A wake with memory in the optimization: two filters of its mean velocity, tables in a band."""
+
+import numpy as np
+import pytest
+
+from hkt_mdo import build_problem, load_case
+from hkt_mdo.dynamics.rotor_ode import RememberingComp
+from hkt_mdo.dynamics.stability import Loop
+from hkt_mdo.dynamics.wake import fast_share
+from hkt_mdo.problem.components import RememberingLoadComp
+from hkt_mdo.rotor.band import FACTORS, Band
+from hkt_mdo.rotor.components import BandTables
+from hkt_mdo.rotor.scales import torque_scale
+from tests.dynamics.aerodyn_runs import design_of
+
+SHORT = "phase.duration=10", "phase.segments=5", "rotor.station_count=6"
+
+
+def made(*overrides, law="quadratic"):
+    """Return the problem of a short case with memory, run once."""
+    case = {"inflow": "sine", "control": law, "inflow_dynamics": "oye"}
+    problem = build_problem(load_case(case, [*SHORT, *overrides]), improve=False)
+    problem.run_model()
+    return problem
+
+
+def series(problem, name):
+    """Return a quantity of the phase at its nodes."""
+    return problem.get_val(f"traj.phase.timeseries.{name}").ravel()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tau1", ["null", "1"])
+def test_partials_are_exact(tau1, monkeypatch):
+    """By central differences; the tables' own follow from those of the sections."""
+    monkeypatch.setenv("OPENMDAO_CHECK_ALL_PARTIALS", "1")
+    limits = "limits={thrust: 9 kN}"
+    problem = made(f"inflow_dynamics.tau1={tau1}", limits, "inflow_dynamics.model=oye")
+    kinds, checked = (RememberingComp, BandTables, RememberingLoadComp), set()
+    for part in problem.model.system_iter(recurse=True):
+        if not isinstance(part, kinds):
+            continue
+        checked.add(type(part))
+        options = {"method": "fd", "form": "central", "step": 1e-6, "step_calc": "rel_avg"}
+        (found,) = problem.check_partials(
+            includes=[part.pathname], out_stream=None, **options
+        ).values()
+        for pair, each in found.items():
+            if "J_fwd" in each:
+                size = max(np.max(np.abs(each["J_fd"])), 1e-9)
+                assert np.max(np.abs(each["J_fwd"] - each["J_fd"])) < 1e-5 * size, pair
+    assert checked == set(kinds)
+
+
+@pytest.mark.slow
+def test_a_steady_flow_has_the_energy_of_a_wake_in_equilibrium():
+    steady = "inflow={profile: constant, speed: 1.5}"
+    remembers, quiet = made(steady), made(steady, "inflow_dynamics=quasi_steady")
+    np.testing.assert_allclose(series(remembers, "wake_factor"), 1.0, atol=1e-6)
+    energies = [each.get_val("energy")[0] for each in (remembers, quiet)]
+    assert energies[0] == pytest.approx(energies[1], rel=1e-6)
+
+
+@pytest.mark.parametrize(("tau1", "power"), [(1.0, 0), (1.0, 1), (1.8, 1)])
+def test_two_filters_have_the_stability_of_all_stations(tau1, power):
+    """Least inertias are within 12 % of those of the filters of all stations: 8.6, 59 and 106."""
+    design, flow = design_of("paper"), 1.5
+    plant, rotor = design.plant.with_memory(tau1), design.physics.rotor
+    blade, ratio = design.blade, np.array([8.06])
+    band = Band.of(rotor, blade, 8.06, np.linspace(7.0, 9.0, 41))
+    tables = {name: each.values for name, each in band.solve(rotor, blade, ()).items()}
+    of_band = band.values(tables["torque_coefficient_band"], ratio, ratio)
+    value, frozen, answer = (each[0] for each in of_band)
+    speed, scale = ratio * flow / 1.4, torque_scale(1000.0, 1.4, flow)
+    stiffness = -power * scale * value / speed[0]
+    share = band.weights @ fast_share(blade.r / blade.tip_radius)
+    slow, slopes = np.array([[tau1]]), (scale * 1.4 / flow) * np.array([frozen, answer])
+    law = np.full((1, 1, 1), stiffness)
+    companion = Loop(slopes[:1], slopes[None, 1:], slow, share * slow, law, plant.inertia)
+    held = type("Held", (), {"stiffness": stiffness})()
+    whole = Loop.of(plant, held, speed, np.array([flow]))
+    assert companion.least_inertia[0] == pytest.approx(whole.least_inertia[0], rel=0.12)
+    assert companion.frozen[0] == pytest.approx(whole.frozen[0], rel=5e-3)
+
+
+def test_the_wake_of_an_induction_beyond_its_table_is_near_the_table():
+    design = design_of("paper")
+    band = Band.of(design.physics.rotor, design.blade, 8.0, np.linspace(6.0, 10.0, 41))
+    found = band.solve(design.physics.rotor, design.blade, ())
+    table = found["wake_induction_table"].values
+    ratio, slope = band.wake_ratio(table, np.array([0.0, table[0], table[20], table[-1], 3.0]))
+    np.testing.assert_allclose(ratio[1:4], [6.0, 8.0, 10.0], atol=1e-9)
+    assert 5.5 < ratio[0] < 6.0
+    assert 10.0 < ratio[-1] < 10.5
+    assert np.all(slope >= 0.0)
+    assert found["torque_coefficient_band"].values.size == 41 * FACTORS.size
