@@ -102,10 +102,11 @@ def division(
 ) -> Division:
     """Return by how much a finer mesh may change the objective, and what to divide.
 
-    Under open loop the error is the smaller of two: what the last division leaves to be gained if
-    the error is of the first order, by how much it has changed the objective, and the power in the distance that the polynomials keep from the limits that bind in
-    their segments, which is too much where a limit begins or ceases to bind. A
-    feedback law leaves the optimizer no torque over time to choose, and its error is none.
+    Under open loop the error is the smaller of two: what the last division leaves to be gained, if
+    the error is of the first order, by how much it has changed the objective; and the power in the
+    distance that the polynomials keep from the limits that bind in their segments, which is too
+    much where a limit begins or ceases to bind. A feedback law leaves the optimizer no torque over
+    time to choose, and its error is none.
 
     Divided are segments where the integration denies the collocation, where it exceeds a limit or
     is closer to stall between the nodes than at them and, under open loop, those in which a limit

@@ -36,8 +36,8 @@ class _Schedule:
     curve to one of the curves of loads, which cost more. `apart`: relative difference between a
     tip speed ratio and that of the designed schedule from which it is another equilibrium. `same`:
     relative difference of the ratios of one optimum, a tenth of that of the chords. `alike`: least
-    relative difference of the objectives of branches of which one is better. `longer`: relative gain of the
-    objective that makes a longer solid part worthwhile.
+    relative difference of the objectives of branches of which one is better. `longer`: relative
+    gain of the objective that makes a longer solid part worthwhile.
     """
 
     fine: int = 400
