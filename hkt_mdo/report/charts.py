@@ -226,8 +226,8 @@ def _draw_levels(layout: dict[str, Any], panel: Panel, key: str) -> None:
         ends = {"xref": "x", "x0": place, "x1": place, "yref": f"y{key} domain", "y0": 0, "y1": 1}
         layout["shapes"].append(look | ends)
         words = {"text": escaped(name), "xref": "x", "x": place, "xanchor": "right"}
-        small = {"yanchor": "top", "font": {"size": 11, "color": FAINT}}
-        layout["annotations"].append(words | _at(f"y{key} domain", 1.0) | small)
+        small = {"yanchor": "bottom", "font": {"size": 11, "color": FAINT}}
+        layout["annotations"].append(words | _at(f"y{key} domain", 0.0) | small)
 
 
 class Look(NamedTuple):
