@@ -265,7 +265,7 @@ def short_of_recovery(physics: Physics, result: Optimized, flight: Flight) -> np
     -inf: in a gust that is faster than the rotor, the integration tells whether it comes back.
     """
     flown, radius = flight.simulation, flight.scalars["rotor_radius"]
-    unit = TYPICAL * torque_scale(flight.plant.density, radius, flown.inflow_speed)
+    unit = TYPICAL * torque_scale(physics.of(flight.scenario).density, radius, flown.inflow_speed)
     net, slowed = _net_torques(physics, result, flight)
     recovery = (slowed - net) / unit
     known = settled(flight.integrated | flight.scalars)

@@ -241,9 +241,8 @@ def _left(physics, flight, energy, best) -> np.ndarray:
     flown = flight.integrated
     short = np.zeros(scenario.segments)
     if physics.objective.is_energy and physics.starting_generator is None:
-        scale = power_scale(
-            flight.plant.density, flight.scalars["rotor_radius"], flown["inflow_speed"]
-        )
+        density = physics.of(scenario).density
+        scale = power_scale(density, flight.scalars["rotor_radius"], flown["inflow_speed"])
         short = scale * best - flown["hydrodynamic_power"]
         short = np.mean(short[1:].reshape(scenario.segments, -1), axis=1)
         short *= np.diff(scenario.edges) * scenario.weight / abs(energy)
