@@ -684,7 +684,7 @@ def _make_case(
         return made.model_validate(data, context={"folder": folder, "check_files": check_files})
     except ValidationError as error:
         told = translate(error.errors(include_url=False), made, file, given)
-        if "resource" in data and told.key.partition(".")[0] == "inflow":
+        if data.get("resource") and told.key.partition(".")[0] == "inflow":
             told.key = told.key.replace("inflow", "resource", 1)
         raise told from None
 
