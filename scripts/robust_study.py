@@ -352,7 +352,11 @@ def drawn(designs):
         rows.append([law, name, *cells, ", ".join(limits) or "none", seconds])
     header = ["law", "design", "mean power, W", "least, W", "inertia, kg m²", "binding", "run, s"]
     words = "Designs in the minutes that they were made for. A power is that of a minute."
-    return ["## Designs", "", words, "", *markdown_table(header, rows), ""]
+    asked = (f"{law} {name}" for law, name in product(LAWS, MEASURES) if (law, name) not in designs)
+    if missing := "; ".join(asked):
+        words += f" Without a result so far are: {missing}."
+    body = textwrap.fill(words, 100), "", *markdown_table(header, rows), ""
+    return ["## Designs", "", *body]
 
 
 def unseen(scores):
