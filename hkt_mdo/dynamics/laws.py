@@ -195,11 +195,11 @@ class FeedbackLaw(Law):
         return np.imag(self.torque(speed + 1j * STEP, gains, *states)) / STEP
 
     def torque_by_gain(self, speed, gains, *states):
-        """Return the torque's derivative by each gain, shape (n_gains, *speed.shape)."""
+        """Return the torque's derivative by each gain, shape ``(n_gains, *speed.shape)``."""
         return _by_each(lambda moved: self.torque(speed, moved, *states), gains)
 
     def slopes(self, speed, inflow_speed, gains, *states):
-        """Return the derivatives of torque and rates by speed and states, [of, by, *shape].
+        """Return the derivatives of torque and rates by speed and states, ``[of, by, *shape]``.
 
         By complex step; rows and columns begin with the torque (N*m) and the speed (rad/s).
         """
