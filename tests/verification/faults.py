@@ -103,7 +103,7 @@ FAULTS: dict[str, Callable[[_Try], subprocess.Popen]] = {
 
 def faults(study) -> list[str]:
     """Disturb runs at random moments, then resume them, or run them again.
-    
+
     Faults: signals; a limit on the size of files, which acts like a full disk; the result folder
     renamed during the run; no home folder and no cache. Goal: a run ends normally, or with exit
     code 2 or 130 and one line. It counts as a success only with all its tables and the energy of

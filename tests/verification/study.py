@@ -288,7 +288,7 @@ def _run_and_tell(study, plan):
 
 def _against_physics(study):
     """Change each design variable of an optimum a little (chord ± 1 %, twist ± 0.1°, gain ± 1 %).
-    
+
     The changed design is simulated with direct BEM; for open loop its control is optimized again.
     Goals: no rise of the energy above 1e-5; energy balance 1e-6; segments × 2 and × 4 within 0.02
     %; finer integration 1e-6; Radau within 0.02 %, under feedback with 1200 segments
