@@ -60,7 +60,7 @@ class Limits(Section):
     """
 
     torque: Annotated[float, Quantity("N*m", gt=0)] | None = None
-    """Largest control torque: another name of `control.torque_limit`, where it is put."""
+    """Largest control torque: another name of `control.torque_limit`."""
 
     @property
     def given(self) -> tuple[Limit, ...]:
@@ -72,24 +72,24 @@ class Limits(Section):
 class FlowScenario(Section):
     """One of several flows, for which one blade and one controller are designed.
 
-    What it does not say it takes from the case.
+    Keys that it does not have are taken from the case.
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=40)] | None = None
-    """Name of the scenario and of its tables: up to 40 letters and digits and `_` that begin with a
-    letter; null: `flow_1`, and so on."""
+    """Name of the scenario and of its tables: up to 40 letters, digits and `_`, the first a letter;
+    null: `flow_1`, and so on."""
     inflow: SerializeAsAny[Inflow] | None = None
     """Inflow speed over time, given as `inflow` of the case; null: that of the case."""
     weight: Annotated[float, Quantity(ge=0)] = 1.0
-    """Share of time, over the sum of all weights. A scenario of weight 0 counts in no energy, and
+    """Share of time, relative to the sum of all weights. A scenario of weight 0 adds no energy, but
     its limits hold."""
     duration: Annotated[float, Quantity("s", gt=0, le=3.2e7)] | None = None
     """Duration; null: `phase.duration`, or that of the flow's record, or 60 s."""
     segments: Annotated[int, Strict(), Field(ge=2, le=20000)] | None = None
     """Number of collocation segments; null: `phase.segments`, or as many as the flow needs."""
     limits: SerializeAsAny[Limits] = Limits()
-    """Limits over time, given as `limits` of the case. They hold in this scenario besides those of
-    the case, or in place of those under the same names."""
+    """Limits over time, given as `limits` of the case. They hold in this scenario in addition to
+    those of the case, and replace those of the same name."""
 
 
 class Case(Section):
@@ -114,11 +114,11 @@ class Case(Section):
     scenarios: SerializeAsAny[tuple[FlowScenario, ...]] = Field((), max_length=200)
     """Several flows, for which one blade and one controller are designed.
 
-    Feedback laws share their gains, an open loop has a trajectory in each. The objective is the
-    mean power times `phase.duration`, where each scenario counts with its share of time. Without
-    entries there is one flow, `inflow`."""
+    A feedback law has the same gains in all of them, open loop a trajectory for each. The objective
+    is the mean power times `phase.duration`, where each scenario counts with its share of time.
+    Without entries there is one flow, `inflow`."""
     robustness: SerializeAsAny[Aggregate] = Expected()
-    """What unites the scenarios' mean powers to one objective; `measure` says which."""
+    """How the scenarios' mean powers are combined into one objective; `measure` says which way."""
 
     objective: SerializeAsAny[Objective] = CapturedEnergy()
     """What is optimized; `kind` says which."""
@@ -129,8 +129,8 @@ class Case(Section):
     driver: Driver = Driver()
 
     version: Annotated[int, Strict(), AfterValidator(_known_version)] = VERSION
-    """Version of the keys that the file is written with. Under version 1, a blade whose operation
-    is limited keeps the stations of its file."""
+    """Version of the keys that the file is written with. With version 1, a blade in a case with
+    limits keeps the stations of its file."""
 
     kinds: ClassVar[Kinds] = BUILT_IN
     """What cases of this class may name."""

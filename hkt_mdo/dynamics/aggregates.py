@@ -48,7 +48,7 @@ class Aggregate(Section):
 
 
 class Expected(Aggregate):
-    """The mean over time: the scenarios' mean rates, each with its share of time."""
+    """The mean over time: the scenarios' mean powers, weighted by their shares of time."""
 
     measure: Literal["expected"] = "expected"
     """What unites the scenarios."""

@@ -295,7 +295,7 @@ class TidalConstituent(Section):
     """A constituent of the tide, amplitude cos(2 pi t/period - phase)."""
 
     name: Literal["M2", "S2", "N2", "K2", "K1", "O1", "P1", "Q1", "M4", "MS4", "M6"] | None = None
-    """Name of the constituent, which says its period."""
+    """Name of the constituent, which determines its period."""
     period: Annotated[float, Quantity("s", gt=0)] | None = None
     """Period, in place of a name."""
     amplitude: Annotated[float, Quantity("m/s", ge=0)]
@@ -321,7 +321,7 @@ class TidalConstituent(Section):
 class TidalInflow(Inflow):
     """A tidal current, v = scale (mean + sum_k amplitude_k cos(2 pi t/period_k - phase_k)).
 
-    The turbine does not reverse: over the case's duration the flow must run one way.
+    The turbine does not reverse, so the flow must keep its direction over the case's duration.
     """
 
     profile: Literal["tide"] = "tide"
@@ -360,7 +360,7 @@ class GustInflow(Inflow):
     time: Annotated[float, Quantity("s")] = 20.0
     """Time at which the gust begins."""
     width: Annotated[float, Quantity("s", gt=0)] = 10.5
-    """Time that the gust takes; the default is that of the extreme operating gust."""
+    """Duration of the gust; the default is that of the extreme operating gust."""
 
     @property
     def highest_frequency(self):
@@ -383,17 +383,17 @@ class GustInflow(Inflow):
 
 
 class SumInflow(Inflow):
-    """A sum of flows: the first one whole, of every other its fluctuation about its own mean.
+    """A sum of flows: all of the first one, and the others' fluctuations about their own means.
 
-    So `[{profile: tide, ...}, {profile: turbulence, mean: 1.8}]` is turbulence, drifting at 1.8
-    m/s, on a tidal current. For a step, the speed before it is its mean; for a gust,
-    the speed around it.
+    For example, `[{profile: tide, ...}, {profile: turbulence, mean: 1.8}]` is a tidal current with
+    turbulence that is carried past the rotor at 1.8 m/s. For a step, the speed before it is its
+    mean; for a gust, the speed around it.
     """
 
     profile: Literal["sum"] = "sum"
     """The kind of flow."""
     parts: Annotated[tuple[SerializeAsAny[Inflow], ...], Field(min_length=2, max_length=20)]
-    """The flows, a list; the first carries the mean."""
+    """The flows, a list; the first one has the mean."""
 
     @property
     def length(self):

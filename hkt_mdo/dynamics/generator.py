@@ -32,14 +32,15 @@ class Generator(Section):
 
     Without keys there are no losses.
 
-    Losses are P = u w - copper_loss (u/rated_torque)^2 - friction_loss (w/rated_speed) - iron_loss
-    (w/rated_speed)^2, u the torque and w the speed of the rotor's shaft. Where the losses exceed
-    the shaft's power, P is negative: the generator then takes power from the grid, and that is
-    counted as such in the energy.
+    The electrical power is P = u w - copper_loss (u/rated_torque)^2 - friction_loss (w/rated_speed)
+    - iron_loss (w/rated_speed)^2, u the torque and w the speed of the rotor's shaft. Where the
+    losses exceed the shaft's power, P is negative: the generator then takes power from the grid,
+    which is subtracted from the energy.
     """
 
     efficiency: Annotated[float, Quantity(gt=0, le=1)] | None = None
-    """Electrical power over shaft power, constant; null: given in another way, or no losses."""
+    """Electrical power over shaft power, constant; null: losses or a table are given, or there are
+    no losses."""
     rated_torque: Annotated[float, Quantity("N*m", gt=0)] | None = None
     """Torque at which `copper_loss` is given."""
     rated_speed: Annotated[float, Quantity("rad/s", gt=0)] | None = None
@@ -52,8 +53,8 @@ class Generator(Section):
     """Loss in the iron at `rated_speed`; it grows with the speed squared."""
     table: str | None = None
     """CSV file of the efficiency over torque and speed, with the columns `torque_Nm`, `speed_rpm`
-    or `speed_rad_s`, and `efficiency`: every torque at every speed. A natural cubic spline runs
-    through it; beyond it the efficiency soon stays what it is."""
+    or `speed_rad_s`, and `efficiency`: every torque at every speed. It is interpolated by natural
+    cubic splines; a little beyond the table the efficiency becomes constant."""
 
     @field_validator("table")
     @classmethod

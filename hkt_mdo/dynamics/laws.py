@@ -44,8 +44,8 @@ class Law(Section):
     torque_limit: Annotated[float, Quantity("N*m", gt=0)] | None = None
     """Largest control torque u_max; null: no limit."""
     cut_out: Annotated[float, Quantity("m/s", gt=0)] | None = None
-    """Speed of the flow above which the machine stands still: there is no energy then, and no limit
-    applies (docs/theory.md); null: it never does."""
+    """Speed of the flow above which the machine stands still, without energy and without limits
+    (docs/theory.md); null: no cut-out."""
     gain_units: ClassVar[tuple[str, ...]] = ()
     """Units of the gains, which are optimized."""
     states: ClassVar[dict[str, tuple[str, str]]] = {}
@@ -228,7 +228,7 @@ class LinearFeedback(FeedbackLaw):
     law: Literal["linear"] = "linear"
     """The control law."""
     gain: Annotated[float, Quantity("N*m*s/rad", gt=0)] | None = None
-    """Gain K1 at the start; null: chosen by the starting point."""
+    """Gain K1 at the start of the optimization; null: chosen by the search for a start."""
     gain_units: ClassVar[tuple[str, ...]] = ("N*m*s/rad",)
 
     def demand(self, speed, gains):
@@ -241,7 +241,7 @@ class QuadraticFeedback(FeedbackLaw):
     law: Literal["quadratic"] = "quadratic"
     """The control law."""
     gain: Annotated[float, Quantity("N*m*s**2/rad**2", gt=0)] | None = None
-    """Gain K2 at the start; null: chosen by the starting point."""
+    """Gain K2 at the start of the optimization; null: chosen by the search for a start."""
     gain_units: ClassVar[tuple[str, ...]] = ("N*m*s**2/rad**2",)
 
     def demand(self, speed, gains):

@@ -145,7 +145,7 @@ class PowerLimit(Limit):
 
 
 class ElectricalPowerLimit(Limit):
-    """Largest power that the generator delivers, its losses (section `generator`) taken off."""
+    """Largest power that the generator delivers, after its losses (section `generator`)."""
 
     name: ClassVar[str] = "electrical_power"
     unit: ClassVar[str | None] = "W"
@@ -192,7 +192,7 @@ class ThrustLimit(Limit):
 
 
 class RootMomentLimit(Limit):
-    """Largest moment that bends one blade flapwise at the hub's radius."""
+    """Largest flapwise bending moment of one blade at the hub's radius."""
 
     name: ClassVar[str] = "root_moment"
     unit: ClassVar[str | None] = "N*m"
@@ -239,9 +239,10 @@ class StressLimit(Limit):
 
 
 class CavitationLimit(Limit):
-    """No section reaches the pressure of vapour at the top of its turn (docs/theory.md).
+    """No section reaches the vapour pressure at the top of its turn (docs/theory.md).
 
-    The value is the suction, times the margin, over the pressure above that of vapour.
+    The value is the suction times the margin, over the difference of static and vapour pressure; at
+    most 1.
     """
 
     name: ClassVar[str] = "cavitation"
@@ -255,10 +256,10 @@ class CavitationLimit(Limit):
 
 
 class Taper(Limit):
-    """Outboard of a place along the span the chord does not grow, for manufacture.
+    """Radius over tip radius outboard of which the chord must not grow, for manufacture.
 
-    The value is the chord of each station over that of the one inboard of it, at most 1; it is
-    reported as zero inboard of that place. The chord is linear between stations.
+    The value is the chord of each station over that of the next station inboard, at most 1; it is
+    reported as zero inboard of that radius. The chord is linear between stations.
     """
 
     name: ClassVar[str] = "taper_from"

@@ -95,8 +95,8 @@ class GeneratorEnergy(_Energy):
 class ElectricalEnergy(_Energy):
     """The energy that the generator delivers, the integral of u w less its losses.
 
-    The section `generator` says what these are; where they exceed the shaft's power, energy is
-    drawn from the grid and counts against the rest.
+    The section `generator` defines the losses; where they exceed the shaft's power, energy is drawn
+    from the grid and subtracted.
     """
 
     closes: ClassVar[bool] = True
