@@ -205,7 +205,7 @@ def find_file(value: str, info: ValidationInfo, remedy: str) -> tuple[Path, bool
     Parameters
     ----------
     value : str
-        The path, which counts from the case's folder.
+        The path, relative to the case's folder.
     info : pydantic.ValidationInfo
         Its context may have the `folder` and whether to `check_files`.
     remedy : str
@@ -251,7 +251,7 @@ def existing_file(value: str, info: ValidationInfo, remedy: str) -> str:
     """
     path, fine = find_file(value, info, remedy)
     if not fine:
-        raise refusal("is not a file", f"{remedy}, which counts from the case's folder")
+        raise refusal("is not a file", f"{remedy}, relative to the case's folder")
     return str(path)
 
 

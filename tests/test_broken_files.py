@@ -44,7 +44,7 @@ def section(name: str, text: str) -> bytes:
 
 
 CASES: dict[str, tuple[bytes, str]] = {
-    "remarks": (b"# nothing\n\n", "holds no case"),
+    "remarks": (b"# nothing\n\n", "contains no case"),
     "UTF-16": (FLOW.encode("utf-16"), "line 1: is not UTF-8 text"),
     "no control": (b"inflow: {profile: sine}\n", "control: is missing"),
     "no law": (b"inflow: {profile: sine}\ncontrol: {}\n", "control.law: is missing"),

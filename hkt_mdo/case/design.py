@@ -35,7 +35,7 @@ def _find_result(value: str | None, info: ValidationInfo) -> str | None:
     """Return the folder of a result as an absolute path, from the case's folder."""
     if value is None:
         return None
-    remedy = "give the folder of a run that came to its end"
+    remedy = "give the folder of a finished run"
     path, _ = find_file(value, info, remedy)
     needed = ("case.yaml", "summary.json") if (info.context or {}).get("check_files", True) else ()
     for name in needed:

@@ -30,7 +30,7 @@ _PLAIN = {
     **dict.fromkeys(("string_pattern_mismatch", "string_too_long", "string_too_short"), _NAME),
     "tuple_type": ("must be a list", "write [first, second, ...]"),
     "too_short": ("must have at least {min_length} values, and has {actual_length}", "add some"),
-    "too_long": ("must have at most {max_length} values, and has {actual_length}", "take some out"),
+    "too_long": ("must have at most {max_length} values, and has {actual_length}", "remove some"),
     "int_type": ("must be a whole number", "write it without a point, a unit or quotes"),
     "greater_than_equal": ("must be at least {ge}", "give a larger number"),
     "less_than_equal": ("must be at most {le}", "give a smaller number"),

@@ -48,7 +48,7 @@ VERSION = 2  # of the keys of a case; under 1, limits left a blade its own stati
 def _known_version(version: int) -> int:
     """Return a version of the keys; refuse one that this program does not know."""
     if not 1 <= version <= VERSION:
-        problem = f"is not known here: this program reads version {VERSION}"
+        problem = f"is unknown: this program reads version {VERSION}"
         raise refusal(problem, "install a newer hkt_mdo, or write the case for this one")
     return version
 
@@ -249,7 +249,7 @@ class Case(Section):
                     value = getattr(limit, "bound", None)
                     raise refusal(problem, remedy, key=f"{key}.limits.{limit.name}", value=value)
         if self.scenarios and not any(each.weight > 0.0 for each in self.scenarios):
-            problem, remedy = "weigh nothing together", "give one of them a weight above 0"
+            problem, remedy = "have weights that are all zero", "give one of them a weight above 0"
             weights = [each.weight for each in self.scenarios]
             raise refusal(problem, remedy, key="scenarios", value=weights)
 
@@ -348,7 +348,7 @@ def _torque_limit_moved(data: dict[str, Any]) -> dict[str, Any]:
     if torque is None:
         return data
     if given not in (None, torque):
-        problem = f"is not control.torque_limit = {given:g} N m, whose other name it is"
+        problem = f"is not control.torque_limit = {given:g} N m, of which it is another name"
         raise refusal(problem, "give one of them", key="limits.torque", value=limits["torque"])
     limits = {name: value for name, value in limits.items() if name != "torque"}
     return data | {"limits": limits, "control": control | {"torque_limit": torque}}
@@ -482,7 +482,7 @@ def read_case(
     data = parse(text, file)
     if data is None:
         remedy = "give at least inflow: {profile: ...} and control: {law: ...}"
-        raise InputError("holds no case", remedy, file=file)
+        raise InputError("contains no case", remedy, file=file)
     if not isinstance(data, dict):
         problem = "must hold keys and values at its top"
         raise InputError(problem, "write inflow: ... and so on", file=file, value=data)
@@ -531,15 +531,15 @@ def assign(data: dict[str, Any], override: str, file: str) -> str:
     key = key.strip()
     if not equals or not text.strip() or not re.fullmatch(r"\w+(\.\w+)*", key, re.ASCII):
         remedy = "write section.key=value, such as rotor.radius=2 (null for none)"
-        raise InputError("is no override", remedy, file=file, key="override", value=override)
+        raise InputError("is not an override", remedy, file=file, key="override", value=override)
     *sections, last = key.split(".")
     for depth, section in enumerate(sections):
         inner = data.setdefault(section, {})
         if isinstance(inner, str) and depth == 0 and section in TAGS:
             inner = data[section] = {TAGS[section]: inner}
         if not isinstance(inner, dict):
-            problem = f"has no keys, so the override {key} cannot be made"
-            remedy = "override the whole of it, or only keys of sections"
+            problem = f"has no keys, so the override {key} cannot be applied"
+            remedy = "override it as a whole, or only keys of sections"
             place = ".".join(sections[: depth + 1])
             raise InputError(problem, remedy, file=file, key=place, value=inner)
         data = inner

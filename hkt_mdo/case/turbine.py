@@ -211,17 +211,17 @@ class Rotor(Section):
     def _check_stations(self) -> Rotor:
         stations = self.stations or ()
         if stations and self.station_count is not None:
-            problem, remedy = "stands beside rotor.stations", "give one of the two"
+            problem, remedy = "is given together with rotor.stations", "give one of the two"
             raise refusal(problem, remedy, key="station_count", value=self.station_count)
         for index, (inner, outer) in enumerate(pairwise(stations), start=1):
             if not inner < outer:
-                problem = f"stands after {inner:g}: stations must rise"
+                problem = f"stands after {inner:g}: stations must increase"
                 remedy = "sort the stations from hub to tip, none twice"
                 raise refusal(problem, remedy, key=f"stations[{index}]", value=outer)
         hub = self.hub_radius_fraction
         if stations and hub is not None and not stations[0] > hub:
             problem = f"lies on or within the hub, whose radius is {hub:g} R"
-            remedy = "move the first station outwards or lessen rotor.hub_radius_fraction"
+            remedy = "move the first station outwards or reduce rotor.hub_radius_fraction"
             raise refusal(problem, remedy, key="stations[0]", value=stations[0])
         for name, other in (("chord", "twist"), ("twist", "chord")):
             column = getattr(self, name)

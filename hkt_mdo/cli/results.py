@@ -28,16 +28,16 @@ _FLOW = (
 )
 _TO = f"{', '.join(FORMATS)}; several with commas between, or one each time."
 _OPTION = "Option of a format, such as stl.trailing_edge='2 mm'; may be given several times."
-_ANYWAY = "Replace files that are there already; also export a result that is no success."
+_ANYWAY = "Replace existing files; also export a result of a run that did not succeed."
 _SCENARIO = "Simulate the operation of this scenario only, of a result with several."
 _SNR = "Signal-to-noise ratio of the speed sensor."
-_REFERENCE = "What is the signal: the speed's fluctuation about its mean, or the total speed."
-_RATE = "Samples of the sensor a second."
+_REFERENCE = "Which speed is the signal of that ratio: fluctuation (about its mean) or total."
+_RATE = "Samples of the sensor per second."
 _SEEDS = "Seeds of a turbulent flow, such as 1..20 or 3,5,9: each is simulated."
 _TABLES = "Folder for simulations.json and simulations.csv; files of these names are replaced."
 _INFLOW_DYNAMICS = (
-    "quasi_steady: the wake is in equilibrium at every instant; oye: it has memory, by Oye's two "
-    "filters at every station (docs/theory.md)."
+    "quasi_steady: the wake is in equilibrium at every instant; oye: it needs time to change, by "
+    "Oye's two filters at every station (docs/theory.md)."
 )
 _TAU1 = (
     "With --inflow-dynamics oye: the slow filters' time constant (s). Default: by the induction at "
@@ -84,7 +84,7 @@ def plot(
 
     written = save_figures(solution, out or result / "figures", formats or ["png"])
     if not written:
-        raise InputError("holds no data to draw", "let the run come to its end", file=result)
+        raise InputError("holds no data to draw", "let the run finish", file=result)
     for path in written:
         echo(str(path))
 
@@ -111,7 +111,7 @@ def compare(
     for solution, share in zip(solutions, shares, strict=True):
         rows.append(solution.summary.rows(solution.case))
         if share is not None:
-            rows[-1].append(Row("objective, to the best", f"{100.0 * share:+.4f} %"))
+            rows[-1].append(Row("objective, relative to the best", f"{100.0 * share:+.4f} %"))
     names = [str(solution.folder) for solution in solutions]
     if for_program:
         records = (parts.plain_rows(x, result=name) for name, x in zip(names, rows, strict=True))
@@ -125,7 +125,7 @@ def compare(
         echo(f"note: {line}", err=for_program)
     for each in solutions:
         if not each.finished:
-            left_out = "it has no rank and is in no figure"
+            left_out = "it is not ranked and not in the figures"
             echo(f"note: {each.folder}: {each.message or 'did not end'}; {left_out}", err=True)
     if out is not None and finished:
         from hkt_mdo.results.plots import save_figures
@@ -167,7 +167,7 @@ def _print_beside(names: list[str], columns: list[dict[str, str]]) -> None:
 def export(
     result: ResultFolder,
     to: Annotated[list[str], Option("--to", metavar="FORMAT", help=_TO)],
-    out: Annotated[Path, Option(metavar="DIR", help="Folder for the files, made if need be.")],
+    out: Annotated[Path, Option(metavar="DIR", help="Folder for the files; created if needed.")],
     options: Annotated[list[str] | None, Option("--set", metavar="OPTION", help=_OPTION)] = None,
     force: Annotated[bool, Option("--force", help=_ANYWAY)] = False,
 ) -> None:
@@ -278,13 +278,13 @@ def _memory(name: str, tau1: float | None, snr: float | None, start: bool) -> bo
     memory = name == names[1]
     for other, asked, why in (
         ("--noise-snr", snr is not None, "whose runs take the torque from a table"),
-        ("--start-up", start, "which begins where the filters do not hold (docs/theory.md)"),
+        ("--start-up", start, "which begins where the wake model is not valid (docs/theory.md)"),
     ):
         if memory and asked:
             problem = f"does not go with {other}, {why}"
             raise InputError(problem, "leave one of them out", key=key, value=name)
     if tau1 is not None and not memory:
-        raise InputError("is of no use without memory", f"give {key} oye too", key="--tau1")
+        raise InputError("has no effect without memory", f"give {key} oye too", key="--tau1")
     if tau1 is not None and not 1e-3 <= tau1 <= 1e4:
         remedy = "give a number between 0.001 and 10000"
         raise InputError("is out of range", remedy, key="--tau1", value=tau1)

@@ -180,7 +180,9 @@ class Inflow(Section):
             low = int(np.argmin(speed))
             if not speed[low] >= SLOWEST:
                 place = f"reaches {speed[low]:.3g} m/s at t = {time[low]:.6g} s"
-                problem = f"{place}: it stands still or turns back, which the turbine does not"
+                problem = (
+                    f"{place}: the flow stops or reverses, for which the turbine is not modelled"
+                )
                 remedy = "give a larger mean, smaller fluctuations or a shorter phase.duration"
                 raise InputError(problem, remedy, key="inflow")
             if (fastest := float(np.max(speed))) > FASTEST:
@@ -259,7 +261,7 @@ class SineInflow(Inflow):
     @model_validator(mode="after")
     def _check_amplitude(self) -> SineInflow:
         if self.amplitude >= self.mean:
-            problem = f"lets the flow reach zero or turn back: its mean is {self.mean:g} m/s"
+            problem = f"lets the flow reach zero or reverse: its mean is {self.mean:g} m/s"
             remedy = "give an amplitude smaller than inflow.mean"
             raise refusal(problem, remedy, key="amplitude", value=self.amplitude)
         return self

@@ -69,17 +69,17 @@ class Generator(Section):
         ways = [name for name in ("efficiency", "table") if getattr(self, name) is not None]
         ways += (losses or rated)[:1]
         if len(ways) > 1:
-            problem = f"is given beside {ways[0]}"
+            problem = f"is given together with {ways[0]}"
             raise refusal(problem, _WAYS, key=ways[1], value=getattr(self, ways[1]))
         for name in losses:
             if _LOSSES[name] not in rated:
-                remedy = f"give generator.{_LOSSES[name]}, at which this loss is met"
+                remedy = f"give generator.{_LOSSES[name]}, at which this loss is given"
                 problem = f"needs {_LOSSES[name]}"
                 raise refusal(problem, remedy, key=name, value=getattr(self, name))
         for name in rated:
             if name not in [_LOSSES[loss] for loss in losses]:
                 needs = " or ".join(loss for loss, at in _LOSSES.items() if at == name)
-                problem, remedy = "is of no effect", f"give generator.{needs}, or leave it out"
+                problem, remedy = "has no effect", f"give generator.{needs}, or leave it out"
                 raise refusal(problem, remedy, key=name, value=getattr(self, name))
         return self
 

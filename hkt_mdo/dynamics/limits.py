@@ -232,7 +232,7 @@ class StressLimit(Limit):
         if self.bound != ALLOWABLE:
             return self
         if material.allowable_stress is None:
-            problem = "asks for the allowable stress of rotor.material, which has none"
+            problem = "refers to the allowable stress of rotor.material, which has none"
             remedy = "give rotor.material.allowable_stress, or a stress here"
             raise InputError(problem, remedy, key="limits.stress", value=self.bound)
         return self.model_copy(update={"bound": material.allowable_stress})
@@ -275,7 +275,9 @@ class Taper(Limit):
     def on(self, blade, material=None):
         stations = blade.r / blade.tip_radius
         if stations[-2] < self.bound:
-            problem = f"leaves no two stations outboard; the last but one is at {stations[-2]:.3g}"
+            problem = (
+                f"needs two stations outboard of it; the last but one is at {stations[-2]:.3g}"
+            )
             remedy = "give a place inboard of that"
             raise InputError(problem, remedy, key="limits.taper_from", value=self.bound)
         limit = self.model_copy()

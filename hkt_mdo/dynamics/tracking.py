@@ -68,7 +68,7 @@ class Tracking(FeedbackLaw):
 
     states: ClassVar[dict[str, tuple[str, str]]] = {
         "integral_torque": ("N*m", "integral part of the control torque"),
-        "sensed_flow": ("m/s", "inflow speed as the sensor tells it"),
+        "sensed_flow": ("m/s", "inflow speed as read by the sensor"),
     }
     farthest: ClassVar[float] = 1.2  # factor; the rotor follows its schedule
     estimates_flow = property(lambda self: self.flow == "estimated")  # type: ignore[assignment]
@@ -80,10 +80,12 @@ class Tracking(FeedbackLaw):
     def _check_start(self):
         if self.schedule is not None and len(self.schedule) != self.knots:
             problem = f"has {len(self.schedule)} speeds for {self.knots} knots"
-            raise refusal(problem, "give one a knot", key="schedule", value=list(self.schedule))
+            raise refusal(
+                problem, "give one for each knot", key="schedule", value=list(self.schedule)
+            )
         for name in ("bias", "noise") if self.flow == "estimated" else ():
             if value := getattr(self, name):
-                problem = "is a sensor's, and the flow's speed is estimated"
+                problem = "is for a sensor, but the flow speed is estimated"
                 raise refusal(problem, "leave it out, or give flow: sensed", key=name, value=value)
         for name in ("proportional", "integral"):
             gain, bounds = getattr(self, f"{name}_gain"), getattr(self, f"{name}_bounds")

@@ -86,7 +86,7 @@ class OpenFast(Format):
         depth = UNKNOWN_DEPTH * radius if known is None else known
         water = depth + BED * radius if self.water_depth is None else self.water_depth
         if water <= depth + radius:
-            problem = f"leaves no room for the blades: the hub is {depth:.4g} m deep"
+            problem = f"is too small for the blades: the hub is {depth:.4g} m deep"
             remedy = f"give more than {depth + radius:.4g} m"
             raise InputError(problem, remedy, key="openfast.water_depth", value=self.water_depth)
         height = water - depth if self.mhk == 1 else -depth

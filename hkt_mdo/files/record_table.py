@@ -294,7 +294,7 @@ class Columns:
             raise self._refuse_column(column, problem, remedy)
         if given is not None and named not in (None, given):
             problem = f"is in {named} by its own name or attributes, and in {given} by {key}"
-            remedy = f"mend {key} or the file, whichever is wrong"
+            remedy = f"correct {key} or the file, whichever is wrong"
             raise self._refuse_column(column, problem, remedy)
         return str(given or named)
 
@@ -333,7 +333,7 @@ def choose(
     shown = ", ".join(listed + ["..."] * (len(names) > _MOST_NAMES))
     time = default if options.time_column is None else options.time_column
     if time is None:
-        problem, remedy = "has nothing that is plainly the time", f"give time_column: of {shown}"
+        problem, remedy = "has nothing that is clearly the time", f"give time_column: of {shown}"
         raise InputError(problem, remedy, file=file)
     speed = options.speed_column
     if speed is None:

@@ -81,7 +81,7 @@ class RotorGroup(om.Group):
     def setup(self):
         world, given = physics(self.options["case"]), self.options["given"]
         if world.rotor.follows_reynolds:
-            problem = "gives polars at local Reynolds numbers, for which loads have no derivatives"
+            problem = "uses polars at local Reynolds numbers, for which loads have no derivatives"
             raise InputError(problem, "give invariant", key="rotor.reynolds", value="local")
         blade, points = self.options["blade"] or world.blade, (self.options["num_points"],)
         flow = np.full(points, world.scenarios[0].mean_flow)

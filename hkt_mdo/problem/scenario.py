@@ -141,8 +141,8 @@ class Scenario:
         step = self.duration / UNKNOWN_PIECES
         return (
             *self.inflow.messages,
-            f"the flow {self.inflow.profile} tells neither features nor a highest_frequency: it is "
-            f"looked at several times every {step:.3g} s, and what is shorter can be missed",
+            f"the flow {self.inflow.profile} gives neither features nor a highest_frequency: it is "
+            f"sampled several times every {step:.3g} s, and shorter features can be missed",
         )
 
     @property

@@ -47,8 +47,8 @@ TABLES: dict[str, dict[str, tuple[str | None, str]]] = {
         "flapwise_moment_Nm": ("N*m", "moment that bends the blade flapwise, at that time"),
         "cavitation": (
             None,
-            "suction, times its margin, over the pressure above vapour's, at the time of the "
-            "largest; linear between the stations",
+            "suction times the margin, over the difference of static and vapour pressure, at the "
+            "time of the largest; linear between the stations",
         ),
     },
     "power_curve": {
@@ -395,7 +395,7 @@ class Solution:
             raise InputError("unknown table", f"known: {', '.join(TABLES)}", value=name)
         of = self._only(scenario) if name in _OF_SCENARIOS else self
         if not (table := getattr(of, name)):
-            raise InputError(f"has no {name}", "let the run come to its end", file=self.folder)
+            raise InputError(f"has no {name}", "let the run finish", file=self.folder)
         return table
 
     def to_pandas(self, name: str = "trajectory", scenario: str | None = None) -> Any:

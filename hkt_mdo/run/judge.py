@@ -113,7 +113,7 @@ def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
         "the flow between the instants at which limits are judged, over its speed, between "
         f"t = {edges[worst]:.10g} and {edges[worst + 1]:.10g} s",
     )
-    word = "" if stopped is None else f"rotor stops at t = {stopped:.2f} s, not generating"
+    word = "" if stopped is None else f"rotor stops at t = {stopped:.2f} s and generates no more"
     if stopped is not None and integrated["tip_speed_ratio"][-1] > 2.0 * SLOWEST_RATIO:
         word = f"the rotor's motion has no solution after t = {stopped:.2f} s"
     yield "rotor_keeps_turning", float(stopped is not None), 0.0, word
@@ -156,7 +156,7 @@ def _of_design(physics, optimum, reference, result, flights):
     if sells(physics):
         word = "energy that the rotor stores over captured energy"
         if physics.law.is_feedback:
-            word += ", but for what it stores in equilibrium with the flow at the end"
+            word += ", except for energy stored in equilibrium with the flow at the end"
         yield "stored_energy", sold(physics, result, flights), STORED, word
     objective = simulated_objective(physics, flights)
     if not isinstance(physics.objective, CapturedEnergy):
@@ -171,7 +171,7 @@ def _of_design(physics, optimum, reference, result, flights):
             "energy_below_start",
             physics.objective.behind(objective, reference),
             BELOW_START,
-            "a worse optimum than where the run began",
+            "the objective is lower than at the start of the run",
         )
     for limit in physics.design_limits:
         yield _of_design_limit(physics, limit, result, flights)
@@ -234,7 +234,7 @@ def _recovery(physics, result, flights):
         (each[place], flight.simulation.time[place])
         for each, place, flight in zip(shares, worst, flights, strict=True)
     )
-    word = f"the torque that recovers a slowed rotor falls short of its least at t = {when:.2f} s"
+    word = f"the torque with which a slowed rotor recovers is below its minimum at t = {when:.2f} s"
     # without a torque curve no distance is asked, only that the rotor recovers at all
     if np.isfinite(share):
         yield "distance_from_stall", share, RECOVERY_ERROR if physics.has_curve else 1.0, word
@@ -369,7 +369,7 @@ def recovers(physics: Physics, result: Optimized) -> bool:
 
 
 FALSE_SOLUTION = (
-    "the collocation is too coarse or met a false solution: try more phase.segments, "
+    "the collocation is too coarse or has converged to a false solution: try more phase.segments, "
     "phase.transcription=gauss-lobatto, start.method=quasi_steady"
 )
 TRY = {
@@ -381,7 +381,7 @@ TRY = {
     "closed_loop": "try a larger control.proportional_gain",
     "loads_resolved": "give rotor.station_count=40 in place of rotor.stations",
     "stored_energy": (
-        "the captured energy counts what the rotor stores: try objective=generator, or "
+        "the captured energy includes energy stored in the rotor: try objective=generator, or "
         "phase.stored_energy=allowed"
     ),
     "rotor_keeps_turning": "try a larger control.torque_limit, or start.method=quasi_steady",
@@ -402,7 +402,7 @@ def explain_all(checks: list[CheckEntry], first: str = "") -> str:
         return "; ".join(explain(check) for check in failed)
     others = [f"{check.name} = {check.value:.3g}" for check in failed[1:]]
     text = explain(failed[0], first)
-    return f"{text}; refused too: {', '.join(others)}" if others else text
+    return f"{text}; also refused: {', '.join(others)}" if others else text
 
 
 def explain(check: CheckEntry, first: str = "") -> str:

@@ -205,7 +205,7 @@ def other_branch(attempt: Attempt) -> Begin | None:
     if start is None:
         return None
     reference = quasi_steady_reference(physics, start)
-    why = f"{len(refused)} checks refuse the end on branch {attempt.begin.start.branch}"
+    why = f"{len(refused)} checks refuse the result on branch {attempt.begin.start.branch}"
     return Begin(start, physics, first_setup(physics, start), reference, why=why)
 
 

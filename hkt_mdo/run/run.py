@@ -51,7 +51,7 @@ NOT_RUNNING = (
     "control.law, or wider design bounds)"
 )
 ROOM = "make room on the disk and give hkt run --resume"
-UNFINISHED = "interrupted before the end; hkt run --resume goes on from the last iterate"
+UNFINISHED = "interrupted before the end; hkt run --resume continues from the last iterate"
 
 
 @interrupts_of_compiled_code()
@@ -140,7 +140,7 @@ def resume_case(
     Raises
     ------
     InputError
-        If the folder's case or iterate is broken, or another run is at work there.
+        If the folder's case or iterate is broken, or another run is using it.
     KeyboardInterrupt
         After Ctrl-C or SIGTERM; what there was is saved, with success false.
     """
@@ -212,7 +212,9 @@ def _optimize_and_judge(state: RunState, earlier: Earlier, out: Path, records: b
     finished = summarize(parts)
     message = finished.message
     if held:
-        message = f"{refused}; the folder holds {held}, which is better than the end"
+        message = (
+            f"{refused}; the folder holds {held}, which is better than the end of the optimization"
+        )
     if not finished.success:
         message = "; ".join(filter(None, (_why_none(state.first, best), message)))
     write_tables(out, parts)

@@ -143,7 +143,7 @@ class Run:
             own = found.get(name, Told(**load.model_dump(), remark=remark))
             found[name] = own.model_copy(update={"r_m": load.r_m})
         if (stopped := self.simulation.stopped_at) is not None:
-            remark = "not generating: nothing is known after it"
+            remark = "generates no more: the simulation ends there"
             found["rotor stops"] = Told(value=stopped, unit="s", kept=False, remark=remark)
         if (away := self.runs_away) is not None:
             remark = "more than 20 % faster than without memory"
@@ -216,7 +216,7 @@ class Run:
             One line.
         """
         if (stopped := self.simulation.stopped_at) is not None:
-            return f"rotor stops at t = {stopped:.2f} s, not generating; energy n/a"
+            return f"rotor stops at t = {stopped:.2f} s and generates no more; energy n/a"
         told = ("captured", "generated", "electrical"), self.energies.values()
         texts = [f"{energy / 1e3:.3f} kJ {kind}" for kind, energy in zip(*told, strict=True)]
         return joined(*texts[: 2 if self.design.physics.generator.lossless else 3])

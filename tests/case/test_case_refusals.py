@@ -121,7 +121,12 @@ CONTROLS = [
         "[1.0, 2.0]",
         "leave design.gain_bounds out",
     ),
-    ("{law: tracking, schedule: [7, 8]}", "control.schedule", "[7.0, 8.0]", "give one a knot"),
+    (
+        "{law: tracking, schedule: [7, 8]}",
+        "control.schedule",
+        "[7.0, 8.0]",
+        "give one for each knot",
+    ),
     (
         "{law: tracking, integral_gain: 9, integral_bounds: [1, 2]}",
         "control.integral_gain",
@@ -205,7 +210,7 @@ DOCUMENTS = [
     ("a: " + 5000 * "[" + 5000 * "]", "line 1", "", "20 levels"),
     ("1: 2", "", "", "not a word"),
     ("[1, 2]", "", "[1, 2]", "keys and values"),
-    ("# nothing\n", "", "", "holds no case"),
+    ("# nothing\n", "", "", "contains no case"),
 ]
 BAD = (
     [(MINIMAL + text, *told) for text, *told in SECTIONS]
@@ -277,8 +282,8 @@ def test_what_is_no_readable_case_file_is_told(name, content, told, tmp_path):
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("rotor.radius", "override = 'rotor.radius': is no override"),
-        ("rotor.stations[0]=3", "is no override"),
+        ("rotor.radius", "override = 'rotor.radius': is not an override"),
+        ("rotor.stations[0]=3", "is not an override"),
         ("rotor.radius=[", "a, override rotor.radius: line 1, column 2: cannot be read as YAML"),
         ("rotor.radius=-1", "a, override rotor.radius=-1: rotor.radius = -1: must be greater than"),
         ("rotor={radius: -1}", "a, override rotor={radius: -1}: rotor.radius = -1: must be"),

@@ -88,7 +88,7 @@ def test_simulate_refuses_bad_input(folders, capsys, tmp_path, arguments, word):
 def test_compare_prints_a_table_and_draws(folders, capsys, tmp_path):
     assert main(["compare", *folders.values(), "--out", str(tmp_path / "figures")]) == 0
     printed = capsys.readouterr().out
-    assert "objective, to the best" in printed
+    assert "objective, relative to the best" in printed
     assert (tmp_path / "figures" / "operation.png").stat().st_size > 1000
 
 

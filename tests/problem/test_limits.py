@@ -210,7 +210,7 @@ def test_what_could_be_kept_is_not_refused():
 )
 def test_limits_of_no_effect_are_told(limits, generator, free):
     world = physics(load_case(CASE | {"limits": limits, "generator": generator}))
-    told = [text for text in world.messages if "is of no effect" in text]
+    told = [text for text in world.messages if "has no effect" in text]
     assert [text.partition(" = ")[0] for text in told] == [f"limits.{name}" for name in free]
 
 

@@ -119,7 +119,7 @@ def test_a_flow_that_tells_no_features_is_looked_at_and_that_is_said():
     (scenario,) = world.scenarios
     assert np.max(scenario.inflow.speed_at(scenario.dense)) == pytest.approx(1.9, rel=1e-4)
     assert scenario.inflow.pieces(1000.0).size == UNKNOWN_PIECES + 1
-    told = "the flow silent tells neither features nor a highest_frequency: it is looked at several"
+    told = "the flow silent gives neither features nor a highest_frequency: it is looked at several"
     assert any(message.startswith(f"{told} times every 1 s") for message in world.messages)
     assert not Silent().tells_features
     assert not SumInflow(parts=(SineInflow(), Silent())).tells_features

@@ -113,7 +113,7 @@ def test_the_case_can_be_checked_and_tells_the_size_of_the_whole_problem():
     held = sum(scenario.distinct_nodes.size for scenario in world.scenarios)
     assert f"{held} generator_power" in told["constraints"]
     assert (
-        "kept" in texts(report.tables["Limits, and what the starting blade does"])["limits.power"]
+        "kept" in texts(report.tables["Limits, and values of the starting blade"])["limits.power"]
     )
     assert report.findings.at_start["phase"]["inflow_speed"].max() == pytest.approx(CUT, rel=1e-9)
     assert report.findings.captured == pytest.approx(1.0, abs=1e-4)

@@ -377,7 +377,7 @@ def test_a_failed_run_claims_only_what_was_tried(open_loop):
         "no design that keeps the limits was found from 11 starts: the smallest violation was "
         "25 % of limits.torque_rate, by the best of them, in a flow of "
     )
-    assert "; that there is none is not proven (try a looser" in told(0.8 * steepest, 0.5)
+    assert "; this does not prove that there is none (try a looser" in told(0.8 * steepest, 0.5)
     assert "10 % of limits.torque_rate, at the end of the opt" in told(0.8 * steepest, 0.1)
     assert told(0.8 * steepest, 0.0) == ""  # the end keeps it
     assert told(1.1 * steepest, 0.5) == ""  # the start does
