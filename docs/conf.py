@@ -37,6 +37,7 @@ nb_execution_mode = "force"  # every build runs the notebooks, which are committ
 nb_execution_timeout = 120
 nb_execution_raise_on_error = True
 nb_merge_streams = True
+nb_execution_in_temp = True  # results of the notebooks stay out of the checkout
 
 autodoc_typehints = "none"  # the sections of the docstrings name the types
 numpydoc_show_class_members = False

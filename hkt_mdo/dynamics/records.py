@@ -143,7 +143,8 @@ class _Record:
         for key, value in (("start", start), ("duration", end)):
             if time[-1] + near < value < np.inf:
                 whole = f"the record ends {time[-1]:.6g} s after it begins"
-                problem, remedy = f"is at {value:.6g} s, but {whole}", f"give a smaller {key}"
+                problem = f"{'is' if key == 'start' else 'ends'} at {value:.6g} s, but {whole}"
+                remedy = f"give a smaller {key}"
                 raise options.refuse(key, problem, f"{remedy}, or none", raw.file)
         first, last = map(int, np.searchsorted(time, (start - near, end + near)))
         if last - first == time.size:

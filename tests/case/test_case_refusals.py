@@ -139,7 +139,7 @@ FLOWS = [
     ("tides", "inflow.profile", "tides", "did you mean tide?"),
     ("{profile: sine, amplitude: 1.5}", "inflow.amplitude", "1.5", "smaller than inflow.mean"),
     ("{profile: record}", "inflow.file", "", "is missing; give it: Path of the record"),
-    ("{profile: record, file: a.csv}", "inflow.file", "a.csv", "counts from the case's folder"),
+    ("{profile: record, file: a.csv}", "inflow.file", "a.csv", "relative to the case's folder"),
     (
         "{profile: record, file: river.csv, speed_unit: ft/sec}",
         "inflow.speed_unit",
@@ -287,7 +287,7 @@ def test_what_is_no_readable_case_file_is_told(name, content, told, tmp_path):
         ("rotor.radius=[", "a, override rotor.radius: line 1, column 2: cannot be read as YAML"),
         ("rotor.radius=-1", "a, override rotor.radius=-1: rotor.radius = -1: must be greater than"),
         ("rotor={radius: -1}", "a, override rotor={radius: -1}: rotor.radius = -1: must be"),
-        ("rotor.blade.x=1", "rotor.blade = 'bahaj2007': .* rotor.blade.x cannot be made"),
+        ("rotor.blade.x=1", "rotor.blade = 'bahaj2007': .* rotor.blade.x cannot be applied"),
         ("rotr.radius=1", "rotr = .*did you mean rotor"),
         ("control.law=linar", "control.law = 'linar': unknown; did you mean linear"),
     ],

@@ -162,7 +162,7 @@ def test_a_start_tells_which_limits_it_breaks():
             "limits.tip_speed = 0.05",
             "give more than 0.",
         ),
-        ({"limits": {"rotor_speed": 0.05}}, "limits.rotor_speed = 0.05", "counts as standing"),
+        ({"limits": {"rotor_speed": 0.05}}, "limits.rotor_speed = 0.05", "counts as standstill"),
         (
             {"limits": {"taper_from": 0.3}, "design": {"blade": "fixed"}, "rotor": "GROWING"},
             "limits.taper_from = 0.3",

@@ -122,7 +122,7 @@ def test_short_intervals_are_standstill_too():
 @pytest.mark.parametrize(
     ("cut_out", "sections", "words"),
     [
-        (1.29, {}, "no time of operation: the flow has at least 1.3 m/s"),
+        (1.29, {}, "no time for operation: the flow has at least 1.3 m/s"),
         (1.3001, {}, "slower than this for 0.253 s at a time"),
         (1.2, {"inflow": {"profile": "constant", "speed": 1.3}}, "at least 1.3 m/s"),
         (

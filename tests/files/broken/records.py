@@ -90,7 +90,7 @@ _CSV: dict[str, tuple[bytes, str]] = {
     ),
     "flow that turns": (
         _csv([f"{t},{math.cos(0.1 * t):.4f}" for t in TIMES]),
-        "the flow stands still or turns; take a part where it runs one way",
+        "the flow stops or reverses; choose a part without this",
     ),
     "too short": (_csv(ROWS[:9]), "has 9 samples; give 16 at least"),
     "a date that is none": (
@@ -109,7 +109,7 @@ _CSV: dict[str, tuple[bytes, str]] = {
 }
 
 _CSV_NAMES = {
-    "record.tsv": (_csv(), "has the ending .tsv; name it .csv"),
+    "record.tsv": (_csv(), "has the file extension .tsv; name it .csv"),
     "record": (_csv(), "has no file extension"),
     "csv.nc": (_csv(), "is not NetCDF"),
     "csv.parquet": (_csv(), "cannot be read as Parquet"),
