@@ -74,7 +74,9 @@ def api_page():
     missing = set(hkt_mdo.__all__) - {name for names in PUBLIC.values() for name in names}
     if missing:
         raise ValueError(f"docs/conf.py: PUBLIC: has no {', '.join(sorted(missing))}")
-    page = "# Python interface\n\nFrom the docstrings. Import a name without a module, such as `Case`,"
+    page = (
+        "# Python interface\n\nFrom the docstrings. Import a name without a module, such as `Case`,"
+    )
     page += " from `hkt_mdo`.\n"
     for title, names in PUBLIC.items():
         page += f"\n## {title}\n\n```{{eval-rst}}\n"

@@ -68,7 +68,7 @@ def test_a_filter_that_stops_the_rotor_is_told(folders, capsys):
         (["--flow", "{profile: record, file: RECORD}"], "60 s is longer than the record"),
         (
             ["--flow", "{profile: tide, mean: 0.5, constituents: [{period: 40, amplitude: 1}]}"],
-            "turns back",
+            "reverses",
         ),
         (["--noise-snr", "nan"], "--noise-snr"),
         (["--noise-snr", "20", "--filter-cutoff", "41"], "--filter-cutoff"),

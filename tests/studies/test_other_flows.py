@@ -333,7 +333,7 @@ def test_a_flow_without_a_seed_has_no_seeds(folder, quadratic, capsys):
     told = "--flow-seeds: the flow sine has no seed; give a turbulent --flow"
     assert told in capsys.readouterr().err
     weak = "{profile: turbulence, mean: 1, intensity: 0.9, length_scale: 2}"
-    with pytest.raises(InputError, match=r"seed 2'.*turns back"):
+    with pytest.raises(InputError, match=r"seed 2'.*reverses"):
         flow_given(weak, quadratic.solution.case, 2)
 
 
