@@ -34,7 +34,8 @@ NOT_RUN = {
     r"python scripts/example_cases.py": "three minutes; it writes the numbers of docs/examples.md",
     r"aerodyn_driver": "OpenFAST is not on PyPI; tests/exports/test_openfast.py runs it if it is "
     "installed",
-    r"hkt simulate results/mine .*(seed: 3|--strict)": "tests/studies/test_other_flows.py runs both",
+    r"hkt simulate results/mine .*(seed: 3|--strict)": "tests/studies/test_other_flows.py runs "
+    "both",
 }
 """Commands of code blocks that no test of this file runs, and why."""
 
@@ -53,7 +54,7 @@ def text_of(page):
 
 def commands_of_blocks(page):
     """Return the commands of a page's code blocks, without their comments."""
-    fences = re.findall(r"^```(.*)\n(.*?)^```$", text_of(page), re.DOTALL | re.MULTILINE)
+    fences = re.findall(r"^```([^\n]*)\n(.*?)^```$", text_of(page), re.DOTALL | re.MULTILINE)
     blocks = "\n".join(block for kind, block in fences if kind in ("", "sh", "console"))
     lines = re.sub(r" *\\\n *", " ", blocks).splitlines()
     return [line.partition("  #")[0].rstrip() for line in lines if re.match(PROGRAMS, line)]

@@ -1,4 +1,4 @@
-"""The guard of extensions: what goes wrong in a user's class is told as such, with its place.
+"""The guard of extensions: an error in a user's class is reported as such, with its place.
 
 An error in a method or property of an extension, or a result that no formula may have, is an
 `InputError` that names the class, its file, the method and what is wrong.
@@ -77,7 +77,7 @@ _HOW: dict[type, tuple[Callable, Callable]] = {
 
 
 def _guard(method: Callable, file: str, place: str) -> Callable:
-    """Return a method of an extension whose errors and results are told with its place."""
+    """Return a method of an extension whose errors and bad results are reported with its place."""
 
     @wraps(method)
     def told(self, *args, **quantities):

@@ -100,7 +100,7 @@ def translate(
     """Return the first of pydantic's errors in the user's terms.
 
     `root` is the class that was validated, `file` what messages call the text. An error in one of
-    the overrides, which are given by their keys, is told as such.
+    the overrides, which are given by their keys, is reported as such.
     """
     # a list whose items are refused is not too short as well
     errors = [

@@ -261,7 +261,7 @@ class Case(Section):
     def to_yaml(self) -> str:
         """Return the case as YAML with every default written out; `read_case` makes it again.
 
-        What a shipped blade brings with it is left to the blade, and told in a comment.
+        Values that a shipped blade has are left to the blade, and listed in a comment.
         """
         data, own = self._without_own()
         write = partial(yaml.dump, Dumper=Dumper, sort_keys=False, allow_unicode=True)

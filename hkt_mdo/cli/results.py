@@ -55,8 +55,8 @@ _CUTOFF = (
 def show(result: ResultFolder, as_json: Json = False, as_csv: AsCsv = False) -> None:
     """Print the figures of merit of a result.
 
-    Exits with 0 for a run without success too: showing it succeeded. --json and --csv print each
-    quantity with its value, that of the upper end of a range, unit and note.
+    Exits with 0 for a run that did not succeed, too. --json and --csv print each quantity with its
+    value, the upper end if it is a range, unit and note.
     """
     for_program, rows = parts.one_form(as_json, as_csv), parts.rows_of(read_result(result))
     if for_program:
@@ -75,8 +75,8 @@ def plot(
     They are blade, power_curve, operation, schedule (power, speed, torque and thrust over the speed
     of the flow), limits (largest values over their limits), loads (along the blade) and
     convergence, as far as the result has their data, in RESULT/figures unless --out is given; files
-    of the same names are replaced. Of several scenarios, operation_NAME and limits_NAME show each,
-    and schedule and loads have a line for each.
+    of the same names are replaced. With several scenarios, operation_NAME and limits_NAME show each
+    of them, and schedule and loads have a line for each.
     """
     solution = read_result(result)
 
@@ -97,10 +97,11 @@ def compare(
 ) -> None:
     """Compare results in a table and, with --out, in overlaid figures.
 
-    The table has the figures of merit side by side, the best objective first: successes, then
-    results that their judges refused, then those of interrupted runs, which no figure shows. Notes
-    below it name the last, and results that are not the best that their case allows: another result
-    of the same turbine in the same flow keeps its limits, and is better.
+    The table has the figures of merit side by side, the best objective first: successful results,
+    then results that failed a check, then those of interrupted runs, which are not in the figures.
+    Notes below the table name interrupted runs, and results to which another result of the same
+    turbine in the same flow is superior: it keeps the limits of their case and has a better
+    objective.
     """
     from hkt_mdo.results.nesting import beaten, ranked
     from hkt_mdo.results.words import Row, texts
@@ -171,10 +172,10 @@ def export(
     options: Annotated[list[str] | None, Option("--set", metavar="OPTION", help=_OPTION)] = None,
     force: Annotated[bool, Option("--force", help=_ANYWAY)] = False,
 ) -> None:
-    """Write a result in the files that other programs read (docs/exports.md).
+    """Write a result in files for other programs (docs/exports.md).
 
-    The files tell which result and case they come from. Of a bad option, a missing package or a
-    file that is there already nothing is written.
+    The files contain the result and the case that they come from. If an option is wrong, a package
+    is missing or a file already exists, nothing is written.
     """
     from hkt_mdo.exports.base import export
 
@@ -208,13 +209,13 @@ def simulate(
     """Simulate a result in another flow, with sensor noise, or from standstill.
 
     Blade and controller of a finished result are held and simulated with direct BEM. Open loop
-    replays its recorded torque, and what holds the speed of a rotor that is unstable under it;
-    feedback reads a noisy, filtered speed sensor when --noise-snr is given, many times over. A
-    rotor that stops is said to stop, and its energy is not counted. The largest value of each limit
-    over time is told, without noise, and of the loads that have no limit; of several scenarios and
-    seeds, the largest of all. --json and --csv print those of each simulation, as --out writes.
-    With --inflow-dynamics oye the wake has memory: what it changes is told, and whether the rotor
-    runs away before the wake answers.
+    replays its recorded torque, with a feedback that holds the speed where the rotor is unstable
+    under that torque; with --noise-snr feedback reads a noisy, filtered speed sensor, in many
+    repeated runs. If the rotor stops, that is reported and its energy is not counted. The command
+    prints the largest value, without noise, of each limit over time and of the loads that have no
+    limit; with several scenarios and seeds, the largest of all. --json and --csv print those of
+    each simulation, as --out writes them. With --inflow-dynamics oye the wake needs time to change:
+    the command prints what that changes, and whether the rotor runs away.
     """
     from hkt_mdo.results.words import flow_words, joined
     from hkt_mdo.studies.other_flows import largest, records, runs_of, write

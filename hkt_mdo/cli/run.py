@@ -39,11 +39,12 @@ def run(
 ) -> None:
     """Run a case and write a result folder.
 
-    The case is optimized, the result integrated independently and judged. The folder, results/<name
-    of the case> unless --out is given, gets case.yaml (every default written out), summary.json
-    (figures of merit and checks), trajectory.csv, simulation.csv, loads.csv, blade.csv,
-    power_curve.csv, convergence.csv, solution.db and history.db (OpenMDAO recorders), n2.html and
-    figures/. Options override --set, --set overrides the file.
+    The case is optimized, and the result is integrated independently and checked. The folder,
+    results/NAME unless --out is given, where NAME is the name of the case, gets case.yaml (every
+    default written out), summary.json (figures of merit and checks), trajectory.csv,
+    simulation.csv, loads.csv, blade.csv, power_curve.csv, convergence.csv, solution.db and
+    history.db (OpenMDAO recorders), n2.html and figures/. Options override --set, --set overrides
+    the file.
     """
     given = {"driver.optimizer": optimizer, "driver.package": package, "phase.segments": segments}
     settings = [f"{key}={value}" for key, value in given.items() if value is not None]

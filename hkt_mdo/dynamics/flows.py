@@ -19,7 +19,7 @@ from hkt_mdo.sections import Quantity, Section, refusal
 
 CHECKS_PER_PIECE, FEWEST_CHECKS = 16, 1024
 LOOKS = 8  # between two times, to see how far a flow is from a straight line
-UNKNOWN_PIECES = 1000  # of a flow that does not tell where it changes
+UNKNOWN_PIECES = 1000  # of a flow that does not declare where it changes
 PIECES_AT_ONCE = 50_000
 SLOWEST, FASTEST = 1e-4, 1e3  # m/s, of a flow in which a turbine could work
 
@@ -27,14 +27,14 @@ SLOWEST, FASTEST = 1e-4, 1e3  # m/s, of a flow in which a turbine could work
 class Inflow(Section):
     """A flow: speed_at(t), m/s, for t in s of any shape, twice continuously differentiable.
 
-    `speed_at` must accept complex times. What else a flow tells has a default:
+    `speed_at` must accept complex times. Everything else that a flow declares has a default:
 
     - length: time (s) after which it has nothing new to say; None: it has no end.
     - highest_frequency: the highest frequency (Hz) that matters in it; None: it is steady.
     - features: where it changes as fast, (from, to, period) in s; by default everywhere, at its
       highest frequency. What looks at the flow does so many times in each period (`pieces`). A flow
-      that tells neither is looked at in `UNKNOWN_PIECES` of the time span, and that is said: what
-      is shorter can be missed.
+      that declares neither is sampled in `UNKNOWN_PIECES` of the time span, with a message: what is
+      shorter can be missed.
     - mean_speed: what it fluctuates about, m/s, which a sum of flows asks for: its key `mean`,
       times its key `scale`; if it has no mean, the speed at t = 0.
     - messages: what was done to its data, one line each.

@@ -35,8 +35,8 @@ def _by_each(of, gains):
 class Law(Section):
     """What every control law has: its name, a limit on the torque u, and a cut-out speed.
 
-    The rest of the program asks a law what it does and never which one it is. An open loop has no
-    gains and no states; its torque over time is chosen by the optimizer.
+    The rest of the program uses the properties of a law and never depends on which one it is. An
+    open loop has no gains and no states; its torque over time is chosen by the optimizer.
     """
 
     law: str
@@ -166,7 +166,7 @@ class FeedbackLaw(Law):
     def rates(self, speed, inflow_speed, gains, *states):
         """Return the rates of the states, a unit of each a second, at arrays of one shape.
 
-        inflow_speed (m/s) is for what a sensor of the flow tells; all may be complex.
+        inflow_speed (m/s) is for the reading of a flow sensor; all may be complex.
         """
         return ()
 

@@ -1,6 +1,6 @@
 """Limits: what a design and its operation must keep, each stated once.
 
-Optimization, judges, `hkt check`, summary and figures ask the limit for its value; nobody else
+Optimization, judges, `hkt check`, summary and figures get its value from the limit; nothing else
 knows the formula. A limit of your own is a subclass of `Limit` (docs/architecture.md).
 """
 

@@ -111,7 +111,7 @@ class Tracking(FeedbackLaw):
         return self.model_copy(update={"flow_range": (middle - half, middle + half)})
 
     def reference(self, flow, gains):
-        """Return the schedule's speed, rad/s, at told flow speeds, m/s; both may be complex."""
+        """Return the schedule's speed, rad/s, at sensed flow speeds, m/s; both may be complex."""
         spline = _spline(self.flow_range, self.knots)
         if np.ndim(flow) == 0:
             return spline.values(gains[: self.knots], np.atleast_1d(flow))[0][0]
@@ -145,7 +145,7 @@ class Tracking(FeedbackLaw):
         if self.schedule is not None:
             return np.array([*self.schedule, kp, ki])
         spline = _spline(self.flow_range, self.knots)
-        # where no flow tells a knot, its speed is in proportion to the flow
+        # at a knot that no flow reaches, its speed is proportional to the flow
         schedule = spline.nodes * np.sum(speed) / np.sum(sensed)
         basis = spline.basis(sensed)
         schedule = schedule + np.linalg.lstsq(basis, speed - basis @ schedule, rcond=1e-6)[0]

@@ -168,7 +168,7 @@ def export(
     Parameters
     ----------
     solution : Solution
-        The result; of one that is no success only with `force`, which its files tell.
+        The result; one of a run that did not succeed only with `force`, and its files say so.
     formats : sequence of str
         Keys of `FORMATS`.
     out : str or pathlib.Path

@@ -67,9 +67,9 @@ class Physics:
     `case` is complete: its time span and segments are numbers. `shape` has the blade as given and
     what of it is designed; `rotor` what follows from any of its blades; `turbine` what its section
     `rotor` says. There is usually one scenario; with a cut-out speed, one for each interval of
-    operation.
-    `messages` tell what was converted, repaired or left out, `warnings` what was hardly meant.
-    `law` has no torque limit where the case gives one that no blade can reach in its flow.
+    operation. `messages` list what was converted, repaired or left out, `warnings` what is probably
+    a mistake. `law` has no torque limit where the case gives one that no blade can reach in its
+    flow.
     """
 
     case: Case
@@ -95,7 +95,7 @@ class Physics:
 
     @property
     def loads(self) -> LoadModel:
-        """What tells the loads of a blade."""
+        """What computes the loads of a blade."""
         return self.rotor.loads
 
     def built(self, blade: Blade) -> Any:
@@ -125,7 +125,7 @@ class Physics:
 
     @property
     def load_names(self) -> tuple[str, ...]:
-        """Names of the loads that limits and objective ask for."""
+        """Names of the loads that limits and objective need."""
         return tuple(filter(self.asks_for, LOADS))
 
     @property
@@ -550,7 +550,7 @@ def _with_limits(
 
 
 def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
-    """Return the rotor of a case; refuse limits on loads that it cannot tell."""
+    """Return the rotor of a case; refuse limits on loads that it cannot compute."""
     flow = Hydrodynamics(turbine.polar)
     given = [*case.limits.given, *(each for part in case.scenarios for each in part.limits.given)]
     limited = {name: each for each in given for name in each.inputs if name in LOADS}

@@ -40,7 +40,7 @@ class RotorGroup(om.Group):
     num_points : int
         Number of operating points, n_points.
     given : str
-        What tells the operating points besides the flow's speed: "tip_speed_ratio" or
+        What defines the operating points besides the flow's speed: "tip_speed_ratio" or
         "rotor_speed"; the other one is an output.
     blade : Blade, optional
         The initial blade, such as ``solution.design().blade``; by default that of the case.

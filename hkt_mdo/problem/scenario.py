@@ -135,7 +135,7 @@ class Scenario:
 
     @property
     def messages(self) -> tuple[str, ...]:
-        """What is to be told of the flow, one line each."""
+        """Messages about the flow, one line each."""
         if self.inflow.tells_features:
             return self.inflow.messages
         step = self.duration / UNKNOWN_PIECES

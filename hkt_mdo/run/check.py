@@ -1,4 +1,4 @@
-"""What `hkt check` tells before a run: `hkt_mdo.run.findings` as rows, with notes and warnings."""
+"""What `hkt check` prints before a run: `hkt_mdo.run.findings` as rows, with notes and warnings."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -71,7 +71,7 @@ class CheckReport:
 
 
 def check_case(case: Case) -> CheckReport:
-    """Read and build all that a run of a case needs, and tell what it means; nothing is optimized.
+    """Read and build all that a run of a case needs, and report it; nothing is optimized.
 
     Parameters
     ----------

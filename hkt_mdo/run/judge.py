@@ -1,4 +1,4 @@
-"""The judges of a result: what is asked besides the optimizer's own word.
+"""The judges of a result: checks that are independent of the optimizer.
 
 A result is a success only if the optimizer converged and an integration that shares neither torque
 curve nor collocation with it, the quasi-steady bound and every limit of the problem agree.
@@ -53,7 +53,7 @@ CUT_BETWEEN = 1e-3  # of a torque's polynomial, which the generator cuts at its 
 
 
 def is_false(flights: tuple[Flight, ...]) -> bool:
-    """Tell whether an integration denies what the collocation has solved."""
+    """Tell whether an integration contradicts what the collocation has solved."""
     errors = [(each.energy_error, np.max(each.speed_errors)) for each in flights]
     return any(energy > ENERGY_ERROR or speed > SPEED_ERROR for energy, speed in errors)
 
@@ -92,7 +92,7 @@ def _check(name, value, limit, detail) -> CheckEntry:
 
 
 def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
-    """Yield name, value, limit and place of what the integration of a scenario is asked."""
+    """Yield name, value, limit and place of the checks of a scenario's integration."""
     flown, nodes, integrated = flight.simulation, flight.trajectory, flight.integrated
     time, stopped = nodes["time"], flown.stopped_at
     errors, edges = flight.scenario.flow_errors, flight.scenario.edges
@@ -132,7 +132,7 @@ def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
 
 
 def _of_design(physics, optimum, reference, result, flights):
-    """Yield name, value, limit and place of what the whole result is asked."""
+    """Yield name, value, limit and place of the checks of the whole result."""
     ratios, errors = curve_errors(physics, result)
     worst = int(np.argmax(errors))
     place = f"at tip speed ratio {ratios[worst]:.3f}"

@@ -1,4 +1,4 @@
-"""What is told where no design was found that keeps the limits."""
+"""The message where no design was found that keeps the limits."""
 
 from __future__ import annotations
 

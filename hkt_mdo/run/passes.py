@@ -1,4 +1,4 @@
-"""The passes of a run: optimize, and again as long as a remedy asks for it.
+"""The passes of a run: optimize, and again as long as a remedy applies.
 
 A remedy takes an `Attempt` and returns what the next optimization begins with, or None where it has
 nothing to mend. `REMEDIES` are tried in order, and the first that returns something decides.
@@ -242,12 +242,12 @@ def next_begin(attempt: Attempt) -> Begin | None:
 
 
 def optimize(state: RunState, start: StartingPoint, reference: float) -> Judged:
-    """Optimize from a start until no remedy asks for another optimization.
+    """Optimize from a start until no remedy applies.
 
     Parameters
     ----------
     state
-        What the run knows; it is told of every pass.
+        The state of the run, which records every pass.
     start
         Where the first optimization begins.
     reference

@@ -88,7 +88,7 @@ def run_case(
     Returns
     -------
     Solution
-        Loaded from the folder; its `success` tells what the judges found.
+        Loaded from the folder; its `success` says whether all judges agreed.
 
     Raises
     ------

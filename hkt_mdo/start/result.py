@@ -14,7 +14,7 @@ from hkt_mdo.start.strategies import RESULT, Candidate
 
 
 def design_of_result(physics: Physics) -> tuple[Candidate, tuple[str, ...]]:
-    """Return the design of the result that `start.from` names, and what is to be told of it.
+    """Return the design of the result that `start.from` names, and messages about it.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ class Told(LimitEntry):
     share: float | None = None
     """The value over the limit; of a lower limit, 1 where it is met and more where it is broken."""
     kept: bool | None = None
-    """Whether the limit is kept as exactly as a run asks; None without a limit."""
+    """Whether the limit is kept as exactly as a run requires; None without a limit."""
     remark: str = "not limited"
     """What is said of a load without a limit."""
 
@@ -61,7 +61,7 @@ class Told(LimitEntry):
 
 
 def _told(limit: Limit, known: dict[str, Any]) -> Told:
-    """Return what is told of a limit, of the quantities of a trajectory."""
+    """Return the report of a limit, from the quantities of a trajectory."""
     value, over = limit.told(known), limit.excess(known)
     kept, caps = bool(np.max(over) <= most_between(limit)), limit.caps_series
     free = kept and not caps and limit.lower <= 0.0  # as a torque that is not limited
@@ -291,7 +291,7 @@ def _seeds(text: str) -> tuple[int | None, ...]:
 
 
 def largest(runs: Iterable[Run]) -> dict[str, Told]:
-    """Return what is told of each limit and load in the run that has the most of it.
+    """Return the report of each limit and load, from the run in which it is largest.
 
     Parameters
     ----------
