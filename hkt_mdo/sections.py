@@ -64,7 +64,7 @@ _BOUNDS = (
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a physical quantity is: its unit and range, as the annotation of a float.
+    """A physical quantity: its unit and range, as the annotation of a float.
 
     ``Annotated[float, Quantity("m", gt=0)]`` takes a finite number in metres, or a text such as
     ``1400 mm``, which OpenMDAO's table of units converts; without a unit, a number or ``12 %``.

@@ -212,7 +212,7 @@ class Case(Section):
         return self
 
     def of_scenario(self, name: str) -> Case:
-        """Return the case of one of its scenarios alone; of a name that it has not, itself."""
+        """Return the case of one of its scenarios alone; for an unknown name, the case itself."""
         for own in self.scenarios:
             if own.name == name:
                 limits = {limit.name: limit for limit in own.limits.given}
@@ -286,7 +286,7 @@ class Case(Section):
         """Return a case in which some keys have other values, checked as a file would be.
 
         An override is a text such as ``rotor.radius=2`` or ``control={law: linear}``; relative
-        paths count from the current folder. Raises InputError for one that is not valid.
+        paths start from the current folder. Raises InputError for one that is not valid.
         """
         data, _ = self._without_own()
         return _make_case(data, overrides, self.kinds, file=f"case {self.name}")
@@ -439,15 +439,15 @@ def load_case(
 ) -> Case:
     """Read a case file, or take a case as a dict.
 
-    The case has the file's name unless it gives one; relative paths count from the file's folder,
-    in overrides too, and are absolute in the case. Raises InputError, with file, key, value and
-    remedy, if the file cannot be read or anything in it, or in an override, is wrong.
+    The case has the file's name unless it gives another; relative paths start from the file's
+    folder, in overrides too, and are absolute in the case. Raises InputError, with file, key, value
+    and remedy, if the file cannot be read or anything in it, or in an override, is wrong.
 
-    `source` is a YAML file, the name of a shipped case where there is no such file, or what a file
-    holds. `overrides` are texts such as ``rotor.radius=2``; what stands after the first ``=`` is
-    YAML. `check_files` says whether the files that the case names must exist. `extensions` are
-    Python files, modules or classes that define further kinds of flow, law, limit or objective
-    (docs/architecture.md); a file is run, so give only what you trust.
+    `source` is a YAML file, the name of a shipped case if there is no such file, or the content of
+    a file as a dict. `overrides` are texts such as ``rotor.radius=2``; the text after the first
+    ``=`` is YAML. `check_files` says whether the files that the case names must exist. `extensions`
+    are Python files, modules or classes that define further kinds of flow, law, limit or objective
+    (docs/architecture.md); a file is executed, so give only files that you trust.
     """
     if isinstance(source, Mapping):
         data = deepcopy(dict(source))
@@ -476,8 +476,8 @@ def read_case(
 ) -> Case:
     """Make a case of YAML text; the rest is as in `load_case`.
 
-    Messages call the text `file`, relative paths count from `folder`, and `name` is the name of a
-    case that gives none.
+    `file` names the text in messages, relative paths start from `folder`, and `name` is the name of
+    a case that gives none.
     """
     data = parse(text, file)
     if data is None:
@@ -523,9 +523,9 @@ def _leave_to_blade(data: dict[str, Any], overrides: Sequence[str]) -> None:
 
 
 def assign(data: dict[str, Any], override: str, file: str) -> str:
-    """Make an override and return its dotted key; a bare name of a kind becomes a section first.
+    """Apply an override and return its dotted key; a bare name of a kind becomes a section first.
 
-    `data` is changed; `file` is what messages call it. InputError if the override is none.
+    `data` is changed; `file` names it in messages. Raises InputError if the override is not valid.
     """
     key, equals, text = override.partition("=")
     key = key.strip()

@@ -29,13 +29,13 @@ class Inflow(Section):
 
     `speed_at` must accept complex times. Everything else that a flow declares has a default:
 
-    - length: time (s) after which it has nothing new to say; None: it has no end.
-    - highest_frequency: the highest frequency (Hz) that matters in it; None: it is steady.
+    - length: duration (s) of the flow's data, or its period; None: it has no end.
+    - highest_frequency: the highest frequency (Hz) in it; None: it is steady.
     - features: where it changes as fast, (from, to, period) in s; by default everywhere, at its
-      highest frequency. What looks at the flow does so many times in each period (`pieces`). A flow
-      that declares neither is sampled in `UNKNOWN_PIECES` of the time span, with a message: what is
-      shorter can be missed.
-    - mean_speed: what it fluctuates about, m/s, which a sum of flows asks for: its key `mean`,
+      highest frequency. The flow is sampled many times in each period (`pieces`). A flow that
+      declares neither is sampled in `UNKNOWN_PIECES` of the time span, with a message: shorter
+      features can be missed.
+    - mean_speed: the speed about which it fluctuates, m/s, for sums of flows: its key `mean`,
       times its key `scale`; if it has no mean, the speed at t = 0.
     - messages: what was done to its data, one line each.
     - last_time: time (s) beyond which it is unknown.
@@ -76,7 +76,7 @@ class Inflow(Section):
 
     @property
     def tells_features(self) -> bool:
-        """Whether the class says where the flow changes, or how fast at most."""
+        """Whether the class declares where the flow changes, or how fast at most."""
         return bool(self.highest_frequency) or type(self).features is not Inflow.features
 
     def pieces(self, last: float, first: float = 0.0) -> np.ndarray:
@@ -145,9 +145,9 @@ class Inflow(Section):
         return np.diff(whole[np.searchsorted(ends, edges)])
 
     def off_lines(self, times: np.ndarray) -> np.ndarray:
-        """Return how far the flow leaves the straight lines between its speeds at rising times.
+        """Return how far the flow differs from straight lines between its speeds at some times.
 
-        It is looked at `LOOKS` times between two of the times (s), and in each of its `pieces`.
+        It is sampled `LOOKS` times between two of the times (s), and in each of its `pieces`.
 
         Returns
         -------
@@ -166,10 +166,10 @@ class Inflow(Section):
         return found
 
     def check(self, duration: float) -> None:
-        """Refuse, by InputError, a flow that ends, stands still or turns back within a time (s).
+        """Refuse, by InputError, a flow that ends, stops or reverses within a time (s).
 
-        Or is faster than any current. It is looked at sixteen times in its shortest period:
-        turbines here do not reverse.
+        A flow that is faster than any natural current is refused, too. It is sampled sixteen times
+        in its shortest period.
         """
         if duration > self.last_time * (1.0 + 1e-9):
             problem = f"is longer than the record of the flow, {self.last_time:.6g} s"

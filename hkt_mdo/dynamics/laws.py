@@ -1,7 +1,7 @@
 """Control laws: generator torque from rotor speed (paper eqs. 1 to 4).
 
-A law is one class: its keys in a case's section `control`, and its formula. Nothing else knows the
-formula; a law of your own is a subclass of `FeedbackLaw` (docs/controllers.md).
+A law is one class: its keys in a case's section `control`, and its formula. The formula is nowhere
+else; a law of your own is a subclass of `FeedbackLaw` (docs/controllers.md).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def _by_each(of, gains):
 
 
 class Law(Section):
-    """What every control law has: its name, a limit on the torque u, and a cut-out speed.
+    """Base of all control laws: a name, a limit on the torque u, and a cut-out speed.
 
     The rest of the program uses the properties of a law and never depends on which one it is. An
     open loop has no gains and no states; its torque over time is chosen by the optimizer.
@@ -57,7 +57,7 @@ class Law(Section):
     chooses_torque: ClassVar[bool] = False
     """Whether the optimizer chooses the torque over time."""
     estimates_flow: ClassVar[bool] = False
-    """Whether what a law with states hears of the flow is estimated from speed and torque."""
+    """Whether the flow speed that a law with states uses is estimated from speed and torque."""
 
     @property
     def is_static(self) -> bool:
@@ -73,7 +73,7 @@ class Law(Section):
         return self
 
     def starting_gains(self) -> np.ndarray | None:
-        """Return the gains that the case gives to begin with; None: chosen by the start."""
+        """Return the gains at the start that the case gives; None: the search for a start chooses."""
         return np.empty(0)
 
     def sizes(self, gains):
@@ -81,14 +81,14 @@ class Law(Section):
         return np.abs(gains)
 
     def moves(self, gains, factor):
-        """Return the lower and the upper ends, (n_gains,), of a search about some gains.
+        """Return the lower and upper bounds, (n_gains,), of one step of a search from some gains.
 
-        As far as a factor, maybe infinite, allows. A gain whose ends are equal is held.
+        They are apart by a factor, which may be infinite. A gain with equal bounds is fixed.
         """
         return np.stack((gains, gains))
 
     def contains(self, other: Law) -> bool:
-        """Tell whether another law is a special case: whatever it does, this one can do."""
+        """Tell whether another law is a special case of this one, with some of its gains."""
         return self == other
 
     def coarser(self) -> Law | None:
@@ -118,7 +118,7 @@ class OpenLoop(Law):
 
 
 class FeedbackLaw(Law):
-    """What every feedback law has: gains that are optimized, and a smoothed saturation.
+    """Base of all feedback laws: gains that are optimized, and a smoothed saturation.
 
     A law may have states, x' = `rates`: then `demand`, and what follows from it, takes their values
     after the gains, each of the speed's shape.
@@ -126,10 +126,10 @@ class FeedbackLaw(Law):
 
     is_feedback: ClassVar[bool] = True
     farthest: ClassVar[float] = np.inf
-    """Largest finite factor by which gains move at once."""
+    """Largest finite factor by which gains change in one step of a search."""
 
     smoothing: Annotated[float, Quantity(gt=0, le=1)] = 0.001
-    """Smoothing nu of the saturation (paper, eq. 4); of no effect without a torque limit."""
+    """Smoothing nu of the saturation (paper, eq. 4); without a torque limit it has no effect."""
     _begins: tuple[float, ...] | None = PrivateAttr(None)  # gains
 
     def demand(self, speed, gains, *states):
@@ -160,7 +160,7 @@ class FeedbackLaw(Law):
         return np.sort((gains / factor, gains * factor), axis=0)
 
     def eased(self, gains, share):
-        """Return the gains that demand a share of the torque of some others, where they can."""
+        """Return gains with which the torque is a given share of that with others, if possible."""
         return share * gains
 
     def rates(self, speed, inflow_speed, gains, *states):

@@ -1,4 +1,4 @@
-"""Limits: what a design and its operation must keep, each stated once.
+"""Limits on a design and its operation, each defined once.
 
 Optimization, judges, `hkt check`, summary and figures get its value from the limit; nothing else
 knows the formula. A limit of your own is a subclass of `Limit` (docs/architecture.md).
@@ -41,7 +41,8 @@ class Limit(Formula):
     name: ClassVar[str] = ""
     lower: ClassVar[Any] = -np.inf
     bounded: ClassVar[bool] = False
-    """Whether the bounds of the optimizer's own variables hold it, so that it is no constraint."""
+    """Whether bounds of the optimizer's own variables ensure it, so that no constraint is needed.
+    """
 
     @model_validator(mode="before")
     @classmethod
@@ -57,12 +58,12 @@ class Limit(Formula):
         return {"anyOf": [bound, whole]} if bound else whole
 
     def on(self, blade: Any, material: Any = None) -> Limit:
-        """Return this limit for a turbine's blade and its `Material`; most are the same for all."""
+        """Return this limit for a turbine's blade and `Material`; most do not depend on them."""
         return self
 
     @property
     def place(self) -> str:
-        """What its value is an array over: the "time", the "span" of the blade, or the "design"."""
+        """Dimension of its value: over "time", over the "span" of the blade, or of the "design"."""
         if self.series:
             return "time"
         along = any(name in QUANTITIES and QUANTITIES[name].over == "span" for name in self.inputs)
@@ -70,7 +71,7 @@ class Limit(Formula):
 
     @property
     def caps_series(self) -> bool:
-        """Whether it is an upper bound on what changes over time."""
+        """Whether it is an upper bound on a quantity over time."""
         return bool(self.place == "time" and np.isfinite(self.upper))
 
     @property
@@ -84,12 +85,12 @@ class Limit(Formula):
         return not self.bounded
 
     def told(self, quantities: Any) -> np.ndarray:
-        """Return the value as it is told: its size where both signs are limited alike."""
+        """Return the value for a report: its magnitude where both signs have the same limit."""
         value = np.asarray(self.value_of(quantities))
         return np.abs(value) if np.all(self.lower == -self.upper) else value
 
     def excess(self, quantities: Any) -> np.ndarray:
-        """Return how far the value leaves its bounds, over their size; at most 0 if it is kept."""
+        """Return the excess over its bounds, relative to them; at most 0 if the limit is kept."""
         value = np.atleast_1d(self.value_of(quantities))
         ends = np.abs(np.hstack((self.lower, self.upper)))
         size = np.max(ends[np.isfinite(ends)], initial=0.0) or np.max(np.abs(value)) or 1.0
@@ -225,8 +226,7 @@ class StressLimit(Limit):
     inputs: ClassVar[tuple[str, ...]] = ("stress",)
 
     bound: Annotated[Any, _Stress("Pa", gt=0)]
-    """Largest stress, or `allowable`, that of `rotor.material`; a factor of safety is to be taken
-    off by you."""
+    """Largest stress, or `allowable`, that of `rotor.material`; apply a safety factor yourself."""
 
     def on(self, blade, material=None):
         if self.bound != ALLOWABLE:
@@ -314,9 +314,9 @@ def settled(known):
     """Tell at which times of a trajectory the rotor has followed the flow, near its equilibrium.
 
     The rotor's time scale is that in which a typical torque stops it, I w / (TYPICAL 0.5 rho pi R³
-    v²), a few hundredths of a second; the flow is quick where it changes by `QUICK` of itself
-    within it. Settled is the rotor after `LAG` time scales in which the flow was not quick. known
-    has the `QUANTITIES` of the trajectory, of shape (n,), rotor_radius, density and inertia.
+    v²), a few hundredths of a second; the flow is quick where it changes by a share of `QUICK`
+    within this time. The rotor has settled after `LAG` time scales in which the flow was not quick.
+    known has the `QUANTITIES` of the trajectory, of shape (n,), rotor_radius, density and inertia.
     """
     time, flow = known["time"], known["inflow_speed"]
     unit = TYPICAL * torque_scale(known["density"], known["rotor_radius"], flow)
@@ -332,11 +332,11 @@ class DistanceFromStall(Limit):
     """A rotor under feedback recovers from a small loss of speed.
 
     N((1 - slowed) w) - N(w) >= least, N = Q(w, v) - u(w): positive where the rotor keeps a distance
-    from stall, where stable and unstable equilibrium meet. Collocation cannot tell one from the
-    other, so an optimizer would go to that edge and beyond. N(w) = I dw/dt is what the flow's
-    changes ask for, and no stall. `least` is a share of a typical torque, TYPICAL 0.5 rho pi R³ v²:
-    close to stall a rotor recovers slowly and the problem is badly conditioned. Q is that of the
-    torque curve. Of a law with states, u is that with its states as they are.
+    from stall, where stable and unstable equilibrium meet. Collocation does not distinguish them,
+    so an optimizer would go to that edge and beyond. N(w) = I dw/dt is the acceleration due to
+    changes of the flow, which is not stall. `least` is a share of a typical torque, TYPICAL 0.5 rho
+    pi R³ v²: close to stall a rotor recovers slowly and the problem is badly conditioned. Q is that
+    of the torque curve. For a law with states, u is computed with the states held.
     """
 
     name: ClassVar[str] = "distance_from_stall"
@@ -400,9 +400,10 @@ class DistanceFromStall(Limit):
 
 
 class FartherFromStall(DistanceFromStall):
-    """The same of a larger loss of speed, beside that which every result keeps.
+    """The same for a larger loss of speed, in addition to the one that every result keeps.
 
-    A torque that bends as the speed falls may let a rotor recover from one and not from the other.
+    Where the torque is curved over the speed, a rotor may recover from the one loss and not from
+    the other.
     """
 
     name: ClassVar[str] = "farther_from_stall"

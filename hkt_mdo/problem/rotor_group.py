@@ -61,8 +61,8 @@ class RotorGroup(om.Group):
     - torque_coefficient, power_coefficient, thrust_coefficient[n_points]
     - hydrodynamic_torque (N*m), hydrodynamic_power (W)[n_points]
     - thrust (N), root_moment (N*m)[n_points]; with an outline stress (Pa), with a depth
-      cavitation[n_points], which must not exceed one. Stress and cavitation are smooth largest
-      values along the blade, which are never below the largest and a few per cent above it at most
+      cavitation[n_points], which must not exceed one. Stress and cavitation are smooth maxima along
+      the blade, which are never below the largest value and at most a few per cent above it
     - chord[n_stations] (m), twist[n_stations] (rad), set angle included; thickness[n_stations]
       over chord where it is designed
     - mass (kg) of the blades, inertia (kg*m**2) of the rotor

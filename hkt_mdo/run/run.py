@@ -65,7 +65,7 @@ def run_case(
     figures: bool | Iterable[str] = True,
     records: bool = True,
 ) -> Solution:
-    """Optimize a case, judge the result and leave it in a folder.
+    """Optimize a case, check the result and write it into a folder.
 
     Parameters
     ----------
@@ -74,8 +74,8 @@ def run_case(
     out
         The result folder. It must not exist unless `force` is given.
     force
-        Replace an earlier result there, file by file: a folder that no run has marked is refused,
-        and what else is in it stays.
+        Replace an earlier result there, file by file. A folder that no run has marked is refused,
+        and other files in it are kept.
     progress
         Called as progress(count, objective in J, infeasibility) while the optimizer works.
     on_pass
@@ -95,7 +95,7 @@ def run_case(
     InputError
         If a file of the case is broken or the folder cannot be used; nothing has been written.
     KeyboardInterrupt
-        After Ctrl-C or SIGTERM; what there was is saved, with success false.
+        After Ctrl-C or SIGTERM; the state so far is saved, with success false.
     """
     out = Path(out)
     physics = make_physics(case)
@@ -119,7 +119,7 @@ def resume_case(
     records: bool = True,
     extensions: Iterable = (),
 ) -> Solution:
-    """Go on with an interrupted or failed run from its last recorded iterate.
+    """Continue an interrupted or failed run from its last recorded iterate.
 
     A success is returned as it is; where nothing was recorded yet, the run begins anew.
 
@@ -142,7 +142,7 @@ def resume_case(
     InputError
         If the folder's case or iterate is broken, or another run is using it.
     KeyboardInterrupt
-        After Ctrl-C or SIGTERM; what there was is saved, with success false.
+        After Ctrl-C or SIGTERM; the state so far is saved, with success false.
     """
     out = Path(out).absolute()
     physics = make_physics(load_case(out / "case.yaml", extensions=extensions))
