@@ -73,7 +73,7 @@ class Law(Section):
         return self
 
     def starting_gains(self) -> np.ndarray | None:
-        """Return the gains at the start that the case gives; None: the search for a start chooses."""
+        """Return the gains that the case gives for the start; None: the search chooses them."""
         return np.empty(0)
 
     def sizes(self, gains):
