@@ -188,12 +188,12 @@ _SATURATED = (
     ("falling", "sqrt(SMOOTHING + (ratio - 2.0) * (ratio - 2.0))"),
     ("torque", "0.25 * LIMIT * (2.0 + rising - falling)"),
 )
-_TOLD = (
+_SENSED = (
     ("tip", "fmax(w, STILL) * RADIUS"),
     ("volume", "3.141592653589793 * RADIUS * RADIUS * RADIUS"),
     ("unit", "0.5 * DENSITY * volume * tip * tip"),
     ("coefficient", "(torque + INERTIA * acceleration) / unit"),
-    ("told", "tip / ratio_of(fmin(fmax(coefficient, SMALLEST), LARGEST))"),
+    ("sensed", "tip / ratio_of(fmin(fmax(coefficient, SMALLEST), LARGEST))"),
 )
 
 
@@ -230,7 +230,7 @@ def _written(kind: str, code: Code, head: list[str], sample_time: float) -> str:
     fields = {"demand": _assigned((*code.steps, *saturated), kind, indent)}
     fields |= {"sample_time": repr(sample_time), "flow": ""}
     if "ratio_of" in code.curves:
-        fields["flow"] = _template(f"flow.{kind}", told=_assigned(_TOLD, kind, 1))
+        fields["flow"] = _template(f"flow.{kind}", sensed=_assigned(_SENSED, kind, 1))
     curves = "\n".join(_curve_code(kind, *each) for each in code.curves.items())
     if curves and kind != "h":
         curves = f"{_template(f'piecewise.{kind}')}\n{curves}"
