@@ -118,7 +118,7 @@ def test_taper_is_asked_of_the_stations_outboard_of_a_place():
     np.testing.assert_allclose(limit.value(chord=CHORD), [0.0, 0.0, 0.75, 1.2])
     np.testing.assert_allclose(limit.excess({"chord": CHORD}), [-1.0, -1.0, -0.25, 0.2])
     assert np.max(Taper(bound=0.1).on(BLADE).value(chord=CHORD)) == 2.0
-    with pytest.raises(InputError, match=r"limits.taper_from = 0.9: leaves no two stations"):
+    with pytest.raises(InputError, match=r"limits.taper_from = 0.9: needs two stations"):
         Taper(bound=0.9).on(BLADE)
 
 

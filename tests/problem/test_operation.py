@@ -98,7 +98,7 @@ def test_a_flow_that_is_nowhere_faster_is_left_as_it_is(cut_out):
     assert kept.name == whole.name
     assert np.array_equal(kept.edges, whole.edges)
     assert np.array_equal(kept.sample_weights, whole.sample_weights)
-    assert "of no effect" in " ".join(world(cut_out).messages)
+    assert "no effect" in " ".join(world(cut_out).messages)
 
 
 # What is told and refused -------------------------------------------------------------------------

@@ -251,15 +251,15 @@ TURBULENCE = "inflow={profile: turbulence, cutoff: 0.5}"
             ["design.gain_bounds=[0.1,0.2]"],
         ),
         (
-            "design.chord_points: a spline through 2 points leaves the chord",
+            "design.chord_points: a spline through 2 points differs from the chord",
             ["rotor.blade=river", "design.chord_points=2"],
         ),
         (
-            "design.twist_points: a spline through 3 points leaves the twist",
+            "design.twist_points: a spline through 3 points differs from the twist",
             ["design.twist_points=3"],
         ),
         (
-            "control.torque_limit: 5 kN m is more than the flow gives",
+            "control.torque_limit: 5 kN m is more than the torque of the flow",
             ["control.torque_limit=5000"],
         ),
         (

@@ -121,7 +121,7 @@ def test_the_case_can_be_checked_and_tells_the_size_of_the_whole_problem():
 
 def test_a_simulation_through_a_standstill_is_refused(solution):
     design = Design.of(solution)
-    with pytest.raises(InputError, match="stand still") as caught:
+    with pytest.raises(InputError, match="stops the machine") as caught:
         design.fly(solution.case.inflow)
     assert caught.value.key == "control.cut_out"
 
