@@ -31,6 +31,7 @@ NOT_RUN = {
     "the command with an invented network",
     r"hkt run cases/examples/rm1_turbulent.yaml": "half a minute; tests/test_examples.py has the "
     "case, and scripts/example_cases.py runs it",
+    r"hkt \w+ (cases/examples|results)/river_year": "a minute; the tests of years run shorter ones",
     r"python scripts/example_cases.py": "three minutes; it writes the numbers of docs/examples.md",
     r"aerodyn_driver": "OpenFAST is not on PyPI; tests/exports/test_openfast.py runs it if it is "
     "installed",
