@@ -29,7 +29,6 @@ html_title = "hkt_mdo"
 
 myst_heading_anchors = 4  # the anchors of headings that GitHub makes, too
 myst_enable_extensions = ["colon_fence"]
-suppress_warnings = ["toc.empty_glob"]
 highlight_language = "none"  # blocks without a language are equations and output
 lexers["csv"] = TextLexer()  # Pygments has none
 
@@ -90,15 +89,20 @@ def api_page():
     return page
 
 
-def link_within_site(app, docname, source):
-    """Point links that lead out of docs/, as GitHub needs them, to what the site has."""
+def fit_to_site(app, docname, source):
+    """Change what a page needs on GitHub and a site does not have, or the other way round."""
     text = source[0].replace("../hkt_mdo/files/data/README.md", "reference/data.md")
     # of a folder a site has nothing to show; a file is offered for download
-    source[0] = re.sub(
+    text = re.sub(
         r"\[([^]]+)\]\((\.\./[^)#]+)\)",
         lambda link: f"`{link[2][3:]}`" if (DOCS / link[2]).is_dir() else link[0],
         text,
     )
+    if docname == "index":  # a pattern of pages of which there is none would be a warning
+        text = re.sub(
+            r"(?m)^(\w+\*)\n", lambda x: x[0] if list(DOCS.glob(f"{x[1]}.md")) else "", text
+        )
+    source[0] = text
 
 
 def setup(app):
@@ -107,4 +111,4 @@ def setup(app):
     folder.mkdir(exist_ok=True)
     (folder / "commands.md").write_text(commands_page(), encoding="utf-8")
     (folder / "api.md").write_text(api_page(), encoding="utf-8")
-    app.connect("source-read", link_within_site)
+    app.connect("source-read", fit_to_site)
