@@ -180,9 +180,7 @@ class Inflow(Section):
             low = int(np.argmin(speed))
             if not speed[low] >= SLOWEST:
                 place = f"reaches {speed[low]:.3g} m/s at t = {time[low]:.6g} s"
-                problem = (
-                    f"{place}: the flow stops or reverses, for which the turbine is not modelled"
-                )
+                problem = f"{place}: the flow stops or reverses, which no turbine here does"
                 remedy = "give a larger mean, smaller fluctuations or a shorter phase.duration"
                 raise InputError(problem, remedy, key="inflow")
             if (fastest := float(np.max(speed))) > FASTEST:

@@ -69,9 +69,7 @@ def read_record(path: str | Path, **options: Any) -> Record:
     if reader is None:
         ending = path.suffix
         problem = f"has the file extension {ending}" if ending else "has no file extension"
-        raise InputError(
-            problem, f"name it {', '.join(_READERS)}, according to its format", file=path
-        )
+        raise InputError(problem, f"name it {', '.join(_READERS)}, by its format", file=path)
     return _Record(reader(path, chosen), chosen).made()
 
 

@@ -80,9 +80,7 @@ class Tracking(FeedbackLaw):
     def _check_start(self):
         if self.schedule is not None and len(self.schedule) != self.knots:
             problem = f"has {len(self.schedule)} speeds for {self.knots} knots"
-            raise refusal(
-                problem, "give one for each knot", key="schedule", value=list(self.schedule)
-            )
+            raise refusal(problem, "give one per knot", key="schedule", value=list(self.schedule))
         for name in ("bias", "noise") if self.flow == "estimated" else ():
             if value := getattr(self, name):
                 problem = "is for a sensor, but the flow speed is estimated"

@@ -575,9 +575,7 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     key = "site.hub_depth" if asked.depth is None else "limits.cavitation.depth"
     tip = max(shape.blade.rotor_radius, *(shape.radius_bounds or (0.0,)))
     if depth is not None and depth <= tip:
-        problem = (
-            f"is not more than the blade's radius of {tip:.4g} m: the tip would leave the water"
-        )
+        problem = f"is within the blade's radius of {tip:.4g} m: the tip would leave the water"
         raise InputError(problem, "give a larger depth of the hub", key=key, value=depth)
     told = not flow.follows_reynolds and all(each.suction is not None for each in polars)
     cavitation = None

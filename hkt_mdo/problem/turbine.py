@@ -143,9 +143,7 @@ def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
             table = replace(table, tip_radius=own)
     if table.hub_radius == 0.0 and not table.relative:  # its span is counted from the root
         if fraction is None:
-            problem = (
-                "measures its span from the blade's root and does not contain the hub's radius"
-            )
+            problem = "measures its span from the root and does not contain the hub's radius"
             remedy = "give rotor.hub_radius_fraction"
             raise InputError(problem, remedy, file=rotor.blade)
         span = float(table.r[-1])

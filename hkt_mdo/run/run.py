@@ -212,9 +212,7 @@ def _optimize_and_judge(state: RunState, earlier: Earlier, out: Path, records: b
     finished = summarize(parts)
     message = finished.message
     if held:
-        message = (
-            f"{refused}; the folder holds {held}, which is better than the end of the optimization"
-        )
+        message = f"{refused}; the folder holds {held}, which is better than the last point"
     if not finished.success:
         message = "; ".join(filter(None, (_why_none(state.first, best), message)))
     write_tables(out, parts)

@@ -126,10 +126,7 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
 def _check(design, duration, stop):
     """Refuse what cannot be started or shut down."""
     if not design.law.is_feedback:
-        problem, remedy = (
-            "open loop has no torque for a start-up",
-            "use a result with a feedback law",
-        )
+        problem, remedy = "open loop cannot start up", "use a result with a feedback law"
         raise InputError(problem, remedy, key="--start-up", file=design.solution.folder)
     if stop is None:
         return

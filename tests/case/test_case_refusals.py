@@ -125,7 +125,7 @@ CONTROLS = [
         "{law: tracking, schedule: [7, 8]}",
         "control.schedule",
         "[7.0, 8.0]",
-        "give one for each knot",
+        "give one per knot",
     ),
     (
         "{law: tracking, integral_gain: 9, integral_bounds: [1, 2]}",

@@ -121,7 +121,7 @@ def test_sections_are_those_that_the_file_names(turbine):
     ("keys", "told"),
     [
         ("blade: b.csv", "b.csv: tip radius: does not contain the tip radius; give rotor.radius"),
-        ("blade: a.dat", "a.dat: measures its span from the blade's root .*hub_radius_fraction"),
+        ("blade: a.dat", "a.dat: measures its span from the root .*hub_radius_fraction"),
         ("blade: b.csv, radius: 0.9", "reaches beyond the rotor's tip radius of 0.9 m"),
         (
             "blade: b.csv, radius: 1, hub_radius_fraction: 0.5",
