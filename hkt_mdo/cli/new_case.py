@@ -54,9 +54,7 @@ def write_new_case(path: str | Path, kind: str = "paper", *, force: bool = False
     if kind == "turbine":
         blade = path.with_name(f"{path.stem}_blade.csv")
         values["rotor"] = shipped_rotor("river") | {"blade": blade.name}
-        remark = (
-            "# A sample: write your own rows, hub to tip; twist is measured from the rotor plane."
-        )
+        remark = "# A sample: write your own rows, hub to tip; twist is from the rotor plane."
         texts[blade] = f"{remark}\n{read_text(data_path('river', 'blade'), 'blade')}"
     if kind == "river":
         record = path.with_name(f"{path.stem}_record.csv")

@@ -88,9 +88,7 @@ class Controller(Format):
             unit = 10.0 ** np.floor(np.log10(wanted))
             return float(f"{np.floor(wanted / unit) * unit:.1g}")
         if self.sample_time >= UNSTABLE * answers:
-            problem = (
-                "makes the loop unstable, because the torque is constant from one step to the next"
-            )
+            problem = "makes the loop unstable, because the torque is constant between two steps"
             remedy = f"give less than 2 I / kp = {UNSTABLE * answers:.3g} s, better a tenth of it"
             raise InputError(problem, remedy, key="controller.sample_time", value=self.sample_time)
         return self.sample_time
