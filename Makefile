@@ -4,7 +4,7 @@ PYTHON ?= python3
 BIN = $(VENV)/bin
 STAMP = $(VENV)/.installed
 
-.PHONY: run test check fuzz coverage verify cases bench lint clean
+.PHONY: run test check docs fuzz coverage verify cases bench lint clean
 
 run: $(STAMP)-run
 	$(BIN)/hkt run cases/sine_limited_quadratic.yaml --out results/sine_limited_quadratic --force
@@ -17,6 +17,10 @@ test: $(STAMP)-test
 check: $(STAMP)-test lint
 	$(BIN)/python -m pytest -n 2 -m slow --ignore tests/benchmarks
 	$(BIN)/python -m pytest tests/benchmarks
+
+# the documentation site in build/docs; a warning is an error, and the notebooks are run (a minute)
+docs: $(STAMP)-docs
+	$(BIN)/sphinx-build -W --keep-going -b html docs build/docs
 
 # the properties among the tests with random seeds, ten times as often (about five minutes)
 fuzz: $(STAMP)-test
@@ -59,7 +63,7 @@ $(STAMP)-run: pyproject.toml
 	$(BIN)/pip install --quiet --editable .
 	touch $@
 
-$(STAMP)-test $(STAMP)-dev: $(STAMP)-%: $(STAMP)-run
+$(STAMP)-test $(STAMP)-dev $(STAMP)-docs: $(STAMP)-%: $(STAMP)-run
 	$(BIN)/pip install --quiet --editable '.[$*]'
 	touch $@
 

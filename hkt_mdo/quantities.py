@@ -98,7 +98,7 @@ _ALL = (
     Described(
         "cavitation",
         None,
-        "largest suction, times its margin, over the pressure above vapour's",
+        "largest suction times the margin, over the difference of static and vapour pressure",
         "time",
         "loads",
         "1/Pa",

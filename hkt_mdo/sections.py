@@ -64,7 +64,7 @@ _BOUNDS = (
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a physical quantity is: its unit and range, as the annotation of a float.
+    """A physical quantity: its unit and range, as the annotation of a float.
 
     ``Annotated[float, Quantity("m", gt=0)]`` takes a finite number in metres, or a text such as
     ``1400 mm``, which OpenMDAO's table of units converts; without a unit, a number or ``12 %``.
@@ -205,7 +205,7 @@ def find_file(value: str, info: ValidationInfo, remedy: str) -> tuple[Path, bool
     Parameters
     ----------
     value : str
-        The path, which counts from the case's folder.
+        The path, relative to the case's folder.
     info : pydantic.ValidationInfo
         Its context may have the `folder` and whether to `check_files`.
     remedy : str
@@ -251,7 +251,7 @@ def existing_file(value: str, info: ValidationInfo, remedy: str) -> str:
     """
     path, fine = find_file(value, info, remedy)
     if not fine:
-        raise refusal("is not a file", f"{remedy}, which counts from the case's folder")
+        raise refusal("is not a file", f"{remedy}, relative to the case's folder")
     return str(path)
 
 

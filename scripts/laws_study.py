@@ -1,4 +1,4 @@
-"""Which feedback law comes how near to open loop: runs the study, and writes docs/laws.md.
+"""How close each feedback law comes to open loop: runs the study, and writes docs/laws.md.
 
 python scripts/laws_study.py --out results/laws --table docs/laws.md
 
@@ -67,13 +67,13 @@ NEARLY = 1e-4  # share of an energy below which two are the same
 IMAGE = "images/laws.png"
 
 HEAD = """\
-# Which feedback law comes how near to open loop?
+# How close does each feedback law come to open loop?
 
 Written by `python scripts/laws_study.py`: the paper's rotor on 40 stations, blade and law designed
 together (*designed*), or the law alone with the blade of open loop under the same limits (*kept*).
-Every energy is the captured one of the integration with direct BEM, over an open cycle, against
-open loop in the same flow, under the same limits. A run that its judges refused is in the tables as
-such; flows and limits that are not in them were not run.
+Every energy is the captured energy of the integration with direct BEM, over an open cycle, compared
+with open loop in the same flow under the same limits. 'Refused' marks a run that its judges
+refused; flows and limits that are not in the tables were not run.
 
 Induction answers at once in this program, while a wake needs seconds. With memory, laws that hold
 the torque or the power constant let a light rotor run away; laws that rise with the speed do not
@@ -81,12 +81,13 @@ the torque or the power constant let a light rotor run away; laws that rise with
 those of induction in equilibrium.
 """
 LUCK = """\
-That static laws keep every limit in the other seeds is luck. Seed 1, of which all these designs
-are, has both the highest maximum and the highest minimum of seeds 1 to 20 (1.94 and 1.26 m/s).
+That static laws keep every limit in the other seeds is luck. All these designs were made with
+seed 1, which has both the highest maximum and the highest minimum of seeds 1 to 20 (1.94 and
+1.26 m/s).
 Designed on seed 7 instead, under all limits, `rated` and a curve of 8 knots exceed the limit on
 cavitation by up to 41 % (rotor speed 19 %, thrust 18 %) in 18 of the other 19 seeds, and
-`quadratic` that on thrust by up to 22 % in all 19. A law keeps its limits in the flows that it was
-designed for: a design needs the fastest flow that it will meet."""
+`quadratic` that on thrust by up to 22 % in all 19. A law keeps its limits only in
+flows like those that it was designed for, so the fastest flow has to be part of the design."""
 
 
 def main():
@@ -137,7 +138,7 @@ def main():
 
 
 def laws(limit):
-    """Return the laws that are asked under some limits: constant power needs one of the power."""
+    """Return the laws that are run under some limits; constant power needs a limit of the power."""
     return [law for law in LAWS if law != "rated" or POWER in LIMITS[limit][1]]
 
 
@@ -145,7 +146,7 @@ def case(flow, limit, law):
     """Return the case of a law under limits in a flow."""
     torque, limits = LIMITS[limit]
     data = f"inflow={{{FLOWS[flow]}}}", f"control={{{LAWS[law]}, torque_limit: {torque}}}"
-    resolved = "rotor.station_count=40"  # as limits ask, and without them alike
+    resolved = "rotor.station_count=40"  # the default with limits, here without them too
     return load_case({}, [*data, f"limits={{{limits}}}", resolved])
 
 
@@ -266,11 +267,12 @@ def turbulence(found):
         inflow = case(flow, "none", "open loop").inflow
         speed = inflow.speed_at(np.linspace(0.0, inflow.length, 6001)[:-1])
         share = f"{100.0 * np.std(speed) / np.mean(speed):.1f} %"
-        known.append(f"{flow.removeprefix('turbulence ')} is {share}")
+        known.append(f"{flow.removeprefix('turbulence ')} has {share}")
     words = (
-        "Turbulence is von Kármán's, of 1.5 m/s, 4 m and up to 0.5 Hz, for a minute. Its name has "
-        "the intensity of the whole spectrum. What is slower than a minute or faster than the "
-        f"cutoff is missing: what is called {', '.join(known)} in the flow itself."
+        "Turbulence has von Kármán's spectrum with a mean of 1.5 m/s, a length scale of 4 m and "
+        "frequencies up to 0.5 Hz, and lasts a minute. It is named by the intensity of the whole "
+        "spectrum; frequencies below one a minute and above the cutoff are missing, so the flow "
+        f"named {', '.join(known)}."
     )
     return [textwrap.fill(words, 100), ""] if known else []
 
@@ -310,12 +312,12 @@ def false_optima(found):
         value = "refused" if own is None else f"{own / 1e3:.2f}"
         rows.append([flow, law, under(limit), value, f"{most / 1e3:.2f}", under(more)])
     words = (
-        "Limits nest: a design that keeps more of them is allowed under fewer. So a result is a "
-        "local optimum, and not the best of its law, where the same law captures more under more "
-        "limits; where a run was refused, at least that much is possible. Tables and figure have "
-        "the results as they are."
+        "A design that keeps several limits is also allowed where only some of them apply. So if a "
+        "law captures more under more limits, its result under fewer limits is only a local "
+        "optimum; if that run was refused, at least the energy under more limits is possible. "
+        "The other tables and the figure show the results as the runs gave them."
     )
-    header = ["flow", "law", "limits", "energy, kJ", "it captures, kJ", "under more limits"]
+    header = ["flow", "law", "limits", "energy, kJ", "possible, kJ", "by the result"]
     body = textwrap.fill(words, 100), "", *markdown_table(header, rows), ""
     return ["## Results that are not the best of their law", "", *body] if rows else []
 
@@ -329,10 +331,10 @@ def delivered(found):
     told = [f"{each.summary.generator_energy_J / 1e3:.2f} kJ" for each in runs]
     captured = f"{runs[0].summary.simulated_energy_J / 1e3:.2f} kJ"
     words = (
-        "These are captured energies over open cycles, and part of the differences is what the "
-        f"rotors store. Under all limits open loop captures {captured} and delivers {told[0]} to "
-        f"the generator; rated delivers {told[1]}, and a curve of 6 knots {told[2]}. So by "
-        "delivered energy the three are close as well, but in another order. Over a closed cycle "
+        "These are captured energies over open cycles, so part of the differences is energy stored "
+        f"in the rotors. Under all limits open loop captures {captured} and delivers {told[0]} to "
+        f"the generator; rated delivers {told[1]}, and a curve of 6 knots {told[2]}. Compared by "
+        "delivered energy the three are close too, but in another order. Over a closed cycle "
         "(`phase.final_speed: initial`, not in the table) open loop captures and delivers "
         "259.97 kJ."
     )
@@ -385,7 +387,9 @@ def table(found, flow):
             " / ".join(cell(found, flow, limit, law, blade) for blade in BLADES) for limit in limits
         )
         rows.append([law, *cells])
-    words = "Energy difference from open loop, %: blade designed with the law / blade kept."
+    words = (
+        "Energy difference from open loop, %: blade designed with the law / open loop's blade kept."
+    )
     return [
         f"## {flow[0].upper()}{flow[1:]}",
         "",
@@ -429,11 +433,12 @@ def seeds(flights):
     if not rows:
         return []
     words = (
-        f"Each design of turbulence of 10 % in {max(each['seeds'] for each in flights.values())} "
-        "other seeds, with a perfect sensor and "
-        f"with one whose noise is {SENSOR.snr:g} dB below the signal, at {SENSOR.rate:g} Hz and no "
-        "filter: the share of time in which a limit is exceeded by more than 0.1 %, the largest "
-        "excess, what noise does to the energy, and how many runs stall."
+        "Each design made in turbulence of 10 % was simulated in "
+        f"{max(each['seeds'] for each in flights.values())} other seeds, with a perfect sensor "
+        f"(quiet) and with one whose noise is {SENSOR.snr:g} dB below the signal, at "
+        f"{SENSOR.rate:g} Hz and without a filter (noisy). The table has the share of time in "
+        "which a limit is exceeded by more than 0.1 %, the largest excess, the change of the "
+        "energy by the noise, and how many runs stall."
     )
     header = ["limits", "law", "time, % quiet / noisy", "excess, %", "noise, %", "stalled"]
     body = textwrap.fill(words, 100), "", *markdown_table(header, rows), "", LUCK, ""
@@ -449,7 +454,7 @@ def robustness(flights):
         rows.append([limit, law, *cells])
     if not rows:
         return []
-    words = "Energy in the design's own flow, %, when water, lift (polar) or inertia are others:"
+    words = "Change of the energy in the design's own flow, %, by other density, lift or inertia:"
     return ["## Robustness", "", words, "", *markdown_table(header, rows), ""]
 
 
@@ -484,25 +489,25 @@ def answer(found, flights):
     )
     doubtful = doubts(found, fast)
     sentences = [
-        "Under a limit of the power, take a law that passes into constant power by overspeed: "
-        f"against open loop, {several} at most, tracking, for its lag, up to "
+        "Under a limit of the power, choose a law that changes to constant power by overspeed. "
+        f"Largest losses against open loop: {several}; tracking, because of its lag, loses up to "
         f"{most(TRACKING, fast)}, quadratic feedback {most('quadratic', fast)} and linear "
         f"feedback {most('linear', fast)}{' (but see the next paragraph)' if doubtful else ''}.",
         f"Without such a limit quadratic feedback loses at most {most('quadratic', free)} and "
         f"linear feedback {most('linear', free)}.",
         "Laws close to open loop end with nearly its blade (in the sine with 5 kW an area of "
-        f"{area['rated']}·10⁻³ m² for rated, {area[OPEN[0]]} for open loop), with which rated "
-        f"loses at most {most('rated', fast, 'kept')} and quadratic feedback "
-        f"{most('quadratic', fast, 'kept')}; quadratic feedback ends with a solid and slow "
-        f"one of {area['quadratic']}·10⁻³ m².",
+        f"{area['rated']}·10⁻³ m² for rated, {area[OPEN[0]]} for open loop). With open loop's "
+        f"blade kept, rated loses at most {most('rated', fast, 'kept')} and quadratic feedback "
+        f"{most('quadratic', fast, 'kept')}; designed with quadratic feedback, the blade is wide "
+        f"and slow, with an area of {area['quadratic']}·10⁻³ m².",
     ]
     least = [losses(law, slow)[0][0] for law in static if losses(law, slow)]
     tracked = [each[0] for each in losses(TRACKING, slow)]
     if least and tracked:
         sentences.append(
-            "They lose most where open loop slows the rotor to keep a limit (underspeed), as it "
-            "does with 5 kW and a limit on the thrust: no law of the speed alone is stable there "
-            "(with induction in equilibrium), "
+            "Such laws lose most where open loop slows the rotor to keep a limit (underspeed), as "
+            "it does with 5 kW and a limit on the thrust: no law of the speed alone is stable "
+            "there (with induction in equilibrium), "
             f"and each loses {min(least):.2g} % or more, tracking {tracked[0]:.2g} to "
             f"{tracked[-1]:.2g} %."
         )
@@ -516,9 +521,9 @@ def answer(found, flights):
         return ", ".join(words) or "none"
 
     runs = (
-        f"{sum(map(good, found.values()))} of {len(found)} runs are verified. With the blade "
-        f"designed, refused are {refused('designed', 2, 'of')}; with that of open loop, "
-        f"{refused('kept', 1, 'under')}: an open loop keeps the limits with this blade, the laws "
+        f"{sum(map(good, found.values()))} of {len(found)} runs are verified. Refused with the "
+        f"blade designed: {refused('designed', 2, 'of')}. Refused with the blade of open loop: "
+        f"{refused('kept', 1, 'under')}; with this blade open loop keeps the limits, these laws "
         "do not."
     )
     texts = filter(None, (" ".join(filter(None, sentences)), doubtful, runs))
@@ -535,14 +540,14 @@ def doubts(found, pairs):
             own, most, more = known[flow, limit, law]
             first = "refused" if own is None else f"{own / 1e3:.2f} kJ"
             then = f"{under(more)} it captures {most / 1e3:.2f} kJ"
-            words.append(f"{law} feedback {under(limit)}, {flow}: {first}, but {then}")
+            words.append(f"{law} feedback {under(limit)}, {flow}: {first}, although {then}")
     if not words:
         return ""
     listed = "; ".join(words)
     return (
-        "The losses of quadratic and linear feedback under a limit of the power are no measure of "
-        "these laws: they are of the runs that were verified alone, and some of those are false "
-        "optima, which the same law exceeds under more limits. "
+        "The losses of quadratic and linear feedback under a limit of the power do not measure "
+        "these laws: only verified runs count, and some of these are local optima, since the same "
+        "law captures more under more limits. "
         f"{listed[:1].upper()}{listed[1:]} ([all such results]"
         "(#results-that-are-not-the-best-of-their-law))."
     )
@@ -578,16 +583,16 @@ def breaking(flights):
     count = max(each["seeds"] for each in flights.values())
     kept = f"exceed limits by up to {quiet:.1f} %"
     if quiet < 0.05:
-        kept = "keep every limit, which is luck of the design's seed (see the table below)"
+        kept = "keep every limit, by luck of the design's seed (see the table below)"
     return (
         f"In {count} other seeds of the turbulence (10 %) static laws {kept}; with a noisy sensor "
         f"they exceed one by {noisy:.1f} %. Tracking exceeds one by "
-        f"{100.0 * max(lag, default=0.0):.0f} %. The rotor stalls under {fell} simulations."
+        f"{100.0 * max(lag, default=0.0):.0f} %. Of the simulations, the rotor stalls under {fell}."
     )
 
 
 def blade_area(solution):
-    """Return the area of a blade of a verified run, 10⁻³ m², as it is told."""
+    """Return the area of a blade of a verified run, 10⁻³ m², as text."""
     if not good(solution):
         return "-"
     summary = solution.summary

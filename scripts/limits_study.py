@@ -41,10 +41,10 @@ HEAD = """\
 # What limits cost, and what they buy
 
 Written by `python scripts/limits_study.py`, from cases/limits and variations of them: the paper's
-rotor in its sinusoidal flow with 700 N m, its blade on 40 stations. Each row is a whole co-design,
-blade and controller; each has been integrated again with direct BEM, and each limit was judged
-along that integration, between the nodes and on 120 stations. Energies are captured energies of the
-integration.
+rotor in its sinusoidal flow with 700 N m, its blade on 40 stations. Each row is a complete
+co-design of blade and controller. Each was integrated again with direct BEM, and each limit was
+checked along that integration, between the nodes and on 120 stations. Energies are captured
+energies of the integration.
 """
 
 
@@ -151,17 +151,18 @@ def in_short(found, free):
     stress = found["free/oloc"].summary.loads["stress"]
     others = change(energy(found["cases/all_oloc"]), energy(found["cases/stress_oloc"]), 1)
     for text in (
-        f"- What a limit does to the energy of open loop: 100 MPa {alone['stress']}, 6 kN of "
+        f"- Change of the energy of open loop by each limit: 100 MPa {alone['stress']}, 6 kN of "
         f"thrust {alone['thrust']}, 9 rad/s {alone['rotor_speed']}, no cavitation at 3 m "
-        f"{alone['cavitation']}, 5 kW {alone['power']}; all together {alone['all']}. All of this "
-        f"counts from a blade with a stress of {measured(stress.value, stress.unit, 2)}, which no "
-        f"material allows: against the blade that keeps 100 MPa, all limits together are {others}.",
-        f"- With 5 kW the energy of quadratic feedback is {laws} against open loop; without this "
-        f"limit {change(free['quadratic'], free['oloc'], 3)}.",
+        f"{alone['cavitation']}, 5 kW {alone['power']}; all together {alone['all']}. The "
+        f"reference is a blade with a stress of {measured(stress.value, stress.unit, 2)}, which no "
+        f"material allows; relative to the blade that keeps 100 MPa, all limits together change "
+        f"the energy by {others}.",
+        f"- With 5 kW the energy of quadratic feedback differs from that of open loop by {laws}; "
+        f"without this limit by {change(free['quadratic'], free['oloc'], 3)}.",
         f"- Co-design gains {gains[0]} (power), {gains[1]} (speed) and {gains[2]} (thrust) over a "
         "blade that was designed without the limit.",
         f"- With losses in the windings the best tip speed ratio rises from {ratios[0]} to "
-        f"{ratios[1]}, and designing for what is delivered gains {delivered}.",
+        f"{ratios[1]}, and maximizing the delivered energy gains {delivered} of it.",
     ):
         yield textwrap.fill(text, 100, subsequent_indent="  ")
     yield ""
@@ -215,21 +216,21 @@ def binding(solution):
 
 
 def optimum_without(solution):
-    """Return what the paper's optimum has to withstand."""
+    """Return the loads of the paper's optimum."""
     bent = f"{solution.summary.tip_deflection_m:.2g} m"
     told = f"{energy(solution):.2f} kJ", loads(solution), bent, fastest(solution)
     return section(
-        "What is left of the paper's optimum",
+        "The paper's optimum without these limits",
         (
-            "The optimum of `sine_limited_oloc`, which knows the torque limit alone, has along its",
-            "integration, by direct BEM:",
+            "The optimum of `sine_limited_oloc`, whose only limit is that of the torque, has along",
+            "its integration, by direct BEM:",
         ),
         ("energy", "thrust, moment, stress", "tip deflection", "fastest"),
         [told],
         (
-            "The deflection is that of a linear beam and no prediction where it is large. In what",
-            "follows, suction is a fraction of the cavitation limit: above 1 a section cavitates.",
-            "It is given where the depth of the hub is known.",
+            "The deflection is that of a linear beam, which is not valid where it is this large.",
+            "In the following tables, suction is a fraction of the cavitation limit: above 1 a",
+            "section cavitates. It is given where the case has the depth of the hub.",
         ),
     )
 
@@ -255,17 +256,17 @@ def costs(found, free):
             "The limits are 5 kW, 9 rad/s (all: 11), 6 kN (all: 6.5), 100 MPa, and no cavitation",
             "at 3 m. The cost is against the same law without the limit. A law that cannot hold a",
             "limit by its torque needs a worse blade, which costs energy: K₂ω² cannot hold a",
-            "power, and its blade is made for the fastest flow. With a limit of the power it has",
-            "several optima, in most of which it works at its torque limit nearly always; the",
-            "start tries both kinds, and `make verify PART=limits` shows what random blades lead",
-            "to ([verification.md](verification.md)).",
+            "power, so its blade has to suit the fastest flow. With a limit of the power this law",
+            "has several optima; in most of them it operates at its torque limit nearly always.",
+            "The start tries both kinds, and `make verify PART=limits` shows where runs from",
+            "random blades end ([verification.md](verification.md)).",
             *constant_torque(found["cases/power_quadratic"]),
         ),
     )
 
 
 def constant_torque(solution):
-    """Yield a sentence on quadratic feedback whose gain no longer decides anything."""
+    """Yield a sentence on quadratic feedback whose gain no longer has an effect."""
     if energy(solution) is None or solution.summary.gain < SATURATED:
         return
     summary = solution.summary
@@ -274,8 +275,8 @@ def constant_torque(solution):
         "is a constant torque of 700 N m at every speed, on "
         f"{measured(summary.mass_kg, 'kg', 3)} of solid blades "
         f"({measured(summary.inertia_kg_m2, 'kg m^2', 3)}): no feedback is left. Nothing "
-        "determines such a gain: another run ended at 5,050. That a rotor is stable at a constant "
-        "torque is shown for induction that answers at once alone (docs/theory.md)."
+        "determines such a gain: another run ended at 5,050. Stability at a constant torque is "
+        "shown only for induction that answers at once (docs/theory.md)."
     )
 
 
@@ -293,14 +294,15 @@ def unresolved(found):
     return section(
         "What nine stations would miss",
         (
-            "Under limits a blade has 40 stations unless the case says which, and `loads_resolved`",
-            "refuses a result whose loads on 120 stations are over a limit by more than 1 %. The",
-            "paper's nine stations (`version: 1`) keep the limits at these nine; the same blades,",
-            "with chord and twist linear between them, have larger loads on 120 stations:",
+            "Under limits a blade has 40 stations unless the case gives others, and",
+            "`loads_resolved` refuses a result whose loads on 120 stations exceed a limit by more",
+            "than 1 %. The paper's nine stations (`version: 1`) keep the limits at these nine; the",
+            "same blades, with chord and twist linear between them, have larger loads on 120",
+            "stations:",
         ),
         ("limit", "on 120 stations", "judged", "nine stations, kJ", "40 stations, kJ"),
         rows,
-        ("Energies differ because nine stations also sum the torque too low (stations.md).",),
+        ("Energies differ because the torque summed over nine stations is too low (stations.md).",),
     )
 
 
@@ -412,7 +414,7 @@ def sequential_text(found):
         ("The blade of the optimum without the limit, its operation optimized under the limit:",),
         ("limit", "blade kept, kJ", "co-design, kJ", "co-design gains"),
         rows,
-        [f"Strength is left out: in that blade the stress is {stress:.0f} times 100 MPa."],
+        [f"The limit of the stress is left out: that blade has {stress:.0f} times 100 MPa."],
     )
 
 
@@ -432,7 +434,7 @@ def losses_text(found):
         ("objective", "captured, kJ", "electrical, kJ", "tip speed ratio"),
         rows,
         (
-            f"Designing for what is delivered gains {change(pair[1], pair[0])}: a faster",
+            f"Maximizing the delivered energy gains {change(pair[1], pair[0])}: a faster",
             "rotor needs",
             "less torque for its power, and copper losses grow with the torque squared.",
         ),
@@ -454,9 +456,8 @@ def agreement(found):
         ("case", "IPOPT, J", "SLSQP, J", "difference"),
         rows,
         (
-            "The open loops have meshes of several hundred segments, for which SLSQP's dense",
-            "matrices",
-            "take minutes an optimization: they are left out.",
+            "Open loop is left out: its meshes have several hundred segments, for which SLSQP's",
+            "dense matrices take minutes in an optimization.",
         ),
     )
 

@@ -41,7 +41,7 @@ PAGE = """# Reynolds-dependent polars
 The paper assumes Reynolds invariance: one polar, at Re = 2·10⁵, for every station at every speed.
 With `rotor.reynolds: local` a station's lift and drag follow its own Reynolds number, chord times
 relative speed over viscosity (docs/theory.md), in the flow of the instant. Here the paper's
-sinusoidal cases are optimized both ways, and the invariant designs are then flown with local
+sinusoidal cases are optimized both ways, and the invariant designs are then simulated with local
 polars. Written by `scripts/reynolds_study.py`; every run converged and was verified unless the
 table says no. Kinematic viscosity 10⁻⁶ m²/s.
 
@@ -49,9 +49,9 @@ table says no. Kinematic viscosity 10⁻⁶ m²/s.
 
 {table}
 
-*to open loop*: simulated energy against open loop of the same polars and limit. *flown*: the
-invariant blade and gain integrated with local polars, against the design that knew of them
-(feedback only: open loop's torque is a record of another rotor).
+*to open loop*: simulated energy against open loop of the same polars and limit. *in local polars*:
+the invariant blade and gain simulated with local polars, against the design made with local polars
+(feedback only: the recorded torque of open loop does not suit the changed rotor).
 
 Stations of the blade that open loop finds with local polars see Reynolds numbers of {low:.2g} to
 {high:.2g}.
@@ -105,7 +105,7 @@ def rows(results, cases, variants):
     """Return the rows of a table: one a case and variant."""
     lines = [
         "| control | limit | polars | success | energy / kJ | to open loop | gain | Cp max "
-        "| at TSR | chord at 0.7 R / m | flown |",
+        "| at TSR | chord at 0.7 R / m | in local polars |",
         "|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for case in cases:

@@ -47,9 +47,9 @@ HEAD = """\
 
 Written by `python scripts/station_study.py`. The sine cases with 700 N m, of
 `cases/sine_limited_*.yaml`: chord and twist are B-splines, with six control points each unless said
-otherwise, so the designer's freedom stays the same while the stations at which blade element
-momentum theory looks grow in number. Every row is a whole co-design. Energies are those of the
-independent simulation; wall times, on a machine shared with other work, are of the whole run.
+otherwise, so the freedom of the design stays the same while the number of stations of the blade
+element momentum theory grows. Every row is a complete co-design. Energies are those of the
+independent simulation; wall times are of the whole run, on a machine shared with other work.
 """
 
 RESOLVED = """\
@@ -63,22 +63,25 @@ ends, as in CCBlade. The load rises steeply at hub and tip (Prandtl's losses), s
     r_i = Rh + (R - Rh) (1 - cos(π (i + ½)/n)) / 2,      i = 0 … n - 1,
 
 closer together towards both. The error is then of second order: it falls to a quarter
-where n is doubled. A coarse rule misses load: every energy rises towards its limit.
+where n is doubled. A coarse rule misses part of the load: with more stations every energy
+rises towards its limit.
 """
 
 FREE_WHY = """\
 Near hub and tip, where Prandtl's loss factor is small, the optimum of a free station lies at high
 induction (Buhl's branch) instead of about a third, with a chord and twist unlike its neighbours'.
-The free design jumps there from one station to the next, and the optimizer takes many iterations
-to settle which do, if it settles at all; splines cross over smoothly. What is gained is small, lies
-in a corner of the theory and makes a blade that nobody would build. So more than twenty stations
-are splines of eight points unless `design.chord_points` and `design.twist_points` say otherwise.
+The free design changes there abruptly from one station to the next, and the optimizer takes many
+iterations to find at which stations, if it converges at all; splines change over smoothly. The gain
+is small, comes from a range in which the theory is least certain, and makes a blade that nobody
+would build. So with more than twenty stations chord and twist are splines of eight points unless
+`design.chord_points` and `design.twist_points` give other numbers.
 
-An optimization that loses its way begins again from its last saved iterate, which depends on the
-machine's speed: runs as long as these need not repeat in iterations, or even in success. Iterations
-are those of the last optimization of a run; wall times have all of them. Roughness: the largest
-difference of a station from the straight line between its neighbours, chord over the largest chord
-and twist. Angle of attack over the stations, and axial induction a, at the mean tip speed ratio.
+An optimization that fails begins again from its last saved iterate, which depends on the speed of
+the machine: runs as long as these need not have the same iterations, or even success, every time.
+Iterations are those of the last optimization of a run; wall times have all of them. Roughness: the
+largest difference of a station from the straight line between its neighbours, chord over the
+largest chord and twist. Angle of attack over the stations, and axial induction a, at the mean tip
+speed ratio.
 """
 
 
@@ -190,7 +193,7 @@ def page(found):
         "",
         f"From {POINTS[0]} to {POINTS[-1]} control points the energy grows by {min(gains):.3f} to "
         f"{max(gains):.3f} %: more",
-        "freedom, and little to gain by it. Few points make a smooth blade and few iterations.",
+        "freedom gains little. Few points make a smooth blade and few iterations.",
         "",
         "## No splines",
         "",
@@ -227,9 +230,10 @@ def _shipped(cost, energy):
         f"The default of {STATION_COUNT} stations is within {worst:.3f} % of {COUNTS[-1]}.",
         f"The paper's nine stations, r/R = 0.2, 0.3, … 0.9, 0.999, cost {low:.2f} to {high:.2f} % "
         "with the",
-        f"same splines; nine that crowd towards hub and tip cost {-cost('count_9', 'oloc'):.2f} %.",
+        "same splines; nine placed closer together towards hub and tip cost "
+        f"{-cost('count_9', 'oloc'):.2f} %.",
         "",
-        "This is a matter of quadrature, so it applies to all controllers nearly alike, and their",
+        "This is an error of quadrature, which is nearly the same for all controllers, so their "
         "order stays:",
         "",
         "| stations | quadratic over open loop | linear over open loop |",

@@ -44,7 +44,7 @@ def section(name: str, text: str) -> bytes:
 
 
 CASES: dict[str, tuple[bytes, str]] = {
-    "remarks": (b"# nothing\n\n", "holds no case"),
+    "remarks": (b"# nothing\n\n", "contains no case"),
     "UTF-16": (FLOW.encode("utf-16"), "line 1: is not UTF-8 text"),
     "no control": (b"inflow: {profile: sine}\n", "control: is missing"),
     "no law": (b"inflow: {profile: sine}\ncontrol: {}\n", "control.law: is missing"),
@@ -67,11 +67,11 @@ CASES: dict[str, tuple[bytes, str]] = {
     "a tide that turns": (
         b"inflow: {profile: tide, constituents: [{name: M2, amplitude: 2}]}\n"
         b"control: {law: linear}\nphase: {duration: 6 h}\n",
-        "stands still or turns back",
+        "the flow stops or reverses",
     ),
     "a lull below zero": (
         b"inflow: {profile: gust, amplitude: -2}\ncontrol: {law: linear}\n",
-        "stands still or turns back",
+        "the flow stops or reverses",
     ),
     "a polar of many": (
         section("rotor", "polar: naca4415"),

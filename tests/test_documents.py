@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 import yaml
 from jsonschema import Draft202012Validator
-from typer.main import get_command
 
 from hkt_mdo.case import Case, case_json_schema, case_markdown, load_case, read_case
 from hkt_mdo.case.messages import TAGS
 from hkt_mdo.case.turbine import SectionFile
-from hkt_mdo.cli import app, main
+from hkt_mdo.cli import main
 from hkt_mdo.cli.new_case import KINDS, write_new_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade import read_blade
@@ -188,26 +187,6 @@ def test_blades_of_the_how_to_are_one_blade(tmp_path):
     np.testing.assert_allclose(csv.thickness, [0.21, 0.15])
 
 
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_commands_of_the_pages_exist(page):
-    """Every `hkt` line of a code block names a command and options that there are."""
-    text = page.read_text(encoding="utf-8")
-    fences = re.findall(r"^```\w*\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
-    lines = re.sub(r"\\\n", " ", "\n".join(fences)).splitlines()
-    commands = get_command(app).commands
-    for line in lines:
-        line = re.sub("^hkt --extend [^ ]+", "hkt", line)
-        if line.startswith("hkt "):
-            command = line.split()[1]
-            known = {name for option in commands[command].params for name in option.opts}
-            assert set(re.findall(r"(?<= )--[a-z-]+", line.partition("  #")[0])) <= known, line
-        elif line.startswith("python scripts/"):
-            assert (ROOT / line.split()[1]).is_file(), line
-
-
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 EXTENSION = ROOT / "tests" / "data" / "extension.py"
 
@@ -235,19 +214,6 @@ def test_extensions_of_the_architecture_are_those_that_are_tested():
 def test_files_that_the_architecture_names_are_there():
     for name in re.findall(r"`(\w+/\w+\.py)`", ARCHITECTURE):
         assert any((folder / name).is_file() for folder in (ROOT, ROOT / "hkt_mdo")), name
-
-
-@pytest.mark.slow
-def test_first_commands_of_the_how_to_work(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    first = blocks("sh")[0].splitlines()
-    assert len(first) == 4
-    for line in first:
-        _, *arguments = line.partition("#")[0].split()
-        if arguments[0] == "run":  # for less than a minute
-            arguments += ["--set", "phase={duration: 20, segments: 20}", "--no-figures"]
-        assert main(arguments) == 0, line
-    assert json.loads(Path("results/mine/summary.json").read_text())["success"]
 
 
 @pytest.mark.slow

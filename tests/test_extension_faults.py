@@ -106,7 +106,7 @@ FAULTS = {
     "raises": ("factor = 1.0; dict()['key']", r"raises KeyError: 'key' in line \d+"),
     "is nan": ("factor = np.nan", "returns nan"),
     "has a wrong shape": ("factor = np.ones((3, 2))[:, 0]", r"(shape|raises ValueError)"),
-    "is none": ("return None", "returns null, which is no number"),
+    "is none": ("return None", "returns null, which is not a number"),
 }
 CASE = """
 inflow: sine
@@ -156,7 +156,7 @@ def test_an_unknown_unit_is_told(tmp_path, capsys, kind):
     [
         ("features", "[(0.0, 1.0)]", r"returns \[\(0.0, 1.0\)\] in place of rows of 3 numbers"),
         ("features", "[(0.0, 1.0, np.nan)]", "returns nan"),
-        ("features", "'always'", "returns 'always', which is no number"),
+        ("features", "'always'", "returns 'always', which is not a number"),
         ("highest_frequency", "[0.1, 0.2]", "shape (2,) in place of one number"),
         ("highest_frequency", "1 / 0", "raises ZeroDivisionError"),
         ("mean_speed", "np.inf", "returns inf"),

@@ -1,4 +1,4 @@
-"""The house's one direction of imports, and what the public names cost."""
+"""The one direction of imports among the packages, and the cost of importing public names."""
 
 import ast
 import subprocess
@@ -9,7 +9,7 @@ import pytest
 
 PACKAGE = Path(__file__).parent.parent / "hkt_mdo"
 
-# A room may import those named beside it; the order is that of the house, from the ground up.
+# A package may import those named beside it; the order is from the lowest to the highest.
 ALLOWED = {
     "compiled": set(),
     "errors": set(),

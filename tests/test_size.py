@@ -1,4 +1,4 @@
-"""The size of the package: lines of code by room, long functions, many parameters."""
+"""The size of the package: lines of code by package, long functions, many parameters."""
 
 import ast
 import io

@@ -2,8 +2,8 @@
 
 A case knows no physics and physics knows no case. Every key has a default but `inflow` and
 `control`; unknown keys are refused. A physical quantity is a number in the key's own unit, or a
-text with a unit, such as ``1400 mm``, which is converted. Whatever is wrong with a file is told as
-one `InputError`.
+text with a unit, such as ``1400 mm``, which is converted. Whatever is wrong with a file is reported
+as one `InputError`.
 """
 
 from hkt_mdo.case.design import Design, Phase

@@ -35,7 +35,7 @@ def _find_result(value: str | None, info: ValidationInfo) -> str | None:
     """Return the folder of a result as an absolute path, from the case's folder."""
     if value is None:
         return None
-    remedy = "give the folder of a run that came to its end"
+    remedy = "give the folder of a finished run"
     path, _ = find_file(value, info, remedy)
     needed = ("case.yaml", "summary.json") if (info.context or {}).get("check_files", True) else ()
     for name in needed:
@@ -45,7 +45,7 @@ def _find_result(value: str | None, info: ValidationInfo) -> str | None:
 
 
 class Design(Section):
-    """What may be changed, and how far (paper, eq. 7)."""
+    """What is designed, and within which bounds (paper, eq. 7)."""
 
     blade: Literal["optimized", "fixed"] = "optimized"
     """Whether chord and twist are optimized along with the control, or kept."""
@@ -112,19 +112,20 @@ class Phase(Section):
     """Order of the polynomials in each segment."""
     initial_speed: Literal["auto", "free", "equilibrium"] = "auto"
     """Rotor speed at t = 0: `free`, chosen by the optimizer; `equilibrium`, where hydrodynamic and
-    control torque balance; `auto`: free for open loop, equilibrium for feedback."""
+    control torque are equal; `auto`: `free` for open loop, `equilibrium` for feedback."""
     final_speed: Literal["auto", "free", "initial"] = "auto"
     """Rotor speed at the end: `free`; `initial`, that of t = 0, which closes the cycle, so that no
-    stored energy counts, and only open loop can do; `auto`: initial for open loop with an objective
-    that counts what the generator takes, else free."""
+    stored energy counts, and is possible for open loop only; `auto`: `initial` for open loop with
+    an objective that counts the generator's energy, otherwise `free`."""
     stored_energy: Literal["limited", "allowed"] = "limited"
-    """Of an objective that counts what the rotor stores as captured: `limited`: an open loop whose
-    rotor would store more than 1 % of the captured energy ends at its first speed, and a rotor
-    under feedback whose last speed is so far from equilibrium is refused; `allowed`: neither."""
+    """Treatment of energy stored in the rotor, for objectives that count it as captured. `limited`:
+    an open loop whose rotor would store more than 1 % of the captured energy must end at its first
+    speed, and a result under feedback that stores as much beyond equilibrium is refused. `allowed`:
+    stored energy is accepted."""
 
 
 class Start(Section):
-    """Where the optimization begins."""
+    """Where the optimization starts."""
 
     method: Literal["quasi_steady", "blade"] = "quasi_steady"
     """`quasi_steady` improves blade and gain by quasi-steady co-design before the dynamic
@@ -132,10 +133,12 @@ class Start(Section):
     from_: Annotated[str | None, AfterValidator(_find_result), Field(alias="from")] = None
     """Folder of an earlier result whose design the search for a start tries as well: its blade on
     the stations of this case, its radius where that is designed, and its gains under the same law.
-    With `method: blade` the optimization begins with it as it is. `hkt check` tells of it."""
+    With `method: blade` the optimization begins at that design itself. `hkt check` prints what is
+    used."""
     branch: Literal["best", "overspeed", "underspeed"] = "best"
-    """Where limits can be kept by turning faster or slower than where the rotor captures most:
-    which of both to start from; `best`: that of the larger objective in quasi-steady operation."""
+    """Limits such as that of the power can be kept by turning faster or slower than at the best tip
+    speed ratio: which of these two the start uses; `best`: the one with the larger objective in
+    quasi-steady operation."""
 
 
 class Hydrodynamics(Section):

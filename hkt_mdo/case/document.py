@@ -108,7 +108,7 @@ def case_markdown(extensions: Iterable[Extension] = ()) -> str:
 def _keys(path: str, section: Mapping[str, Any], known: Collection[str] = ()) -> Iterator[str]:
     """Yield the list of a section's keys, then the sections that are values or entries of keys.
 
-    Sections of `known` keys are told elsewhere.
+    Sections of `known` keys are described elsewhere.
     """
     keys, required = section["properties"], section.get("required", ())
     if keys:

@@ -1,4 +1,4 @@
-"""The guard of extensions: what goes wrong in a user's class is told as such, with its place.
+"""The guard of extensions: an error in a user's class is reported as such, with its place.
 
 An error in a method or property of an extension, or a result that no formula may have, is an
 `InputError` that names the class, its file, the method and what is wrong.
@@ -27,7 +27,7 @@ from hkt_mdo.quantities import is_over_time
 _FINITE: ContextVar[bool] = ContextVar("finite", default=True)
 MAY_BE_NONE = "length", "highest_frequency", "bound"
 MAY_BE_INFINITE = "lower", "upper", "features", "last_time"
-COMPLEX = "mend the method; it must take complex numbers, by which derivatives are taken"
+COMPLEX = "correct the method; it must accept complex numbers, for derivatives by complex step"
 
 
 @contextmanager
@@ -77,7 +77,7 @@ _HOW: dict[type, tuple[Callable, Callable]] = {
 
 
 def _guard(method: Callable, file: str, place: str) -> Callable:
-    """Return a method of an extension whose errors and results are told with its place."""
+    """Return a method of an extension whose errors and bad results are reported with its place."""
 
     @wraps(method)
     def told(self, *args, **quantities):
@@ -89,7 +89,7 @@ def _guard(method: Callable, file: str, place: str) -> Callable:
             lines = [at.lineno for at in extract_tb(error.__traceback__) if at.filename == file]
             line = f" in line {lines[-1]}" if lines else ""
             given = [*args, *quantities.values()]
-            remedy = COMPLEX if any(map(np.iscomplexobj, given)) else "mend the method"
+            remedy = COMPLEX if any(map(np.iscomplexobj, given)) else "correct the method"
             problem = f"raises {one_line(error)}{line}"
             raise InputError(problem, remedy, file=file, key=place) from error
         shape = _shape(self, method.__name__, args, quantities)
@@ -98,7 +98,7 @@ def _guard(method: Callable, file: str, place: str) -> Callable:
         infinite = method.__name__ in MAY_BE_INFINITE
         problem, result = _checked(result, shape, (*args, *quantities.values()), infinite)
         if problem:
-            raise InputError(problem, "mend the method", file=file, key=place)
+            raise InputError(problem, "correct the method", file=file, key=place)
         return result
 
     return told
@@ -139,7 +139,7 @@ def _checked(result: Any, shape: tuple, given: tuple, infinite: bool) -> tuple[s
     except ValueError:  # rows of several lengths
         found = np.asarray(None)
     if found.dtype.kind not in "biufc":
-        return f"returns {show(result)}, which is no number or array of numbers", result
+        return f"returns {show(result)}, which is not a number or an array of numbers", result
     if shape[:1] == (...,):
         if found.size and found.ndim and shape[1:] not in ((), found.shape[-1:]):
             return f"returns {show(result)} in place of rows of {shape[1]} numbers", result

@@ -115,7 +115,7 @@ class Kinds:
 def _slip(kind: Any, sort: str, attribute: str, name: str) -> tuple[str, str] | None:
     """Return what a class lacks to be a kind, and the remedy; None if nothing."""
     if not sort:
-        return "is no law, profile, limit, objective or aggregate", f"derive it from {_BASES}"
+        return "is not a law, profile, limit, objective or aggregate", f"derive it from {_BASES}"
     if not name:
         return "has no name", f'write {attribute}: ClassVar[str] = "a_name"'
     field = kind.model_fields.get(attribute)
@@ -256,7 +256,7 @@ def _installed() -> Kinds:
             extension = point.load()
         except (Exception, SystemExit) as error:
             problem = f"cannot be imported: {one_line(error)}"
-            remedy = "mend or uninstall the package that declares it"
+            remedy = "correct or uninstall the package that declares it"
             place = f"extension {point.name}"
             raise InputError(problem, remedy, file=place, key=point.value) from error
         kinds = kinds.extended([extension])
@@ -305,5 +305,5 @@ def _load(path: Path) -> ModuleType:
         lines = [each.lineno for each in frames if each.filename == str(path)]
         line = error.lineno if isinstance(error, SyntaxError) else [None, *lines][-1]
         key, problem = f"line {line}" if line else "", f"cannot be run: {one_line(error)}"
-        raise InputError(problem, "mend the extension", file=path, key=key) from error
+        raise InputError(problem, "correct the extension", file=path, key=key) from error
     return module

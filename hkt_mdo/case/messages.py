@@ -39,7 +39,7 @@ _PLAIN = {
     **dict.fromkeys(("string_pattern_mismatch", "string_too_long", "string_too_short"), _NAME),
     "tuple_type": ("must be a list", "write [first, second, ...]"),
     "too_short": ("must have at least {min_length} values, and has {actual_length}", "add some"),
-    "too_long": ("must have at most {max_length} values, and has {actual_length}", "take some out"),
+    "too_long": ("must have at most {max_length} values, and has {actual_length}", "remove some"),
     "int_type": ("must be a whole number", "write it without a point, a unit or quotes"),
     "greater_than_equal": ("must be at least {ge}", "give a larger number"),
     "less_than_equal": ("must be at most {le}", "give a smaller number"),
@@ -109,7 +109,7 @@ def translate(
     """Return the first of pydantic's errors in the user's terms.
 
     `root` is the class that was validated, `file` what messages call the text. An error in one of
-    the overrides, which are given by their keys, is told as such.
+    the overrides, which are given by their keys, is reported as such.
     """
     # a list whose items are refused is not too short as well
     errors = [

@@ -52,7 +52,7 @@ PAPER_CHORD_BOUNDS = 0.01, 1.0  # m; those of its rotor, and under version 1 of 
 def _known_version(version: int) -> int:
     """Return a version of the keys; refuse one that this program does not know."""
     if not 1 <= version <= VERSION:
-        problem = f"is not known here: this program reads version {VERSION}"
+        problem = f"is unknown: this program reads version {VERSION}"
         raise refusal(problem, "install a newer hkt_mdo, or write the case for this one")
     return version
 
@@ -64,7 +64,7 @@ class Limits(Section):
     """
 
     torque: Annotated[float, Quantity("N*m", gt=0)] | None = None
-    """Largest control torque: another name of `control.torque_limit`, where it is put."""
+    """Largest control torque: another name of `control.torque_limit`."""
 
     @property
     def given(self) -> tuple[Limit, ...]:
@@ -76,7 +76,7 @@ class Limits(Section):
 class FlowScenario(Section):
     """One of several flows, for which one blade and one controller are designed.
 
-    What it does not say it takes from the case.
+    Keys that it does not have are taken from the case.
     """
 
     name: (
@@ -175,11 +175,11 @@ class Case(Section):
     scenarios: SerializeAsAny[tuple[FlowScenario, ...]] = Field((), max_length=MOST_SCENARIOS)
     """Several flows, for which one blade and one controller are designed.
 
-    Feedback laws share their gains, an open loop has a trajectory in each. The objective is the
-    mean power times `phase.duration`, where each scenario counts with its share of time. Without
-    entries there is one flow, `inflow`."""
+    A feedback law has the same gains in all of them, open loop a trajectory for each. The objective
+    is the mean power times `phase.duration`, where each scenario counts with its share of time.
+    Without entries there is one flow, `inflow`."""
     robustness: SerializeAsAny[Aggregate] = Expected()
-    """What unites the scenarios' mean powers to one objective; `measure` says which."""
+    """How the scenarios' mean powers are combined into one objective; `measure` says which way."""
 
     objective: SerializeAsAny[Objective] = CapturedEnergy()
     """What is optimized; `kind` says which."""
@@ -282,7 +282,7 @@ class Case(Section):
         return self
 
     def of_scenario(self, name: str) -> Case:
-        """Return the case of one of its scenarios alone; of a name that it has not, itself."""
+        """Return the case of one of its scenarios alone; for an unknown name, the case itself."""
         for own in self.scenarios:
             if own.name == name:
                 made = self.of_turbine(own.density, own.condition)
@@ -369,7 +369,7 @@ class Case(Section):
                     value = getattr(limit, "bound", None)
                     raise refusal(problem, remedy, key=f"{key}.limits.{limit.name}", value=value)
         if self.scenarios and not any(each.weight > 0.0 for each in self.scenarios):
-            problem, remedy = "weigh nothing together", "give one of them a weight above 0"
+            problem, remedy = "have weights that are all zero", "give one of them a weight above 0"
             weights = [each.weight for each in self.scenarios]
             raise refusal(problem, remedy, key="scenarios", value=weights)
 
@@ -397,7 +397,7 @@ class Case(Section):
     def to_yaml(self) -> str:
         """Return the case as YAML with every default written out; `read_case` makes it again.
 
-        What a shipped blade brings with it is left to the blade, and told in a comment.
+        Values that a shipped blade has are left to the blade, and listed in a comment.
         """
         data, own = self._without_own()
         write = partial(yaml.dump, Dumper=Dumper, sort_keys=False, allow_unicode=True)
@@ -422,7 +422,7 @@ class Case(Section):
         """Return a case in which some keys have other values, checked as a file would be.
 
         An override is a text such as ``rotor.radius=2`` or ``control={law: linear}``; relative
-        paths count from the current folder. Raises InputError for one that is not valid.
+        paths start from the current folder. Raises InputError for one that is not valid.
         """
         data, _ = self._without_own()
         bare = data | {"design": data["design"] | {"chord_bounds": None}}
@@ -520,7 +520,7 @@ def _torque_limit_moved(data: dict[str, Any]) -> dict[str, Any]:
     if torque is None:
         return data
     if given not in (None, torque):
-        problem = f"is not control.torque_limit = {given:g} N m, whose other name it is"
+        problem = f"is not control.torque_limit = {given:g} N m, of which it is another name"
         raise refusal(problem, "give one of them", key="limits.torque", value=limits["torque"])
     limits = {name: value for name, value in limits.items() if name != "torque"}
     return data | {"limits": limits, "control": control | {"torque_limit": torque}}
@@ -615,15 +615,15 @@ def load_case(
 ) -> Case:
     """Read a case file, or take a case as a dict.
 
-    The case has the file's name unless it gives one; relative paths count from the file's folder,
-    in overrides too, and are absolute in the case. Raises InputError, with file, key, value and
-    remedy, if the file cannot be read or anything in it, or in an override, is wrong.
+    The case has the file's name unless it gives another; relative paths start from the file's
+    folder, in overrides too, and are absolute in the case. Raises InputError, with file, key, value
+    and remedy, if the file cannot be read or anything in it, or in an override, is wrong.
 
-    `source` is a YAML file, the name of a shipped case where there is no such file, or what a file
-    holds. `overrides` are texts such as ``rotor.radius=2``; what stands after the first ``=`` is
-    YAML. `check_files` says whether the files that the case names must exist. `extensions` are
-    Python files, modules or classes that define further kinds of flow, law, limit or objective
-    (docs/architecture.md); a file is run, so give only what you trust.
+    `source` is a YAML file, the name of a shipped case if there is no such file, or the content of
+    a file as a dict. `overrides` are texts such as ``rotor.radius=2``; the text after the first
+    ``=`` is YAML. `check_files` says whether the files that the case names must exist. `extensions`
+    are Python files, modules or classes that define further kinds of flow, law, limit or objective
+    (docs/architecture.md); a file is executed, so give only files that you trust.
     """
     if isinstance(source, Mapping):
         data = deepcopy(dict(source))
@@ -652,13 +652,13 @@ def read_case(
 ) -> Case:
     """Make a case of YAML text; the rest is as in `load_case`.
 
-    Messages call the text `file`, relative paths count from `folder`, and `name` is the name of a
-    case that gives none.
+    `file` names the text in messages, relative paths start from `folder`, and `name` is the name of
+    a case that gives none.
     """
     data = parse(text, file)
     if data is None:
         remedy = "give at least inflow: {profile: ...} and control: {law: ...}"
-        raise InputError("holds no case", remedy, file=file)
+        raise InputError("contains no case", remedy, file=file)
     if not isinstance(data, dict):
         problem = "must hold keys and values at its top"
         raise InputError(problem, "write inflow: ... and so on", file=file, value=data)
@@ -702,23 +702,23 @@ def _leave_to_blade(data: dict[str, Any], overrides: Sequence[str]) -> None:
 
 
 def assign(data: dict[str, Any], override: str, file: str) -> str:
-    """Make an override and return its dotted key; a bare name of a kind becomes a section first.
+    """Apply an override and return its dotted key; a bare name of a kind becomes a section first.
 
-    `data` is changed; `file` is what messages call it. InputError if the override is none.
+    `data` is changed; `file` names it in messages. Raises InputError if the override is not valid.
     """
     key, equals, text = override.partition("=")
     key = key.strip()
     if not equals or not text.strip() or not re.fullmatch(r"\w+(\.\w+)*", key, re.ASCII):
         remedy = "write section.key=value, such as rotor.radius=2 (null for none)"
-        raise InputError("is no override", remedy, file=file, key="override", value=override)
+        raise InputError("is not an override", remedy, file=file, key="override", value=override)
     *sections, last = key.split(".")
     for depth, section in enumerate(sections):
         inner = data.setdefault(section, {})
         if isinstance(inner, str) and depth == 0 and section in TAGS:
             inner = data[section] = {TAGS[section]: inner}
         if not isinstance(inner, dict):
-            problem = f"has no keys, so the override {key} cannot be made"
-            remedy = "override the whole of it, or only keys of sections"
+            problem = f"has no keys, so the override {key} cannot be applied"
+            remedy = "override it as a whole, or only keys of sections"
             place = ".".join(sections[: depth + 1])
             raise InputError(problem, remedy, file=file, key=place, value=inner)
         data = inner

@@ -46,8 +46,8 @@ _Wall = Annotated[float, Quantity(gt=0, le=0.5)]
 class Material(Section):
     """What the blades are made of: a shipped name, or its properties along the blade.
 
-    A blade is of one material, equally stiff and strong along its whole length and in tension and
-    compression.
+    A blade has one material, with the same stiffness and strength along its whole length, in
+    tension and in compression.
     """
 
     density: Annotated[float, Quantity("kg/m**3", gt=0)]
@@ -55,7 +55,7 @@ class Material(Section):
     modulus: Annotated[float, Quantity("Pa", gt=0)]
     """Young's modulus, for the deflection of the tip."""
     allowable_stress: Annotated[float, Quantity("Pa", gt=0)] | None = None
-    """Stress that `limits.stress: allowable` allows; divide it by your factor of safety."""
+    """Stress that `limits.stress: allowable` permits; divide it by your safety factor."""
 
     @model_validator(mode="before")
     @classmethod
@@ -100,7 +100,7 @@ class SectionFile(Section):
     """One of several sections along the span."""
 
     name: Annotated[str, Field(min_length=1, max_length=100)] | None = None
-    """Name by which a blade file's column `section` calls it; null: its number, from 1."""
+    """Name of the section in the blade file's column `section`; null: its number, from 1."""
     polar: _File
     """Lift and drag of the section, given as `rotor.polar`."""
     outline: _Outline = None
@@ -121,32 +121,32 @@ class SectionFile(Section):
 class Rotor(Section):
     """The turbine's rotor: its size, its blade at the start, its sections and its inertia.
 
-    A key that is null is taken from the blade: a shipped blade brings its own turbine with it, and
-    a windIO file says nearly everything.
+    A key that is null is taken from the blade: a shipped blade has its turbine's values, and a
+    windIO file has nearly all of them.
     """
 
     radius: Annotated[float, Quantity("m", gt=0, le=1000)] | None = None
     """Tip radius R, measured along the blade; null: the blade's own. A blade of another radius is
     scaled to this one."""
     hub_radius_fraction: Annotated[float, Quantity(gt=0, lt=1)] | None = None
-    """Hub radius over tip radius; null: the blade's own, or 0.125 where its file does not say."""
+    """Hub radius over tip radius; null: the blade's own, or 0.125 where its file has none."""
     blade_count: Annotated[int, Strict(), Field(ge=1, le=10)] | None = None
-    """Number of blades; two to six are usual. Null: the blade's own, or 3 where its file does not
-    say."""
+    """Number of blades; two to six are usual. Null: the blade's own, or 3 where its file has none.
+    """
     cone: Annotated[float, Quantity("deg", ge=-45, le=45)] | None = None
     """Cone angle between the blades and the rotor plane; null: the blade's own, or 0."""
     stations: Annotated[tuple[_Station, ...], Field(min_length=3, max_length=200)] | None = None
     """Radial stations r/R at which chord and twist are given, rising, between hub and tip; null:
     the rows of the blade's file between hub and tip.
 
-    The paper says that its blade has nine segments; that these are nine stations is our assumption.
+    The paper's blade has nine segments; that these are nine stations is our assumption.
     """
     station_count: Annotated[int, Strict(), Field(ge=3, le=200)] | None = None
-    """Number of stations, in place of `stations`: in equal steps of the angle whose cosine is the
-    radius, so that they are closer together towards hub and tip, where the load changes fastest.
-    Null: 40 if no stations are given and chord or twist are splines, or the case has limits, for
-    loads at the nine stations of the paper's blade may be a fifth too small; else those of the
-    blade."""
+    """Number of stations, in place of `stations`. They are placed at equal steps of the angle whose
+    cosine is the radius, so they are closer together towards hub and tip, where the load changes
+    fastest. Null: 40 if no stations are given and chord or twist are splines, or if the case has
+    limits, because loads computed with the nine stations of the paper's blade may be a fifth too
+    small; otherwise those of the blade."""
     blade: _File = "bahaj2007"
     """Blade at the start: a shipped name, or the path, from the folder of the case file, of a CSV
     file (columns such as `r_m, chord_m, twist_deg`, with units in their names, and optionally
@@ -168,13 +168,14 @@ class Rotor(Section):
     file (`x_over_c, y_over_c`), of a Selig or Lednicer file, or of AeroDyn's coordinates; null: the
     blade's own, or the coordinates that an AeroDyn `polar` names, or naca63815."""
     sections: Annotated[tuple[SectionFile, ...], Field(max_length=50)] = ()
-    """Several sections along the span, in place of `polar` and `outline`. The blade file says by
-    thickness or by name which two a station lies between; their polars are blended."""
+    """Several sections along the span, in place of `polar` and `outline`. The blade file
+    determines, by thickness or by name, between which two sections a station lies; their polars are
+    blended."""
     reynolds: Literal["invariant", "local"] = "invariant"
     """`local`: the polar of a station depends on its Reynolds number, chord times relative speed
     over the water's viscosity; the polar must then have tables for several Reynolds numbers, and
     torque is computed at every node, as with `hydrodynamics.torque: direct`. `invariant`: it does
-    not, as the paper assumes."""
+    not depend on it, as the paper assumes."""
     reynolds_number: Annotated[float, Quantity(gt=0)] | None = None
     """Reynolds number at which an `invariant` polar is read that has tables for several; null: of
     the sections of a windIO file, midway (in its logarithm) between the lowest and the highest."""
@@ -182,13 +183,13 @@ class Rotor(Section):
     """Material of the blades: a shipped name, or a section of its properties."""
     material_density: Annotated[float, Quantity("kg/m**3", gt=0)] | None = None
     """Density of the blades, in place of the material's, such as the mean density of a blade whose
-    inside is not known; null: that of the material."""
+    internal structure is not known; null: that of the material."""
     modulus: Annotated[float, Quantity("Pa", gt=0)] | None = None
     """Young's modulus of the blades, in place of the material's; null: that of the material."""
     wall: _Wall | None = None
     """Thickness of the wall of hollow blades over the chord of each section, so that it grows with
-    the chord; null: solid blades. The hollow weighs and carries nothing; where the walls meet,
-    towards a thin trailing edge, the section is solid. Buckling is not looked at."""
+    the chord; null: solid blades. The inside has no weight and carries no load; where the walls
+    meet, towards a thin trailing edge, the section is solid. Buckling is not checked."""
     hub_inertia: Annotated[float, Quantity("kg*m**2", ge=0)] = 0.0
     """Moment of inertia about the shaft of everything that turns except the blades."""
 
@@ -222,17 +223,17 @@ class Rotor(Section):
     def _check_stations(self) -> Rotor:
         stations = self.stations or ()
         if stations and self.station_count is not None:
-            problem, remedy = "stands beside rotor.stations", "give one of the two"
+            problem, remedy = "is given together with rotor.stations", "give one of the two"
             raise refusal(problem, remedy, key="station_count", value=self.station_count)
         for index, (inner, outer) in enumerate(pairwise(stations), start=1):
             if not inner < outer:
-                problem = f"stands after {inner:g}: stations must rise"
+                problem = f"stands after {inner:g}: stations must increase"
                 remedy = "sort the stations from hub to tip, none twice"
                 raise refusal(problem, remedy, key=f"stations[{index}]", value=outer)
         hub = self.hub_radius_fraction
         if stations and hub is not None and not stations[0] > hub:
             problem = f"lies on or within the hub, whose radius is {hub:g} R"
-            remedy = "move the first station outwards or lessen rotor.hub_radius_fraction"
+            remedy = "move the first station outwards or reduce rotor.hub_radius_fraction"
             raise refusal(problem, remedy, key="stations[0]", value=stations[0])
         for name, other in (("chord", "twist"), ("twist", "chord")):
             column = getattr(self, name)
@@ -259,7 +260,7 @@ class Site(Section):
     """Where the turbine stands."""
 
     hub_depth: Annotated[float, Quantity("m", gt=0)] | None = None
-    """Depth of the hub below the surface; it decides the pressure, and so cavitation."""
+    """Depth of the hub below the surface; it determines the static pressure, and so cavitation."""
 
 
 class Condition(Section):
@@ -328,7 +329,7 @@ class Fluid(Section):
     """The water."""
 
     density: Annotated[float, Quantity("kg/m**3", gt=0, le=20000)] = 1000.0
-    """Density of the water; the paper does not state it, its tables imply the default."""
+    """Density of the water. The paper does not give it; the default follows from its tables."""
     kinematic_viscosity: Annotated[float, Quantity("m**2/s", gt=0)] = 1.0e-6
     """Kinematic viscosity, used if `rotor.reynolds` is local; 1.0e-6 for fresh water at 20 degrees
     Celsius, 1.2e-6 for sea water at 15."""

@@ -28,8 +28,8 @@ __all__ = ["app", "main"]
 app = typer.Typer(
     name="hkt",
     help="Control co-design of hydrokinetic turbines: blade and controller optimized together.\n\n"
-    "A case is a short YAML file; a run of it leaves a result folder; the other commands look at "
-    f"either.\n\n{EXIT_CODES}",
+    "A case is a short YAML file; a run of it writes a result folder; the other commands work on "
+    "cases or results.\n\n{EXIT_CODES}",
     invoke_without_command=True,
     pretty_exceptions_enable=False,
 )
@@ -51,7 +51,7 @@ def _print_version(wanted: bool) -> None:
 
 
 _VERSION = typer.Option(
-    "--version", is_eager=True, callback=_print_version, help="Print the version and leave."
+    "--version", is_eager=True, callback=_print_version, help="Print the version and exit."
 )
 
 
@@ -62,7 +62,7 @@ hkt designs the blade and the controller of a hydrokinetic turbine together. In 
   hkt check mine.yaml                     see what it means, before a long run
   hkt run mine.yaml                       optimize it; the result is in results/mine
   hkt show results/mine                   read the result; figures: results/mine/figures
-  hkt compare results/mine results/other  set it beside another result
+  hkt compare results/mine results/other  compare it with another result
 
 Every command: hkt --help; options of one: hkt run --help; a shipped case: hkt run sine_oloc"""
 

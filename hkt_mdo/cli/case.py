@@ -20,9 +20,9 @@ def new(
 ) -> None:
     """Write a commented case to begin from.
 
-    It has the usual keys of every section, each below what it means, and runs as it is. Kinds:
-    paper, the turbine and the sinusoidal flow of Amini et al.; turbine, with a sample blade as CSV
-    beside it; river, with a sample record of the flow as CSV.
+    It has the usual keys of every section, each with its meaning in a comment, and can be run as it
+    is. Kinds: paper, the turbine and the sinusoidal flow of Amini et al.; turbine, with a sample
+    blade as CSV beside it; river, with a sample record of the flow as CSV.
     """
     from hkt_mdo.cli.new_case import write_new_case
 
@@ -43,7 +43,7 @@ def check(
 ) -> None:
     """Check a case before a long run.
 
-    Reads and builds all that a run of the case needs and tells what the case means: turbine, flow,
+    Reads and builds all that a run of the case needs and prints what the case means: turbine, flow,
     control law, size, and what follows from them for the starting blade, such as its loads and by
     how much it keeps or breaks each limit. Notes say what was done to
     the files, warnings what may not be meant. Nothing is optimized, and nothing is written unless
@@ -85,8 +85,8 @@ _MARKDOWN = "Print a page to read in place of the JSON schema."
 def schema(markdown: Annotated[bool, Option("--markdown", help=_MARKDOWN)] = False) -> None:
     """Print every key of a case file.
 
-    It is a JSON schema: every key with its meaning, default, unit and range. An editor that is
-    given it checks and completes cases (see docs/cases.md).
+    The output is a JSON schema: every key with its meaning, default, unit and range. An editor that
+    uses it checks and completes cases (see docs/cases.md).
     """
     import json
 
@@ -105,8 +105,8 @@ def n2(
 ) -> None:
     """Write the N2 diagram of a case.
 
-    The diagram is an HTML page, <name of the case>_n2.html unless --out is given, that shows which
-    component of the case's OpenMDAO problem feeds which. Nothing is optimized.
+    The diagram is an HTML page, NAME_n2.html unless --out is given, where NAME is the name of the
+    case. It shows which component of the case's OpenMDAO problem feeds which. Nothing is optimized.
     """
     loaded = parts.read_case(case, overrides)
     path = out or Path(f"{loaded.name}_n2.html")

@@ -55,7 +55,7 @@ def write_new_case(path: str | Path, kind: str = "paper", *, force: bool = False
     if kind == "turbine":
         blade = path.with_name(f"{path.stem}_blade.csv")
         values["rotor"] = shipped_rotor("river") | {"blade": blade.name}
-        remark = "# A sample: write your own rows, hub to tip; twist counts from the rotor plane."
+        remark = "# A sample: write your own rows, hub to tip; twist is from the rotor plane."
         texts[blade] = f"{remark}\n{read_text(data_path('river', 'blade'), 'blade')}"
     if kind == "river":
         record = path.with_name(f"{path.stem}_record.csv")
@@ -65,7 +65,8 @@ def write_new_case(path: str | Path, kind: str = "paper", *, force: bool = False
     text = f"""\
 # {path.stem}: {KINDS[kind]}.
 #
-# Change what differs in yours. A line such as "# radius: null" shows a key that is not given.
+# Change the values that differ for your turbine. A line such as "# radius: null" shows a key that
+# is not given.
 # More keys:  hkt schema --markdown
 # Check it:   hkt check {path.name}
 # Run it:     hkt run {path.name}

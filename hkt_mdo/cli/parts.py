@@ -26,8 +26,8 @@ BAD_INPUT, NO_SUCCESS, INTERRUPTED, BUG = 2, 3, 130, 1
 
 EXIT_CODES = (
     "Exit codes: 0 done; 1 an error of this program; 2 bad input, or a file that cannot be read or "
-    "written; 3 the run is no success, or with --strict a limit is broken (everything is written "
-    "all the same); 130 interrupted by Ctrl-C."
+    "written; 3 the run did not succeed, or with --strict a limit is broken (all files are still "
+    "written); 130 interrupted by Ctrl-C."
 )
 
 _CASE = "Case file in YAML, such as cases/sine_quadratic.yaml; see hkt schema."
@@ -45,13 +45,13 @@ _EXTEND = (
     "case is read; may be given several times."
 )
 Extend = Annotated[list[Path] | None, Option(metavar="FILE", help=_EXTEND)]
-Force = Annotated[bool, Option("--force", help="Replace files that are there already.")]
+Force = Annotated[bool, Option("--force", help="Replace existing files.")]
 _JSON = "Print JSON, in SI units, in place of the table; messages go to standard error."
 _CSV = "Print CSV, in SI units, in place of the table; messages go to standard error."
 Json = Annotated[bool, Option("--json", help=_JSON)]
 AsCsv = Annotated[bool, Option("--csv", help=_CSV)]
 NoFigures = Annotated[bool, Option("--no-figures", help="Draw no figures.")]
-_OUT = Option("--out", metavar="DIR", help="Folder to write to, made if need be.")
+_OUT = Option("--out", metavar="DIR", help="Folder to write to; created if needed.")
 Folder = Annotated[Path, _OUT]
 OutFolder = Annotated[Path | None, _OUT]
 CaseFolder = Annotated[

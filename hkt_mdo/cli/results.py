@@ -29,11 +29,11 @@ _FLOW = (
 _TO = f"{', '.join(FORMATS)}; several with commas between, or one each time."
 _PAGE = "The HTML file to write."
 _OPTION = "Option of a format, such as stl.trailing_edge='2 mm'; may be given several times."
-_ANYWAY = "Replace files that are there already; also export a result that is no success."
+_ANYWAY = "Replace existing files; also export a result of a run that did not succeed."
 _SCENARIO = "Simulate the operation of this scenario only, of a result with several."
 _SNR = "Signal-to-noise ratio of the speed sensor."
-_REFERENCE = "What is the signal: the speed's fluctuation about its mean, or the total speed."
-_RATE = "Samples of the sensor a second."
+_REFERENCE = "Which speed is the signal of that ratio: fluctuation (about its mean) or total."
+_RATE = "Samples of the sensor per second."
 _SEEDS = "Seeds of a turbulent flow, such as 1..20 or 3,5,9: each is simulated."
 _TABLES = "Folder for simulations.json and simulations.csv; files of these names are replaced."
 _DYNAMICS = (
@@ -56,8 +56,8 @@ _CUTOFF = (
 def show(result: ResultFolder, as_json: Json = False, as_csv: AsCsv = False) -> None:
     """Print the figures of merit of a result.
 
-    Exits with 0 for a run without success too: showing it succeeded. --json and --csv print each
-    quantity with its value, that of the upper end of a range, unit and note.
+    Exits with 0 for a run that did not succeed, too. --json and --csv print each quantity with its
+    value, the upper end if it is a range, unit and note.
     """
     for_program, rows = parts.one_form(as_json, as_csv), parts.rows_of(read_result(result))
     if for_program:
@@ -76,8 +76,8 @@ def plot(
     They are blade, power_curve, operation, schedule (power, speed, torque and thrust over the speed
     of the flow), limits (largest values over their limits), loads (along the blade) and
     convergence, as far as the result has their data, in RESULT/figures unless --out is given; files
-    of the same names are replaced. Of several scenarios, operation_NAME and limits_NAME show each,
-    and schedule and loads have a line for each.
+    of the same names are replaced. With several scenarios, operation_NAME and limits_NAME show each
+    of them, and schedule and loads have a line for each.
     """
     solution = read_result(result)
 
@@ -85,7 +85,7 @@ def plot(
 
     written = save_figures(solution, out or result / "figures", formats or ["png"])
     if not written:
-        raise InputError("holds no data to draw", "let the run come to its end", file=result)
+        raise InputError("holds no data to draw", "let the run finish", file=result)
     for path in written:
         echo(str(path))
 
@@ -115,10 +115,11 @@ def compare(
 ) -> None:
     """Compare results in a table and, with --out, in overlaid figures.
 
-    The table has the figures of merit side by side, the best objective first: successes, then
-    results that their judges refused, then those of interrupted runs, which no figure shows. Notes
-    below it name the last, and results that are not the best that their case allows: another result
-    of the same turbine in the same flow keeps its limits, and is better.
+    The table has the figures of merit side by side, the best objective first: successful results,
+    then results that failed a check, then those of interrupted runs, which are not in the figures.
+    Notes below the table name interrupted runs, and results to which another result of the same
+    turbine in the same flow is superior: it keeps the limits of their case and has a better
+    objective.
     """
     from hkt_mdo.results.nesting import beaten, ranked
     from hkt_mdo.results.words import Row, texts
@@ -129,7 +130,7 @@ def compare(
     for solution, share in zip(solutions, shares, strict=True):
         rows.append(solution.summary.rows(solution.case))
         if share is not None:
-            rows[-1].append(Row("objective, to the best", f"{100.0 * share:+.4f} %"))
+            rows[-1].append(Row("objective, relative to the best", f"{100.0 * share:+.4f} %"))
     names = [str(solution.folder) for solution in solutions]
     if for_program:
         records = (parts.plain_rows(x, result=name) for name, x in zip(names, rows, strict=True))
@@ -143,7 +144,7 @@ def compare(
         echo(f"note: {line}", err=for_program)
     for each in solutions:
         if not each.finished:
-            left_out = "it has no rank and is in no figure"
+            left_out = "it is not ranked and not in the figures"
             echo(f"note: {each.folder}: {each.message or 'did not end'}; {left_out}", err=True)
     if out is not None and finished:
         from hkt_mdo.results.plots import save_figures
@@ -185,14 +186,14 @@ def _print_beside(names: list[str], columns: list[dict[str, str]]) -> None:
 def export(
     result: ResultFolder,
     to: Annotated[list[str], Option("--to", metavar="FORMAT", help=_TO)],
-    out: Annotated[Path, Option(metavar="DIR", help="Folder for the files, made if need be.")],
+    out: Annotated[Path, Option(metavar="DIR", help="Folder for the files; created if needed.")],
     options: Annotated[list[str] | None, Option("--set", metavar="OPTION", help=_OPTION)] = None,
     force: Annotated[bool, Option("--force", help=_ANYWAY)] = False,
 ) -> None:
-    """Write a result in the files that other programs read (docs/exports.md).
+    """Write a result in files for other programs (docs/exports.md).
 
-    The files tell which result and case they come from. Of a bad option, a missing package or a
-    file that is there already nothing is written.
+    The files contain the result and the case that they come from. If an option is wrong, a package
+    is missing or a file already exists, nothing is written.
     """
     from hkt_mdo.exports.base import export
 
@@ -226,13 +227,13 @@ def simulate(
     """Simulate a result in another flow, with sensor noise, or from standstill.
 
     Blade and controller of a finished result are held and simulated with direct BEM. Open loop
-    replays its recorded torque, and what holds the speed of a rotor that is unstable under it;
-    feedback reads a noisy, filtered speed sensor when --noise-snr is given, many times over. A
-    rotor that stops is said to stop, and its energy is not counted. The largest value of each limit
-    over time is told, without noise, and of the loads that have no limit; of several scenarios and
-    seeds, the largest of all. --json and --csv print those of each simulation, as --out writes.
-    With --inflow-dynamics oye the wake has memory: what it changes is told, and whether the rotor
-    runs away before the wake answers.
+    replays its recorded torque, with a feedback that holds the speed where the rotor is unstable
+    under that torque; with --noise-snr feedback reads a noisy, filtered speed sensor, in many
+    repeated runs. If the rotor stops, that is reported and its energy is not counted. The command
+    prints the largest value, without noise, of each limit over time and of the loads that have no
+    limit; with several scenarios and seeds, the largest of all. --json and --csv print those of
+    each simulation, as --out writes them. With --inflow-dynamics oye the wake needs time to change:
+    the command prints what that changes, and whether the rotor runs away.
     """
     from hkt_mdo.results.words import flow_words, joined
     from hkt_mdo.studies.other_flows import largest, records, runs_of, write
@@ -297,13 +298,13 @@ def _memory(name: str, tau1: float | None, snr: float | None, start: bool) -> bo
     memory = name == names[1]
     for other, asked, why in (
         ("--noise-snr", snr is not None, "whose runs take the torque from a table"),
-        ("--start-up", start, "which begins where the filters do not hold (docs/theory.md)"),
+        ("--start-up", start, "which begins where the wake model is not valid (docs/theory.md)"),
     ):
         if memory and asked:
             problem = f"does not go with {other}, {why}"
             raise InputError(problem, "leave one of them out", key=key, value=name)
     if tau1 is not None and not memory:
-        raise InputError("is of no use without memory", f"give {key} oye too", key="--tau1")
+        raise InputError("has no effect without memory", f"give {key} oye too", key="--tau1")
     if tau1 is not None and not 1e-3 <= tau1 <= 1e4:
         remedy = "give a number between 0.001 and 10000"
         raise InputError("is out of range", remedy, key="--tau1", value=tau1)

@@ -15,11 +15,11 @@ from hkt_mdo.cli import parts
 
 _SECONDS_BETWEEN_LINES = 5.0
 
-_FORCE = "Replace an earlier result in the folder; files that no run wrote stay."
-_RESUME = "In place of CASE: go on with this folder's unfinished run from its last iterate."
+_FORCE = "Replace an earlier result in the folder; files that are not of a run are kept."
+_RESUME = "In place of CASE: continue the unfinished run in this folder from its last iterate."
 _OPTIMIZER = "IPOPT, SLSQP or SNOPT: sets driver.optimizer."
-_PACKAGE = "auto, pyoptsparse, casadi (IPOPT alone) or scipy (SLSQP alone): sets driver.package."
-_NO_RECORDS = "Write no databases of OpenMDAO and no N2 diagram."
+_PACKAGE = "auto, pyoptsparse, casadi (only IPOPT) or scipy (only SLSQP): sets driver.package."
+_NO_RECORDS = "Write no OpenMDAO databases and no N2 diagram."
 _SEGMENTS = "Number of collocation segments: sets phase.segments."
 
 
@@ -39,17 +39,18 @@ def run(
 ) -> None:
     """Run a case and write a result folder.
 
-    The case is optimized, the result integrated independently and judged. The folder, results/<name
-    of the case> unless --out is given, gets case.yaml (every default written out), summary.json
-    (figures of merit and checks), trajectory.csv, simulation.csv, loads.csv, blade.csv,
-    power_curve.csv, convergence.csv, solution.db and history.db (OpenMDAO recorders), n2.html and
-    figures/. Options override --set, --set overrides the file.
+    The case is optimized, and the result is integrated independently and checked. The folder,
+    results/NAME unless --out is given, where NAME is the name of the case, gets case.yaml (every
+    default written out), summary.json (figures of merit and checks), trajectory.csv,
+    simulation.csv, loads.csv, blade.csv, power_curve.csv, convergence.csv, solution.db and
+    history.db (OpenMDAO recorders), n2.html and figures/. Options override --set, --set overrides
+    the file.
     """
     given = {"driver.optimizer": optimizer, "driver.package": package, "phase.segments": segments}
     settings = [f"{key}={value}" for key, value in given.items() if value is not None]
     changes = [*(overrides or ()), *settings]
     if resume is not None and (case is not None or changes or out is not None or force):
-        raise BadParameter("--resume goes on with a run as it is: give nothing else")
+        raise BadParameter("--resume continues a run without changes: give no other option")
     if no_figures and pdf:
         raise BadParameter("--pdf draws figures and --no-figures none: give one of them")
     source = case if resume is None else resume / "case.yaml"
@@ -76,7 +77,7 @@ def run(
         saved = "nothing was saved"
         if _written(folder) not in ([], before):
             names = sorted(path.name for path in folder.iterdir())
-            saved = f"what there was is saved in {folder}: {', '.join(names)}"
+            saved = f"the results so far are saved in {folder}: {', '.join(names)}"
         parts.complain("interrupted", saved)
         raise Exit(parts.INTERRUPTED) from None
     if not quiet:
@@ -87,7 +88,7 @@ def run(
             echo(line)
     if not solution.success:
         reason = solution.message or "the run gives no reason"
-        parts.complain("error", f"no success: {reason} (what was found is in {folder})")
+        parts.complain("error", f"no success: {reason} (the result is in {folder})")
         raise Exit(parts.NO_SUCCESS)
 
 

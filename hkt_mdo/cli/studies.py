@@ -37,8 +37,8 @@ def paper(
     failed = [check for check in data["checks"] if not check["passed"]]
     echo(f"{len(data['checks']) - len(failed)} of {len(data['checks'])} checks hold")
     for check in failed:
-        asked = f"asked {check['low']} to {check['high']}"
-        echo(f"  not: {check['statement']} = {check['value']}, {asked}")
+        expected = f"expected {check['low']} to {check['high']}"
+        echo(f"  not: {check['statement']} = {check['value']}, {expected}")
     echo(f"Report: {out / 'report.html'}")
     if failed:
         raise Exit(NO_SUCCESS)

@@ -1,4 +1,4 @@
-"""Aggregates: what unites the scenarios of a case to one objective.
+"""Aggregates: how the scenarios of a case are combined into one objective.
 
 An aggregate of your own is a subclass of `Aggregate` (docs/architecture.md).
 """
@@ -54,17 +54,18 @@ class Aggregate(Section):
     def of(self, rates: np.ndarray, shares: np.ndarray) -> float:
         """Return the measure of some rates, the best over the unknowns.
 
-        Of upper bounds on the rates it is one on the measure, which must not fall as a rate rises.
+        With upper bounds on the rates it is an upper bound on the measure, which must not decrease
+        if a rate increases.
         """
         unknowns = self.best_unknowns(rates, shares)
         return float(np.real(self.value(rates, shares, unknowns)))
 
 
 class Expected(Aggregate):
-    """The mean over time: the scenarios' mean rates, each with its share of time."""
+    """The mean over time: the scenarios' mean powers, weighted by their shares of time."""
 
     measure: Literal["expected"] = "expected"
-    """What unites the scenarios."""
+    """How the scenarios are combined."""
 
     def value(self, rates, shares, unknowns):
         return shares @ rates

@@ -24,8 +24,8 @@ class FlowEstimate:
     def __init__(self, plant: Plant) -> None:
         if isinstance(plant.polar, LocalReynolds):
             raise InputError(
-                "needs one torque curve, which a rotor has not whose polars follow the Reynolds "
-                "number",
+                "needs a single torque curve, which a rotor with local Reynolds numbers does not "
+                "have",
                 "use flow: sensed, or rotor.reynolds: invariant",
                 key="control.flow",
                 value="estimated",

@@ -19,7 +19,7 @@ from hkt_mdo.sections import Quantity, Section, refusal
 
 CHECKS_PER_PIECE, FEWEST_CHECKS = 16, 1024
 LOOKS = 8  # between two times, to see how far a flow is from a straight line
-UNKNOWN_PIECES = 1000  # of a flow that does not tell where it changes
+UNKNOWN_PIECES = 1000  # of a flow that does not declare where it changes
 PIECES_AT_ONCE = 50_000
 SLOWEST, FASTEST = 1e-4, 1e3  # m/s, of a flow in which a turbine could work
 
@@ -27,15 +27,15 @@ SLOWEST, FASTEST = 1e-4, 1e3  # m/s, of a flow in which a turbine could work
 class Inflow(Section):
     """A flow: speed_at(t), m/s, for t in s of any shape, twice continuously differentiable.
 
-    `speed_at` must accept complex times. What else a flow tells has a default:
+    `speed_at` must accept complex times. Everything else that a flow declares has a default:
 
-    - length: time (s) after which it has nothing new to say; None: it has no end.
-    - highest_frequency: the highest frequency (Hz) that matters in it; None: it is steady.
+    - length: duration (s) of the flow's data, or its period; None: it has no end.
+    - highest_frequency: the highest frequency (Hz) in it; None: it is steady.
     - features: where it changes as fast, (from, to, period) in s; by default everywhere, at its
-      highest frequency. What looks at the flow does so many times in each period (`pieces`). A flow
-      that tells neither is looked at in `UNKNOWN_PIECES` of the time span, and that is said: what
-      is shorter can be missed.
-    - mean_speed: what it fluctuates about, m/s, which a sum of flows asks for: its key `mean`,
+      highest frequency. The flow is sampled many times in each period (`pieces`). A flow that
+      declares neither is sampled in `UNKNOWN_PIECES` of the time span, with a message: shorter
+      features can be missed.
+    - mean_speed: the speed about which it fluctuates, m/s, for sums of flows: its key `mean`,
       times its key `scale`; if it has no mean, the speed at t = 0.
     - messages: what was done to its data, one line each.
     - last_time: time (s) beyond which it is unknown.
@@ -78,7 +78,7 @@ class Inflow(Section):
 
     @property
     def tells_features(self) -> bool:
-        """Whether the class says where the flow changes, or how fast at most."""
+        """Whether the class declares where the flow changes, or how fast at most."""
         return bool(self.highest_frequency) or type(self).features is not Inflow.features
 
     def pieces(self, last: float, first: float = 0.0) -> np.ndarray:
@@ -147,9 +147,9 @@ class Inflow(Section):
         return np.diff(whole[np.searchsorted(ends, edges)])
 
     def off_lines(self, times: np.ndarray) -> np.ndarray:
-        """Return how far the flow leaves the straight lines between its speeds at rising times.
+        """Return how far the flow differs from straight lines between its speeds at some times.
 
-        It is looked at `LOOKS` times between two of the times (s), and in each of its `pieces`.
+        It is sampled `LOOKS` times between two of the times (s), and in each of its `pieces`.
 
         Returns
         -------
@@ -168,10 +168,10 @@ class Inflow(Section):
         return found
 
     def check(self, duration: float) -> None:
-        """Refuse, by InputError, a flow that ends, stands still or turns back within a time (s).
+        """Refuse, by InputError, a flow that ends, stops or reverses within a time (s).
 
-        Or is faster than any current. It is looked at sixteen times in its shortest period:
-        turbines here do not reverse.
+        A flow that is faster than any natural current is refused, too. It is sampled sixteen times
+        in its shortest period.
         """
         if duration > self.last_time * (1.0 + 1e-9):
             problem = f"is longer than the record of the flow, {self.last_time:.6g} s"
@@ -182,7 +182,7 @@ class Inflow(Section):
             low = int(np.argmin(speed))
             if not speed[low] >= SLOWEST:
                 place = f"reaches {speed[low]:.3g} m/s at t = {time[low]:.6g} s"
-                problem = f"{place}: it stands still or turns back, which the turbine does not"
+                problem = f"{place}: the flow stops or reverses, which no turbine here does"
                 remedy = "give a larger mean, smaller fluctuations or a shorter phase.duration"
                 raise InputError(problem, remedy, key="inflow")
             if (fastest := float(np.max(speed))) > FASTEST:
@@ -261,7 +261,7 @@ class SineInflow(Inflow):
     @model_validator(mode="after")
     def _check_amplitude(self) -> SineInflow:
         if self.amplitude >= self.mean:
-            problem = f"lets the flow reach zero or turn back: its mean is {self.mean:g} m/s"
+            problem = f"lets the flow reach zero or reverse: its mean is {self.mean:g} m/s"
             remedy = "give an amplitude smaller than inflow.mean"
             raise refusal(problem, remedy, key="amplitude", value=self.amplitude)
         return self
@@ -297,7 +297,7 @@ class TidalConstituent(Section):
     """A constituent of the tide, amplitude cos(2 pi t/period - phase)."""
 
     name: Literal["M2", "S2", "N2", "K2", "K1", "O1", "P1", "Q1", "M4", "MS4", "M6"] | None = None
-    """Name of the constituent, which says its period."""
+    """Name of the constituent, which determines its period."""
     period: Annotated[float, Quantity("s", gt=0)] | None = None
     """Period, in place of a name."""
     amplitude: Annotated[float, Quantity("m/s", ge=0)]
@@ -323,7 +323,7 @@ class TidalConstituent(Section):
 class TidalInflow(Inflow):
     """A tidal current, v = scale (mean + sum_k amplitude_k cos(2 pi t/period_k - phase_k)).
 
-    The turbine does not reverse: over the case's duration the flow must run one way.
+    The turbine does not reverse, so the flow must keep its direction over the case's duration.
     """
 
     profile: Literal["tide"] = "tide"
@@ -362,7 +362,7 @@ class GustInflow(Inflow):
     time: Annotated[float, Quantity("s")] = 20.0
     """Time at which the gust begins."""
     width: Annotated[float, Quantity("s", gt=0)] = 10.5
-    """Time that the gust takes; the default is that of the extreme operating gust."""
+    """Duration of the gust; the default is that of the extreme operating gust."""
 
     @property
     def highest_frequency(self):
@@ -385,17 +385,17 @@ class GustInflow(Inflow):
 
 
 class SumInflow(Inflow):
-    """A sum of flows: the first one whole, of every other its fluctuation about its own mean.
+    """A sum of flows: all of the first one, and the others' fluctuations about their own means.
 
-    So `[{profile: tide, ...}, {profile: turbulence, mean: 1.8}]` is turbulence, drifting at 1.8
-    m/s, on a tidal current. For a step, the speed before it is its mean; for a gust,
-    the speed around it.
+    For example, `[{profile: tide, ...}, {profile: turbulence, mean: 1.8}]` is a tidal current with
+    turbulence that is carried past the rotor at 1.8 m/s. For a step, the speed before it is its
+    mean; for a gust, the speed around it.
     """
 
     profile: Literal["sum"] = "sum"
     """The kind of flow."""
     parts: Annotated[tuple[SerializeAsAny[Inflow], ...], Field(min_length=2, max_length=20)]
-    """The flows, a list; the first carries the mean."""
+    """The flows, a list; the first one has the mean."""
 
     @property
     def length(self):

@@ -32,14 +32,15 @@ class Generator(Section):
 
     Without keys there are no losses.
 
-    Losses are P = u w - copper_loss (u/rated_torque)^2 - friction_loss (w/rated_speed) - iron_loss
-    (w/rated_speed)^2, u the torque and w the speed of the rotor's shaft. Where the losses exceed
-    the shaft's power, P is negative: the generator then takes power from the grid, and that is
-    counted as such in the energy.
+    The electrical power is P = u w - copper_loss (u/rated_torque)^2 - friction_loss (w/rated_speed)
+    - iron_loss (w/rated_speed)^2, u the torque and w the speed of the rotor's shaft. Where the
+    losses exceed the shaft's power, P is negative: the generator then takes power from the grid,
+    which is subtracted from the energy.
     """
 
     efficiency: Annotated[float, Quantity(gt=0, le=1)] | None = None
-    """Electrical power over shaft power, constant; null: given in another way, or no losses."""
+    """Electrical power over shaft power, constant; null: losses or a table are given, or there are
+    no losses."""
     rated_torque: Annotated[float, Quantity("N*m", gt=0)] | None = None
     """Torque at which `copper_loss` is given."""
     rated_speed: Annotated[float, Quantity("rad/s", gt=0)] | None = None
@@ -52,8 +53,8 @@ class Generator(Section):
     """Loss in the iron at `rated_speed`; it grows with the speed squared."""
     table: str | None = None
     """CSV file of the efficiency over torque and speed, with the columns `torque_Nm`, `speed_rpm`
-    or `speed_rad_s`, and `efficiency`: every torque at every speed. A natural cubic spline runs
-    through it; beyond it the efficiency soon stays what it is."""
+    or `speed_rad_s`, and `efficiency`: every torque at every speed. It is interpolated by natural
+    cubic splines; a little beyond the table the efficiency becomes constant."""
 
     @field_validator("table")
     @classmethod
@@ -68,17 +69,17 @@ class Generator(Section):
         ways = [name for name in ("efficiency", "table") if getattr(self, name) is not None]
         ways += (losses or rated)[:1]
         if len(ways) > 1:
-            problem = f"is given beside {ways[0]}"
+            problem = f"is given together with {ways[0]}"
             raise refusal(problem, _WAYS, key=ways[1], value=getattr(self, ways[1]))
         for name in losses:
             if _LOSSES[name] not in rated:
-                remedy = f"give generator.{_LOSSES[name]}, at which this loss is met"
+                remedy = f"give generator.{_LOSSES[name]}, at which this loss is given"
                 problem = f"needs {_LOSSES[name]}"
                 raise refusal(problem, remedy, key=name, value=getattr(self, name))
         for name in rated:
             if name not in [_LOSSES[loss] for loss in losses]:
                 needs = " or ".join(loss for loss, at in _LOSSES.items() if at == name)
-                problem, remedy = "is of no effect", f"give generator.{needs}, or leave it out"
+                problem, remedy = "has no effect", f"give generator.{needs}, or leave it out"
                 raise refusal(problem, remedy, key=name, value=getattr(self, name))
         return self
 

@@ -1,7 +1,7 @@
 """Control laws: generator torque from rotor speed (paper eqs. 1 to 4).
 
-A law is one class: its keys in a case's section `control`, and its formula. Nothing else knows the
-formula; a law of your own is a subclass of `FeedbackLaw` (docs/controllers.md).
+A law is one class: its keys in a case's section `control`, and its formula. The formula is nowhere
+else; a law of your own is a subclass of `FeedbackLaw` (docs/controllers.md).
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ def _by_each(of, gains):
 
 
 class Law(Section):
-    """What every control law has: its name, a limit on the torque u, and a cut-out speed.
+    """Base of all control laws: a name, a limit on the torque u, and a cut-out speed.
 
-    The rest of the program asks a law what it does and never which one it is. An open loop has no
-    gains and no states; its torque over time is chosen by the optimizer.
+    The rest of the program uses the properties of a law and never depends on which one it is. An
+    open loop has no gains and no states; its torque over time is chosen by the optimizer.
     """
 
     law: str
@@ -44,8 +44,8 @@ class Law(Section):
     torque_limit: Annotated[float, Quantity("N*m", gt=0)] | None = None
     """Largest control torque u_max; null: no limit."""
     cut_out: Annotated[float, Quantity("m/s", gt=0)] | None = None
-    """Speed of the flow above which the machine stands still: there is no energy then, and no limit
-    applies (docs/theory.md); null: it never does."""
+    """Speed of the flow above which the machine stands still, without energy and without limits
+    (docs/theory.md); null: no cut-out."""
     gain_units: ClassVar[tuple[str, ...]] = ()
     """Units of the gains, which are optimized."""
     states: ClassVar[dict[str, tuple[str, str]]] = {}
@@ -57,7 +57,7 @@ class Law(Section):
     chooses_torque: ClassVar[bool] = False
     """Whether the optimizer chooses the torque over time."""
     estimates_flow: ClassVar[bool] = False
-    """Whether what a law with states hears of the flow is estimated from speed and torque."""
+    """Whether the flow speed that a law with states uses is estimated from speed and torque."""
 
     @property
     def is_static(self) -> bool:
@@ -73,7 +73,7 @@ class Law(Section):
         return self
 
     def starting_gains(self) -> np.ndarray | None:
-        """Return the gains that the case gives to begin with; None: chosen by the start."""
+        """Return the gains that the case gives for the start; None: the search chooses them."""
         return np.empty(0)
 
     def sizes(self, gains):
@@ -81,14 +81,14 @@ class Law(Section):
         return np.abs(gains)
 
     def moves(self, gains, factor):
-        """Return the lower and the upper ends, (n_gains,), of a search about some gains.
+        """Return the lower and upper bounds, (n_gains,), of one step of a search from some gains.
 
-        As far as a factor, maybe infinite, allows. A gain whose ends are equal is held.
+        They are apart by a factor, which may be infinite. A gain with equal bounds is fixed.
         """
         return np.stack((gains, gains))
 
     def contains(self, other: Law) -> bool:
-        """Tell whether another law is a special case: whatever it does, this one can do."""
+        """Tell whether another law is a special case of this one, with some of its gains."""
         return self == other
 
     def coarser(self) -> Law | None:
@@ -118,7 +118,7 @@ class OpenLoop(Law):
 
 
 class FeedbackLaw(Law):
-    """What every feedback law has: gains that are optimized, and a smoothed saturation.
+    """Base of all feedback laws: gains that are optimized, and a smoothed saturation.
 
     A law may have states, x' = `rates`: then `demand`, and what follows from it, takes their values
     after the gains, each of the speed's shape.
@@ -126,10 +126,10 @@ class FeedbackLaw(Law):
 
     is_feedback: ClassVar[bool] = True
     farthest: ClassVar[float] = np.inf
-    """Largest finite factor by which gains move at once."""
+    """Largest finite factor by which gains change in one step of a search."""
 
     smoothing: Annotated[float, Quantity(gt=0, le=1)] = 0.001
-    """Smoothing nu of the saturation (paper, eq. 4); of no effect without a torque limit."""
+    """Smoothing nu of the saturation (paper, eq. 4); without a torque limit it has no effect."""
     _begins: tuple[float, ...] | None = PrivateAttr(None)  # gains
     _applied: float = PrivateAttr(1.0)  # torque on the rotor over that which the law asks for
 
@@ -167,13 +167,13 @@ class FeedbackLaw(Law):
         return np.sort((gains / factor, gains * factor), axis=0)
 
     def eased(self, gains, share):
-        """Return the gains that demand a share of the torque of some others, where they can."""
+        """Return gains with which the torque is a given share of that with others, if possible."""
         return share * gains
 
     def rates(self, speed, inflow_speed, gains, *states):
         """Return the rates of the states, a unit of each a second, at arrays of one shape.
 
-        inflow_speed (m/s) is for what a sensor of the flow tells; all may be complex.
+        inflow_speed (m/s) is for the reading of a flow sensor; all may be complex.
         """
         return ()
 
@@ -202,11 +202,11 @@ class FeedbackLaw(Law):
         return np.imag(self.torque(speed + 1j * STEP, gains, *states)) / STEP
 
     def torque_by_gain(self, speed, gains, *states):
-        """Return the torque's derivative by each gain, shape (n_gains, *speed.shape)."""
+        """Return the torque's derivative by each gain, shape ``(n_gains, *speed.shape)``."""
         return _by_each(lambda moved: self.torque(speed, moved, *states), gains)
 
     def slopes(self, speed, inflow_speed, gains, *states):
-        """Return the derivatives of torque and rates by speed and states, [of, by, *shape].
+        """Return the derivatives of torque and rates by speed and states, ``[of, by, *shape]``.
 
         By complex step; rows and columns begin with the torque (N*m) and the speed (rad/s).
         """
@@ -235,7 +235,7 @@ class LinearFeedback(FeedbackLaw):
     law: Literal["linear"] = "linear"
     """The control law."""
     gain: Annotated[float, Quantity("N*m*s/rad", gt=0)] | None = None
-    """Gain K1 at the start; null: chosen by the starting point."""
+    """Gain K1 at the start of the optimization; null: chosen by the search for a start."""
     gain_units: ClassVar[tuple[str, ...]] = ("N*m*s/rad",)
 
     def demand(self, speed, gains):
@@ -248,7 +248,7 @@ class QuadraticFeedback(FeedbackLaw):
     law: Literal["quadratic"] = "quadratic"
     """The control law."""
     gain: Annotated[float, Quantity("N*m*s**2/rad**2", gt=0)] | None = None
-    """Gain K2 at the start; null: chosen by the starting point."""
+    """Gain K2 at the start of the optimization; null: chosen by the search for a start."""
     gain_units: ClassVar[tuple[str, ...]] = ("N*m*s**2/rad**2",)
 
     def demand(self, speed, gains):

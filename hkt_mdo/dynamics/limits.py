@@ -1,6 +1,6 @@
-"""Limits: what a design and its operation must keep, each stated once.
+"""Limits on a design and its operation, each defined once.
 
-Optimization, judges, `hkt check`, summary and figures ask the limit for its value; nobody else
+Optimization, judges, `hkt check`, summary and figures get its value from the limit; nothing else
 knows the formula. A limit of your own is a subclass of `Limit` (docs/architecture.md).
 """
 
@@ -41,7 +41,8 @@ class Limit(Formula):
     name: ClassVar[str] = ""
     lower: ClassVar[Any] = -np.inf
     bounded: ClassVar[bool] = False
-    """Whether the bounds of the optimizer's own variables hold it, so that it is no constraint."""
+    """Whether bounds of the optimizer's own variables ensure it, so that no constraint is needed.
+    """
 
     @model_validator(mode="before")
     @classmethod
@@ -57,12 +58,12 @@ class Limit(Formula):
         return {"anyOf": [bound, whole]} if bound else whole
 
     def on(self, blade: Any, material: Any = None) -> Limit:
-        """Return this limit for a turbine's blade and its `Material`; most are the same for all."""
+        """Return this limit for a turbine's blade and `Material`; most do not depend on them."""
         return self
 
     @property
     def place(self) -> str:
-        """What its value is an array over: the "time", the "span" of the blade, or the "design"."""
+        """Dimension of its value: over "time", over the "span" of the blade, or of the "design"."""
         if self.series:
             return "time"
         along = any(name in QUANTITIES and QUANTITIES[name].over == "span" for name in self.inputs)
@@ -70,7 +71,7 @@ class Limit(Formula):
 
     @property
     def caps_series(self) -> bool:
-        """Whether it is an upper bound on what changes over time."""
+        """Whether it is an upper bound on a quantity over time."""
         return bool(self.place == "time" and np.isfinite(self.upper))
 
     @property
@@ -84,12 +85,12 @@ class Limit(Formula):
         return not self.bounded
 
     def told(self, quantities: Any) -> np.ndarray:
-        """Return the value as it is told: its size where both signs are limited alike."""
+        """Return the value for a report: its magnitude where both signs have the same limit."""
         value = np.asarray(self.value_of(quantities))
         return np.abs(value) if np.all(self.lower == -self.upper) else value
 
     def excess(self, quantities: Any) -> np.ndarray:
-        """Return how far the value leaves its bounds, over their size; at most 0 if it is kept."""
+        """Return the excess over its bounds, relative to them; at most 0 if the limit is kept."""
         value = np.atleast_1d(self.value_of(quantities))
         ends = np.abs(np.hstack((self.lower, self.upper)))
         size = np.max(ends[np.isfinite(ends)], initial=0.0) or np.max(np.abs(value)) or 1.0
@@ -145,7 +146,7 @@ class PowerLimit(Limit):
 
 
 class ElectricalPowerLimit(Limit):
-    """Largest power that the generator delivers, its losses (section `generator`) taken off."""
+    """Largest power that the generator delivers, after its losses (section `generator`)."""
 
     name: ClassVar[str] = "electrical_power"
     unit: ClassVar[str | None] = "W"
@@ -192,7 +193,7 @@ class ThrustLimit(Limit):
 
 
 class RootMomentLimit(Limit):
-    """Largest moment that bends one blade flapwise at the hub's radius."""
+    """Largest flapwise bending moment of one blade at the hub's radius."""
 
     name: ClassVar[str] = "root_moment"
     unit: ClassVar[str | None] = "N*m"
@@ -225,23 +226,23 @@ class StressLimit(Limit):
     inputs: ClassVar[tuple[str, ...]] = ("stress",)
 
     bound: Annotated[Any, _Stress("Pa", gt=0)]
-    """Largest stress, or `allowable`, that of `rotor.material`; a factor of safety is to be taken
-    off by you."""
+    """Largest stress, or `allowable`, that of `rotor.material`; apply a safety factor yourself."""
 
     def on(self, blade, material=None):
         if self.bound != ALLOWABLE:
             return self
         if material.allowable_stress is None:
-            problem = "asks for the allowable stress of rotor.material, which has none"
+            problem = "refers to the allowable stress of rotor.material, which has none"
             remedy = "give rotor.material.allowable_stress, or a stress here"
             raise InputError(problem, remedy, key="limits.stress", value=self.bound)
         return self.model_copy(update={"bound": material.allowable_stress})
 
 
 class CavitationLimit(Limit):
-    """No section reaches the pressure of vapour at the top of its turn (docs/theory.md).
+    """No section reaches the vapour pressure at the top of its turn (docs/theory.md).
 
-    The value is the suction, times the margin, over the pressure above that of vapour.
+    The value is the suction times the margin, over the difference of static and vapour pressure; at
+    most 1.
     """
 
     name: ClassVar[str] = "cavitation"
@@ -255,10 +256,10 @@ class CavitationLimit(Limit):
 
 
 class Taper(Limit):
-    """Outboard of a place along the span the chord does not grow, for manufacture.
+    """Radius over tip radius outboard of which the chord must not grow, for manufacture.
 
-    The value is the chord of each station over that of the one inboard of it, at most 1; it is
-    reported as zero inboard of that place. The chord is linear between stations.
+    The value is the chord of each station over that of the next station inboard, at most 1; it is
+    reported as zero inboard of that radius. The chord is linear between stations.
     """
 
     name: ClassVar[str] = "taper_from"
@@ -274,7 +275,9 @@ class Taper(Limit):
     def on(self, blade, material=None):
         stations = blade.r / blade.tip_radius
         if stations[-2] < self.bound:
-            problem = f"leaves no two stations outboard; the last but one is at {stations[-2]:.3g}"
+            problem = (
+                f"needs two stations outboard of it; the last but one is at {stations[-2]:.3g}"
+            )
             remedy = "give a place inboard of that"
             raise InputError(problem, remedy, key="limits.taper_from", value=self.bound)
         limit = self.model_copy()
@@ -311,9 +314,9 @@ def settled(known):
     """Tell at which times of a trajectory the rotor has followed the flow, near its equilibrium.
 
     The rotor's time scale is that in which a typical torque stops it, I w / (TYPICAL 0.5 rho pi R³
-    v²), a few hundredths of a second; the flow is quick where it changes by `QUICK` of itself
-    within it. Settled is the rotor after `LAG` time scales in which the flow was not quick. known
-    has the `QUANTITIES` of the trajectory, of shape (n,), rotor_radius, density and inertia.
+    v²), a few hundredths of a second; the flow is quick where it changes by a share of `QUICK`
+    within this time. The rotor has settled after `LAG` time scales in which the flow was not quick.
+    known has the `QUANTITIES` of the trajectory, of shape (n,), rotor_radius, density and inertia.
     """
     time, flow = known["time"], known["inflow_speed"]
     unit = TYPICAL * torque_scale(known["density"], known["rotor_radius"], flow)
@@ -329,11 +332,11 @@ class DistanceFromStall(Limit):
     """A rotor under feedback recovers from a small loss of speed.
 
     N((1 - slowed) w) - N(w) >= least, N = Q(w, v) - u(w): positive where the rotor keeps a distance
-    from stall, where stable and unstable equilibrium meet. Collocation cannot tell one from the
-    other, so an optimizer would go to that edge and beyond. N(w) = I dw/dt is what the flow's
-    changes ask for, and no stall. `least` is a share of a typical torque, TYPICAL 0.5 rho pi R³ v²:
-    close to stall a rotor recovers slowly and the problem is badly conditioned. Q is that of the
-    torque curve. Of a law with states, u is that with its states as they are.
+    from stall, where stable and unstable equilibrium meet. Collocation does not distinguish them,
+    so an optimizer would go to that edge and beyond. N(w) = I dw/dt is the acceleration due to
+    changes of the flow, which is not stall. `least` is a share of a typical torque, TYPICAL 0.5 rho
+    pi R³ v²: close to stall a rotor recovers slowly and the problem is badly conditioned. Q is that
+    of the torque curve. For a law with states, u is computed with the states held.
     """
 
     name: ClassVar[str] = "distance_from_stall"
@@ -397,9 +400,10 @@ class DistanceFromStall(Limit):
 
 
 class FartherFromStall(DistanceFromStall):
-    """The same of a larger loss of speed, beside that which every result keeps.
+    """The same for a larger loss of speed, in addition to the one that every result keeps.
 
-    A torque that bends as the speed falls may let a rotor recover from one and not from the other.
+    Where the torque is curved over the speed, a rotor may recover from the one loss and not from
+    the other.
     """
 
     name: ClassVar[str] = "farther_from_stall"

@@ -1,4 +1,4 @@
-"""Objectives: what the optimization makes as large, or as small, as it can.
+"""Objectives, which the optimization maximizes or minimizes.
 
 An objective of your own is a subclass of `Objective` (docs/architecture.md).
 """
@@ -23,10 +23,10 @@ class Objective(Formula):
     unit: ClassVar[str | None] = "J"
     """Unit of the integral of the rate, or of the value."""
     maximize: ClassVar[bool] = True
-    """Whether it is made as large as possible; else as small."""
+    """Whether it is maximized; otherwise it is minimized."""
     closes: ClassVar[bool] = False
-    """Whether it could sell the rotor's kinetic energy, so that the cycle of an open loop is closed
-    by default: the rotor ends at its initial speed."""
+    """Whether it would count the rotor's kinetic energy, so that the cycle of an open loop is
+    closed by default: the rotor ends at its initial speed."""
 
     def rate(self, **quantities: Any) -> Any:
         """Return the rate, `unit` a second, shape (n_times,)."""
@@ -39,7 +39,7 @@ class Objective(Formula):
 
     @property
     def is_energy(self) -> bool:
-        """Whether it is an energy that is made as large as possible."""
+        """Whether it is an energy that is maximized."""
         return self.is_rate and self.maximize and self.unit == "J"
 
     @property
@@ -95,8 +95,8 @@ class GeneratorEnergy(_Energy):
 class ElectricalEnergy(_Energy):
     """The energy that the generator delivers, the integral of u w less its losses.
 
-    The section `generator` says what these are; where they exceed the shaft's power, energy is
-    drawn from the grid and counts against the rest.
+    The section `generator` defines the losses; where they exceed the shaft's power, energy is drawn
+    from the grid and subtracted.
     """
 
     closes: ClassVar[bool] = True

@@ -70,8 +70,8 @@ def read_record(path: str | Path, **options: Any) -> Record:
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         ending = path.suffix
-        problem = f"has the ending {ending}" if ending else "has no ending that says its kind"
-        raise InputError(problem, f"name it {', '.join(_READERS)}, whichever it is", file=path)
+        problem = f"has the file extension {ending}" if ending else "has no file extension"
+        raise InputError(problem, f"name it {', '.join(_READERS)}, by its format", file=path)
     return _Record(reader(path, chosen), chosen).made()
 
 
@@ -97,16 +97,16 @@ class _Record:
         raw, spikes = self.raw, self.spikes()
         for row in np.flatnonzero((np.abs(raw.speed) > FASTEST) & ~spikes)[:1]:
             problem = f"is faster than any river, {FASTEST:g} m/s"
-            remedy = "mend speed_unit, or leave cells empty where samples are missing"
+            remedy = "correct speed_unit, or leave cells empty where samples are missing"
             raise raw.refuse(problem, remedy, row, 1)
         step, speed = self.even(spikes)
         cutoff, smooth = self.low_passed(step, speed)
         low = int(np.argmin(smooth))
         if not smooth[low] > 0.0:
             row = min(int(np.searchsorted(raw.time, low * step)), raw.time.size - 1)
-            problem = f"falls to {smooth[low]:.3g} m/s when low-passed: the flow stands still or "
-            remedy = "take a part where it runs one way by start and duration, or mend the sign"
-            raise raw.refuse(f"{problem}turns", remedy, row, 1)
+            problem = f"falls to {smooth[low]:.3g} m/s when low-passed: the flow stops or "
+            remedy = "choose a part without this by start and duration, or correct the sign"
+            raise raw.refuse(f"{problem}reverses", remedy, row, 1)
         summary = (
             f"{Path(raw.file).name or 'record'}: {_count(smooth.size, 'sample')} every {step:.6g} "
             f"s, mean {np.mean(smooth):.4g} m/s, from {smooth[low]:.4g} to {np.max(smooth):.4g} m/s"
@@ -121,9 +121,9 @@ class _Record:
             problem = f"has {_count(time.size, 'sample')}"
             raise InputError(problem, f"give {MIN_SAMPLES} at least", file=raw.file)
         for row in np.flatnonzero(~np.isfinite(time))[:1]:
-            raise raw.refuse("is no time", "give every sample its time", row, 0)
+            raise raw.refuse("is no time", "give a time for every sample", row, 0)
         for row in np.flatnonzero(np.abs(time) > LONGEST)[:1]:
-            remedy = "mend it or the first time, or time_unit"
+            remedy = "correct it or the first time, or time_unit"
             raise raw.refuse(f"is more than {LONGEST:g} s from the first time", remedy, row, 0)
         for row in np.flatnonzero(np.diff(time) <= 0.0)[:1]:
             after = "also the time of" if time[row + 1] == time[row] else "before"
@@ -132,7 +132,7 @@ class _Record:
             raise raw.refuse(f"is {after} {raw.place(row)}", remedy, row + 1, 0)
         if (step := float(np.median(np.diff(time)))) < SHORTEST:
             problem = f"is where steps of {step:.3g} s begin, and {SHORTEST:g} s are the shortest"
-            raise raw.refuse(problem, "mend the times, or time_unit", 0, 0)
+            raise raw.refuse(problem, "correct the times, or time_unit", 0, 0)
 
     def cut(self) -> None:
         """Take the rows from start to start + duration, times anew from 0."""
@@ -143,7 +143,8 @@ class _Record:
         for key, value in (("start", start), ("duration", end)):
             if time[-1] + near < value < np.inf:
                 whole = f"the record ends {time[-1]:.6g} s after it begins"
-                problem, remedy = f"asks for {value:.6g} s, and {whole}", f"give a smaller {key}"
+                problem = f"{'is' if key == 'start' else 'ends'} at {value:.6g} s, but {whole}"
+                remedy = f"give a smaller {key}"
                 raise options.refuse(key, problem, f"{remedy}, or none", raw.file)
         first, last = map(int, np.searchsorted(time, (start - near, end + near)))
         if last - first == time.size:
@@ -172,7 +173,7 @@ class _Record:
         found = present[find_spikes(speed[present])]
         if found.size and choice == "refuse":
             others = f", and {found.size - 1} more do" if found.size > 1 else ""
-            problem = f"stands off from its neighbours like a spike{others}"
+            problem = f"differs from its neighbours like a spike{others}"
             remedy = "give spikes: replace to interpolate there, or spikes: keep if that is the "
             raise self.raw.refuse(problem, f"{remedy}flow", int(found[0]), 1)
         if found.size:
@@ -197,7 +198,7 @@ class _Record:
         longest = self.longest_gap(step, uneven.size > 0)
         if count > MAX_ROWS:
             problem = f"has {count:,} even samples, and {MAX_ROWS:,} are taken"
-            raise InputError(problem, "take a part of it by start and duration", file=raw.file)
+            raise InputError(problem, "choose a part of it by start and duration", file=raw.file)
         good = np.isfinite(raw.speed) & ~spikes
         if uneven.size:
             off = f"samples were up to {np.max(miss):.3g} s off even times"
@@ -230,7 +231,7 @@ class _Record:
         raw, interpolate = self.raw, self.options.gaps == "interpolate"
         present = np.isfinite(raw.speed)
         empty = np.flatnonzero(~present)
-        another = "take a part without it by start and duration"
+        another = "choose a part without it by start and duration"
         if empty.size and not interpolate:
             others = f", as are {empty.size - 1} more" if empty.size > 1 else ""
             remedy = f"give gaps: interpolate, or {another}"

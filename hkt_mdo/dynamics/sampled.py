@@ -49,7 +49,7 @@ _Bins = tuple[Annotated[float, Quantity("m")], Annotated[float, Quantity("m")]]
 class RecordInflow(SampledInflow):
     """A measured flow: the samples of a file, low-passed, and a smooth cubic spline through them.
 
-    Nothing in the record is repaired unless a key below says so, and every repair is reported.
+    The record is repaired only where a key below allows it, and every repair is reported.
     """
 
     profile: Literal["record"] = "record"
@@ -64,41 +64,43 @@ class RecordInflow(SampledInflow):
     speed_column: str | None = None
     """Column or variable of the speed; null: the only one besides the time."""
     time_unit: Literal["s", "ms", "min", "h", "days"] | None = None
-    """Unit of times that are numbers; null: as the column's name says, such as `time_s` or
-    `time [h]`. Dates are recognized: `2024-05-01T12:00:00`, with or without a zone."""
+    """Unit of times that are numbers; null: as in the column's name, such as `time_s` or `time
+    [h]`. Dates are recognized: `2024-05-01T12:00:00`, with or without a zone."""
     speed_unit: (
         Literal["m/s", "cm/s", "mm/s", "km/h", "ft/s", "knot", "mph", "m3/s", "L/s", "ft3/s"] | None
     ) = None
-    """Unit of the speed, or of a discharge; null: as the column's name says, such as `speed_m_s`
-    or `Stream velocity, feet per second`."""
+    """Unit of the speed, or of a discharge; null: as in the column's name, such as `speed_m_s` or
+    `Stream velocity, feet per second`."""
     area: Annotated[float, Quantity("m**2", gt=0)] | None = None
-    """Area of the channel's cross section, for a record of the discharge alone: speed = discharge /
-    area, the mean over the section."""
+    """Area of the channel's cross section, for a record of the discharge: speed = discharge / area,
+    the mean over the section."""
     bins: Annotated[_Bins, AfterValidator(ordered)] | None = None
     """Range of the depth bins of a profiler that are averaged, [lower, upper], such as those that
     the rotor spans; null: the record has no bins."""
     component: str | None = None
-    """Label of the component of a velocity that is taken, such as `E` or `streamwise`; null: the
-    horizontal speed, of the first two."""
+    """Label of the velocity component to use, such as `E` or `streamwise`; null: the horizontal
+    speed, from the first two components."""
     start: Annotated[float, Quantity("s", ge=0)] = 0.0
     """Time in the record, from its first sample, that becomes t = 0."""
     duration: Annotated[float, Quantity("s", gt=0)] | None = None
     """Length of the part that is taken; null: up to the record's end."""
     gaps: Literal["refuse", "interpolate"] = "refuse"
-    """What is done about missing samples and empty or NaN cells: the record is refused, or the
-    speed is interpolated up to `longest_gap`."""
+    """Treatment of missing samples and empty or NaN cells: the record is refused, or the speed is
+    interpolated over gaps up to `longest_gap`."""
     longest_gap: Annotated[float, Quantity("s", gt=0, le=3600)] | None = None
     """Longest gap, as missing samples times their spacing, that may be interpolated; null: three
     samples, and no more than an hour."""
     spikes: Literal["refuse", "replace", "keep"] = "refuse"
-    """What is done about spikes, which are up to three samples that stand off from their
-    neighbours: the record is refused, they are interpolated, or they are taken for the flow."""
+    """Treatment of spikes, which are up to three samples that differ strongly from their
+    neighbours: the record is refused, they are interpolated, or they are kept as part of the flow.
+    """
     uneven: Literal["refuse", "resample"] = "refuse"
-    """What is done about unevenly spaced samples: the record is refused, or the speed is
-    interpolated at even times, spaced by the median."""
+    """Treatment of unevenly spaced samples: the record is refused, or the speed is interpolated at
+    equal steps of the median spacing."""
     cutoff: Annotated[float, Quantity("Hz", gt=0)] | None = None
-    """Frequency of the low-pass, which shifts no phase; null: half of Nyquist's. A rotor averages
-    over eddies smaller than itself: speed over rotor diameter is a good cutoff."""
+    """Cutoff frequency of the low-pass, which has no phase shift; null: half of Nyquist's
+    frequency. A rotor averages over eddies smaller than itself: speed over rotor diameter is a good
+    cutoff."""
 
     @field_validator("file")
     @classmethod
@@ -160,10 +162,9 @@ SPECTRA = {"von_karman": von_karman, "kaimal": kaimal}
 class TurbulentInflow(SampledInflow):
     """Turbulence, v = mean + sum_k sqrt(2 S(f_k) df) cos(2 pi f_k t + phase_k), df = 1/duration.
 
-    The phases are random, the spectrum is exact, or, with random amplitudes, that of many seeds in
-    the mean. Frequencies above the cutoff are missing, as are
-    those below 1/duration, and the rest is not scaled up in their place: the share of the variance
-    that is kept is reported.
+    The phases are random. Each seed has exactly this spectrum or, with random amplitudes, has it in
+    the mean over many seeds. Frequencies above the cutoff and below 1/duration are missing, and the
+    others are not scaled up to compensate: the share of the variance that is kept is reported.
     """
 
     profile: Literal["turbulence"] = "turbulence"
@@ -173,7 +174,7 @@ class TurbulentInflow(SampledInflow):
     (1 + 70.8 n^2)^(5/6), of isotropic turbulence; `kaimal`, S = 4 s^2 (L/V) / (1 + 6 n)^(5/3), of a
     boundary layer (IEC 61400-1)."""
     mean: Annotated[float, Quantity("m/s", gt=0)] = 1.5
-    """Mean inflow speed V, with which the turbulence drifts past the rotor."""
+    """Mean inflow speed V, at which the turbulence is carried past the rotor."""
     intensity: Annotated[float, Quantity(gt=0, lt=1)] = 0.1
     """Turbulence intensity: standard deviation s of the whole spectrum over the mean."""
     length_scale: Annotated[float, Quantity("m", gt=0)] = 5.0
@@ -185,11 +186,11 @@ class TurbulentInflow(SampledInflow):
     `random`, Rayleigh distributed about it, so that a short flow varies from seed to seed as a
     Gaussian process does."""
     duration: Annotated[float, Quantity("s", gt=0)] = 60.0
-    """Duration of the realization, after which it repeats; ten times L/V at least. What is slower
-    is missing, too."""
+    """Duration of the realization, after which it repeats; at least ten times L/V. Slower
+    fluctuations are missing."""
     cutoff: Annotated[float, Quantity("Hz", gt=0)] | None = None
-    """Highest frequency; null: 2 mean/length_scale, above which is a tenth of the variance. A rotor
-    averages over eddies smaller than itself: mean over rotor diameter is a good cutoff."""
+    """Highest frequency; null: 2 mean/length_scale, above which there is a tenth of the variance. A
+    rotor averages over eddies smaller than itself: mean over rotor diameter is a good cutoff."""
 
     @property
     def highest_frequency(self) -> float:

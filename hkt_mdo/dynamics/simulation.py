@@ -232,7 +232,7 @@ class IntegrationError(InputError):
 
     def __init__(self, time: float) -> None:
         problem = f"the independent integration fails at t = {time:.6g} s"
-        remedy = "see that the flow is positive there, and the control law finite and continuous"
+        remedy = "check that the flow is positive there, and the control law finite and continuous"
         super().__init__(problem, remedy)
         self.time = time
 

@@ -27,45 +27,48 @@ class Tracking(FeedbackLaw):
     While u is not saturated, z' = ki (w - w_ref): z is the integral part. At the torque limit the
     same formula is anti-windup by back-calculation with the time kp / ki: z approaches the limit.
     In equilibrium z = u = Q and w = w_ref. With induction that answers at once, the loop is stable
-    where kp du/dx > dQ/dw, x being what is saturated (docs/controllers.md): it also holds a rotor
-    that turns slower in a faster flow, which no law of the rotor's speed alone can. s is what the
-    sensor tells of the flow's speed; w_ref is a natural cubic spline, linear beyond its knots.
+    where kp du/dx > dQ/dw, x being the argument of sat (docs/controllers.md). It can also hold a
+    rotor that turns slower in faster flow, which no law of the rotor's speed alone can. s is the
+    sensor's reading of the flow speed; w_ref is a natural cubic spline, linear beyond its knots.
 
     An estimate of v from speed and torque needs a model of the rotor. The optimization assumes a
     perfect model; only the filter's lag remains, so that designs are the same with a sensor and
-    with an estimate. They differ where the rotor or the water are not those of the design, and in
-    noise (docs/controllers.md).
+    with an estimate. They differ if the rotor or the water differ from the design, and with noise
+    (docs/controllers.md).
     """
 
     law: Literal["tracking"] = "tracking"
     """The control law."""
     knots: Annotated[int, Strict(), Field(ge=2, le=40)] = 8
-    """Number of flow speeds at which the schedule's speed is designed, equally spaced."""
+    """Number of flow speeds, equally spaced, at which the rotor speed of the schedule is designed.
+    """
     flow_range: Annotated[tuple[_FlowSpeed, _FlowSpeed], _Ordered] | None = None
     """Flow speeds of the first and the last knot; null: the slowest and the fastest of `inflow`."""
     schedule: tuple[Annotated[float, Quantity("rad/s", gt=0)], ...] | None = None
-    """Rotor speeds at the knots at the start; null: those of the start's open loop."""
+    """Rotor speeds at the knots at the start of the optimization; null: those of the open loop
+    found by the search for a start."""
     proportional_gain: _Proportional | None = None
-    """Gain kp; null: twice the largest of Q/w and dQ/dw along the start's schedule."""
+    """Gain kp; null: twice the larger of the maxima of Q/w and dQ/dw along the schedule of the
+    start."""
     proportional_bounds: Annotated[tuple[_Proportional, _Proportional], _Ordered] | None = None
-    """Bounds between which kp is designed; null: it is held. An optimization has no noise: it often
-    ends at the upper bound."""
+    """Bounds between which kp is designed; null: it is fixed. There is no noise in an optimization,
+    so it often ends at the upper bound."""
     integral_gain: _Integral | None = None
     """Gain ki; null: kp / 0.2 s."""
     integral_bounds: Annotated[tuple[_Integral, _Integral], _Ordered] | None = None
-    """Bounds between which ki is designed; null: it is held."""
+    """Bounds between which ki is designed; null: it is fixed."""
     flow: Literal["sensed", "estimated"] = "sensed"
-    """Where the flow's speed is known from: a sensor, or the rotor's speed and torque."""
+    """Source of the flow speed: a sensor, or an estimate from the rotor's speed and torque."""
     lag: Annotated[float, Quantity("s", ge=0.001)] = 0.1
     """Time constant with which the sensor, or the filter of the estimate, follows the flow."""
     bias: Annotated[float, Quantity("m/s")] = 0.0
     """Offset of the sensor, also used in the optimization."""
     noise: Annotated[float, Quantity("m/s", ge=0)] = 0.0
-    """Standard deviation of a sample of the sensor; in noisy simulations only."""
+    """Standard deviation of a sample of the flow sensor, in simulations with noise only."""
 
     states: ClassVar[dict[str, tuple[str, str]]] = {
         "integral_torque": ("N*m", "integral part of the control torque"),
-        "sensed_flow": ("m/s", "inflow speed as the sensor tells it"),
+        "sensed_flow": ("m/s", "inflow speed as read by the sensor"),
     }
     farthest: ClassVar[float] = 1.2  # factor; the rotor follows its schedule
     estimates_flow = property(lambda self: self.flow == "estimated")  # type: ignore[assignment]
@@ -77,10 +80,10 @@ class Tracking(FeedbackLaw):
     def _check_start(self):
         if self.schedule is not None and len(self.schedule) != self.knots:
             problem = f"has {len(self.schedule)} speeds for {self.knots} knots"
-            raise refusal(problem, "give one a knot", key="schedule", value=list(self.schedule))
+            raise refusal(problem, "give one per knot", key="schedule", value=list(self.schedule))
         for name in ("bias", "noise") if self.flow == "estimated" else ():
             if value := getattr(self, name):
-                problem = "is a sensor's, and the flow's speed is estimated"
+                problem = "is for a sensor, but the flow speed is estimated"
                 raise refusal(problem, "leave it out, or give flow: sensed", key=name, value=value)
         for name in ("proportional", "integral"):
             gain, bounds = getattr(self, f"{name}_gain"), getattr(self, f"{name}_bounds")
@@ -106,7 +109,7 @@ class Tracking(FeedbackLaw):
         return self.model_copy(update={"flow_range": (middle - half, middle + half)})
 
     def reference(self, flow, gains):
-        """Return the schedule's speed, rad/s, at told flow speeds, m/s; both may be complex."""
+        """Return the schedule's speed, rad/s, at sensed flow speeds, m/s; both may be complex."""
         spline = _spline(self.flow_range, self.knots)
         if np.ndim(flow) == 0:
             return spline.values(gains[: self.knots], np.atleast_1d(flow))[0][0]
@@ -140,7 +143,7 @@ class Tracking(FeedbackLaw):
         if self.schedule is not None:
             return np.array([*self.schedule, kp, ki])
         spline = _spline(self.flow_range, self.knots)
-        # where no flow tells a knot, its speed is in proportion to the flow
+        # at a knot that no flow reaches, its speed is proportional to the flow
         schedule = spline.nodes * np.sum(speed) / np.sum(sensed)
         basis = spline.basis(sensed)
         schedule = schedule + np.linalg.lstsq(basis, speed - basis @ schedule, rcond=1e-6)[0]

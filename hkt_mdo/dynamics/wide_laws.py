@@ -44,8 +44,8 @@ class PowerLawFeedback(FeedbackLaw):
     law: Literal["power_law"] = "power_law"
     """The control law."""
     gain: Annotated[float, Quantity("N*m", gt=0)] | None = None
-    """Torque K at 1 rad/s at the start, given with `exponent`; null: chosen by the starting
-    point."""
+    """Torque K at 1 rad/s at the start of the optimization, given with `exponent`; null: chosen by
+    the search for a start."""
     exponent: Annotated[float, Quantity(ge=-5, le=20)] | None = None
     """Exponent p; null: designed."""
 
@@ -97,16 +97,17 @@ class RatedFeedback(FeedbackLaw):
     """Quadratic feedback up to a rated power, constant power by overspeed above it.
 
     u = (a + b - sqrt((a - b)^2 + nu a b / 4)) / 2, a = K w^2, b = P / w, nu = `smoothing`: smoothly
-    the lesser of both, as far below their corner as the paper's saturation (eq. 4), which then
-    limits it to the torque limit.
+    the smaller of both, with a rounded corner as in the paper's saturation (eq. 4), which is then
+    applied for the torque limit.
     """
 
     law: Literal["rated"] = "rated"
     """The control law."""
     gain: Annotated[float, Quantity("N*m*s**2/rad**2", gt=0)] | None = None
-    """Gain K at the start, given with `power`; null: chosen by the starting point."""
+    """Gain K at the start of the optimization, given with `power`; null: chosen by the search for a
+    start."""
     power: Annotated[float, Quantity("W", gt=0)] | None = None
-    """Rated power P of the shaft; null: designed, where the case has a limit of the power."""
+    """Rated power P of the shaft; null: designed, which needs a limit of the power in the case."""
 
     @model_validator(mode="after")
     def _check_start(self) -> RatedFeedback:
@@ -144,8 +145,8 @@ class CurveFeedback(FeedbackLaw):
     """A smooth curve of the torque over the speed through knots, whose torques are designed.
 
     The logarithm of the torque is a natural cubic spline of the logarithm of the speed: between the
-    knots it may rise and fall; beyond them it is a power of the speed. The start places the knots,
-    and there they stay.
+    knots it may rise and fall; beyond them it is a power of the speed. The start chooses the speeds
+    of the knots; from there they are fixed.
     """
 
     law: Literal["curve"] = "curve"
@@ -154,9 +155,10 @@ class CurveFeedback(FeedbackLaw):
     """Number of knots."""
     farthest: ClassVar[float] = 1.2  # factor; neighbours far apart make a wild curve
     knot_speeds: tuple[Annotated[float, Quantity("rad/s", gt=0)], ...] | None = None
-    """Rotor speeds of the knots, rising, given with `knot_torques`; null: chosen by the start."""
+    """Rotor speeds of the knots, increasing, given with `knot_torques`; null: chosen by the search
+    for a start."""
     knot_torques: tuple[Annotated[float, Quantity("N*m", gt=0)], ...] | None = None
-    """Torques of the knots at the start."""
+    """Torques of the knots at the start of the optimization."""
 
     @model_validator(mode="after")
     def _check_knots(self) -> CurveFeedback:

@@ -167,11 +167,11 @@ def export(
     Parameters
     ----------
     solution : Solution
-        The result; of one that is no success only with `force`, which its files tell.
+        The result; one of a run that did not succeed only with `force`, and its files say so.
     formats : sequence of str
         Keys of `FORMATS`.
     out : str or pathlib.Path
-        Folder for the files, made if need be.
+        Folder for the files; created if needed.
     options : iterable of str
         Options of the formats, such as ``stl.trailing_edge=2 mm``.
     force : bool, optional
@@ -190,7 +190,7 @@ def export(
     """
     wanted, out = chosen(formats, options), Path(out)
     if not solution.success and not force:
-        problem = f"is the result of a run without success ({solution.message})"
+        problem = f"is the result of a run that did not succeed ({solution.message})"
         remedy = "run the case again, or give --force: every file then says so"
         raise InputError(problem, remedy, file=solution.folder)
     source, contents = Source(solution), {}

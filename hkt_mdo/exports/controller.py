@@ -88,7 +88,7 @@ class Controller(Format):
             unit = 10.0 ** np.floor(np.log10(wanted))
             return float(f"{np.floor(wanted / unit) * unit:.1g}")
         if self.sample_time >= UNSTABLE * answers:
-            problem = "makes the loop unstable, since the torque is held from one step to the next"
+            problem = "makes the loop unstable, because the torque is constant between two steps"
             remedy = f"give less than 2 I / kp = {UNSTABLE * answers:.3g} s, better a tenth of it"
             raise InputError(problem, remedy, key="controller.sample_time", value=self.sample_time)
         return self.sample_time
@@ -186,12 +186,12 @@ _SATURATED = (
     ("falling", "sqrt(SMOOTHING + (ratio - 2.0) * (ratio - 2.0))"),
     ("torque", "0.25 * LIMIT * (2.0 + rising - falling)"),
 )
-_TOLD = (
+_SENSED = (
     ("tip", "fmax(w, STILL) * RADIUS"),
     ("volume", "3.141592653589793 * RADIUS * RADIUS * RADIUS"),
     ("unit", "0.5 * DENSITY * volume * tip * tip"),
     ("coefficient", "(torque + INERTIA * acceleration) / unit"),
-    ("told", "tip / ratio_of(fmin(fmax(coefficient, SMALLEST), LARGEST))"),
+    ("sensed", "tip / ratio_of(fmin(fmax(coefficient, SMALLEST), LARGEST))"),
 )
 
 
@@ -228,7 +228,7 @@ def _written(kind: str, code: Code, head: list[str], sample_time: float) -> str:
     fields = {"demand": _assigned((*code.steps, *saturated), kind, indent)}
     fields |= {"sample_time": repr(sample_time), "flow": ""}
     if "ratio_of" in code.curves:
-        fields["flow"] = _template(f"flow.{kind}", told=_assigned(_TOLD, kind, 1))
+        fields["flow"] = _template(f"flow.{kind}", sensed=_assigned(_SENSED, kind, 1))
     curves = "\n".join(_curve_code(kind, *each) for each in code.curves.items())
     if curves and kind != "h":
         curves = f"{_template(f'piecewise.{kind}')}\n{curves}"

@@ -86,7 +86,7 @@ class OpenFast(Format):
         depth = UNKNOWN_DEPTH * radius if known is None else known
         water = depth + BED * radius if self.water_depth is None else self.water_depth
         if water <= depth + radius:
-            problem = f"leaves no room for the blades: the hub is {depth:.4g} m deep"
+            problem = f"is too small for the blades: the hub is {depth:.4g} m deep"
             remedy = f"give more than {depth + radius:.4g} m"
             raise InputError(problem, remedy, key="openfast.water_depth", value=self.water_depth)
         height = water - depth if self.mhk == 1 else -depth
@@ -123,7 +123,7 @@ class OpenFast(Format):
 
 
 class _Rotor:
-    """What the files tell of a result's rotor."""
+    """What the files contain of a result's rotor."""
 
     def __init__(self, source: Source) -> None:
         self.solution, self.design = source.solution, source.design
@@ -164,7 +164,7 @@ class _Rotor:
 
     @property
     def words(self) -> dict[str, Any]:
-        """What the templates ask of rotor and water."""
+        """What the templates need of rotor and water."""
         blade, fluid = self.blade, self.world.case.fluid
         pressure = self.world.rotor.cavitation or Cavitation  # with its defaults
         speed = float(self.solution.by_scenario[0].trajectory["rotor_speed_rad_s"][0])

@@ -75,10 +75,10 @@ def _law_words(design: Design, rotor: Hydrodynamics) -> dict[str, Any]:
     """Return what DISCON.IN says of the law: modes, gains, limits and schedule."""
     law, gains = design.law, design.gains
     if not isinstance(law, FeedbackLaw):
-        problem = "has no open loop, whose torque is a function of the time"
+        problem = "cannot have an open loop, whose torque is a function of time"
         raise InputError(problem, "run the case with a feedback law", key="--to", value="rosco")
     if law.states and not isinstance(law, Tracking):
-        problem = f"has no place for the states of the law {law.law}"
+        problem = f"has no entries for the states of the law {law.law}"
         raise InputError(problem, "export controller or csv", key="--to", value="rosco")
     flows, speeds, torques = _schedule(design)
     limit = law.torque_limit
@@ -114,7 +114,7 @@ def _law_words(design: Design, rotor: Hydrodynamics) -> dict[str, Any]:
     if isinstance(law, Tracking):
         return words | _by_flow(law, design, rotor, (flows, speeds))
     if np.any(np.diff(torques) <= 0.0):
-        problem = "looks the rotor's speed up by the torque, which does not rise with it throughout"
+        problem = "finds the rotor speed from the torque, which has to increase with the speed"
         remedy = f"export controller, which has the law {law.law} itself"
         raise InputError(problem, remedy, key="--to", value="rosco")
     slope = float(np.max(np.gradient(torques, speeds)))
@@ -182,8 +182,8 @@ def _schedule(design: Design) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return flows, speeds, np.clip(torques, 0.0, limit)
     flows, speeds = balanced(design, flows)
     if flows.size < 2:
-        problem = "needs flows in which the rotor turns steadily under its law, and finds none"
-        raise InputError(problem, "look at the gains of the result", key="--to", value="rosco")
+        problem = "needs flows in which the rotor turns steadily under its law, but there are none"
+        raise InputError(problem, "check the gains of the result", key="--to", value="rosco")
     return flows, speeds, law.torque(speeds, design.gains)
 
 

@@ -140,7 +140,7 @@ def _read_table(file: _Lines, where: str) -> PolarTable:
     count_line, cell = file.setting("NumAlf")
     line, _, names = file.lines[file.at]
     if names and names[1:3] != ["cl", "cd"]:
-        problem = "the columns are to be Alpha, Cl, Cd and perhaps Cm and Cpmin"
+        problem = "the columns are to be Alpha, Cl, Cd and optionally Cm and Cpmin"
         remedy = "put them in order"
         raise line_error(file.file, line, problem, remedy, where, value=" ".join(names))
     rows = file.rows(file.count("NumAlf", count_line, cell), count_line)
@@ -336,7 +336,7 @@ def read_blade_definition(text: str, file: Path, hub_radius: float | None) -> Bl
     columns, messages = _blade_columns(lines_of(text.rstrip()), file)
     span, degrees, chord, section = (columns[name] for name in _NEEDED)
     unknown = np.full(span.values.size, hub_radius is None)
-    problem = "counts from the blade's root, whose radius an AeroDyn file does not say"
+    problem = "is measured from the blade's root, whose radius an AeroDyn file does not contain"
     span.refuse(unknown, problem, "give the hub radius in metres")
     first, last = float(span.values[0]), float(span.values[-1])
     messages.append("BlTwist: degrees converted to radians")
@@ -347,7 +347,7 @@ def read_blade_definition(text: str, file: Path, hub_radius: float | None) -> Bl
         note = f"rows begin {first:g} m ({100.0 * first / last:.3g} % of the span) outboard of the"
         messages.append(f"BlSpn: {note} blade's root, from which AeroDyn counts")
     if hub_radius:
-        messages.append(f"BlSpn: counted from the root, hub radius of {hub_radius:g} m added")
+        messages.append(f"BlSpn: measured from the root, hub radius of {hub_radius:g} m added")
     for name, what in (("BlCrvAC", "prebend"), ("BlSwpAC", "sweep"), ("BlCrvAng", "cant angle")):
         if name in columns and np.any(columns[name].values != 0.0):
             largest = f"{np.max(np.abs(columns[name].values)):g} {_UNITS[name]}"
@@ -404,7 +404,7 @@ def _blade_columns(lines: list[str], file: Path) -> tuple[dict[str, Column], lis
         for line, text in enumerate(lines[names_line + 1 :], names_line + 2)
     ]
     if len(rows) < count:
-        problem = f"promises {count} rows, but the file ends after {len(rows)}"
+        problem = f"announces {count} rows, but the file ends after {len(rows)}"
         remedy = "complete the rows or correct NumBlNds"
         raise line_error(file, count_line, problem, remedy, "NumBlNds", value=count)
     ignored = sum(fortran_number(cells[0]) is not None for _, cells in rows[count:] if cells)

@@ -135,13 +135,13 @@ class BladeTable:
         """
         hub = self.hub_radius if hub_radius is None else float(hub_radius)
         if hub is None:
-            raise InputError("says no hub radius", "give one", file=self.file)
+            raise InputError("has no hub radius", "give one", file=self.file)
         tip = 1.0 if self.relative else self.tip_radius
         margin = EDGE * (self.r[-1] if tip is None else tip)
         keep = (self.r > hub + margin) & (self.r < (np.inf if tip is None else tip - margin))
         if not np.any(keep):
             problem = f"has no row between the hub ({hub:g}) and the tip"
-            raise InputError(problem, "add rows there, or lessen the hub radius", file=self.file)
+            raise InputError(problem, "add rows there, or reduce the hub radius", file=self.file)
         given = {name: getattr(self, name) for name in ("r", "chord", "twist", "thickness")}
         kept = {name: values[keep] for name, values in given.items() if values is not None}
         section = self.section and tuple(compress(self.section, keep))
@@ -225,7 +225,7 @@ def check_rows(
     many = f"is one of more than {MOST_ROWS} rows"
     r.refuse(every & (size > MOST_ROWS), many, "give a blade of usual length")
     r.check_rising("radii")
-    r.refuse(r.values < 0.0, "is a negative radius", "count radii from the rotor's centre")
+    r.refuse(r.values < 0.0, "is a negative radius", "measure radii from the rotor's axis")
     chord.refuse(chord.values <= 0.0, "is no chord", "chords must be greater than 0")
     long = f"is a chord longer than the outermost radius ({longest:g})"
     chord.refuse(chord.values > longest, long, "check the unit of the chord")

@@ -175,7 +175,7 @@ def _check(x: np.ndarray, y: np.ndarray, numbers: Sequence[int], path: Path) -> 
     for edge, end, what in ((0, nose, "smallest"), (1, tail, "largest")):
         off = abs(x[end] - edge) > EDGE
         refuse(off, f"the {what} x is {x[end]:g} instead of {edge}", _CHORD_AXES, end)
-    beside = f"lies more than {FARTHEST:g} of the chord beside it"
+    beside = f"lies more than {FARTHEST:g} of the chord away from it"
     refuse(abs(y[far]) > FARTHEST, beside, _CHORD_AXES, far)
     for point, name in ((0, "first"), (-1, "last")):
         inside = x[point] < 1.0 - 2.0 * EDGE
@@ -187,7 +187,7 @@ def _check(x: np.ndarray, y: np.ndarray, numbers: Sequence[int], path: Path) -> 
     area = 0.5 * abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
     outside = not AREA_RANGE[0] <= area <= AREA_RANGE[1]
     encloses = f"the outline up to line {numbers[-1]} encloses {area:.4g} chord²"
-    refuse(outside, f"{encloses}, no area of a section", _ORDER, 0)
+    refuse(outside, f"{encloses}, which is not the area of a section", _ORDER, 0)
 
 
 def _first_crossing(x: np.ndarray, y: np.ndarray) -> list[tuple[int, int]]:

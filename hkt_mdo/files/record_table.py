@@ -294,7 +294,7 @@ class Columns:
             raise self._refuse_column(column, problem, remedy)
         if given is not None and named not in (None, given):
             problem = f"is in {named} by its own name or attributes, and in {given} by {key}"
-            remedy = f"mend {key} or the file, whichever is wrong"
+            remedy = f"correct {key} or the file, whichever is wrong"
             raise self._refuse_column(column, problem, remedy)
         return str(given or named)
 

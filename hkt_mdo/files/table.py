@@ -365,7 +365,7 @@ class Csv:
                 yield reader.line_num, cells
         except csv.Error as error:
             problem = f"is not CSV ({error})"
-            raise line_error(self.file, reader.line_num, problem, "mend the line") from None
+            raise line_error(self.file, reader.line_num, problem, "correct the line") from None
 
     def __iter__(self) -> Iterator[Row]:
         return self._rows

@@ -181,7 +181,7 @@ class _Turbine:
 
     def note_structure(self) -> None:
         """Say that layers are not read: they are not of one material, as a blade here is."""
-        note = "webs and layers are not read: rotor.material and rotor.wall stand for them"
+        note = "webs and layers are not read: rotor.material and rotor.wall are used instead"
         structures = (self.root.find(f"components.blade.{name}") for name in _STRUCTURES)
         self.messages += [f"{structure.key}: {note}" for structure in structures if structure]
 
@@ -191,7 +191,7 @@ class _Turbine:
         axis = axis or self.root.get("components.blade.reference_axis")
         grid, z = _spanwise(axis.get("z"))
         aside = np.abs(z.values[:1]) > EDGE * abs(z.values[-1])
-        z.refuse(aside, "is not 0 at the blade's root", "count z from the root")
+        z.refuse(aside, "is not 0 at the blade's root", "measure z from the root")
         height = np.concatenate(([0.0], z.values[1:]))
         z.check_rising("heights above the root", height)
         for name, what in (("x", "prebend"), ("y", "sweep")):

@@ -211,7 +211,7 @@ class Place:
         """
         self._expect(yaml.SequenceNode, "a list")
         if not self.node.value:
-            raise self.refuse("is empty", "give what belongs there")
+            raise self.refuse("is empty", "give a value")
         return [self.below(node, f"[{index}]") for index, node in enumerate(self.node.value)]
 
     def text(self) -> str:
@@ -370,7 +370,7 @@ def compose(text: str, file: object, key: str = "", *, case: bool = False) -> ya
             place = f"line {text.count(chr(10), 0, error.position) + 1}"
         reason = getattr(error, "problem", None) or getattr(error, "reason", None) or error
         problem = f"cannot be read as YAML: {reason}"
-        raise InputError(problem, "mend it there", file=file, key=place) from None
+        raise InputError(problem, "correct it there", file=file, key=place) from None
     if root is not None:
         _check_keys(Place(root, key, file), case, set())
     return root

@@ -84,7 +84,7 @@ def _held(physics, setup, limit, number, scales) -> Held:
 
 
 def _distance_from_stall(physics, setup):
-    """Yield the distances from stall as limits, where the setup asks for them."""
+    """Yield the distances from stall as limits, where the setup has them."""
     if setup.slowed and physics.has_curve:
         about = {"law": physics.law, "spline": TorqueSpline(setup.nodes)}
         yield DistanceFromStall(**about)

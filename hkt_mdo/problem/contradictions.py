@@ -27,7 +27,7 @@ def refuse_contradictions(case: Case, shape: Shape, fastest: float) -> None:
         bound = limits.get(name)
         if bound is not None and bound * reach <= standing:
             problem = f"stops the rotor: in the flow of {fastest:.4g} m/s a tip speed ratio of "
-            problem += f"{SLOWEST_RATIO:g} or less counts as standing"
+            problem += f"{SLOWEST_RATIO:g} or less counts as standstill"
             remedy = f"give more than {standing / reach:.4g} {unit}"
             raise InputError(problem, remedy, key=f"limits.{name}", value=bound)
     taper = _given(case).get(Taper.name)
@@ -62,7 +62,7 @@ def redundant_limits(case: Case, shape: Shape) -> Iterator[str]:
     for name, most, bound, unit, others in implied:
         if most <= bound < np.inf:
             yield (
-                f"limits.{name} = {bound:g} {unit} is of no effect: limits.{others} allows "
+                f"limits.{name} = {bound:g} {unit} has no effect: limits.{others} allows "
                 f"{most:.4g} {unit} at most"
             )
 

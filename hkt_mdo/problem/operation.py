@@ -29,16 +29,16 @@ def in_operation(
     spans = whole.inflow.spans_below(cut_out, total)
     lengths, segment = np.diff(spans).ravel(), total / mesh.segments
     if np.sum(lengths) == total:
-        return (whole,), (f"control.cut_out = {cut_out:g} m/s is of no effect: no flow is faster",)
+        return (whole,), (f"control.cut_out = {cut_out:g} m/s has no effect: no flow is faster",)
     shortest = max(segment, diameter / cut_out)
     kept = lengths >= shortest
     count, longest = int(np.sum(kept)), float(np.max(lengths, initial=0.0))
     place = {"key": "control.cut_out", "value": cut_out}
     if not count:
         slowest = float(np.min(whole.inflow.speed_at(whole.samples)))
-        problem = f"leaves no time of operation: the flow has at least {slowest:.4g} m/s"
+        problem = f"leaves no time for operation: the flow has at least {slowest:.4g} m/s"
         if longest:
-            problem += f", and is slower than this for {longest:.3g} s at a time, at most, where "
+            problem += f", and is slower than this for {longest:.3g} s at a time, at most, while "
             problem += f"the rotor needs {shortest:.3g} s"
         raise InputError(problem, "give a larger one, or null for none", **place)
     if count > MOST_INTERVALS:

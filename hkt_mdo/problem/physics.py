@@ -104,7 +104,7 @@ class Physics:
 
     @property
     def loads(self) -> LoadModel:
-        """What tells the loads of a blade."""
+        """What computes the loads of a blade."""
         return self.rotor.loads
 
     def built(self, blade: Blade) -> Any:
@@ -162,7 +162,7 @@ class Physics:
 
     @property
     def load_names(self) -> tuple[str, ...]:
-        """Names of the loads that limits and objective ask for."""
+        """Names of the loads that limits and objective need."""
         return tuple(filter(self.asks_for, LOADS))
 
     @property
@@ -690,7 +690,7 @@ def _with_limits(
 
 
 def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
-    """Return the rotor of a case; refuse limits on loads that it cannot tell."""
+    """Return the rotor of a case; refuse limits on loads that it cannot compute."""
     flow = Hydrodynamics(turbine.polar)
     given = [*case.limits.given, *(each for part in case.scenarios for each in part.limits.given)]
     limited = {name: each for each in given for name in each.inputs if name in LOADS}
@@ -698,7 +698,7 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     optimized = case.objective.is_of(LOADS)
     if (limited or optimized) and (direct or flow.follows_reynolds):
         key = "objective" if optimized else f"limits.{next(iter(limited))}"
-        problem = "takes a load, which needs a curve over the tip speed ratio"
+        problem = "uses a load, which needs a curve over the tip speed ratio"
         remedy = "give hydrodynamics.torque: curve and rotor.reynolds: invariant"
         raise InputError(problem, remedy, key=key)
     if flow.follows_thickness and (direct or case.hydrodynamics.bem != "vectorized"):
@@ -715,7 +715,7 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     key = "site.hub_depth" if asked.depth is None else "limits.cavitation.depth"
     tip = max(shape.blade.rotor_radius, *(shape.radius_bounds or (0.0,)))
     if depth is not None and depth <= tip:
-        problem = f"is not below the blade's reach of {tip:.4g} m: the tip would leave the water"
+        problem = f"is within the blade's radius of {tip:.4g} m: the tip would leave the water"
         raise InputError(problem, "give a larger depth of the hub", key=key, value=depth)
     told = not flow.follows_reynolds and all(each.suction is not None for each in polars)
     cavitation = None
@@ -751,13 +751,13 @@ def _doubts(case: Case, mean: float) -> Iterator[str]:
     density, (light, heavy) = case.fluid.density, WATER
     if not light <= density <= heavy:
         yield (
-            f"fluid.density = {density:g} kg/m^3 is not that of water, about 1000: look at its "
-            f"unit, such as {density:g} g/cm**3"
+            f"fluid.density = {density:g} kg/m^3 is not that of water, about 1000: check its unit, "
+            f"such as {density:g} g/cm**3"
         )
     if mean > CURRENT:
         yield (
-            f"the flow's mean speed is {mean:.4g} m/s, faster than currents are: look at the unit "
-            f"of its speeds, such as {mean:.4g} cm/s"
+            f"the flow's mean speed is {mean:.4g} m/s, faster than natural currents: check the "
+            f"unit of its speeds, such as {mean:.4g} cm/s"
         )
     rated = any(limit.is_of(RATES) for limit in case.limits.given)
     if rated and case.control.chooses_torque and case.design.blade == "optimized":

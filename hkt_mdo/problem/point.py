@@ -100,11 +100,11 @@ class StartingPoint:
     strategy : str
         Which strategy of the search proposed it.
     branches : tuple of StartingPoint
-        The best of each branch, its own first, where limits ask for one.
+        The best of each branch, its own first, where limits make a choice of branches necessary.
     starts : tuple of StartRecord
         What became of all candidates of the search; empty where there was none.
     messages : tuple of str
-        What is to be told of the start.
+        Messages about the start.
     """
 
     blade: Blade

@@ -40,7 +40,7 @@ class RotorGroup(om.Group):
     num_points : int
         Number of operating points, n_points.
     given : str
-        What tells the operating points besides the flow's speed: "tip_speed_ratio" or
+        What defines the operating points besides the flow's speed: "tip_speed_ratio" or
         "rotor_speed"; the other one is an output.
     blade : Blade, optional
         The initial blade, such as ``solution.design().blade``; by default that of the case.
@@ -61,8 +61,8 @@ class RotorGroup(om.Group):
     - torque_coefficient, power_coefficient, thrust_coefficient[n_points]
     - hydrodynamic_torque (N*m), hydrodynamic_power (W)[n_points]
     - thrust (N), root_moment (N*m)[n_points]; with an outline stress (Pa), with a depth
-      cavitation[n_points], which must not exceed one. Stress and cavitation are smooth largest
-      values along the blade, which are never below the largest and a few per cent above it at most
+      cavitation[n_points], which must not exceed one. Stress and cavitation are smooth maxima along
+      the blade, which are never below the largest value and at most a few per cent above it
     - chord[n_stations] (m), twist[n_stations] (rad), set angle included; thickness[n_stations]
       over chord where it is designed
     - mass (kg) of the blades, inertia (kg*m**2) of the rotor
@@ -81,7 +81,7 @@ class RotorGroup(om.Group):
     def setup(self):
         world, given = physics(self.options["case"]), self.options["given"]
         if world.rotor.follows_reynolds:
-            problem = "gives polars at local Reynolds numbers, for which loads have no derivatives"
+            problem = "uses polars at local Reynolds numbers, for which loads have no derivatives"
             raise InputError(problem, "give invariant", key="rotor.reynolds", value="local")
         blade, points = self.options["blade"] or world.blade, (self.options["num_points"],)
         flow = np.full(points, world.scenarios[0].mean_flow)

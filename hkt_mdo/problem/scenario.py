@@ -161,14 +161,14 @@ class Scenario:
 
     @property
     def messages(self) -> tuple[str, ...]:
-        """What is to be told of the flow, one line each."""
+        """Messages about the flow, one line each."""
         if self.inflow.tells_features:
             return self.inflow.messages
         step = self.duration / UNKNOWN_PIECES
         return (
             *self.inflow.messages,
-            f"the flow {self.inflow.profile} tells neither features nor a highest_frequency: it is "
-            f"looked at several times every {step:.3g} s, and what is shorter can be missed",
+            f"the flow {self.inflow.profile} gives neither features nor a highest_frequency: it is "
+            f"sampled several times every {step:.3g} s, and shorter features can be missed",
         )
 
     @property

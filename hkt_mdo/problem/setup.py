@@ -110,11 +110,11 @@ class Setup:
     shares: dict = field(default_factory=dict)
 
     def share(self, limit: Limit, scenario: Scenario) -> np.ndarray:
-        """Return the share of a limit that is asked in each segment of a scenario; 1: all."""
+        """Return the share of a limit that is required in each segment of a scenario; 1: all."""
         return self.shares.get((limit.name, scenario.name), np.ones(scenario.segments))
 
     def share_at(self, limit: Limit, scenario: Scenario, nodes: np.ndarray) -> np.ndarray:
-        """Return the share of a limit that is asked at some nodes: of two segments the smaller."""
+        """Return the share of a limit required at some nodes: the smaller one of two segments."""
         share = self.share(limit, scenario)
         by_node = np.repeat(share, scenario.nodes_per_segment).reshape(scenario.segments, -1)
         by_node[:-1, -1] = np.minimum(share[:-1], share[1:])

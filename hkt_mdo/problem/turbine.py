@@ -147,7 +147,7 @@ def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
             table = replace(table, tip_radius=own)
     if table.hub_radius == 0.0 and not table.relative:  # its span is counted from the root
         if fraction is None:
-            problem = "counts its span from the blade's root and does not say the hub's radius"
+            problem = "measures its span from the root and does not contain the hub's radius"
             remedy = "give rotor.hub_radius_fraction"
             raise InputError(problem, remedy, file=rotor.blade)
         span = float(table.r[-1])
@@ -168,7 +168,7 @@ def _radius(rotor: Rotor, own: float | None) -> float:
     """Return the tip radius of the case, or else that of the blade's file."""
     radius = own if rotor.radius is None else rotor.radius
     if radius is None:
-        problem, remedy = "does not say the tip radius", "give rotor.radius"
+        problem, remedy = "does not contain the tip radius", "give rotor.radius"
         raise InputError(problem, remedy, file=rotor.blade, key="tip radius")
     return radius
 
@@ -198,7 +198,7 @@ def _stations(rotor, table, tip_radius, hub_radius) -> tuple[np.ndarray, tuple[s
         fraction = np.array(rotor.stations)
         if fraction[0] * tip <= hub:
             problem = f"lies on or within the hub, whose radius is {hub_radius:.6g} m"
-            remedy = "move the first station outwards or lessen rotor.hub_radius_fraction"
+            remedy = "move the first station outwards or reduce rotor.hub_radius_fraction"
             raise InputError(problem, remedy, key="rotor.stations[0]", value=rotor.stations[0])
     if fraction[0] >= low - 1e-9 * high and fraction[-1] <= high * (1.0 + 1e-9):
         return fraction * tip, ()
@@ -206,8 +206,8 @@ def _stations(rotor, table, tip_radius, hub_radius) -> tuple[np.ndarray, tuple[s
         reach = f"but rotor.stations reach {fraction[0]:g} … {fraction[-1]:g}"
         problem = f"blade covers r/R = {low:g} … {high:g} {reach}"
         raise InputError(problem, "change them or extend the file", file=rotor.blade)
-    text = f"the file covers r/R = {low:.4g} to {high:.4g}: chord, twist and section are carried"
-    return fraction * tip, (f"{text} on unchanged to hub and tip",)
+    text = f"the file covers r/R = {low:.4g} to {high:.4g}: chord, twist and section continue"
+    return fraction * tip, (f"{text} unchanged to hub and tip",)
 
 
 def _at_stations(table: BladeTable, r: np.ndarray) -> BladeTable:
@@ -412,7 +412,7 @@ def _pairs(rotor, table, named):
             raise InputError(problem, remedy, file=rotor.blade)
         return table.section, ()
     if table.thickness is None:
-        problem = f"says neither thickness nor section of its rows, but there are {len(named)}"
+        problem = f"has neither thickness nor section of its rows, but there are {len(named)}"
         remedy = "add a column t_over_c or section"
         raise InputError(f"{problem} sections", remedy, file=rotor.blade)
     by_thickness = _in_order(named)
@@ -420,7 +420,7 @@ def _pairs(rotor, table, named):
     beyond = (table.thickness < values[0] - 1e-3) | (table.thickness > values[-1] + 1e-3)
     text = (
         f"{np.count_nonzero(beyond)} stations are thinner or thicker than every section "
-        f"({values[0]:.3f} to {values[-1]:.3f}): they have the nearest one's polar"
+        f"({values[0]:.3f} to {values[-1]:.3f}): they have the polar of the nearest section"
     )
     place = np.interp(table.thickness, values, np.arange(values.size))
     inner = np.minimum(place.astype(int), values.size - 2)

@@ -1,6 +1,6 @@
 """The design of a result as objects: blade, polars, outlines, control law and turbine.
 
-Nothing else in this room needs the rotor, its files or the optimization's modules.
+Nothing else in this package needs the rotor, its files or the optimization's modules.
 """
 
 from __future__ import annotations

@@ -70,8 +70,8 @@ def locked(out: Path):
         connection.execute("BEGIN EXCLUSIVE")
     except sqlite3.Error as error:
         connection.close()
-        problem = f"--out {out}: another run is at work there ({error})"
-        raise InputError(problem, "wait for its end or choose another folder") from error
+        problem = f"--out {out}: another run is using it ({error})"
+        raise InputError(problem, "wait until it ends or choose another folder") from error
     try:
         yield
     finally:

@@ -1,4 +1,4 @@
-"""Nested cases: a result is allowed in every case that asks less of it, and may be better there.
+"""Nested cases: a result is feasible in every less restricted case, and may be better there.
 
 Limits nest, for one more of them can only cost energy; so do control laws of which one is a
 special case of another (`Law.contains`), and designs of which one is held. So several results of

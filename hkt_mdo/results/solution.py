@@ -1,6 +1,6 @@
 """A result folder as arrays and figures of merit, without the modules that computed them.
 
-A folder may come from anyone: its files are limited in size and read as text, never as pickles.
+A folder may come from any source: its files are limited in size and read as text, never as pickles.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ TABLES: dict[str, dict[str, tuple[str | None, str]]] = {
         "flapwise_moment_Nm": ("N*m", "moment that bends the blade flapwise, at that time"),
         "cavitation": (
             None,
-            "suction, times its margin, over the pressure above vapour's, at the time of the "
-            "largest; linear between the stations",
+            "suction times the margin, over the difference of static and vapour pressure, at the "
+            "time of the largest; linear between the stations",
         ),
     },
     "year": {
@@ -123,10 +123,11 @@ class ScenarioTables:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution:
-    """What a run left in its folder; a table that the run did not reach is an empty dict.
+    """The result of a run, from its folder; a table that the run did not reach is an empty dict.
 
-    `trajectory`, `simulation` and `loads` are tables of one scenario. A result with several has
-    them by `scenario(name)`, and asking it for one of its own is an InputError that names them.
+    `trajectory`, `simulation` and `loads` are tables of one scenario. A result with several
+    scenarios has them by `scenario(name)`; its own attributes then raise an InputError that names
+    the scenarios.
 
     Attributes
     ----------
@@ -156,9 +157,9 @@ class Solution:
         Parameters
         ----------
         folder : str or Path
-            What a run has written.
+            A folder that a run has written.
         extensions : iterable
-            Those of `load_case`; a folder never chooses what is run.
+            As in `load_case`; extensions are never loaded because a folder names them.
 
         Returns
         -------
@@ -209,8 +210,8 @@ class Solution:
         Returns
         -------
         Solution
-            Its tables, energies, limits and loads are those of the scenario, whose own weight does
-            not count; what is known of the whole result only, such as bounds, is None.
+            Its tables, energies, limits and loads are those of the scenario, without its weight;
+            values of the whole result, such as bounds, are None.
 
         Raises
         ------
@@ -284,7 +285,7 @@ class Solution:
         Raises
         ------
         InputError
-            If the run did not come to its end, or a file that the case names is gone or broken.
+            If the run did not finish, or a file that the case names is missing or broken.
         """
         if self.summary.chord_m is None or not all(x.trajectory for x in self.tables.values()):
             remedy = "run the case again, or resume it"
@@ -305,7 +306,7 @@ class Solution:
 
     @property
     def finished(self) -> bool:
-        """Whether the run came to its end, so that its judges have looked at the result."""
+        """Whether the run finished, so that its result was checked."""
         return self.summary.checks is not None
 
     @property
@@ -340,7 +341,7 @@ class Solution:
 
     @property
     def limits(self) -> tuple[Limit, ...]:
-        """Limits that the case gives of what changes over time, that of the torque first."""
+        """Limits of the case on quantities over time, that of the torque first."""
         torque = TorqueLimit(bound=self.case.control.torque_limit)
         material = self.case.rotor.blade_material  # which may say what stress is allowable
         over_time = (each for each in self.case.limits.given if each.place == "time")
@@ -350,8 +351,8 @@ class Solution:
     def limit_shares(self, table: str = "simulation") -> dict[str, np.ndarray]:
         """Return each limit's value over its bound, (n_times,), by its name: 1 is the limit.
 
-        Of `trajectory` or `simulation`. A limit is left out whose quantities the table lacks, as
-        that of an older result.
+        Of `trajectory` or `simulation`. A limit is left out if the table lacks its quantities, as
+        in older results.
         """
         columns: dict[str, Any] = getattr(self, table)
         headers = {name: QUANTITIES[name].column for name in OVER_TIME}
@@ -419,7 +420,7 @@ class Solution:
             raise InputError("unknown table", f"known: {', '.join(TABLES)}", value=name)
         of = self._only(scenario) if name in _OF_SCENARIOS else self
         if not (table := getattr(of, name)):
-            raise InputError(f"has no {name}", "let the run come to its end", file=self.folder)
+            raise InputError(f"has no {name}", "let the run finish", file=self.folder)
         return table
 
     def to_pandas(self, name: str = "trajectory", scenario: str | None = None) -> Any:
@@ -451,8 +452,8 @@ class Solution:
         Parameters
         ----------
         *names : str
-            Of `hkt_mdo.results.plots.FIGURES`; by default the four that matter: blade, operation,
-            schedule and limits, as far as the result has their data.
+            Of `hkt_mdo.results.plots.FIGURES`; by default blade, operation, schedule and limits, as
+            far as the result has their data.
 
         Returns
         -------

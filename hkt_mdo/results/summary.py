@@ -231,7 +231,7 @@ class BranchEntry(_Entry):
 
     def row(self) -> Row:
         """Return the entry as a row."""
-        given_up = "" if self.kept else "given up before it kept the limits"
+        given_up = "" if self.kept else "ended before it kept the limits"
         note = joined("in quasi-steady operation", given_up, "taken" if self.taken else "")
         return Row(f"branch {self.name}", self.objective_J, "J", note)
 
@@ -310,7 +310,7 @@ class OperationEntry(_Entry):
             f"in {count} interval{'s' * (count != 1)}",
             note=joined(
                 f"standstill for {measured(self.standstill_s, 's')}{share}",
-                "" if power is None else f"on average over all of it {measured(power, 'W')}",
+                "" if power is None else f"on average over the whole time {measured(power, 'W')}",
                 f"not counted: {measured(run_up, 'J', 3)} for running up again" if run_up else "",
             ),
         )
@@ -594,7 +594,7 @@ class Summary(_Entry, Mapping[str, Any]):
         if self.objective is not None:
             yield from self.objective.rows(self.scenarios or {})
         gap = None if self.certified_gap is None else max(100.0 * self.certified_gap, 0.0)
-        known = "limits other than the torque's left out" if case.limits.given else ""
+        known = "does not include limits other than that of the torque" if case.limits.given else ""
         yield Row("certificate", gap and f"gap up to {gap:.2g} %", "", known)
 
     def _design(self, case: Case) -> Iterator[Row]:
@@ -684,15 +684,15 @@ def unasked(name: str, value: float | None, case: Case) -> str:
     Returns
     -------
     str
-        Such as ``cavitates: no limit was asked``.
+        Such as ``cavitates: the case has no limit for it``.
     """
     slow = case.limits.cavitation or case.limits.rotor_speed
     most, word = {
         "cavitation": (CavitationLimit().margin, "cavitates"),
         "stress": (case.rotor.blade_material.allowable_stress, "more than the material allows"),
-        "tip_speed": (None if slow else FAST, "fast, near the surface a usual section cavitates"),
+        "tip_speed": (None if slow else FAST, "fast: near the surface a usual section cavitates"),
     }.get(name, (None, ""))
-    return f"{word}: no limit was asked" if most and (value or 0.0) > most else ""
+    return f"{word}: the case has no limit for it" if most and (value or 0.0) > most else ""
 
 
 def _losses(generated: float | None, electrical: float | None) -> str:

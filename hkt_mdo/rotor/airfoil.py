@@ -206,7 +206,7 @@ class Polar:
                     raise InputError(
                         f"the smooth curve through the rows has a {name} coefficient of "
                         f"{value[extreme]:.3g} at {np.rad2deg(at[extreme]):.2f} degrees",
-                        "add rows near this angle, or take out rows that lie too close together",
+                        "add rows near this angle, or remove rows that are too close together",
                         file=source,
                     )
 

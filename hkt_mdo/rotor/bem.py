@@ -768,7 +768,7 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     if np.min(branch) < 0:
         warnings.warn(
             f"no root at {np.count_nonzero(branch < 0)} of {branch.size} sections: their loads are "
-            "taken as zero",
+            "set to zero",
             RuntimeWarning,
             stacklevel=2,
         )

@@ -95,7 +95,7 @@ def _minima(polar):
 
 @compiled(error_model="numpy")
 def _load(phi, delta, lambda_r, station):
-    """Return the load at an inflow angle, and chord times normal force coefficient that it asks."""
+    """Return the load at an inflow angle, and chord times normal force coefficient for it."""
     r, hub_radius, tip_radius, blade_count = station
     sine, cosine = np.sin(phi), np.cos(phi)
     tau = sine * np.tan(phi - delta)

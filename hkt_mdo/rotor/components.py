@@ -150,7 +150,7 @@ class _Table(BladeComp):
             return self.options["nodes"]
         ratios = inputs["tip_speed_ratio"]
         if not np.all(np.isfinite(ratios) & (ratios > 0.0)):  # a driver may try another point
-            raise om.AnalysisError("a tip speed ratio is not a positive number: the rotor stands")
+            raise om.AnalysisError("a tip speed ratio is not positive: the rotor stands still")
         return ratios
 
     def _set_partials(self, partials, table, found, prefix=""):

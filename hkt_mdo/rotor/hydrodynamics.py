@@ -1,4 +1,4 @@
-"""The hydrodynamics of a rotor: the one object that the rest of the program asks about its flow.
+"""The hydrodynamics of a rotor: the one object that the rest of the program uses for its flow.
 
 A finer model of the flow, such as sectors of the disc or a wake with memory, comes in here.
 """

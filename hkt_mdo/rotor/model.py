@@ -47,7 +47,7 @@ class RotorModel(Hydrodynamics):
 
     @property
     def loads(self):
-        """The `LoadModel`, which tells the loads of a blade.
+        """The `LoadModel`, which computes the loads of a blade.
 
         Returns
         -------

@@ -159,7 +159,7 @@ def require_suction(polars):
     """
     if any(polar.suction is None for polar in polars):
         raise InputError(
-            "has no smallest pressure coefficient, which the suction of a section is taken from",
+            "has no smallest pressure coefficient, from which the suction of a section is computed",
             "give a polar with the columns cpmin_upper and cpmin_lower, or cpmin (hkt polar "
             "computes one from an outline)",
             key="rotor.polar or rotor.sections",

@@ -25,7 +25,7 @@ WORTHWHILE = 1e-6
 """Relative gain of the objective for which a move limit is re-centred again."""
 
 FEW = 0.1
-"""Share of the segments up to which a division may mend what the integration denies."""
+"""Share of the segments up to which a division may correct what the integration contradicts."""
 
 AT_OPTIMUM = "finer mesh", "lowered limits"
 """Remedies that follow an optimum on its mesh."""
@@ -199,7 +199,7 @@ class Attempt:
 
     @cached_property
     def is_false(self) -> bool:
-        """Whether the integration denies what the collocation has solved."""
+        """Whether the integration contradicts what the collocation has solved."""
         return is_false(self.flights)
 
     @property
@@ -270,7 +270,7 @@ class Attempt:
         return self.begin_again(why, start=point, nodes=nodes, **changes)
 
     def entry(self, seconds: float, again: Begin | None) -> PassEntry:
-        """Return what is told of this optimization and of the remedy that follows.
+        """Return the report of this optimization and of the remedy that follows.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""What `hkt check` tells before a run: `hkt_mdo.run.findings` as rows, with notes and warnings."""
+"""What `hkt check` prints before a run: `hkt_mdo.run.findings` as rows, with notes and warnings."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -72,7 +72,7 @@ class CheckReport:
 
 
 def check_case(case: Case) -> CheckReport:
-    """Read and build all that a run of a case needs, and tell what it means; nothing is optimized.
+    """Read and build all that a run of a case needs, and report it; nothing is optimized.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def check_case(case: Case) -> CheckReport:
     rows |= {
         "Control": [*_control(found)],
         "Starting blade": [*_start(found)],
-        "Limits, and what the starting blade does": [*_limits(found)],
+        "Limits, and values of the starting blade": [*_limits(found)],
         "Optimization": [*_optimization(found, package), *_bounds(found)],
     }
     told = [row for table in rows.values() for row in table]
@@ -136,7 +136,7 @@ def _turbine(found: Findings) -> Rows:
         yield _warning(
             "rotor.stations",
             f"the outermost station is at {found.places([-1])}, and the load falls to zero "
-            "from there to the tip: give stations farther out, or look at rotor.radius",
+            "from there to the tip: give stations farther out, or check rotor.radius",
         )
     for name, scale, unit in (
         ("chord", 100.0 / given.chord.max(), "% of the largest"),
@@ -147,9 +147,9 @@ def _turbine(found: Findings) -> Rows:
         if off[worst] > FIT[name]:
             yield _warning(
                 f"design.{name}_points",
-                f"a spline through {points} points leaves the {name} of the "
-                f"blade's file by {off[worst]:.2g} {unit} at {found.places([worst])}: the run "
-                "begins with the spline; more points follow the file closer",
+                f"a spline through {points} points differs from the {name} of the blade's file by "
+                f"{off[worst]:.2g} {unit} at {found.places([worst])}: the run begins with the "
+                "spline; more points follow the file more closely",
             )
     mass, inertia = found.physics.mass_and_inertia(blade)
     source = "given in the case" if rotor.chord is not None else Path(rotor.blade).name
@@ -186,10 +186,10 @@ def _stations(found: Findings) -> Rows:
         yield _warning("rotor.polar", message, "warning" if share > LIGHT else "note")
     polars = _polars(rotor)
     numbers = {table.reynolds for tables in polars.values() for table in tables} - {None}
-    known = powers(list(numbers)) if numbers else "a number that the file does not say"
+    known = powers(list(numbers)) if numbers else "a Reynolds number that the file does not contain"
     if len(numbers) > 1 and rotor.reynolds_number:
         known += f", taken at {powers(rotor.reynolds_number)}"
-    how = "whatever the speed"
+    how = "at every speed"
     if isinstance(found.plant.polar, LocalReynolds):
         how, (low, high) = "which follow them", np.exp(found.plant.polar.log_reynolds[[0, -1]])
         met = found.reynolds
@@ -198,7 +198,7 @@ def _stations(found: Findings) -> Rows:
             yield _warning(
                 "rotor.polar",
                 f"Reynolds numbers at {found.places(off)} are {powers(met[:, off])}, and the "
-                f"polars' tables run from {powers((low, high))}: beyond them the nearest holds",
+                f"polars' tables run from {powers((low, high))}: outside them the nearest is used",
             )
     yield Row("sections", ", ".join(polars))
     thickness = 100.0 * np.asarray(found.physics.turbine.thickness)
@@ -242,7 +242,7 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
         yield Row("share of time", flow.share)
     yield Row("changes", changes)
     yield Row("power through the rotor", passing, "W", "mean", 4)
-    yield Row("power a square metre", passing / area, "W", "mean", 4)
+    yield Row("power per square metre", passing / area, "W", "mean", 4)
 
 
 def _sampled(flow: Flow) -> bool:
@@ -307,9 +307,10 @@ def _control(found: Findings) -> Rows:
         speed = found.best.tip_speed_ratio * fastest / found.plant.blade.rotor_radius
         yield _warning(
             "control.torque_limit",
-            f"{measured(limit, 'N*m', 4)} is more than the flow gives: at its best tip speed ratio "
-            f"the starting blade has {measured(found.torque(speed, fastest), 'N*m', 4)} in the "
-            f"fastest flow, {fastest:.4g} m/s",
+            f"{measured(limit, 'N*m', 4)} is more than the torque of the flow: at its best tip "
+            "speed ratio the starting blade has "
+            f"{measured(found.torque(speed, fastest), 'N*m', 4)} in the fastest flow, "
+            f"{fastest:.4g} m/s",
         )
     if law.is_feedback:
         gains, own = law.starting_gains(), law.starting_gains() is None
@@ -340,8 +341,8 @@ def _start(found: Findings) -> Rows:
     if best.power_coefficient < POOR:
         yield _warning(
             "rotor.blade",
-            f"the starting blade's power coefficient is {best.power_coefficient:.3g} at most: look "
-            "at the sign and unit of its twist, at rotor.set_angle and at the polar",
+            f"the starting blade's power coefficient is {best.power_coefficient:.3g} at most: "
+            "check the sign and unit of its twist, rotor.set_angle and the polar",
         )
     speed = best.tip_speed_ratio * mean / found.plant.blade.rotor_radius
     torque = found.torque(speed, mean)
@@ -358,7 +359,7 @@ def _start(found: Findings) -> Rows:
         share = f"{100.0 * found.captured:.3g} % of what the largest power coefficient gives"
         energy = found.start.operation.energy
         yield Row("tip speed ratio under the control law", found.working, digits=3)
-        yield Row("energy if it followed the flow at once", energy, "J", share, 4)
+        yield Row("energy if the rotor followed the flow at once", energy, "J", share, 4)
     else:
         yield Row("under the control law", "it does not turn unstalled throughout this flow")
         yield _not_turning(found)
@@ -396,7 +397,7 @@ def _optimization(found: Findings, package: str) -> Rows:
         yield _warning(
             "phase.transcription",
             f"radau with segments of {measured(length, 's', 3)}, longer than "
-            f"twice the time constant, {measured(constant, 's', 3)}, converges to false speeds: "
+            f"twice the time constant, {measured(constant, 's', 3)}, converges to wrong speeds: "
             "give gauss-lobatto, or as many phase.segments",
         )
     torque = "at every node of the trajectory"

@@ -104,7 +104,7 @@ class Stations(NamedTuple):
             yield (
                 share,
                 f"{outside.sum()} of the stations of the {of}, at {places(outside)}, with "
-                f"{number(100.0 * share, 2)} % of the torque: beyond the polar's table, "
+                f"{number(100.0 * share, 2)} % of the torque, are outside the polar's table, "
                 f"{table}, in Viterna's extension, with "
                 f"angles of attack up to {angle:.3g} deg, at tip speed ratios of "
                 f"{measured(self.working, '', 3)}",

@@ -62,7 +62,7 @@ class Optimized:
 
 @dataclass(frozen=True, eq=False)
 class Flown:
-    """An integration of a design, and what is told of it."""
+    """An integration of a design, and what is reported of it."""
 
     simulation: Simulation
     controller: RecordedTorque | FeedbackTorque

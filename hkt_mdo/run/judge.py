@@ -1,4 +1,4 @@
-"""The judges of a result: what is asked besides the optimizer's own word.
+"""The judges of a result: checks that are independent of the optimizer.
 
 A result is a success only if the optimizer converged and an integration that shares neither torque
 curve nor collocation with it, the quasi-steady bound and every limit of the problem agree.
@@ -55,7 +55,7 @@ CUT_BETWEEN = 1e-3  # of a torque's polynomial, which the generator cuts at its 
 
 
 def is_false(flights: tuple[Flight, ...]) -> bool:
-    """Tell whether an integration denies what the collocation has solved."""
+    """Tell whether an integration contradicts what the collocation has solved."""
     errors = [(each.energy_error, np.max(each.speed_errors)) for each in flights]
     return any(energy > ENERGY_ERROR or speed > SPEED_ERROR for energy, speed in errors)
 
@@ -94,7 +94,7 @@ def _check(name, value, limit, detail) -> CheckEntry:
 
 
 def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
-    """Yield name, value, limit and place of what the integration of a scenario is asked."""
+    """Yield name, value, limit and place of the checks of a scenario's integration."""
     flown, nodes, integrated = flight.simulation, flight.trajectory, flight.integrated
     time, stopped = nodes["time"], flown.stopped_at
     if not flight.scenario.steady:
@@ -147,7 +147,7 @@ def _of_flow(scenario) -> Iterator[tuple[str, float, float, str]]:
 
 
 def _of_design(physics, optimum, reference, result, flights):
-    """Yield name, value, limit and place of what the whole result is asked."""
+    """Yield name, value, limit and place of the checks of the whole result."""
     ratios, errors = curve_errors(physics, result)
     worst = int(np.argmax(errors))
     place = f"at tip speed ratio {ratios[worst]:.3f}"
@@ -169,7 +169,7 @@ def _of_design(physics, optimum, reference, result, flights):
     if sells(physics):
         word = "energy that the rotor stores over captured energy"
         if physics.law.is_feedback:
-            word += ", but for what it stores in equilibrium with the flow at the end"
+            word += ", except for energy stored in equilibrium with the flow at the end"
         yield "stored_energy", sold(physics, result, flights), STORED, word
     objective = simulated_objective(physics, flights)
     if not isinstance(physics.objective, CapturedEnergy):
@@ -184,7 +184,7 @@ def _of_design(physics, optimum, reference, result, flights):
             "energy_below_start",
             physics.objective.behind(objective, reference),
             BELOW_START,
-            "a worse optimum than where the run began",
+            "the objective is lower than at the start of the run",
         )
     for limit in physics.design_limits:
         yield _of_design_limit(physics, limit, result, flights)
@@ -422,7 +422,7 @@ def recovers(physics: Physics, result: Optimized) -> bool:
 
 
 FALSE_SOLUTION = (
-    "the collocation is too coarse or met a false solution: try more phase.segments, "
+    "the collocation is too coarse or has converged to a false solution: try more phase.segments, "
     "phase.transcription=gauss-lobatto, start.method=quasi_steady"
 )
 OTHER_EQUILIBRIUM = (
@@ -439,7 +439,7 @@ TRY = {
     "closed_loop_with_memory": "try a larger rotor.hub_inertia, or another control.law",
     "loads_resolved": "give rotor.station_count=40 in place of rotor.stations",
     "stored_energy": (
-        "the captured energy counts what the rotor stores: try objective=generator, or "
+        "the captured energy includes energy stored in the rotor: try objective=generator, or "
         "phase.stored_energy=allowed"
     ),
     "rotor_keeps_turning": (
@@ -462,7 +462,7 @@ def explain_all(checks: list[CheckEntry], first: str = "") -> str:
         return "; ".join(explain(check) for check in failed)
     others = [f"{check.name} = {check.value:.3g}" for check in failed[1:]]
     text = explain(failed[0], first)
-    return f"{text}; refused too: {', '.join(others)}" if others else text
+    return f"{text}; also refused: {', '.join(others)}" if others else text
 
 
 def explain(check: CheckEntry, first: str = "") -> str:

@@ -1,4 +1,4 @@
-"""What is told of the loads of a result, and of a starting blade: the largest, and their places."""
+"""The report of the loads of a result, and of a starting blade: the largest, and their places."""
 
 from collections.abc import Iterable
 from typing import Any

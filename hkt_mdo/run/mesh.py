@@ -108,11 +108,11 @@ def division(
     much where a limit begins or ceases to bind. A feedback law leaves the optimizer no torque over
     time to choose, and its error is none.
 
-    Divided are segments where the integration denies the collocation, where it exceeds a limit or
-    is closer to stall between the nodes than at them and, under open loop, those in which a limit
-    begins or ceases to bind, or that keep most of that power. Where these are nearly all, as with a
-    heavy rotor, whose torque has an error of the acceleration, polynomials of a higher order do
-    better than shorter segments.
+    Divided are segments where the integration contradicts the collocation, where it exceeds a limit
+    or is closer to stall between the nodes than at them and, under open loop, those in which a
+    limit begins or ceases to bind, or that keep most of that power. Where these are nearly all, as
+    with a heavy rotor, whose torque has an error of the acceleration, polynomials of a higher order
+    do better than shorter segments.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def division(
 
 
 def _denied(physics, flights, before) -> list[np.ndarray]:
-    """Return the segments in which the integration denies the collocation."""
+    """Return the segments in which the integration contradicts the collocation."""
     coarse = [np.zeros(each.scenario.segments, dtype=bool) for each in flights]
     if not is_false(flights):
         return coarse

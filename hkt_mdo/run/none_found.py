@@ -1,4 +1,4 @@
-"""What is told where no design was found that keeps the limits."""
+"""The message where no design was found that keeps the limits."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from hkt_mdo.start.find import find_start, steady_optimum
 
 NONE_FOUND = (
     "no design that keeps the limits was found from {starts}: the smallest violation was "
-    "{share:.3g} % of {key}, {where}; that there is none is not proven (try {law}a looser {key}, "
-    "or wider design bounds)"
+    "{share:.3g} % of {key}, {where}; this does not prove that there is none (try {law}a looser "
+    "{key}, or wider design bounds)"
 )
 LAWS = RatedFeedback, CurveFeedback, Tracking
 """Laws that keep more limits than one gain can, the simplest first."""

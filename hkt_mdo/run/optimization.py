@@ -26,7 +26,7 @@ ENERGIES = "energy", "generator_energy", "electrical_energy", "objective", "iner
 
 
 def solve(state: RunState, physics: Physics, setup: Setup, near: bool) -> Optimized:
-    """Run one optimization; the run's state is told of every evaluation.
+    """Run one optimization; the run's state is updated at every evaluation.
 
     Parameters
     ----------

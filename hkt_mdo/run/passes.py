@@ -1,4 +1,4 @@
-"""The passes of a run: optimize, and again as long as a remedy asks for it.
+"""The passes of a run: optimize, and again as long as a remedy applies.
 
 A remedy takes an `Attempt` and returns what the next optimization begins with, or None where it has
 nothing to mend. `REMEDIES` are tried in order, and the first that returns something decides.
@@ -205,7 +205,7 @@ def other_branch(attempt: Attempt) -> Begin | None:
     if start is None:
         return None
     reference = quasi_steady_reference(physics, start)
-    why = f"{len(refused)} checks refuse the end on branch {attempt.begin.start.branch}"
+    why = f"{len(refused)} checks refuse the result on branch {attempt.begin.start.branch}"
     return Begin(start, physics, first_setup(physics, start), reference, why=why)
 
 
@@ -245,12 +245,12 @@ def next_begin(attempt: Attempt) -> Begin | None:
 
 
 def optimize(state: RunState, start: StartingPoint, reference: float) -> Judged:
-    """Optimize from a start until no remedy asks for another optimization.
+    """Optimize from a start until no remedy applies.
 
     Parameters
     ----------
     state
-        What the run knows; it is told of every pass.
+        The state of the run, which records every pass.
     start
         Where the first optimization begins.
     reference

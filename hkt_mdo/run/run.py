@@ -53,7 +53,7 @@ NOT_RUNNING = (
     "control.law, or wider design bounds)"
 )
 ROOM = "make room on the disk and give hkt run --resume"
-UNFINISHED = "interrupted before the end; hkt run --resume goes on from the last iterate"
+UNFINISHED = "interrupted before the end; hkt run --resume continues from the last iterate"
 
 
 @interrupts_of_compiled_code()
@@ -67,7 +67,7 @@ def run_case(
     figures: bool | Iterable[str] = True,
     records: bool = True,
 ) -> Solution:
-    """Optimize a case, judge the result and leave it in a folder.
+    """Optimize a case, check the result and write it into a folder.
 
     Parameters
     ----------
@@ -76,8 +76,8 @@ def run_case(
     out
         The result folder. It must not exist unless `force` is given.
     force
-        Replace an earlier result there, file by file: a folder that no run has marked is refused,
-        and what else is in it stays.
+        Replace an earlier result there, file by file. A folder that no run has marked is refused,
+        and other files in it are kept.
     progress
         Called as progress(count, objective in J, infeasibility) while the optimizer works.
     on_pass
@@ -90,14 +90,14 @@ def run_case(
     Returns
     -------
     Solution
-        Loaded from the folder; its `success` tells what the judges found.
+        Loaded from the folder; its `success` says whether all judges agreed.
 
     Raises
     ------
     InputError
         If a file of the case is broken or the folder cannot be used; nothing has been written.
     KeyboardInterrupt
-        After Ctrl-C or SIGTERM; what there was is saved, with success false.
+        After Ctrl-C or SIGTERM; the state so far is saved, with success false.
     """
     out = Path(out)
     physics = make_physics(case)
@@ -123,7 +123,7 @@ def resume_case(
     records: bool = True,
     extensions: Iterable = (),
 ) -> Solution:
-    """Go on with an interrupted or failed run from its last recorded iterate.
+    """Continue an interrupted or failed run from its last recorded iterate.
 
     A success is returned as it is; where nothing was recorded yet, the run begins anew.
 
@@ -144,9 +144,9 @@ def resume_case(
     Raises
     ------
     InputError
-        If the folder's case or iterate is broken, or another run is at work there.
+        If the folder's case or iterate is broken, or another run is using it.
     KeyboardInterrupt
-        After Ctrl-C or SIGTERM; what there was is saved, with success false.
+        After Ctrl-C or SIGTERM; the state so far is saved, with success false.
     """
     out = Path(out).absolute()
     physics = make_physics(load_case(out / "case.yaml", extensions=extensions))
@@ -216,7 +216,7 @@ def _optimize_and_judge(state: RunState, earlier: Earlier, out: Path, records: b
     finished = summarize(parts)
     message = finished.message
     if held:
-        message = f"{refused}; the folder holds {held}, which is better than the end"
+        message = f"{refused}; the folder holds {held}, which is better than the last point"
     if not finished.success:
         slow = better_steady(state.first.scenarios)
         message = "; ".join(filter(None, (_why_none(state.first, best), message, slow)))

@@ -1,4 +1,4 @@
-"""What a run knows while it works; the optimizer tells it every evaluation, it tells the log."""
+"""The state of a run: the optimizer reports every evaluation to it, and it reports to the log."""
 
 from __future__ import annotations
 

@@ -369,7 +369,7 @@ def _outside_table(generator, flights):
     if worst > 1e-6:
         yield (
             f"torque or speed leaves generator.table by up to {100.0 * worst:.2g} % of its range, "
-            "where its efficiency is continued: extend the table"
+            "where its efficiency is extrapolated: extend the table"
         )
 
 
@@ -378,7 +378,7 @@ def _unstable(flights):
     stiffness = max((each.recorded.stiffness for each in flights if each.recorded), default=0.0)
     if stiffness:
         yield (
-            "the rotor works below the speed of its largest torque, where a torque over time does "
+            "the rotor turns below the speed of its largest torque, where a torque over time does "
             f"not hold its speed: the integration adds {stiffness:.3g} N m s/rad times the "
             "difference from the speed that was found"
         )
@@ -417,8 +417,8 @@ def _unresolved(physics, blade, flights):
     if max((abs(change - 1.0) for change in changes.values()), default=0.0) > RESOLVED:
         told = ", ".join(f"{name} {100.0 * (x - 1.0):+.1f} %" for name, x in changes.items())
         yield (
-            f"loads are held on {blade.r.size} stations; the same blade resolved with "
-            f"{loads.STATIONS} has {told}: give rotor.station_count: 40"
+            f"loads are held on {blade.r.size} stations; the same blade with {loads.STATIONS} "
+            f"stations has {told}: give rotor.station_count: 40"
         )
 
 

@@ -154,7 +154,7 @@ def _carrier(package: str, optimizer: str) -> str:
     for candidate in candidates:
         if candidate not in CARRIERS[optimizer]:
             raise InputError(
-                f"this package does not carry {optimizer}",
+                f"this package does not have {optimizer}",
                 f"choose from auto, {', '.join(CARRIERS[optimizer])}",
                 value=package,
             )

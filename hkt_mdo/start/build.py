@@ -16,14 +16,14 @@ def build_problem(case: Case, *, improve: bool | None = None) -> om.Problem:
     """Return the OpenMDAO problem of a case, set up at its start.
 
     `problem.run_model()`, `problem.check_partials()`, `om.n2(problem)` and `problem.run_driver()`
-    take it as it stands. `run_case` optimizes it more than once where need be, and judges.
+    work with it directly. `run_case` optimizes it repeatedly if necessary, and checks the result.
 
     Parameters
     ----------
     case : Case
     improve : bool, optional
         Whether the starting blade and gains are improved by quasi-steady co-design, or kept as
-        given; None: as the case's `start` says.
+        given; None: as in the case's `start`.
 
     Returns
     -------

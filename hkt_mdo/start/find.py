@@ -19,7 +19,7 @@ from hkt_mdo.start.strategies import Task, best_blades, blade_as_given
 FAR_BEHIND = 0.05  # share of the objective by which a branch is no second choice
 LOCAL = (
     "start.method = blade: the optimum is a local one near the given blade, others were not "
-    "looked for; quasi_steady looks for them"
+    "searched; quasi_steady searches for them"
 )
 
 

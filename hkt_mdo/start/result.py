@@ -14,7 +14,7 @@ from hkt_mdo.start.strategies import RESULT, Candidate
 
 
 def design_of_result(physics: Physics) -> tuple[Candidate, tuple[str, ...]]:
-    """Return the design of the result that `start.from` names, and what is to be told of it.
+    """Return the design of the result that `start.from` names, and messages about it.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def design_of_result(physics: Physics) -> tuple[Candidate, tuple[str, ...]]:
     try:
         solution = Solution.load(folder, extensions=physics.case.extensions)
     except InputError as error:
-        remedy = "give the folder of a run that came to its end"
+        remedy = "give the folder of a finished run"
         raise InputError(f"is no result that can be read ({error})", remedy, **where) from error
     summary = solution.summary
     count, own = solution.case.rotor.blade_count, physics.blade.blade_count
@@ -47,8 +47,8 @@ def design_of_result(physics: Physics) -> tuple[Candidate, tuple[str, ...]]:
         remedy = f"give a result with rotor.blade_count = {own}"
         raise InputError(problem, remedy, file=solution.folder, **where)
     if None in (summary.r_m, summary.chord_m, summary.twist_deg, summary.rotor_radius_m):
-        remedy = "let that run come to its end with hkt run --resume"
-        raise InputError("holds no design yet", remedy, file=solution.folder, **where)
+        remedy = "let that run finish with hkt run --resume"
+        raise InputError("contains no design yet", remedy, file=solution.folder, **where)
     messages = ()
     if not solution.success:
         messages = (f"start.from: the result there was refused by its judges: {solution.message}",)

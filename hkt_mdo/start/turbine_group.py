@@ -12,19 +12,19 @@ from hkt_mdo.start.build import start_of_case
 class TurbineGroup(om.Group):
     """The rotor of a case with its controller in its flow over time.
 
-    What `build_problem` optimizes, without its optimizer and its objective, which are yours. What
-    the case designs is a design variable of the group with the case's bounds and an output; what it
-    keeps is an input. The values of the trajectory at its nodes are design variables, too, and the
-    equation of motion and the case's limits are constraints. So the outputs are those of an
-    operation of the rotor at the end of an optimization only. It begins at blade, gains and
-    trajectory of a search that takes seconds in `setup`, where they are nearly so. Partials are
-    exact.
+    The model that `build_problem` optimizes, without optimizer and objective, which you choose.
+    Quantities that the case designs are design variables of the group, with the case's bounds, and
+    outputs; quantities that it keeps are inputs. The values of the trajectory at its nodes are
+    design variables, too, and the equation of motion and the case's limits are constraints. So only
+    at the end of an optimization do the outputs describe a possible operation of the rotor. The
+    group begins at blade, gains and trajectory of a search that takes seconds in `setup`, where the
+    equation of motion holds approximately. Partials are exact.
 
     Parameters
     ----------
     case : Case
-        Rotor, what is designed, flow, law and limits. Its objective only decides how the start is
-        found; its optimizer does not count.
+        Rotor, design variables, flow, law and limits. Its objective only influences the search for
+        a start; its optimizer is not used.
     improve : bool, optional
         As that of `build_problem`.
 

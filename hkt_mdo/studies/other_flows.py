@@ -36,7 +36,7 @@ class Told(LimitEntry):
     share: float | None = None
     """The value over the limit; of a lower limit, 1 where it is met and more where it is broken."""
     kept: bool | None = None
-    """Whether the limit is kept as exactly as a run asks; None without a limit."""
+    """Whether the limit is kept as exactly as a run requires; None without a limit."""
     remark: str = "not limited"
     """What is said of a load without a limit."""
 
@@ -61,7 +61,7 @@ class Told(LimitEntry):
 
 
 def _told(limit: Limit, known: dict[str, Any]) -> Told:
-    """Return what is told of a limit, of the quantities of a trajectory."""
+    """Return the report of a limit, from the quantities of a trajectory."""
     value, over = limit.told(known), limit.excess(known)
     kept, caps = bool(np.max(over) <= most_between(limit)), limit.caps_series
     free = kept and not caps and limit.lower <= 0.0  # as a torque that is not limited
@@ -143,7 +143,7 @@ class Run:
             own = found.get(name, Told(**load.model_dump(), remark=remark))
             found[name] = own.model_copy(update={"r_m": load.r_m})
         if (stopped := self.simulation.stopped_at) is not None:
-            remark = "not generating: nothing is known after it"
+            remark = "generates no more: the simulation ends there"
             found["rotor stops"] = Told(value=stopped, unit="s", kept=False, remark=remark)
         if (away := self.runs_away) is not None:
             remark = "more than 20 % faster than without memory"
@@ -216,7 +216,7 @@ class Run:
             One line.
         """
         if (stopped := self.simulation.stopped_at) is not None:
-            return f"rotor stops at t = {stopped:.2f} s, not generating; energy n/a"
+            return f"rotor stops at t = {stopped:.2f} s and generates no more; energy n/a"
         told = ("captured", "generated", "electrical"), self.energies.values()
         texts = [f"{energy / 1e3:.3f} kJ {kind}" for kind, energy in zip(*told, strict=True)]
         return joined(*texts[: 2 if self.design.physics.generator.lossless else 3])
@@ -291,7 +291,7 @@ def _seeds(text: str) -> tuple[int | None, ...]:
 
 
 def largest(runs: Iterable[Run]) -> dict[str, Told]:
-    """Return what is told of each limit and load in the run that has the most of it.
+    """Return the report of each limit and load, from the run in which it is largest.
 
     Parameters
     ----------

@@ -49,7 +49,7 @@ class StartStop:
         reached = measured(up.speed_at(self.started_at), "rad/s", 4)
         yield f"run-up: without torque to {reached} in {self.started_at:.2f} s"
         if self.operation is None:
-            yield "operation: none, the shut-down is asked for before the run-up ends"
+            yield "operation: none, the shut-down begins before the run-up ends"
             return
         run, end = self.operation, float(self.operation.time[-1])
         if run.stopped_at is not None:
@@ -126,7 +126,7 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
 def _check(design, duration, stop):
     """Refuse what cannot be started or shut down."""
     if not design.law.is_feedback:
-        problem, remedy = "open loop has no torque for a start", "take a result with a feedback law"
+        problem, remedy = "open loop cannot start up", "use a result with a feedback law"
         raise InputError(problem, remedy, key="--start-up", file=design.solution.folder)
     if stop is None:
         return
@@ -135,4 +135,4 @@ def _check(design, duration, stop):
         raise InputError("is out of range", remedy, key="--shut-down", value=stop)
     if design.law.torque_limit is None:
         problem = "there is no limit of the torque that could stop the rotor"
-        raise InputError(problem, "take a result with control.torque_limit", key="--shut-down")
+        raise InputError(problem, "use a result with control.torque_limit", key="--shut-down")

@@ -245,7 +245,7 @@ class Design:
         both = inflow, *(() if self.physics.case.inflow.steady else (self.physics.inflow,))
         for flow in both if cut_out is not None else ():
             if np.sum(np.diff(flow.spans_below(cut_out, duration))) < duration:
-                problem = "lets the machine stand still in this flow or in that of its design, and "
+                problem = "stops the machine in this flow or in that of its design, and "
                 problem += "a design is simulated through one interval of operation only"
                 remedy = "give a slower flow, or take a design that was made without cut_out"
                 raise InputError(problem, remedy, key="control.cut_out", value=cut_out)
@@ -391,7 +391,7 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
         energy += captured
         if not np.all(np.isfinite(speed)):  # which is not the same as a rotor that stops
             problem = f"the integration of the noisy runs fails at t = {times[k]:.6g} s"
-            raise InputError(problem, "see that the control law is finite there")
+            raise InputError(problem, "check that the control law is finite there")
         stopped[np.isnan(stopped) & (speed <= slowest[k])] = times[k] + period
         speed = np.where(np.isnan(stopped), speed, slowest[k])
     energy[np.isfinite(stopped)] = np.nan
@@ -416,9 +416,9 @@ class _Torque:
     def __init__(self, plant):
         if isinstance(plant.polar, LocalReynolds):
             raise InputError(
-                "has polars that follow the Reynolds number, for which the noisy runs' table over "
-                "the tip speed ratio has no room",
-                "leave --noise-snr out, or take a result with rotor.reynolds: invariant",
+                "has polars that follow the Reynolds number, for which the noisy runs have no "
+                "table, since theirs is over the tip speed ratio alone",
+                "leave --noise-snr out, or use a result with rotor.reynolds: invariant",
                 key="--noise-snr",
             )
         ratios = np.concatenate((np.arange(SLOWEST_RATIO, 2.0, 0.02), np.arange(2.0, 20.0, 0.004)))
@@ -521,7 +521,7 @@ def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:
         if error.file:
             raise
         problem = error.problem if error.value is None else f"{error.value:.6g} s {error.problem}"
-        remedy = f"give a flow that runs one way for the {duration:.6g} s of the result"
+        remedy = f"give a flow that keeps its direction for the {duration:.6g} s of the result"
         raise InputError(problem, remedy, key="--flow", value=text) from None
     return inflow
 

@@ -82,7 +82,8 @@ def parts(found):
     return f"""
 ## The parts of a run
 
-Over the optimization of the same case (set-up of the problem and driver).
+Each time is compared with that of the optimization of the same case (set-up of the problem and
+driver).
 
 {table(("", "ratio", "time", "optimization"), rows)}
 `hkt run cases/sine_limited_quadratic.yaml` from a cold start, figures included, takes
@@ -137,7 +138,8 @@ The exponent is that of the evaluation over the last step of each table.
             text += f"\n{word}{table(header, rows)}\nExponent {of['slope']:.2f}.\n"
     return f"""{text}
 Set-up and its memory grow faster than linearly at thousands of segments: Dymos makes the patterns
-of a control's continuity dense before it takes their nonzeros. That is once, not in an iteration.
+of a control's continuity dense before it takes their nonzeros. This
+happens once, not in every iteration.
 """
 
 
@@ -231,24 +233,25 @@ def peers(found):
     return f"""
 ## Peers
 
-Open loop at a fixed blade, 700 N m, the same torque curve, from a constant tip speed ratio a fifth
-above the best. CasADi: rotor speed as the unknown, torque by inverse dynamics, the same quadratic
-pieces, IPOPT with exact Hessians. Shooting: SciPy's SLSQP over 21 knots of torque with LSODA inside
-and finite differences. Times include building the problem.
+Open loop at a fixed blade, 700 N m, the same torque curve, starting from a constant tip speed ratio
+a fifth above the best. CasADi: rotor speed as the unknown, torque by inverse dynamics, the same
+quadratic pieces, IPOPT with exact Hessians. Shooting: SciPy's SLSQP over 21 knots of torque with
+LSODA inside and finite differences. Times include building the problem.
 
 {table(("segments", "method", "energy / J", "over CasADi", "iterations", "time"), rows)}
 **CasADi wins this problem.** This package takes longer by a factor of
-{", ".join(ratios)} segments. It needs no more iterations; the time goes into OpenMDAO's
-set-up and its passes through the components, milliseconds an evaluation that a compiled graph does
-not have. Where the blade is fixed, CasADi is the better tool. What it lacks is the blade: BEM with
-its derivatives, and the judges.
+{", ".join(ratios)} segments. The number of iterations is about the same; the
+difference is OpenMDAO's set-up and its passes through the components, milliseconds in every
+evaluation that a compiled graph does not need. Where the blade is fixed, CasADi is the better tool.
+It has no blade design, that is no BEM with its derivatives, and no judges.
 
 Shooting takes {smallest["shooting"][2] / smallest["hkt_mdo"][2]:.0f} times as long as this package
-on the smallest problem: for every gradient it integrates a time constant of hundredths of a second
-once a knot. Its coarser torque captures a little less.
+on the smallest problem: for every gradient it integrates the rotor, whose time constant is
+hundredths of a second, once for each knot. Its torque has fewer points and captures a little less.
 
-SLSQP's algebra is dense and grows with the cube of the segments: it needs fewer iterations and wins
-small problems, IPOPT large ones. Optimizations alone, quadratic feedback, blade optimized:
+SLSQP's algebra is dense and grows with the cube of the segments: it needs fewer iterations and
+is faster on small problems, IPOPT on large ones. Optimizations alone, quadratic feedback, blade
+optimized:
 
 {table(header, crossing)}"""
 

@@ -122,7 +122,12 @@ CONTROLS = [
         "[1.0, 2.0]",
         "leave design.gain_bounds out",
     ),
-    ("{law: tracking, schedule: [7, 8]}", "control.schedule", "[7.0, 8.0]", "give one a knot"),
+    (
+        "{law: tracking, schedule: [7, 8]}",
+        "control.schedule",
+        "[7.0, 8.0]",
+        "give one per knot",
+    ),
     (
         "{law: tracking, integral_gain: 9, integral_bounds: [1, 2]}",
         "control.integral_gain",
@@ -135,7 +140,7 @@ FLOWS = [
     ("tides", "inflow.profile", "tides", "did you mean tide?"),
     ("{profile: sine, amplitude: 1.5}", "inflow.amplitude", "1.5", "smaller than inflow.mean"),
     ("{profile: record}", "inflow.file", "", "is missing; give it: Path of the record"),
-    ("{profile: record, file: a.csv}", "inflow.file", "a.csv", "counts from the case's folder"),
+    ("{profile: record, file: a.csv}", "inflow.file", "a.csv", "relative to the case's folder"),
     (
         "{profile: record, file: river.csv, speed_unit: ft/sec}",
         "inflow.speed_unit",
@@ -206,7 +211,7 @@ DOCUMENTS = [
     ("a: " + 5000 * "[" + 5000 * "]", "line 1", "", "20 levels"),
     ("1: 2", "", "", "not a word"),
     ("[1, 2]", "", "[1, 2]", "keys and values"),
-    ("# nothing\n", "", "", "holds no case"),
+    ("# nothing\n", "", "", "contains no case"),
 ]
 BAD = (
     [(MINIMAL + text, *told) for text, *told in SECTIONS]
@@ -278,12 +283,12 @@ def test_what_is_no_readable_case_file_is_told(name, content, told, tmp_path):
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("rotor.radius", "override = 'rotor.radius': is no override"),
-        ("rotor.stations[0]=3", "is no override"),
+        ("rotor.radius", "override = 'rotor.radius': is not an override"),
+        ("rotor.stations[0]=3", "is not an override"),
         ("rotor.radius=[", "a, override rotor.radius: line 1, column 2: cannot be read as YAML"),
         ("rotor.radius=-1", "a, override rotor.radius=-1: rotor.radius = -1: must be greater than"),
         ("rotor={radius: -1}", "a, override rotor={radius: -1}: rotor.radius = -1: must be"),
-        ("rotor.blade.x=1", "rotor.blade = 'bahaj2007': .* rotor.blade.x cannot be made"),
+        ("rotor.blade.x=1", "rotor.blade = 'bahaj2007': .* rotor.blade.x cannot be applied"),
         ("rotr.radius=1", "rotr = .*did you mean rotor"),
         ("control.law=linar", "control.law = 'linar': unknown; did you mean linear"),
         ("limits={thrust: }", "limits.thrust: has no value .*; give one, or null for the default"),

@@ -241,7 +241,7 @@ def test_what_is_no_python_file_is_told(name, told, tmp_path):
     [
         (
             dict,
-            "dict: dict: is no law, profile, limit, objective or aggregate; derive it from Feed",
+            "dict: dict: is not a law, profile, limit, objective or aggregate; derive it from Feed",
         ),
         (Nameless, "Nameless: has no name"),
         (AnyName, "AnyName: has its profile declared as any text"),

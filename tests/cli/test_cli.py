@@ -177,7 +177,7 @@ def test_interrupted_run_exits_with_130(
 ) -> None:
     fake.error, fake.saves = KeyboardInterrupt(), saves
     assert main(["run", CASE, "--out", "here"]) == 130
-    told = "what there was is saved in here: summary.json" if saves else "nothing was saved"
+    told = "the results so far are saved in here: summary.json" if saves else "nothing was saved"
     assert f"interrupted: {told}" in capsys.readouterr().err
 
 
@@ -327,7 +327,7 @@ def test_compare_ranks_by_the_objective_and_cuts_no_name(
     (shares,) = (line for line in out.splitlines() if "to the best" in line)
     assert re.findall(r"[+-][\d.]+ %", shares) == ["+0.0000 %", "-6.2500 %", "+3.1250 %"]
     assert err == (
-        "note: broken_off: interrupted before the end; it has no rank and is in no figure\n"
+        "note: broken_off: interrupted before the end; it is not ranked and not in the figures\n"
     )
 
 

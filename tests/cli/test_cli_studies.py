@@ -68,7 +68,7 @@ def test_a_filter_that_stops_the_rotor_is_told(folders, capsys):
         (["--flow", "{profile: record, file: RECORD}"], "60 s is longer than the record"),
         (
             ["--flow", "{profile: tide, mean: 0.5, constituents: [{period: 40, amplitude: 1}]}"],
-            "turns back",
+            "reverses",
         ),
         (["--noise-snr", "nan"], "--noise-snr"),
         (["--noise-snr", "20", "--filter-cutoff", "41"], "--filter-cutoff"),
@@ -88,7 +88,7 @@ def test_simulate_refuses_bad_input(folders, capsys, tmp_path, arguments, word):
 def test_compare_prints_a_table_and_draws(folders, capsys, tmp_path):
     assert main(["compare", *folders.values(), "--out", str(tmp_path / "figures")]) == 0
     printed = capsys.readouterr().out
-    assert "objective, to the best" in printed
+    assert "objective, relative to the best" in printed
     assert (tmp_path / "figures" / "operation.png").stat().st_size > 1000
 
 

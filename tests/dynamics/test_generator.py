@@ -111,8 +111,11 @@ CASE = {"inflow": "sine", "control": "open_loop"}
         ({"efficiency": 0.9, "copper_loss": 1, "rated_torque": 1}, "copper_loss = 1.0: is given b"),
         ({"copper_loss": "300 W"}, "generator.copper_loss = 300.0: needs rated_torque"),
         ({"iron_loss": 3, "rated_torque": 2}, "iron_loss = 3.0: needs rated_speed"),
-        ({"rated_torque": 700}, "generator.rated_torque = 700.0: is of no effect; give gen"),
-        ({"efficiency": 0.9, "rated_speed": 9}, "rated_speed = 9.0: is given beside efficiency"),
+        ({"rated_torque": 700}, "generator.rated_torque = 700.0: has no effect; give gen"),
+        (
+            {"efficiency": 0.9, "rated_speed": 9},
+            "rated_speed = 9.0: is given together with efficiency",
+        ),
         ({"table": "nowhere.csv"}, "generator.table = 'nowhere.csv': is not a file"),
         ({"efficiency": 0.9, "slip": 0.1}, "generator.slip = 0.1: unknown key"),
     ],

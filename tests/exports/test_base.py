@@ -62,7 +62,7 @@ def test_several_formats_are_written_side_by_side(hkt, tmp_path):
         (["--to", "stl", "--set", "stl.point=99"], ["stl.point = 99", "did you mean points"]),
         (["--to", "stl", "--set", "step.points=99"], ["step", "unknown key; known here: stl"]),
         (["--to", "stl", "--set", "stl.trailing_edge=2 kg"], ["'2 kg'", "does not convert to m"]),
-        (["--to", "stl", "--set", "stl.points"], ["'stl.points': is no override"]),
+        (["--to", "stl", "--set", "stl.points"], ["'stl.points': is not an override"]),
         (["--to", "csv", "--set", "csv.flow_range=[3, 1]"], ["csv.flow_range", "[lower, upper]"]),
     ],
 )
@@ -111,7 +111,9 @@ def test_a_result_without_success_is_exported_by_force_only(hkt, tmp_path):
     command = "export", failed, "--to", "csv,controller,rosco", "--out", tmp_path / "out"
     code, told = hkt(*command)
     assert code == 2
-    assert "failed: is the result of a run without success (no solution within 300 steps)" in told
+    assert (
+        "failed: is the result of a run that did not succeed (no solution within 300 steps)" in told
+    )
     assert "or give --force" in told
     assert not (tmp_path / "out").exists()
     assert hkt(*command, "--force")[0] == 0

@@ -209,7 +209,7 @@ def test_a_law_whose_torque_rises_is_a_speed_over_the_torque_by_vs_fbp_3(tmp_pat
     ("control", "gain", "units", "words"),
     [
         ("{law: open_loop}", None, (), "open loop"),
-        ("{law: power_law, exponent: -0.5}", 1700.0, ["N*m"], "does not rise"),
+        ("{law: power_law, exponent: -0.5}", 1700.0, ["N*m"], "has to increase"),
     ],
 )
 def test_what_rosco_cannot_express_is_refused_with_the_reason(

@@ -292,7 +292,7 @@ def test_the_content_tells_the_format_not_the_suffix(put):
 
 def test_the_hub_radius_is_asked_for(put):
     path = aerodyn(put, "0 0 0 0 10 .3 1\n1 0 0 0 5 .2 1")
-    refused(path, "counts from the blade's root", "give the hub radius")
+    refused(path, "is measured from the blade's root", "give the hub radius")
     with pytest.raises(InputError, match="hub_radius"):
         read_blade(path, -1.0)
 

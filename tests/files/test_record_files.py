@@ -152,8 +152,8 @@ def test_a_clock_that_was_changed_counts_on_if_zones_say_so(tmp_path):
         ({"speed_unit": "ft/s"}, "column speed_m_s: is in m/s by its own name or attributes, and"),
         ({"time_unit": "h"}, "column time_s: is in s by its own name"),
         ({"area": 40.0}, "column speed_m_s: is a speed in m/s, and area is given for a discharge"),
-        ({"start": 601.0}, "start = 601.0: asks for 601 s, and the record ends 599.75 s after"),
-        ({"start": 500.0, "duration": 100.0}, "duration = 100.0: asks for 600 s"),
+        ({"start": 601.0}, "start = 601.0: is at 601 s, but the record ends 599.75 s after"),
+        ({"start": 500.0, "duration": 100.0}, "duration = 100.0: ends at 600 s"),
         ({"start": 599.0}, "start = 599.0: leaves 4 samples of the record; take a longer part"),
         ({"duration": 1.0}, "duration = 1.0: leaves 5 samples"),
         ({"cutoff": 2.0}, "cutoff = 2.0: must lie between 0.001667 Hz, one wave in the record"),
@@ -229,7 +229,7 @@ def test_spikes_are_replaced_or_kept(tmp_path):
     speed[0] = 3.0
     path = csv(tmp_path, speed=speed)
     message = refused(path)
-    assert message.startswith("line 2, column speed_m_s = '3 m/s': stands off from its neighbours")
+    assert message.startswith("line 2, column speed_m_s = '3 m/s': differs from its neighbours")
     assert "and 3 more do; give spikes: replace" in message
     record = read_record(path, spikes="replace")
     assert told(record, "4 spikes replaced (0.17 %), at t = 0, 100, 225, 225.25 s")
@@ -380,7 +380,7 @@ def test_profiles(tmp_path, form, options, factor, message):
         ({"speed_column": "U_mag"}, "has depth bins along range; give bins: [lower, upper]; there"),
         ({"speed_column": "U_mag", "bins": (8.0, 9.0)}, "bins = [8.0, 9.0]: has no bin; widen it"),
         ({"speed_column": "vel", "bins": (1, 2), "component": "W"}, "there are E, N, U"),
-        ({"speed_column": "vel", "bins": (1, 2), "component": "N"}, "mend the sign"),
+        ({"speed_column": "vel", "bins": (1, 2), "component": "N"}, "correct the sign"),
         ({"speed_column": "pressure"}, "column pressure: has no unit that is known"),
         ({"speed_column": "c_sound"}, "is faster than any river"),
         ({"speed_column": "c_sound", "bins": (1, 2)}, "is given for a record without depth bins"),

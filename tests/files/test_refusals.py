@@ -31,7 +31,8 @@ SOUND = {
     for kind, (name, content) in polars.WELL.items()
 }
 WHOLE = re.compile(
-    "is empty|is not NetCDF|cannot be read as|has (a header but no|[0-9]+|no|nothing|the ending)"
+    "is empty|is not NetCDF|cannot be read as|"
+    "has (a header but no|[0-9]+|no|nothing|the file extension)"
 )
 """What is said of a file as a whole, where no place is to be named."""
 

@@ -118,7 +118,7 @@ def test_taper_is_asked_of_the_stations_outboard_of_a_place():
     np.testing.assert_allclose(limit.value(chord=CHORD), [0.0, 0.0, 0.75, 1.2])
     np.testing.assert_allclose(limit.excess({"chord": CHORD}), [-1.0, -1.0, -0.25, 0.2])
     assert np.max(Taper(bound=0.1).on(BLADE).value(chord=CHORD)) == 2.0
-    with pytest.raises(InputError, match=r"limits.taper_from = 0.9: leaves no two stations"):
+    with pytest.raises(InputError, match=r"limits.taper_from = 0.9: needs two stations"):
         Taper(bound=0.9).on(BLADE)
 
 
@@ -162,7 +162,7 @@ def test_a_start_tells_which_limits_it_breaks():
             "limits.tip_speed = 0.05",
             "give more than 0.",
         ),
-        ({"limits": {"rotor_speed": 0.05}}, "limits.rotor_speed = 0.05", "counts as standing"),
+        ({"limits": {"rotor_speed": 0.05}}, "limits.rotor_speed = 0.05", "counts as standstill"),
         (
             {"limits": {"taper_from": 0.3}, "design": {"blade": "fixed"}, "rotor": "GROWING"},
             "limits.taper_from = 0.3",
@@ -210,7 +210,7 @@ def test_what_could_be_kept_is_not_refused():
 )
 def test_limits_of_no_effect_are_told(limits, generator, free):
     world = physics(load_case(CASE | {"limits": limits, "generator": generator}))
-    told = [text for text in world.messages if "is of no effect" in text]
+    told = [text for text in world.messages if "has no effect" in text]
     assert [text.partition(" = ")[0] for text in told] == [f"limits.{name}" for name in free]
 
 

@@ -98,7 +98,7 @@ def test_a_flow_that_is_nowhere_faster_is_left_as_it_is(cut_out):
     assert kept.name == whole.name
     assert np.array_equal(kept.edges, whole.edges)
     assert np.array_equal(kept.sample_weights, whole.sample_weights)
-    assert "of no effect" in " ".join(world(cut_out).messages)
+    assert "no effect" in " ".join(world(cut_out).messages)
 
 
 # What is told and refused -------------------------------------------------------------------------
@@ -122,7 +122,7 @@ def test_short_intervals_are_standstill_too():
 @pytest.mark.parametrize(
     ("cut_out", "sections", "words"),
     [
-        (1.29, {}, "no time of operation: the flow has at least 1.3 m/s"),
+        (1.29, {}, "no time for operation: the flow has at least 1.3 m/s"),
         (1.3001, {}, "slower than this for 0.253 s at a time"),
         (1.2, {"inflow": {"profile": "constant", "speed": 1.3}}, "at least 1.3 m/s"),
         (

@@ -119,7 +119,7 @@ def test_a_flow_that_tells_no_features_is_looked_at_and_that_is_said():
     (scenario,) = world.scenarios
     assert np.max(scenario.inflow.speed_at(scenario.dense)) == pytest.approx(1.9, rel=1e-4)
     assert scenario.inflow.pieces(1000.0).size == UNKNOWN_PIECES + 1
-    told = "the flow silent tells neither features nor a highest_frequency: it is looked at several"
+    told = "the flow silent gives neither features nor a highest_frequency: it is sampled several"
     assert any(message.startswith(f"{told} times every 1 s") for message in world.messages)
     assert not Silent().tells_features
     assert not SumInflow(parts=(SineInflow(), Silent())).tells_features
@@ -173,7 +173,7 @@ def test_a_limit_is_kept_in_a_gust_of_seconds_in_a_season(tmp_path):
 @pytest.mark.parametrize("speed", [1e-300, 1e-100, 9e-5])
 def test_still_water_is_refused(speed):
     case = load_case({"inflow": {"profile": "constant", "speed": speed}, "control": "quadratic"})
-    with pytest.raises(InputError, match=r"inflow: reaches .* m/s at t = 0 s: it stands still"):
+    with pytest.raises(InputError, match=r"inflow: reaches .* m/s at t = 0 s: the flow stops"):
         physics(case)
 
 

@@ -315,8 +315,8 @@ MOMENTS = {"flapwise": 1e-4, "edgewise": 1e-4}
          "unit; give the largest stress as a number in Pa, or a text with a unit of that "
          "kind, or allowable"),
         ({"material": {"density": 1e3, "modulus": 1e9}}, "allowable",
-         "limits.stress = 'allowable': asks for the allowable stress of rotor.material, which has "
-         "none; give rotor.material.allowable_stress, or a stress here"),
+         "limits.stress = 'allowable': refers to the allowable stress of rotor.material, "
+         "which has none; give rotor.material.allowable_stress, or a stress here"),
     ],
 )  # fmt: skip
 def test_refusals(rotor, limit, told):

@@ -90,7 +90,7 @@ def test_counted_stations_are_closer_together_towards_hub_and_tip(turbine):
     angle = np.pi * np.array([1, 3, 5, 7]) / 8
     np.testing.assert_allclose(found.blade.r, 0.1 + 0.45 * (1 - np.cos(angle)), rtol=1e-12)
     assert found.blade.chord[0] == 0.2
-    assert any("carried on unchanged to hub and tip" in line for line in found.messages)
+    assert any("carried unchanged to hub and tip" in line for line in found.messages)
 
 
 def test_a_span_that_is_counted_from_the_root_begins_at_the_hub(turbine):
@@ -172,8 +172,8 @@ def test_polars_of_a_turbine_file_need_no_reynolds_number(turbine, tmp_path):
 @pytest.mark.parametrize(
     ("keys", "told"),
     [
-        ("blade: b.csv", "b.csv: tip radius: does not say the tip radius; give rotor.radius"),
-        ("blade: a.dat", "a.dat: counts its span from the blade's root .*hub_radius_fraction"),
+        ("blade: b.csv", "b.csv: tip radius: does not contain the tip radius; give rotor.radius"),
+        ("blade: a.dat", "a.dat: measures its span from the root .*hub_radius_fraction"),
         ("blade: b.csv, radius: 0.9", "reaches beyond the rotor's tip radius of 0.9 m"),
         (
             "blade: b.csv, radius: 1, hub_radius_fraction: 0.5",
@@ -201,7 +201,7 @@ def test_polars_of_a_turbine_file_need_no_reynolds_number(turbine, tmp_path):
         (
             "stations: [0.2, 0.5, 0.9], chord: [0.1, 0.1, 0.1], twist: [9, 8, 7], sections: "
             f"[{THIN}, {THICK}]",
-            "says neither thickness nor section of its rows, but there are 2 sections",
+            "has neither thickness nor section of its rows, but there are 2 sections",
         ),
     ],
 )

@@ -176,7 +176,7 @@ def test_a_missing_package_is_told(
 def test_a_missing_table_is_told(result_folder: Path) -> None:
     (result_folder / "simulation.csv").unlink()
     solution = Solution.load(result_folder)
-    with pytest.raises(InputError, match="has no simulation; let the run come to its end"):
+    with pytest.raises(InputError, match="has no simulation; let the run finish"):
         solution.table("simulation")
     with pytest.raises(InputError, match="unknown table; known: trajectory, simulation"):
         solution.to_pandas("sumlation")

@@ -251,15 +251,15 @@ TURBULENCE = "inflow={profile: turbulence, cutoff: 0.5}"
             ["design.gain_bounds=[0.1,0.2]"],
         ),
         (
-            "design.chord_points: a spline through 2 points leaves the chord",
+            "design.chord_points: a spline through 2 points differs from the chord",
             ["rotor.blade=river", "design.chord_points=2"],
         ),
         (
-            "design.twist_points: a spline through 3 points leaves the twist",
+            "design.twist_points: a spline through 3 points differs from the twist",
             ["design.twist_points=3"],
         ),
         (
-            "control.torque_limit: 5 kN m is more than the flow gives",
+            "control.torque_limit: 5 kN m is more than the torque of the flow",
             ["control.torque_limit=5000"],
         ),
         (
@@ -356,7 +356,7 @@ def test_limits_and_objective_of_an_extension() -> None:
     assert "objective: Captured energy less a price on the mean squared torque" in told
     fastest = np.max(found.at_start["phase"]["rotor_speed"]) * found.physics.blade.rotor_radius
     assert fastest > 9.0
-    limits = rows(report, "Limits, and what the starting blade does")
+    limits = rows(report, "Limits, and values of the starting blade")
     assert "limits.tip_speed: at most 9 m/s, " in limits
     over = f"broken by {fastest - 9.0:.3g} m/s ({100.0 * (fastest / 9.0 - 1.0):.3g} %)"
     assert f" to {fastest:.4g} m/s: {over}" in limits
@@ -369,7 +369,7 @@ def test_limits_and_loads_of_the_starting_blade() -> None:
     limits = "limits={power: 5 kW, thrust: 20 kN, stress: 100 MPa, rotor_speed: 9 rad/s}"
     report = check(limits, "control.torque_limit=2000", "site.hub_depth=3")
     world, start = report.findings.physics, report.findings.at_start["phase"]
-    told = texts(report.tables["Limits, and what the starting blade does"])
+    told = texts(report.tables["Limits, and values of the starting blade"])
     assert list(told)[:5] == [
         "control.torque_limit",
         *(f"limits.{name}" for name in ("power", "rotor_speed", "thrust", "stress")),

@@ -113,7 +113,7 @@ def test_the_case_can_be_checked_and_tells_the_size_of_the_whole_problem():
     held = sum(scenario.distinct_nodes.size for scenario in world.scenarios)
     assert f"{held} generator_power" in told["constraints"]
     assert (
-        "kept" in texts(report.tables["Limits, and what the starting blade does"])["limits.power"]
+        "kept" in texts(report.tables["Limits, and values of the starting blade"])["limits.power"]
     )
     assert report.findings.at_start["phase"]["inflow_speed"].max() == pytest.approx(CUT, rel=1e-9)
     assert report.findings.captured == pytest.approx(1.0, abs=1e-4)
@@ -121,7 +121,7 @@ def test_the_case_can_be_checked_and_tells_the_size_of_the_whole_problem():
 
 def test_a_simulation_through_a_standstill_is_refused(solution):
     design = Design.of(solution)
-    with pytest.raises(InputError, match="stand still") as caught:
+    with pytest.raises(InputError, match="stops the machine") as caught:
         design.fly(solution.case.inflow)
     assert caught.value.key == "control.cut_out"
 

@@ -154,7 +154,7 @@ def test_a_check_tells_every_flow():
     found = report.findings
     means = [flow.mean for flow in found.flows]
     assert found.mean == pytest.approx(0.6 * means[0] + 0.4 * means[1], rel=1e-12)
-    limits = texts(report.tables["Limits, and what the starting blade does"])
+    limits = texts(report.tables["Limits, and values of the starting blade"])
     assert {"slow: limits.power", "fast: limits.power"} <= set(limits)
 
 

@@ -170,7 +170,7 @@ def test_a_folder_that_is_no_result_is_refused(tmp_path):
 def test_a_result_without_a_design_is_refused(result):
     case = world(folder := result())
     (folder / "summary.json").write_text('{"success": false}')
-    with pytest.raises(InputError, match=r"start.from = .*: holds no design yet; let that run"):
+    with pytest.raises(InputError, match=r"start.from = .*: contains no design yet; let that run"):
         begin(case)
     (folder / "summary.json").write_text("{")
     with pytest.raises(InputError, match=r"start.from = .*: is no result that can be read"):

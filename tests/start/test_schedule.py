@@ -213,7 +213,7 @@ def test_partials_of_the_loads_in_the_problem():
         ({"site": {"hub_depth": 1.0}}, "site.hub_depth = 1"),
         (
             {"limits": {"stress": "1 MPa"}, "hydrodynamics": {"torque": "direct"}},
-            "limits.stress: takes a load",
+            "limits.stress: uses a load",
         ),
     ],
 )

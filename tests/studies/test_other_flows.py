@@ -185,12 +185,12 @@ def test_in_the_flow_of_the_run_it_tells_what_the_run_does(quadratic, open_loop)
 def test_loads_without_a_limit_are_told_where_they_are_large(quadratic):
     """The paper's blade has 2 GPa, more than any aluminium; at 14 m/s water boils at Cp = -1."""
     told = Run(quadratic, ConstantInflow(speed=1.5)).told
-    assert told["stress"].remark == "more than the material allows: no limit was asked"
+    assert told["stress"].remark == "more than the material allows: the case has no limit for it"
     assert told["thrust"].remark == told["tip_speed"].remark == "not limited"
     assert told["tip_speed"].value < FAST
     fast = Run(quadratic, ConstantInflow(speed=2.0)).told["tip_speed"]
     assert fast.value > FAST
-    assert "a usual section cavitates: no limit was asked" in fast.row("tip_speed").text
+    assert "a usual section cavitates: the case has no limit for it" in fast.row("tip_speed").text
     asked = limited(quadratic, StressLimit(bound=1e6), RotorSpeedLimit(bound=1.0))
     told = Run(asked, ConstantInflow(speed=1.5)).told
     assert (told["stress"].kept, told["rotor_speed"].kept) == (False, False)
@@ -225,7 +225,7 @@ def test_strict_ends_with_3_where_a_limit_is_broken(folder, open_loop, capsys):
     stopped = ["simulate", str(open_loop.solution.folder), "--flow", "C", "--strict"]
     assert main(stopped) == 3
     told = capsys.readouterr()
-    assert "not generating: nothing is known after it" in " ".join(told.out.split())
+    assert "generates no more: the simulation ends there" in " ".join(told.out.split())
     assert told.err == "error: not kept: rotor stops\n"
 
 
@@ -333,7 +333,7 @@ def test_a_flow_without_a_seed_has_no_seeds(folder, quadratic, capsys):
     told = "--flow-seeds: the flow sine has no seed; give a turbulent --flow"
     assert told in capsys.readouterr().err
     weak = "{profile: turbulence, mean: 1, intensity: 0.9, length_scale: 2}"
-    with pytest.raises(InputError, match=r"seed 2'.*turns back"):
+    with pytest.raises(InputError, match=r"seed 2'.*reverses"):
         flow_given(weak, quadratic.solution.case, 2)
 
 

@@ -80,7 +80,7 @@ def test_an_impossible_stop_is_refused(design, stop, limit, words):
 
 def test_open_loop_has_no_start(solve):
     open_loop = Design.of(solve("sine_limited_oloc", "driver.optimizer=IPOPT"))
-    with pytest.raises(InputError, match="open loop has no torque for a start"):
+    with pytest.raises(InputError, match="open loop cannot start up"):
         start_and_stop(open_loop, open_loop.physics.inflow)
 
 

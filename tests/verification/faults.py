@@ -102,15 +102,15 @@ FAULTS: dict[str, Callable[[_Try], subprocess.Popen]] = {
 
 
 def faults(study) -> list[str]:
-    """Disturb runs at random moments and sizes, then go on with them, or run them again.
+    """Disturb runs at random moments, then resume them, or run them again.
 
-    Signals; a largest size of files in place of a full disk; the result folder renamed under the
-    run; neither home nor cache. Goal: a run ends clean or with exit code 2 or 130 and one line; it
-    is called a success only with all its tables and the undisturbed run's energy to 1e-5, which
-    `--resume` reaches in the end; results beside it stay as they are. `--resume` reads
-    `iterate.json` and `convergence.csv`, plain text; the recorders' `.db` files hold pickles and
-    are never opened by `hkt`: open them with OpenMDAO's `CaseReader` only if you trust who wrote
-    them.
+    Faults: signals; a limit on the size of files, which acts like a full disk; the result folder
+    renamed during the run; no home folder and no cache. Goal: a run ends normally, or with exit
+    code 2 or 130 and one line. It counts as a success only with all its tables and the energy of
+    the undisturbed run to 1e-5, which `--resume` reaches in the end; other results are not changed.
+    `--resume` reads `iterate.json` and `convergence.csv`, which are plain text. The recorders'
+    `.db` files contain pickles and `hkt` never opens them: open them with OpenMDAO's `CaseReader`
+    only if you trust who wrote them.
     """
     if os.name != "posix":
         raise InputError("the part faults needs signals and limits of POSIX", "leave it out")

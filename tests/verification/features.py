@@ -12,10 +12,10 @@ WRONG = 2e-4  # relative difference of energies above which a success is false
 def features(study) -> list[str]:
     """Design for flows with a gust, a lull or a step at a random place, of a random width.
 
-    From a hundredth of a segment to ten, with random laws and torque limits. A success is false if
-    its energies, collocated or integrated, differ by more than 2e-4 from an integration in steps of
-    a two-hundredth of a segment, each of which looks at the flow sixteen times. Goal: no false
-    success, 99 % success.
+    Widths are from a hundredth of a segment to ten segments; laws and torque limits are random. A
+    success is false if its energies, collocated or integrated, differ by more than 2e-4 from an
+    integration in steps of a two-hundredth of a segment, which samples the flow sixteen times a
+    step. Goal: no false success, 99 % success.
     """
     plan, widths = {}, {}
     for i in range(study.count):

@@ -146,8 +146,8 @@ def _starts(study):
     """Start each co-design case from random smooth blades (chord × 0.6 to × 1.6, twist ± 6°).
 
     Goal: 99 % success with IPOPT, 95 % with SLSQP, at most 0.02 % below the best energy of the
-    case, no false success (more than 0.05 % below). The start tries steady-optimal blades beside
-    the random one and mostly prefers those; the next part does not.
+    case, no false success (a success with more than 0.05 % less energy). The start tries
+    steady-optimal blades besides the random one and mostly chooses those; the next part does not.
     """
     return _from_random_blades(study, "quasi_steady", _shipped(CODESIGN), OPTIMIZERS)
 
@@ -156,8 +156,8 @@ def _limits(study):
     """Start the cases under limits (`cases/limits`) from random blades, with IPOPT.
 
     Goals: 95 % success, at most 0.02 % below the best energy of the case, no false success. The
-    certificate knows the torque limit and the law alone: under other limits, and above all one of
-    the power, its gap is mostly what they cost and says nothing about the design.
+    certificate includes no limit but that of the torque: under other limits, above all one of the
+    power, its gap is mostly what they cost and says nothing about the design.
     """
     return _from_random_blades(study, "quasi_steady", _shipped(LIMITED), OPTIMIZERS[:1])
 
@@ -293,11 +293,12 @@ def _run_and_tell(study, plan):
 
 
 def _against_physics(study):
-    """Set each design variable a little off (chord ± 1 %, twist ± 0.1°, gain ± 1 %).
+    """Change each design variable of an optimum a little (chord ± 1 %, twist ± 0.1°, gain ± 1 %).
 
-    It is flown again with direct BEM; the open loop re-solves its control. Goals: no rise above
-    1e-5; energy balance 1e-6; segments × 2 and × 4 within 0.02 %; finer integration 1e-6; Radau
-    within 0.02 %, under feedback with 1200 segments (docs/theory.md tells why).
+    The changed design is simulated with direct BEM; for open loop its control is optimized again.
+    Goals: no rise of the energy above 1e-5; energy balance 1e-6; segments × 2 and × 4 within 0.02
+    %; finer integration 1e-6; Radau within 0.02 %, under feedback with 1200 segments
+    (docs/theory.md has the reason).
     """
     plan = {}
     for name in CODESIGN:
@@ -389,7 +390,8 @@ def _fly(design, **accuracy):
 
 
 def _real(study):
-    """Design on from real blades of several sections at default settings, under the three laws.
+    """Start designs from real blades of several sections, at default settings, under the three
+    laws.
 
     Reference Model 1 and the files of `tests/data/blades`, each with and without a torque limit, in
     the sine flow. Goal: every run succeeds, at no less energy than its start has. In brackets:

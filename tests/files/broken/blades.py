@@ -118,8 +118,8 @@ _LAST = AERODYN.splitlines()[-1]
 _AERODYN = _changed(
     AERODYN,
     {
-        "truncated": (_LAST + "\n", "", "NumBlNds = 4: promises 4 rows"),
-        "count too large": ("4   Num", "40  Num", "NumBlNds = 40: promises 40 rows"),
+        "truncated": (_LAST + "\n", "", "NumBlNds = 4: announces 4 rows"),
+        "count too large": ("4   Num", "40  Num", "NumBlNds = 40: announces 40 rows"),
         "count broken": ("4   Num", "4.5 Num", "NumBlNds = '4.5'"),
         "no count": ("4   NumBlNds", "4   nodes", "has no line `19 NumBlNds`"),
         "no chord column": ("BlChord", "Chord", "lacks the column BlChord"),

@@ -298,8 +298,12 @@ _BROKEN_OUTLINES: dict[str, tuple[str, bytes, str]] = {
     "millimetres": ("mm.dat", _points(lambda x, y: (250 * x, 250 * y)), "largest x is 250"),
     "centred": ("centred.dat", _points(lambda x, y: (x - 0.25, y)), "smallest x is -0.25"),
     "back to front": ("mirror.dat", _points(lambda x, y: (1.0 - x, y)), "trailing edge"),
-    "thick beyond reason": ("thick.dat", _points(lambda x, y: (x, 15 * y)), "beside it"),
-    "flat": ("flat.dat", _points(lambda x, y: (x, 0.01 * y)), "chord², no area of a section"),
+    "thick beyond reason": ("thick.dat", _points(lambda x, y: (x, 15 * y)), "away from it"),
+    "flat": (
+        "flat.dat",
+        _points(lambda x, y: (x, 0.01 * y)),
+        "chord², which is not the area of a section",
+    ),
     "one point": ("point.dat", b"0.5 0.1\n" * 20, "smallest x is 0.5"),
     "sides exchanged half-way": (
         "twisted.dat",

@@ -82,7 +82,7 @@ _CSV: dict[str, tuple[bytes, str]] = {
     ),
     "a spike": (
         _changed({40: "19.0,4.5"}),
-        "line 40, column speed_m_s = '4.5 m/s': stands off from its neighbours like a spike; give",
+        "line 40, column speed_m_s = '4.5 m/s': differs from its neighbours like a spike; give",
     ),
     "marks of missing samples": (
         _changed({line: f"{0.5 * line - 1:.1f},-9999" for line in range(40, 60)}),
@@ -90,7 +90,7 @@ _CSV: dict[str, tuple[bytes, str]] = {
     ),
     "flow that turns": (
         _csv([f"{t},{math.cos(0.1 * t):.4f}" for t in TIMES]),
-        "the flow stands still or turns; take a part where it runs one way",
+        "the flow stops or reverses; choose a part without this",
     ),
     "too short": (_csv(ROWS[:9]), "has 9 samples; give 16 at least"),
     "a date that is none": (
@@ -109,8 +109,8 @@ _CSV: dict[str, tuple[bytes, str]] = {
 }
 
 _CSV_NAMES = {
-    "record.tsv": (_csv(), "has the ending .tsv; name it .csv"),
-    "record": (_csv(), "has no ending that says its kind"),
+    "record.tsv": (_csv(), "has the file extension .tsv; name it .csv"),
+    "record": (_csv(), "has no file extension"),
     "csv.nc": (_csv(), "is not NetCDF"),
     "csv.parquet": (_csv(), "cannot be read as Parquet"),
 }
@@ -171,7 +171,7 @@ def _netcdf() -> Broken:
         "empty": (b"", "is not NetCDF"),
         "cut in its head": (sound[:60], "cannot be read as NetCDF"),
         "old, cut in the middle": (old[: len(old) // 2], "cannot be read as NetCDF"),
-        "no time": (content(nowhere), "has nothing that is plainly the time"),
+        "no time": (content(nowhere), "has nothing that is clearly the time"),
         "texts": (content(line(values=speed.astype(str))), "holds no numbers"),
         "NaN": (content(spoiled(40, np.nan)), "row 41, column speed: is missing"),
         "infinity": (content(spoiled(40, np.inf)), "row 41, column speed = inf: must be a finite"),

@@ -1,0 +1,114 @@
+"""How Sphinx builds the documentation site; docs/site.md says why it is built like this."""
+
+import os
+import re
+import sys
+from pathlib import Path
+
+from click import Context
+from pygments.lexers.special import TextLexer
+from sphinx.highlighting import lexers
+from typer.cli import get_docs_for_click
+from typer.main import get_command
+
+DOCS = Path(__file__).parent
+ROOT = DOCS.parent
+sys.path.insert(0, str(ROOT))
+for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(name, "1")  # small matrices: more threads make the notebooks slower
+os.environ["PYTHONPATH"] = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+
+import hkt_mdo
+
+project = "hkt_mdo"
+copyright = "the authors of hkt_mdo, Apache License 2.0"
+extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc"]
+exclude_patterns = ["_build", "**.ipynb_checkpoints"]
+html_theme = "furo"
+html_title = "hkt_mdo"
+
+myst_heading_anchors = 4  # the anchors of headings that GitHub makes, too
+myst_enable_extensions = ["colon_fence"]
+highlight_language = "none"  # blocks without a language are equations and output
+lexers["csv"] = TextLexer()  # Pygments has none
+
+nb_execution_mode = "force"  # every build runs the notebooks, which are committed without outputs
+nb_execution_timeout = 120
+nb_execution_raise_on_error = True
+nb_merge_streams = True
+nb_execution_in_temp = True  # results of the notebooks stay out of the checkout
+
+autodoc_typehints = "none"  # the sections of the docstrings name the types
+numpydoc_show_class_members = False
+
+PUBLIC = {
+    "Cases, runs and results": ("Case", "load_case", "build_problem", "run_case", "Solution"),
+    "Batches and exports": ("run.batch.run_batch", "exports.base.export"),
+    "Groups for models of your own": ("RotorGroup", "TurbineGroup"),
+    "Base classes of extensions": (
+        *("FeedbackLaw", "Inflow", "Limit", "Objective", "Aggregate", "Quantity"),
+    ),
+    "Errors": ("InputError",),
+}
+"""What the page of the Python interface documents; all of `hkt_mdo.__all__` is in it."""
+
+COLLAPSED = ("Case", "Quantity")
+"""Classes whose members are on another page, or of no use to a reader."""
+
+
+def commands_page():
+    """Return the help of every command as a page; what all of them repeat stands once."""
+    from hkt_mdo.cli import app
+    from hkt_mdo.cli.parts import EXIT_CODES
+
+    command = get_command(app)
+    page = get_docs_for_click(obj=command, ctx=Context(command, info_name="hkt"), title="Commands")
+    first, codes, rest = page.partition(EXIT_CODES)
+    page = first + codes + rest.replace(f"{EXIT_CODES}\n\n", "")
+    return re.sub(r"(?m)^\* `--help`.*\n", "", page)
+
+
+def api_page():
+    """Return the page of the Python interface: directives that the docstrings fill."""
+    missing = set(hkt_mdo.__all__) - {name for names in PUBLIC.values() for name in names}
+    if missing:
+        raise ValueError(f"docs/conf.py: PUBLIC: has no {', '.join(sorted(missing))}")
+    page = (
+        "# Python interface\n\nFrom the docstrings. Import a name without a module, such as `Case`,"
+    )
+    page += " from `hkt_mdo`.\n"
+    for title, names in PUBLIC.items():
+        page += f"\n## {title}\n\n```{{eval-rst}}\n"
+        for name in names:
+            kind = "autoclass" if name.rpartition(".")[2][0].isupper() else "autofunction"
+            page += f".. {kind}:: hkt_mdo.{name}\n"
+            if kind == "autoclass" and name not in COLLAPSED:
+                page += "   :members:\n"
+            page += "\n"
+        page += "```\n"
+    return page
+
+
+def fit_to_site(app, docname, source):
+    """Change what a page needs on GitHub and a site does not have, or the other way round."""
+    text = source[0].replace("../hkt_mdo/files/data/README.md", "reference/data.md")
+    # of a folder a site has nothing to show; a file is offered for download
+    text = re.sub(
+        r"\[([^]]+)\]\((\.\./[^)#]+)\)",
+        lambda link: f"`{link[2][3:]}`" if (DOCS / link[2]).is_dir() else link[0],
+        text,
+    )
+    if docname == "index":  # a pattern of pages of which there is none would be a warning
+        text = re.sub(
+            r"(?m)^(\w+\*)\n", lambda x: x[0] if list(DOCS.glob(f"{x[1]}.md")) else "", text
+        )
+    source[0] = text
+
+
+def setup(app):
+    """Write the generated pages before Sphinx looks for pages."""
+    folder = DOCS / "reference"
+    folder.mkdir(exist_ok=True)
+    (folder / "commands.md").write_text(commands_page(), encoding="utf-8")
+    (folder / "api.md").write_text(api_page(), encoding="utf-8")
+    app.connect("source-read", fit_to_site)

@@ -1,0 +1,66 @@
+"""README: a front door of at most 120 lines, whose numbers are those of the pages that it names."""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def section(title):
+    """Return the part of README under a heading."""
+    return README.partition(f"\n## {title}\n")[2].partition("\n## ")[0]
+
+
+def test_it_is_short_and_has_its_parts():
+    assert len(README.splitlines()) <= 120
+    assert re.findall(r"^!\[.*\]\((.*)\)$", README, re.MULTILINE) == ["docs/images/headline.png"]
+    (code,) = re.findall(r"^```python\n(.*?)^```$", README, re.DOTALL | re.MULTILINE)
+    assert len([line for line in code.splitlines() if line]) <= 10
+    titles = re.findall(r"^## (.*)$", README, re.MULTILINE)
+    assert titles == [
+        *("Two commands", "In Python", "What it has been compared with"),
+        *("What it does not model", "Where to go next", "How to cite"),
+    ]
+
+
+def test_its_test_commands_are_those_of_continuous_integration():
+    commands = (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()[-2:]
+    assert commands == ["make test", "make check"]
+    for command in commands:
+        assert command in section("Two commands")
+
+
+def test_every_number_of_the_table_stands_on_the_page_that_it_names():
+    rows = re.findall(r"^\| (.*) \| (.*) \| (\[.*\)) \|$", README, re.MULTILINE)
+    assert len(rows) == 7
+    for what, result, link in rows:
+        path = re.search(r"\(([\w/.]+)", link)[1]
+        page = (ROOT / path).read_text(encoding="utf-8")
+        numbers = re.findall(r"\d[\d.]*(?:e-\d+|/\d+)?", re.sub(r"\(\d{4}\)", "", result))
+        assert numbers, what
+        for number in numbers:
+            assert re.search(rf"(?<![\d.]){re.escape(number)}(?!\d)", page), (number, path)
+
+
+def test_its_links_lead_to_files_and_headings():
+    for target in re.findall(r"\]\(([^)h][^)]*)\)", README):
+        path, _, anchor = target.partition("#")
+        page = ROOT / path
+        assert page.is_file(), target
+        if anchor:
+            headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+            slugs = [re.sub(r"[^\w\- ]", "", each.lower()).replace(" ", "-") for each in headings]
+            assert anchor in slugs, target
+
+
+def test_it_says_that_stability_with_a_wake_is_not_shown():
+    """So do the pages that speak of stability."""
+    for page in ("README.md", "docs/laws.md", "docs/controllers.md", "docs/theory.md"):
+        text = " ".join((ROOT / page).read_text(encoding="utf-8").replace("*", "").split())
+        assert re.search(
+            "tability of light rotors at a torque limit or at constant power is "
+            "(therefore )?not shown by (these|its) results",
+            text,
+        ), page
+        assert "hkt simulate RESULT --inflow-dynamics oye" in text, page

@@ -1,0 +1,61 @@
+"""The documentation site is built without a warning, and its notebooks run."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from fnmatch import fnmatch
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).parent.parent / "docs"
+NOTEBOOKS = sorted((DOCS / "tutorials").glob("*.ipynb"))
+
+
+def test_notebooks_are_committed_without_outputs():
+    assert len(NOTEBOOKS) == 3
+    for path in NOTEBOOKS:
+        for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+            if cell["cell_type"] == "code":
+                assert cell["outputs"] == []
+                assert cell["execution_count"] is None
+
+
+def test_every_page_is_in_one_table_of_contents():
+    index = (DOCS / "index.md").read_text(encoding="utf-8")
+    named = re.findall(r"^([\w/]+\*?)$", index, re.MULTILINE)
+    pages = {path.relative_to(DOCS).with_suffix("").as_posix() for path in DOCS.rglob("*.md")}
+    pages |= {f"tutorials/{path.stem}" for path in NOTEBOOKS}
+    for page in pages - {"index", "reference/commands", "reference/api"}:
+        assert sum(fnmatch(page, name) for name in named) == 1, page
+
+
+@pytest.mark.slow
+def test_site_is_built_and_shows_what_the_notebooks_print(tmp_path):
+    """A cell that fails ends the build; so does a warning, such as of a link that leads nowhere."""
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "sphinx",
+            "-W",
+            "--keep-going",
+            "-b",
+            "html",
+            DOCS,
+            tmp_path / "site",
+        ],
+        env={**os.environ, "PYTHONWARNINGS": "ignore"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    for path in NOTEBOOKS:
+        page = (tmp_path / "site" / "tutorials" / f"{path.stem}.html").read_text(encoding="utf-8")
+        assert "converged and verified" in page
+    limits = (tmp_path / "site" / "tutorials" / "limits.html").read_text(encoding="utf-8")
+    worth, found = re.search(r"worth of one per cent: (\d+) J; found.*?: (\d+) J", limits).groups()
+    assert float(found) == pytest.approx(float(worth), rel=0.1)
