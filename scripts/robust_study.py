@@ -96,7 +96,8 @@ The *calm* river is von Karman's turbulence, 1.5 m/s, 10 %; the *rough* one Kaim
 both of 4 m, up to 0.5 Hz, with random amplitudes. Every design is simulated in minutes that no
 design has seen: its torque from a curve of 2500 tip speed ratios by BEM, its loads by direct BEM. A
 minute breaks a limit where the simulation exceeds it by more than a run allows between its nodes.
-Brackets are 95 % intervals by bootstrap over the minutes.
+Brackets are 95 % intervals by bootstrap over the minutes. A design that breaks its limits may
+capture more: powers compare only together with the share of minutes that break one.
 """
 
 

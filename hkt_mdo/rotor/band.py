@@ -129,7 +129,13 @@ class Band:
 
     @cached_property
     def spline(self):
-        """The curves over the tip speed ratio of the wake."""
+        """The curves over the tip speed ratio of the wake.
+
+        Returns
+        -------
+        TorqueSpline
+            Over the nodes.
+        """
         return TorqueSpline(self.nodes)
 
     @cached_property

@@ -338,6 +338,22 @@ def radius_slope(blade, values, by_chord, power):
     """Return the derivative by the rotor radius of values that grow with length to a power.
 
     They are homogeneous in the lengths, of which only the chord does not move with the radius.
+
+    Parameters
+    ----------
+    blade : Blade
+        The blade.
+    values : ndarray of shape (n_points,)
+        What grows with length to the power.
+    by_chord : ndarray of shape (n_points, n_stations)
+        Its derivative by the chord.
+    power : int
+        Of the length.
+
+    Returns
+    -------
+    ndarray of shape (n_points,)
+        A unit of the values per m.
     """
     return (power * values - by_chord @ blade.chord) / blade.rotor_radius
 
