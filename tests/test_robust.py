@@ -145,7 +145,7 @@ BAD = {
     "unknown key": ({"robustness": {"measure": "worst", "shar": 1}}, r"robustness.shar = 1"),
     "no weight": (
         {"scenarios": [{"inflow": TURBULENCE, "realizations": 2, "weight": 0}]},
-        r"scenarios = .*weigh nothing together",
+        r"scenarios = .*have weights that are all zero",
     ),
 }
 

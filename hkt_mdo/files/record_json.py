@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,8 @@ from hkt_mdo.files.record_table import (
 )
 from hkt_mdo.files.table import parse_number, read_text
 
+NOAA = {"s": "cm/s", "d": ""}
+"""Columns of currents of NOAA as MHKiT saves them, speed and direction, with their units."""
 TIME = "time"
 """What messages call the times of a JSON file."""
 
@@ -57,7 +60,8 @@ def read_json(path: Path, options: RecordOptions) -> Columns:
     """
     text = read_text(path, "record", MAX_BYTES)
     try:
-        series = _series(json.loads(text))
+        data = json.loads(text)
+        series = _series(data)
     except (ValueError, RecursionError) as error:
         problem = f"cannot be read as JSON ({error})"
         raise InputError(problem, "write the file anew, or as CSV", file=path) from None
@@ -66,7 +70,11 @@ def read_json(path: Path, options: RecordOptions) -> Columns:
     if not series:
         remedy = f"give {_KNOWN}, or write it as CSV"
         raise InputError("is JSON, and no record of a known form", remedy, file=path)
-    names = choose([TIME, *(name for name, _ in series)], TIME, options, str(path))
+    unit, columns = "", [name for name, _ in series]
+    if "metadata" in data and {*columns} == {*NOAA}:  # a station of NOAA
+        options = replace(options, speed_column=options.speed_column or "s")
+        unit = "" if options.speed_unit else NOAA[options.speed_column]
+    names = choose([TIME, *columns], TIME, options, str(path))
     times, values = dict(series)[names[1]]
     check_length(len(times), str(path))
     rows, speeds = list(map(_seconds, times)), list(map(_speed, values))
@@ -88,7 +96,7 @@ def read_json(path: Path, options: RecordOptions) -> Columns:
         place.__getitem__,
         messages,
     )
-    return raw.in_si(True, options, ("", ""))
+    return raw.in_si(True, options, ("", unit))
 
 
 def _series(data: Any) -> list[tuple[str, _Series]]:

@@ -332,7 +332,7 @@ def choose(
     time = default if options.time_column is None else options.time_column
     others = [name for name in names if name != time]
     if time is None:
-        problem = "has nothing that is plainly the time"
+        problem = "has nothing that is clearly the time"
         raise InputError(problem, f"give time_column: of {_listed(names)}", file=file)
     speed = options.speed_column
     if speed is None:

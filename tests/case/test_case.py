@@ -300,7 +300,8 @@ def test_schema_documents_every_key_with_its_unit():
     schema = case_json_schema()
     json.dumps(schema)
     assert schema["required"] == ["control"]
-    assert schema["anyOf"] == [{"required": ["inflow"]}, {"required": ["scenarios"]}]
+    ways = ["inflow", "resource", "scenarios"]
+    assert schema["anyOf"] == [{"required": [name]} for name in ways]
     for whole in (schema, *schema["$defs"].values()):
         section = whole if "properties" in whole else whole["anyOf"][-1]  # a limit may be its bound
         assert section["additionalProperties"] is False

@@ -108,7 +108,7 @@ CASE = {"inflow": "sine", "control": "open_loop"}
     [
         ({"efficiency": 1.1}, "generator.efficiency = 1.1: must be at most 1"),
         ({"efficiency": 0}, "must be greater than 0"),
-        ({"efficiency": 0.9, "copper_loss": 1, "rated_torque": 1}, "copper_loss = 1.0: is given b"),
+        ({"efficiency": 0.9, "copper_loss": 1, "rated_torque": 1}, "copper_loss = 1.0: is given t"),
         ({"copper_loss": "300 W"}, "generator.copper_loss = 300.0: needs rated_torque"),
         ({"iron_loss": 3, "rated_torque": 2}, "iron_loss = 3.0: needs rated_speed"),
         ({"rated_torque": 700}, "generator.rated_torque = 700.0: has no effect; give gen"),

@@ -19,7 +19,11 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.results import plots, steady
 from hkt_mdo.results.solution import ScenarioTables, Solution
 
-PLOTS = [plot for name, plot in vars(plots).items() if name.startswith("plot_")]
+PLOTS = [  # of a year: tests/run/test_year.py
+    plot
+    for name, plot in vars(plots).items()
+    if name.startswith("plot_") and not name.startswith("plot_year")
+]
 FIGURES = ("blade", "power_curve", "operation", "schedule", "limits", "loads", "convergence")
 
 

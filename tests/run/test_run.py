@@ -354,7 +354,7 @@ def test_a_second_run_on_one_folder_is_refused(tmp_path):
     def second(count, objective, infeasibility):
         if count == 2:
             for start in (lambda: run_case(case, out, force=True), lambda: resume_case(out)):
-                with pytest.raises(InputError, match="another run is at work") as caught:
+                with pytest.raises(InputError, match="another run is using it") as caught:
                     start()
                 refused.append(caught.value)
             assert json.loads((out / "summary.json").read_text())["success"] is False

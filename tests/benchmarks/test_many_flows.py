@@ -60,7 +60,7 @@ def test_growth_of_flows(benchmark, full, law, tmp_path):
     """Set-up, time of an iteration and memory grow no faster than the number of flows."""
 
     def run(flows):
-        code = f"from test_flows import *; print(json.dumps(measure({flows}, {law!r})))"
+        code = f"from test_many_flows import *; print(json.dumps(measure({flows}, {law!r})))"
         command = [sys.executable, "-W", "ignore", "-c", code]
         return json.loads(
             subprocess.check_output(command, text=True, cwd=tmp_path).splitlines()[-1]
