@@ -46,3 +46,19 @@ def test_the_page_has_the_numbers_of_the_command(script, tmp_path, monkeypatch):
     assert now[::2] == then[::2]
     numbers = [list(map(float, each[1::2])) for each in (now, then)]
     assert numbers[0] == pytest.approx(numbers[1], rel=2e-3)
+
+
+@pytest.mark.slow
+def test_a_year_of_a_case_costs_what_the_table_says(script, tmp_path, monkeypatch, capsys):
+    """Another way to the same: a resource, its judges and losses, of RM1's own blade."""
+    page = (ROOT / "docs" / "cost.md").read_text(encoding="utf-8")
+    (code,) = (
+        text for text in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "year" in text
+    )
+    monkeypatch.chdir(tmp_path)
+    exec(code, {"cost_of_energy": script.cost_of_energy})
+    energy, cost = re.search(r"(.*) GWh, .*\n(.*) USD", capsys.readouterr().out).groups()
+    assert f"prints {energy} GWh and {cost} USD/kWh" in page
+    row = re.search(r"\| RM1's blade \|(.*)\|", page)[1].split("|")
+    assert float(energy) == pytest.approx(float(row[1]), rel=2e-3)
+    assert float(cost) == pytest.approx(float(row[-1]), rel=2e-3)
