@@ -24,7 +24,7 @@ class Aggregate(Section):
     """
 
     measure: str
-    """What unites the scenarios."""
+    """How the scenarios are combined."""
     n_unknowns: ClassVar[int | None] = 0
     """Number of unknowns; None: it depends on the scenarios, and `best_unknowns` tells it."""
     relative: ClassVar[bool] = False
@@ -86,7 +86,7 @@ class Worst(_OfTheWorst):
     """
 
     measure: Literal["worst"] = "worst"
-    """What unites the scenarios."""
+    """How the scenarios are combined."""
 
     def value(self, rates, shares, unknowns):
         return unknowns[0]
@@ -111,7 +111,7 @@ class ConditionalValueAtRisk(_OfTheWorst):
     """
 
     measure: Literal["cvar"] = "cvar"
-    """What unites the scenarios."""
+    """How the scenarios are combined."""
     share: Annotated[float, Quantity(gt=0, le=1)] = 0.2
     """Share of time of the worst scenarios, of which the mean is taken."""
 

@@ -167,7 +167,7 @@ class Physics:
 
     @property
     def aggregate(self) -> Aggregate:
-        """What unites the scenarios to one objective."""
+        """How the scenarios are combined to one objective."""
         return self.case.robustness
 
     @cached_property

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Source
 from hkt_mdo.exports.solids import Stl, outline_names, triangles
-from hkt_mdo.report.charts import FAINT, Chart, Look, Told, escaped, line
+from hkt_mdo.report.charts import FAINT, Chart, Labelled, Look, escaped, line
 from hkt_mdo.results import style
 
 SOLIDS = Stl(spanwise=44, points=48), Stl(spanwise=20, points=24)
@@ -40,12 +40,12 @@ class Body(NamedTuple):
     sections: np.ndarray
 
 
-def bodies(told: Sequence[Told]) -> tuple[list[Body], list[str]]:
+def bodies(labelled: Sequence[Labelled]) -> tuple[list[Body], list[str]]:
     """Return the blades of results, each start once behind them, and why others are not there.
 
     Parameters
     ----------
-    told : sequence of Told
+    labelled : sequence of Labelled
         The results.
 
     Returns
@@ -59,12 +59,12 @@ def bodies(told: Sequence[Told]) -> tuple[list[Body], list[str]]:
     starts: list[Body] = []
     reasons: list[str] = []
     known: list[np.ndarray] = []
-    for index, each in enumerate(told):
+    for index, each in enumerate(labelled):
         try:
             source = Source(each.solution)
             outline_names(source)  # refuses where the polars have no outline of their own
             color = Look.of(index, each).color
-            start, kind = _start(source.design, each.solution), SOLIDS[len(told) > FEW]
+            start, kind = _start(source.design, each.solution), SOLIDS[len(labelled) > FEW]
             name = each.label or ("blade" if start is None else "optimized blade")
             found.append(_body(source.design, kind, name, color))
             if start is None:

@@ -44,7 +44,7 @@ ENVELOPE = 300
 """Classes of the time in an envelope of scenarios."""
 
 
-class Told(NamedTuple):
+class Labelled(NamedTuple):
     """A result of a report and the name that the page gives it; "" where it is the only one."""
 
     solution: Solution
@@ -91,12 +91,12 @@ def thinned(time: np.ndarray, values: np.ndarray, most: int) -> np.ndarray:
     return np.unique(kept)
 
 
-def points_each(told: Sequence[Told]) -> int:
+def points_each(labelled: Sequence[Labelled]) -> int:
     """Return how many points of a series a page has room for.
 
     Parameters
     ----------
-    told : sequence of Told
+    labelled : sequence of Labelled
         All results of the page.
 
     Returns
@@ -104,7 +104,7 @@ def points_each(told: Sequence[Told]) -> int:
     int
         Number of points.
     """
-    series = 9 * sum(len(each.solution.scenarios) for each in told)
+    series = 9 * sum(len(each.solution.scenarios) for each in labelled)
     return int(np.clip(MOST_POINTS // max(1, series), LEAST_POINTS, MOST_OF_ONE))
 
 
@@ -237,14 +237,14 @@ class Look(NamedTuple):
     dash: str
 
     @classmethod
-    def of(cls, index: int, told: Told, quantity: str = "") -> Look:
+    def of(cls, index: int, labelled: Labelled, quantity: str = "") -> Look:
         """Return the look of a result.
 
         Parameters
         ----------
         index : int
             Its place among the results.
-        told : Told
+        labelled : Labelled
             The result.
         quantity : str
             What is drawn; of a single result it has its own colour.
@@ -255,7 +255,7 @@ class Look(NamedTuple):
             Colour and dashes.
         """
         color = style.COLORS[index % len(style.COLORS)]
-        if not told.label:
+        if not labelled.label:
             color = style.QUANTITY_COLORS.get(quantity, color)
         return cls(color, DASHES[index % len(DASHES)])
 
@@ -271,10 +271,10 @@ def _title_of(quantity: str) -> str:
     return f"{words} ({unit})"
 
 
-def _levels_of(told: Sequence[Told], quantity: str, scale: float) -> dict[str, float]:
+def _levels_of(labelled: Sequence[Labelled], quantity: str, scale: float) -> dict[str, float]:
     """Return the limits of a quantity as levels times a scale, by their names."""
     found: dict[str, float] = {}
-    for solution, label in told:
+    for solution, label in labelled:
         for each in LIMITED_BY.get(quantity, (quantity,)):
             known = {limit.name: limit for limit in solution.limits}
             for name, level in solution.limit_levels(each).items():
@@ -292,15 +292,17 @@ _FLOW = "generator_power", "rotor_speed", "control_torque", "thrust"
 _TIME = "inflow_speed", "generator_power", "rotor_speed", "control_torque", "thrust"
 
 
-def _over_flow(told: Sequence[Told]) -> Chart | None:
+def _over_flow(labelled: Sequence[Labelled]) -> Chart | None:
     """Return power, speed, torque and thrust over the flow speed, with limits and rated points."""
-    return _stacked([_flow_panel(told, quantity) for quantity in _FLOW], "flow speed (m/s)", 170)
+    return _stacked(
+        [_flow_panel(labelled, quantity) for quantity in _FLOW], "flow speed (m/s)", 170
+    )
 
 
-def _flow_panel(told: Sequence[Told], quantity: str) -> Panel:
+def _flow_panel(labelled: Sequence[Labelled], quantity: str) -> Panel:
     column, scale = QUANTITIES[quantity].column, WORDS[quantity][2]
     panel = Panel(_title_of(quantity), from_zero=True)
-    for index, each in enumerate(told):
+    for index, each in enumerate(labelled):
         table, look = _table_of(each.solution), Look.of(index, each, quantity)
         if column not in table:
             continue
@@ -319,7 +321,7 @@ def _flow_panel(told: Sequence[Told], quantity: str) -> Panel:
         stop = each.solution.case.control.cut_out
         panel.marks |= {} if stop is None else {f"cut-out {stop:g} m/s": stop}
     if panel.traces:
-        panel.levels = _levels_of(told, quantity, scale)
+        panel.levels = _levels_of(labelled, quantity, scale)
     return panel
 
 
@@ -332,7 +334,7 @@ def _met(found: Binned, name: str, look: Look) -> list[dict[str, Any]]:
     return [*spread, mean | {"marker": {"size": 5, "color": look.color}}]
 
 
-def _power_of(each: Told, look: Look, table: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+def _power_of(each: Labelled, look: Look, table: dict[str, np.ndarray]) -> list[dict[str, Any]]:
     """Return electrical power, where there are losses, and the rated point, as traces."""
     traces, name = [], escaped(each.label)
     speed, electrical = table["inflow_speed_m_s"], table["electrical_power_W"]
@@ -347,13 +349,13 @@ def _power_of(each: Told, look: Look, table: dict[str, np.ndarray]) -> list[dict
     return traces
 
 
-def _over_time(told: Sequence[Told], most: int) -> Chart | None:
+def _over_time(labelled: Sequence[Labelled], most: int) -> Chart | None:
     """Return flow, power, speed, torque, thrust and margins over time, on one axis."""
-    panels = [_time_panel(told, quantity, most) for quantity in _TIME]
-    return _stacked([*panels, _margin_panel(told, most)], "time (s)", 130)
+    panels = [_time_panel(labelled, quantity, most) for quantity in _TIME]
+    return _stacked([*panels, _margin_panel(labelled, most)], "time (s)", 130)
 
 
-def _series(each: Told, values: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
+def _series(each: Labelled, values: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Return time and values with gaps at a standstill, of as many points as there is room for."""
     time = _table_of(each.solution)["time_s"]
     along = each.solution.across_gaps(time, values)
@@ -362,10 +364,10 @@ def _series(each: Told, values: np.ndarray, most: int) -> tuple[np.ndarray, np.n
     return across[kept], along[kept]
 
 
-def _time_panel(told: Sequence[Told], quantity: str, most: int) -> Panel:
+def _time_panel(labelled: Sequence[Labelled], quantity: str, most: int) -> Panel:
     column, scale = QUANTITIES[quantity].column, WORDS[quantity][2]
     panel = Panel(_title_of(quantity))
-    for index, each in enumerate(told):
+    for index, each in enumerate(labelled):
         table, look = _table_of(each.solution), Look.of(index, each, quantity)
         if column in table:
             series = _series(each, scale * table[column], most)
@@ -373,7 +375,7 @@ def _time_panel(told: Sequence[Told], quantity: str, most: int) -> Panel:
             shown = {"showlegend": bool(each.label), "dash": look.dash if each.label else "solid"}
             panel.traces.append(line(*series, name, look.color, width=1.4, **shown))
     if panel.traces:
-        panel.levels = _levels_of(told, quantity, scale)
+        panel.levels = _levels_of(labelled, quantity, scale)
     return panel
 
 
@@ -383,12 +385,12 @@ def _margins(solution: Solution) -> dict[str, np.ndarray]:
     return {name: 100.0 * (1.0 - share) for name, share in shares.items()}
 
 
-def _margin_panel(told: Sequence[Told], most: int) -> Panel:
+def _margin_panel(labelled: Sequence[Labelled], most: int) -> Panel:
     """Return the margin of each limit of a single result, the smallest of each of several."""
-    several = len(told) > 1
+    several = len(labelled) > 1
     words = "smallest margin of all limits" if several else "margin of each limit"
     panel = Panel(f"{words} (%)", levels={"limit": 0.0})
-    for index, each in enumerate(told):
+    for index, each in enumerate(labelled):
         left = _margins(each.solution)
         if several and left:
             left = {each.label: np.min([*left.values()], axis=0)}
@@ -404,13 +406,15 @@ def _margin_panel(told: Sequence[Told], most: int) -> Panel:
 # ---- the envelope of several scenarios
 
 
-def _envelope(told: Sequence[Told], over: str) -> Chart | None:
+def _envelope(labelled: Sequence[Labelled], over: str) -> Chart | None:
     """Return the range of each quantity over all scenarios, over `time` or `inflow_speed`."""
     column = QUANTITIES[over].column
-    panels = [_envelope_panel(told, each, column) for each in (_TIME if over == "time" else _FLOW)]
+    panels = [
+        _envelope_panel(labelled, each, column) for each in (_TIME if over == "time" else _FLOW)
+    ]
     if over == "time":
         margin = Panel("smallest margin of all limits and scenarios (%)", levels={"limit": 0.0})
-        for index, each in enumerate(told):
+        for index, each in enumerate(labelled):
             parts = []
             for one in each.solution.by_scenario:
                 if left := _margins(one):
@@ -424,13 +428,13 @@ def _envelope(told: Sequence[Told], over: str) -> Chart | None:
     return _stacked(panels, title, 130 if over == "time" else 170)
 
 
-def _envelope_panel(told: Sequence[Told], quantity: str, x: str) -> Panel:
+def _envelope_panel(labelled: Sequence[Labelled], quantity: str, x: str) -> Panel:
     column, scale = QUANTITIES[quantity].column, WORDS[quantity][2]
     panel, alone = Panel(_title_of(quantity), from_zero=x != "time_s"), []
-    for index, each in enumerate(told):
+    for index, each in enumerate(labelled):
         tables = [_table_of(one) for one in each.solution.by_scenario]
         parts = [(table[x], scale * table[column]) for table in tables if column in table]
-        alone += [Told(one, each.label) for one in each.solution.by_scenario]
+        alone += [Labelled(one, each.label) for one in each.solution.by_scenario]
         if parts:
             name = escaped(each.label) or "smallest to largest of all scenarios"
             color = Look.of(index, each, quantity).color
@@ -465,14 +469,14 @@ _SHAPES = {
 }
 
 
-def _shape(told: Sequence[Told]) -> Chart | None:
+def _shape(labelled: Sequence[Labelled]) -> Chart | None:
     """Return chord, twist and a designed thickness over the radius, with start and bounds."""
     panels = []
     for column, (title, bounds) in _SHAPES.items():
         panel = Panel(title, from_zero=True)
-        _beside_start(panel, told, lambda each: each.blade, "r_m", column)
+        _beside_start(panel, labelled, lambda each: each.blade, "r_m", column)
         values = [x for trace in panel.traces for x in trace["y"]]
-        ends = {getattr(each.solution.case.design, bounds) for each in told}
+        ends = {getattr(each.solution.case.design, bounds) for each in labelled}
         for end, word in zip(next(iter(ends)) or (), ("smallest", "largest"), strict=False):
             near = values and 1.5 * min(values) <= end <= 1.5 * max(values)
             if len(ends) == 1 and near:  # a bound far away says nothing
@@ -482,11 +486,11 @@ def _shape(told: Sequence[Told]) -> Chart | None:
 
 
 def _beside_start(
-    panel: Panel, told: Sequence[Told], table: Callable[[Solution], Any], x: str, y: str
+    panel: Panel, labelled: Sequence[Labelled], table: Callable[[Solution], Any], x: str, y: str
 ) -> None:
     """Add a column of each result to a panel, and of the blade at the start, once if it is one."""
     starts: list[np.ndarray] = []
-    for index, each in enumerate(told):
+    for index, each in enumerate(labelled):
         columns, look = table(each.solution), Look.of(index, each)
         if y not in columns:
             continue
@@ -500,16 +504,16 @@ def _beside_start(
         panel.traces.append(line(columns[x], columns[y], name, look.color, dash=look.dash))
 
 
-def _coefficients(told: Sequence[Told]) -> Chart | None:
+def _coefficients(labelled: Sequence[Labelled]) -> Chart | None:
     """Return power and thrust coefficient over the tip speed ratio, and what is operated in."""
     panels = []
     for word in ("power", "thrust"):
         panel = Panel(f"{word} coefficient (-)", from_zero=True)
         column = f"{word}_coefficient"
-        _beside_start(panel, told, lambda each: each.power_curve, "tip_speed_ratio", column)
+        _beside_start(panel, labelled, lambda each: each.power_curve, "tip_speed_ratio", column)
         panels.append(panel)
     chart = _stacked(panels, "tip speed ratio (-)", 170)
-    for index, each in enumerate(told):
+    for index, each in enumerate(labelled):
         reach = each.solution.summary.tip_speed_ratio
         if chart is None or reach is None or reach.ends is None:
             continue
@@ -530,7 +534,7 @@ _LOADS = {
 }
 
 
-def _over_span(told: Sequence[Told]) -> Chart | None:
+def _over_span(labelled: Sequence[Labelled]) -> Chart | None:
     """Return the loads along the blade at the times of the largest ones, with their limits.
 
     Of several scenarios, the largest of all.
@@ -538,7 +542,7 @@ def _over_span(told: Sequence[Told]) -> Chart | None:
     panels = []
     for column, (title, quantity, scale) in _LOADS.items():
         panel, alone = Panel(title, from_zero=True), []
-        for index, each in enumerate(told):
+        for index, each in enumerate(labelled):
             scenarios, look = each.solution.by_scenario, Look.of(index, each, quantity)
             loads = _largest([one.loads for one in scenarios if one.loads])
             if column in loads:
@@ -546,7 +550,7 @@ def _over_span(told: Sequence[Told]) -> Chart | None:
                 shown = {"showlegend": bool(each.label), "dash": look.dash}
                 values = scale * loads[column]
                 panel.traces.append(line(loads["r_over_R"], values, name, look.color, **shown))
-            alone += [Told(one, each.label) for one in scenarios]
+            alone += [Labelled(one, each.label) for one in scenarios]
         if panel.traces and column == QUANTITIES[quantity].column:  # not a moment along the blade
             panel.levels = _levels_of(alone, quantity, scale)
         panels.append(panel)
@@ -560,11 +564,11 @@ def _largest(tables: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     return {name: np.max(values, axis=0) for name, values in having.items()}
 
 
-def _limit_bars(told: Sequence[Told]) -> Chart | None:
+def _limit_bars(labelled: Sequence[Labelled]) -> Chart | None:
     """Return a bar for each limit of each result: the largest value over the limit, in per cent."""
     data: list[dict[str, Any]] = []
     names: list[str] = []
-    for index, each in enumerate(told):
+    for index, each in enumerate(labelled):
         left = [_margins(one) for one in each.solution.by_scenario]
         limits = list(dict.fromkeys(name for one in left for name in one))
         if not limits:
@@ -599,11 +603,11 @@ def _limit_bars(told: Sequence[Told]) -> Chart | None:
     return {"data": data, "layout": layout}
 
 
-def _convergence(told: Sequence[Told]) -> Chart | None:
+def _convergence(labelled: Sequence[Labelled]) -> Chart | None:
     """Return the distance of the energy from its last value, and infeasibility, by evaluation."""
     energy = Panel("distance of the energy from its last value, relative (-)", log=True)
     broken = Panel("infeasibility: largest scaled violation (-)", log=True)
-    for index, each in enumerate(told):
+    for index, each in enumerate(labelled):
         table, look = each.solution.convergence, Look.of(index, each)
         if not table:
             continue
@@ -620,12 +624,12 @@ def _convergence(told: Sequence[Told]) -> Chart | None:
     return _stacked([energy, broken], "evaluation of the optimizer (-)", 150)
 
 
-def views(told: Sequence[Told]) -> dict[str, dict[str, Chart]]:
+def views(labelled: Sequence[Labelled]) -> dict[str, dict[str, Chart]]:
     """Return the charts that each scenario has, by the name of the scenario and of the chart.
 
     Parameters
     ----------
-    told : sequence of Told
+    labelled : sequence of Labelled
         All results of the page.
 
     Returns
@@ -633,19 +637,19 @@ def views(told: Sequence[Told]) -> dict[str, dict[str, Chart]]:
     dict of dict
         Where there are several scenarios, the first entry is the envelope of all of them.
     """
-    most, found = points_each(told), {}
-    names = list(dict.fromkeys(name for each in told for name in each.solution.scenarios))
+    most, found = points_each(labelled), {}
+    names = list(dict.fromkeys(name for each in labelled for name in each.solution.scenarios))
     if len(names) > 1:
         found["all scenarios"] = {
-            "flow": _envelope(told, "inflow_speed"),
-            "time": _envelope(told, "time"),
-            "limits": _limit_bars(told),
-            "span": _over_span(told),
+            "flow": _envelope(labelled, "inflow_speed"),
+            "time": _envelope(labelled, "time"),
+            "limits": _limit_bars(labelled),
+            "span": _over_span(labelled),
         }
     for name in names:
-        having = [each for each in told if name in each.solution.scenarios]
-        alone = [Told(each.solution.scenario(name), each.label) for each in having]
-        charts: dict[str, Callable[[Sequence[Told]], Chart | None]] = {
+        having = [each for each in labelled if name in each.solution.scenarios]
+        alone = [Labelled(each.solution.scenario(name), each.label) for each in having]
+        charts: dict[str, Callable[[Sequence[Labelled]], Chart | None]] = {
             "flow": _over_flow,
             "time": partial(_over_time, most=most),
             "limits": _limit_bars,
@@ -655,12 +659,12 @@ def views(told: Sequence[Told]) -> dict[str, dict[str, Chart]]:
     return {name: _drawn(charts.items()) for name, charts in found.items()}
 
 
-def designs(told: Sequence[Told]) -> dict[str, Chart]:
+def designs(labelled: Sequence[Labelled]) -> dict[str, Chart]:
     """Return the charts that belong to a result as a whole, by their names.
 
     Parameters
     ----------
-    told : sequence of Told
+    labelled : sequence of Labelled
         All results of the page.
 
     Returns
@@ -669,7 +673,7 @@ def designs(told: Sequence[Told]) -> dict[str, Chart]:
         Those for which there are data.
     """
     makers = {"shape": _shape, "coefficients": _coefficients, "convergence": _convergence}
-    return _drawn((name, make(told)) for name, make in makers.items())
+    return _drawn((name, make(labelled)) for name, make in makers.items())
 
 
 def _drawn(charts: Iterable[tuple[str, Chart | None]]) -> dict[str, Chart]:

@@ -1,4 +1,4 @@
-"""The page of a report: what is told of each result, put into the templates."""
+"""The page of a report: what is shown of each result, put into the templates."""
 
 from __future__ import annotations
 
@@ -76,9 +76,9 @@ def _page(solutions: Sequence[Solution]) -> str:
     from hkt_mdo.report import blade, charts
 
     order, shares = ranked(solutions)
-    told = [charts.Told(*each) for each in zip(order, labels(order), strict=True)]
-    found, reasons = blade.bodies(told)
-    drawn, views = charts.designs(told), charts.views(told)
+    labelled = [charts.Labelled(*each) for each in zip(order, labels(order), strict=True)]
+    found, reasons = blade.bodies(labelled)
+    drawn, views = charts.designs(labelled), charts.views(labelled)
     if found:
         drawn |= {"solid": blade.solid(found), "sections": blade.sections(found)}
     folder = jinja2.PackageLoader("hkt_mdo.report", "templates")
@@ -101,7 +101,7 @@ def _page(solutions: Sequence[Solution]) -> str:
         not_modelled=list(dict.fromkeys(line for x in order for line in not_modelled(x.case))),
         reasons=[printable(reason) for reason in reasons],
         picture=base64.b64encode(blade.picture(found)).decode() if found else "",
-        points=charts.points_each(told),
+        points=charts.points_each(labelled),
         views=list(views),
         charts=drawn,
         view_charts=sorted({name for each in views.values() for name in each}),
@@ -232,8 +232,8 @@ def _unasked(solution: Solution) -> list[tuple[str, str]]:
     """Return the loads that are large and have no limit, and what is to be said of them."""
     limits, loads = solution.summary.limits or {}, solution.summary.loads or {}
     free = {name: entry for name, entry in loads.items() if name not in limits}
-    told = [(x.row(name), unasked(name, x.value, solution.case)) for name, x in free.items()]
-    return [(f"{x.label} {measured(x.value, x.unit, 4)}", words) for x, words in told if words]
+    labelled = [(x.row(name), unasked(name, x.value, solution.case)) for name, x in free.items()]
+    return [(f"{x.label} {measured(x.value, x.unit, 4)}", words) for x, words in labelled if words]
 
 
 def _limits(solutions: Sequence[Solution]) -> list[dict[str, Any]]:

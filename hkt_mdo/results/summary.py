@@ -275,7 +275,7 @@ class ObjectiveEntry(_Entry):
     simulated: _Number = Field(None, validation_alias=AliasChoices("simulated", "simulated_J"))
     bound: _Number = Field(None, validation_alias=AliasChoices("bound", "bound_J"))
     measure: str | None = None
-    """What unites the scenarios; None: the result is older, or has one scenario."""
+    """How the scenarios are combined; None: the result is older, or has one scenario."""
 
     def rows(self, scenarios: dict[str, ScenarioEntry]) -> Iterator[Row]:
         """Yield the objective, unless it is the captured energy, and which scenarios decide it."""

@@ -175,7 +175,7 @@ def test_thinning_keeps_extremes_ends_and_gaps(values, most):
 def test_solid_is_the_blade(folders):
     """The volume of the drawn mesh is the integral of the outlines, its normals point outwards."""
     solution = Solution.load(folders[0])
-    found, reasons = blade.bodies([charts.Told(solution, "")])
+    found, reasons = blade.bodies([charts.Labelled(solution, "")])
     assert not reasons
     assert [each.name for each in found] == ["optimized blade", "blade at the start"]
     mesh = blade.solid(found)["data"][0]
@@ -194,8 +194,8 @@ def test_solid_is_the_blade(folders):
 
 def test_envelope_covers_every_scenario(tmp_path):
     solution = made(tmp_path / "two", TWO, [7.5])
-    told = [charts.Told(solution, "")]
-    views = charts.views(told)
+    results = [charts.Labelled(solution, "")]
+    views = charts.views(results)
     assert list(views) == ["all scenarios", "slow", "fast"]
     band = [x for x in views["all scenarios"]["time"]["data"] if x["yaxis"] == "y5"]  # thrust, kN
     low, high = (np.array(x["y"]) for x in band)
