@@ -161,6 +161,7 @@ def test_bad_input_is_refused_with_its_key(sections, message):
 # Designs ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_ceilings_are_those_of_theory():
     """Of a constant flow: the steady optimum's power, or the limit where that is smaller."""
     flows = [{"inflow": {"profile": "constant", "speed": v}} for v in (1.2, 2.0)]

@@ -151,6 +151,7 @@ def test_no_current_is_that_fast(speed):
         physics(case)
 
 
+@pytest.mark.slow
 def test_a_limit_is_kept_in_a_gust_of_seconds_in_a_season(tmp_path):
     """The blade is fixed, so that this is fast; its gain is designed for the gust."""
     case = load_case(

@@ -60,6 +60,7 @@ def test_every_case_is_run_and_told(batch):
     assert found[folder / "second"].case.control.torque_limit == 600.0
 
 
+@pytest.mark.slow
 def test_a_finished_result_is_reused_and_a_changed_case_is_run_again(batch):
     folder, cases, found, _ = batch
     first = (folder / "first" / "summary.json").read_bytes()

@@ -223,6 +223,7 @@ def test_loads_are_computed_once(solve_physics, tmp_path):
     assert sorted(calls) == sorted(time.size for time in times)
 
 
+@pytest.mark.slow
 def test_loads_of_a_resolved_blade_are_told(solve_physics):
     """Nine stations miss a part of the stress that forty have."""
     coarse = solve_physics(SHORT | {"limits": {"stress": "100 MPa"}, "version": 1})

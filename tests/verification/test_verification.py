@@ -23,6 +23,7 @@ def silent(*_):
     pass
 
 
+@pytest.mark.slow
 def test_random_starts_are_smooth_seeded_and_within_their_range():
     case = load_case(CASES / "sine_oloc.yaml")
     before = physics(case).blade
