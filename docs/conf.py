@@ -5,7 +5,6 @@ import re
 import sys
 from pathlib import Path
 
-from click import Context
 from pygments.lexers.special import TextLexer
 from sphinx.highlighting import lexers
 from typer.cli import get_docs_for_click
@@ -62,7 +61,8 @@ def commands_page():
     from hkt_mdo.cli.parts import EXIT_CODES
 
     command = get_command(app)
-    page = get_docs_for_click(obj=command, ctx=Context(command, info_name="hkt"), title="Commands")
+    context = command.context_class(command, info_name="hkt")
+    page = get_docs_for_click(obj=command, ctx=context, title="Commands")
     first, codes, rest = page.partition(EXIT_CODES)
     page = first + codes + rest.replace(f"{EXIT_CODES}\n\n", "")
     return re.sub(r"(?m)^\* `--help`.*\n", "", page)

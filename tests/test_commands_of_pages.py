@@ -32,6 +32,9 @@ NOT_RUN = {
     r"hkt run cases/examples/rm1_turbulent.yaml": "half a minute; tests/test_examples.py has the "
     "case, and scripts/example_cases.py runs it",
     r"hkt \w+ (cases/examples|results)/river_year": "a minute; the tests of years run shorter ones",
+    r"hkt resource (usgs_discharge.csv|s08010.json)": "tests/dynamics/test_long_record.py runs it "
+    "on such files",
+    r"hkt report results/mine results/other": "tests/report/test_page.py compares results",
     r"python scripts/example_cases.py": "three minutes; it writes the numbers of docs/examples.md",
     r"aerodyn_driver": "OpenFAST is not on PyPI; tests/exports/test_openfast.py runs it if it is "
     "installed",

@@ -462,7 +462,9 @@ def explain_all(checks: list[CheckEntry], first: str = "") -> str:
         return "; ".join(explain(check) for check in failed)
     others = [f"{check.name} = {check.value:.3g}" for check in failed[1:]]
     text = explain(failed[0], first)
-    return f"{text}; also refused: {', '.join(others)}" if others else text
+    false = any(check.name == "max_speed_error" for check in failed[1:])
+    why = f" ({FALSE_SOLUTION})" if false else ""
+    return f"{text}; also refused: {', '.join(others)}{why}" if others else text
 
 
 def explain(check: CheckEntry, first: str = "") -> str:

@@ -174,10 +174,10 @@ def _open_loop(physics, result, flights, coarse, before) -> float:
     best = physics.rotor.best_operation(result.point.blade).power_coefficient
     left = [_left(physics, flight, result.energy, best) for flight in flights]
     known = float(sum(map(np.sum, left)))
-    change = abs(result.objective / before[-1] - 1.0) / (RULES.parts - 1) if before else np.inf
+    change = abs(result.objective / before[-1] - 1.0) if before else np.inf
     # what a rate of the torque leaves is no power: its error is known by a division alone
     rates = any(x.is_of(RATES) for each in flights for x in held(physics, each.scenario))
-    error = change if rates and before else min(change, known)
+    error = change if rates and before else min(change / (RULES.parts - 1), known)
     if error <= MESH_ERROR and (before or not rates):
         return error
     for marks, flight, own in zip(coarse, flights, left, strict=True):

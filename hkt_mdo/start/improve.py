@@ -18,10 +18,10 @@ from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, MoveLimits, gain_bounds
 from hkt_mdo.rotor.blade import Blade
 
-NEAR_STEP = MoveLimits(
+NEAR = MoveLimits(
     chord=1.3, twist=np.deg2rad(3.0), thickness=0.02, radius=1.1, gain=1.2
 )  # of one SLSQP, about as far as a linearization of the torque holds
-WIDE_STEP = MoveLimits(
+WIDE = MoveLimits(
     chord=1.7, twist=np.deg2rad(8.0), thickness=0.04, radius=1.2, gain=1.6
 )  # of one SLSQP whose limits are elastic, which finds back from a poor linearization
 _PARTS = "chord_control", "twist_control", "thickness_control", "rotor_radius", "gain"
@@ -35,16 +35,21 @@ class Settings:
     ----------
     rounds : int
         Most move limits that are set, one after another.
-    iterations : int
-        Most SLSQP iterations of one round.
+    iterations, rough_iterations : int
+        Most SLSQP iterations of one round, and of one whose limits are tightened only in part.
     tolerance : float
         SLSQP's, of the objective, of which one is a hundredth.
     moves : MoveLimits
         Of one round.
+    tightens : bool
+        Whether limits that are exceeded by much are tightened in steps: then each round begins near
+        what it asks for.
     price : float
         Share of the objective that a limit exceeded by its own size costs, where limits are
         elastic: all of them may be exceeded by one more unknown, at that price. It must be more
         than the limits' multipliers together, so that the optimum keeps them. 0: none is elastic.
+    tightened, loose : float
+        Factor of the excess from one round to the next, and the excess from which nothing is left.
     gain : float
         Relative gain of the objective that is worth another round.
     behind, last : float
@@ -55,8 +60,12 @@ class Settings:
     rounds: int
     iterations: int
     tolerance: float
-    moves: MoveLimits = NEAR_STEP
+    moves: MoveLimits = NEAR
+    tightens: bool = False
     price: float = 0.0
+    rough_iterations: int = 12
+    tightened: float = 0.5
+    loose: float = 0.05
     gain: float = 1e-7
     behind: float = 0.01
     last: float = 4.0
@@ -93,8 +102,9 @@ class Search:
 
     It begins with control points of chord, twist and thickness, then the disc's radius, then the
     gains; what is not designed has no place in it. A subclass says what is made large and what is
-    kept: `around(point)` returns the `Round` about a point, `point(unknowns, values, origin)` the
-    point of unknowns that were reached from another one, and `rank(point)` what ranks points.
+    kept: `around(point, moves)` returns the `Round` about a point, `point(unknowns, values,
+    origin)` the point of unknowns that were reached from another one, and `rank(point)` what ranks
+    points.
 
     Parameters
     ----------
@@ -103,6 +113,8 @@ class Search:
     """
 
     settings: Settings
+    second: Settings | None = None
+    """How a point is improved with which the first way comes to no end that keeps the limits."""
 
     def __init__(self, physics: Physics):
         self.physics, self.shape, self.law = physics, physics.shape, physics.law
@@ -124,9 +136,9 @@ class Search:
             units[self.ends[-1] :] = self.law.sizes(self.gains(x))
         return x, units
 
-    def bounds(self, point: StartingPoint) -> np.ndarray:
+    def bounds(self, point: StartingPoint, moves: MoveLimits) -> np.ndarray:
         """Return the lower and upper limits of moves from a point, shape (2, n)."""
-        bounds = self.settings.moves.bounds(self.physics, point)
+        bounds = moves.bounds(self.physics, point)
         return np.array([np.concatenate([bounds[name][i] for name in _PARTS]) for i in (0, 1)])
 
     def blade(self, x: np.ndarray) -> Blade:
@@ -177,49 +189,81 @@ def improve(search: Search, point: StartingPoint, rival: float = -np.inf) -> Sta
     -------
     StartingPoint
     """
-    settings, best = search.settings, point
+    best, settled = _improved(search, search.settings, point, rival)
+    if settled or search.second is None:
+        return best
+    start = best if best.excess <= START_EXCESS else point
+    return max(best, _improved(search, search.second, start, rival)[0], key=search.rank)
+
+
+def improve_widely(search: Search, point: StartingPoint) -> StartingPoint:
+    """Return what a point is improved to under elastic limits, by the search's second way.
+
+    Parameters
+    ----------
+    search : Search
+        With a second way.
+    point : StartingPoint
+        Where it begins.
+
+    Returns
+    -------
+    StartingPoint
+    """
+    return _improved(search, search.second, point, -np.inf)[0]
+
+
+def _improved(search, settings, point, rival) -> tuple[StartingPoint, bool]:
+    """Return what a point is improved to, and whether the search came to its end there."""
+    slack, best = 0.0, point
+    if settings.tightens:
+        slack = point.excess if np.isfinite(point.excess) else 1.0
     for left in range(settings.rounds, 0, -1):
-        here = search.around(point)
+        slack = settings.tightened * slack if slack > settings.loose else 0.0
+        here = search.around(point, settings.moves)
         if not here.center.size:
-            break
-        x, values = _maximized(here, settings, max(abs(point.objective), 1e-9))
+            return best, True
+        x, values = _maximized(here, settings, slack, max(abs(point.objective), 1e-9))
         better = search.point(x, values, point)
-        best = max(better, best, key=search.rank)
         *kept, value = here.rank(here.center, point)
-        if here.rank(x, better) <= (*kept, value + settings.gain * abs(value)):
-            break
+        if not slack and here.rank(x, better) <= (*kept, value + settings.gain * abs(value)):
+            return best, best.excess <= START_EXCESS
         gained, missing = better.objective - point.objective, rival - better.objective
         nearer, point = point.excess - better.excess, better
-        if point.excess > START_EXCESS:
-            if point.excess > left * nearer:  # it does not come to keep the limits
-                break
-        elif missing > max(settings.behind * abs(rival), settings.last * gained):
-            break
-    return best
+        best = point if slack else max(point, best, key=search.rank)
+        if settings.price and point.excess > max(START_EXCESS, left * nearer):
+            return best, False  # it does not come to keep the limits
+        elastic = settings.price and point.excess > START_EXCESS
+        if not elastic and missing > max(settings.behind * abs(rival), settings.last * gained):
+            return best, best.excess <= START_EXCESS
+    return best, False
 
 
-def _maximized(here: Round, settings: Settings, size: float) -> tuple[np.ndarray, Values]:
+def _maximized(here, settings, slack, size) -> tuple[np.ndarray, Values]:
     """Return the unknowns of the largest objective, and the values there.
 
-    Under elastic limits SLSQP has one unknown more, the excess: each of its quadratic problems then
+    The limits may be exceeded by the slack. Under elastic limits SLSQP has one unknown more, the
+    excess: each of its quadratic problems then
     has a solution, however far the limits are exceeded.
     """
     units, scale, n = here.units, -100.0 / size, here.center.size
-    start = np.clip(here.center / units, here.low / units, here.high / units)
+    low, high = here.low / units, here.high / units
+    start = np.clip(here.center / units, low, high)
 
     @lru_cache(maxsize=2)
     def at(x):
         return here.values(np.array(x[:n]) * units)
 
-    first = at(tuple(start))
-    broken = [0.0, *-first.above, *np.abs(first.equal)]
-    excess = np.array([max(broken)] if settings.price else [])
+    first, excess = at(tuple(start)), np.empty(0)
+    if settings.price:
+        broken = max(0.0, *-first.above, *np.abs(first.equal))
+        excess = np.array([broken] if broken > START_EXCESS else [])
     price = np.full(excess.size, 100.0 * settings.price)
 
     def constraint(kind, row, sign=1.0):
         return {
             "type": kind,
-            "fun": lambda x: sign * at(tuple(x))[row] + np.sum(x[n:]),
+            "fun": lambda x: sign * at(tuple(x))[row] + np.sum(x[n:]) + slack * (row == above),
             "jac": lambda x: np.pad(
                 sign * at(tuple(x))[row + 1] * units,
                 ((0, 0), (0, excess.size)),
@@ -229,20 +273,20 @@ def _maximized(here: Round, settings: Settings, size: float) -> tuple[np.ndarray
 
     above, equal = (Values._fields.index(name) for name in ("above", "equal"))
     constraints = [constraint("ineq", above)]
-    if first.equal.size and excess.size:
+    if excess.size:
         constraints += constraint("ineq", equal), constraint("ineq", equal, -1.0)
-    elif first.equal.size:
+    else:
         constraints.append(constraint("eq", equal))
-    most = np.maximum(excess, START_EXCESS)
     found = minimize(
         lambda x: scale * at(tuple(x)).objective + price @ x[n:],
         np.append(start, excess),
         jac=lambda x: np.append(scale * at(tuple(x)).objective_by * units, price),
         method="SLSQP",
-        bounds=Bounds(
-            np.append(here.low / units, 0.0 * excess), np.append(here.high / units, most)
-        ),
+        bounds=Bounds(np.append(low, 0.0 * excess), np.append(high, excess)),
         constraints=constraints,
-        options={"ftol": settings.tolerance, "maxiter": settings.iterations},
+        options={
+            "ftol": settings.tolerance,
+            "maxiter": settings.rough_iterations if slack else settings.iterations,
+        },
     )
     return found.x[:n] * units, at(tuple(found.x))

@@ -14,13 +14,15 @@ from hkt_mdo.dynamics.laws import STEP
 from hkt_mdo.dynamics.limits import TYPICAL
 from hkt_mdo.problem.physics import START_EXCESS
 from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint
+from hkt_mdo.problem.setup import MoveLimits
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.scales import torque_scale
-from hkt_mdo.start.improve import WIDE_STEP, Round, Search, Settings, Values
+from hkt_mdo.start.improve import WIDE, Round, Search, Settings, Values
 from hkt_mdo.start.quasi_steady import SAFE
 from hkt_mdo.start.steady_flow import SteadyFlow
 
-RATIO_MOVE = 1.5  # factor within which tip speed ratios move before they are re-centred
+RATIO_MOVE = 1.25  # factor within which tip speed ratios move before they are re-centred
+WIDE_RATIO_MOVE = 1.5  # the same, under elastic limits
 
 
 class LimitedSearch(Search):
@@ -37,9 +39,8 @@ class LimitedSearch(Search):
     """
 
     # rounds end early: with this many constraints most of the gain is in the first iterations
-    settings = Settings(
-        rounds=30, iterations=40, tolerance=1e-6, moves=WIDE_STEP, price=10.0, gain=1e-6
-    )
+    settings = Settings(rounds=16, iterations=40, tolerance=1e-6, tightens=True)
+    second = Settings(rounds=30, iterations=40, tolerance=1e-6, moves=WIDE, price=10.0, gain=1e-6)
 
     def __init__(self, steady: SteadyFlow, slowed: float):
         super().__init__(steady.physics)
@@ -56,16 +57,17 @@ class LimitedSearch(Search):
         physics = self.physics
         return physics.law.is_static
 
-    def around(self, point: StartingPoint) -> Round:
+    def around(self, point: StartingPoint, moves: MoveLimits) -> Round:
         """Return the optimization round a point, its ratios within `RATIO_MOVE`."""
+        most = WIDE_RATIO_MOVE if moves is WIDE else RATIO_MOVE
         x, units = self.vector(point)
         ratio = point.ratio[: 0 if self.physics.states else None]
-        low, high = self.bounds(point)
+        low, high = self.bounds(point, moves)
         return Round(
             np.r_[x, ratio],
             np.r_[units, ratio],
-            np.r_[low, ratio / RATIO_MOVE],
-            np.r_[high, ratio * RATIO_MOVE],
+            np.r_[low, ratio / most],
+            np.r_[high, ratio * most],
             self.values,
             lambda _, point: point.worth_within(START_EXCESS),
         )

@@ -21,7 +21,7 @@ from hkt_mdo.problem.point import KEPT_EXCESS, Operation, StartingPoint, StartRe
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start import strategies
 from hkt_mdo.start.energy import EnergySearch
-from hkt_mdo.start.improve import improve
+from hkt_mdo.start.improve import improve, improve_widely
 from hkt_mdo.start.limited import LimitedSearch
 from hkt_mdo.start.quasi_steady import QuasiSteady
 from hkt_mdo.start.steady_flow import BRANCHES, SteadyFlow, has_branches
@@ -144,8 +144,22 @@ class ScheduleSearch:
                 # each may have its own optimum
                 group = [self.steady.on_branch(point, branch) for point in group]
                 ended.append(self._best_improved(group, (*found, *ended)))
-            found.append(max(ended, key=WORTH))
+            found.append(max(self._on_side(branch, points, ended), key=WORTH))
         return found
+
+    def _on_side(self, branch, points, ended) -> list[StartingPoint]:
+        """Return the points that ended on a branch, or that a wide search leads to there, if any.
+
+        Else what all have ended at, on the other branch.
+        """
+        there = [end for end in ended if self.steady.side(end) == branch]
+        if there or not self.task.improves:
+            return there or ended
+        begin = max((self.steady.on_branch(point, branch) for point in points), key=WORTH)
+        end = improve_widely(LimitedSearch(self.steady, self.task.problem.slowed), begin)
+        self.starts.append(end.record)
+        there = end.excess <= START_EXCESS and self.steady.side(end) == branch
+        return [end] if there else ended
 
     def _of_law(self) -> list[StartingPoint]:
         """Return what the candidates of a feedback law are improved to."""
