@@ -256,7 +256,7 @@ def _maximized(here, settings, slack, size) -> tuple[np.ndarray, Values]:
 
     first, excess = at(tuple(start)), np.empty(0)
     if settings.price:
-        broken = max(0.0, *-first.above, *np.abs(first.equal))
+        broken = max([0.0, *-first.above, *np.abs(first.equal)])
         excess = np.array([broken] if broken > START_EXCESS else [])
     price = np.full(excess.size, 100.0 * settings.price)
 
