@@ -224,6 +224,8 @@ def _improved(search, settings, point, rival) -> tuple[StartingPoint, bool]:
         if not here.center.size:
             return best, True
         x, values = _maximized(here, settings, slack, max(abs(point.objective), 1e-9))
+        if not (np.all(np.isfinite(x)) and np.isfinite(values.objective)):
+            return best, False  # a step of SLSQP led to where nothing is a number
         better = search.point(x, values, point)
         *kept, value = here.rank(here.center, point)
         if not slack and here.rank(x, better) <= (*kept, value + settings.gain * abs(value)):
