@@ -195,6 +195,8 @@ class CurveFeedback(FeedbackLaw):
         speed, torque = np.log(speed), np.log(_positive(torque))
         place = self._spread(speed, torque)
         height = np.linalg.lstsq(_natural_spline(place, speed), torque, rcond=None)[0]
+        # knots that no speed is near have torques of the same size as the others
+        height = np.clip(height, np.min(torque) - 1.0, np.max(torque) + 1.0)
         return np.exp(np.append(place, height))
 
     def _spread(self, place, height):
