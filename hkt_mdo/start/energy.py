@@ -11,7 +11,7 @@ import numpy as np
 
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import KEPT_EXCESS, Operation, StartingPoint
-from hkt_mdo.problem.setup import TWIST_UNIT, MoveLimits
+from hkt_mdo.problem.setup import TWIST_UNIT
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.stall import SLOWER
 from hkt_mdo.start.improve import Round, Search, Settings, Values
@@ -60,7 +60,7 @@ class EnergySearch(Search):
         recovers = _short_of_recovery(point.operation) <= KEPT_EXCESS
         return point.operation.running, recovers, point.objective
 
-    def around(self, point: StartingPoint, moves: MoveLimits) -> Round:
+    def around(self, point: StartingPoint, settings: Settings) -> Round:
         """Return the optimization round a point, which keeps its sections away from stall."""
         center, units = self.vector(point)
         room = self._room(point) if center.size else None
@@ -80,7 +80,7 @@ class EnergySearch(Search):
         def rank(x, point):
             return bool(np.all(room(x)[0] > TOUCHING)), *self.rank(point)
 
-        return Round(center, units, *self.bounds(point, moves), values, rank)
+        return Round(center, units, *self.bounds(point, settings.moves), values, rank)
 
     def point(self, unknowns: np.ndarray, _: Values, origin: StartingPoint) -> StartingPoint:
         """Return the point of some unknowns, (n,)."""

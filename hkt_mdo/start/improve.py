@@ -41,6 +41,8 @@ class Settings:
         SLSQP's, of the objective, of which one is a hundredth.
     moves : MoveLimits
         Of one round.
+    ratio : float
+        Factor within which tip speed ratios move in one round, where they are unknowns.
     tightens : bool
         Whether limits that are exceeded by much are tightened in steps: then each round begins near
         what it asks for.
@@ -61,6 +63,7 @@ class Settings:
     iterations: int
     tolerance: float
     moves: MoveLimits = NEAR
+    ratio: float = 1.25
     tightens: bool = False
     price: float = 0.0
     rough_iterations: int = 12
@@ -102,7 +105,7 @@ class Search:
 
     It begins with control points of chord, twist and thickness, then the disc's radius, then the
     gains; what is not designed has no place in it. A subclass says what is made large and what is
-    kept: `around(point, moves)` returns the `Round` about a point, `point(unknowns, values,
+    kept: `around(point, settings)` returns the `Round` about a point, `point(unknowns, values,
     origin)` the point of unknowns that were reached from another one, and `rank(point)` what ranks
     points.
 
@@ -220,7 +223,7 @@ def _improved(search, settings, point, rival) -> tuple[StartingPoint, bool]:
         slack = point.excess if np.isfinite(point.excess) else 1.0
     for left in range(settings.rounds, 0, -1):
         slack = settings.tightened * slack if slack > settings.loose else 0.0
-        here = search.around(point, settings.moves)
+        here = search.around(point, settings)
         if not here.center.size:
             return best, True
         x, values = _maximized(here, settings, slack, max(abs(point.objective), 1e-9))
@@ -241,12 +244,13 @@ def _improved(search, settings, point, rival) -> tuple[StartingPoint, bool]:
     return best, False
 
 
-def _maximized(here, settings, slack, size) -> tuple[np.ndarray, Values]:
+def _maximized(
+    here: Round, settings: Settings, slack: float, size: float
+) -> tuple[np.ndarray, Values]:
     """Return the unknowns of the largest objective, and the values there.
 
     The limits may be exceeded by the slack. Under elastic limits SLSQP has one unknown more, the
-    excess: each of its quadratic problems then
-    has a solution, however far the limits are exceeded.
+    excess: each of its quadratic problems then has a solution, however far the limits are exceeded.
     """
     units, scale, n = here.units, -100.0 / size, here.center.size
     low, high = here.low / units, here.high / units

@@ -14,15 +14,11 @@ from hkt_mdo.dynamics.laws import STEP
 from hkt_mdo.dynamics.limits import TYPICAL
 from hkt_mdo.problem.physics import START_EXCESS
 from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint
-from hkt_mdo.problem.setup import MoveLimits
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.start.improve import WIDE, Round, Search, Settings, Values
 from hkt_mdo.start.quasi_steady import SAFE
 from hkt_mdo.start.steady_flow import SteadyFlow
-
-RATIO_MOVE = 1.25  # factor within which tip speed ratios move before they are re-centred
-WIDE_RATIO_MOVE = 1.5  # the same, under elastic limits
 
 
 class LimitedSearch(Search):
@@ -40,7 +36,9 @@ class LimitedSearch(Search):
 
     # rounds end early: with this many constraints most of the gain is in the first iterations
     settings = Settings(rounds=16, iterations=40, tolerance=1e-6, tightens=True)
-    second = Settings(rounds=30, iterations=40, tolerance=1e-6, moves=WIDE, price=10.0, gain=1e-6)
+    second = Settings(
+        rounds=30, iterations=40, tolerance=1e-6, moves=WIDE, ratio=1.5, price=10.0, gain=1e-6
+    )
 
     def __init__(self, steady: SteadyFlow, slowed: float):
         super().__init__(steady.physics)
@@ -57,17 +55,16 @@ class LimitedSearch(Search):
         physics = self.physics
         return physics.law.is_static
 
-    def around(self, point: StartingPoint, moves: MoveLimits) -> Round:
-        """Return the optimization round a point, its ratios within `RATIO_MOVE`."""
-        most = WIDE_RATIO_MOVE if moves is WIDE else RATIO_MOVE
+    def around(self, point: StartingPoint, settings: Settings) -> Round:
+        """Return the optimization round a point, within the moves of some settings."""
         x, units = self.vector(point)
         ratio = point.ratio[: 0 if self.physics.states else None]
-        low, high = self.bounds(point, moves)
+        low, high = self.bounds(point, settings.moves)
         return Round(
             np.r_[x, ratio],
             np.r_[units, ratio],
-            np.r_[low, ratio / most],
-            np.r_[high, ratio * most],
+            np.r_[low, ratio / settings.ratio],
+            np.r_[high, ratio * settings.ratio],
             self.values,
             lambda _, point: point.worth_within(START_EXCESS),
         )
