@@ -69,6 +69,11 @@ class LimitedSearch(Search):
             lambda _, point: point.worth_within(START_EXCESS),
         )
 
+    def measured(self, point: StartingPoint) -> StartingPoint:
+        """Return a point with its objective and with what it exceeds, on the schedule it has."""
+        unknowns = np.r_[self.vector(point)[0], point.ratio]
+        return self.point(unknowns, self.values(unknowns), point)
+
     def point(self, unknowns: np.ndarray, values: Values, origin: StartingPoint) -> StartingPoint:
         """Return the point of some unknowns, (n,), and of the values there."""
         x, ratio, ratio_by = self._split(unknowns)

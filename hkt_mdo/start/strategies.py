@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.start.energy import EnergySearch, operating_point
+from hkt_mdo.start.limited import LimitedSearch
 from hkt_mdo.start.quasi_steady import QuasiSteady
 from hkt_mdo.start.steady_flow import SteadyFlow
 
@@ -181,6 +183,10 @@ def with_gains(physics: Physics, problem: QuasiSteady, candidate: Candidate) -> 
 def fitted(task: Task, guide: StartingPoint, strategy: str) -> StartingPoint:
     """Return a law's point with the blade of an open loop's, as near to its schedule as it comes.
 
+    A static law's own operation may be far from the schedule that its gains are fitted to, above
+    all where its torque falls with the speed. Then the point has that schedule, on which the
+    torques are nearly in balance.
+
     Parameters
     ----------
     task : Task
@@ -199,8 +205,9 @@ def fitted(task: Task, guide: StartingPoint, strategy: str) -> StartingPoint:
     series = steady.along(curves, guide.ratio)
     speed, torque = series["rotor_speed"], series["hydrodynamic_torque"]
     if not task.physics.states:
-        gains = np.clip(law.fit(speed, torque), *gain_bounds(task.physics))
-        return steady.in_balance(task.operating(replace(point, gains=gains)))
+        point = replace(point, gains=np.clip(law.fit(speed, torque), *gain_bounds(task.physics)))
+        held = LimitedSearch(steady, task.problem.slowed).measured(point)
+        return max(steady.in_balance(task.operating(point)), held, key=attrgetter("worth"))
     gains, unit = law.starting_gains(), blade.rotor_radius / steady.speeds
     if gains is None:
         slope = steady.spline.values(curves.values["torque"], guide.ratio)[1] * unit
