@@ -134,7 +134,8 @@ class RatedFeedback(FeedbackLaw):
             below &= torque < 0.98 * self.torque_limit
         if not below.any():
             below = np.ones(speed.size, dtype=bool)
-        gain = torque[below] @ speed[below] ** 2 / np.sum(speed[below] ** 4)
+        # the median: other limits than the power's may make some of the torques small
+        gain = np.median(torque[below] / speed[below] ** 2)
         return np.array([gain, power][: len(self.gain_units)])
 
     def eased(self, gains, share):

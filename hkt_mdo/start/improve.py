@@ -24,6 +24,7 @@ NEAR = MoveLimits(
 WIDE = MoveLimits(
     chord=1.7, twist=np.deg2rad(8.0), thickness=0.04, radius=1.2, gain=1.6
 )  # of one SLSQP whose limits are elastic, which finds back from a poor linearization
+SCHEDULES, GAIN = 3, 1e-5  # most schedules chosen anew, and the relative gain that is worth one
 _PARTS = "chord_control", "twist_control", "thickness_control", "rotor_radius", "gain"
 
 
@@ -176,6 +177,10 @@ class Search:
             parts.append(by_thickness @ shape.thickness_basis)
         return np.hstack((*parts, by_radius[:, None][:, : self.resized]))
 
+    def with_schedule_anew(self, point: StartingPoint) -> StartingPoint | None:
+        """Return a point with the best schedule of its blade; None where the search has none."""
+        return None
+
 
 def improve(search: Search, point: StartingPoint, rival: float = -np.inf) -> StartingPoint:
     """Return what a point is improved to.
@@ -194,12 +199,12 @@ def improve(search: Search, point: StartingPoint, rival: float = -np.inf) -> Sta
     """
     best, settled = _improved(search, search.settings, point, rival)
     if settled or search.second is None:
-        return best
+        return _with_schedule_anew(search, best, rival)
     start = best if best.excess <= START_EXCESS else point
-    return max(best, _improved(search, search.second, start, rival)[0], key=search.rank)
+    return max(best, improve_widely(search, start, rival), key=search.rank)
 
 
-def improve_widely(search: Search, point: StartingPoint) -> StartingPoint:
+def improve_widely(search: Search, point: StartingPoint, rival: float = -np.inf) -> StartingPoint:
     """Return what a point is improved to under elastic limits, by the search's second way.
 
     Parameters
@@ -208,12 +213,31 @@ def improve_widely(search: Search, point: StartingPoint) -> StartingPoint:
         With a second way.
     point : StartingPoint
         Where it begins.
+    rival : float
+        As that of `improve`.
 
     Returns
     -------
     StartingPoint
     """
-    return _improved(search, search.second, point, -np.inf)[0]
+    return _with_schedule_anew(search, _improved(search, search.second, point, rival)[0], rival)
+
+
+def _with_schedule_anew(search, best, rival) -> StartingPoint:
+    """Return the best point, improved again while a schedule chosen anew for its blade is better.
+
+    SLSQP moves the tip speed ratio of each speed of the flow by small steps: one that has come to
+    the wrong side of the largest power stays there, and the blade is shaped for it.
+    """
+    for _ in range(SCHEDULES):
+        again = search.with_schedule_anew(best)
+        if again is None or again.objective <= (1.0 + GAIN) * best.objective:
+            break
+        end = _improved(search, search.second, again, rival)[0]
+        if search.rank(end) <= search.rank(best):
+            break
+        best = end
+    return best
 
 
 def _improved(search, settings, point, rival) -> tuple[StartingPoint, bool]:

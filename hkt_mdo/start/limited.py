@@ -69,6 +69,9 @@ class LimitedSearch(Search):
             lambda _, point: point.worth_within(START_EXCESS),
         )
 
+    def with_schedule_anew(self, point):
+        return None if self.law.is_feedback else self.steady.on_branch(point, point.branch)
+
     def measured(self, point: StartingPoint) -> StartingPoint:
         """Return a point with its objective and with what it exceeds, on the schedule it has."""
         unknowns = np.r_[self.vector(point)[0], point.ratio]

@@ -48,7 +48,12 @@ class _Schedule:
     longer: float = 1e-5
 
 
-SCHEDULE, WORTH = _Schedule(), attrgetter("worth")
+SCHEDULE = _Schedule()
+
+
+def _worth(point: StartingPoint) -> tuple:
+    """Return what ranks points: the driver starts from a small excess as well as from none."""
+    return point.worth_within(START_EXCESS)
 
 
 def follows_schedule(physics: Physics) -> bool:
@@ -107,7 +112,7 @@ class ScheduleSearch:
         feedback = self.physics.law.is_feedback
         found = self.open_loop() if not feedback else self._of_law()
         found = [replace(point, branch=self.steady.side(point)) for point in found]
-        best, *others = sorted(found, key=WORTH, reverse=True)
+        best, *others = sorted(found, key=_worth, reverse=True)
         faster = [x for x in others if x.branch == "overspeed" and self._is_alike(x, best)]
         if faster and best.branch != "overspeed" and not feedback:
             best, others = faster[0], [best]
@@ -120,7 +125,8 @@ class ScheduleSearch:
         A quasi-steady objective knows nothing of the energy that a rotor takes up and gives back.
         """
         unsure = max(SCHEDULE.alike * abs(best.objective), *map(self._exchanged, (point, best)))
-        return point.worth >= (best.worth[0], best.worth[1] - unsure)
+        kept, value = _worth(best)
+        return _worth(point) >= (kept, value - unsure)
 
     def _exchanged(self, point) -> float:
         """Return the energy that a point's rotor takes up and gives back along the flows, J."""
@@ -144,7 +150,7 @@ class ScheduleSearch:
                 # each may have its own optimum
                 group = [self.steady.on_branch(point, branch) for point in group]
                 ended.append(self._best_improved(group, (*found, *ended)))
-            found.append(max(self._on_side(branch, points, ended), key=WORTH))
+            found.append(max(self._on_side(branch, points, ended), key=_worth))
         return found
 
     def _on_side(self, branch, points, ended) -> list[StartingPoint]:
@@ -155,7 +161,7 @@ class ScheduleSearch:
         there = [end for end in ended if self.steady.side(end) == branch]
         if there or not self.task.improves:
             return there or ended
-        begin = max((self.steady.on_branch(point, branch) for point in points), key=WORTH)
+        begin = max((self.steady.on_branch(point, branch) for point in points), key=_worth)
         end = improve_widely(LimitedSearch(self.steady, self.task.problem.slowed), begin)
         self.starts.append(end.record)
         there = end.excess <= START_EXCESS and self.steady.side(end) == branch
@@ -194,10 +200,10 @@ class ScheduleSearch:
 
     def _with_longer_solid_part(self, found):
         """Return points and, while that is better, the best with a longer solid part."""
-        best = max(found, key=WORTH)
+        best = max(found, key=_worth)
         while longer := list(strategies.longer_solid_part(self.task, best)):
-            end, (kept, value) = self._best_improved(longer, found), best.worth
-            if end.worth <= (kept, value + SCHEDULE.longer * abs(value)):
+            end, (kept, value) = self._best_improved(longer, found), _worth(best)
+            if _worth(end) <= (kept, value + SCHEDULE.longer * abs(value)):
                 break
             found = [*found, best := end]
         return found
@@ -217,10 +223,12 @@ class ScheduleSearch:
 
     def _best_improved(self, points, others) -> StartingPoint:
         """Return what the best of some points is improved to; others are its rivals."""
-        best = end = max(points, key=WORTH)
+        best = end = max(points, key=_worth)
         if self.task.improves:
             asked = self.physics.case.start.branch != "best"  # which is not given up
-            rivals = [other.objective for other in others if other.worth[0] and not asked]
+            rivals = [
+                other.objective for other in others if other.excess <= START_EXCESS and not asked
+            ]
             search = LimitedSearch(self.steady, self.task.problem.slowed)
             end = improve(search, best, max(rivals, default=-np.inf))
         if self.physics.law.is_static:

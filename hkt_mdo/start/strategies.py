@@ -184,8 +184,8 @@ def fitted(task: Task, guide: StartingPoint, strategy: str) -> StartingPoint:
     """Return a law's point with the blade of an open loop's, as near to its schedule as it comes.
 
     A static law's own operation may be far from the schedule that its gains are fitted to, above
-    all where its torque falls with the speed. Then the point has that schedule, on which the
-    torques are nearly in balance.
+    all where its torque falls with the speed. If it exceeds limits by more, the point has that
+    schedule, on which the torques are not quite in balance.
 
     Parameters
     ----------
