@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+import page_data
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -268,3 +269,4 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+    page_data.record("annual_energy")

@@ -18,6 +18,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 import numpy as np
+import page_data
 
 from hkt_mdo.case import load_case
 from hkt_mdo.results import style
@@ -629,3 +630,4 @@ def figure(found, path):
 
 if __name__ == "__main__":
     main()
+    page_data.record("laws")

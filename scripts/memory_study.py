@@ -16,6 +16,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 import numpy as np
+import page_data
 
 from hkt_mdo import build_problem, load_case
 from hkt_mdo.dynamics.flows import GustInflow, StepInflow
@@ -336,3 +337,4 @@ def pulses():
 
 if __name__ == "__main__":
     main()
+    page_data.record("memory")

@@ -15,6 +15,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import page_data
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -161,3 +162,4 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+    page_data.record("hour")
