@@ -114,7 +114,7 @@ def rows_of(solution: Solution) -> list[Row]:
 
 
 def one_form(as_json: bool, as_csv: bool) -> bool:
-    """Return whether the output is for a program; refuse two forms at once."""
+    """Return whether --json or --csv is given; refuse both at once."""
     if as_json and as_csv:
         raise BadParameter("give one of --json and --csv")
     return as_json or as_csv

@@ -30,7 +30,7 @@ MOST_SHOWN = 20_000  # samples in a figure
 def report_resource(
     file: Path, out: Path, keys: Sequence[str], asked: str, force: bool
 ) -> Iterator[str]:
-    """Read a record, write what a case takes of it, and yield what is told, line by line.
+    """Read a record, write the files that a case takes, and yield the lines of a report.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def report_resource(
     keys : sequence of str
         Keys of `RecordResource`, as ``key=value``.
     asked : str
-        Names of constituents with commas between them, ``auto``, or empty for none.
+        Names of tidal constituents with commas between them, ``auto``, or empty for none.
     force : bool
         Whether to replace what is there.
 

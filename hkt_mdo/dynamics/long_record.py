@@ -26,7 +26,7 @@ _READERS = dict.fromkeys((".csv", ".txt"), read_csv)
 _READERS |= dict.fromkeys((".nc", ".nc4", ".cdf", ".parquet", ".pq"), read_binary)
 _READERS |= {".json": read_json}
 FEWEST = 16  # samples
-POINTS_301, YEARS_301, YEARS_201 = 15, 10.0, 1.0  # what MHKiT's examples quote of IEC TS 62600
+POINTS_301, YEARS_301, YEARS_201 = 15, 10.0, 1.0  # of IEC TS 62600, as MHKiT's examples quote it
 _SAMPLES = "time_column", "speed_column", "time_unit", "speed_unit", "area", "bins", "component"
 
 
@@ -45,7 +45,7 @@ class FlowSamples:
     axis : float or None
         Direction of positive speeds, degrees from north to east, where it is known.
     messages : tuple of str
-        What was read and done.
+        Notes on what was read and how it was processed.
     """
 
     time: np.ndarray
@@ -88,7 +88,7 @@ class Rating:
 class RecordResource(Resource):
     """A long record of the flow, or of a river's discharge with its rating curve.
 
-    Missing samples are left out, the others count alike.
+    Missing samples are left out; all others have equal weight.
     """
 
     profile: Literal["long_record"] = "long_record"
@@ -140,7 +140,7 @@ class RecordResource(Resource):
 
     @cached_property
     def samples(self) -> FlowSamples:
-        """What the file holds."""
+        """The samples of the file."""
         if self.rating is not None:
             return self._of_discharge()
         labels = (self.component or "").split(",")
@@ -228,7 +228,7 @@ class RecordResource(Resource):
         return replace(made, axis=angle)
 
     def _made(self, time, speed, told, most=FASTEST, least=-FASTEST) -> FlowSamples:
-        """Return samples without gaps, checked."""
+        """Check samples and return them without gaps."""
         good = np.isfinite(speed) & np.isfinite(time)
         wrong = good & ((speed > most) | (speed < least))
         if np.any(wrong) and self.spikes == "refuse":
@@ -258,7 +258,7 @@ class RecordResource(Resource):
         return FlowSamples(time - time[0], speed, messages=(first, *filter(None, told)))
 
     def occurrence(self):
-        """Return the speeds of bins, those of the flow that runs the other way apart."""
+        """Return the speeds of bins; those of reversed flow are binned separately."""
         speed, found = self.samples.speed, []
         for sign in (1.0, -1.0):
             own = sign * speed[np.sign(speed) == sign if sign < 0.0 else speed >= 0.0]

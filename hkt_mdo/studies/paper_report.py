@@ -182,7 +182,7 @@ def _sequential(solutions):
 
 
 def _checks(data):
-    """Yield (statement, value, low, high) of what the tables have to bear out."""
+    """Yield (statement, value, low, high) of each statement that the tables should confirm."""
     many = float("inf")
     for scenario, rows in data["tables"].items():
         linear, quadratic = rows["linear"], rows["quadratic"]
