@@ -61,7 +61,7 @@ class Outer(Format, ABC):
 
     trailing_edge: Annotated[float, Quantity("m", ge=0)] | None = None
     """Thickness of the trailing edge; aft of its thickest place no section is thinner. Null: 0.5 %
-    of the local chord; 0: as the outline has it."""
+    of the local chord; 0: that of the outline."""
     stacking: Annotated[float, Quantity(ge=0, le=1)] = 0.25
     """Place of the blade's axis on the chord line, over the chord from the leading edge."""
     rotation: Literal["clockwise", "anticlockwise"] = "clockwise"
@@ -138,7 +138,7 @@ class Outer(Format, ABC):
         return np.stack((x, backwards * (1.0 if self.rotation == "clockwise" else -1.0), z), -1)
 
     def remarks(self, source: Source) -> list[str]:
-        """Return what a file says of its geometry: provenance, unit, axes, hand and options.
+        """Return remarks on the geometry: provenance, unit, axes, sense of rotation and options.
 
         Parameters
         ----------
@@ -320,7 +320,7 @@ class Stl(Solid):
 
 
 def outline_names(source: Source) -> str:
-    """Return what the case calls its outlines.
+    """Return the names of the outlines in the case.
 
     A case may have polars of its own without the outlines that belong to them. The program then
     takes another outline, for mass and stress only, which is none to build a blade from.
@@ -359,7 +359,7 @@ def outline_names(source: Source) -> str:
 
 
 def along_span(design: Design, values: Sequence[Any], r: np.ndarray) -> np.ndarray:
-    """Return what belongs to the outlines of a design at some radii.
+    """Return values of a design's outlines, interpolated at some radii.
 
     Linear between stations; where the thickness is designed, that is linear, and the values are a
     spline over it.

@@ -14,7 +14,7 @@ from hkt_mdo.files.shipped import locate
 from hkt_mdo.files.table import Csv, line_error, lines_of, number_columns, parse_number, read_text
 
 MOST_POINTS = 5000
-"""Testing more for a crossing takes too long."""
+"""Largest number of points; testing more for crossings takes too long."""
 
 EDGE = 0.02
 """How far the leading edge may lie from x = 0 and the trailing edge from x = 1, over the chord."""

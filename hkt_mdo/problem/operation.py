@@ -9,7 +9,7 @@ import numpy as np
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.scenario import Scenario
 
-MOST_INTERVALS = 200  # each is a phase of the problem, with its share of the set-up
+MOST_INTERVALS = 200  # each is a phase of the problem and adds to the time of setup
 
 
 def in_operation(

@@ -1,4 +1,4 @@
-"""What a finished design does in steady flow, and what its operation was at each flow speed."""
+"""Steady operation of a finished design, and its simulated operation by flow speed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.results.solution import Solution
 
-RATED = 0.995  # of the limit of the power: laws come to it smoothly
+RATED = 0.995  # of the limit of the power, which laws approach smoothly
 FLOWS, BINS, FEWEST = 61, 30, 8
 """Flow speeds of a steady curve; classes of the flow speed, and the fewest instants of one."""
 

@@ -1,4 +1,4 @@
-"""The common style of all figures, and what every plot needs: axes, legends, files.
+"""The common style of all figures, with axes, legends and files.
 
 Nothing is drawn by pyplot, and no rcParams are set.
 """
@@ -93,7 +93,7 @@ _SIDES = ("right", 0.995), ("left", 0.005), ("center", 0.5)
 
 
 def level(ax: Axes, value: float, label: str, below: bool = False) -> None:
-    """Draw a horizontal line with its label beside it, each at another place; no legend has it.
+    """Draw a horizontal line with its label beside it, at a free place, not in the legend.
 
     `below`: the label is below the line.
     """
@@ -151,7 +151,7 @@ def widen(ax: Axes) -> None:
 
 @contextmanager
 def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
-    """Lay a figure out once; with a layout to compute, `savefig` draws everything twice."""
+    """Lay a figure out once, since `savefig` would draw everything twice to compute the layout."""
     engine, before = figure.get_layout_engine(), figure.dpi
     if engine is None:
         yield

@@ -1,4 +1,4 @@
-"""The summary of a run: the keys of `summary.json`, what is accepted there, and how it is printed.
+"""The summary of a run: the keys of `summary.json`, their checks, and how it is printed.
 
 A run writes a `Summary`, `Solution` reads it, and `hkt show` prints its rows one after the other.
 """
@@ -39,7 +39,7 @@ VERSION = 1
 """Version of `summary.json`; a summary without one is older, and is read too."""
 
 SCENARIO = "^[A-Za-z0-9_]{1,100}$"
-"""What a scenario's name looks like: it stands in names of files."""
+"""Pattern of a scenario's name, which is part of names of files."""
 
 BLADE = (
     *("r_m", "chord_m", "twist_deg", "thickness_over_chord"),
@@ -48,7 +48,7 @@ BLADE = (
 """Fields that hold one value for each blade station; thickness where it is designed."""
 
 FAST = 14.1
-"""Speed (m/s) at which the dynamic pressure of water is that of the air above it, less vapour's."""
+"""Speed (m/s) at which the dynamic pressure of water equals atmospheric less vapour pressure."""
 
 _Number = float | None
 _Column = list[float] | None
@@ -74,7 +74,7 @@ class Span(_Entry):
 
 
 class CheckEntry(_Entry):
-    """One judge's word: a value, the limit that it must not exceed, and where it occurred."""
+    """One check of a judge: a value, the limit that it must not exceed, and where it occurred."""
 
     name: str
     value: _Number = Field(default=None, allow_inf_nan=True)
@@ -94,7 +94,7 @@ class LoadEntry(_Entry):
     unit: str = ""
     time_s: _Number = None
     r_m: _Number = None
-    """Where along the blade, if it has a place there."""
+    """Where along the blade, if it is a load along the blade."""
     scenario: str | None = None
     """In which scenario, where the case has several."""
     flow_m_s: _Number = None
@@ -133,7 +133,7 @@ class LimitEntry(LoadEntry):
 
     @property
     def margin(self) -> str:
-        """What is left up to the limit, in per cent, and what it costs; empty if not known."""
+        """Distance from the limit, in per cent, and what the limit costs; empty if not known."""
         if self.value is None or not self.limit:
             return ""
         left = 100.0 * (self.limit - self.value) / abs(self.limit)
@@ -156,11 +156,11 @@ class LimitEntry(LoadEntry):
 
 
 class MemoryEntry(_Entry):
-    """How stable the loop of rotor and controller is in water whose wake has memory.
+    """Stability of the loop of rotor and controller if the wake has memory.
 
     By its eigenvalues at instants along the integration, with Oye's filters at every station
     (docs/memory.md): `growth` (1/s) is the largest real part at any of them, `frozen_growth` that
-    of a wake that stays as it is. `tau1_s` is the wake's time constant where the growth is largest.
+    in an unchanged wake. `tau1_s` is the wake's time constant where the growth is largest.
     Time and flow are those of the first instant that is unstable, or of the least stable one.
     `least_inertia_kg_m2` is the inertia of the shaft from which the loop is stable at all of them;
     null: at none. `stiffness` (N m s/rad) is what a controller of the speed must add to the torque
@@ -221,7 +221,7 @@ class BoundEntry(_Entry):
 
 
 class BranchEntry(_Entry):
-    """A way to keep the limits, as quasi-steady co-design has it (`start.branch`)."""
+    """One of the ways to keep the limits, by quasi-steady co-design (`start.branch`)."""
 
     name: str
     objective_J: _Number = None
@@ -237,7 +237,7 @@ class BranchEntry(_Entry):
 
 
 class StartEntry(_Entry):
-    """A start that was tried: what proposed it, where it ended, which limits it exceeds there."""
+    """A start that was tried: its strategy, its end, and the limits that it exceeds there."""
 
     strategy: str
     branch: str = ""
@@ -261,7 +261,7 @@ class PassEntry(_Entry):
     remedy: str = ""
     """Name of the remedy; empty for the last optimization."""
     why: str = ""
-    """What the remedy found."""
+    """The reason for the remedy."""
 
     _text = "{number}: {iterations} iterations, {seconds:.1f} s; {remedy}: {why}"
 
@@ -291,8 +291,8 @@ class OperationEntry(_Entry):
     """When a machine with a cut-out speed operates: [begin, end] of each interval.
 
     Elsewhere it stands still, for `standstill_s` in all; `mean_power_W` is the objective over the
-    whole time, standstill included. An interval begins with a rotor that turns: `run_up_J` is what
-    the rotor's kinetic energy is then, over all intervals that follow a standstill.
+    whole time, standstill included. An interval begins with a rotor that turns: `run_up_J` is the
+    sum of the rotor's kinetic energies at the begin of all intervals that follow a standstill.
     """
 
     intervals_s: list[tuple[float, float]]

@@ -6,10 +6,10 @@ from hkt_mdo.errors import InputError
 
 KINK_RANGE = np.deg2rad(10.0)  # of zero angle of attack, where the suction peak changes side
 STAGNATION = -1.0  # least suction: that of a stagnation point, where Cp = 1
-OUTRUN = np.deg2rad(2.0)  # over which a curve's slope dies away beyond the table
+OUTRUN = np.deg2rad(2.0)  # range beyond the table over which a curve's slope decays
 OUTWARD = np.deg2rad([0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 11.0, 15.0])  # rows beyond it
 STEP = np.deg2rad(5.0)  # of the rows that follow
-FLAT_TO = np.deg2rad(120.0)  # from there round the back the curves return to their other ends
+FLAT_TO = np.deg2rad(120.0)  # from there, over 180 degrees, the curves return to their other ends
 
 
 def surface_curves(alpha, suction):

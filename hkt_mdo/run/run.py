@@ -72,7 +72,7 @@ def run_case(
     Parameters
     ----------
     case
-        What is asked.
+        The case.
     out
         The result folder. It must not exist unless `force` is given.
     force
@@ -101,9 +101,9 @@ def run_case(
     """
     out = Path(out)
     physics = make_physics(case)
-    make_driver(physics)  # a missing package is told before anything is written
+    make_driver(physics)  # a missing package is reported before anything is written
     if slow := better_steady(physics.scenarios):
-        warnings.warn(slow, stacklevel=2)  # what the run may end with in minutes
+        warnings.warn(slow, stacklevel=2)  # a possible error at the end of the run is raised now
     check_folder(out, force)
     out = out.absolute()  # the current folder is the process's, and another thread may change it
     with locked(out):
