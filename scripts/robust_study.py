@@ -69,9 +69,9 @@ DRAWS, INTERVAL = 10_000, (2.5, 97.5)  # of the bootstrap; per cent
 HEAD = """\
 # One design for many flows
 
-A case may have many flows, and the turbine may differ from one to the next; one blade and one
-controller are designed for all. `hkt show` tells what each of them does, which of them breaks or
-reaches a limit, and which decides the objective ([cases.md](cases.md#scenarios)):
+One blade and one controller can be designed for many flows; water and condition of the turbine may
+differ between them. `hkt show` lists the energy and the limits of each flow, and which flows decide
+the objective ([cases.md](cases.md#scenarios)):
 
 ```yaml
 control: {law: quadratic, torque_limit: 700}
@@ -82,7 +82,7 @@ scenarios:
 robustness: {measure: cvar, share: 0.2}
 ```
 
-What such a design is worth was looked at in an example.
+This page shows in an example what such a design gains.
 
 ## The example
 
@@ -92,14 +92,14 @@ is designed in one minute of turbulence (seed 1), the others in ten minutes (see
 calm river: for their mean power (*expected*), for the mean of the worst fifth (*CVaR*) and for the
 worst of them (*worst*), each minute's mean power over its ceiling
 ([theory.md](theory.md#several-flows)). One more counts every minute twice, as new and with fouled
-sections, of 0.9 of the lift and 1.5 of the drag.
+sections, which have 0.9 times the lift and 1.5 times the drag.
 
 The *calm* river is von Karman's turbulence, 1.5 m/s, 10 %; the *rough* one Kaimal's, 1.4 m/s, 16 %;
-both of 4 m, up to 0.5 Hz, with random amplitudes. Every design is simulated in minutes that no
-design has seen: its torque from a curve of 2500 tip speed ratios by BEM, its loads by direct BEM. A
+both of 4 m, up to 0.5 Hz, with random amplitudes. Every design is simulated in other, *unseen*,
+minutes: its torque from a curve of 2500 tip speed ratios by BEM, its loads by direct BEM. A
 minute breaks a limit where the simulation exceeds it by more than a run allows between its nodes.
 Brackets are 95 % intervals by bootstrap over the minutes. A design that breaks its limits may
-capture more: powers compare only together with the share of minutes that break one.
+capture more, so compare powers only together with the share of minutes in which a limit is broken.
 """
 
 

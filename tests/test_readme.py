@@ -31,7 +31,7 @@ def test_its_test_commands_are_those_of_continuous_integration():
         assert command in section("Two commands")
 
 
-def test_every_number_of_the_table_stands_on_the_page_that_it_names():
+def test_every_number_of_the_table_is_on_the_page_that_it_names():
     rows = re.findall(r"^\| (.*) \| (.*) \| (\[.*\)) \|$", README, re.MULTILINE)
     assert len(rows) == 7
     for what, result, link in rows:

@@ -1,4 +1,4 @@
-"""What the commands share: options, reading, messages and tables."""
+"""Common parts of the commands: options, reading, messages and tables."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def print_rows(rows: Iterable[Row], title: str = "") -> None:
 
 
 def rows_of(solution: Solution) -> list[Row]:
-    """Return a result's figures of merit and the checks that it did not pass."""
+    """Return a result's figures of merit and the checks that it failed."""
     from hkt_mdo.results.words import Row
 
     failed = [Row("check not passed", check) for check in solution.failed_checks]

@@ -1,4 +1,4 @@
-"""What `hkt resource` writes: hours of each speed, constituents of the tide, and figures."""
+"""Files of `hkt resource`: hours of each speed, constituents of the tide, and figures."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def _statistics(speed, share) -> Iterator[str]:
 
 
 def _of_tide(tide: Tide) -> Iterator[str]:
-    """Yield the constituents and what they explain."""
+    """Yield the constituents and the share of the variance that they explain."""
     share = 100.0 * tide.explained
     yield f"the tide explains {share:.4g} % of the variance, mean {tide.mean:.4g} m/s"
     for place in np.argsort(-tide.amplitude):

@@ -317,9 +317,10 @@ class OperationEntry(_Entry):
 
 
 class YearEntry(_Entry):
-    """What a resource gives in a year of 8766 h: electrical energy, and hours.
+    """Results of a resource in a year of 8766 h: electrical energy, and hours.
 
-    `net_energy_kWh` is what availability and losses leave, `kept` their factor. The capacity factor
+    `net_energy_kWh` is the energy after availability and losses, `kept` their factor. The capacity
+    factor
     is the net energy over that of the largest electrical power all year. `limits_h` has the hours
     in which each limit binds.
     """
@@ -361,14 +362,14 @@ class YearEntry(_Entry):
 
 
 class ScenarioEntry(_Entry):
-    """What one scenario gives by itself: energies, flow, limits and loads.
+    """Results of one scenario: energies, flow, limits and loads.
 
     `share` is the scenario's share of time; its energies count in those of the whole result with
     `weight`, that share times the case's duration over `duration_s`. `mean_power_W` is that of the
     objective over `duration_s`. A flow with a cut-out speed is one scenario, its energies those
     of all its intervals of operation. Where the measure of `robustness` compares the mean power
-    with an upper bound on it, `ceiling_W` is that; `decides` tells whether the measure is taken of
-    this scenario, where it is not taken of all.
+    with an upper bound, that is `ceiling_W`; `decides` tells whether this scenario decides the
+    measure, unless all do.
     """
 
     share: _Number = None
@@ -391,7 +392,7 @@ class ScenarioEntry(_Entry):
     year: YearEntry | None = None
 
     def rows(self, case: Case) -> Iterator[Row]:
-        """Yield the entry as rows; the case says what else is known of loads without a limit."""
+        """Yield the entry as rows; the case gives the remarks on loads without a limit."""
         flow, ratio = self.inflow_speed or Span(), self.tip_speed_ratio or Span()
         lasts = f"mean of {measured(self.duration_s, 's')}, share of time {measured(self.share)}"
         yield Row("flow", flow.mean, "m/s", f"{lasts}, at most {measured(flow.max, 'm/s')}")
@@ -425,22 +426,22 @@ class Summary(_Entry, Mapping[str, Any]):
     message: str | None = None
 
     energy_J: _Number = None
-    """Captured energy as the optimizer has it, by collocation."""
+    """Captured energy of the optimization, by collocation."""
     simulated_energy_J: _Number = None
     """Captured energy of the independent integration."""
     generator_energy_J: _Number = None
-    """What the generator takes from the shaft in the integration; the rest is stored."""
+    """Energy that the generator takes from the shaft in the integration; the rest is stored."""
     electrical_energy_J: _Number = None
-    """What the generator delivers of that, less its losses."""
+    """Energy that the generator delivers, after its losses."""
     starting_energy_J: _Number = None
     start_breaks: list[str] | None = None
-    """Limits that the start does not keep, the distance of its sections from stall among them: its
+    """Limits that the start does not keep, including the distance of its sections from stall; its
     energy is then no measure of the result."""
     energy_bound_J: _Number = None
     """Energy of a rotor that works at the steady optimum at every instant."""
     certified_gap: _Number = None
-    """What the simulated energy lacks of an upper bound that knows the torque limit and the control
-    law, over that bound (docs/theory.md). Under a limit of the power it says nothing."""
+    """Relative difference between the simulated energy and an upper bound that includes the torque
+    limit and the control law (docs/theory.md). It does not include a limit of the power."""
     bound_power_coefficient: _Number = None
     bound_tip_speed_ratio: _Number = None
     energy_balance_error: _Number = None
@@ -460,19 +461,19 @@ class Summary(_Entry, Mapping[str, Any]):
     the hub and the suction of the sections are known, cavitation; shaft power of the generator,
     rotor speed and tip speed."""
     memory: MemoryEntry | None = None
-    """How stable the loop is in water whose wake has memory, asked for or not."""
+    """Stability of the loop if the wake has memory, also if the case does not have it."""
     tip_deflection_m: _Number = None
     """Largest deflection of a tip out of the rotor plane, of a linear beam."""
     at_bounds: list[BoundEntry] | None = None
-    """What of the design ends at a bound of the case: a wider one may give more."""
+    """Design variables that end at a bound of the case: a wider one may give more."""
     scenarios: dict[Annotated[str, StringConstraints(pattern=SCENARIO)], ScenarioEntry] | None = (
         None
     )
-    """What each scenario of the case gives by itself."""
+    """Results of each scenario of the case."""
     branches: list[BranchEntry] | None = None
     """Overspeed and underspeed, where limits can be kept by both, the one that was taken first."""
     starts: list[StartEntry] | None = None
-    """What became of the starts that were tried, in quasi-steady operation."""
+    """Outcomes of the starts that were tried, in quasi-steady operation."""
 
     rotor_radius_m: _Number = None
     """Radius of the swept disc."""
@@ -670,7 +671,7 @@ def _largest_rows(
 
 
 def unasked(name: str, value: float | None, case: Case) -> str:
-    """Return what is to be said of a load that is large and has no limit; empty if it is not.
+    """Return a remark on a load that is large and has no limit; otherwise nothing.
 
     Parameters
     ----------

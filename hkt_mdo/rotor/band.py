@@ -73,7 +73,7 @@ class Band:
 
     @classmethod
     def of(cls, rotor, blade, tip_speed_ratio, nodes):
-        """Return the band of a blade; a station weighs as much as its induction moves the torque.
+        """Return the band of a blade; its weights are the effects of the inductions on the torque.
 
         Parameters
         ----------

@@ -79,7 +79,7 @@ class Structure:
         Returns
         -------
         Structure
-            What the sections resist.
+            Of the sections.
         """
         same = isinstance(outlines, Outline)
         if same and np.ndim(wall) == 0:
@@ -253,7 +253,7 @@ class StructureByThickness:
         Returns
         -------
         StructureByThickness
-            What the sections resist.
+            Of the sections.
         """
         parts = [np.linspace(*ends, PARTS + 1) for ends in pairwise(thickness)]
         at = np.unique(np.concatenate(parts))

@@ -5,7 +5,7 @@ curve nor collocation with it, the quasi-steady bound and every limit of the pro
 (`hkt_mdo.run.judge`).
 
 A run can be killed at any moment: files appear whole or not at all, `success` is false until all
-else is written, and `resume_case` goes on from the last iterate in `iterate.json`.
+else is written, and `resume_case` continues from the last iterate in `iterate.json`.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def run_case(
     progress
         Called as progress(count, objective in J, infeasibility) while the optimizer works.
     on_pass
-        Called after every optimization, with what the summary has of it.
+        Called after every optimization, with its entry in the summary.
     figures
         Whether figures are drawn, as PNG, or in which formats, such as ("png", "pdf").
     records
@@ -263,7 +263,8 @@ def _termination_interrupts(state: RunState):
         return
 
     def handler(signum, frame):
-        state.terminated = True  # heeded at the next evaluation, should compiled code swallow this
+        # checked at the next evaluation, in case compiled code swallows this
+        state.terminated = True
         interrupt = signal.getsignal(signal.SIGINT)
         (interrupt if callable(interrupt) else signal.default_int_handler)(signum, frame)
 
