@@ -161,8 +161,11 @@ COMPARED = (
     ("flow", "bins of 0.1 m/s, 8760 h, operation from 0.5 to 3.5 m/s", "the same"),
     ("limits of the operation", "550 kW of shaft power, 5 to 15 rpm", "the same"),
     ("cavitation", "blade upwards, hub at 37 m", "the same, as a limit at every speed"),
-    ("chord", "up to 3 m, falling outwards", "up to 3 m, without a condition that it falls
-    ({chord})"),
+    (
+        "chord",
+        "up to 3 m, falling outwards",
+        "up to 3 m, without a condition that it falls ({chord})",
+    ),
     ("twist", "-10 to 40 deg, falling outwards", "the same"),
     ("shape", "five control points each of chord and twist", "the same, another spline"),
     ("thickness", "places of three sections, designed", "that of HARP_Opt's result"),
