@@ -18,6 +18,7 @@ ROOT = Path(__file__).parent.parent
 GENERATED = {"commands.md", "api.md"}  # what docs/conf.py writes
 PAGES = [
     ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
     *(page for page in sorted((ROOT / "docs").rglob("*.md")) if page.name not in GENERATED),
     *sorted((ROOT / "docs" / "tutorials").glob("*.ipynb")),
 ]
@@ -36,6 +37,7 @@ NOT_RUN = {
     "on such files",
     r"hkt report results/mine results/other": "tests/report/test_page.py compares results",
     r"python scripts/example_cases.py": "three minutes; it writes the numbers of docs/examples.md",
+    r"python scripts/not_modelled.py": "needs results of the study of limits, which takes an hour",
     r"aerodyn_driver": "OpenFAST is not on PyPI; tests/exports/test_openfast.py runs it if it is "
     "installed",
     r"hkt simulate results/mine .*(seed: 3|--strict)": "tests/studies/test_other_flows.py runs "
@@ -45,6 +47,13 @@ NOT_RUN = {
 
 SHORTER = ["--set", "phase={duration: 20, segments: 20}", "--no-figures", "--no-records"]
 ROLLED = "inflow={profile: turbulence, mean: 1.4, seed: 3}"  # an hour of turbulence in a small test
+
+
+def test_every_command_is_in_a_fenced_block():
+    """Indented blocks are for equations; the tests below do not look for commands there."""
+    for page in PAGES:
+        text = re.sub(r"(?ms)^```.*?^```", "", text_of(page))
+        assert not re.findall(rf"(?m)^ {{4,}}{PROGRAMS}.*", text), page
 
 
 def text_of(page):

@@ -685,10 +685,10 @@ def _make_case(
     try:
         return made.model_validate(data, context={"folder": folder, "check_files": check_files})
     except ValidationError as error:
-        told = translate(error.errors(include_url=False), made, file, given)
-        if data.get("resource") and told.key.partition(".")[0] == "inflow":
-            told.key = told.key.replace("inflow", "resource", 1)
-        raise told from None
+        failure = translate(error.errors(include_url=False), made, file, given)
+        if data.get("resource") and failure.key.partition(".")[0] == "inflow":
+            failure.key = failure.key.replace("inflow", "resource", 1)
+        raise failure from None
 
 
 def _leave_to_blade(data: dict[str, Any], overrides: Sequence[str]) -> None:

@@ -151,7 +151,7 @@ def _separated(frequency: dict[str, float], length: float, asked: bool) -> list[
             kept[name] = value
         elif asked:
             needed = 1.0 / max(apart, 1e-300) / DAY
-            problem = f"cannot be told from {near} in a record of {length / DAY:.4g} days"
+            problem = f"cannot be separated from {near} in a record of {length / DAY:.4g} days"
             remedy = f"give a record of {needed:.4g} days at least, or fewer constituents"
             raise InputError(problem, remedy, key="constituents", value=name)
     if len(kept) == 1:

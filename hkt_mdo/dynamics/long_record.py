@@ -176,19 +176,19 @@ class RecordResource(Resource):
     def _of_discharge(self) -> FlowSamples:
         """Return the samples of a discharge, and the speed by the rating curve."""
         curve, raw = self.rating_curve, self._columns(area=1.0)
-        told = [text for text in raw.messages if "over the area" not in text]
-        made = self._made(raw.time, raw.speed, tuple(told), most=np.inf, least=0.0)
+        notes = [text for text in raw.messages if "over the area" not in text]
+        made = self._made(raw.time, raw.speed, tuple(notes), most=np.inf, least=0.0)
         low, high = curve.discharge[0], curve.discharge[-1]
         outside = float(np.mean((made.speed < low) | (made.speed > high)))
-        told = f"speed by the rating curve of {curve.discharge.size} points, "
-        told += "straight lines" if curve.degree is None else f"degree {curve.degree}"
-        told += f", coefficient of determination {curve.determination:.4f}"
+        notes = f"speed by the rating curve of {curve.discharge.size} points, "
+        notes += "straight lines" if curve.degree is None else f"degree {curve.degree}"
+        notes += f", coefficient of determination {curve.determination:.4f}"
         if curve.discharge.size < POINTS_301:
-            told += f"; IEC TS 62600-301 asks for {POINTS_301} points"
+            notes += f"; IEC TS 62600-301 asks for {POINTS_301} points"
         if outside:
-            told += f"; {100.0 * outside:.3g} % of the samples lie outside of its points"
+            notes += f"; {100.0 * outside:.3g} % of the samples lie outside of its points"
         speed = np.maximum(curve.speed_at(made.speed), 0.0)
-        return replace(made, speed=speed, discharge=made.speed, messages=(*made.messages, told))
+        return replace(made, speed=speed, discharge=made.speed, messages=(*made.messages, notes))
 
     @cached_property
     def rating_curve(self) -> Rating:
@@ -219,15 +219,15 @@ class RecordResource(Resource):
             axis, along = sign * axis, sign * along
             share = float(np.sum(along**2) / max(np.sum(about**2), 1e-300))
             angle = float(np.rad2deg(np.arctan2(axis[0], axis[1])) % 360.0)
-            told = (
+            notes = (
                 f"principal axis {angle:.1f} deg, with {100.0 * share:.4g} % of the squared speed"
             )
         else:
-            along, angle, told = np.empty(0), 0.0, ""
-        made = self._made(raw.time[good], along, (*raw.messages, told))
+            along, angle, notes = np.empty(0), 0.0, ""
+        made = self._made(raw.time[good], along, (*raw.messages, notes))
         return replace(made, axis=angle)
 
-    def _made(self, time, speed, told, most=FASTEST, least=-FASTEST) -> FlowSamples:
+    def _made(self, time, speed, notes, most=FASTEST, least=-FASTEST) -> FlowSamples:
         """Check samples and return them without gaps."""
         good = np.isfinite(speed) & np.isfinite(time)
         wrong = good & ((speed > most) | (speed < least))
@@ -255,7 +255,7 @@ class RecordResource(Resource):
         if years < 0.98 * needed:
             part = "301" if most == np.inf else "201"
             first += f"; IEC TS 62600-{part} asks for {needed:g} year{'s' * (needed > 1)}"
-        return FlowSamples(time - time[0], speed, messages=(first, *filter(None, told)))
+        return FlowSamples(time - time[0], speed, messages=(first, *filter(None, notes)))
 
     def occurrence(self):
         """Return the speeds of bins; those of reversed flow are binned separately."""

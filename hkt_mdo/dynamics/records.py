@@ -178,8 +178,8 @@ class _Record:
             raise self.raw.refuse(problem, f"{remedy}flow", int(found[0]), 1)
         if found.size:
             spikes[found] = True
-            told = f"{_count(found.size, 'spike')} replaced ({_percent(spikes)})"
-            self.messages.append(f"{told}, at t = {_times(time[found])}")
+            text = f"{_count(found.size, 'spike')} replaced ({_percent(spikes)})"
+            self.messages.append(f"{text}, at t = {_times(time[found])}")
         return spikes
 
     def even(self, spikes: np.ndarray) -> tuple[float, np.ndarray]:

@@ -118,12 +118,12 @@ class DurationCurve(Inflow):
     ends: tuple[float, ...]
     """Times, s, between which the flow has each speed, rising; one more than speeds."""
     features: ClassVar[tuple] = ()
-    told: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     """Messages about it."""
 
     @property
     def messages(self):
-        return self.told
+        return self.notes
 
     @property
     def tells_features(self):
@@ -224,12 +224,12 @@ class Resource(Inflow):
     @property
     def messages(self):
         found = self.speeds
-        told = f"resource {self.profile}: {found.mean.size} speeds of the flow"
-        told += f", mean cubed speed {self.mean_cube:.4g} m³/s³"
+        notes = f"resource {self.profile}: {found.mean.size} speeds of the flow"
+        notes += f", mean cubed speed {self.mean_cube:.4g} m³/s³"
         idle = f"; below resource.cut_in = {self.cut_in:g} m/s the machine stands still"
         if self.reversal == "stands":
             idle += ", and where the flow runs the other way"
-        return (f"{told}{idle}: {8766.0 * found.idle:.4g} h a year",)
+        return (f"{notes}{idle}: {8766.0 * found.idle:.4g} h a year",)
 
     @property
     def mean_cube(self) -> float:
@@ -246,7 +246,7 @@ class Resource(Inflow):
         """Return the speeds as a flow over a duration, s."""
         found = self.speeds
         ends = duration * np.append(found.idle, found.idle + np.cumsum(found.share))
-        return DurationCurve(speeds=tuple(found.speed), ends=tuple(ends), told=self.messages)
+        return DurationCurve(speeds=tuple(found.speed), ends=tuple(ends), notes=self.messages)
 
     def speed_at(self, time):
         return self.curve(YEAR).speed_at(time)

@@ -89,8 +89,8 @@ class Csv(_Tables):
         found = {}
         for table in tables(source, self.flow_range):
             text = io.StringIO(newline="")
-            told = (f"{name} [{c.unit or '-'}]: {c.text}" for name, c in table.columns.items())
-            for line in (*source.provenance, table.title, *told):
+            about = (f"{name} [{c.unit or '-'}]: {c.text}" for name, c in table.columns.items())
+            for line in (*source.provenance, table.title, *about):
                 text.write(f"# {line}\n")
             writer = csv.writer(text, lineterminator="\n")
             writer.writerow(table.columns)

@@ -44,12 +44,15 @@ class SteadyScenario(Scenario):
     def of(cls, inflow: Inflow, mesh: Phase, weight: float, name: str, **others) -> SteadyScenario:
         """Return the scenario of a resource, or of the speeds of a flow over time."""
         if isinstance(inflow, Resource):
-            speeds, told = inflow.speeds, inflow.messages
+            speeds, notes = inflow.speeds, inflow.messages
         else:
             speeds = _without_time(Scenario(inflow, mesh).resolved())
-            told = (*inflow.messages, f"taken without time: {speeds.speed.size} speeds of the flow")
+            notes = (
+                *inflow.messages,
+                f"taken without time: {speeds.speed.size} speeds of the flow",
+            )
         ends = mesh.duration * np.append(speeds.idle, speeds.idle + np.cumsum(speeds.share))
-        curve = DurationCurve(speeds=tuple(speeds.speed), ends=tuple(ends), told=told)
+        curve = DurationCurve(speeds=tuple(speeds.speed), ends=tuple(ends), notes=notes)
         return cls(curve, mesh, weight, name, ends, place=speeds.place, resource=inflow, **others)
 
     @property

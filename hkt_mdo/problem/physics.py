@@ -623,14 +623,14 @@ def physics(case: Case) -> Physics:
         several_sections=np.ndim(turbine.thickness) > 0,
         thickness_bounds=Hydrodynamics(turbine.polar).thickness_bounds,
     )
-    scenarios, told = [], []
+    scenarios, notes = [], []
     for each in whole:
         found, messages = in_operation(each, control.cut_out, 2.0 * turbine.blade.rotor_radius)
         scenarios += found
-        told += messages
+        notes += messages
     refuse_contradictions(case, shape, fastest)
     flows = {message: None for each in whole for message in each.messages}
-    messages = (*turbine.messages, *flows, *dict.fromkeys(told), *redundant_limits(case, shape))
+    messages = (*turbine.messages, *flows, *dict.fromkeys(notes), *redundant_limits(case, shape))
     limit = control.torque_limit
     radius = max(shape.blade.rotor_radius, *(shape.radius_bounds or (0.0,)))
     most = MOST_TORQUE * float(torque_scale(case.fluid.density, radius, fastest))
@@ -721,9 +721,9 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     if depth is not None and depth <= tip:
         problem = f"is within the blade's radius of {tip:.4g} m: the tip would leave the water"
         raise InputError(problem, "give a larger depth of the hub", key=key, value=depth)
-    told = not flow.follows_reynolds and all(each.suction is not None for each in polars)
+    computable = not flow.follows_reynolds and all(each.suction is not None for each in polars)
     cavitation = None
-    if depth is not None and told:
+    if depth is not None and computable:
         cavitation = Cavitation(flow.suction, depth, asked.margin)
     return RotorModel(
         polar=turbine.polar,

@@ -126,8 +126,8 @@ def build_turbine(
         polar = polar if len(polar) > 1 else polar[0]
     area, thickness = map(_together, (area, thickness))
     structure = _structure(rotor, sections)
-    outlines, told = tuple(each.outline for each in sections), (*read, *messages, *blended)
-    return Turbine(blade, polar, area, thickness, structure, told, outlines, blends)
+    outlines, notes = tuple(each.outline for each in sections), (*read, *messages, *blended)
+    return Turbine(blade, polar, area, thickness, structure, notes, outlines, blends)
 
 
 def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:

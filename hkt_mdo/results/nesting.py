@@ -94,8 +94,8 @@ def ranked(solutions: Iterable[Solution]) -> tuple[list[Solution], list[float | 
     first, shares = known[order[0]], []
     best = values[order[0]] if len(kinds) == 1 else None
     for value in (values[index] for index in order):
-        told = best is not None and value is not None
-        shares.append(0.0 - first.case.objective.behind(value, best) if told else None)
+        comparable = best is not None and value is not None
+        shares.append(0.0 - first.case.objective.behind(value, best) if comparable else None)
     return [known[index] for index in order], shares
 
 

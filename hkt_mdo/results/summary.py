@@ -401,9 +401,9 @@ class ScenarioEntry(_Entry):
         yield Row("energy, simulated", self.simulated_energy_J, "J", power)
         if self.ceiling_W and self.mean_power_W is not None:
             most = f"of at most {measured(self.ceiling_W, 'W')}"
-            told = joined(most, "decides the objective" if self.decides else "")
+            note = joined(most, "decides the objective" if self.decides else "")
             yield Row(
-                "mean power over its ceiling", 100.0 * self.mean_power_W / self.ceiling_W, "%", told
+                "mean power over its ceiling", 100.0 * self.mean_power_W / self.ceiling_W, "%", note
             )
         yield Row("tip speed ratio", ratio.ends, note=f"mean {measured(ratio.mean)}")
         yield from self.year.rows() if self.year else ()
@@ -631,8 +631,8 @@ class Summary(_Entry, Mapping[str, Any]):
         yield Row("optimizer", work if self.optimizer else None)
         if self.passes:
             remedies = (f"{each.remedy}: {each.why}" for each in self.passes if each.remedy)
-            told = "; ".join(remedies).replace("_", " ")
-            yield Row("optimizations", str(len(self.passes)), "", told)
+            note = "; ".join(remedies).replace("_", " ")
+            yield Row("optimizations", str(len(self.passes)), "", note)
         if self.starts:
             kept = next((each.strategy for each in self.starts if each.kept), "none")
             yield Row("starts", f"{len(self.starts)} tried", "", f"began with: {kept}")

@@ -204,7 +204,7 @@ class Attempt:
         return is_false(self.flights)
 
     @property
-    def few_denied(self) -> bool:
+    def few_contradicted(self) -> bool:
         """Whether few segments of the first mesh that are too coarse may be the reason."""
         parts = self.division.parts
         divided = np.mean(np.concatenate(parts) > 1) if parts else 1.0

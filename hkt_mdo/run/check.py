@@ -103,14 +103,14 @@ def check_case(case: Case) -> CheckReport:
         "Limits, and values of the starting blade": [*_limits(found)],
         "Optimization": [*_optimization(found, package), *_bounds(found)],
     }
-    told = [row for table in rows.values() for row in table]
+    every = [row for table in rows.values() for row in table]
     notes = [Row("", text) for text in world.messages]
     warnings = [Row("", text) for text in world.warnings]
     return CheckReport(
         case.name,
         {title: [row for row in table if not row.severity] for title, table in rows.items()},
-        notes + [row for row in told if row.severity == "note"],
-        warnings + [row for row in told if row.severity == "warning"],
+        notes + [row for row in every if row.severity == "note"],
+        warnings + [row for row in every if row.severity == "warning"],
         found,
         figure_data(found),
     )
@@ -480,10 +480,10 @@ def _of_scenario(found: Findings, limits: tuple[Limit, ...], values: dict) -> Ro
 def _ends(limit: Limit) -> str:
     """Return the bounds of a limit; none below that is zero."""
     ends = {"at least": limit.lower, "at most": limit.upper}
-    told = {word: float(end) for word, end in ends.items() if np.isfinite(end)}
-    if told.get("at least") == 0.0:
-        del told["at least"]
-    return " and ".join(f"{word} {measured(x, limit.unit or '', 4)}" for word, x in told.items())
+    finite = {word: float(end) for word, end in ends.items() if np.isfinite(end)}
+    if finite.get("at least") == 0.0:
+        del finite["at least"]
+    return " and ".join(f"{word} {measured(x, limit.unit or '', 4)}" for word, x in finite.items())
 
 
 def _kept(limit: Limit, value) -> str:
@@ -491,11 +491,11 @@ def _kept(limit: Limit, value) -> str:
     unit, value = limit.unit or "", np.atleast_1d(value)
     bounds = [(limit.lower - value, limit.lower), (value - limit.upper, limit.upper)]
     over, bound = max((float(np.max(each)), abs(float(bound))) for each, bound in bounds)
-    told = f"{measured(value, unit, 4)}: "
+    text = f"{measured(value, unit, 4)}: "
     if abs(over) <= START_EXCESS * bound:
-        return told + "at the limit"
+        return text + "at the limit"
     share = f" ({100.0 * abs(over) / bound:.3g} %)" if bound else ""
-    return f"{told}{'broken' if over > 0.0 else 'kept'} by {measured(abs(over), unit, 3)}{share}"
+    return f"{text}{'broken' if over > 0.0 else 'kept'} by {measured(abs(over), unit, 3)}{share}"
 
 
 def _first_line(kind) -> str:
@@ -509,5 +509,5 @@ def _sizes(sizes: dict[str, int]) -> str:
     for name, size in sizes.items():
         last = name.removesuffix(".value").rpartition(".")[2]
         parts[last] = parts.get(last, 0) + size
-    told = joined(*(f"{size} {last}" for last, size in parts.items()))
-    return f"{sum(sizes.values())}: {told or 'none'}"
+    words = joined(*(f"{size} {last}" for last, size in parts.items()))
+    return f"{sum(sizes.values())}: {words or 'none'}"

@@ -280,10 +280,10 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
         own, mesh = physics.of(scenario), scenario.mesh
         inertia = result.inertia * own.rotor.inertia_factor / physics.rotor.inertia_factor
         plant = plant_of(own, blade, inertia)
-        told = {"scenario": scenario, "trajectory": nodes, "limits_loads": limited}
+        options = {"scenario": scenario, "trajectory": nodes, "limits_loads": limited}
         if scenario.steady:
             flown = _balanced(plant, scenario, own.law, result.point.gains, nodes, physics.states)
-            flights.append(SteadyFlight.of(own, plant, *flown, **told))
+            flights.append(SteadyFlight.of(own, plant, *flown, **options))
             continue
         controller = controller_of(own, result, plant, nodes)
         flown = _flown(
@@ -294,7 +294,7 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
             [nodes[name][0] for name in physics.states],
             mesh.duration / mesh.segments,
         )
-        flights.append(Flight.of(own, plant, flown, controller, **told))
+        flights.append(Flight.of(own, plant, flown, controller, **options))
     return tuple(flights)
 
 

@@ -19,11 +19,11 @@ def largest(trajectories: Iterable[Known]) -> dict[str, LoadEntry]:
     """Return the largest loads of some trajectories, and the largest power and speeds."""
     found: dict[str, LoadEntry] = {}
     for known in trajectories:
-        told = {n: (known[n], QUANTITIES[n].unit) for n in LOADS if n in known}
-        told["power"] = known["generator_power"], "W"
-        told["rotor_speed"] = known["rotor_speed"], "rad/s"
-        told["tip_speed"] = known["rotor_speed"] * known["rotor_radius"], "m/s"
-        for name, (values, unit) in told.items():
+        reported = {n: (known[n], QUANTITIES[n].unit) for n in LOADS if n in known}
+        reported["power"] = known["generator_power"], "W"
+        reported["rotor_speed"] = known["rotor_speed"], "rad/s"
+        reported["tip_speed"] = known["rotor_speed"] * known["rotor_radius"], "m/s"
+        for name, (values, unit) in reported.items():
             worst = int(np.argmax(values))
             value, place = float(values[worst]), {"time_s": float(known["time"][worst])}
             if known.get("steady"):
@@ -96,15 +96,15 @@ def resolved(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> l
         worst = np.unique([np.argmax(known[name]) for name in names])
         size = known["time"].size
         at = {name: x for name, x in known.items() if name != "sections"}
-        told = {name: x[worst] if np.shape(x) == (size,) else x for name, x in at.items()}
-        own = dict(told)
-        told |= finer.loads_along(many, told, tuple(set(names) - {"cavitation"}))
+        there = {name: x[worst] if np.shape(x) == (size,) else x for name, x in at.items()}
+        own = dict(there)
+        there |= finer.loads_along(many, there, tuple(set(names) - {"cavitation"}))
         if "cavitation" in names:
-            told |= _cavitation(finer, many, told, many.r <= blade.r[-1])
+            there |= _cavitation(finer, many, there, many.r <= blade.r[-1])
         if "sections" in known:  # in the same proportion as with a wake in equilibrium
             steady = physics.loads_along(blade, own, names)
-            told |= {name: own[name] * told[name] / steady[name] for name in names}
-        found.append(told)
+            there |= {name: own[name] * there[name] / steady[name] for name in names}
+        found.append(there)
     return found
 
 

@@ -123,7 +123,7 @@ def division(
     before
         Objectives on the coarser meshes, J, the last one's at the end.
     """
-    coarse, error = _denied(physics, flights, before), 0.0
+    coarse, error = _contradicted(physics, flights, before), 0.0
     unchanged = before and abs(result.objective / before[-1] - 1.0) < RULES.unchanged
     for marks, close, flight in zip(coarse, near, flights, strict=True):
         if flight.scenario.steady:  # has no mesh
@@ -152,7 +152,7 @@ def division(
     return Division(float(error), [np.where(marks, RULES.parts, 1) for marks in coarse])
 
 
-def _denied(physics, flights, before) -> list[np.ndarray]:
+def _contradicted(physics, flights, before) -> list[np.ndarray]:
     """Return the segments in which the integration contradicts the collocation."""
     coarse = [np.zeros(each.scenario.segments, dtype=bool) for each in flights]
     if not is_false(flights):

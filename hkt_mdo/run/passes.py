@@ -97,7 +97,7 @@ def farther_from_stall(attempt: Attempt) -> Begin | None:
         return None
     if physics.case.phase.transcription == "radau" or attempt.setup.slowed > SLOWED:
         return None
-    if not attempt.is_false or attempt.few_denied:
+    if not attempt.is_false or attempt.few_contradicted:
         return None
     error = max(np.max(flight.speed_errors) for flight in attempt.flights)
     return attempt.begin_again(

@@ -160,15 +160,15 @@ def resume_case(
         return _run(physics, out, earlier, (progress, on_pass), figures, records)
 
 
-def _run(physics: Physics, out: Path, earlier: Earlier, told, figures, records: bool) -> Solution:
-    """Run a case in its locked folder, after an earlier run; `told` is called meanwhile."""
+def _run(physics: Physics, out: Path, earlier: Earlier, calls, figures, records: bool) -> Solution:
+    """Run a case in its locked folder, after an earlier run; `calls` are its callbacks."""
     began, made_of = time.perf_counter(), digest(physics.case)
     name = physics.case.name
     summary = Summary(version=VERSION, case=name, success=False, message=UNFINISHED)
     log = Log(out, records, summary, earlier.history)
     log.write_summary(summary)
     with tempfile.TemporaryDirectory(prefix="hkt_mdo_") as scratch, one_thread():
-        state = RunState(physics, log, scratch, *told, len(earlier.history))
+        state = RunState(physics, log, scratch, *calls, len(earlier.history))
         try:
             with _termination_interrupts(state):
                 finished = _optimize_and_judge(state, earlier, out, records)

@@ -259,7 +259,7 @@ def _extremes(finished, scenarios):
     for name, pairs in over_time.items():
         limits[name] = _limit(pairs) | {"worth": finished.worths.get(name)}
         if several:
-            over = {each: _over(told["limits"].get(name)) for each, told in scenarios.items()}
+            over = {each: _over(entries["limits"].get(name)) for each, entries in scenarios.items()}
             limits[name]["scenario"] = max(over, key=over.get)
     (first, *others) = scenarios.values()
     blade = finished.result.point.blade
@@ -415,10 +415,10 @@ def _unresolved(physics, blade, flights):
         for name in (physics.load_names if finer else ())
     }
     if max((abs(change - 1.0) for change in changes.values()), default=0.0) > RESOLVED:
-        told = ", ".join(f"{name} {100.0 * (x - 1.0):+.1f} %" for name, x in changes.items())
+        text = ", ".join(f"{name} {100.0 * (x - 1.0):+.1f} %" for name, x in changes.items())
         yield (
             f"loads are held on {blade.r.size} stations; the same blade with {loads.STATIONS} "
-            f"stations has {told}: give rotor.station_count: 40"
+            f"stations has {text}: give rotor.station_count: 40"
         )
 
 

@@ -190,8 +190,8 @@ class Run:
             fastest, usual = (
                 float(np.max(each.simulation.rotor_speed)) for each in (self, self.without)
             )
-            told = f"the rotor RUNS AWAY, first at t = {self.runs_away:.2f} s: it comes to "
-            lines.append(f"{told}{fastest:.4g} rad/s, without memory to {usual:.4g} rad/s")
+            text = f"the rotor RUNS AWAY, first at t = {self.runs_away:.2f} s: it comes to "
+            lines.append(f"{text}{fastest:.4g} rad/s, without memory to {usual:.4g} rad/s")
         return lines
 
     @property
@@ -217,8 +217,8 @@ class Run:
         """
         if (stopped := self.simulation.stopped_at) is not None:
             return f"rotor stops at t = {stopped:.2f} s and generates no more; energy n/a"
-        told = ("captured", "generated", "electrical"), self.energies.values()
-        texts = [f"{energy / 1e3:.3f} kJ {kind}" for kind, energy in zip(*told, strict=True)]
+        pairs = ("captured", "generated", "electrical"), self.energies.values()
+        texts = [f"{energy / 1e3:.3f} kJ {kind}" for kind, energy in zip(*pairs, strict=True)]
         return joined(*texts[: 2 if self.design.physics.generator.lossless else 3])
 
     @property
@@ -349,11 +349,11 @@ def write(folder: Path, runs: Iterable[Run]) -> list[Path]:
     list of Path
         The files.
     """
-    told, header = records(runs), ("scenario", "seed", "quantity", *FIELDS)
-    rows = (header, *(record.values() for record in told))
+    entries, header = records(runs), ("scenario", "seed", "quantity", *FIELDS)
+    rows = (header, *(record.values() for record in entries))
     lines = [",".join("" if x is None else str(x) for x in row) for row in rows]
     folder.mkdir(parents=True, exist_ok=True)
     table, data = folder / "simulations.csv", folder / "simulations.json"
     write_text(table, "\n".join([*lines, ""]))
-    write_json(data, told)
+    write_json(data, entries)
     return [table, data]
