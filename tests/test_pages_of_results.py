@@ -14,6 +14,7 @@ OTHERWISE = {
     "cases": "generated: tests/test_documents.py",
     "files": "generated: tests/files/test_public_files.py",
     "first_steps": "sizes and times of an installation",
+    "install": "versions of packages",
     "openmdao": "its code is run and compared: tests/test_model_pages.py",
     "own_turbine": "values of cases, not results",
     "postprocessing": "its code is run and compared: tests/test_model_pages.py",

@@ -43,6 +43,17 @@ def test_every_number_of_the_table_is_on_the_page_that_it_names():
             assert re.search(rf"(?<![\d.]){re.escape(number)}(?!\d)", page), (number, path)
 
 
+def test_the_numbers_below_the_picture_are_those_of_the_reproduction():
+    page = (ROOT / "docs" / "reproduction.md").read_text(encoding="utf-8")
+    for name in ("README.md", "docs/index.md"):
+        text = " ".join((ROOT / name).read_text(encoding="utf-8").split())
+        (below,) = re.findall(r"\*One flow, one torque limit(.*?)\*(?= )", text)
+        numbers = re.findall(r"\d\.\d+ %", below)
+        assert len(numbers) == 2
+        for number in numbers:
+            assert number in page, (name, number)
+
+
 def test_its_links_lead_to_files_and_headings():
     for target in re.findall(r"\]\(([^)h][^)]*)\)", README):
         path, _, anchor = target.partition("#")

@@ -33,7 +33,7 @@ class Loop:
     Attributes
     ----------
     frozen : array, shape (n,)
-        Slope of the flow's torque by the rotor's speed while the wake stays, N*m*s/rad.
+        Slope of the flow's torque by the rotor's speed in an unchanged wake, N*m*s/rad.
     answers : array, shape (n, n_stations)
         Slope that the wake of each station adds in the end, N*m*s/rad.
     slow, fast : array, shape (n, 1) and (n, n_stations)

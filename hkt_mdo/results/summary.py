@@ -164,7 +164,7 @@ class MemoryEntry(_Entry):
     Time and flow are those of the first instant that is unstable, or of the least stable one.
     `least_inertia_kg_m2` is the inertia of the shaft from which the loop is stable at all of them;
     null: at none. `stiffness` (N m s/rad) is what a controller of the speed must add to the torque
-    of an open loop, as a slope over the speed, to hold it while the wake stays as it is.
+    of an open loop, as a slope over the speed, to hold it in an unchanged wake.
     """
 
     stable: bool
@@ -184,10 +184,10 @@ class MemoryEntry(_Entry):
         if self.stable:
             word = "stable"
             if (self.frozen_growth or 0.0) > 0.0:
-                word = "stable, although not while the wake stays as it is"
+                word = "stable, although unstable in an unchanged wake"
             return f"{word}: the slowest change decays with {measured(-(self.growth or 0.0))} 1/s"
         least = self.least_inertia_kg_m2
-        heavy = "stable by no inertia of the shaft"
+        heavy = "unstable with any inertia of the shaft"
         if least is not None:
             own = f"the rotor has {measured(self.inertia_kg_m2, digits=3)}"
             heavy = f"stable from a shaft inertia of {measured(least, 'kg*m**2', 3)} ({own})"
@@ -197,7 +197,7 @@ class MemoryEntry(_Entry):
         share = f"{round(100.0 * (self.share_of_instants or 0.0))} % of the instants"
         return (
             f"UNSTABLE from t = {self.time_s or 0.0:.2f} s at v = {self.inflow_speed or 0.0:.3g} "
-            f"m/s, at {share}: the rotor may run away before its wake answers (tau1 = "
+            f"m/s, at {share}: the rotor may run away before its wake changes (tau1 = "
             f"{measured(self.tau1_s, 's', 3)}); {heavy}"
         )
 
@@ -585,7 +585,7 @@ class Summary(_Entry, Mapping[str, Any]):
         yield Row("success", "yes" if self.success else "no")
         yield Row("message", self.message)
         if self.memory is not None:
-            yield Row("in water with memory", self.memory.text)
+            yield Row("stability with memory of the wake", self.memory.text)
         yield Row("energy", found, "J")
         yield Row("energy, simulated", simulated, "J", off)
         yield Row("energy of the generator", self.generator_energy_J, "J")
