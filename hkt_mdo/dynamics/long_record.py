@@ -236,7 +236,7 @@ class RecordResource(Resource):
             problem = (
                 f"has {speed[row]:.4g} in SI units at t = {time[row]:.6g} s, which no river has"
             )
-            remedy = "mend speed_unit, or give spikes: keep to leave such samples out"
+            remedy = "correct speed_unit, or give spikes: keep to leave such samples out"
             raise InputError(problem, remedy, file=self.file)
         good &= ~wrong
         count = int(np.sum(good))

@@ -347,7 +347,7 @@ class DistributionResource(Resource):
         count = int(np.ceil(known.ppf(1.0 - TAIL) / self.bin_width))
         if count > MOST_SPEEDS:
             problem = f"needs {count} bins of resource.bin_width"
-            raise InputError(problem, "mend scale and shape", key="resource.shape")
+            raise InputError(problem, "correct scale and shape", key="resource.shape")
         edges = self.bin_width * np.arange(count + 1)
         places, weights = np.polynomial.legendre.leggauss(FINE)
         speed = edges[:-1, None] + 0.5 * self.bin_width * (places + 1.0)

@@ -73,7 +73,7 @@ class Outer(Format, ABC):
         """Return the sections at some radii.
 
         As mass and stress of the program have them: chord, twist and outline, or designed
-        thickness, are linear between the blade's stations, and carried on to hub and tip.
+        thickness, are linear between the blade's stations, and constant from there to hub and tip.
 
         Parameters
         ----------

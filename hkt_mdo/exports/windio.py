@@ -111,7 +111,7 @@ def _assembly(source: Source) -> dict[str, Any]:
 
 
 def _blade(design: Design, stacking: float, positions: list[dict]) -> dict[str, Any]:
-    """Return axis and outer shape; chord, twist and thickness are carried on to hub and tip."""
+    """Return axis and outer shape; chord, twist and thickness are constant towards hub and tip."""
     blade = design.blade
     grid = _grid(design)
     chord = carried(blade.chord)

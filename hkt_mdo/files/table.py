@@ -317,7 +317,7 @@ def number_columns(
 class Csv:
     """A CSV file (RFC 4180): its header, and its rows as (line number, cells) on iteration.
 
-    Lines that are empty or begin with ``#`` are passed over.
+    Lines that are empty or begin with ``#`` are ignored.
 
     Parameters
     ----------

@@ -189,7 +189,7 @@ def _stations(rotor, table, tip_radius, hub_radius) -> tuple[np.ndarray, tuple[s
         if low > hub / tip + OUTBOARD:
             text = f"rows begin at r/R = {low:.4g}, the hub ends at {hub / tip:.4g}: the load falls"
             text += " to zero between them"
-            notes.append(f"{text}; with rotor.station_count the first row is carried on to the hub")
+            notes.append(f"{text}; with rotor.station_count the first row is continued to the hub")
         return own, tuple(notes)
     if rotor.stations is None:
         angle = np.pi * (np.arange(rotor.station_count) + 0.5) / rotor.station_count

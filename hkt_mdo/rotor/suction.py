@@ -17,9 +17,9 @@ def surface_curves(alpha, suction):
 
     alpha[n_rows] (rad) increases, suction[2, n_rows] is -Cp min of the upper and the lower surface,
     or suction[1, n_rows] the larger of the two, which `split_at_kink` parts. Rows beyond 90 degrees
-    are passed over. Beyond the last row a curve runs on with its slope, which dies away within a
-    few degrees, so that the spline through the grid keeps within the rows' magnitude; from there it
-    is constant up to 120 degrees, and round the back it goes over to the value of the other end.
+    are not used. Beyond the last row a curve continues with its slope, which decays within a few
+    degrees, so that the spline through the grid stays within the rows' magnitude; from there it is
+    constant up to 120 degrees, and over 180 degrees it changes to the value of the other end.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def split_at_kink(alpha, suction):
     As the angle of attack alpha[n_rows] (rad) rises, the lower surface's suction falls and the
     upper one's rises; where they cross, the larger has a kink, and least suction. The lowest row
     within 10 degrees of zero goes to the side whose straight line through its two next rows meets
-    it closer. Each curve is carried on beyond the kink with the slope s that it has there,
+    it closer. Each curve continues beyond the kink with the slope s that it has there,
 
         q(a) = q0 - (q0 + 1) (1 - exp(-s |a - a0| / (q0 + 1))),
 

@@ -329,9 +329,9 @@ class ProblemSize(NamedTuple):
 def problem_size(physics: Physics, best: SteadyOptimum) -> ProblemSize:
     """Return the size of an optimization, and the time of one evaluation.
 
-    Of one scenario, two problems of 20 and 200 segments are built, or of all where that is fewer,
-    and carried on: unknowns, constraints and the time of an evaluation grow linearly in the
-    segments; Dymos' set-up does not, and would take longest.
+    Two problems of one scenario are built, of 20 and 200 segments (or all, if fewer), and
+    extrapolated: unknowns, constraints and the time of an evaluation grow linearly with the
+    segments. Dymos' set-up grows faster and would take longest.
     """
     segments = sum(each.segments for each in physics.scenarios)
     nodes = physics.scenarios[0].nodes_per_segment * segments
