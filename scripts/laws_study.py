@@ -76,7 +76,7 @@ Every energy is the captured energy of the integration with direct BEM, over an 
 with open loop in the same flow under the same limits. 'Refused' marks a run that its judges
 refused; flows and limits that are not in the tables were not run.
 
-Induction answers at once in this program, while a wake needs seconds. With memory, laws that hold
+Induction is quasi-steady in this program, while a wake needs seconds. With memory, laws that hold
 the torque or the power constant let a light rotor run away; laws that rise with the speed do not
 ([memory.md](memory.md)). Every result has a line that says which it is. The designs and energies of
 this page are those of induction in equilibrium.

@@ -302,7 +302,7 @@ def constant_torque(solution):
         f"{measured(summary.mass_kg, 'kg', 3)} of solid blades "
         f"({measured(summary.inertia_kg_m2, 'kg m^2', 3)}): no feedback is left. Nothing "
         "determines such a gain: another run ended at 5,050. Stability at a constant torque is "
-        "shown only for induction that answers at once (docs/theory.md)."
+        "shown only for quasi-steady induction (docs/theory.md)."
     )
 
 

@@ -58,13 +58,14 @@ def cell_of(text):
 
 
 def record(page):
-    """Write the data of a page, if its numbers are new: these, its commands, the present commit."""
+    """Write the data of a page: its numbers, its commands, and the commit that made new numbers."""
     text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
     known = read(page) if (DATA / f"{page}.json").exists() else {}
     numbers = numbers_of(text)
-    if known.get("numbers") != numbers:
-        commands = known.get("commands") or sorted(set(COMMAND.findall(text)))
-        write(page, {"commands": commands, "commit": head(), "numbers": numbers})
+    same = [*known.get("numbers", {}).values()] == [*numbers.values()]  # maybe under new headings
+    commands = known.get("commands") or sorted(set(COMMAND.findall(text)))
+    commit = known["commit"] if same else head()
+    write(page, {"commands": commands, "commit": commit, "numbers": numbers})
 
 
 def head():

@@ -256,7 +256,7 @@ def _profile(
 def _chosen_components(
     labels: list[str], options: RecordOptions, file: str, refuse: Callable[[str, str], InputError]
 ) -> list[str]:
-    """Return the labels of the component that is asked for, or of the two horizontal ones."""
+    """Return the labels of the requested component, or of the two horizontal ones."""
     available = f"there are {', '.join(labels)}"
     if all(label.isdigit() for label in labels):
         remedy = "rotate it to earth or flow coordinates"

@@ -167,8 +167,8 @@ def _lowered(physics, setup, flights):
             over, _ = flight.between_nodes(limit)
             share = setup.share(limit, flight.scenario)
             # if it has not helped, or the limit is exceeded by much, a lower limit does not help
-            mends = (share > 1.0 - MOST_LOWERED) & (over < MOST_EXCEEDED)
-            over = np.where(mends, over, 0.0)
+            helps = (share > 1.0 - MOST_LOWERED) & (over < MOST_EXCEEDED)
+            over = np.where(helps, over, 0.0)
             if np.max(over) > most:
                 worst = max(worst, float(np.max(over)))
                 shares[limit.name, flight.scenario.name] = share * (
