@@ -47,10 +47,7 @@ class SteadyScenario(Scenario):
             speeds, notes = inflow.speeds, inflow.messages
         else:
             speeds = _without_time(Scenario(inflow, mesh).resolved())
-            notes = (
-                *inflow.messages,
-                f"taken without time: {speeds.speed.size} speeds of the flow",
-            )
+            notes = *inflow.messages, f"taken without time: {speeds.speed.size} speeds of the flow"
         ends = mesh.duration * np.append(speeds.idle, speeds.idle + np.cumsum(speeds.share))
         curve = DurationCurve(speeds=tuple(speeds.speed), ends=tuple(ends), notes=notes)
         return cls(curve, mesh, weight, name, ends, place=speeds.place, resource=inflow, **others)
