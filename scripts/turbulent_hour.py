@@ -15,7 +15,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-import page_data
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -162,4 +161,6 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+    import page_data
+
     page_data.record("hour")

@@ -28,6 +28,7 @@ NOT_RUN = {
     r"make (run|test|check|docs|fuzz)": "continuous integration calls test and check; the others "
     "are the commands below, or tests that run longer",
     r"python3 -m venv|\.venv/bin/": "what `make` does; tests/test_wheel.py installs and runs",
+    r"python scripts/not_modelled.py": "needs results of the study of limits, which takes an hour",
     r"hkt polar": "needs the extra neuralfoil, of tens of MB; tests/cli/test_hkt_polar.py has "
     "the command with an invented network",
     r"hkt run cases/examples/rm1_turbulent.yaml": "half a minute; tests/test_examples.py has the "
@@ -37,7 +38,6 @@ NOT_RUN = {
     "on such files",
     r"hkt report results/mine results/other": "tests/report/test_page.py compares results",
     r"python scripts/example_cases.py": "three minutes; it writes the numbers of docs/examples.md",
-    r"python scripts/not_modelled.py": "needs results of the study of limits, which takes an hour",
     r"aerodyn_driver": "OpenFAST is not on PyPI; tests/exports/test_openfast.py runs it if it is "
     "installed",
     r"hkt simulate results/mine .*(seed: 3|--strict)": "tests/studies/test_other_flows.py runs "

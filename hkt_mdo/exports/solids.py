@@ -61,7 +61,7 @@ class Outer(Format, ABC):
 
     trailing_edge: Annotated[float, Quantity("m", ge=0)] | None = None
     """Thickness of the trailing edge; aft of its thickest place no section is thinner. Null: 0.5 %
-    of the local chord; 0: that of the outline."""
+    of the local chord; 0: as the outline has it."""
     stacking: Annotated[float, Quantity(ge=0, le=1)] = 0.25
     """Place of the blade's axis on the chord line, over the chord from the leading edge."""
     rotation: Literal["clockwise", "anticlockwise"] = "clockwise"
@@ -320,7 +320,7 @@ class Stl(Solid):
 
 
 def outline_names(source: Source) -> str:
-    """Return the names of the outlines in the case.
+    """Return what the case calls its outlines.
 
     A case may have polars of its own without the outlines that belong to them. The program then
     takes another outline, for mass and stress only, which is none to build a blade from.
@@ -359,7 +359,7 @@ def outline_names(source: Source) -> str:
 
 
 def along_span(design: Design, values: Sequence[Any], r: np.ndarray) -> np.ndarray:
-    """Return values of a design's outlines, interpolated at some radii.
+    """Return what belongs to the outlines of a design at some radii.
 
     Linear between stations; where the thickness is designed, that is linear, and the values are a
     spline over it.

@@ -9,7 +9,7 @@ import numpy as np
 from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.results.solution import Solution
 
-RATED = 0.995  # of the limit of the power, which laws approach smoothly
+RATED = 0.995  # of the limit of the power: laws come to it smoothly
 FLOWS, BINS, FEWEST = 61, 30, 8
 """Flow speeds of a steady curve; classes of the flow speed, and the fewest instants of one."""
 

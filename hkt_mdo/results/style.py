@@ -93,7 +93,7 @@ _SIDES = ("right", 0.995), ("left", 0.005), ("center", 0.5)
 
 
 def level(ax: Axes, value: float, label: str, below: bool = False) -> None:
-    """Draw a horizontal line with its label beside it, at a free place, not in the legend.
+    """Draw a horizontal line with its label beside it, each at another place; no legend has it.
 
     `below`: the label is below the line.
     """
