@@ -27,13 +27,16 @@ OTHERWISE = {
 def test_page_has_the_numbers_of_its_data(page):
     data, text = page_data.read(page), (ROOT / "docs" / f"{page}.md").read_text("utf-8")
     assert re.fullmatch("[0-9a-f]{7,}", data["commit"])
+    assert data["commands"]
     for command in data["commands"]:
         for path in re.findall(r"scripts/\w+\.py", command):
             assert (ROOT / path).is_file(), command
     if page in RENDERED:
-        assert importlib.import_module(RENDERED[page]).from_data(data) == text
+        remedy = f"python scripts/{RENDERED[page]}.py --from-data"
+        assert importlib.import_module(RENDERED[page]).from_data(data) == text, remedy
     else:
-        assert page_data.numbers_of(text) == data["numbers"]
+        remedy = f"after the command that computes them: python scripts/page_data.py {page}"
+        assert page_data.numbers_of(text) == data["numbers"], remedy
 
 
 def test_every_page_with_results_has_data():
