@@ -48,6 +48,7 @@ cases: $(STAMP)-run
 # docs/verification.md: make verify PART=limits COUNT=20 SEED=0
 verify: $(STAMP)-test
 	$(BIN)/python -m tests.verification $(PART) $(COUNT:%=--count %) $(SEED:%=--seed %)
+	$(BIN)/python scripts/page_data.py verification
 
 # speed and growth, against CCBlade, CasADi and SciPy; writes docs/performance.md (about ten minutes)
 bench: export OPENBLAS_NUM_THREADS = 1
@@ -55,7 +56,8 @@ bench: $(STAMP)-test
 	mkdir -p results
 	$(BIN)/python -m pytest tests/benchmarks --benchmark-enable \
 	    --benchmark-columns=median,iqr,rounds --benchmark-json=results/benchmarks.json; \
-	status=$$?; $(BIN)/python tests/benchmarks/report.py results/benchmarks.json; exit $$status
+	status=$$?; $(BIN)/python tests/benchmarks/report.py results/benchmarks.json; \
+	$(BIN)/python scripts/page_data.py performance; exit $$status
 
 # a run needs the package alone; tests bring their own packages, lint those of the developers
 $(STAMP)-run: pyproject.toml

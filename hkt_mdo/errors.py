@@ -67,7 +67,7 @@ def did_you_mean(name: str, names: Iterable[str]) -> str:
 
 
 def install(extra: str) -> str:
-    """Return the command that installs an extra of this package, from a checkout if it is one.
+    """Return the command that installs an extra of this package; in a checkout, from there.
 
     Parameters
     ----------

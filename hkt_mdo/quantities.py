@@ -128,7 +128,7 @@ QUANTITIES: dict[str, Described] = {entry.name: entry for entry in _ALL}
 
 
 def names(over: str = "", source: str = "") -> tuple[str, ...]:
-    """Return the names of the quantities that are known over something, or provided by something.
+    """Return the names of quantities by what they are known over, or by what provides them.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ TRAJECTORY = names(source="trajectory")
 LOADS = names(source="loads")
 RATES = names(source="rates")
 STEADY = frozenset((*TRAJECTORY, *LOADS, "rotor_radius", "density", "inertia"))
-"""What is known of a rotor in steady operation, without time, as the search for a start has it."""
+"""Quantities of a rotor in steady operation, which the search for a start has."""
 
 
 def is_over_time(name: str) -> bool:

@@ -24,7 +24,7 @@ def refusal(problem: str, remedy: str, **context: Any) -> PydanticCustomError:
     remedy : str
         What the user can do.
     **context
-        Perhaps `key`, inside the section, and `value`, what was given there.
+        `key` within the section and `value` that was given there, if there are any.
 
     Returns
     -------
@@ -59,7 +59,7 @@ _BOUNDS = (
     ("lt", operator.lt, "less than", "exclusiveMaximum"),
     ("le", operator.le, "at most", "maximum"),
 )
-"""Field of a bound, what it asks for, in words and in a JSON schema."""
+"""By the field of a bound: its condition in words, and its key in a JSON schema."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ class Quantity:
 
         try:
             valid = units.valid_units(unit)
-        except Exception:  # the unit is evaluated: any error of that says that it is none
+        except Exception:  # the unit is evaluated: any error means that it is none
             valid = False
         if not valid:
             raise self._refuse(f"has the unknown unit {unit}; this key is in {self.unit}")

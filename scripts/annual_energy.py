@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+import page_data
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -128,9 +129,10 @@ Written by `python scripts/annual_energy.py`; the data are in
 {rows}
 
 - **The gain of co-design is {gain:+.2f} %**, against HARP_Opt's own blade under the same evaluator,
-  limits and flow, each with the best speeds that this program finds for it. Against what HARP_Opt
-  reports it is {reported:+.2f} %, which counts the difference of the evaluators too.
-- What HARP_Opt reports follows from its own power curve: the sum of power, clipped at 550 kW, times
+  limits and flow, each with the best speeds that this program finds for it. Against the energy that
+  HARP_Opt reports it is {reported:+.2f} %, which includes the difference of the evaluators.
+- The energy that HARP_Opt reports follows from its own power curve: the sum of power, clipped at
+550 kW, times
   the share of the time of each bin times 8760 h. The curve itself has {over:.1f} kW at 2.1 m/s.
 - With HARP_Opt's blade at HARP_Opt's rotor speeds, power here differs by {region:+.2f} % from that
   of WT_Perf between 0.9 and 1.9 m/s, where the tip speed ratio is constant. WT_Perf sums over
@@ -147,10 +149,11 @@ Written by `python scripts/annual_energy.py`; the data are in
 
 - Beyond rated flow both rotors are slowed down into stall. A torque that does not depend on the
   speed does not hold such a rotor: it needs a controller of its speed, in HARP_Opt's result too.
-- HARP_Opt's example asks for no strength, and neither do these runs. Solid blades of aluminium with
+- HARP_Opt's example has no limit of the stress, and neither have these runs. Solid blades of
+aluminium with
   the outline of NACA 63-815, stretched to the thickness, would have a stress of {stress:.0f} MPa in
-  the co-design and {own_stress:.0f} MPa in HARP_Opt's blade: the gain counts from a blade that is
-  more slender. With a limit of the stress it would be smaller.
+  the co-design and {own_stress:.0f} MPa in HARP_Opt's blade: a part of the gain comes from the more
+  slender blade. With a limit of the stress it would be smaller.
 - Beyond 20 degrees of the angle of attack, lift and drag are those that HARP_Opt's tables extend.
 """
 
@@ -158,7 +161,11 @@ COMPARED = (
     ("flow", "bins of 0.1 m/s, 8760 h, operation from 0.5 to 3.5 m/s", "the same"),
     ("limits of the operation", "550 kW of shaft power, 5 to 15 rpm", "the same"),
     ("cavitation", "blade upwards, hub at 37 m", "the same, as a limit at every speed"),
-    ("chord", "up to 3 m, falling outwards", "up to 3 m; that it falls is not asked ({chord})"),
+    (
+        "chord",
+        "up to 3 m, falling outwards",
+        "up to 3 m, without a condition that it falls ({chord})",
+    ),
     ("twist", "-10 to 40 deg, falling outwards", "the same"),
     ("shape", "five control points each of chord and twist", "the same, another spline"),
     ("thickness", "places of three sections, designed", "that of HARP_Opt's result"),
@@ -268,3 +275,4 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+    page_data.record("annual_energy")

@@ -10,6 +10,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 from pathlib import Path
 
 import openmdao.api as om
+import page_data
 
 from hkt_mdo import RotorGroup, load_case
 
@@ -175,3 +176,4 @@ def main():
 
 if __name__ == "__main__":
     main()
+    page_data.record("cost")

@@ -2,7 +2,8 @@
 
 python scripts/limits_study.py --out results/limits --table docs/limits.md
 
-Finished results are used again.
+Finished results are used again. The numbers of the page are written into docs/data/limits.json,
+too; with --from-data the page is written from them alone.
 """
 
 import argparse
@@ -15,6 +16,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 import numpy as np
+import page_data
 
 from hkt_mdo.case import load_case
 from hkt_mdo.results import style
@@ -36,6 +38,10 @@ LOSSES = "{rated_torque: 700, rated_speed: 7.5, copper_loss: 500, friction_loss:
 SATURATED = 100.0  # N m s²/rad²: a gain with which K₂ω² is beyond 700 N m at all useful speeds
 LOADS = ("thrust", "root_moment", "stress", "cavitation")
 IMAGE = "images/limits_fronts.png"
+SHOWN = (  # what the page shows of the summaries
+    *("simulated_energy_J", "electrical_energy_J", "tip_speed_ratio", "tip_deflection_m", "gain"),
+    *("mass_kg", "inertia_kg_m2", "loads", "limits", "branches"),
+)
 
 HEAD = """\
 # What limits cost, and what they buy
@@ -55,8 +61,12 @@ def main():
     parser.add_argument("--table", type=Path, default=Path("docs/limits.md"))
     parser.add_argument("--jobs", type=int, default=None, help="processes (default: one a core)")
     parser.add_argument("--only", nargs="*", help="parts to run, then no page: names of folders")
+    parser.add_argument("--from-data", action="store_true", help="no runs: page of docs/data")
     arguments = parser.parse_args()
     out = arguments.out
+    if arguments.from_data:
+        arguments.table.write_text(from_data(page_data.read("limits")), encoding="utf-8")
+        return
 
     def run(plan):
         cases = {out / name: case for name, case in plan.items()}
@@ -74,7 +84,9 @@ def main():
         found |= run(sequential(runs, found[out / "free" / "oloc"]))
         found = {path.relative_to(out).as_posix(): each for path, each in found.items()}
         fronts(found, arguments.table.parent / IMAGE)
-        arguments.table.write_text(page(found), encoding="utf-8")
+        data = data_of(found, page_data.head())
+        page_data.write("limits", data)
+        arguments.table.write_text(from_data(data), encoding="utf-8")
         print(f"wrote {arguments.table}")
 
 
@@ -111,6 +123,18 @@ def sequential(runs, free):
         f"sequential/{limit}": with_blade(runs[f"cases/{limit}_oloc"], *blade, "fixed")
         for limit in SEQUENTIAL
     }
+
+
+def data_of(found, commit):
+    """Return what the page shows of the solutions, with the commit that they were made by."""
+    results = {name: page_data.of_result(each, SHOWN) for name, each in found.items()}
+    commands = ["python scripts/limits_study.py"]
+    return {"commands": commands, "commit": commit, "results": results}
+
+
+def from_data(data):
+    """Return the page of its data."""
+    return page({name: page_data.result_of(each) for name, each in data["results"].items()})
 
 
 def page(found):
@@ -200,7 +224,9 @@ def fastest(solution):
 
 def section(title, before, header, rows, after):
     """Return the lines of a section: its title, words before and after its table."""
-    before, after = (textwrap.fill(" ".join(words), 100) for words in (before, after))
+    before, after = (
+        textwrap.fill(" ".join(words), 100, break_on_hyphens=False) for words in (before, after)
+    )
     lines = [f"## {title}", before, "\n".join(markdown_table(header, rows)), after]
     return [each for line in lines if line for each in (line, "")]
 
@@ -276,7 +302,7 @@ def constant_torque(solution):
         f"{measured(summary.mass_kg, 'kg', 3)} of solid blades "
         f"({measured(summary.inertia_kg_m2, 'kg m^2', 3)}): no feedback is left. Nothing "
         "determines such a gain: another run ended at 5,050. Stability at a constant torque is "
-        "shown only for induction that answers at once (docs/theory.md)."
+        "shown only for quasi-steady induction (docs/theory.md)."
     )
 
 

@@ -16,6 +16,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 import numpy as np
+import page_data
 
 from hkt_mdo import build_problem, load_case
 from hkt_mdo.dynamics.flows import GustInflow, StepInflow
@@ -137,7 +138,7 @@ def simulated(folders):
         )
         print(*rows[-1], flush=True)
     header = (
-        "case", "loop", "growth while the wake stays, 1/s", "stable from kg m² (its own)",
+        "case", "loop", "growth in an unchanged wake, 1/s", "stable from kg m² (its own)",
         "captured with memory", "rotor speed without and with, rad/s",
         "thrust without and with, kN", "runs away",
     )  # fmt: skip
@@ -145,7 +146,7 @@ def simulated(folders):
 
 
 def flown_of(run):
-    """Return a run's integration, with what is told of it."""
+    """Return a run's integration, with the quantities that are reported of it."""
     return Flown.of(run.design.physics, run.design.plant, run.simulation, run.design.controller)
 
 
@@ -250,7 +251,7 @@ def tracking(reference):
     header = "kp over the slope", "kp, N m s/rad", "kp / ki, s", "growth, 1/s", "stable from kg m²"
     about = (
         f"The blade of `sine_limited_quadratic` at 1.7 m/s, tip speed ratio 8.06, not saturated; "
-        f"the slope of its torque while the wake stays is {frozen:.3g} N m s/rad. Its rotor has "
+        f"the slope of its torque in an unchanged wake is {frozen:.3g} N m s/rad. Its rotor has "
         f"{plant.inertia:.3g} kg m²."
     )
     return [about, "", *markdown_table(header, rows)]
@@ -336,3 +337,4 @@ def pulses():
 
 if __name__ == "__main__":
     main()
+    page_data.record("memory")

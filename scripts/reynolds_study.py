@@ -12,6 +12,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 import numpy as np
+import page_data
 
 from hkt_mdo.case import load_case
 from hkt_mdo.problem.physics import physics
@@ -165,3 +166,4 @@ def main():
 
 if __name__ == "__main__":
     main()
+    page_data.record("reynolds")

@@ -3,7 +3,8 @@
 python scripts/robust_study.py --out results/robust --table docs/robust.md
 
 Designs and scores that a folder has are used again. About two hours on one core; --laws, --flows
-and --ceilings take a part.
+and --ceilings take a part. The numbers of the page are written into docs/data/robust.json, too;
+with --from-data the page is written from them alone.
 """
 
 import argparse
@@ -11,7 +12,6 @@ import json
 import os
 import textwrap
 from dataclasses import dataclass, replace
-from functools import cache
 from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,6 +20,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 import numpy as np
+import page_data
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.case import load_case
@@ -51,6 +52,7 @@ RIVERS = {
 }
 SEEDS = 10  # of the calm river, which designs see
 FIRST_UNSEEN = 1001
+SHOWN = "scenarios", "limits", "inertia_kg_m2", "wall_seconds"  # of the summaries, on the page
 WORN = {"lift": 0.9, "drag": 1.5}
 DENSE = 1025.0
 MEASURES = {
@@ -67,9 +69,9 @@ DRAWS, INTERVAL = 10_000, (2.5, 97.5)  # of the bootstrap; per cent
 HEAD = """\
 # One design for many flows
 
-A case may have many flows, and the turbine may differ from one to the next; one blade and one
-controller are designed for all. `hkt show` tells what each of them does, which of them breaks or
-reaches a limit, and which decides the objective ([cases.md](cases.md#scenarios)):
+One blade and one controller can be designed for many flows; water and condition of the turbine may
+differ between them. `hkt show` lists the energy and the limits of each flow, and which flows decide
+the objective ([cases.md](cases.md#scenarios)):
 
 ```yaml
 control: {law: quadratic, torque_limit: 700}
@@ -80,7 +82,7 @@ scenarios:
 robustness: {measure: cvar, share: 0.2}
 ```
 
-What such a design is worth was looked at in an example.
+This page shows in an example what such a design gains.
 
 ## The example
 
@@ -90,14 +92,14 @@ is designed in one minute of turbulence (seed 1), the others in ten minutes (see
 calm river: for their mean power (*expected*), for the mean of the worst fifth (*CVaR*) and for the
 worst of them (*worst*), each minute's mean power over its ceiling
 ([theory.md](theory.md#several-flows)). One more counts every minute twice, as new and with fouled
-sections, of 0.9 of the lift and 1.5 of the drag.
+sections, which have 0.9 times the lift and 1.5 times the drag.
 
 The *calm* river is von Karman's turbulence, 1.5 m/s, 10 %; the *rough* one Kaimal's, 1.4 m/s, 16 %;
-both of 4 m, up to 0.5 Hz, with random amplitudes. Every design is simulated in minutes that no
-design has seen: its torque from a curve of 2500 tip speed ratios by BEM, its loads by direct BEM. A
+both of 4 m, up to 0.5 Hz, with random amplitudes. Every design is simulated in other, *unseen*,
+minutes: its torque from a curve of 2500 tip speed ratios by BEM, its loads by direct BEM. A
 minute breaks a limit where the simulation exceeds it by more than a run allows between its nodes.
 Brackets are 95 % intervals by bootstrap over the minutes. A design that breaks its limits may
-capture more: powers compare only together with the share of minutes that break one.
+capture more, so compare powers only together with the share of minutes in which a limit is broken.
 """
 
 
@@ -114,7 +116,11 @@ def main():
         "--ceilings", type=int, default=3, help="of them, open loop optimized again"
     )
     parser.add_argument("--finished", action="store_true", help="only designs that are there")
+    parser.add_argument("--from-data", action="store_true", help="no runs: page of docs/data")
     given = parser.parse_args()
+    if given.from_data:
+        given.table.write_text(from_data(page_data.read("robust")), encoding="utf-8")
+        return
     designs = {}
     for law, name in product(given.laws, given.designs):
         folder = given.out / law / name.replace(", ", "_").replace(" ", "_")
@@ -127,7 +133,9 @@ def main():
         if solution.success
     }
     best = ceilings(designs, scores, given)
-    given.table.write_text(page(designs, scores, best), encoding="utf-8")
+    data = data_of(designs, scores, best, page_data.head())
+    page_data.write("robust", data)
+    given.table.write_text(from_data(page_data.read("robust")), encoding="utf-8")
     print(f"wrote {given.table}")
 
 
@@ -288,20 +296,58 @@ def bracketed(values, digits=2):
     return "{} [{}, {}]".format(*found)
 
 
-def page(designs, scores, best):
+def data_of(designs, scores, best, commit):
+    """Return what the page shows of designs and scores, with the commit that they were made by."""
+    passed = {
+        f"{river} {FIRST_UNSEEN + number}": passing(river, FIRST_UNSEEN + number)
+        for river in RIVERS
+        for number in range(max(len(own[f"{river}, as new"]) for own in scores.values()))
+    }
+    return {
+        "commands": ["python scripts/robust_study.py"],
+        "commit": commit,
+        "passed_J": passed,
+        "designs": {
+            f"{law}; {name}": page_data.of_result(each, SHOWN)
+            for (law, name), each in designs.items()
+        },
+        "scores": {
+            "; ".join(key): {state: [*map(vars, each)] for state, each in own.items()}
+            for key, own in scores.items()
+        },
+        "open_loop_J": {"; ".join(key): pairs for key, pairs in best.items()},
+    }
+
+
+def from_data(data):
+    """Return the page of its data."""
+
+    def keyed(name):
+        return {tuple(key.split("; ")): each for key, each in data[name].items()}
+
+    passed = {tuple(key.split()): each for key, each in data["passed_J"].items()}
+    scores = {
+        key: {state: [Score(**each) for each in own] for state, own in states.items()}
+        for key, states in keyed("scores").items()
+    }
+    designs = {key: page_data.result_of(each) for key, each in keyed("designs").items()}
+    return page(designs, scores, keyed("open_loop_J"), passed)
+
+
+def page(designs, scores, best, passed):
     """Return the page."""
-    parts = answer(scores), drawn(designs), unseen(scores), changed(scores), open_loop(best)
+    parts = answer(scores, passed), drawn(designs), unseen(scores, passed)
+    parts += changed(scores), open_loop(best)
     return "\n".join([HEAD, *(line for part in parts for line in part)])
 
 
-def shares(scores, river):
+def shares(scores, river, passed):
     """Return the captured share of the energy that passed the disc in each unseen minute."""
     mine = scores[f"{river}, as new"]
-    passed = [passing(river, FIRST_UNSEEN + number) for number in range(len(mine))]
-    return np.array([each.energy for each in mine]) / passed
+    known = [passed[river, str(FIRST_UNSEEN + number)] for number in range(len(mine))]
+    return np.array([each.energy for each in mine]) / known
 
 
-@cache
 def passing(river, seed):
     """Return the energy of the water that passes the disc in a minute, J."""
     world = physics(load_case({"inflow": RIVERS[river] | {"seed": seed}, "control": "quadratic"}))
@@ -315,7 +361,7 @@ def worst_fifth(values):
     return float(np.mean(np.sort(values)[: max(len(values) // 5, 1)]))
 
 
-def answer(scores):
+def answer(scores, passed):
     """Return what the tables say, in a few sentences."""
     lines = []
     for law in dict.fromkeys(law for law, _ in scores):
@@ -324,7 +370,7 @@ def answer(scores):
             mine = scores[law, name]["calm, as new"]
             power = np.mean([each.energy for each in mine]) / 60.0
             broken = 100.0 * np.mean([bool(each.broken) for each in mine])
-            fifth = 100.0 * worst_fifth(shares(scores[law, name], "calm"))
+            fifth = 100.0 * worst_fifth(shares(scores[law, name], "calm", passed))
             told.append(
                 f"{name} {power:.0f} W, {broken:.0f} % of minutes break a limit, worst fifth "
                 f"{fifth:.2f} %"
@@ -361,7 +407,7 @@ def drawn(designs):
     return ["## Designs", "", *body]
 
 
-def unseen(scores):
+def unseen(scores, passed):
     """Return the tables of unseen minutes, one a river."""
     lines = ["## Minutes that no design has seen", ""]
     for river in RIVERS:
@@ -374,7 +420,7 @@ def unseen(scores):
                 before = scores[law, "nominal"][f"{river}, as new"]
                 other = np.array([each.energy for each in before]) / 60.0
                 gains = bracketed(100.0 * (powers / np.mean(other) - other / np.mean(other)))
-            fifth = f"{100.0 * worst_fifth(shares(own, river)):.2f}"
+            fifth = f"{100.0 * worst_fifth(shares(own, river, passed)):.2f}"
             rows.append([law, name, f"{np.mean(powers):.1f}", gains, fifth, *violations(mine)])
         header = ["law", "design", "mean power, W", "over nominal, %", "worst fifth, %"]
         header += VIOLATIONS

@@ -10,6 +10,8 @@ from pathlib import Path
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
+import page_data
+
 from hkt_mdo.case import load_case
 from hkt_mdo.run.batch import run_batch
 
@@ -101,3 +103,4 @@ def _power(solution):
 
 if __name__ == "__main__":
     main()
+    page_data.record("sensitivity")

@@ -161,3 +161,6 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+    import page_data
+
+    page_data.record("hour")

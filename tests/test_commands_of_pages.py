@@ -18,6 +18,7 @@ ROOT = Path(__file__).parent.parent
 GENERATED = {"commands.md", "api.md"}  # what docs/conf.py writes
 PAGES = [
     ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
     *(page for page in sorted((ROOT / "docs").rglob("*.md")) if page.name not in GENERATED),
     *sorted((ROOT / "docs" / "tutorials").glob("*.ipynb")),
 ]
@@ -27,6 +28,7 @@ NOT_RUN = {
     r"make (run|test|check|docs|fuzz)": "continuous integration calls test and check; the others "
     "are the commands below, or tests that run longer",
     r"python3 -m venv|\.venv/bin/": "what `make` does; tests/test_wheel.py installs and runs",
+    r"python scripts/not_modelled.py": "needs results of the study of limits, which takes an hour",
     r"hkt polar": "needs the extra neuralfoil, of tens of MB; tests/cli/test_hkt_polar.py has "
     "the command with an invented network",
     r"hkt run cases/examples/rm1_turbulent.yaml": "half a minute; tests/test_examples.py has the "
@@ -45,6 +47,13 @@ NOT_RUN = {
 
 SHORTER = ["--set", "phase={duration: 20, segments: 20}", "--no-figures", "--no-records"]
 ROLLED = "inflow={profile: turbulence, mean: 1.4, seed: 3}"  # an hour of turbulence in a small test
+
+
+def test_every_command_is_in_a_fenced_block():
+    """Indented blocks are for equations; the tests below do not look for commands there."""
+    for page in PAGES:
+        text = re.sub(r"(?ms)^```.*?^```", "", text_of(page))
+        assert not re.findall(rf"(?m)^ {{4,}}{PROGRAMS}.*", text), page
 
 
 def text_of(page):

@@ -255,7 +255,7 @@ def test_schema_says_what_it_is():
 
 
 @pytest.mark.parametrize(("union", "tag"), [("inflow", "profile"), ("control", "law")])
-def test_schema_of_a_union_is_told_apart_by_a_required_constant(union, tag):
+def test_schema_of_a_union_is_recognized_by_a_required_constant(union, tag):
     schema = case_json_schema()
     found = set()
     *options, bare = schema["properties"][union]["oneOf"]
@@ -436,7 +436,7 @@ def test_new_river_has_the_variance_of_its_spectrum_and_is_always_the_same(tmp_p
     assert again.read_bytes() == record.read_bytes()
 
 
-def test_new_case_replaces_nothing_unless_told(tmp_path, capsys):
+def test_new_case_replaces_nothing_unless_forced(tmp_path, capsys):
     sample, command = tmp_path / "mine_record.csv", ["new", str(tmp_path / "mine"), "--kind"]
     sample.write_text("mine", encoding="utf-8")
     assert main([*command, "river"]) == 2

@@ -60,7 +60,7 @@ def test_case_under_limits_says_which(path):
 
 
 @pytest.mark.slow
-def test_all_limits_hold_and_the_worth_of_each_is_told(solve):
+def test_all_limits_hold_and_the_worth_of_each_is_reported(solve):
     summary = solve("limits/all_oloc", "phase.segments=40", "phase.duration=20").summary
     assert summary.success, summary.message
     for entry in summary.limits.values():

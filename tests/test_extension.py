@@ -34,7 +34,7 @@ def run(tmp_path_factory):
 
 
 @pytest.mark.parametrize("control", ["open_loop", "quadratic"])
-def test_a_limit_is_kept_and_told(run, control):
+def test_a_limit_is_kept_and_reported(run, control):
     free, held = run(control=control), run(control=control, limits={"tip_acceleration": "95 m/s^2"})
     assert held.success, held.message
     told = held.summary["limits"]["tip_acceleration"]

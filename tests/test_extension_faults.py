@@ -130,7 +130,7 @@ def written(folder, kind, *, fault="factor = 1.0", unit=None):
 
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_fault_is_told_with_its_place(tmp_path, capsys, kind, fault):
+def test_a_fault_is_reported_with_its_place(tmp_path, capsys, kind, fault):
     code, words = FAULTS[fault]
     if (kind, fault) == ("limit of the design", "has a wrong shape"):
         pytest.skip("a value of the design may be an array of any size")
@@ -144,7 +144,7 @@ def test_a_fault_is_told_with_its_place(tmp_path, capsys, kind, fault):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_an_unknown_unit_is_told(tmp_path, capsys, kind):
+def test_an_unknown_unit_is_reported(tmp_path, capsys, kind):
     extend, case, _ = written(tmp_path, kind, unit="furlong")
     assert main([*extend, "check", case]) == 2
     error = capsys.readouterr().err
@@ -162,7 +162,7 @@ def test_an_unknown_unit_is_told(tmp_path, capsys, kind):
         ("mean_speed", "np.inf", "returns inf"),
     ],
 )
-def test_a_fault_of_a_property_of_a_flow_is_told(what, value, words):
+def test_a_fault_of_a_property_of_a_flow_is_reported(what, value, words):
     namespace = {"__name__": __name__}
     exec(
         f"{HEAD}\nclass Own(Inflow):\n    profile: Literal['own'] = 'own'\n"

@@ -31,7 +31,7 @@ def test_its_test_commands_are_those_of_continuous_integration():
         assert command in section("Two commands")
 
 
-def test_every_number_of_the_table_stands_on_the_page_that_it_names():
+def test_every_number_of_the_table_is_on_the_page_that_it_names():
     rows = re.findall(r"^\| (.*) \| (.*) \| (\[.*\)) \|$", README, re.MULTILINE)
     assert len(rows) == 7
     for what, result, link in rows:
@@ -41,6 +41,17 @@ def test_every_number_of_the_table_stands_on_the_page_that_it_names():
         assert numbers, what
         for number in numbers:
             assert re.search(rf"(?<![\d.]){re.escape(number)}(?!\d)", page), (number, path)
+
+
+def test_the_numbers_below_the_picture_are_those_of_the_reproduction():
+    page = (ROOT / "docs" / "reproduction.md").read_text(encoding="utf-8")
+    for name in ("README.md", "docs/index.md"):
+        text = " ".join((ROOT / name).read_text(encoding="utf-8").split())
+        (below,) = re.findall(r"\*One flow, one torque limit(.*?)\*(?= )", text)
+        numbers = re.findall(r"\d\.\d+ %", below)
+        assert len(numbers) == 2
+        for number in numbers:
+            assert number in page, (name, number)
 
 
 def test_its_links_lead_to_files_and_headings():

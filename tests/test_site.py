@@ -32,6 +32,17 @@ def test_every_page_is_in_one_table_of_contents():
         assert sum(fnmatch(page, name) for name in named) == 1, page
 
 
+@pytest.mark.parametrize("page", sorted(DOCS.rglob("*.md")), ids=lambda page: page.stem)
+def test_rows_of_tables_are_whole(page):
+    """A row that a reformatting has wrapped is no longer a row."""
+    text = re.sub(r"(?ms)^```.*?^```", "", page.read_text(encoding="utf-8"))
+    for table in re.findall(r"(?m)(?:^ *\|.*\n)+.*", text):
+        *rows, after = table.split("\n")
+        assert not after.strip() or after.startswith("<!--"), after
+        cells = {len(re.findall(r"(?<!\\)\|", re.sub(r"`[^`]*`", "", row))) for row in rows if row}
+        assert len(cells) == 1, rows[0]
+
+
 @pytest.mark.slow
 def test_site_is_built_and_shows_what_the_notebooks_print(tmp_path):
     """A cell that fails ends the build; so does a warning, such as of a link that leads nowhere."""

@@ -1,4 +1,4 @@
-"""The case: what one experiment is, read from a short YAML file and checked before all else.
+"""The case: the description of one experiment, read from a short YAML file and checked.
 
 A case knows no physics and physics knows no case. Every key has a default but `inflow` and
 `control`; unknown keys are refused. A physical quantity is a number in the key's own unit, or a

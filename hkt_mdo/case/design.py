@@ -39,7 +39,7 @@ def _find_result(value: str | None, info: ValidationInfo) -> str | None:
     path, _ = find_file(value, info, remedy)
     needed = ("case.yaml", "summary.json") if (info.context or {}).get("check_files", True) else ()
     for name in needed:
-        if not os.path.isfile(path / name):  # noqa: PTH113 - bears too long a name
+        if not os.path.isfile(path / name):  # noqa: PTH113 - no error for a name too long
             raise refusal(f"is no result folder: it lacks {name}", remedy)
     return str(path)
 
@@ -158,17 +158,18 @@ class Hydrodynamics(Section):
 
 
 class InflowDynamics(Section):
-    """How what the wake induces follows the speeds of rotor and flow.
+    """How the induced velocity follows changes of rotor speed and flow speed.
 
     The name of the model may stand alone, `inflow_dynamics: oye`.
     """
 
     model: Literal["quasi_steady", "oye"] = "quasi_steady"
-    """`quasi_steady`: at once; `oye`: with memory, by the two filters of Oye, in the optimization,
+    """`quasi_steady`: without delay; `oye`: with memory, by the two filters of Oye, in the
+    optimization,
     in the independent simulation and in the judges (docs/memory.md)."""
     tau1: Annotated[float, Quantity("s", ge=1e-3, le=1e4)] | None = None
     """Time constant of the slow filters of `oye`; null: by the induction a in equilibrium at 0.7 R,
-    1.1 R / ((1 - 1.3 a) v), in which a counts as 0.5 where it is more."""
+    1.1 R / ((1 - 1.3 a) v), where a is at most 0.5."""
 
     @property
     def remembers(self) -> bool:

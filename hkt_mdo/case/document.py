@@ -1,4 +1,4 @@
-"""The docstrings of a case's keys as a JSON schema for editors, a page, and a commented case."""
+"""JSON schema, reference page and commented case, made of the docstrings of a case's keys."""
 
 import textwrap
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -118,7 +118,8 @@ def _keys(path: str, section: Mapping[str, Any], known: Collection[str] = ()) ->
             continue
         inner = [("", each) for each in value.get("anyOf", [value])]
         for words, part in [("An entry of ", value.get("items", {})), *inner]:
-            if part.get("properties", {}).keys() - {"bound"}:  # a bound alone has been told
+            # a section whose only key is its bound is described already
+            if part.get("properties", {}).keys() - {"bound"}:
                 yield f"### {words}`{path}.{key}`"
                 yield part["description"]
                 yield from _keys(f"{path}.{key}", part)
@@ -138,7 +139,7 @@ def _kind(value: Mapping[str, Any]) -> str:
         return f"section with its `{value['discriminator']['propertyName']}`"
     if "enum" in value:
         names = [str(choice) for choice in value["enum"]]
-        # the same in small letters is allowed, and goes without saying
+        # small letters are allowed too, which needs no mention
         names = [name for name in names if not (name.islower() and name.upper() in names)]
         return f"one of {_code(names)}"
     if value["type"] == "array":
@@ -226,7 +227,7 @@ def _cases() -> str:
 
 
 def commented_case(values: Mapping[str, Mapping[str, Any]], usual: Collection[str]) -> str:
-    """Return a case in YAML that explains itself: each key below its docstring, type and range.
+    """Return a case in YAML with comments: each key below its docstring, type and range.
 
     `values` is what differs from the defaults, by section and key, with the tags of `inflow` and
     `control`; besides them the keys that `usual` names are shown, in this order. A key that has

@@ -73,7 +73,7 @@ _HOW: dict[type, tuple[Callable, Callable]] = {
     property: (lambda value: value.fget, property),
     cached_property: (lambda value: value.func, cached_property),
 }
-"""What guards take of an attribute of a class, and what they make of it again."""
+"""By type of an attribute: the function that is guarded, and what wraps the guarded one again."""
 
 
 def _guard(method: Callable, file: str, place: str) -> Callable:
@@ -110,7 +110,7 @@ def one_line(error: BaseException) -> str:
 
 
 def _shape(kind: Any, name: str, args: tuple, quantities: dict) -> tuple | None:
-    """Return the shape that a method's result must have, (..., n) for any; None: it is free.
+    """Return the shape that a method's result must have, ... for any length; None: any shape.
 
     A formula has one value for each instant if it takes anything over time.
     """

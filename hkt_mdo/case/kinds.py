@@ -61,12 +61,13 @@ _SORTS: dict[type[Section], tuple[str, str]] = {
     Objective: ("objectives", "kind"),
     Aggregate: ("aggregates", "measure"),
 }
-"""Base class of each sort of kind: where `Kinds` has it, the attribute with the kind's name."""
+"""By base class: the field of `Kinds` for such kinds, and the class attribute with the kind's
+name."""
 
 _TAKEN = {"given", "torque", *dir(Section)}
 _BASES = "FeedbackLaw, Inflow, Limit, Objective or Aggregate"
 _FORMULAS = {"demand": FeedbackLaw, "speed_at": Inflow, "value": Aggregate}
-"""Method that a class of some base must have."""
+"""By base class: the method that a kind must have."""
 
 Extension = str | Path | ModuleType | type
 
@@ -97,7 +98,7 @@ class Kinds:
         return kinds
 
     def _with(self, kind: Any, source: str) -> Kinds:
-        """Return these kinds and one more; refuse one that does not keep the contract of a kind."""
+        """Return these kinds and one more; refuse one that lacks what a kind must have."""
         sort, attribute = _sort(kind)
         name, known = kind_name(kind), getattr(self, sort, ())
         if sort and sort != "limits" and name and attribute not in kind.model_fields:
@@ -178,7 +179,7 @@ def _slip_of_formula(kind: Any) -> tuple[str, str] | None:
 
 @cache
 def _with_tag(kind: Any, attribute: str, name: str) -> Any:
-    """Return a class whose name is a field that a case may give, of one whose name is none."""
+    """Return a class like another, whose name is a field that a case may give."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the name that becomes a field
         tag: Any = (Literal[name], Field(name, description=(kind.__doc__ or "").strip()))
@@ -229,7 +230,7 @@ BUILT_IN = Kinds(
 
 
 def _sort(kind: type) -> tuple[str, str]:
-    """Return where `Kinds` has a class, and the attribute with its name; empty for no kind."""
+    """Return the field of `Kinds` for a class and the attribute of its name, or empty texts."""
     return next((found for base, found in _SORTS.items() if issubclass(kind, base)), ("", ""))
 
 

@@ -1,4 +1,4 @@
-"""pydantic's errors in the user's terms."""
+"""Errors of pydantic in words for the user: the key, the problem and the remedy."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KINDS = {
 """The sections of a case that name a kind, and the key that names it."""
 
 TAGS = KINDS | {"inflow_dynamics": "model"}
-"""These, and others that may be given by that name alone."""
+"""These sections, and others, may be given by the name of the kind alone."""
 
 _SECTION = (
     "must be a section of keys and values",
@@ -106,7 +106,7 @@ def _members(field: FieldInfo | None) -> dict[str, type[BaseModel]]:
 def translate(
     errors: list[ErrorDetails], root: type[BaseModel], file: str, overrides: dict[str, str]
 ) -> InputError:
-    """Return the first of pydantic's errors in the user's terms.
+    """Return the first of pydantic's errors as an `InputError`, in words for the user.
 
     `root` is the class that was validated, `file` what messages call the text. An error in one of
     the overrides, which are given by their keys, is reported as such.

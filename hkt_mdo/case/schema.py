@@ -1,4 +1,4 @@
-"""The whole case, and the way from YAML text to it."""
+"""The whole case, and how it is read from YAML text."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ from hkt_mdo.sections import Quantity, Section, refusal
 MOST_SCENARIOS, LONGEST_NAME = 200, 40  # LONGEST_NAME in characters, of a scenario
 STATION_COUNT = 40  # within 0.1 % of the energy at any number of them, and 1 % of the loads
 MAX_CASE_BYTES = 1024**2  # of a file that is read
-VERSION = 2  # of the keys of a case; what 1 means is said at `Case.version`
+VERSION = 2  # of the keys of a case; `Case.version` says what version 1 means
 PAPER_BLADE = "bahaj2007"
-PAPER_CHORD_BOUNDS = 0.01, 1.0  # m; those of its rotor, and under version 1 of every case
+PAPER_CHORD_BOUNDS = 0.01, 1.0  # m; of the paper's rotor, and of every case under version 1
 
 
 def _known_version(version: int) -> int:
@@ -90,7 +90,8 @@ class FlowScenario(Section):
     """How long the flow has each speed, given as `resource` of the case: another name of `inflow`,
     where it is put."""
     steady: bool = False
-    """Whether the flow counts without its time: the rotor is in equilibrium at each of its speeds.
+    """Whether the order of the flow's speeds is ignored: the rotor is in equilibrium at each of
+    them.
     A resource always does."""
     weight: Annotated[float, Quantity(ge=0)] = 1.0
     """Share of time, over the sum of all weights. A scenario of weight 0 is a load case: it counts
@@ -195,7 +196,7 @@ class Case(Section):
     is limited keeps the stations of its file, and `design.chord_bounds` is [0.01, 1] by default."""
 
     kinds: ClassVar[Kinds] = BUILT_IN
-    """What cases of this class may name."""
+    """The kinds that cases of this class may name."""
 
     @property
     def extensions(self) -> tuple[Extension, ...]:
@@ -354,7 +355,7 @@ class Case(Section):
                     raise refusal(problem, remedy, key=key, value=value)
 
     def _check_scenarios(self) -> None:
-        """Refuse scenarios that weigh nothing, or limit what they do not own."""
+        """Refuse weights that are all zero, and limits that a scenario cannot have of its own."""
         for number, scenario in enumerate(self.scenarios):
             key = f"scenarios[{number}]"
             if scenario.limits.torque is not None:
@@ -374,7 +375,7 @@ class Case(Section):
             raise refusal(problem, remedy, key="scenarios", value=weights)
 
     def _check_condition(self, key: str, condition: Condition) -> None:
-        """Refuse a condition that the law or the rotor cannot have."""
+        """Refuse a condition of the turbine that the law or the rotor cannot have."""
         if condition.torque_constant != 1.0 and not self.control.is_feedback:
             problem = "is that of a feedback law; the torque of an open loop is itself optimized"
             given = {"key": f"{key}.torque_constant", "value": condition.torque_constant}
@@ -397,7 +398,7 @@ class Case(Section):
     def to_yaml(self) -> str:
         """Return the case as YAML with every default written out; `read_case` makes it again.
 
-        Values that a shipped blade has are left to the blade, and listed in a comment.
+        Keys whose values come from the shipped blade are not written but listed in a comment.
         """
         data, own = self._without_own()
         write = partial(yaml.dump, Dumper=Dumper, sort_keys=False, allow_unicode=True)
@@ -409,10 +410,11 @@ class Case(Section):
         return text.replace("\nrotor:\n", f"\nrotor:\n{about}\n", 1)
 
     def _without_own(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the case as JSON has it, without what the blade brings with it, and that."""
+        """Return the case as JSON without the values of its shipped blade, and these values."""
         data = self.model_dump(mode="json")
         own = own_keys(data["rotor"])
-        if _is_splined(data["design"]) or _is_limited(data):  # without them it would be resolved
+        # without its stations the blade would have 40
+        if _is_splined(data["design"]) or _is_limited(data):
             own.pop("stations", None)
         data["rotor"] |= {key: [] if key == "sections" else None for key in own}
         data["scenarios"] = [_without_nulls(each) for each in data["scenarios"]]
@@ -500,7 +502,7 @@ def _chord_bounds_filled(data: dict[str, Any]) -> dict[str, Any]:
     try:
         radius = _LENGTH.read(rotor.get("radius") or own["radius"])
         paper = paper and abs(radius / own["radius"] - 1.0) < 1e-9  # 1400 mm
-    except PydanticCustomError:  # which is told where the key is read
+    except PydanticCustomError:  # reported where the key is read
         return data
     if design.get("chord_bounds") is not None or not (paper or data.get("version") == 1):
         return data
@@ -515,7 +517,7 @@ def _torque_limit_moved(data: dict[str, Any]) -> dict[str, Any]:
     torque, given = limits.get("torque"), control.get("torque_limit")
     try:
         torque, given = (x if x is None else _TORQUE.read(x) for x in (torque, given))
-    except PydanticCustomError:  # which is told where the key is read
+    except PydanticCustomError:  # reported where the key is read
         return data
     if torque is None:
         return data
@@ -683,14 +685,14 @@ def _make_case(
     try:
         return made.model_validate(data, context={"folder": folder, "check_files": check_files})
     except ValidationError as error:
-        told = translate(error.errors(include_url=False), made, file, given)
-        if data.get("resource") and told.key.partition(".")[0] == "inflow":
-            told.key = told.key.replace("inflow", "resource", 1)
-        raise told from None
+        failure = translate(error.errors(include_url=False), made, file, given)
+        if data.get("resource") and failure.key.partition(".")[0] == "inflow":
+            failure.key = failure.key.replace("inflow", "resource", 1)
+        raise failure from None
 
 
 def _leave_to_blade(data: dict[str, Any], overrides: Sequence[str]) -> None:
-    """Take what the old blade brought out of a case written by an earlier version.
+    """Remove the values of the old shipped blade from a case that an earlier version wrote out.
 
     Such a case has all of it written out, so that another blade would be of the old one's size.
     """

@@ -46,8 +46,7 @@ _Wall = Annotated[float, Quantity(gt=0, le=0.5)]
 class Material(Section):
     """What the blades are made of: a shipped name, or its properties along the blade.
 
-    A blade has one material, with the same stiffness and strength along its whole length, in
-    tension and in compression.
+    The whole blade has the same stiffness and strength, in tension and in compression.
     """
 
     density: Annotated[float, Quantity("kg/m**3", gt=0)]
@@ -250,7 +249,7 @@ class Rotor(Section):
 
 
 def own_keys(rotor: dict[str, Any]) -> dict[str, Any]:
-    """Return what of a section `rotor`, as JSON has it, is as its shipped blade brings it."""
+    """Return the keys of a section `rotor` (JSON) that have the values of its shipped blade."""
     blade = rotor.get("blade", Rotor.model_fields["blade"].default)
     own = Rotor(blade=blade).model_dump(mode="json") if (keys := shipped_rotor(blade)) else {}
     return {key: own[key] for key in keys if rotor.get(key) == own[key]}
@@ -264,7 +263,7 @@ class Site(Section):
 
 
 class Condition(Section):
-    """The turbine as it is, where that is not what the files and the control law say.
+    """How the actual turbine differs from what the files and the control law say.
 
     Sections may be fouled or worn, the rotor may carry more mass, and the generator's torque may be
     in error.
@@ -279,7 +278,7 @@ class Condition(Section):
     inertia: Annotated[float, Quantity(gt=0, le=20)] = 1.0
     """Factor on the rotor's moment of inertia."""
     torque_constant: Annotated[float, Quantity(gt=0, le=2)] = 1.0
-    """Torque on the rotor over that which a feedback law asks for and limits."""
+    """Actual torque on the rotor over the torque that a feedback law demands, after its limit."""
 
     @property
     def fouls(self) -> bool:
@@ -291,7 +290,7 @@ _Deviation = Annotated[float, Quantity(ge=0, lt=MOST_SPREAD)]
 
 
 class Spread(Section):
-    """Standard deviations of normal distributions about what a scenario says, 0: it is certain.
+    """Standard deviations of normal distributions about the values of a scenario; 0: no deviation.
 
     Each realization is drawn from them, none farther than three standard deviations away.
     """
@@ -303,7 +302,7 @@ class Spread(Section):
     inertia: _Deviation = 0.0
     """Of the factor on the inertia."""
     torque_constant: _Deviation = 0.0
-    """Of the torque on the rotor over that which a feedback law asks for."""
+    """Of the factor on the torque that a feedback law demands."""
     density: Annotated[float, Quantity("kg/m**3", ge=0, le=100)] = 0.0
     """Of the density of the water."""
     seed: Annotated[int, Strict(), Field(ge=0, lt=2**63)] = 1

@@ -83,8 +83,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     `arguments` is what follows ``hkt``, by default that of the process.
     """
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it tells where it keeps its cache
-    gc.set_threshold(100_000, 50, 50)  # what is imported lives on: looking at it often takes long
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it prints where it keeps its cache
+    gc.set_threshold(100_000, 50, 50)  # imported modules stay: to scan them often takes long
     # a path may hold what the terminal's encoding does not
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")

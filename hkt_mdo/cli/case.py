@@ -44,9 +44,9 @@ def check(
     """Check a case before a long run.
 
     Reads and builds all that a run of the case needs and prints what the case means: turbine, flow,
-    control law, size, and what follows from them for the starting blade, such as its loads and by
-    how much it keeps or breaks each limit. Notes say what was done to
-    the files, warnings what may not be meant. Nothing is optimized, and nothing is written unless
+    control law and size, and how the starting blade would operate: its loads, and by how much it
+    keeps or breaks each limit. Notes say what was converted or repaired in the files, warnings what
+    is probably a mistake. Nothing is optimized, and nothing is written unless
     --out names a folder for the figures of blade, polar, inflow and power curve.
     """
     for_program = parts.one_form(as_json, as_csv)

@@ -17,7 +17,7 @@ _USUAL = (
     "radius_bounds segments initial_speed method torque tolerance model tau1 optimizer "
     "max_iterations"
 ).split()
-"""The keys that most cases say something about."""
+"""The keys that most cases give."""
 
 KINDS = {
     "paper": "the turbine and the sinusoidal flow of Amini et al. (ACC 2023)",
@@ -37,7 +37,7 @@ def _record_text() -> str:
 
 
 def write_new_case(path: str | Path, kind: str = "paper", *, force: bool = False) -> list[Path]:
-    """Write a commented case that loads as it is, and beside it the sample file that it names.
+    """Write a commented case that can be run, and beside it the sample file that it names.
 
     `path` is the case file, to which ``.yaml`` is added where it is not there; `kind` is one of
     `KINDS`. Returns the files, the case first. Raises `InputError` if there is no such kind, if a

@@ -1,4 +1,4 @@
-"""What the commands share: options, reading, messages and tables."""
+"""Common parts of the commands: options, reading, messages and tables."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def print_rows(rows: Iterable[Row], title: str = "") -> None:
 
 
 def rows_of(solution: Solution) -> list[Row]:
-    """Return a result's figures of merit and the checks that it did not pass."""
+    """Return a result's figures of merit and the checks that it failed."""
     from hkt_mdo.results.words import Row
 
     failed = [Row("check not passed", check) for check in solution.failed_checks]
@@ -114,7 +114,7 @@ def rows_of(solution: Solution) -> list[Row]:
 
 
 def one_form(as_json: bool, as_csv: bool) -> bool:
-    """Return whether the output is for a program; refuse two forms at once."""
+    """Return whether --json or --csv is given; refuse both at once."""
     if as_json and as_csv:
         raise BadParameter("give one of --json and --csv")
     return as_json or as_csv

@@ -1,4 +1,4 @@
-"""What `hkt resource` writes: hours of each speed, constituents of the tide, and figures."""
+"""Files of `hkt resource`: hours of each speed, constituents of the tide, and figures."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MOST_SHOWN = 20_000  # samples in a figure
 def report_resource(
     file: Path, out: Path, keys: Sequence[str], asked: str, force: bool
 ) -> Iterator[str]:
-    """Read a record, write what a case takes of it, and yield what is told, line by line.
+    """Read a record, write the files that a case takes, and yield the lines of a report.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def report_resource(
     keys : sequence of str
         Keys of `RecordResource`, as ``key=value``.
     asked : str
-        Names of constituents with commas between them, ``auto``, or empty for none.
+        Names of tidal constituents with commas between them, ``auto``, or empty for none.
     force : bool
         Whether to replace what is there.
 
@@ -125,7 +125,7 @@ def _statistics(speed, share) -> Iterator[str]:
 
 
 def _of_tide(tide: Tide) -> Iterator[str]:
-    """Yield the constituents and what they explain."""
+    """Yield the constituents and the share of the variance that they explain."""
     share = 100.0 * tide.explained
     yield f"the tide explains {share:.4g} % of the variance, mean {tide.mean:.4g} m/s"
     for place in np.argsort(-tide.amplitude):

@@ -44,7 +44,7 @@ _TAU1 = (
     "With --inflow-dynamics oye: the slow filters' time constant (s). Default: by the induction at "
     "0.7 R, 1.1 R / ((1 - 1.3 a) V)."
 )
-_STRICT = "Exit with 3 where a limit is broken or the rotor stops."
+_STRICT = "Exit with 3 if a limit is broken or the rotor stops."
 _START = "Start from standstill, without torque, and let the law take over in operation."
 _STOP = "With --start-up: the time (s) from which the torque is at its limit, to stop the rotor."
 _CUTOFF = (
@@ -291,7 +291,7 @@ def _check_start(start: bool, stop: float | None, snr: float | None) -> None:
 
 
 def _memory(name: str, tau1: float | None, snr: float | None, start: bool) -> bool:
-    """Return whether the wake has memory; refuse what does not go with it, or without."""
+    """Return whether the wake has memory; refuse options that contradict this."""
     names, key = ("quasi_steady", "oye"), "--inflow-dynamics"
     if name not in names:
         raise InputError("is unknown", f"choose {' or '.join(names)}", key=key, value=name)
@@ -312,7 +312,7 @@ def _memory(name: str, tau1: float | None, snr: float | None, start: bool) -> bo
 
 
 def _check_sensor(snr: float | None, reference: str, rate: float, cutoff: float) -> None:
-    """Refuse a sensor that there cannot be."""
+    """Refuse a sensor whose values are impossible."""
     from hkt_mdo.studies.uncertainty import REFERENCES
 
     for name, value, least, most in (
@@ -329,7 +329,7 @@ def _check_sensor(snr: float | None, reference: str, rate: float, cutoff: float)
 
 
 def _with_noise(run: Run, sensor: Sensor, repeats: int, seed: int) -> list[str]:
-    """Return what many runs with a noisy sensor give, in lines."""
+    """Return the results of many runs with a noisy sensor, as lines of text."""
     from hkt_mdo.studies.uncertainty import fly_noisy
 
     design, inflow, quiet = run.design, run.inflow, run.simulation

@@ -83,7 +83,7 @@ def run(
     if not quiet:
         parts.print_rows(parts.rows_of(solution))
         if (memory := solution.summary.memory) is not None and not memory.stable:
-            echo(f"warning: in water with memory this loop is {memory.text}")
+            echo(f"warning: with memory of the wake this loop is {memory.text}")
         for line in (*(f"note: {note}" for note in solution.notes), f"Results: {folder}"):
             echo(line)
     if not solution.success:

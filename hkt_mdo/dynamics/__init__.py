@@ -1,1 +1,1 @@
-"""The rotor in time: inflow, control laws and the speed's differential equation; knows no case."""
+"""The rotor over time: inflow, control laws and the speed's equation of motion, without a case."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from hkt_mdo.sections import Quantity, Section
 
-NEAR = 1e-4  # relative distance from the largest of the worst rates that counts as none
+NEAR = 1e-4  # rates within this relative distance count as equal
 
 
 class Aggregate(Section):
@@ -26,10 +26,12 @@ class Aggregate(Section):
     measure: str
     """How the scenarios are combined."""
     n_unknowns: ClassVar[int | None] = 0
-    """Number of unknowns; None: it depends on the scenarios, and `best_unknowns` tells it."""
+    """Number of unknowns; None: it depends on the scenarios and is the length of
+    `best_unknowns`."""
     relative: ClassVar[bool] = False
-    """Whether each rate counts over a ceiling of its own, so that the slowest flow is not the worst
-    by its speed alone. The rates are then multiplied by the scenarios' mean ceiling over their own,
+    """Whether each rate is divided by an upper bound of its own (its ceiling), so that the slowest
+    flow is not the worst only because it is slow. The rates are then multiplied by the scenarios'
+    mean ceiling over their own,
     and keep their unit (docs/theory.md)."""
 
     def value(self, rates: Any, shares: np.ndarray, unknowns: Any) -> Any:
@@ -45,7 +47,7 @@ class Aggregate(Section):
         return np.empty(0)
 
     def binding(self, rates: np.ndarray, shares: np.ndarray) -> np.ndarray:
-        """Tell which scenarios the measure is taken of, where not of all, (n_scenarios,).
+        """Return which scenarios decide the measure, (n_scenarios,); None: all of them.
 
         None by default. The worst rate, for example, is that of one scenario or a few.
         """
@@ -72,7 +74,7 @@ class Expected(Aggregate):
 
 
 class _OfTheWorst(Aggregate):
-    """A measure of the scenarios with the smallest rates; without those of no share of time."""
+    """A measure of the smallest rates of scenarios, without scenarios of weight 0."""
 
     n_unknowns: ClassVar[int | None] = None
     relative: ClassVar[bool] = True
@@ -116,7 +118,7 @@ class ConditionalValueAtRisk(_OfTheWorst):
     """Share of time of the worst scenarios, of which the mean is taken."""
 
     def value(self, rates, shares, unknowns):
-        if self.share == 1.0:  # any level from the largest rate on would do
+        if self.share == 1.0:  # any level at or above the largest rate would do
             return shares @ rates
         level, below = unknowns[0], unknowns[1:]
         return level - shares[shares > 0.0] @ below / self.share

@@ -1,13 +1,13 @@
-"""An upper bound on the captured energy that knows torque limits and control laws.
+"""An upper bound on the captured energy that includes the torque limit and the control law.
 
-Every instant may have a blade and a rotor speed of its own. What inertia carries from one instant
-to another is priced by a multiplier theta(t), any smooth function: with I dw/dt = Q - u,
+Every instant may have a blade and a rotor speed of its own. Energy stored in the rotor between
+instants enters by a multiplier theta(t), any smooth function: with I dw/dt = Q - u,
 
     integral of Q w dt = integral of [(1 - theta) u w + theta Q w + theta' I w² / 2] dt
                          + [(1 - theta) I w² / 2] from 0 to T,
 
 and the supremum of the integrand over speed and blade, at each instant, is a bound. theta is one at
-both ends, so that nothing is left there. See docs/theory.md.
+both ends, where the last term then vanishes. See docs/theory.md.
 """
 
 from dataclasses import dataclass
@@ -109,7 +109,8 @@ class _Table:
     def energy(self, generated, most=MOST):
         """Return the bound, J, from the generator power u w (W), a function of the rotor speed.
 
-        `most` is the largest multiplier: 1 where the torque may be less, which then does not pay.
+        `most` is the largest multiplier: 1 if the torque may be lower, because a larger one gains
+        nothing.
         """
         braking = generated(self.rotor_speed) / self.scale
         multiplier, speed = self._multiplier(braking, most)
@@ -177,14 +178,14 @@ def between(x, values, at):
 
 
 def _ramp(time, duration):
-    """Return what rises from zero at both ends to one within `RAMP`, and its slope."""
+    """Return a function that rises from zero at both ends to one within `RAMP`, and its slope."""
     x = np.minimum(np.minimum(time, duration - time) / RAMP, 1.0)
     sign = np.where(time < 0.5 * duration, 1.0, -1.0)
     return x * x * (3.0 - 2.0 * x), sign * 6.0 * x * (1.0 - x) / RAMP
 
 
 def peak(values):
-    """Return the largest value of each row, with what a parabola adds between the points."""
+    """Return the largest value of each row, between the points by a parabola."""
     place = np.clip(np.argmax(values, axis=1), 1, values.shape[1] - 2)
     rows = np.arange(values.shape[0])
     left, middle, right = (values[rows, place + shift] for shift in (-1, 0, 1))

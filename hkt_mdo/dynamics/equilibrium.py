@@ -1,6 +1,6 @@
 """The equilibria of a rotor under a feedback law in steady flows, by direct BEM.
 
-Nothing here is shared with the optimization but the physics: no torque curve, no start.
+It shares only the physics with the optimization, neither the torque curve nor the start.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, FeedbackTorque, Plant
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
 
-GRID = 241  # tip speed ratios among which the equilibria are looked for
+GRID = 241  # range of the tip speed ratio that is searched for equilibria
 HIGHEST = 12.0, 96.0  # of them, at first and at last
 ROUNDS, EXACT = 80, 1e-14  # of the root finding, and its relative tolerance
 
@@ -21,8 +21,7 @@ def equilibria(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the fastest equilibrium of a rotor in each flow: where Q = u and Q - u falls.
 
-    That is where a rotor comes to that runs fast and is loaded then. A law with states has them at
-    rest.
+    A fast rotor that is then loaded settles there. The states of a law are in equilibrium too.
 
     Parameters
     ----------
@@ -38,7 +37,7 @@ def equilibria(
     speed : np.ndarray
         Speeds of the rotor, rad/s, (n,).
     running : np.ndarray
-        Whether there is one, (n,); else the speed is that of a rotor that stands.
+        Whether there is an equilibrium, (n,); otherwise the speed is that of a standing rotor.
     """
     law, gains, unit = controller.law, controller.gains, flow / plant.blade.rotor_radius
     if law.states:
@@ -87,7 +86,7 @@ def _root(function, low, high):
         x = np.where((x > low) & (x < high), x, 0.5 * (low + high))
         value = function(x)
         above = value >= 0.0
-        # the end that stays counts half, so that both ends move
+        # the value at the end that stays is halved, so that both ends move
         at_high = np.where(above, 0.5 * at_high, value)
         at_low = np.where(above, value, 0.5 * at_low)
         low, high = np.where(above, x, low), np.where(above, high, x)

@@ -15,9 +15,9 @@ class FlowEstimate:
     """The speed of the flow in which a rotor has a torque, by a model of the rotor.
 
     Q = u + I dw/dt, and Q / (w R)² falls with the tip speed ratio about that of the largest power.
-    As far as it does, one ratio belongs to each; a rotor in stall is taken to be at the end of that
-    range. `plant` is the rotor as the controller knows it: the estimate errs where the water, the
-    blade or the inertia are others. Raises InputError for polars that follow the Reynolds number:
+    In that range each value belongs to one ratio; a stalled rotor is estimated to be at its end.
+    `plant` is the rotor that the controller assumes: the estimate is wrong if the actual water,
+    blade or inertia differ. Raises InputError for polars that follow the Reynolds number:
     then there is no curve over the tip speed ratio alone.
     """
 

@@ -18,7 +18,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.sections import Quantity, Section, refusal
 
 CHECKS_PER_PIECE, FEWEST_CHECKS = 16, 1024
-LOOKS = 8  # between two times, to see how far a flow is from a straight line
+LOOKS = 8  # samples between two times, to measure the distance of a flow from a straight line
 UNKNOWN_PIECES = 1000  # of a flow that does not declare where it changes
 PIECES_AT_ONCE = 50_000
 SLOWEST, FASTEST = 1e-4, 1e3  # m/s, of a flow in which a turbine could work
@@ -44,7 +44,7 @@ class Inflow(Section):
     profile: str
     """The kind of flow."""
     steady: ClassVar[bool] = False
-    """Whether it has no course over time: a resource."""
+    """Whether it is a resource: speeds and their hours, without an order in time."""
     length: ClassVar[float | None] = None
     highest_frequency: ClassVar[float | None] = None
     messages: ClassVar[tuple[str, ...]] = ()
@@ -78,7 +78,7 @@ class Inflow(Section):
 
     @property
     def tells_features(self) -> bool:
-        """Whether the class declares where the flow changes, or how fast at most."""
+        """Whether the class declares `features` or `highest_frequency`."""
         return bool(self.highest_frequency) or type(self).features is not Inflow.features
 
     def pieces(self, last: float, first: float = 0.0) -> np.ndarray:
@@ -118,7 +118,7 @@ class Inflow(Section):
         found = []
         for time in self._looks(duration):
             over = np.asarray(self.speed_at(time)) - speed
-            # a peak between two looks, below the tangents there, may be faster alone
+            # between two samples only a peak may be faster; it lies below the tangents there
             rate, step = self.rate_at(time), np.diff(time)
             reach = np.minimum(over[:-1] + rate[:-1] * step, over[1:] - rate[1:] * step)
             hidden = (np.maximum(over[:-1], over[1:]) <= 0.0) & (reach > 0.0)
@@ -147,7 +147,7 @@ class Inflow(Section):
         return np.diff(whole[np.searchsorted(ends, edges)])
 
     def off_lines(self, times: np.ndarray) -> np.ndarray:
-        """Return how far the flow differs from straight lines between its speeds at some times.
+        """Return the distance of the flow from straight lines between its speeds at some times.
 
         It is sampled `LOOKS` times between two of the times (s), and in each of its `pieces`.
 

@@ -20,7 +20,7 @@ _LOSSES = {
     "friction_loss": "rated_speed",
     "iron_loss": "rated_speed",
 }
-"""What each loss is given at."""
+"""By the key of a loss: the key of the torque or speed at which it is given."""
 
 BEYOND = 0.05  # share of a table's range by which it is continued at its ends
 _Loss = Annotated[float, Quantity("W", ge=0)]
@@ -63,7 +63,7 @@ class Generator(Section):
 
     @model_validator(mode="after")
     def _check_one_way(self) -> Generator:
-        """Refuse two ways at once, and losses without the torque or speed they are met at."""
+        """Refuse two descriptions at once, and losses without their rated torque or speed."""
         losses = [name for name in _LOSSES if getattr(self, name) is not None]
         rated = [n for n in ("rated_torque", "rated_speed") if getattr(self, n) is not None]
         ways = [name for name in ("efficiency", "table") if getattr(self, name) is not None]
@@ -115,7 +115,7 @@ class Generator(Section):
 
     @property
     def largest_efficiency(self) -> float:
-        """A bound on electrical over shaft power, at most 1."""
+        """An upper bound on electrical over shaft power, at most 1."""
         if self.table is not None:
             return min(self._surface.largest, 1.0)
         return 1.0 if self.efficiency is None else self.efficiency
@@ -126,10 +126,10 @@ class Generator(Section):
 
     @cached_property
     def _surface(self) -> _Surface:
-        """What the table's file holds; read once."""
+        """The contents of the table's file, read once."""
         try:
             state = Path(str(self.table)).stat()
-        except OSError:  # reading tells what is wrong with the file
+        except OSError:  # raises an InputError if the file is broken
             return _Surface(str(self.table))
         return _read(str(self.table), (state.st_mtime_ns, state.st_size))
 
@@ -149,8 +149,8 @@ class _Axis:
     def basis(self, points):
         """Return the matrix (n_points, n_nodes) and its derivative by the points.
 
-        Beyond the nodes the spline goes on linearly, in a coordinate that comes to rest: C² at the
-        ends, as its second derivative and that of tanh are zero there.
+        Beyond the nodes the spline is continued linearly in a coordinate that levels off like tanh;
+        the continuation is C² at the ends, since both second derivatives are zero there.
         """
         inside = np.clip(points, self.low, self.high)
         length = BEYOND * (self.high - self.low)

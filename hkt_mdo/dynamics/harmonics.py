@@ -53,7 +53,7 @@ class Tide:
 
     @property
     def section(self) -> dict[str, Any]:
-        """What a case takes as `resource`, the largest constituents first."""
+        """The section `resource` of a case with this tide, the largest constituents first."""
         least, parts = TINY * np.max(self.amplitude), []
         for place in np.argsort(-self.amplitude):
             if self.amplitude[place] < least:
@@ -74,7 +74,7 @@ def constituents(samples: FlowSamples, names: Sequence[str] = ()) -> Tide:
     samples : FlowSamples
         Speed with its sign.
     names : sequence of str
-        Constituents that are asked for; by default those of `USUAL` that the record separates.
+        Requested constituents; by default those of `USUAL` that the record separates.
 
     Returns
     -------
@@ -84,8 +84,8 @@ def constituents(samples: FlowSamples, names: Sequence[str] = ()) -> Tide:
     ------
     InputError
         If `utide` is missing, a constituent is unknown, or the record is too short to separate
-        those that are asked for: by Rayleigh's criterion frequencies differ by at least one over
-        its length.
+        the requested ones: by Rayleigh's criterion their frequencies must differ by one over its
+        length.
     """
     try:
         import utide
@@ -141,7 +141,7 @@ def _first_day(samples) -> float:
 def _separated(frequency: dict[str, float], length: float, asked: bool) -> list[str]:
     """Return the constituents that a record of a length, s, separates, the usual order first.
 
-    Raises InputError where one that is asked for is not among them.
+    Raises InputError if a requested one is not among them.
     """
     kept: dict[str, float] = {"the mean": 0.0}
     for name, value in frequency.items():
@@ -151,7 +151,7 @@ def _separated(frequency: dict[str, float], length: float, asked: bool) -> list[
             kept[name] = value
         elif asked:
             needed = 1.0 / max(apart, 1e-300) / DAY
-            problem = f"cannot be told from {near} in a record of {length / DAY:.4g} days"
+            problem = f"cannot be separated from {near} in a record of {length / DAY:.4g} days"
             remedy = f"give a record of {needed:.4g} days at least, or fewer constituents"
             raise InputError(problem, remedy, key="constituents", value=name)
     if len(kept) == 1:

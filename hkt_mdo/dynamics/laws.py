@@ -19,8 +19,8 @@ def smooth_saturation(torque, limit, smoothing):
     """Return the smoothly saturated torque (paper eq. 4), N*m.
 
     sat(u) = limit/4 (2 + sqrt(nu + (2u/limit)²) - sqrt(nu + (2u/limit - 2)²)), nu = smoothing.
-    It lies between 0 and the limit for every u: far above the limit nu limit / (16 x (x - 1)) below
-    it, x = u/limit; at u = 0, for nu = 0.001, at 0.78 % of the limit.
+    It lies between 0 and the limit for every u. With x = u/limit far above 1 it is nu limit / (16 x
+    (x - 1)) below the limit; at u = 0 it is 0.78 % of the limit for nu = 0.001.
     """
     ratio = 2.0 * torque / limit
     rising, falling = np.sqrt(smoothing + ratio**2), np.sqrt(smoothing + (ratio - 2.0) ** 2)
@@ -51,7 +51,7 @@ class Law(Section):
     states: ClassVar[dict[str, tuple[str, str]]] = {}
     """Unit and description of each state of the controller, by its name."""
     is_feedback: ClassVar[bool] = False
-    """Whether the torque follows from what the controller senses."""
+    """Whether the torque is a function of measured quantities."""
     chooses_speed: ClassVar[bool] = False
     """Whether the optimizer chooses the rotor speed over time, and the torque follows from it."""
     chooses_torque: ClassVar[bool] = False
@@ -69,7 +69,7 @@ class Law(Section):
         return self.model_copy(update={"torque_limit": limit})
 
     def in_flow(self, slowest: float, fastest: float) -> Law:
-        """Return this law for a design flow between two speeds, m/s; most are the same for all."""
+        """Return this law for a design flow between two speeds, m/s; most laws are unchanged."""
         return self
 
     def starting_gains(self) -> np.ndarray | None:
@@ -92,7 +92,7 @@ class Law(Section):
         return self == other
 
     def coarser(self) -> Law | None:
-        """Return a law of fewer gains whose optimum is a start for this one, if any."""
+        """Return a law of fewer gains whose optimum is a start for this law, or None."""
         return None
 
     def at_rest(self, torque, inflow_speed):
@@ -131,7 +131,7 @@ class FeedbackLaw(Law):
     smoothing: Annotated[float, Quantity(gt=0, le=1)] = 0.001
     """Smoothing nu of the saturation (paper, eq. 4); without a torque limit it has no effect."""
     _begins: tuple[float, ...] | None = PrivateAttr(None)  # gains
-    _applied: float = PrivateAttr(1.0)  # torque on the rotor over that which the law asks for
+    _applied: float = PrivateAttr(1.0)  # torque on the rotor over the torque that the law demands
 
     def demand(self, speed, gains, *states):
         """Return the torque before saturation, N*m.
@@ -148,7 +148,7 @@ class FeedbackLaw(Law):
         return self._applied * demand
 
     def applied(self, factor: float) -> Self:
-        """Return the same law whose torque arrives at the rotor multiplied by a factor."""
+        """Return the same law; the torque on the rotor is that of the law times a factor."""
         law = self.model_copy()
         law._applied = factor
         return law
@@ -167,18 +167,18 @@ class FeedbackLaw(Law):
         return np.sort((gains / factor, gains * factor), axis=0)
 
     def eased(self, gains, share):
-        """Return gains with which the torque is a given share of that with others, if possible."""
+        """Return gains whose torque is a share of that with other gains, if possible."""
         return share * gains
 
     def rates(self, speed, inflow_speed, gains, *states):
         """Return the rates of the states, a unit of each a second, at arrays of one shape.
 
-        inflow_speed (m/s) is for the reading of a flow sensor; all may be complex.
+        inflow_speed (m/s) is the input of a flow sensor; all may be complex.
         """
         return ()
 
     def speed_at_rest(self, inflow_speed, gains):
-        """Return the speed, rad/s, at which a law with states holds a rotor in a flow, m/s."""
+        """Return the equilibrium speed, rad/s, in a flow, m/s, under a law with states."""
         raise NotImplementedError
 
     def speed_at_rest_by_gain(self, inflow_speed, gains):

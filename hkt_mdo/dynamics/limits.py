@@ -18,12 +18,12 @@ from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.sections import Quantity
 
-BETWEEN = 1e-4  # by which a limit that is kept may be exceeded between the nodes, relatively
-ALLOWABLE = "allowable"  # in place of a number: what the material allows
+BETWEEN = 1e-4  # relative excess between the nodes at which a limit still counts as kept
+ALLOWABLE = "allowable"  # in place of a number: the allowable stress of the material
 SLOWED = 0.02  # share of its speed that a rotor may lose and still recover from
 TYPICAL = 0.05  # torque coefficient to which a recovery torque is compared
 QUICK, LAG = 0.05, 5.0  # see `settled`
-LEAST = 5e-3  # recovery over a typical torque that a trajectory keeps; closer to stall it is slow
+LEAST = 5e-3  # least recovery torque over a typical torque; closer to stall recovery is too slow
 
 
 class Limit(Formula):
@@ -85,7 +85,7 @@ class Limit(Formula):
         return not self.bounded
 
     def told(self, quantities: Any) -> np.ndarray:
-        """Return the value for a report: its magnitude where both signs have the same limit."""
+        """Return the value for a report: its magnitude if the limit applies to both signs."""
         value = np.asarray(self.value_of(quantities))
         return np.abs(value) if np.all(self.lower == -self.upper) else value
 
@@ -268,9 +268,7 @@ class Taper(Limit):
 
     bound: Annotated[float, Quantity(ge=0, lt=1)]
     """Distance from the axis over the tip radius from which the chord does not grow outwards."""
-    _stations: tuple[float, ...] = PrivateAttr(
-        ()
-    )  # over the tip radius, of the blade that is asked
+    _stations: tuple[float, ...] = PrivateAttr(())  # r/R of the stations of the blade
 
     def on(self, blade, material=None):
         stations = blade.r / blade.tip_radius
@@ -341,7 +339,7 @@ class DistanceFromStall(Limit):
 
     name: ClassVar[str] = "distance_from_stall"
     unit: ClassVar[str | None] = "N*m"
-    lower: ClassVar[float] = 0.0  # what is asked for is subtracted from the value
+    lower: ClassVar[float] = 0.0  # the required minimum is subtracted from the value
 
     law: Any
     spline: Any
@@ -350,7 +348,7 @@ class DistanceFromStall(Limit):
 
     @property
     def inputs(self):
-        """What it takes, and the states of the law."""
+        """Its inputs, and the states of the law."""
         flow = "rotor_speed", "inflow_speed", "torque_coefficient_table", "density", "rotor_radius"
         return (*flow, "gains", *self.law.states)
 
@@ -380,7 +378,7 @@ class DistanceFromStall(Limit):
         return recovery - self.least * TYPICAL * unit
 
     def partials(self, **quantities):
-        arrays = "torque_coefficient_table", "gains"  # whose derivatives are known
+        arrays = "torque_coefficient_table", "gains"  # inputs by which derivatives are taken
         found = {
             name: slope(self.value, quantities, name, name in self.series)
             for name in self.inputs
@@ -400,10 +398,9 @@ class DistanceFromStall(Limit):
 
 
 class FartherFromStall(DistanceFromStall):
-    """The same for a larger loss of speed, in addition to the one that every result keeps.
+    """`DistanceFromStall` for a larger loss of speed, in addition to that for the usual loss.
 
-    Where the torque is curved over the speed, a rotor may recover from the one loss and not from
-    the other.
+    Because the torque is curved over the speed, a rotor may recover from one of them only.
     """
 
     name: ClassVar[str] = "farther_from_stall"

@@ -26,7 +26,7 @@ _READERS = dict.fromkeys((".csv", ".txt"), read_csv)
 _READERS |= dict.fromkeys((".nc", ".nc4", ".cdf", ".parquet", ".pq"), read_binary)
 _READERS |= {".json": read_json}
 FEWEST = 16  # samples
-POINTS_301, YEARS_301, YEARS_201 = 15, 10.0, 1.0  # what MHKiT's examples quote of IEC TS 62600
+POINTS_301, YEARS_301, YEARS_201 = 15, 10.0, 1.0  # of IEC TS 62600, as MHKiT's examples quote it
 _SAMPLES = "time_column", "speed_column", "time_unit", "speed_unit", "area", "bins", "component"
 
 
@@ -45,7 +45,7 @@ class FlowSamples:
     axis : float or None
         Direction of positive speeds, degrees from north to east, where it is known.
     messages : tuple of str
-        What was read and done.
+        Notes on what was read and how it was processed.
     """
 
     time: np.ndarray
@@ -88,7 +88,7 @@ class Rating:
 class RecordResource(Resource):
     """A long record of the flow, or of a river's discharge with its rating curve.
 
-    Missing samples are left out, the others count alike.
+    Missing samples are left out; all others have equal weight.
     """
 
     profile: Literal["long_record"] = "long_record"
@@ -140,7 +140,7 @@ class RecordResource(Resource):
 
     @cached_property
     def samples(self) -> FlowSamples:
-        """What the file holds."""
+        """The samples of the file."""
         if self.rating is not None:
             return self._of_discharge()
         labels = (self.component or "").split(",")
@@ -176,19 +176,19 @@ class RecordResource(Resource):
     def _of_discharge(self) -> FlowSamples:
         """Return the samples of a discharge, and the speed by the rating curve."""
         curve, raw = self.rating_curve, self._columns(area=1.0)
-        told = [text for text in raw.messages if "over the area" not in text]
-        made = self._made(raw.time, raw.speed, tuple(told), most=np.inf, least=0.0)
+        notes = [text for text in raw.messages if "over the area" not in text]
+        made = self._made(raw.time, raw.speed, tuple(notes), most=np.inf, least=0.0)
         low, high = curve.discharge[0], curve.discharge[-1]
         outside = float(np.mean((made.speed < low) | (made.speed > high)))
-        told = f"speed by the rating curve of {curve.discharge.size} points, "
-        told += "straight lines" if curve.degree is None else f"degree {curve.degree}"
-        told += f", coefficient of determination {curve.determination:.4f}"
+        notes = f"speed by the rating curve of {curve.discharge.size} points, "
+        notes += "straight lines" if curve.degree is None else f"degree {curve.degree}"
+        notes += f", coefficient of determination {curve.determination:.4f}"
         if curve.discharge.size < POINTS_301:
-            told += f"; IEC TS 62600-301 asks for {POINTS_301} points"
+            notes += f"; IEC TS 62600-301 asks for {POINTS_301} points"
         if outside:
-            told += f"; {100.0 * outside:.3g} % of the samples lie outside of its points"
+            notes += f"; {100.0 * outside:.3g} % of the samples lie outside of its points"
         speed = np.maximum(curve.speed_at(made.speed), 0.0)
-        return replace(made, speed=speed, discharge=made.speed, messages=(*made.messages, told))
+        return replace(made, speed=speed, discharge=made.speed, messages=(*made.messages, notes))
 
     @cached_property
     def rating_curve(self) -> Rating:
@@ -219,16 +219,16 @@ class RecordResource(Resource):
             axis, along = sign * axis, sign * along
             share = float(np.sum(along**2) / max(np.sum(about**2), 1e-300))
             angle = float(np.rad2deg(np.arctan2(axis[0], axis[1])) % 360.0)
-            told = (
+            notes = (
                 f"principal axis {angle:.1f} deg, with {100.0 * share:.4g} % of the squared speed"
             )
         else:
-            along, angle, told = np.empty(0), 0.0, ""
-        made = self._made(raw.time[good], along, (*raw.messages, told))
+            along, angle, notes = np.empty(0), 0.0, ""
+        made = self._made(raw.time[good], along, (*raw.messages, notes))
         return replace(made, axis=angle)
 
-    def _made(self, time, speed, told, most=FASTEST, least=-FASTEST) -> FlowSamples:
-        """Return samples without gaps, checked."""
+    def _made(self, time, speed, notes, most=FASTEST, least=-FASTEST) -> FlowSamples:
+        """Check samples and return them without gaps."""
         good = np.isfinite(speed) & np.isfinite(time)
         wrong = good & ((speed > most) | (speed < least))
         if np.any(wrong) and self.spikes == "refuse":
@@ -236,7 +236,7 @@ class RecordResource(Resource):
             problem = (
                 f"has {speed[row]:.4g} in SI units at t = {time[row]:.6g} s, which no river has"
             )
-            remedy = "mend speed_unit, or give spikes: keep to leave such samples out"
+            remedy = "correct speed_unit, or give spikes: keep to leave such samples out"
             raise InputError(problem, remedy, file=self.file)
         good &= ~wrong
         count = int(np.sum(good))
@@ -255,10 +255,10 @@ class RecordResource(Resource):
         if years < 0.98 * needed:
             part = "301" if most == np.inf else "201"
             first += f"; IEC TS 62600-{part} asks for {needed:g} year{'s' * (needed > 1)}"
-        return FlowSamples(time - time[0], speed, messages=(first, *filter(None, told)))
+        return FlowSamples(time - time[0], speed, messages=(first, *filter(None, notes)))
 
     def occurrence(self):
-        """Return the speeds of bins, those of the flow that runs the other way apart."""
+        """Return the speeds of bins; those of reversed flow are binned separately."""
         speed, found = self.samples.speed, []
         for sign in (1.0, -1.0):
             own = sign * speed[np.sign(speed) == sign if sign < 0.0 else speed >= 0.0]

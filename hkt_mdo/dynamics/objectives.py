@@ -59,7 +59,8 @@ class Objective(Formula):
     def bound(self, captured: float) -> float | None:
         """Return an upper bound, J, over a closed cycle if it `closes`; None: none is known.
 
-        `captured` is that of the captured energy, J, by quasi-steady operation (docs/theory.md).
+        `captured` is the bound on the captured energy, J, by quasi-steady operation
+        (docs/theory.md).
         """
         return None
 

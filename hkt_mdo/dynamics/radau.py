@@ -1,7 +1,7 @@
-"""Radau IIA for the steps of a window together: five stages, order 9, L-stable.
+"""Radau IIA for many steps at once: five stages, order 9, L-stable.
 
-Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8. The steps of a window
-are solved at once by Newton's method, so that the equation sees arrays.
+Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8. All steps of a window
+of time are solved together by Newton's method, on arrays.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scipy.interpolate import PPoly
 STAGES = 5
 MOST_ITERATIONS = 12  # of Newton's method
 SAME_SLOPE = 1e-4  # relative change of the values below which the slopes are kept
-FAR = 0.01  # relative change of the values that is no convergence
+FAR = 0.01  # relative change of the values above which the iteration diverges
 
 
 def _method() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -29,7 +29,7 @@ def _method() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     matrix = (nodes[:, None] ** orders / orders) @ np.linalg.inv(powers)
     eigenvalues = np.linalg.eigvals(matrix)
     first = eigenvalues[np.argmin(np.abs(eigenvalues.imag))].real
-    # less the embedded quadrature of order STAGES with the weight `first` at the step's start
+    # minus the embedded quadrature of order STAGES, with the weight `first` at the step's start
     error = np.linalg.solve(powers.T, 1.0 / orders - first * (orders == 1.0)) - matrix[-1]
     return np.append(0.0, nodes), matrix, np.append(first, error)
 
@@ -87,7 +87,7 @@ class DenseSystem:
         system = np.einsum("n,ij,njab->niajb", step[:, 0], MATRIX, slope)
         system = np.eye(STAGES * n) - system.reshape(-1, STAGES * n, STAGES * n)
         self._inverse = np.linalg.inv(system)
-        # of the stages by the values at the step's start
+        # derivatives of the stages by the values at the step's start
         self._gain = self._inverse.reshape(-1, STAGES, n, STAGES, n).sum(axis=3)
 
     def correction(self, miss: np.ndarray) -> np.ndarray:

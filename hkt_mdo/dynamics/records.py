@@ -29,13 +29,13 @@ SPIKE = 6.0
 """Least distance of a spike from the median of the samples around it, in units of their spread."""
 
 LONGEST = 1e10
-"""Length of a record, s, some 300 years, that none has: a later time is a slip."""
+"""Longest record, s, some 300 years: a later time is a mistake."""
 
 SHORTEST = 1e-6
 """Step, s, below which no flow is sampled."""
 
 UNEVEN = 0.05
-"""Share of a step by which a sample may miss its even time."""
+"""Share of a step by which a sample may be off its even time."""
 
 _READERS = dict.fromkeys((".csv", ".txt"), read_csv) | {".json": read_json}
 _READERS |= dict.fromkeys((".nc", ".nc4", ".cdf", ".parquet", ".pq"), read_binary)
@@ -86,7 +86,7 @@ def record_from(data: Any, **options: Any) -> Record:
 
 
 class _Record:
-    """Columns on their way to a record: checked, cut, repaired as far as allowed, low-passed."""
+    """Columns that become a record: checked, cut, repaired as far as allowed, low-passed."""
 
     def __init__(self, raw: Columns, options: RecordOptions) -> None:
         self.raw, self.options, self.messages = raw, options, list(raw.messages)
@@ -178,8 +178,8 @@ class _Record:
             raise self.raw.refuse(problem, f"{remedy}flow", int(found[0]), 1)
         if found.size:
             spikes[found] = True
-            told = f"{_count(found.size, 'spike')} replaced ({_percent(spikes)})"
-            self.messages.append(f"{told}, at t = {_times(time[found])}")
+            text = f"{_count(found.size, 'spike')} replaced ({_percent(spikes)})"
+            self.messages.append(f"{text}, at t = {_times(time[found])}")
         return spikes
 
     def even(self, spikes: np.ndarray) -> tuple[float, np.ndarray]:
@@ -321,7 +321,7 @@ def find_spikes(speed: np.ndarray) -> np.ndarray:
 
 
 def _stand_off(speed: np.ndarray) -> np.ndarray:
-    """Return which samples stand off from the seven around them."""
+    """Return which samples are far from the median of the seven around them."""
     from scipy.ndimage import median_filter, minimum_filter
 
     half = 3

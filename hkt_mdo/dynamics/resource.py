@@ -1,8 +1,8 @@
-"""Resources: how long a flow has each speed in a year, without its course over time.
+"""Resources: for how long a flow has each speed in a year, without the order in time.
 
 A resource is a kind of flow that a case names under `resource`. The rotor is then in equilibrium at
 each speed, and the energy of a year is a sum over the speeds, each with its hours. Bins, mean speed
-of a bin and hours of a year as IEC TS 62600-200 and -201 have them (docs/year.md).
+of a bin and hours of a year are those of IEC TS 62600-200 and -201 (docs/year.md).
 """
 
 from __future__ import annotations
@@ -65,9 +65,9 @@ class Speeds:
         )
 
     def turbulent(self, intensity: float) -> Speeds:
-        """Return each speed as a normal distribution about it, of a standard deviation over it.
+        """Replace each speed by a normal distribution about it, of a relative deviation.
 
-        By Gauss and Hermite's rule; what of it would run backwards is `idle`.
+        By Gauss-Hermite quadrature; the share of negative speeds is `idle`.
         """
         if not intensity:
             return self
@@ -106,9 +106,9 @@ def in_bins(speed: np.ndarray, share: np.ndarray, width: float) -> tuple[np.ndar
 
 
 class DurationCurve(Inflow):
-    """The speeds of a resource in rising order over time, each as long as the flow has it.
+    """The speeds of a resource as a flow over time: rising, each for its share of the time.
 
-    Not a kind that a case names: it is made of a resource.
+    It is made from a resource; a case cannot name it.
     """
 
     profile: Literal["duration_curve"] = "duration_curve"
@@ -118,12 +118,12 @@ class DurationCurve(Inflow):
     ends: tuple[float, ...]
     """Times, s, between which the flow has each speed, rising; one more than speeds."""
     features: ClassVar[tuple] = ()
-    told: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     """Messages about it."""
 
     @property
     def messages(self):
-        return self.told
+        return self.notes
 
     @property
     def tells_features(self):
@@ -148,17 +148,16 @@ class DurationCurve(Inflow):
 
 
 class Resource(Inflow):
-    """How long a flow has each speed in a year, and what else decides the energy of a year.
+    """How long a flow has each speed in a year, with cut-in, availability and losses.
 
-    A subclass tells the speeds by `occurrence`. Negative speeds are those of a flow that runs the
-    other way.
+    A subclass gives the speeds by `occurrence`. Negative speeds are those of reversed flow.
     """
 
     steady: ClassVar[bool] = True
     features: ClassVar[tuple] = ()
     length: ClassVar[float | None] = YEAR
     own_bins: ClassVar[bool] = False
-    """Whether `occurrence` has the speeds of bins, which are taken as they are."""
+    """Whether `occurrence` returns the speeds of bins already."""
 
     bin_width: Annotated[float, Quantity("m/s", ge=0.005, le=1)] = 0.1
     """Width of the bins of the flow speed; 0.1 m/s is that of IEC TS 62600-200."""
@@ -170,9 +169,9 @@ class Resource(Inflow):
     """Speed of the flow below which the machine stands still; `control.cut_out` is that above
     which it does."""
     reversal: Literal["turns", "stands"] = "turns"
-    """What the turbine does where the flow runs the other way, its speed negative: it turns into
-    the flow, or it stands still. A rotor that works backwards would need polars of flow from the
-    trailing edge, which are not taken."""
+    """What the turbine does in reversed flow, of negative speed: it turns into the flow, or it
+    stands still. A rotor that works in flow from behind is not modelled: it would need polars of
+    flow from the trailing edge."""
     availability: Annotated[float, Quantity(gt=0, le=1)] = 1.0
     """Share of the time in which the machine is ready to work."""
     array_losses: Annotated[float, Quantity(ge=0, lt=1)] = 0.0
@@ -187,7 +186,7 @@ class Resource(Inflow):
 
     @property
     def kept(self) -> float:
-        """What is left of the energy by availability and losses, as a factor."""
+        """Factor on the energy by availability and losses."""
         lost = (1.0 - self.array_losses) * (1.0 - self.electrical_losses)
         return self.availability * lost
 
@@ -225,12 +224,12 @@ class Resource(Inflow):
     @property
     def messages(self):
         found = self.speeds
-        told = f"resource {self.profile}: {found.mean.size} speeds of the flow"
-        told += f", mean cubed speed {self.mean_cube:.4g} m³/s³"
+        notes = f"resource {self.profile}: {found.mean.size} speeds of the flow"
+        notes += f", mean cubed speed {self.mean_cube:.4g} m³/s³"
         idle = f"; below resource.cut_in = {self.cut_in:g} m/s the machine stands still"
         if self.reversal == "stands":
             idle += ", and where the flow runs the other way"
-        return (f"{told}{idle}: {8766.0 * found.idle:.4g} h a year",)
+        return (f"{notes}{idle}: {8766.0 * found.idle:.4g} h a year",)
 
     @property
     def mean_cube(self) -> float:
@@ -247,7 +246,7 @@ class Resource(Inflow):
         """Return the speeds as a flow over a duration, s."""
         found = self.speeds
         ends = duration * np.append(found.idle, found.idle + np.cumsum(found.share))
-        return DurationCurve(speeds=tuple(found.speed), ends=tuple(ends), told=self.messages)
+        return DurationCurve(speeds=tuple(found.speed), ends=tuple(ends), notes=self.messages)
 
     def speed_at(self, time):
         return self.curve(YEAR).speed_at(time)
@@ -348,7 +347,7 @@ class DistributionResource(Resource):
         count = int(np.ceil(known.ppf(1.0 - TAIL) / self.bin_width))
         if count > MOST_SPEEDS:
             problem = f"needs {count} bins of resource.bin_width"
-            raise InputError(problem, "mend scale and shape", key="resource.shape")
+            raise InputError(problem, "correct scale and shape", key="resource.shape")
         edges = self.bin_width * np.arange(count + 1)
         places, weights = np.polynomial.legendre.leggauss(FINE)
         speed = edges[:-1, None] + 0.5 * self.bin_width * (places + 1.0)

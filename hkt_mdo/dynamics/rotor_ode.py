@@ -249,7 +249,7 @@ class CoefficientComp(_NodeComp):
 
 
 WAKE_STATES = {
-    "reduced_velocity": ("m/s", "what the wake's slow filter holds of its mean axial velocity"),
+    "reduced_velocity": ("m/s", "state of the slow filter of the wake's mean axial velocity"),
     "induced_velocity": ("m/s", "mean axial velocity that the wake induces"),
 }
 """Unit and description of the states of a wake with memory, by their names."""
@@ -263,13 +263,15 @@ _INNER |= {
 class RememberingComp(_NodeComp):
     """Torque and power under a wake that has memory, by two filters of its mean axial velocity w.
 
-    With what the wake would induce in equilibrium, w_s = v a(tsr), a the mean axial induction,
+    With w_s = v a(tsr), the velocity that a wake in equilibrium would induce, a the mean axial
+    induction,
 
         tau1 x' = (1 - k) w_s - x,    tau2 w' = x + k w_s - w;
 
-    v a(tsr_w) = w tells the wake's tip speed ratio, and torque is a table over both ratios (`Band`,
-    docs/memory.md). tau1 is given, or 1.1 R / ((1 - 1.3 a') v), a' the axial induction in
-    equilibrium at 0.7 R, which counts as 0.5 where it is more; tau2 is a share of it.
+    The tip speed ratio of the wake, tsr_w, follows from v a(tsr_w) = w; the torque is a table over
+    both ratios (`Band`, docs/memory.md). tau1 is given, or 1.1 R / ((1 - 1.3 a') v), a' the axial
+    induction in
+    equilibrium at 0.7 R, at most 0.5; tau2 is a share of it.
 
     Inputs are those of `needs` and the tables of `Band`.
     """
@@ -315,7 +317,7 @@ class RememberingComp(_NodeComp):
             self.declare_partials(f"{name}_rate", (induction, *times))
 
     def _wake(self, inputs):
-        """Keep what the formula needs of the tables and of the wake's tip speed ratio."""
+        """Store the tables' values and the wake's tip speed ratio for the formula."""
         band = self.options["band"]
         self._tables = {name: inputs[name] for name in self._designed}
         induction = inputs["induced_velocity"] / inputs["inflow_speed"]
@@ -444,8 +446,8 @@ class FeedbackComp(_NodeComp):
 class ShaftComp(_NodeComp):
     """Rigid shaft, I dw/dt = Q - u (paper eq. 6), solved for the acceleration or for the torque.
 
-    The inverse shaft has rotor_acceleration as an input and control_torque as an output. On the
-    shaft sits the generator, whose power follows from torque and speed.
+    The inverse shaft has rotor_acceleration as an input and control_torque as an output. The
+    generator's power follows from its torque and the rotor's speed.
     """
 
     def initialize(self):
@@ -455,7 +457,7 @@ class ShaftComp(_NodeComp):
 
     @property
     def needs(self):
-        """What the balance is solved for, and the power, which needs the generator's torque."""
+        """Inputs of the balance, and of the power, which needs the generator's torque."""
         if self.options["inverse"]:
             torque = ("hydrodynamic_torque", "rotor_acceleration", "inertia")
             found, power = {"control_torque": torque}, ("rotor_speed", *torque)

@@ -109,10 +109,10 @@ class RecordInflow(SampledInflow):
 
     @cached_property
     def _record(self):
-        """What the file holds; read once for equal options."""
+        """The record of the file, read once for equal options."""
         try:
             state = Path(self.file).stat()
-        except OSError:  # reading tells what is wrong with the file
+        except OSError:  # raises an InputError if the file is broken
             return _read(self, None)
         return _read(self, (state.st_mtime_ns, state.st_size))
 

@@ -1,8 +1,8 @@
 """Independent integration of the rotor's equation of motion with direct BEM.
 
-Nothing here is shared with the optimization but the physics: no torque curve, no mesh. The steps
-of a window are solved together (`hkt_mdo.dynamics.radau`), so that BEM, flow and law see arrays,
-and divided until their estimated errors are within the tolerance.
+It shares only the physics with the optimization, neither the torque curve nor the mesh. The steps
+of a window of time are solved together (`hkt_mdo.dynamics.radau`), so that BEM, flow and law
+compute on arrays, and are divided until their estimated errors are within the tolerance.
 """
 
 from collections.abc import Callable, Sequence
@@ -52,8 +52,8 @@ class Plant:
     """The rotor as it is built, in water: blade, section, inertia (kg*m**2) and density (kg/m**3).
 
     coefficients is the BEM solver, `rotor_coefficients` of `hkt_mdo.rotor.bem` or `ccblade`;
-    generator is what is on the shaft; wake is what remembers, None: the wake is in equilibrium at
-    every instant. A wake with memory is by `hkt_mdo.rotor.bem`, whatever the solver.
+    generator is that on the shaft; wake has the filters of a wake with memory, None: the wake is in
+    equilibrium at every instant. A wake with memory is always computed by `hkt_mdo.rotor.bem`.
     """
 
     blade: Blade
@@ -65,7 +65,7 @@ class Plant:
     wake: Wake | None = None
 
     def with_memory(self, tau1=None):
-        """Return the same rotor with a `Wake` that remembers; tau1 in s, None: by the induction."""
+        """Return the same rotor with a `Wake`; tau1 in s, None: by the induction."""
         return replace(self, wake=Wake(self.blade, self.polar, tau1))
 
     def torque(self, speed, inflow_speed):
@@ -94,7 +94,7 @@ class Plant:
     def torque_slope(self, speed, inflow_speed):
         """Return the torque's derivative by the speed, N*m*s/rad, of shape (n,).
 
-        What the wake induces stays as it is, if it has memory.
+        If the wake has memory, the induced velocities are held constant.
         """
         ends = [factor * speed for factor in (1.001, 0.999)]
         if self.wake is None:
@@ -107,7 +107,7 @@ class Plant:
 
 
 class RecordedTorque:
-    """A torque history as its transcription means it: one polynomial through a segment's nodes.
+    """A torque history as collocation has it: one polynomial through a segment's nodes.
 
     The generator cannot leave its range, so the interpolant is cut to [0, limit] between the nodes.
     time (s) and torque (N*m) are those of a phase's time series: segment ends appear twice.
@@ -163,8 +163,8 @@ class RecordedTorque:
 class FeedbackTorque:
     """The torque of a feedback law with its gains, in the law's units.
 
-    estimate tells the law the flow's speed from the rotor's speed, the torque and the acceleration
-    (`FlowEstimate`); None: the law hears the speed that the flow has.
+    estimate gives the law the flow speed from the rotor's speed, the torque and the acceleration
+    (`FlowEstimate`); None: the law gets the actual flow speed.
     """
 
     law: FeedbackLaw
@@ -270,8 +270,8 @@ def simulate(
 ) -> Simulation:
     """Integrate I dw/dt = Q(w, v(t)) - u(t, w) (paper eq. 6) and the three energies.
 
-    No step passes an end of the flow's `pieces`, and the flow is looked at sixteen times in each,
-    so that no gust is stepped over.
+    No step extends over an end of the flow's `pieces`, and the flow is sampled sixteen times in
+    each, so that no gust is missed.
 
     Parameters
     ----------
@@ -386,9 +386,9 @@ class _Motion:
         return whole, energies, stop is not None
 
     def _mesh(self, longest):
-        """Return the longest steps: none passes an end of the controller's or flow's pieces."""
+        """Return the longest steps; none extends over an end of a piece of controller or flow."""
         begin, end = self.begin, self.begin + self.duration
-        near = 1e-12 * end  # what rounding may part
+        near = 1e-12 * end  # times closer than rounding are one
         ends = np.union1d(getattr(self.controller, "ends", ()), self.inflow.pieces(end, begin))
         inside = ends[(ends > begin + near) & (ends < end - near)]
         inside = inside[np.diff(inside, prepend=begin) > near]
@@ -398,7 +398,8 @@ class _Motion:
     def _graded(self, edges, last):
         """Let steps of a wake with memory grow from the last one, s, after which it may still run.
 
-        There are two times: that of the rotor, hundredths of a second, and that of its wake.
+        There are two time scales: the rotor's, hundredths of a second, and that of its wake,
+        seconds.
         """
         if last is None or self.plant.wake is None:
             return edges
@@ -443,7 +444,7 @@ class _Motion:
         return np.stack((acceleration, *rates), axis=-1)
 
     def _balanced(self, values, flow):
-        """Return what a wake in equilibrium induces, m/s, (flow.size, 2 n_stations), if asked."""
+        """Return the velocities induced in equilibrium, m/s, (flow.size, 2 n_stations)."""
         if self.plant.wake is None:
             return None
         speed, flow = values[..., 0].ravel(), flow.ravel()
@@ -483,7 +484,7 @@ class _Motion:
     def _system(self, step, time, values, flow, known, rates):
         """Return the linear system of Newton's method; None where it has no slopes.
 
-        known has both torques, and what a wake in equilibrium would induce.
+        known has both torques, and the velocities that a wake in equilibrium would induce.
         """
         dense = self._slope(time, values, flow, known[0], rates)
         if self.plant.wake is None:
@@ -492,7 +493,7 @@ class _Motion:
         return FilteredSystem(step, slopes) if all(map(np.all, map(np.isfinite, slopes))) else None
 
     def _wake_slopes(self, values, flow, known, rates):
-        """Return what `Slopes` has besides the dense values' own, by differences."""
+        """Return the slopes of `Slopes` that involve filters, by differences."""
         (driving, control, balanced), n, shape = known, self.dense, flow.shape
         many, speed = flow.ravel(), values[..., 0].ravel()
         move = 1e-6 * np.maximum(values[..., :1], 1e-3)
@@ -500,7 +501,7 @@ class _Motion:
         faster = self._filter_rates(moved, flow, self._balanced(moved, flow))
         by_speed = (faster - rates[..., n:]) / move
         by_speed = np.split(by_speed, 2, axis=-1)
-        # what one station's torque has of the velocity induced there, axial and then tangential
+        # derivative of a station's torque by the velocity induced there, axial and then tangential
         filters = values[..., n:].reshape(speed.size, -1)
         here, move = self.plant.station_torques(speed, many, filters), 1e-6 * many[:, None]
         places, by_chain = here.shape[1], []

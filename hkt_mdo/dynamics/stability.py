@@ -1,13 +1,14 @@
 """Stability of rotor, wake and controller together, linearized about equilibrium at instants.
 
-A rotor that gains speed first has the torque of the wake as it is, and only after seconds that of
-the wake that follows. With Øye's filters at every station (`hkt_mdo.dynamics.wake`), a small change
+When a rotor gains speed, its torque at first is that in the present wake, and only after seconds
+that in the wake that follows. With Øye's filters at every station (`hkt_mdo.dynamics.wake`), a
+small change
 of the speed, e^(st), changes the torque of the flow by (docs/theory.md)
 
     G(s) = k0 + sum of c_j (k + (1 - k) / (1 + tau1 s)) / (1 + tau2_j s),
 
-k0 the slope while the wake stays, c_j what the torque gains by what a speed of 1 rad/s lets the
-wake of station j induce in the end. With the controller's U(s), the loop has I s = G(s) - U(s).
+k0 the slope of the torque by the speed in an unchanged wake, c_j the slope that the wake of station
+j adds in the end. With the controller's U(s), the loop has I s = G(s) - U(s).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, RecordedTorque
 from hkt_mdo.dynamics.wake import AT_ONCE
 
-FREQUENCIES = 600  # at which the loop is looked at between its slowest and its fastest time
+FREQUENCIES = 600  # frequencies between those of the slowest and the fastest time constant
 HEAVY = 1e3  # times the largest inertia of a loop at its limit: as heavy as any rotor
 MOVE = 1e-4  # relative change of the speed, or of the flow, for differences
 
@@ -32,9 +33,9 @@ class Loop:
     Attributes
     ----------
     frozen : array, shape (n,)
-        Slope of the flow's torque by the rotor's speed while the wake stays, N*m*s/rad.
+        Slope of the flow's torque by the rotor's speed in an unchanged wake, N*m*s/rad.
     answers : array, shape (n, n_stations)
-        What the wake of each station adds to that slope in the end, N*m*s/rad.
+        Slope that the wake of each station adds in the end, N*m*s/rad.
     slow, fast : array, shape (n, 1) and (n, n_stations)
         Time constants of the wake's filters, s.
     law : array, shape (n, 1 + n_states, 1 + n_states)
@@ -108,7 +109,7 @@ class Loop:
 
     @property
     def frozen_growth(self) -> np.ndarray:
-        """The same of rotor and controller alone, while the wake stays, 1/s."""
+        """The same of rotor and controller alone, in an unchanged wake, 1/s."""
         dense = self.law.shape[1]
         rotor = self.matrix(self.inertia)[:, :dense, :dense]
         return np.linalg.eigvals(rotor).real.max(axis=1)
@@ -121,7 +122,7 @@ class Loop:
         """Inertia above which the loop is stable, kg*m**2, (n,); infinite where no inertia is.
 
         On the limit of stability s = i w: the real part of G - U is zero there, and its imaginary
-        part over w is the inertia. The largest of these is the one above which nothing changes.
+        part over w is the inertia. Above the largest of these inertias stability does not change.
         """
         ends = 1e-3 / np.max(self.slow), 1e2 / np.min(self.fast)
         w = np.geomspace(*ends, FREQUENCIES)

@@ -26,7 +26,7 @@ class Tracking(FeedbackLaw):
 
     While u is not saturated, z' = ki (w - w_ref): z is the integral part. At the torque limit the
     same formula is anti-windup by back-calculation with the time kp / ki: z approaches the limit.
-    In equilibrium z = u = Q and w = w_ref. With induction that answers at once, the loop is stable
+    In equilibrium z = u = Q and w = w_ref. With quasi-steady induction, the loop is stable
     where kp du/dx > dQ/dw, x being the argument of sat (docs/controllers.md). It can also hold a
     rotor that turns slower in faster flow, which no law of the rotor's speed alone can. s is the
     sensor's reading of the flow speed; w_ref is a natural cubic spline, linear beyond its knots.

@@ -6,7 +6,7 @@ Direct BEM gives the velocity q that a wake in equilibrium would induce, axial (
     tau1 x' = (1 - k) q - x,    tau2 z' = x + k q - z.
 
 This is the reduced form of y + tau1 y' = q + k tau1 q', z + tau2 z' = y, with x = y - k q, which
-needs no rate of q. The sections see z: while it lasts, they answer by their polars alone.
+needs no rate of q. The sections see the velocity z, and their forces follow from it by the polars.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.reynolds import LocalReynolds
 
 AT_ONCE = 0.6
-"""Øye's k: the share of a change that passes by the slow filter."""
+"""Øye's k: the share of a change that does not pass through the slow filter."""
 MOST_INDUCTION = 0.5
 """Axial induction above which the slow filter's time constant grows no more."""
 
@@ -64,7 +64,7 @@ class Wake:
         return speed * blade.tip_radius / flow, flow * np.cos(blade.cone)
 
     def balanced(self, speed, flow):
-        """Return what a wake in equilibrium induces, m/s, (n_points, 2 n_stations).
+        """Return the velocities that a wake in equilibrium induces, m/s, (n_points, 2 n_stations).
 
         speed (rad/s) and flow (m/s) have the shape (n_points,).
         """
@@ -99,7 +99,7 @@ class Wake:
         return np.concatenate((first, second), axis=-1)
 
     def sections(self, speed, flow, filters):
-        """Return the `Sections` that see what filters (n_points, n_filters) say is induced."""
+        """Return the `Sections` under the filters' velocities, (n_points, n_filters)."""
         ratio, normal = self._ratio(speed, flow)
         induced = filters[:, filters.shape[1] // 2 :].reshape(ratio.size, 2, -1)
         induced = induced / normal[:, None, None]

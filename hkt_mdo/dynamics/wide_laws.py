@@ -18,21 +18,20 @@ STILL = 1e-3  # rad/s, slower than any rotor turns
 
 
 def _forward(speed):
-    """Return speeds, rad/s, with `STILL` instead of what is less.
+    """Return speeds, rad/s, of at least `STILL`.
 
-    Between nodes of very different speeds collocation interpolates negative ones, of which there is
-    no power and no logarithm.
+    Collocation may interpolate negative speeds, which have no real power or logarithm.
     """
     return np.maximum(speed, STILL)
 
 
 def _positive(torque):
-    """Return torques, N*m, with a thousandth of the largest instead of what is less."""
+    """Return torques, N*m, of at least a thousandth of the largest."""
     return np.maximum(torque, 1e-3 * np.max(np.abs(torque)))
 
 
 def _refuse_alone(law, other):
-    """Refuse a gain without the other parameter of a law, which would be designed."""
+    """Refuse one of two parameters of a law without the other."""
     if law.gain is not None and getattr(law, other) is None:
         problem, remedy = f"is given without control.{other}", "give both, or neither"
         raise refusal(problem, remedy, key="gain", value=law.gain)
@@ -154,7 +153,7 @@ class CurveFeedback(FeedbackLaw):
     """The control law."""
     knots: Annotated[int, Field(strict=True, ge=2, le=40)] = 8
     """Number of knots."""
-    farthest: ClassVar[float] = 1.2  # factor; neighbours far apart make a wild curve
+    farthest: ClassVar[float] = 1.2  # factor; neighbours far apart make the curve oscillate
     knot_speeds: tuple[Annotated[float, Quantity("rad/s", gt=0)], ...] | None = None
     """Rotor speeds of the knots, increasing, given with `knot_torques`; null: chosen by the search
     for a start."""

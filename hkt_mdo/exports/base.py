@@ -60,7 +60,7 @@ class Source:
         Returns
         -------
         tuple of str
-            Program and version, case, result folder, and a mark where the result is no success.
+            Program and version, case, result folder, and a warning if the result is no success.
         """
         solution = self.solution
         lines = [
@@ -78,7 +78,7 @@ class Format(Section, ABC):
     Attributes
     ----------
     name : str
-        What `hkt export --to` calls it.
+        Its name in `hkt export --to`.
     packages : tuple of str
         Modules that it imports and that do not come with hkt_mdo.
     extra : str

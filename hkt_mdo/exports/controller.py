@@ -1,6 +1,6 @@
 """The control law of a result as code: a function in C99 and one in Python.
 
-Both say the same: what C and Python write alike, such as ``GAIN * w``, stands here once.
+Expressions that are the same in C and Python, such as ``GAIN * w``, are written here once.
 """
 
 from __future__ import annotations
@@ -25,12 +25,14 @@ from hkt_mdo.results.design import Design
 from hkt_mdo.sections import Quantity
 
 TEMPLATES = Path(__file__).parent / "templates"
-QUICK, LONGEST = 0.2, 0.01  # sample time: share of the loop's time constant, and s at most
-UNSTABLE = 2.0  # sample time over that constant from which a torque that is held is unstable
+# sample time: share of the loop's time constant, and its largest value, s
+QUICK, LONGEST = 0.2, 0.01
+# sample time over that constant above which a torque held between samples is unstable
+UNSTABLE = 2.0
 
 
 class Code(NamedTuple):
-    """A law as C and Python write it alike, in SI units; w is the rotor's speed.
+    """A law as expressions that are valid in C and Python, in SI units; w is the rotor's speed.
 
     Attributes
     ----------
@@ -53,8 +55,8 @@ class Controller(Format):
     name: ClassVar[str] = "controller"
 
     sample_time: Annotated[float, Quantity("s", gt=0)] | None = None
-    """Time from one step of a law with states to the next; null: a fifth of the time constant with
-    which the loop answers, I / kp, and a hundredth of a second at most."""
+    """Time step of a law with states; null: a fifth of the loop's time constant I / kp, and a
+    hundredth of a second at most."""
 
     def files(self, source: Source) -> dict[str, bytes]:
         design = source.design
@@ -217,7 +219,7 @@ def _head(source: Source) -> list[str]:
 
 
 def _template(name: str, **fields: str) -> str:
-    """Return a template with what stands for its fields."""
+    """Return a template with its fields filled in."""
     return Template((TEMPLATES / f"controller_{name}.in").read_text("utf-8")).substitute(fields)
 
 
@@ -233,7 +235,7 @@ def _written(kind: str, code: Code, head: list[str], sample_time: float) -> str:
     if curves and kind != "h":
         curves = f"{_template(f'piecewise.{kind}')}\n{curves}"
     mark = "#" if kind == "py" else "//"
-    # a backslash or a trigraph would go on with the comment in the next line
+    # a backslash or a trigraph would continue the comment on the next line
     comment = (line.replace("\\", "/").replace("??", "? ?") for line in head)
     text = _template(
         f"file.{kind}",

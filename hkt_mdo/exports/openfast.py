@@ -1,7 +1,7 @@
 """The rotor in files of OpenFAST 5: AeroDyn with its driver, and a rotor-only ElastoDyn.
 
-The texts of the files are the templates beside this module; what they leave to the user is marked
-FILL IN. `openfast_io` reads what is written.
+The texts of the files are the templates beside this module; values that the user has to give are
+marked FILL IN. `openfast_io` reads the files.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from hkt_mdo.rotor.strength import Structure, place_weights
 from hkt_mdo.sections import Quantity, Section
 
 MOST_BLADES = 3  # of ElastoDyn
-UNKNOWN_DEPTH = 2.0  # rotor radii from the surface to the hub, where no case says it
-BED = 1.5  # rotor radii from the hub to the bed, where nothing says it
+UNKNOWN_DEPTH = 2.0  # rotor radii from the surface to the hub, where no case gives it
+BED = 1.5  # rotor radii from the hub to the bed, where nothing gives it
 STIFF = 1e10  # Pa, modulus of a blade that has none; its modes are switched off
 PARTS = 4  # rows of ElastoDyn's blade between two places of the structure
 TOWER_DIAMETER = 0.1  # rotor radii
@@ -80,7 +80,7 @@ class OpenFast(Format):
         return {f"openfast/{name}": text.encode() for name, text in (texts | airfoils).items()}
 
     def _water(self, rotor: _Rotor) -> dict[str, Any]:
-        """Return depths and heights (m), and what is assumed of them."""
+        """Return depths and heights (m), and remarks on those that are assumed."""
         radius, cavitation = rotor.blade.rotor_radius, rotor.world.rotor.cavitation
         known = cavitation.depth if cavitation else rotor.world.case.site.hub_depth
         depth = UNKNOWN_DEPTH * radius if known is None else known
@@ -123,7 +123,7 @@ class OpenFast(Format):
 
 
 class _Rotor:
-    """What the files contain of a result's rotor."""
+    """The rotor of a result in the form of the files."""
 
     def __init__(self, source: Source) -> None:
         self.solution, self.design = source.solution, source.design
@@ -142,7 +142,7 @@ class _Rotor:
 
     @property
     def reynolds(self) -> list[float]:
-        """Reynolds numbers of the tables, in millions; of one table it does not count."""
+        """Reynolds numbers of the tables, in millions; that of a single table has no effect."""
         if not self.world.rotor.follows_reynolds:
             return [1.0]
         return list(np.exp(self.world.polar.log_reynolds) / 1e6)
@@ -155,7 +155,7 @@ class _Rotor:
 
     @cached_property
     def _kinds(self) -> dict[tuple, list[int]]:
-        """The stations that share an airfoil file, by what is in it."""
+        """The stations that share an airfoil file, by its polars and suction."""
         kinds: dict[tuple, list[int]] = {}
         for station, tables in enumerate(self.polars):
             thickness, area = self.sections[:2, station]
@@ -164,7 +164,7 @@ class _Rotor:
 
     @property
     def words(self) -> dict[str, Any]:
-        """What the templates need of rotor and water."""
+        """The values of rotor and water for the templates."""
         blade, fluid = self.blade, self.world.case.fluid
         pressure = self.world.rotor.cavitation or Cavitation  # with its defaults
         speed = float(self.solution.by_scenario[0].trajectory["rotor_speed_rad_s"][0])
@@ -263,7 +263,7 @@ def filled(template: str, words: dict[str, Any]) -> str:
     template : str
         Name of a file beside this module.
     words : dict
-        What stands for each ``{field}``.
+        The text for each ``{field}``.
 
     Returns
     -------

@@ -1,8 +1,8 @@
 """The control law in the files of ROSCO 2.10: DISCON.IN and the table of the rotor's coefficients.
 
-A law is a torque mode and a fixed-pitch schedule there: K w² with constant power by overspeed
-(VS_FBP 1), a speed that follows the flow (2), or one that follows the torque (3), which in
-equilibrium is any law whose torque rises with the speed.
+ROSCO has no law as such but a torque mode and a schedule for fixed pitch: K w² with constant power
+by overspeed (VS_FBP 1), a speed that follows the flow (2), or a speed that follows the torque (3),
+which in equilibrium can be any law whose torque rises with the speed.
 """
 
 from __future__ import annotations
@@ -28,11 +28,12 @@ COLUMNS = 100  # of the schedule
 BELOW, ABOVE = 0.6, 1.3  # flow speeds of the schedule, over the slowest and the fastest
 LOWEST_RATIO, RATIO_STEP = 1.0, 0.1  # tip speed ratios of the table
 PITCH = np.arange(-5.0, 6.0)  # deg, of the table
-LAG = 0.1  # s, with which a speed by the torque follows a law of the speed
-SLOWEST_FILTER, MARGIN = 60.0, 5.0  # rad/s, and what filter and sampling are faster than the loop
-FAST = 100.0  # frequency of the reference's filter over that of what it follows
+LAG = 0.1  # s, time constant with which the speed follows the inverse of a law
+# rad/s; and by how much filter and sampling are faster than the loop
+SLOWEST_FILTER, MARGIN = 60.0, 5.0
+FAST = 100.0  # frequency of the reference's filter over that of its input
 STEEP = 10.0  # torque by speed at the rated speed, over that of K w, which switches the schedule on
-NEVER = 100.0  # over the largest of the schedule: a limit that is none
+NEVER = 100.0  # over the largest of the schedule: a limit that is never reached
 
 
 class Rosco(Format):
@@ -72,7 +73,7 @@ class Rosco(Format):
 
 
 def _law_words(design: Design, rotor: Hydrodynamics) -> dict[str, Any]:
-    """Return what DISCON.IN says of the law: modes, gains, limits and schedule."""
+    """Return the entries of DISCON.IN for the law: modes, gains, limits and schedule."""
     law, gains = design.law, design.gains
     if not isinstance(law, FeedbackLaw):
         problem = "cannot have an open loop, whose torque is a function of time"
@@ -200,7 +201,8 @@ def _table(design, rotor, ratios, mean, provenance) -> str:
     """Return the table of coefficients over tip speed ratio and pitch."""
     blade, columns = design.blade, []
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # sections without a root at odd pitch
+        # sections without a solution at unusual pitch
+        warnings.simplefilter("ignore", RuntimeWarning)
         for pitch in np.deg2rad(PITCH):
             pitched = blade.with_shape(blade.chord, blade.twist + pitch)
             columns.append(rotor.coefficients(pitched, ratios)[:3])

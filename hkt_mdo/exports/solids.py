@@ -73,7 +73,7 @@ class Outer(Format, ABC):
         """Return the sections at some radii.
 
         As mass and stress of the program have them: chord, twist and outline, or designed
-        thickness, are linear between the blade's stations, and carried on to hub and tip.
+        thickness, are linear between the blade's stations, and constant from there to hub and tip.
 
         Parameters
         ----------
@@ -138,7 +138,7 @@ class Outer(Format, ABC):
         return np.stack((x, backwards * (1.0 if self.rotation == "clockwise" else -1.0), z), -1)
 
     def remarks(self, source: Source) -> list[str]:
-        """Return what a file says of its geometry: provenance, unit, axes, hand and options.
+        """Return remarks on the geometry: provenance, unit, axes, sense of rotation and options.
 
         Parameters
         ----------

@@ -24,9 +24,9 @@ DEGREE = 3
 """Degree of the surfaces round the sections and along the span."""
 
 SHARP = 1e-6
-"""A trailing edge that is thinner, m, is an edge; one that is not, a face."""
+"""Thickness, m, below which a trailing edge is an edge of the solid, and above it a face."""
 
-_MILLI = 1e3  # OpenCASCADE counts in millimetres; the files are in metres
+_MILLI = 1e3  # OpenCASCADE works in millimetres; the files are in metres
 
 
 class Step(Solid):
@@ -324,7 +324,7 @@ def step_file(solids: Sequence[Any], name: str, remarks: Sequence[str]) -> bytes
 
 @contextmanager
 def writing(name: str) -> Iterator[None]:
-    """Write metres, and keep what OpenCASCADE tells about its work from the console.
+    """Let OpenCASCADE write metres, and print nothing.
 
     Parameters
     ----------

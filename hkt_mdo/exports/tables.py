@@ -89,8 +89,8 @@ class Csv(_Tables):
         found = {}
         for table in tables(source, self.flow_range):
             text = io.StringIO(newline="")
-            told = (f"{name} [{c.unit or '-'}]: {c.text}" for name, c in table.columns.items())
-            for line in (*source.provenance, table.title, *told):
+            about = (f"{name} [{c.unit or '-'}]: {c.text}" for name, c in table.columns.items())
+            for line in (*source.provenance, table.title, *about):
                 text.write(f"# {line}\n")
             writer = csv.writer(text, lineterminator="\n")
             writer.writerow(table.columns)
@@ -166,8 +166,8 @@ def tables(source: Source, flow_range: tuple[float, float] | None = None) -> lis
     Returns
     -------
     list of Table
-        Those of one scenario have its name behind theirs, where there are several. They are kept
-        until another result is asked for, since several formats have the same.
+        With several scenarios, tables of one scenario end with its name. The tables are cached
+        until another result is exported, since several formats use them.
     """
     solution, design = source.solution, source.design
     steady = steady_operation(design, flow_range)

@@ -74,7 +74,7 @@ class Windio(Format):
 
 
 def _comments(source: Source) -> list[str]:
-    """Return what the schema has no key for."""
+    """Return comments on values for which the schema has no key."""
     design = source.design
     fluid, site = design.physics.case.fluid, design.physics.case.site
     try:
@@ -111,7 +111,7 @@ def _assembly(source: Source) -> dict[str, Any]:
 
 
 def _blade(design: Design, stacking: float, positions: list[dict]) -> dict[str, Any]:
-    """Return axis and outer shape; chord, twist and thickness are carried on to hub and tip."""
+    """Return axis and outer shape; chord, twist and thickness are constant towards hub and tip."""
     blade = design.blade
     grid = _grid(design)
     chord = carried(blade.chord)
@@ -230,7 +230,7 @@ def _re_sets(polars: tuple[Polar, ...], numbers: list[float]) -> list[dict]:
 
 
 def polar_rows(polar: Polar, error: float = SMALLEST_ERROR) -> tuple[np.ndarray, ...]:
-    """Return the rows of a polar over the full circle: as few of its knots as are needed.
+    """Return the rows of a polar over the full circle: as few of its knots as the error allows.
 
     Parameters
     ----------
@@ -274,7 +274,7 @@ def _efficiency(design: Design) -> dict[str, Any] | None:
 
 
 def _control(source: Source) -> dict[str, Any]:
-    """Return what the schema can say of the law and the limits of the case."""
+    """Return the keys of the schema that describe the law and the limits of the case."""
     design, physics = source.design, source.design.physics
     law: Any = design.law
     limits = {limit.name: float(limit.upper) for limit in physics.all_limits if limit.caps_series}

@@ -34,7 +34,7 @@ _COUNTS = "NumAlf counts the rows of a table, NumTabs the tables"
 
 
 class _Lines:
-    """The lines of an airfoil file that are no remarks, read one after the other, and an end."""
+    """The lines of an airfoil file without remarks, which are read one after the other."""
 
     def __init__(self, text: str, file: Path) -> None:
         self.file, self.at = file, 0
@@ -52,7 +52,7 @@ class _Lines:
         self.lines.append((number, "", []))
 
     def refuse(self, problem: str, remedy: str) -> InputError:
-        """Return the error that lies in the next line."""
+        """Return the error of the next line."""
         number, text, _ = self.lines[self.at]
         return line_error(self.file, number, problem, remedy, value=text)
 
@@ -378,7 +378,7 @@ def read_blade_definition(text: str, file: Path, hub_radius: float | None) -> Bl
 
 
 def _blade_columns(lines: list[str], file: Path) -> tuple[dict[str, Column], list[str]]:
-    """Return the columns in the file's units, and what is to be said of rows that are ignored."""
+    """Return the columns in the file's units, and messages about rows that are ignored."""
     matches = (re.match(r"\s*(\S+)\s+NumBlNds\b", line, re.IGNORECASE) for line in lines)
     counts = ((number, match[1]) for number, match in enumerate(matches, 1) if match)
     count_line, cell = next(counts, (0, ""))
@@ -413,7 +413,7 @@ def _blade_columns(lines: list[str], file: Path) -> tuple[dict[str, Column], lis
 
 
 def _check_head(names: list[str], units: list[str], line: int, file: Path) -> None:
-    """Refuse columns that are missing or there twice, and units that are not AeroDyn's."""
+    """Refuse columns that are missing or appear twice, and units that are not AeroDyn's."""
     missing = [f"lacks the column {name}" for name in _NEEDED if name not in names]
     repeated = [f"has the column {name} twice" for name in names if names.count(name) > 1]
     for problem in (missing + repeated)[:1]:

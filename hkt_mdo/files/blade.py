@@ -92,7 +92,7 @@ _BOTH_TWISTS = {"twist_rad", "twist_deg"}
 _UNIT = re.compile(
     r"[\[(].*|_(m|mm|cm|ft|in|inch|deg|rad|degrees|radians|pct|percent|over_\w+)$|/.*"
 )
-# For each unit at a name's end that is converted: how, and what the messages say of it.
+# For each unit at a name's end that is converted: the factor, and the text of the message.
 _CONVERSIONS: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
     "mm": (lambda length: length / 1e3, "mm converted to m"),
     "deg": (np.deg2rad, "degrees converted to radians"),
@@ -156,7 +156,7 @@ def _column_of(table: Csv, quantity: str) -> str:
     one_of = f"{', '.join(names[:-1])} or {names[-1]}"
     columns = [name for name in dict.fromkeys(table.header) if name in names]
     if set(columns) == _BOTH_TWISTS:
-        return "twist_rad"  # a result's: it reads back bit by bit
+        return "twist_rad"  # the exact twist of a result's file
     if len(columns) > 1:
         problem = f"has two columns for the {quantity}: {columns[0]} and {columns[1]}"
         raise table.refuse(problem, "keep one of them")

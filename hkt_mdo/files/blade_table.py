@@ -22,7 +22,7 @@ THICK_ROUNDED = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class SectionTable:
-    """A section (airfoil) that comes inside a turbine file; what the file does not say is None."""
+    """A section (airfoil) in a turbine file; values that the file does not give are None."""
 
     name: str
     thickness: float | None
@@ -37,7 +37,7 @@ class SectionTable:
 
 @dataclass(frozen=True, eq=False)
 class BladeTable:
-    """The rows of a blade file, in SI units and radians; what the file does not say is None."""
+    """The rows of a blade file, in SI units and radians; values that it does not give are None."""
 
     r: np.ndarray
     """Distance from the rotor's centre along the blade, m, strictly increasing, shape (n_rows,)."""
@@ -54,7 +54,7 @@ class BladeTable:
     sections: tuple[SectionTable, ...] = ()
     """The sections that the file itself holds."""
     section_position: tuple[tuple[str, float], ...] | None = None
-    """Names of sections and the radii (as `r`) where they stand, root to tip (windIO)."""
+    """Names of sections and their radii (as `r`), root to tip (windIO)."""
     tip_radius: float | None = None
     """Radius of the tip, m."""
     hub_radius: float | None = None
@@ -197,7 +197,7 @@ def check_rows(
     longest: float,
     twist_remedy: str = "check the unit of the twist",
 ) -> None:
-    """Refuse rows that are no blade, by the first value that is wrong.
+    """Refuse rows that cannot be a blade; the error names the first wrong value.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ from hkt_mdo.files.shipped import locate
 from hkt_mdo.files.table import Csv, line_error, lines_of, number_columns, parse_number, read_text
 
 MOST_POINTS = 5000
-"""Testing more for a crossing takes too long."""
+"""Largest number of points; testing more for crossings takes too long."""
 
 EDGE = 0.02
 """How far the leading edge may lie from x = 0 and the trailing edge from x = 1, over the chord."""
@@ -42,7 +42,7 @@ def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
     pairs of numbers, with or without lines of text above them, in Selig's order (from the trailing
     edge round to it) or Lednicer's (number of points of either side, then the upper and the lower
     side from the leading edge); both are those of https://m-selig.ae.illinois.edu/ads.html. Text
-    after the last point is passed over. A coordinate file of OpenFAST's AeroDyn begins with
+    after the last point is ignored. A coordinate file of OpenFAST's AeroDyn begins with
     ``NumCoords`` and the point of reference; an airfoil table of AeroDyn may name or hold one.
 
     Parameters

@@ -170,7 +170,7 @@ def _read_xfoil_polar(
         if names:
             if _XFOIL.match(line):
                 break
-            if words and set(line.strip()) - set("- "):  # XFLR5 names fewer columns than it has
+            if words and set(line.strip()) - set("- "):  # XFLR5 writes more columns than it names
                 rows.append((number, words[: len(names)] if of_xflr5 else words))
         elif words and words[0].lower() == "alpha":
             names = [word.lower() for word in words]

@@ -18,10 +18,10 @@ NEEDED_RANGE = -5.0, 12.0
 """Angles of attack that a table has to cover, deg; Viterna's extension begins at its ends."""
 
 LARGEST = {"lift": 6.0, "drag": 5.0, "moment": 5.0}
-"""Coefficients beyond these, either way, are no section's; most likely another unit."""
+"""Largest magnitudes of coefficients; larger ones are most likely in another unit."""
 
 REYNOLDS_RANGE = 1e3, 1e9
-"""Reynolds numbers of blades, with room; others are most likely in another unit."""
+"""Range of Reynolds numbers of blades, with a margin; others are most likely in another unit."""
 
 PRESSURE_RANGE = -60.0, 1.0
 """Smallest pressure coefficients; 1 is that of a stagnation point."""
@@ -41,7 +41,7 @@ _ENDS_EQUAL = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class PolarTable:
-    """Lift and drag of a section at one Reynolds number, as a file has them."""
+    """Lift and drag of a section at one Reynolds number, from a file."""
 
     reynolds: float | None
     """Reynolds number by the chord; None where the file states none."""
@@ -61,7 +61,7 @@ class PolarTable:
     source: str = ""
     """Where the table comes from, for messages."""
     messages: tuple[str, ...] = ()
-    """What was done to the rows."""
+    """Notes on how the rows were changed."""
 
 
 class Source(NamedTuple):
@@ -69,7 +69,7 @@ class Source(NamedTuple):
 
     file: object = ""
     where: str = ""
-    """What tells this polar from others in the file."""
+    """Words that identify this polar among others in the file."""
     titles: Sequence[str] = ("alpha_deg", "cl", "cd", "cm")
     """The file's names of angle, lift, drag and moment; an angle that ends in _rad is in rad."""
     lines: Sequence[int] = ()
@@ -182,7 +182,7 @@ def polar_table(
 
 
 def _is_half_of_symmetric(given: Mapping[str, np.ndarray], degree: float) -> bool:
-    """Tell whether a table begins late, and what it has at angles up to 0 mirrors the rest."""
+    """Tell whether a table begins between -5 and 0 degrees, and is symmetric as far as it goes."""
     angle, low = given["angle"], NEEDED_RANGE[0] * degree
     begins_late = angle.size and low < angle[0] <= 0.0 and np.all(np.diff(angle) > 0.0)
     if not begins_late or (angle[0] == 0.0 and "moment" not in given):
@@ -285,7 +285,7 @@ def check_reynolds(
     Parameters
     ----------
     number : float or None
-        What the file says, in `unit`; None if it is no number.
+        The file's number, in `unit`; None if it is no number.
     cell : str
         The same as it is written.
     file, key : object, str

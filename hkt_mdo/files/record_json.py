@@ -82,7 +82,7 @@ def read_json(path: Path, options: RecordOptions) -> Columns:
         for row in [at for at, number in enumerate(numbers) if number is None][:1]:
             problem = "is neither a number nor a date" if numbers is rows else "is no number"
             key = f"row {row + 1}, {column_key(name)}"
-            remedy = "mend it, or write the file as CSV"
+            remedy = "correct it, or write the file as CSV"
             raise InputError(problem, remedy, file=path, key=key, value=given[row])
     seconds, speed = np.array(rows, dtype=float), np.array(speeds, dtype=float)
     order = np.argsort(seconds, kind="stable")  # an object of JSON has no order

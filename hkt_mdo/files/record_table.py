@@ -115,7 +115,7 @@ def named_unit(name: str, spellings: dict[str, str]) -> str | None:
 
 @dataclass(frozen=True)
 class RecordOptions:
-    """Where in a file the speed is, and what may be done to it; see the case section `record`."""
+    """Which columns are read and how the samples may be repaired; see the case section `record`."""
 
     time_column: str | None = None
     """Name of the time; by default the first column, the index, or the only time."""
@@ -158,7 +158,7 @@ class RecordOptions:
                 raise self.refuse(key, "unknown", f"give one of {', '.join(filter(None, words))}")
 
     def refuse(self, key: str, problem: str, remedy: str, file: str = "") -> InputError:
-        """Return the error that lies in an option.
+        """Return the error of an option.
 
         Parameters
         ----------
@@ -208,10 +208,10 @@ class Columns:
     place: Callable[[int], str] = lambda row: f"row {row + 1}"
     """place(row) says where a row is, such as ``line 7``."""
     messages: tuple[str, ...] = ()
-    """What was done to the numbers."""
+    """Notes on how the numbers were changed."""
 
     def refuse(self, problem: str, remedy: str, row: int, column: int) -> InputError:
-        """Return the error that lies in a sample.
+        """Return the error of a sample.
 
         Parameters
         ----------
@@ -242,7 +242,7 @@ class Columns:
         options : RecordOptions
             Units that are given, and the area for a discharge.
         units : sequence of str
-            What the file says of the units of time and speed besides the names of the columns.
+            Units of time and speed by the file's attributes, besides the names of the columns.
 
         Returns
         -------
@@ -260,7 +260,8 @@ class Columns:
             raise self._refuse_column(0, problem, "leave time_unit out")
         if not dated:
             unit = self._unit(0, units[0], options)
-            with np.errstate(over="ignore"):  # what is too large is refused later, with its place
+            # a value that overflows is refused later, with its row
+            with np.errstate(over="ignore"):
                 time = (time - time[:1]) * TIME_UNITS[unit]
         unit, area = self._unit(1, units[1], options), options.area
         if (unit in DISCHARGE_UNITS) != (area is not None):
@@ -299,7 +300,7 @@ class Columns:
         return str(given or named)
 
     def _refuse_column(self, column: int, problem: str, remedy: str) -> InputError:
-        """Return the error that lies in the time (0) or the speed (1) as a whole."""
+        """Return the error of the column of time (0) or speed (1)."""
         return InputError(problem, remedy, file=self.file, key=column_key(self.names[column]))
 
 

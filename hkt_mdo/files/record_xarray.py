@@ -198,7 +198,7 @@ def _from_dataset(data: Any, file: str, options: RecordOptions) -> Columns:
 
 
 def _unlikeness(variable: Any) -> int:
-    """Return how unlikely a variable is a speed of the flow, for the order in messages."""
+    """Return a rank of a variable for messages: the likeliest speed of the flow comes first."""
     described = f"{variable.name} {variable.attrs.get('long_name')}".lower()
     unit = named_unit(str(variable.attrs.get("units")), SPEEDS)
     return 2 if unit is None else int("sound" in described)
@@ -256,7 +256,7 @@ def _profile(
 def _chosen_components(
     labels: list[str], options: RecordOptions, file: str, refuse: Callable[[str, str], InputError]
 ) -> list[str]:
-    """Return the labels of the component that is asked for, or of the two horizontal ones."""
+    """Return the labels of the requested component, or of the two horizontal ones."""
     available = f"there are {', '.join(labels)}"
     if all(label.isdigit() for label in labels):
         remedy = "rotate it to earth or flow coordinates"

@@ -101,7 +101,7 @@ def read_text(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> str:
 
 
 def write_files(contents: Mapping[Path, bytes]) -> None:
-    """Replace files, whole or not at all: a reader never sees an incomplete one.
+    """Replace files atomically: a reader never sees an incomplete one.
 
     Their folder must be there: one that was taken away during a run must not come back with half a
     result in it.
@@ -127,7 +127,7 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
         raise InputError(problem, "make room or choose another folder", file=file) from error
     finally:
         for part in parts.values():
-            with suppress(OSError):  # such as of a folder that has been taken away
+            with suppress(OSError):  # such as for a folder that has been deleted
                 part.unlink(missing_ok=True)
 
 
@@ -150,7 +150,7 @@ def lines_of(text: str) -> list[str]:
 def line_error(
     file: object, line: int, problem: str, remedy: str, what: str = "", **value: object
 ) -> InputError:
-    """Return the error that lies in a line of a file.
+    """Return the error of a line of a file.
 
     Parameters
     ----------
@@ -317,7 +317,7 @@ def number_columns(
 class Csv:
     """A CSV file (RFC 4180): its header, and its rows as (line number, cells) on iteration.
 
-    Lines that are empty or begin with ``#`` are passed over.
+    Lines that are empty or begin with ``#`` are ignored.
 
     Parameters
     ----------
@@ -371,7 +371,7 @@ class Csv:
         return self._rows
 
     def refuse(self, problem: str, remedy: str, column: str = "") -> InputError:
-        """Return the error that lies in the header.
+        """Return the error of the header.
 
         Parameters
         ----------

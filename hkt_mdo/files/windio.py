@@ -29,7 +29,7 @@ DIAMETER_ROUNDED = 1e-6
 _CIRCLE_ROUNDED = math.radians(0.1)  # how far an end may be short of half a turn, rad
 _ANGLE_ROUNDED = 1e-3  # how far it may be beyond, over half a turn
 _ENDS_ROUNDED = 0.01  # difference of the coefficients at both ends that is rounding
-_ENDS_EQUAL = 1e-6  # difference of the coefficients at both ends that is none
+_ENDS_EQUAL = 1e-6  # difference of the coefficients at both ends that counts as zero
 
 _MOST_RADIANS = 3.2
 """Angles that all lie within this are most likely radians, also where degrees are expected."""
@@ -46,7 +46,7 @@ class _Airfoil(NamedTuple):
 
 
 class _Version(NamedTuple):
-    """What the versions of windIO write differently."""
+    """Keys and units that differ between the versions of windIO."""
 
     number: int
     shape: str
@@ -180,7 +180,7 @@ class _Turbine:
         )
 
     def note_structure(self) -> None:
-        """Say that layers are not read: they are not of one material, as a blade here is."""
+        """Add a note that layers are not read: a blade here is of one material."""
         note = "webs and layers are not read: rotor.material and rotor.wall are used instead"
         structures = (self.root.find(f"components.blade.{name}") for name in _STRUCTURES)
         self.messages += [f"{structure.key}: {note}" for structure in structures if structure]

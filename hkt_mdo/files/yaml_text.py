@@ -112,7 +112,7 @@ class Place:
         return f"{self.key} (line {self.node.start_mark.line + 1})"
 
     def refuse(self, problem: str, remedy: str) -> InputError:
-        """Return the error that lies in this value, to be raised.
+        """Return the error of this value, to be raised.
 
         Parameters
         ----------
@@ -332,8 +332,7 @@ def places_column(name: str, places: list[Place]) -> Column:
 def compose(text: str, file: object, key: str = "", *, case: bool = False) -> yaml.Node | None:
     """Return the tree of nodes of a YAML 1.2 text (https://yaml.org/spec/1.2.2).
 
-    An alias is the very node that its anchor names, never a copy, so that no file grows while it is
-    read.
+    An alias is the same node as its anchor, never a copy, so that aliases cannot multiply the size.
 
     Parameters
     ----------
@@ -377,7 +376,7 @@ def compose(text: str, file: object, key: str = "", *, case: bool = False) -> ya
 
 
 def _check_events(events: Iterable[Any], file: object, case: bool) -> None:
-    """Refuse what a tree of nodes would no longer show, or would be too large for."""
+    """Refuse tags, anchors, several documents, deep nesting and too many values."""
     depth = count = documents = 0
     deepest = CASE_DEPTH if case else DEPTH
     for event in events:

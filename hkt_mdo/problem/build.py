@@ -30,16 +30,17 @@ WAKE_SHARE = 0.3  # typical axial induction
 ANGLE_UNIT = np.deg2rad(5.0)  # typical change of an angle of attack
 DESIGNED = {
     "rotor_radius": "radius of the swept disc",
-    "chord_control": "what makes the chord: at the stations, or control points of a spline",
-    "twist_control": "what makes the twist: at the stations, control points, or the set angle",
-    "thickness_control": "what makes the thickness over chord: at the stations, or control points",
+    "chord_control": "chord at the stations, or control points of its spline",
+    "twist_control": "twist at the stations, control points of its spline, or the set angle",
+    "thickness_control": "thickness over chord at the stations, or control points of its spline",
 }
 # IPOPT's barrier is a sum over the bounds and so over the segments; the objective is not. Where it
-# outweighs what the optimum is better than the start, the iterates leave the start for the middle
-# of all bounds, and most iterations lead back.
+# is larger than the possible gain over the start, the iterates first move towards the middle of all
+# bounds, and most iterations are needed to return.
 BARRIER = 6e-3
-# A law leaves the optimizer as many freedoms as design variables, whatever the segments: few steps
-# tell its Hessian, and each of them is solved for over all segments in every iteration.
+# Under a law the number of degrees of freedom is that of the design variables, however many
+# segments there are: few steps suffice to approximate the Hessian, and every further step costs
+# time over all segments in each iteration.
 FEW_STEPS, MANY_SEGMENTS = 15, 500
 
 
@@ -85,7 +86,7 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
     setup : Setup
         Where the optimization begins, and how far it may go.
     alone : bool
-        Whether what is kept is given a value, as what is designed is, or is an input of the group.
+        Whether quantities that are not designed are set to constants, or are inputs of the group.
     """
     scales, blade = _scales(physics, setup), setup.start.blade
     ratios = [series["tip_speed_ratio"] for series in physics.on_start(setup.start)]
@@ -122,7 +123,7 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
 
 
 def _add_variants(group, physics, setup):
-    """Add the rotor as it is in scenarios with another turbine or water: inertia and tables."""
+    """Add inertia and tables of the rotor for scenarios with another turbine or water."""
     tables = ("torque_coefficient_table",) if physics.has_curve else ()
     tables += tuple(f"{name}_table" for name in physics.load_names)
     variants = {physics.variants[each.turbine]: physics.of(each) for each in physics.scenarios}
@@ -186,7 +187,7 @@ def _wake_scales(physics, start):
 def _state_scales(physics, start):
     """Return the reference magnitudes of the law's states and rates, by name.
 
-    A rate's is what it changes by if the speed and the states change by theirs.
+    That of a rate is its change if the speed and the states change by their magnitudes.
     """
     if not physics.states:
         return {}
@@ -200,7 +201,7 @@ def _state_scales(physics, start):
 
 
 def _declare_design(model, physics, setup) -> tuple[dict, dict]:
-    """Declare what is designed; return it, and what is kept: of radius, shape, gains, water."""
+    """Declare the design variables; return them, and the quantities that are not designed."""
     start, bounds = setup.start, setup.moves.bounds(physics, setup.start)
     chord, twist, thickness = physics.shape.within(start.blade)  # but for the last digit, they are
     radius, designed, kept = start.blade.rotor_radius, {}, {}
@@ -238,7 +239,7 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
 
 
 def _lowest_ratio(model, lowest) -> dict[str, dict]:
-    """Declare one more unknown, which is below the tip speed ratios of the trajectories."""
+    """Declare an unknown that is a lower bound of the tip speed ratios of the trajectories."""
     model.add_design_var("lowest_ratio", lower=0.5 * lowest, upper=2.0 * lowest, ref=lowest)
     about = {"units": None, "desc": "below every w R / v of the trajectories"}
     return {"lowest_ratio": {"val": lowest, **about}}
@@ -275,7 +276,7 @@ def _declare_constraints(model, physics, setup, scales):
 
 
 def _declare_design_limit(model, limit: Limit) -> None:
-    """Declare a limit on what is known of the design or of the result as a constraint."""
+    """Declare a limit on the design or the result as a constraint."""
     ends = {"lower": limit.lower, "upper": limit.upper}
     bounds = {end: value if np.all(np.isfinite(value)) else None for end, value in ends.items()}
     model.add_constraint(

@@ -389,7 +389,7 @@ class AggregateComp(om.ExplicitComponent):
             self.add_output("rows", shape=(options["n_rows"],), units=rate)
 
     def setup_partials(self):
-        """Declare what each row depends on alone: what makes it NaN by being NaN."""
+        """Declare on which inputs each row depends: those that make it NaN when they are NaN."""
         self._places = {}
         sizes = {"mean_rate": self.options["shares"].size, "unknowns": self.options["n_unknowns"]}
         for output, function in self._functions().items():

@@ -1,4 +1,4 @@
-"""Limits that no design can keep, and limits that others keep already: only what is proven."""
+"""Limits that no design can keep, and limits without effect beside others; only if certain."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.shape import Shape
 
-TOLD = 1e-6  # relative excess that is more than rounding
+TOLD = 1e-6  # relative excess above rounding
 
 
 def refuse_contradictions(case: Case, shape: Shape, fastest: float) -> None:
@@ -43,7 +43,7 @@ def refuse_contradictions(case: Case, shape: Shape, fastest: float) -> None:
 
 
 def redundant_limits(case: Case, shape: Shape) -> Iterator[str]:
-    """Yield which limits are of no effect, since others are kept only where they are too."""
+    """Yield the limits without effect: whenever certain other limits hold, these hold too."""
     limits, generator = _bounds(case), case.generator
     torque, power, electrical, speed, tip = (
         limits.get(name, np.inf)

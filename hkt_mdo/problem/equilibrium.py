@@ -23,8 +23,8 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 
-SLOW = 600.0  # s, length of a segment in which a rotor does nothing but follow the flow
-WIDTH = 0.05  # m/s, of the bins of a flow over time that is taken without its time
+SLOW = 600.0  # s, length of a segment in which the rotor is always in equilibrium with the flow
+WIDTH = 0.05  # m/s, width of the bins of a flow over time in a steady scenario
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +32,8 @@ class SteadyScenario(Scenario):
     """Speeds of a flow, each for its share of the time: one segment and one node for each.
 
     `edges` (s) are the ends of each speed's share in the order of rising speeds, in the time of its
-    `inflow`, a duration curve; what they leave of the mesh's duration is standstill. `place` is the
-    number of the bin of each speed, and `resource` what the speeds are from.
+    `inflow`, a duration curve; the rest of the mesh's duration is standstill. `place` is the number
+    of the bin of each speed, and `resource` the resource of the speeds.
     """
 
     place: np.ndarray = None  # type: ignore[assignment]
@@ -42,14 +42,14 @@ class SteadyScenario(Scenario):
 
     @classmethod
     def of(cls, inflow: Inflow, mesh: Phase, weight: float, name: str, **others) -> SteadyScenario:
-        """Return the scenario of a resource, or of a flow over time without its time."""
+        """Return the scenario of a resource, or of the speeds of a flow over time."""
         if isinstance(inflow, Resource):
-            speeds, told = inflow.speeds, inflow.messages
+            speeds, notes = inflow.speeds, inflow.messages
         else:
             speeds = _without_time(Scenario(inflow, mesh).resolved())
-            told = (*inflow.messages, f"taken without time: {speeds.speed.size} speeds of the flow")
+            notes = *inflow.messages, f"taken without time: {speeds.speed.size} speeds of the flow"
         ends = mesh.duration * np.append(speeds.idle, speeds.idle + np.cumsum(speeds.share))
-        curve = DurationCurve(speeds=tuple(speeds.speed), ends=tuple(ends), told=told)
+        curve = DurationCurve(speeds=tuple(speeds.speed), ends=tuple(ends), notes=notes)
         return cls(curve, mesh, weight, name, ends, place=speeds.place, resource=inflow, **others)
 
     @property
@@ -58,7 +58,7 @@ class SteadyScenario(Scenario):
         return self.inflow.speed_at(self.samples)
 
     def below(self, cut_out: float | None) -> SteadyScenario:
-        """Return it without the speeds above that at which the machine stands still, m/s."""
+        """Return the scenario without the speeds above the cut-out speed, m/s."""
         if cut_out is None or self.speeds[-1] <= cut_out:
             return self
         count = int(np.sum(self.speeds <= cut_out))
@@ -133,7 +133,7 @@ class SteadyScenario(Scenario):
 
 
 def better_steady(scenarios: Iterable[Scenario]) -> str:
-    """Return that a flow changes so slowly that its time does not count; empty if none does."""
+    """Return a warning if a flow changes so slowly that a steady scenario suits it."""
     longest = max((float(np.max(np.diff(x.edges))) for x in scenarios if not x.steady), default=0.0)
     if longest <= SLOW:
         return ""
@@ -193,7 +193,7 @@ class EquilibriumGroup(om.Group):
         self._declare(start, law, inverse)
 
     def _declare(self, start, law, inverse):
-        """Declare the unknowns and what holds under feedback."""
+        """Declare the unknowns, and under feedback the balance of torques."""
         scales, (low, high) = self.options["scales"], self.options["speed_bounds"]
         ref = np.maximum(start["rotor_speed"], 1e-3 * scales.rotor_speed)
         self.add_design_var("rotor_speed", lower=low, upper=high, ref=ref, units="rad/s")

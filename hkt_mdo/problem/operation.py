@@ -9,7 +9,7 @@ import numpy as np
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.scenario import Scenario
 
-MOST_INTERVALS = 200  # each is a phase of the problem, with its share of the set-up
+MOST_INTERVALS = 200  # each is a phase of the problem and adds to the time of setup
 
 
 def in_operation(
@@ -47,12 +47,12 @@ def in_operation(
         raise InputError(problem, remedy, **place)
     prefix = "" if whole.name == "phase" else f"{whole.name}_"
     still = total - float(np.sum(lengths[kept]))
-    told = (
+    text = (
         f"control.cut_out = {cut_out:g} m/s: standstill for {still:.4g} s of {total:.6g} s "
         f"({100.0 * still / total:.3g} %), operation in {_count(count)}"
     )
     if not np.all(kept):
-        told += (
+        text += (
             f"; {_count(kept.size - count)} more, of {np.sum(lengths[~kept]):.3g} s together, "
             f"would be shorter than the {shortest:.3g} s that the rotor needs"
         )
@@ -65,7 +65,7 @@ def in_operation(
         )
         for number, (begin, end) in enumerate(spans[kept], start=1)
     )
-    return tuple(each.resolved() for each in scenarios), (told,)
+    return tuple(each.resolved() for each in scenarios), (text,)
 
 
 def _count(number: int) -> str:

@@ -29,7 +29,7 @@ from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 
 def named(name: str, variant: str) -> str:
-    """Return the name in the model of what may differ between scenarios; see `Physics.variants`."""
+    """Return the name in the model of a quantity of scenarios' own; see `Physics.variants`."""
     own = name in ("density", "inertia") or name.endswith("_table")
     return f"{name}{variant}" if own else name
 
@@ -42,12 +42,13 @@ def _hydrodynamics(options: dict, nodes: int) -> HydrodynamicsGroup | Rememberin
 class OperationGroup(om.Group):
     """The operation of a rotor over time, in every scenario.
 
-    Inputs are what the rotor and its controller are: rotor_radius (m), density (kg/m**3), inertia
+    Inputs describe the rotor and its controller: rotor_radius (m), density (kg/m**3), inertia
     (kg*m**2), torque_coefficient_table[n_nodes] (or chord and twist[n_stations] with direct BEM),
-    <load>_table[n_nodes] of each load that is asked for, gain_0, gain_1, … in the law's units; and
+    <load>_table[n_nodes] of each load that limits or objective need, gain_0, gain_1, … in the law's
+    units; and
     what limits and objective take of the design. Where scenarios differ in water or turbine, there
     are density_1, inertia_1 and tables of these names for them (`Physics.variants`). Outputs:
-    ``traj.<scenario>.timeseries``, the loads and rates that are asked for, ``limit_<name>.value``,
+    ``traj.<scenario>.timeseries``, the loads and rates that are needed, ``limit_<name>.value``,
     energy, generator_energy, electrical_energy (J) and objective.
     """
 
@@ -155,7 +156,7 @@ class OperationGroup(om.Group):
         return options, parameters | gains
 
     def _add_loads(self):
-        """Add the loads that are asked for, at the nodes of every phase."""
+        """Add the loads that limits or objective need, at the nodes of every phase."""
         physics, setup = self._given
         names, nodes = physics.load_names, np.asarray(setup.nodes, dtype=float)
         kind = "band" if physics.remembers else "table"
@@ -182,7 +183,7 @@ class OperationGroup(om.Group):
             self.connect(f"{scenario.path}.control_torque", f"{name}.control_torque")
 
     def _close_cycle(self, scenario):
-        """Add what a scenario's final rotor speed is above its initial one."""
+        """Add the difference of a scenario's final and initial rotor speed."""
         name = f"{scenario.name}_gain_of_speed"
         change = om.ExecComp("change = final - initial", units="rad/s", has_diag_partials=True)
         self.add_subsystem(name, change)
@@ -191,7 +192,7 @@ class OperationGroup(om.Group):
             self.connect(source, f"{name}.{end}", src_indices=om.slicer[[index], 0])
 
     def _add_formula(self, name, formula, size, outputs=(), variant="", **about):
-        """Add a formula, fed with all but what it takes over time; `variant` of the turbine."""
+        """Add a formula and connect its inputs but those over time; `variant` of the turbine."""
         physics, setup = self._given
         component = FormulaComp(
             formula=formula,

@@ -54,15 +54,17 @@ from hkt_mdo.rotor.suction import require_suction
 
 BEM = SOLVERS
 DURATION = 60.0  # s, of a flow that has no end of its own
-SEGMENTS_PER_PERIOD = 8.0  # of the highest frequency that lasts
+SEGMENTS_PER_PERIOD = 8.0  # segments in a period of the highest lasting frequency
 FEWEST_SEGMENTS = 60
-MOST_PERIODS = 1_000_000  # of the flow's highest frequencies that can be looked at
+MOST_PERIODS = 1_000_000  # most periods of the flow's highest frequency that can be sampled
 MOST_TORQUE = 1.0  # torque coefficient that no rotor has; good ones have 0.06
-CURRENT, WATER = 10.0, (900.0, 1300.0)  # m/s and kg/m**3: beyond, a unit was hardly meant
+# m/s and kg/m**3: values beyond are probably in another unit
+CURRENT, WATER = 10.0, (900.0, 1300.0)
 RATIOS = 1001  # tip speed ratios at which loads are computed at most
 CHORD_FACTORS = 0.2, 3.0  # on the smallest and the largest chord: the default bounds
 STATIONS = 120  # from which the loads of a blade change by less than a thousandth
-NEAR_STALL = np.deg2rad(0.1)  # by which a start may be closer to stall and count as keeping away
+# by which a start may be closer to stall and still count as keeping its distance
+NEAR_STALL = np.deg2rad(0.1)
 START_EXCESS = 1e-3  # relative excess of a limit up to which a start counts as keeping it
 
 
@@ -71,13 +73,14 @@ class Physics:
     """What a case describes, as the values that the optimization and the judges work with.
 
     `case` is complete: its time span and segments are numbers. `shape` has the blade as given and
-    what of it is designed; `rotor` what follows from any of its blades; `turbine` what its section
-    `rotor` says. There is usually one scenario; with a cut-out speed, one for each interval of
+    its design variables; `rotor` computes inertia, torque and loads of any such blade; `turbine`
+    has the contents of the section `rotor`. There is usually one scenario; with a cut-out speed,
+    one for each interval of
     operation.
-    `messages` tell what was converted, repaired or left out, `warnings` what was hardly meant.
+    `messages` say what was converted, repaired or left out, `warnings` what is probably a mistake.
     `law` has no torque limit where the case gives one that no blade can reach in its flow.
     `ceilings` (W) are upper bounds on the mean power of each scenario, by name, where the aggregate
-    compares with them; they stay what they are while the blade changes.
+    compares with them; they do not change with the blade.
     """
 
     case: Case
@@ -104,7 +107,7 @@ class Physics:
 
     @property
     def loads(self) -> LoadModel:
-        """What computes the loads of a blade."""
+        """The model of the loads of a blade."""
         return self.rotor.loads
 
     def built(self, blade: Blade) -> Any:
@@ -112,7 +115,7 @@ class Physics:
         return self.rotor.as_built(blade).polar
 
     def of(self, scenario: Scenario) -> Physics:
-        """Return the physics of a scenario: of its own water, and the turbine as it is there."""
+        """Return the physics of a scenario, with its own water and condition of the turbine."""
         if scenario.turbine == (None, None):
             return self
         if scenario.turbine not in self._others:
@@ -134,7 +137,7 @@ class Physics:
 
     @cached_property
     def variants(self) -> dict[tuple, str]:
-        """What is appended to the names of quantities in the model, by `Scenario.turbine`."""
+        """Endings of the names of quantities in the model, by `Scenario.turbine`."""
         others = dict.fromkeys(each.turbine for each in self.scenarios)
         others.pop((None, None), None)
         return {(None, None): ""} | {each: f"_{i}" for i, each in enumerate(others, start=1)}
@@ -147,7 +150,7 @@ class Physics:
 
     @property
     def design_limits(self) -> tuple[Limit, ...]:
-        """The limits on what is known of the design or of the result."""
+        """The limits on the design or the result."""
         return tuple(limit for limit in self.limits if limit.place != "time")
 
     @cached_property
@@ -177,7 +180,7 @@ class Physics:
 
     @property
     def duration(self) -> float:
-        """Time for which the objective is told, s: that of the case."""
+        """Time to which the objective refers, s: that of the case."""
         return self.case.phase.duration
 
     @cached_property
@@ -277,15 +280,15 @@ class Physics:
 
     @property
     def generator(self) -> Generator:
-        """What is on the shaft, and what of its power is electrical."""
+        """The generator, which gives the electrical power."""
         return self.case.generator
 
     @property
     def starting_generator(self) -> Generator | None:
         """The generator that decides where the rotor works best; None: the largest shaft power.
 
-        A constant efficiency moves no optimum, and losses are of no concern to an objective that
-        does not name the electrical power.
+        A constant efficiency does not change the optimum, and losses have no effect on an objective
+        that does not contain the electrical power.
         """
         counts = "electrical_power" in self.objective.inputs and not self.generator.proportional
         return self.generator if counts else None
@@ -321,7 +324,7 @@ class Physics:
 
     @property
     def several_sections(self) -> bool:
-        """Whether the stations have polars of their own, which are rougher together than one."""
+        """Whether the stations have different polars, whose sum is rougher than one polar."""
         return self.rotor.several_sections
 
     @property
@@ -339,7 +342,7 @@ class Physics:
 
     @property
     def may_pulse(self) -> bool:
-        """Whether the optimizer may let the rotor pulse, faster and slower than its wake by turns.
+        """Whether the optimizer could let the rotor pulse, now faster, now slower than its wake.
 
         That captures more in this model, the more so the finer the mesh (docs/memory.md).
         """
@@ -375,11 +378,11 @@ class Physics:
 
     @cached_property
     def _starts(self) -> WeakKeyDictionary:
-        """What `on_start` has found, which is asked of the same point for every scenario."""
+        """The result of `on_start`, cached since it is needed for every scenario."""
         return WeakKeyDictionary()
 
     def _quantities(self, point) -> list[dict]:
-        """Return what `on_start` does."""
+        """Compute the quantities of `on_start`."""
         found = []
         for scenario, (speed, torque) in zip(
             self.scenarios, self.split(point.operation), strict=True
@@ -417,7 +420,7 @@ class Physics:
         return total
 
     def scalars(self, blade: Blade, inertia: float) -> dict[str, Any]:
-        """Return what is known of a design along the span and as numbers, by name; SI units."""
+        """Return the quantities of a design, along the span and as numbers, by name; SI units."""
         thickness = self.turbine.thickness if blade.thickness is None else blade.thickness
         return {
             "rotor_radius": blade.rotor_radius,
@@ -449,7 +452,7 @@ class Physics:
         return [name for name, over in self.excesses(point).items() if over > START_EXCESS]
 
     def start_breaks(self, point) -> list[str]:
-        """Return what a starting point does not keep: limits, and its sections' way from stall."""
+        """Return what a starting point breaks: limits, and its sections' distance from stall."""
         close = [] if self._keeps_stall_fence(point) else ["distance of sections from stall"]
         return [*self.broken_limits(point), *close]
 
@@ -472,10 +475,10 @@ class Physics:
 
     @property
     def start_objective(self) -> Objective:
-        """What the start makes as large as possible: the objective if that is an energy.
+        """The quantity that the search for a start maximizes: the objective if that is an energy.
 
-        Else the captured energy: what makes a cost small would make the rotor stand still. So it is
-        for an energy less a price of what a schedule does not know.
+        Otherwise the captured energy, since minimizing a cost would stop the rotor. The same holds
+        for an energy minus a cost of quantities that a schedule does not have.
         """
         simple = self.objective.is_energy and STEADY >= {*self.objective.inputs}
         return self.objective if simple else CapturedEnergy()
@@ -516,7 +519,7 @@ def complete(case: Case) -> Case:
 
 @contextmanager
 def _in_scenario(number: int) -> Iterator[None]:
-    """Tell an error in the flow of one of the scenarios with its key."""
+    """Add the key of the scenario to an error in its flow."""
     try:
         yield
     except InputError as error:
@@ -609,7 +612,7 @@ def physics(case: Case) -> Physics:
         fastest = min(fastest, control.cut_out)
         speed = np.minimum(speed, control.cut_out)
     control = control.in_flow(float(np.min(speed)), float(np.max(speed)))
-    # the speed at which most energy passes; only a local Reynolds number asks for it
+    # the speed at which most energy passes; only local Reynolds numbers need it
     speed = float(weights @ speed**4 / (weights @ speed**3))
     turbine = build_turbine(case.rotor, case.fluid, speed, case.design)
     turbine = _in_condition(turbine, case)
@@ -620,14 +623,14 @@ def physics(case: Case) -> Physics:
         several_sections=np.ndim(turbine.thickness) > 0,
         thickness_bounds=Hydrodynamics(turbine.polar).thickness_bounds,
     )
-    scenarios, told = [], []
+    scenarios, notes = [], []
     for each in whole:
         found, messages = in_operation(each, control.cut_out, 2.0 * turbine.blade.rotor_radius)
         scenarios += found
-        told += messages
+        notes += messages
     refuse_contradictions(case, shape, fastest)
     flows = {message: None for each in whole for message in each.messages}
-    messages = (*turbine.messages, *flows, *dict.fromkeys(told), *redundant_limits(case, shape))
+    messages = (*turbine.messages, *flows, *dict.fromkeys(notes), *redundant_limits(case, shape))
     limit = control.torque_limit
     radius = max(shape.blade.rotor_radius, *(shape.radius_bounds or (0.0,)))
     most = MOST_TORQUE * float(torque_scale(case.fluid.density, radius, fastest))
@@ -683,7 +686,8 @@ def _with_limits(
     }
     common = {limit.name: limit for limit in limits if limit.place == "time"}
     for limit in limits:
-        if isinstance(limit, TorqueLimit) and limit.bound is not None:  # of what the law asks for
+        # of the torque that the law demands
+        if isinstance(limit, TorqueLimit) and limit.bound is not None:
             bound = limit.bound * constant / case.condition.torque_constant
             common[limit.name] = TorqueLimit(bound=bound)
     return replace(scenario, limits=tuple((common | own).values()), own_limits={})
@@ -717,9 +721,9 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     if depth is not None and depth <= tip:
         problem = f"is within the blade's radius of {tip:.4g} m: the tip would leave the water"
         raise InputError(problem, "give a larger depth of the hub", key=key, value=depth)
-    told = not flow.follows_reynolds and all(each.suction is not None for each in polars)
+    computable = not flow.follows_reynolds and all(each.suction is not None for each in polars)
     cavitation = None
-    if depth is not None and told:
+    if depth is not None and computable:
         cavitation = Cavitation(flow.suction, depth, asked.margin)
     return RotorModel(
         polar=turbine.polar,
@@ -747,7 +751,7 @@ def _in_condition(turbine: Turbine, case: Case) -> Turbine:
 
 
 def _doubts(case: Case, mean: float) -> Iterator[str]:
-    """Yield what of water, flow (m/s) and control was hardly meant."""
+    """Yield warnings about water, flow (m/s) and control that are probably mistakes."""
     density, (light, heavy) = case.fluid.density, WATER
     if not light <= density <= heavy:
         yield (
@@ -780,7 +784,7 @@ def _with_chord_bounds(case: Case, blade: Blade) -> Case:
 def build_shape(
     case: Case, blade: Blade, *, several_sections: bool = False, thickness_bounds=(0.0, 1.0)
 ) -> Shape:
-    """Return what of a case's blade is designed."""
+    """Return the design variables of a case's blade."""
     design, cosine = case.design, np.cos(blade.cone)
     radius_bounds = None
     if design.radius_bounds is not None:

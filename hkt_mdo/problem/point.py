@@ -1,4 +1,4 @@
-"""A design with its trajectory: where an optimization begins, stands or ends."""
+"""A design with its trajectory: the start, an iterate or the end of an optimization."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from hkt_mdo.rotor.blade import Blade
 
-KEPT_EXCESS = 1e-4  # relative excess of a limit that counts as none in the search for a start
+KEPT_EXCESS = 1e-4  # relative excess of a limit that is ignored in the search for a start
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Operation:
         table, gains and disc's radius (at a constant table), shape (1 + n_margins, n_nodes +
         n_gains + 1).
     delivered : float
-        What is made large, J: the energy, or the electrical energy of a case with a generator.
+        The maximized energy, J: captured, or electrical in a case with a generator.
     """
 
     energy: float
@@ -48,7 +48,7 @@ class Operation:
 
 @dataclass(frozen=True)
 class StartRecord:
-    """What became of one candidate of the search for a start.
+    """The outcome of one candidate of the search for a start.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class StartRecord:
 
 @dataclass(frozen=True, eq=False)
 class StartingPoint:
-    """A blade, gains and their operation: where an optimization begins, stands or ends.
+    """A blade, gains and their operation: the start, an iterate or the end of an optimization.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class StartingPoint:
     operation : Operation or None
         Over the flow at hand: all samples of a case's flow in a start, some speeds in its search.
     objective : float
-        What the search for a start makes large, J.
+        The quantity that the search for a start maximizes, J.
     excess : float
         Largest relative excess of a limit, of the law's balance of torques and of its distance from
         stall; inf: the rotor does not run.
@@ -102,7 +102,7 @@ class StartingPoint:
     branches : tuple of StartingPoint
         The best of each branch, its own first, where limits make a choice of branches necessary.
     starts : tuple of StartRecord
-        What became of all candidates of the search; empty where there was none.
+        The outcomes of all candidates of the search; empty if there was no search.
     messages : tuple of str
         Messages about the start.
     """
@@ -127,22 +127,22 @@ class StartingPoint:
 
     @property
     def worth(self) -> tuple[bool, float]:
-        """What ranks points: those that keep the limits by objective, the others by excess."""
+        """Rank of a point: those that keep the limits by objective, the others by excess."""
         return self.worth_within(KEPT_EXCESS)
 
     def worth_within(self, excess: float) -> tuple[bool, float]:
-        """Return what ranks points if a relative excess of the limits counts as none."""
+        """Return the rank of a point if a relative excess of the limits is ignored."""
         kept = self.excess <= excess
         return kept, self.objective if kept else -self.excess
 
     @property
     def record(self) -> StartRecord:
-        """What is recorded of it as a candidate of the search."""
+        """The record of this point as a candidate of the search."""
         return StartRecord(self.strategy, self.branch, self.objective, self.excess, self.exceeds)
 
 
 def records(tried: Iterable[StartRecord], kept: StartingPoint) -> tuple[StartRecord, ...]:
-    """Return records of which that of one point, told by its objective, is marked as kept."""
+    """Return records with that of one point, found by its objective, marked as kept."""
     unmarked = [replace(record, kept=False) for record in tried]
     found = [record.objective == kept.objective for record in unmarked]
     if any(found):

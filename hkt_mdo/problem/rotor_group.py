@@ -35,8 +35,8 @@ class RotorGroup(om.Group):
     Parameters
     ----------
     case : Case
-        Its rotor, water, depth and what is designed of the blade; flow and control law give no
-        more than the initial value of the flow's speed.
+        Its rotor, water, depth and design variables of the blade; the flow gives only the initial
+        value of the flow's speed.
     num_points : int
         Number of operating points, n_points.
     given : str

@@ -18,7 +18,8 @@ from hkt_mdo.dynamics.radau import divided
 from hkt_mdo.dynamics.rotor_ode import WAKE_STATES, RotorODE
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 
-with warnings.catch_warnings():  # Dymos uses names that OpenMDAO gives up: no matter of the user's
+# Dymos uses deprecated names of OpenMDAO, which does not concern the user
+with warnings.catch_warnings():
     warnings.simplefilter("ignore", OMDeprecationWarning)
     import dymos as dm
     from dymos.utils.hermite import hermite_matrices
@@ -29,7 +30,8 @@ with warnings.catch_warnings():  # Dymos uses names that OpenMDAO gives up: no m
 MOST_SEGMENTS = 20_000
 RESOLVED = 5e-6  # sum of the errors of the segments' quadratures of v³, over the whole
 SAMPLES = 20  # a segment, of the independent integration and between the nodes
-FLOW_MISSED = 1e-4  # what a segment's samples may miss of the flow, over its largest speed there
+# largest error of the flow between a segment's samples, over its largest speed there
+FLOW_MISSED = 1e-4
 MORE_SEGMENTS = 0.25  # of `MOST_SEGMENTS`, to resolve the flow's features where they are
 SHORTEST = 1e-9  # segment that is divided for a feature, over the duration
 WAKE_MOVES = 0.5, 1.6  # bounds of the wake's states, over the start's smallest and largest
@@ -62,7 +64,7 @@ class Scenario:
 
     @property
     def turbine(self) -> tuple[float | None, Condition | None]:
-        """What of water and turbine differs from the case's; scenarios of one have one physics."""
+        """Water and condition of the turbine; scenarios with the same ones share one physics."""
         return self.density, self.condition
 
     steady: ClassVar[bool] = False
@@ -70,7 +72,7 @@ class Scenario:
 
     @property
     def group(self) -> str:
-        """Name of the scenario that it is, or is an interval of."""
+        """Name of the scenario, or of that of which it is an interval."""
         return self.interval_of or self.name
 
     def __post_init__(self):
@@ -113,8 +115,8 @@ class Scenario:
         """Return this scenario with segments that are divided until they resolve the flow.
 
         That is: until `flow_errors` and `flow_missed` are small in all, or there are too many
-        segments. The first weighs a gust by its energy; but a gust of seconds in a season, which
-        has none, may still be the one that breaks a limit.
+        segments. The first weighs a gust by its energy; but a gust of seconds in a season has
+        little energy and may still break a limit.
         """
         made = self
         while made.segments < MOST_SEGMENTS:
@@ -144,7 +146,7 @@ class Scenario:
 
     @cached_property
     def flow_missed(self) -> np.ndarray:
-        """What `dense` misses of the flow in every segment, over its largest speed there.
+        """Error of the flow between the times of `dense`, by segment, over its largest speed.
 
         The flow's largest distance from straight lines between its speeds at those times.
         """
@@ -254,12 +256,12 @@ def _blocks(grid, given, wanted, matrices, sparse):
 class _Lean:
     """Allows phases of thousands of segments, of unequal ones, and phases without states.
 
-    With rotor speed as a control nothing needs collocation. Dymos sets such a phase up, except for
-    a component of initial guesses, which must not be empty.
+    With rotor speed as a control there are no states to collocate. Dymos can set up such a phase
+    except for a component of initial guesses, which must not be empty.
 
     States and controls have the initial values of `start`, a dict with time (s) and values by name,
-    SI units, (n_times,): Dymos can set those only after a problem's setup, which is not ours where
-    the phase is part of another model.
+    SI units, (n_times,): Dymos can set those only after the setup of the problem, which belongs to
+    the user where the phase is part of another model.
     """
 
     def initialize(self):
@@ -290,7 +292,7 @@ class _Lean:
     def configure_controls(self, phase):
         """Scale a control's value at each node by the square root of the time it stands for.
 
-        What a value does to an integral over time is proportional to that time, and so is the
+        The effect of a value on an integral over time is proportional to that time, and so is the
         integral's second derivative. An optimizer's first approximation of the Hessian is a
         multiple of the identity: so scaled, it suits segments of any lengths. Dymos takes one
         reference for all nodes; where they are equally spaced, it is the one that holds.
@@ -308,7 +310,7 @@ class _Lean:
         """Scale the defects of long segments by their lengths.
 
         Dymos multiplies the defect of a state's rate by half the length of its segment. In segments
-        of hours the optimizer's tolerance would ask for a balance of torques to more digits than
+        of hours the optimizer's tolerance would require a balance of torques to more digits than
         numbers have.
         """
         super().configure_defects(phase)

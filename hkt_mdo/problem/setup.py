@@ -1,4 +1,4 @@
-"""Where one optimization begins and how far it may go from there."""
+"""The start of one optimization, and how far it may go from there."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class MoveLimits:
         }
 
     def reached(self, physics: Physics, start: StartingPoint, end: StartingPoint) -> bool:
-        """Tell whether an optimum ended at a limit that is set around its start only."""
+        """Tell whether an optimum ended at a move limit, which is no bound of the case."""
         own = MoveLimits(0.0, *[np.inf] * 6).bounds(physics, start)
         chord, twist, thick = physics.shape.control(end.blade)
         ends = {
@@ -89,18 +89,18 @@ def _within(low, high, bounds):
 
 
 NARROW = MoveLimits(0.8, 1.25, chord=1.3, twist=np.deg2rad(3.0), gain=1.3, thickness=0.02)
-"""For an optimization that has lost its way."""
+"""Narrower move limits, for an optimization that diverged from its start."""
 
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """What one optimization begins with.
+    """The start and the settings of one optimization.
 
     `nodes` are the tip speed ratios of the torque curve. `slowed` is the share of its speed that a
-    rotor under feedback must be able to lose (`DistanceFromStall`; 0: nothing is asked). `shares`
-    has, by the names of limit and scenario, the share of the limit's upper bound that is asked at
-    the nodes of each segment, so that the limit holds between the nodes as well; its lower bound,
-    if it has one, is raised there by as much.
+    rotor under feedback must be able to lose (`DistanceFromStall`; 0: no condition). `shares` has,
+    by the names of limit and scenario, the share of the limit's upper bound to which the nodes of
+    each segment are held, so that the limit holds between the nodes as well; a lower bound is
+    raised there by as much.
     """
 
     start: StartingPoint
@@ -130,7 +130,7 @@ def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> 
     stalled flow. `finer` halves every interval.
     """
     flow = np.concatenate([each.inflow.speed_at(each.samples) for each in physics.scenarios])
-    # an optimizer that lost its way may have left the rotor standing somewhere
+    # an optimizer that diverged may have stopped the rotor somewhere
     ratios = np.maximum(
         start.operation.rotor_speed * start.blade.rotor_radius / flow, SLOWEST_RATIO
     )

@@ -20,14 +20,14 @@ from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.strength import Structure, StructureByThickness, material_section
 from hkt_mdo.rotor.thickness import ByThickness, over_thickness
 
-HUB, BLADES = 0.125, 3  # hub over tip radius, blade count: where neither case nor file says
+HUB, BLADES = 0.125, 3  # hub over tip radius, blade count: if neither case nor file has them
 POLAR, OUTLINE = "naca63815_Re2e5", "naca63815"
-OUTBOARD = 0.02  # of the tip radius: rows that begin farther from the hub are told
-ROUNDED = 1e-3  # by which a bound may leave the sections' thickness, as files round it
+OUTBOARD = 0.02  # of the tip radius: rows that begin farther from the hub are reported
+ROUNDED = 1e-3  # by which a bound may exceed the sections' thickness, which files round
 
 
 class Turbine(NamedTuple):
-    """What a rotor section describes; arrays, and tuples of polars, are over the stations.
+    """The turbine of a section `rotor`; arrays, and tuples of polars, are over the stations.
 
     Where the thickness is designed, polar, section_area and structure are functions of it.
     """
@@ -126,8 +126,8 @@ def build_turbine(
         polar = polar if len(polar) > 1 else polar[0]
     area, thickness = map(_together, (area, thickness))
     structure = _structure(rotor, sections)
-    outlines, told = tuple(each.outline for each in sections), (*read, *messages, *blended)
-    return Turbine(blade, polar, area, thickness, structure, told, outlines, blends)
+    outlines, notes = tuple(each.outline for each in sections), (*read, *messages, *blended)
+    return Turbine(blade, polar, area, thickness, structure, notes, outlines, blends)
 
 
 def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
@@ -145,7 +145,7 @@ def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
         own = shipped_rotor(rotor.blade).get("radius")
         if own is not None and not table.relative:  # a shipped file in metres is of this size
             table = replace(table, tip_radius=own)
-    if table.hub_radius == 0.0 and not table.relative:  # its span is counted from the root
+    if table.hub_radius == 0.0 and not table.relative:  # its span begins at the root
         if fraction is None:
             problem = "measures its span from the root and does not contain the hub's radius"
             remedy = "give rotor.hub_radius_fraction"
@@ -189,7 +189,7 @@ def _stations(rotor, table, tip_radius, hub_radius) -> tuple[np.ndarray, tuple[s
         if low > hub / tip + OUTBOARD:
             text = f"rows begin at r/R = {low:.4g}, the hub ends at {hub / tip:.4g}: the load falls"
             text += " to zero between them"
-            notes.append(f"{text}; with rotor.station_count the first row is carried on to the hub")
+            notes.append(f"{text}; with rotor.station_count the first row is continued to the hub")
         return own, tuple(notes)
     if rotor.stations is None:
         angle = np.pi * (np.arange(rotor.station_count) + 0.5) / rotor.station_count
@@ -277,7 +277,7 @@ def _together(values):
 
 
 def _structure(rotor, sections, thickness=None) -> Structure | StructureByThickness:
-    """Return what the blade's one section, or those of its stations or of a thickness, resist.
+    """Return the structure of the blade's section, or of those of its stations or thicknesses.
 
     Solid sections have the area of their outline, which is blended between stations; a hollow or a
     given one has the area of the mass, over chord squared.

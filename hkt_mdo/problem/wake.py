@@ -12,7 +12,7 @@ from hkt_mdo.problem.setup import Setup
 from hkt_mdo.rotor.band import Band
 
 PULSE = 0.002
-"""By how much an open loop may be farther from its wake than its start is, relatively."""
+"""How much farther from its wake an open loop may be than its start, relatively."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class Follower:
         return float(self.band.weights @ fast_share(blade.r / blade.tip_radius))
 
     def along(self, scenario, speed) -> dict[str, np.ndarray]:
-        """Return what the wake does at the samples of a scenario, (n_times,).
+        """Return the state of the wake at the samples of a scenario, (n_times,).
 
         Parameters
         ----------
@@ -74,11 +74,11 @@ class Follower:
         }
 
     def bounds(self, number: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return between which an open loop's wake factor is held in a scenario, by its number.
+        """Return the bounds of an open loop's wake factor in a scenario, by its number.
 
-        At the distinct nodes. A rotor that pulses, faster and slower than its wake by turns, would
-        capture more than the best steady rotor, by a model that was not made for it; so it may be
-        no farther from its wake than its quasi-steady start, which the flow drives, by `PULSE`.
+        At the distinct nodes. A rotor that pulses, alternately faster and slower than its wake,
+        would capture more than the best steady rotor, by a model that was not made for this. So it
+        may be farther from its wake than its quasi-steady start by no more than `PULSE`.
         """
         scenario = self.physics.scenarios[number]
         speed, _ = self.physics.split(self.setup.start.operation)[number]
@@ -88,7 +88,7 @@ class Follower:
 
 
 def _followed(time, goal, constant):
-    """Return what follows a goal that is linear between the times, constant z' = goal - z.
+    """Return z of constant z' = goal - z, with a goal that is linear between the times.
 
     It begins in equilibrium.
     """

@@ -98,7 +98,7 @@ def draw_spectrum(data: Mapping[str, Any], ax: Axes) -> Axes:
     frequency, density = data["spectrum"]
     ax.loglog(frequency, density, color=style.COLORS[0], linewidth=1.2)
     top = float(np.max(density))
-    loud = frequency[density > QUIETEST * top]  # the rest is no flow
+    loud = frequency[density > QUIETEST * top]  # the rest of the spectrum is negligible
     ax.set_ylim(QUIETEST * top, 4.0 * top)
     ax.set_xlim(0.8 * loud[0], 1.25 * max(loud[-1], data["cutoff_hz"] or 0.0))
     ax.yaxis.set_major_formatter("{x:.0e}")

@@ -23,7 +23,7 @@ from hkt_mdo.rotor.outline import Outline
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """What a run has found.
+    """The design of a run.
 
     Attributes
     ----------
@@ -35,15 +35,16 @@ class Design:
         One for all stations, or one a station; where the thickness is designed, those of the
         case's sections, from thin to thick.
     law : Law
-        The control law with the torque that it asks for; that of an open loop is in the trajectory.
+        The control law with the torque that it demands; the torque of an open loop is in the
+        trajectory.
     gains : ndarray, shape (n_gains,)
         Gains of the law, in its `gain_units`; empty for open loop.
     inertia : float
         Inertia of the rotor, kg m^2.
     turbine : Turbine
-        What `hkt_mdo.problem.turbine` makes of the case, with the blade of the result.
+        The turbine of the case (`hkt_mdo.problem.turbine`), with the blade of the result.
     physics : Physics
-        What the case describes, its blade the one at the start.
+        The physics of the case, with the blade at the start.
     """
 
     blade: Blade
@@ -64,7 +65,7 @@ class Design:
         case : Case
             The case that was run.
         summary : Summary
-            What the run has found; it holds a blade.
+            The summary of the run, with a blade.
 
         Returns
         -------

@@ -27,7 +27,7 @@ _WRITTEN = (
 
 @contextmanager
 def _usable(out: Path):
-    """Tell as an InputError why a folder cannot be read or written."""
+    """Raise an InputError that says why a folder cannot be read or written."""
     try:
         yield
     except (OSError, sqlite3.Error) as error:
@@ -100,14 +100,14 @@ def claim(out: Path, scenarios: Sequence[str] = ()) -> None:
         names = [name for name in before if re.fullmatch(r"\w+", name)]
         write_text(mark, "\n".join([_MARKED, *dict.fromkeys([*names, *scenarios])]) + "\n")
         written = re.compile(_WRITTEN.format(f"({''.join(f'|_{name}' for name in names)})"))
-        # a link to a folder leads to files that no run wrote
+        # a link to a folder may lead to files that no run wrote
         folders = [out, figures] if figures.is_dir() and not figures.is_symlink() else [out]
         found = [path for folder in folders for path in folder.iterdir() if not path.is_dir()]
         for path in sorted(found, key=lambda path: path.name != "summary.json"):
             if written.fullmatch(path.relative_to(out).as_posix()):
                 path.unlink()
         write_text(mark, "\n".join([_MARKED, *scenarios]) + "\n")
-        with suppress(OSError):  # a file of the user's keeps it
+        with suppress(OSError):  # it holds a file of the user
             figures.rmdir()
 
 

@@ -1,8 +1,8 @@
 """Nested cases: a result is feasible in every less restricted case, and may be better there.
 
-Limits nest, for one more of them can only cost energy; so do control laws of which one is a
-special case of another (`Law.contains`), and designs of which one is held. So several results of
-one turbine in one flow judge each other, without any other program.
+Cases are nested by their limits, since one more limit can only cost energy; by control laws of
+which one is a special case of another (`Law.contains`); and by a fixed and a designed blade. So
+several results of one turbine in one flow check each other, without another program.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from hkt_mdo.results.solution import Solution
 
 BETTER = 1e-4
-"""Share of the objective by which another result must be better to be told."""
+"""Share of the objective by which another result must be better to be reported."""
 EXCEEDED = 1e-3
 """Relative excess of a limit along an integration with which a result counts as allowed."""
 OWN = {"name", "control", "limits", "design", "start", "driver", "hydrodynamics", "phase"}
@@ -94,8 +94,8 @@ def ranked(solutions: Iterable[Solution]) -> tuple[list[Solution], list[float | 
     first, shares = known[order[0]], []
     best = values[order[0]] if len(kinds) == 1 else None
     for value in (values[index] for index in order):
-        told = best is not None and value is not None
-        shares.append(0.0 - first.case.objective.behind(value, best) if told else None)
+        comparable = best is not None and value is not None
+        shares.append(0.0 - first.case.objective.behind(value, best) if comparable else None)
     return [known[index] for index in order], shares
 
 
@@ -112,14 +112,14 @@ def allows(result: Solution, other: Solution) -> bool:
     Parameters
     ----------
     result : Solution
-        Whose case is asked.
+        The result of the case.
     other : Solution
 
     Returns
     -------
     bool
-        False too where a branch is asked for, or where it cannot be told: of limits on the design,
-        of several scenarios, and of quantities that the other's tables lack.
+        Also False if a branch is required, or if it is not known: for limits on the design, several
+        scenarios, and quantities that the other's tables lack.
     """
     own, theirs = result.case, other.case
     if own.start.branch not in ("best", theirs.start.branch):
@@ -156,7 +156,7 @@ def _keeps_limits(result, other) -> bool:
     if len(given) < len(result.case.limits.given) or other.summary.loads is None:
         return False
     theirs = {each.name: each for each in other.case.limits.given}
-    # what the tables have of it depends on its depth and margin
+    # the suction in the tables depends on depth and margin
     if any(x.name == "cavitation" and theirs.get(x.name) not in (None, x) for x in given):
         return False
     shares = replace(other, case=result.case).limit_shares()

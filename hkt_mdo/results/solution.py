@@ -173,7 +173,7 @@ class Solution:
         """
         folder = Path(folder)
         for name in ("", "case.yaml", "summary.json"):
-            # unlike Path.exists, it bears too long a name and a null character
+            # unlike Path.exists, it takes names that are too long or hold a null character
             if not os.path.exists(folder / name):  # noqa: PTH110
                 problem = f"is no result folder: it lacks {name}" if name else "does not exist"
                 remedy = "give a folder that a run wrote, or run the case again"
@@ -332,7 +332,7 @@ class Solution:
     def across_gaps(self, time: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Return values (n_times,) with NaN wherever the machine stood still between two times.
 
-        So that a line through them breaks there; `time` is the table's.
+        A line through them is then interrupted there; `time` is that of the table.
         """
         operation = self.summary.operation
         spans = np.reshape(operation.intervals_s if operation else [], (-1, 2))
@@ -343,7 +343,7 @@ class Solution:
     def limits(self) -> tuple[Limit, ...]:
         """Limits of the case on quantities over time, that of the torque first."""
         torque = TorqueLimit(bound=self.case.control.torque_limit)
-        material = self.case.rotor.blade_material  # which may say what stress is allowable
+        material = self.case.rotor.blade_material  # which may have the allowable stress
         over_time = (each for each in self.case.limits.given if each.place == "time")
         given = (torque, *(each.on(None, material) for each in over_time))
         return tuple(each for each in given if each.caps_series)
@@ -515,5 +515,5 @@ def _read_csv(path: Path, columns: tuple[str, ...], maybe: set[str]) -> dict[str
 
 
 def _any_number(text: str) -> float | None:
-    """Return a number, which may be what an optimizer met: nan, inf or -inf."""
+    """Return a number, which may be nan, inf or -inf, as an optimizer may have had."""
     return float(text) if text in ("nan", "inf", "-inf") else parse_number(text)

@@ -1,4 +1,4 @@
-"""What a finished design does in steady flow, and what its operation was at each flow speed."""
+"""Steady operation of a finished design, and its simulated operation by flow speed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The common style of all figures, and what every plot needs: axes, legends, files.
+"""The common style of all figures, with axes, legends and files.
 
 Nothing is drawn by pyplot, and no rcParams are set.
 """
@@ -151,7 +151,7 @@ def widen(ax: Axes) -> None:
 
 @contextmanager
 def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
-    """Lay a figure out once; with a layout to compute, `savefig` draws everything twice."""
+    """Lay a figure out once, since `savefig` would draw everything twice to compute the layout."""
     engine, before = figure.get_layout_engine(), figure.dpi
     if engine is None:
         yield

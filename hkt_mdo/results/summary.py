@@ -1,4 +1,4 @@
-"""The summary of a run: the keys of `summary.json`, what is accepted there, and how it is printed.
+"""The summary of a run: the keys of `summary.json`, their checks, and how it is printed.
 
 A run writes a `Summary`, `Solution` reads it, and `hkt show` prints its rows one after the other.
 """
@@ -39,7 +39,7 @@ VERSION = 1
 """Version of `summary.json`; a summary without one is older, and is read too."""
 
 SCENARIO = "^[A-Za-z0-9_]{1,100}$"
-"""What a scenario's name looks like: it stands in names of files."""
+"""Pattern of a scenario's name, which is part of names of files."""
 
 BLADE = (
     *("r_m", "chord_m", "twist_deg", "thickness_over_chord"),
@@ -48,7 +48,7 @@ BLADE = (
 """Fields that hold one value for each blade station; thickness where it is designed."""
 
 FAST = 14.1
-"""Speed (m/s) at which the dynamic pressure of water is that of the air above it, less vapour's."""
+"""Speed (m/s) at which the dynamic pressure of water equals atmospheric less vapour pressure."""
 
 _Number = float | None
 _Column = list[float] | None
@@ -74,7 +74,7 @@ class Span(_Entry):
 
 
 class CheckEntry(_Entry):
-    """One judge's word: a value, the limit that it must not exceed, and where it occurred."""
+    """One check of a judge: a value, the limit that it must not exceed, and where it occurred."""
 
     name: str
     value: _Number = Field(default=None, allow_inf_nan=True)
@@ -94,7 +94,7 @@ class LoadEntry(_Entry):
     unit: str = ""
     time_s: _Number = None
     r_m: _Number = None
-    """Where along the blade, if it has a place there."""
+    """Where along the blade, if it is a load along the blade."""
     scenario: str | None = None
     """In which scenario, where the case has several."""
     flow_m_s: _Number = None
@@ -133,7 +133,7 @@ class LimitEntry(LoadEntry):
 
     @property
     def margin(self) -> str:
-        """What is left up to the limit, in per cent, and what it costs; empty if not known."""
+        """Distance from the limit, in per cent, and what the limit costs; empty if not known."""
         if self.value is None or not self.limit:
             return ""
         left = 100.0 * (self.limit - self.value) / abs(self.limit)
@@ -156,15 +156,15 @@ class LimitEntry(LoadEntry):
 
 
 class MemoryEntry(_Entry):
-    """How stable the loop of rotor and controller is in water whose wake has memory.
+    """Stability of the loop of rotor and controller if the wake has memory.
 
     By its eigenvalues at instants along the integration, with Oye's filters at every station
     (docs/memory.md): `growth` (1/s) is the largest real part at any of them, `frozen_growth` that
-    of a wake that stays as it is. `tau1_s` is the wake's time constant where the growth is largest.
+    in an unchanged wake. `tau1_s` is the wake's time constant where the growth is largest.
     Time and flow are those of the first instant that is unstable, or of the least stable one.
     `least_inertia_kg_m2` is the inertia of the shaft from which the loop is stable at all of them;
     null: at none. `stiffness` (N m s/rad) is what a controller of the speed must add to the torque
-    of an open loop, as a slope over the speed, to hold it while the wake stays as it is.
+    of an open loop, as a slope over the speed, to hold it in an unchanged wake.
     """
 
     stable: bool
@@ -184,10 +184,10 @@ class MemoryEntry(_Entry):
         if self.stable:
             word = "stable"
             if (self.frozen_growth or 0.0) > 0.0:
-                word = "stable, although not while the wake stays as it is"
+                word = "stable, although unstable in an unchanged wake"
             return f"{word}: the slowest change decays with {measured(-(self.growth or 0.0))} 1/s"
         least = self.least_inertia_kg_m2
-        heavy = "stable by no inertia of the shaft"
+        heavy = "unstable with any inertia of the shaft"
         if least is not None:
             own = f"the rotor has {measured(self.inertia_kg_m2, digits=3)}"
             heavy = f"stable from a shaft inertia of {measured(least, 'kg*m**2', 3)} ({own})"
@@ -197,7 +197,7 @@ class MemoryEntry(_Entry):
         share = f"{round(100.0 * (self.share_of_instants or 0.0))} % of the instants"
         return (
             f"UNSTABLE from t = {self.time_s or 0.0:.2f} s at v = {self.inflow_speed or 0.0:.3g} "
-            f"m/s, at {share}: the rotor may run away before its wake answers (tau1 = "
+            f"m/s, at {share}: the rotor may run away before its wake changes (tau1 = "
             f"{measured(self.tau1_s, 's', 3)}); {heavy}"
         )
 
@@ -221,7 +221,7 @@ class BoundEntry(_Entry):
 
 
 class BranchEntry(_Entry):
-    """A way to keep the limits, as quasi-steady co-design has it (`start.branch`)."""
+    """One of the ways to keep the limits, by quasi-steady co-design (`start.branch`)."""
 
     name: str
     objective_J: _Number = None
@@ -237,7 +237,7 @@ class BranchEntry(_Entry):
 
 
 class StartEntry(_Entry):
-    """A start that was tried: what proposed it, where it ended, which limits it exceeds there."""
+    """A start that was tried: its strategy, its end, and the limits that it exceeds there."""
 
     strategy: str
     branch: str = ""
@@ -261,7 +261,7 @@ class PassEntry(_Entry):
     remedy: str = ""
     """Name of the remedy; empty for the last optimization."""
     why: str = ""
-    """What the remedy found."""
+    """The reason for the remedy."""
 
     _text = "{number}: {iterations} iterations, {seconds:.1f} s; {remedy}: {why}"
 
@@ -291,8 +291,8 @@ class OperationEntry(_Entry):
     """When a machine with a cut-out speed operates: [begin, end] of each interval.
 
     Elsewhere it stands still, for `standstill_s` in all; `mean_power_W` is the objective over the
-    whole time, standstill included. An interval begins with a rotor that turns: `run_up_J` is what
-    the rotor's kinetic energy is then, over all intervals that follow a standstill.
+    whole time, standstill included. An interval begins with a rotor that turns: `run_up_J` is the
+    sum of the rotor's kinetic energies at the begin of all intervals that follow a standstill.
     """
 
     intervals_s: list[tuple[float, float]]
@@ -317,9 +317,10 @@ class OperationEntry(_Entry):
 
 
 class YearEntry(_Entry):
-    """What a resource gives in a year of 8766 h: electrical energy, and hours.
+    """Results of a resource in a year of 8766 h: electrical energy, and hours.
 
-    `net_energy_kWh` is what availability and losses leave, `kept` their factor. The capacity factor
+    `net_energy_kWh` is the energy after availability and losses, `kept` their factor. The capacity
+    factor
     is the net energy over that of the largest electrical power all year. `limits_h` has the hours
     in which each limit binds.
     """
@@ -361,14 +362,14 @@ class YearEntry(_Entry):
 
 
 class ScenarioEntry(_Entry):
-    """What one scenario gives by itself: energies, flow, limits and loads.
+    """Results of one scenario: energies, flow, limits and loads.
 
     `share` is the scenario's share of time; its energies count in those of the whole result with
     `weight`, that share times the case's duration over `duration_s`. `mean_power_W` is that of the
     objective over `duration_s`. A flow with a cut-out speed is one scenario, its energies those
     of all its intervals of operation. Where the measure of `robustness` compares the mean power
-    with an upper bound on it, `ceiling_W` is that; `decides` tells whether the measure is taken of
-    this scenario, where it is not taken of all.
+    with an upper bound, that is `ceiling_W`; `decides` tells whether this scenario decides the
+    measure, unless all do.
     """
 
     share: _Number = None
@@ -391,7 +392,7 @@ class ScenarioEntry(_Entry):
     year: YearEntry | None = None
 
     def rows(self, case: Case) -> Iterator[Row]:
-        """Yield the entry as rows; the case says what else is known of loads without a limit."""
+        """Yield the entry as rows; the case gives the remarks on loads without a limit."""
         flow, ratio = self.inflow_speed or Span(), self.tip_speed_ratio or Span()
         lasts = f"mean of {measured(self.duration_s, 's')}, share of time {measured(self.share)}"
         yield Row("flow", flow.mean, "m/s", f"{lasts}, at most {measured(flow.max, 'm/s')}")
@@ -400,9 +401,9 @@ class ScenarioEntry(_Entry):
         yield Row("energy, simulated", self.simulated_energy_J, "J", power)
         if self.ceiling_W and self.mean_power_W is not None:
             most = f"of at most {measured(self.ceiling_W, 'W')}"
-            told = joined(most, "decides the objective" if self.decides else "")
+            note = joined(most, "decides the objective" if self.decides else "")
             yield Row(
-                "mean power over its ceiling", 100.0 * self.mean_power_W / self.ceiling_W, "%", told
+                "mean power over its ceiling", 100.0 * self.mean_power_W / self.ceiling_W, "%", note
             )
         yield Row("tip speed ratio", ratio.ends, note=f"mean {measured(ratio.mean)}")
         yield from self.year.rows() if self.year else ()
@@ -425,22 +426,22 @@ class Summary(_Entry, Mapping[str, Any]):
     message: str | None = None
 
     energy_J: _Number = None
-    """Captured energy as the optimizer has it, by collocation."""
+    """Captured energy of the optimization, by collocation."""
     simulated_energy_J: _Number = None
     """Captured energy of the independent integration."""
     generator_energy_J: _Number = None
-    """What the generator takes from the shaft in the integration; the rest is stored."""
+    """Energy that the generator takes from the shaft in the integration; the rest is stored."""
     electrical_energy_J: _Number = None
-    """What the generator delivers of that, less its losses."""
+    """Energy that the generator delivers, after its losses."""
     starting_energy_J: _Number = None
     start_breaks: list[str] | None = None
-    """Limits that the start does not keep, the distance of its sections from stall among them: its
+    """Limits that the start does not keep, including the distance of its sections from stall; its
     energy is then no measure of the result."""
     energy_bound_J: _Number = None
     """Energy of a rotor that works at the steady optimum at every instant."""
     certified_gap: _Number = None
-    """What the simulated energy lacks of an upper bound that knows the torque limit and the control
-    law, over that bound (docs/theory.md). Under a limit of the power it says nothing."""
+    """Relative difference between the simulated energy and an upper bound that includes the torque
+    limit and the control law (docs/theory.md). It does not include a limit of the power."""
     bound_power_coefficient: _Number = None
     bound_tip_speed_ratio: _Number = None
     energy_balance_error: _Number = None
@@ -460,19 +461,19 @@ class Summary(_Entry, Mapping[str, Any]):
     the hub and the suction of the sections are known, cavitation; shaft power of the generator,
     rotor speed and tip speed."""
     memory: MemoryEntry | None = None
-    """How stable the loop is in water whose wake has memory, asked for or not."""
+    """Stability of the loop if the wake has memory, also if the case does not have it."""
     tip_deflection_m: _Number = None
     """Largest deflection of a tip out of the rotor plane, of a linear beam."""
     at_bounds: list[BoundEntry] | None = None
-    """What of the design ends at a bound of the case: a wider one may give more."""
+    """Design variables that end at a bound of the case: a wider one may give more."""
     scenarios: dict[Annotated[str, StringConstraints(pattern=SCENARIO)], ScenarioEntry] | None = (
         None
     )
-    """What each scenario of the case gives by itself."""
+    """Results of each scenario of the case."""
     branches: list[BranchEntry] | None = None
     """Overspeed and underspeed, where limits can be kept by both, the one that was taken first."""
     starts: list[StartEntry] | None = None
-    """What became of the starts that were tried, in quasi-steady operation."""
+    """Outcomes of the starts that were tried, in quasi-steady operation."""
 
     rotor_radius_m: _Number = None
     """Radius of the swept disc."""
@@ -584,7 +585,7 @@ class Summary(_Entry, Mapping[str, Any]):
         yield Row("success", "yes" if self.success else "no")
         yield Row("message", self.message)
         if self.memory is not None:
-            yield Row("in water with memory", self.memory.text)
+            yield Row("stability with memory of the wake", self.memory.text)
         yield Row("energy", found, "J")
         yield Row("energy, simulated", simulated, "J", off)
         yield Row("energy of the generator", self.generator_energy_J, "J")
@@ -630,8 +631,8 @@ class Summary(_Entry, Mapping[str, Any]):
         yield Row("optimizer", work if self.optimizer else None)
         if self.passes:
             remedies = (f"{each.remedy}: {each.why}" for each in self.passes if each.remedy)
-            told = "; ".join(remedies).replace("_", " ")
-            yield Row("optimizations", str(len(self.passes)), "", told)
+            note = "; ".join(remedies).replace("_", " ")
+            yield Row("optimizations", str(len(self.passes)), "", note)
         if self.starts:
             kept = next((each.strategy for each in self.starts if each.kept), "none")
             yield Row("starts", f"{len(self.starts)} tried", "", f"began with: {kept}")
@@ -670,7 +671,7 @@ def _largest_rows(
 
 
 def unasked(name: str, value: float | None, case: Case) -> str:
-    """Return what is to be said of a load that is large and has no limit; empty if it is not.
+    """Return a remark on a load that is large and has no limit; otherwise nothing.
 
     Parameters
     ----------

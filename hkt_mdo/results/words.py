@@ -22,7 +22,7 @@ _IDLE = (
     *("start", "phase", "scale", "gaps", "spikes", "uneven"),
     *("turbulence_intensity", "reversal", "availability", "array_losses", "electrical_losses"),
 )
-"""Keys of a flow that change nothing where they have their defaults."""
+"""Keys of a flow that are not shown if they have their defaults."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Row:
     unit : str
         Unit as OpenMDAO writes it, such as ``N*m``; empty for a plain number or a text.
     note : str
-        What else is to be said, such as when and where the value occurs.
+        Further information, such as when and where the value occurs.
     digits : int
         Significant digits of the value.
     severity : str

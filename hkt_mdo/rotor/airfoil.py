@@ -14,7 +14,8 @@ from hkt_mdo.rotor.suction import require_suction, surface_curves
 # A polar on a 0.25 or 0.5 degree grid is interpolated exactly at its own points. A lookup is one
 # multiplication instead of a search.
 KNOTS_PER_DEGREE = 4
-STALL = 0.03  # share of the lift that is lost beyond stall; less is a dent of the table
+# share of the lift that is lost beyond stall; a smaller loss is an irregularity of the table
+STALL = 0.03
 ASPECT_RATIO = 10.0  # of the blade, for the drag of the plate (Viterna and Janetzke 1982, eq. 4)
 
 
@@ -31,7 +32,8 @@ class Polar:
 
     suction[n_knots, 8] are the polynomials of -Cp min on the same knots, four of the upper, then
     four of the lower surface (`hkt_mdo.rotor.suction.surface_curves`); None where a table has no
-    smallest pressure. Beyond the table it is continued constant: a limit there says little.
+    smallest pressure. Beyond the table it is continued as a constant, so a limit on it means little
+    there.
     """
 
     coefficients: np.ndarray
@@ -217,8 +219,8 @@ class PolarFamily:
 
     Between two of reynolds[n], which increase, lift and drag are linear in its logarithm; beyond
     the first and the last they are constant. Reynolds numbers are by the chord, and infinite for
-    the one polar of a file that states none (Reynolds invariance). `messages` say what was done to
-    the rows of its file.
+    the one polar of a file that states none (Reynolds invariance). `messages` say how the rows of
+    its file were changed.
     """
 
     reynolds: np.ndarray

@@ -1,8 +1,9 @@
 """Tables of a rotor whose wake has memory: loads in a band about the wake's tip speed ratio.
 
-A wake that has not answered yet is that of another tip speed ratio, the wake's. It is known by the
-mean axial velocity that it induces, as a share of the flow's speed, which rises with that ratio.
-Loads are a table over both: the wake's ratio, and the rotor's over it.
+A wake that is not in equilibrium is described as that of another tip speed ratio, the wake's. This
+ratio follows from the mean axial velocity that the wake induces, as a share of the flow's speed,
+since that rises with the ratio. Loads are a table over the wake's ratio and over the quotient of
+the rotor's ratio and the wake's.
 """
 
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ FACTORS = np.linspace(0.7, 1.3, 13)
 BEYOND = 0.1
 """Share of the range of a table's tip speed ratios by which the wake's may be beyond them."""
 PLACE = 0.7
-"""Radius over that of the tip whose induction decides the wake's time constant."""
+"""r/R of the induction that decides the wake's time constant."""
 
 
 def place_shares(places):
@@ -54,7 +55,7 @@ class Entries(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """The tip speed ratios of the tables, and what the mean induction is.
+    """The tip speed ratios of the tables, and the weights of the mean induction.
 
     Attributes
     ----------
@@ -72,7 +73,7 @@ class Band:
 
     @classmethod
     def of(cls, rotor, blade, tip_speed_ratio, nodes):
-        """Return the band of a blade; a station weighs as much as its induction moves the torque.
+        """Return the band of a blade; its weights are the effects of the inductions on the torque.
 
         Parameters
         ----------
@@ -194,7 +195,7 @@ class Band:
         -------
         ratio, slope : ndarray of shape (n_points,)
             By Newton's method, from linear interpolation. Beyond the nodes, where an optimizer may
-            try points, it goes on smoothly by at most `BEYOND` of their range.
+            try points, it is continued smoothly by at most `BEYOND` of their range.
         """
         rising = np.maximum.accumulate(table) + 1e-9 * np.arange(table.size)
         inside = np.clip(induction, rising[0], rising[-1])
@@ -214,7 +215,7 @@ class Band:
         Parameters
         ----------
         rotor : RotorModel
-            What tells the loads.
+            Computes the loads.
         blade : Blade
             The blade.
         names : sequence of str
@@ -251,7 +252,7 @@ class Band:
 
 
 def _sum(blade, weights, flow, which):
-    """Return the weighted sum over the stations of a load of sections, without dimension."""
+    """Return the weighted sum over the stations of a dimensionless load of sections."""
     values = (flow.tangential_load, flow.normal_load)[which] @ weights
     if not flow.derivatives.size:
         return Entries(values)

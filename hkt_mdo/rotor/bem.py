@@ -31,7 +31,7 @@ from hkt_mdo.rotor.thickness import ByThickness
 
 PHI_MIN = 1e-6  # rad, CCBlade's distance from the singular points phi = 0 and pi
 
-# Samples are dense near phi = 0, where rotors work, and few beyond 90 degrees.
+# Samples are dense near phi = 0, where rotors operate, and sparse beyond 90 degrees.
 _SAMPLES = np.concatenate(
     (
         PHI_MIN + (0.5 * np.pi - PHI_MIN) * np.linspace(0.0, 1.0, 56) ** 1.5,
@@ -46,7 +46,7 @@ MOST_KNOTS = 1024  # on the curve of a station; 50 to 60 are usual
 # The terms of no root: s = 0; see `_terms`
 _NOTHING = (0.0,) * 4, (0.0,) * 6, (0.0,) * 5
 
-# Rows of `Sections.derivatives`; the last is what the polars follow besides: the logarithm of the
+# Rows of `Sections.derivatives`; the last is the other variable of the polars: the logarithm of the
 # Reynolds number (`LocalReynolds`) or the thickness (`ByThickness`)
 INPUTS = ("tip_speed_ratio", "chord", "twist", "followed")
 
@@ -184,7 +184,7 @@ def _derivatives(terms, tip_speed_ratio, chord, r, tip_radius, by_followed, out)
     """Fill out[n_outputs, n_inputs]: total derivatives at a root, by `INPUTS`; see `Sections`.
 
     dphi/dx = -f_x / f_phi by the implicit function theorem. by_followed holds the derivatives of
-    the tangential and the normal force coefficient by what the polars follow.
+    the tangential and the normal force coefficient by the other variable of the polars.
     """
     (s, c, s_phi, c_phi), forces, (k, m, k_unit, m_unit, s_k) = terms
     lambda_r = tip_speed_ratio * r / tip_radius
@@ -415,7 +415,8 @@ def _solve(
     """Solve all stations at all points. Arrays are station-major, so that writes are in order.
 
     Station j has the polar section[j] or, where mixture is not empty, the polars from section[j] on
-    times the weights mixture[0, j, i], whose derivatives by what they follow are mixture[1, j, i];
+    times the weights mixture[0, j, i], whose derivatives by the other variable are mixture[1, j,
+    i];
     mixture[:, j, 0] where all points have the same.
 
     Raises
@@ -482,7 +483,7 @@ def _force_slopes(phi, twist, polars, section, mixture):
     """Return slopes of the force coefficients that `_forces` has, (2, 2, *phi.shape).
 
     Of the tangential and the normal one (first axis) by the angle of attack at a constant inflow
-    angle, and by what the polars follow.
+    angle, and by the other variable of the polars.
     """
     n_mixed, last, one = mixture.shape[3], mixture.shape[2] - 1, np.ones(1)
     found = np.zeros((2, 2, *phi.shape))
@@ -594,10 +595,10 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False):
 
 
 def sections_with(blade, polar, tip_speed_ratio, induced):
-    """Return the `Sections` of a blade whose wake induces given velocities.
+    """Return the `Sections` of a blade under given induced velocities.
 
-    Momentum theory is left out: what the wake induces, such as one with memory, is known, and the
-    loads are those of the sections in the flow that results. The residual is zero.
+    Momentum theory is not used: the induced velocities are given, such as those of a wake with
+    memory, and the loads are those of the sections in the resulting flow. The residual is zero.
 
     Parameters
     ----------
@@ -629,9 +630,9 @@ def sections_with(blade, polar, tip_speed_ratio, induced):
 
 
 def sections_behind(blade, polar, wake, wake_ratio, tip_speed_ratio):
-    """Return the `Sections` of a blade whose wake is still that of another tip speed ratio.
+    """Return the `Sections` of a blade in the wake of another tip speed ratio.
 
-    What the wake induces at its own tip speed ratio stays, in shares of the flow's speed.
+    The velocities induced at the wake's tip speed ratio are kept, as shares of the flow's speed.
 
     Parameters
     ----------
@@ -648,8 +649,8 @@ def sections_behind(blade, polar, wake, wake_ratio, tip_speed_ratio):
     -------
     Sections
         State of the flow, (n_points, n_stations). Derivatives, if the wake has them, are totals:
-        those by the tip speed ratio while the wake stays, the others by a blade that changes its
-        wake too.
+        those by the tip speed ratio with the wake unchanged, the others with the wake of the
+        changed blade.
     """
     found = sections_with(blade, polar, tip_speed_ratio, induced_speeds(blade, wake, wake_ratio))
     if not wake.derivatives.size:
@@ -664,7 +665,7 @@ def sections_behind(blade, polar, wake, wake_ratio, tip_speed_ratio):
     for column in range(len(INPUTS)):
         if column == 0:
             across, along = 0.0, blade.r / blade.tip_radius
-        else:  # of the velocities that the wake leaves, W sin(phi) and W cos(phi) of its own
+        else:  # velocities at the section in the wake's own state, W sin(phi) and W cos(phi)
             angle, own = wake.derivatives[2:, column]
             sine, cosine = np.sin(wake.inflow_angle), np.cos(wake.inflow_angle)
             turned = wake.relative_speed * angle
@@ -685,7 +686,7 @@ def sections_behind(blade, polar, wake, wake_ratio, tip_speed_ratio):
 
 
 def induced_speeds(blade, flow, tip_speed_ratio):
-    """Return what the wake of solved sections induces; none where a section has no root.
+    """Return the velocities induced by the wake of solved sections; zero without a root.
 
     Parameters
     ----------

@@ -30,12 +30,12 @@ from hkt_mdo.rotor import bem
 ANGLES = 32  # of the search in the inflow angle, before it is refined
 NARROWINGS = 24  # of a bracket, each by 0.618
 TWISTS = 91  # of the search where the chord is at a bound
-MOST_MINIMA = 64  # of delta that are looked at, the lowest first
+MOST_MINIMA = 64  # most minima of delta that are examined, the lowest first
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
 class BestSections(NamedTuple):
-    """Best tangential load (m, as `hkt_mdo.rotor.bem.Sections` has it) and where it is attained.
+    """Best tangential load (m, as in `hkt_mdo.rotor.bem.Sections`), its chord and its twist.
 
     Arrays are of shape (n_points, n_stations), chord in m, twist in rad.
     """

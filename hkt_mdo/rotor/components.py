@@ -21,7 +21,7 @@ QUANTITIES = {
 
 
 def rotor_inputs(blade):
-    """Return the names of what changes of a blade in an optimization.
+    """Return the names of the quantities of a blade that change in an optimization.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def rotor_inputs(blade):
 
 
 class ShapeComp(om.ExplicitComponent):
-    """Chord, twist and thickness at the stations from what is designed; see `Shape`.
+    """Chord, twist and thickness at the stations from the design variables; see `Shape`.
 
     Inputs chord_control[n_chord] (m), twist_control[n_twist] (rad), thickness_control[n_thickness]
     (over chord), rotor_radius (m), as far as they are designed or scale the blade; outputs chord,
@@ -77,7 +77,7 @@ class ShapeComp(om.ExplicitComponent):
 
 
 class BladeComp(om.ExplicitComponent):
-    """What follows from a blade of a rotor: the base of the components below.
+    """Base of the components below, whose inputs describe the blade of a rotor.
 
     Inputs chord[n_stations] (m), twist[n_stations] (rad), thickness[n_stations] (over chord) where
     it is designed, and rotor_radius (m), with which hub, stations and tip move.
@@ -96,7 +96,7 @@ class BladeComp(om.ExplicitComponent):
 
     @property
     def inputs_of_blade(self):
-        """Names of what the component takes of the blade.
+        """Names of the component's inputs that describe the blade.
 
         Returns
         -------
@@ -154,7 +154,7 @@ class _Table(BladeComp):
         return ratios
 
     def _set_partials(self, partials, table, found, prefix=""):
-        """Set the partials of a table, which are the attributes of what is found."""
+        """Set the partials of a table from the attributes of its values."""
         by_ratio = ["tip_speed_ratio"] if self.options["vary"] else []
         for name in (*self.inputs_of_blade, *by_ratio):
             partials[table, name] = getattr(found, f"{prefix}by_{name}")
@@ -305,7 +305,7 @@ class InertiaComp(BladeComp):
 
     @property
     def inputs_of_blade(self):
-        """Names of what decides the sections' areas, and the radius.
+        """Names of the inputs that decide the sections' areas, and the radius.
 
         Returns
         -------
@@ -363,7 +363,7 @@ class BladeGroup(om.Group):
         declare("shape", default=None, types=Shape, allow_none=True, recordable=False)
         declare("coefficients", default=("torque",), types=tuple, desc="names of coefficients")
         declare("loads", default=(), types=tuple, desc="names of loads")
-        about = "of a wake with memory: its tables stand for those of torque and loads"
+        about = "of a wake with memory: its tables replace those of torque and loads"
         declare("band", default=None, types=Band, allow_none=True, recordable=False, desc=about)
 
     def setup(self):

@@ -1,6 +1,6 @@
-"""The hydrodynamics of a rotor: the one object that the rest of the program uses for its flow.
+"""The hydrodynamics of a rotor: the rest of the program computes its flow by this object only.
 
-A finer model of the flow, such as sectors of the disc or a wake with memory, comes in here.
+A finer model of the flow, such as sectors of the disc, would be added here.
 """
 
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from hkt_mdo.rotor.suction import section_suction
 from hkt_mdo.rotor.thickness import ByThickness
 
 SOLVERS = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficients}
-"""What computes the coefficients of a rotor, by the name that a case gives it."""
+"""Solvers of the coefficients of a rotor, by the name in a case."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Hydrodynamics:
         Lift and drag of the sections: the same at all stations, one a station, or polars that
         follow the local Reynolds number or the blade's thickness.
     solver : str
-        What computes `coefficients`, one of `SOLVERS`; all else is by `hkt_mdo.rotor.bem`.
+        Solver of `coefficients`, one of `SOLVERS`; all else is computed by `hkt_mdo.rotor.bem`.
     """
 
     polar: Polar | tuple[Polar, ...] | LocalReynolds | ByThickness
@@ -58,7 +58,7 @@ class Hydrodynamics:
 
     @property
     def several_sections(self):
-        """Whether the stations have polars of their own, which are rougher together than one.
+        """Whether the stations have different polars, whose sum is rougher than one polar.
 
         Returns
         -------
@@ -79,7 +79,7 @@ class Hydrodynamics:
         return self.polar.bounds if self.follows_thickness else (0.0, 1.0)
 
     def polars_at(self, station):
-        """Return the polars that a station has: by Reynolds number or thickness, or its one.
+        """Return the polars of a station: by Reynolds number or thickness, or its only one.
 
         Parameters
         ----------
@@ -129,7 +129,7 @@ class Hydrodynamics:
         return replace(self, polar=self.polar.at_speed(flow_speed))
 
     def as_built(self, blade):
-        """Return the same rotor with the polars that the sections of a blade have as built.
+        """Return the same rotor with the polars of a blade's sections at their thickness.
 
         Parameters
         ----------

@@ -41,7 +41,7 @@ class RotorMass(NamedTuple):
 
 
 def between(values):
-    """Return what is linear between edges at the points of Gauss's rule.
+    """Return values that are linear between edges, at the points of Gauss's rule.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def between(values):
 
 
 def carried(values):
-    """Return values at stations with those that they are carried on with to hub and tip.
+    """Return values at hub, stations and tip; the first and last station's hold at hub and tip.
 
     Parameters
     ----------

@@ -103,7 +103,7 @@ class Load(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Cavitation:
-    """What decides whether a section's pressure reaches that of vapour, at the top of the turn.
+    """Suction and depth, which decide whether a section cavitates at the top of the turn.
 
     suction takes angles of attack[n_points, n_stations] (rad) and returns the largest -Cp of the
     upper and the lower surface, [2, n_points, n_stations], and its slopes by the angle; where the
@@ -139,7 +139,7 @@ class Cavitation:
 
 @dataclass(frozen=True, eq=False)
 class LoadModel:
-    """What the loads of a rotor follow from, besides its blade.
+    """The model of a rotor's loads: everything that they depend on besides the blade.
 
     rotor has the flow at its sections, water_density is in kg/m³. Without a `Structure` there is no
     stress, without a `Cavitation` no cavitation. exponent is that of the norms which stand for the
@@ -249,7 +249,8 @@ class LoadModel:
         Euler-Bernoulli's beam of small deflections, clamped at the hub radius, under the loads of
         the flow (the centrifugal force, which stiffens it, is left out): integral of the curvature
         times (tip radius - r). Sections bend about their own inclined axes; chord, twist and
-        section run linearly between stations and are carried on to hub and tip. Raises ValueError
+        section are linear between stations and constant from there to hub and tip. Raises
+        ValueError
         without a structure or its modulus.
 
         Parameters
@@ -344,7 +345,7 @@ def radius_slope(blade, values, by_chord, power):
     blade : Blade
         The blade.
     values : ndarray of shape (n_points,)
-        What grows with length to the power.
+        Values proportional to length to the power.
     by_chord : ndarray of shape (n_points, n_stations)
         Its derivative by the chord.
     power : int

@@ -14,7 +14,7 @@ from hkt_mdo.rotor.strength import Structure, StructureByThickness
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RotorModel(Hydrodynamics):
-    """What does not change with a rotor's design, and what follows from it for a blade.
+    """The data of a rotor that do not depend on its design, and the models of any of its blades.
 
     Attributes
     ----------
@@ -30,11 +30,11 @@ class RotorModel(Hydrodynamics):
     water_density : float
         Density of the water (kg/m**3).
     structure : Structure or StructureByThickness, optional
-        What the sections resist; without it there is no stress.
+        Area and second moments of the sections; without it there is no stress.
     cavitation : Cavitation, optional
-        What decides where sections cavitate; without it there is no such load.
+        Suction and depth; without it there is no load `cavitation`.
     inertia_factor : float
-        Of the rotor as it is, over that of blades and hub.
+        Inertia of the actual rotor over that of blades and hub.
     """
 
     section_area: float | np.ndarray | CubicSpline
@@ -78,7 +78,7 @@ class RotorModel(Hydrodynamics):
         Parameters
         ----------
         shape : Shape
-            What of the blade is designed.
+            The design variables of the blade.
         blade : Blade
             The blade at the start.
         tip_speed_ratio : float

@@ -1,7 +1,7 @@
 """Suction of an outline in potential flow, with the circulation of the lift it has in real flow.
 
-A boundary layer leaves the pressure near the nose nearly as it is in potential flow; what it
-changes is the circulation. The panels have linearly varying vorticity, as those of XFOIL (Drela
+A boundary layer hardly changes the pressure near the nose from that of potential flow; it changes
+the circulation. The panels have linearly varying vorticity, as those of XFOIL (Drela
 1989).
 """
 
@@ -17,7 +17,8 @@ __all__ = ["SurfaceSpeed", "faired", "potential_suction", "surface_speed"]
 
 PANELS = 160  # of each side, closer together towards both edges
 ORDER = 7  # of the Bernstein polynomials of a side
-FORWARD = 0.9  # of the chord: behind it circulation other than Kutta's goes round the edge
+# of the chord: behind it the flow with other circulation than Kutta's turns round the edge
+FORWARD = 0.9
 
 
 def potential_suction(outline, alpha, lift):

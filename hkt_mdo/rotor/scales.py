@@ -1,4 +1,4 @@
-"""Reference magnitudes of a rotor's loads: what dimensionless coefficients are multiplied by."""
+"""Reference magnitudes of a rotor's loads, by which dimensionless coefficients are multiplied."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The designed part of a blade: what it has at its stations, or splines of few points."""
+"""The design variables of a blade: values at its stations, or control points of splines."""
 
 from dataclasses import dataclass, field, replace
 
@@ -176,7 +176,7 @@ class Shape:
 
     @property
     def bases(self):
-        """The bases by the name of what is designed; that of the thickness may be empty.
+        """The spline bases by the name of the design variable; that of the thickness may be empty.
 
         Returns
         -------
@@ -188,7 +188,7 @@ class Shape:
 
     @property
     def points(self):
-        """Number of control points, or of stations designed, by the name of what is designed.
+        """Number of control points, or of designed stations, by the name of the design variable.
 
         Returns
         -------
@@ -329,7 +329,7 @@ class Shape:
         return tuple(np.clip(values, *ends) for values, ends in control)
 
     def nearest(self, blade):
-        """Return the blade of this family, within its bounds, nearest to one, of its radius.
+        """Return the blade of this family, within its bounds, that is nearest to a given one.
 
         Parameters
         ----------

@@ -1,11 +1,11 @@
-"""How near to stall the sections of a designed blade may work."""
+"""How close to stall the sections of a designed blade may operate."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-SLOWER = 0.97  # of the tip speed ratio at which sections must still be attached
-DISTANCE = np.deg2rad(1.0)  # from the angle of attack of stall
+SLOWER = 0.97  # factor on the lowest tip speed ratio at which the flow must still be attached
+DISTANCE = np.deg2rad(1.0)  # distance from the angle of attack of stall
 
 
 class StallFence(NamedTuple):
@@ -28,8 +28,8 @@ def stall_fence(rotor, shape, blade, tip_speed_ratio):
 
     Beyond stall lift falls, and the balance of momentum and lift has several solutions: where the
     attached one ends, the load jumps, by a third or more where a section is thick. Thick sections
-    are best right at that edge, where no optimizer converges. A blade with one section for all
-    stations is best far from it, and is left free.
+    are best right at that point, where no optimizer converges. The optimum of a blade with one
+    section for all stations is far from it, so such a blade is not constrained.
 
     Parameters
     ----------

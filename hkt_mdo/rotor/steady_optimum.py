@@ -229,7 +229,7 @@ def _candidates(blade, rotor, ratios, chord_bounds, twist_bounds, grid=GRID):
 
 
 def _best_stations(blades, rotor, ratio, thickness):
-    """Return the blade that has at each station the best of some blades' of constant thickness."""
+    """Return the blade that combines the best stations of blades of constant thickness."""
     shapes = np.stack(
         [(b.chord, b.twist, np.full(b.r.size, t)) for b, t in zip(blades, thickness, strict=True)]
     )

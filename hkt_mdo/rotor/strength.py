@@ -1,4 +1,4 @@
-"""What the sections of a blade resist: bending about inclined axes by their outline and material.
+"""Strength of a blade's sections: bending about inclined axes by their outline and material.
 
 A section has the axes x along its chord, from the leading to the trailing edge, and y across it,
 towards the upper (suction) side, both from the centroid of its material; see docs/theory.md.
@@ -18,7 +18,7 @@ from hkt_mdo.rotor.thickness import over_thickness
 PLACES = 64  # about; with them the largest stress is within 1e-3 of that between all places
 EXPONENT = 400  # of the norms that are smooth instead of the largest; see `norm`
 PARTS = 32  # between two sections, in which sections of a designed thickness are tabulated
-POINT_ERROR = 2e-4  # how much the points of an outline that are kept may stand out too far
+POINT_ERROR = 2e-4  # largest relative error of the extent of an outline by the points that are kept
 
 
 class Bending(NamedTuple):
@@ -38,7 +38,7 @@ class Bending(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """What a blade's sections resist, over powers of the chord, at its n places (`place_weights`).
+    """Area and second moments of a blade's sections, over powers of the chord, at n places.
 
     area over chord squared; second moments of area over its fourth power, xx = integral of y² dA,
     yy = integral of x² dA, xy = integral of x y dA about the centroid; each of shape (n,) or, for
@@ -79,7 +79,7 @@ class Structure:
         Returns
         -------
         Structure
-            What the sections resist.
+            Of the sections.
         """
         same = isinstance(outlines, Outline)
         if same and np.ndim(wall) == 0:
@@ -253,7 +253,7 @@ class StructureByThickness:
         Returns
         -------
         StructureByThickness
-            What the sections resist.
+            Of the sections.
         """
         parts = [np.linspace(*ends, PARTS + 1) for ends in pairwise(thickness)]
         at = np.unique(np.concatenate(parts))
@@ -392,7 +392,7 @@ def _norm(values, share, exponent):
 
 
 def _around(u, v, points, moved, exponent):
-    """Return what `Bending` needs of the stress x u + y v over the points of every outline.
+    """Return the quantities of `Bending` for the stress x u + y v over the points of every outline.
 
     u and v are [n_points, n_places]; points[n or 1, n_outline, 2] and their rates moved, or None,
     as in `Structure`. Returned are the `norm`, the largest, and the norm's derivatives by u, by v

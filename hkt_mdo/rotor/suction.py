@@ -6,10 +6,10 @@ from hkt_mdo.errors import InputError
 
 KINK_RANGE = np.deg2rad(10.0)  # of zero angle of attack, where the suction peak changes side
 STAGNATION = -1.0  # least suction: that of a stagnation point, where Cp = 1
-OUTRUN = np.deg2rad(2.0)  # over which a curve's slope dies away beyond the table
+OUTRUN = np.deg2rad(2.0)  # range beyond the table over which a curve's slope decays
 OUTWARD = np.deg2rad([0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 11.0, 15.0])  # rows beyond it
 STEP = np.deg2rad(5.0)  # of the rows that follow
-FLAT_TO = np.deg2rad(120.0)  # from there round the back the curves return to their other ends
+FLAT_TO = np.deg2rad(120.0)  # from there, over 180 degrees, the curves return to their other ends
 
 
 def surface_curves(alpha, suction):
@@ -17,9 +17,9 @@ def surface_curves(alpha, suction):
 
     alpha[n_rows] (rad) increases, suction[2, n_rows] is -Cp min of the upper and the lower surface,
     or suction[1, n_rows] the larger of the two, which `split_at_kink` parts. Rows beyond 90 degrees
-    are passed over. Beyond the last row a curve runs on with its slope, which dies away within a
-    few degrees, so that the spline through the grid keeps within the rows' magnitude; from there it
-    is constant up to 120 degrees, and round the back it goes over to the value of the other end.
+    are not used. Beyond the last row a curve continues with its slope, which decays within a few
+    degrees, so that the spline through the grid stays within the rows' magnitude; from there it is
+    constant up to 120 degrees, and over 180 degrees it changes to the value of the other end.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def split_at_kink(alpha, suction):
     As the angle of attack alpha[n_rows] (rad) rises, the lower surface's suction falls and the
     upper one's rises; where they cross, the larger has a kink, and least suction. The lowest row
     within 10 degrees of zero goes to the side whose straight line through its two next rows meets
-    it closer. Each curve is carried on beyond the kink with the slope s that it has there,
+    it closer. Each curve continues beyond the kink with the slope s that it has there,
 
         q(a) = q0 - (q0 + 1) (1 - exp(-s |a - a0| / (q0 + 1))),
 

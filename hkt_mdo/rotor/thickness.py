@@ -10,7 +10,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.suction import require_suction
 
-BETWEEN = 9  # thicknesses between two sections at which the curves' drag is looked at
+BETWEEN = 9  # thicknesses between two sections at which the drag is checked
 
 
 def over_thickness(thickness, values):
@@ -23,7 +23,7 @@ def over_thickness(thickness, values):
     thickness : ndarray of shape (n_sections,)
         Thickness over chord of the sections, increasing.
     values : array_like of shape (n_sections, ...)
-        What the curve goes through.
+        The values at these thicknesses.
 
     Returns
     -------
@@ -35,7 +35,7 @@ def over_thickness(thickness, values):
 
 @dataclass(frozen=True, eq=False)
 class ByThickness:
-    """Polars of sections over their thickness; the blade says that of its stations.
+    """Polars of sections over their thickness; the blade gives the thickness of its stations.
 
     Lift, drag and suction at an angle of attack are splines through the sections' (see
     `over_thickness`). thickness[n_sections], over the chord, increases, with one of sections each;

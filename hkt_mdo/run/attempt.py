@@ -1,4 +1,4 @@
-"""One optimization of a run, with what the remedies and the judges look at."""
+"""One optimization of a run, with the quantities that remedies and judges examine."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ AT_OPTIMUM = "finer mesh", "lowered limits"
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A result with its flights, and what the judges say of it.
+    """A result with its integrations and the checks of its judges.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Judged:
     flights : tuple of Flight
         The integration in each scenario.
     optimum : SteadyOptimum
-        The one that bounds the energy of the found blade.
+        That which bounds the energy of the optimized blade.
     reference : float
         Objective of the start, J; 0 where it is no measure of the optimum.
     checks : list of CheckEntry
@@ -70,7 +70,7 @@ class Judged:
         *,
         reference: float,
     ) -> Judged:
-        """Return a result, judged; `optimum` is the case's own, flights None are flown."""
+        """Return a result with its checks; `optimum` is the case's own; flights may be computed."""
         flights = flights or fly(physics, result)
         optimum = bounding_optimum(physics, optimum, result.point.blade)
         checks = judge(physics, optimum, reference, result, flights)
@@ -83,10 +83,10 @@ class Judged:
 
     @cached_property
     def rank(self) -> tuple[float, float, float]:
-        """What ranks results: large refusals, all refusals, the integration's objective.
+        """Rank of a result: numbers of large and of all failures, and the integration's objective.
 
-        A start in balance at every instant exceeds a torque limit by what turns the rotor faster:
-        that is better than an end that is false or by more than `BELOW_START` worse, and only then.
+        A start in balance at every instant exceeds a torque limit by the torque that accelerates
+        the rotor. It ranks above an end only if that is false or worse by more than `BELOW_START`.
         """
         large = sum(check.value > max(check.limit, BELOW_START) for check in self.checks)
         refused = sum(not check.passed for check in self.checks)
@@ -96,19 +96,19 @@ class Judged:
 
 @dataclass(frozen=True, eq=False)
 class Begin:
-    """What an optimization begins with, and why.
+    """The start of an optimization, and the reason for it.
 
     Attributes
     ----------
     start : StartingPoint
-        Where the passes began that it is one of.
+        The start of the series of passes to which it belongs.
     physics : Physics
         On the mesh that is optimized on.
     setup : Setup
     reference : float
         Objective of the start, J; 0 where it is no measure of the optimum.
     remedy, why : str
-        Name of the remedy that asks for it, and its reason; empty for the first one.
+        Name of the remedy that requires it, and the reason; empty for the first one.
     """
 
     start: StartingPoint
@@ -121,7 +121,7 @@ class Begin:
 
 @dataclass(frozen=True, eq=False)
 class Before:
-    """What the passes before have found, from the same start.
+    """The results of the earlier passes from the same start.
 
     Attributes
     ----------
@@ -133,7 +133,8 @@ class Before:
         Objectives after which the mesh was divided, J, the last one's at the end; of polynomials of
         one order and one kind of cycle.
     optimum : tuple of Physics, Optimized and flights, or None
-        The last end that no remedy but for the mesh or the limits between its nodes applied to.
+        The last optimum to which only remedies for the mesh, or for limits between its nodes,
+        applied.
     """
 
     passes: int = 0
@@ -144,7 +145,7 @@ class Before:
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """One optimization of a run: what it began with and ended with.
+    """One optimization of a run: its start and its end.
 
     Attributes
     ----------
@@ -166,7 +167,7 @@ class Attempt:
 
     @property
     def setup(self) -> Setup:
-        """What the optimization began with."""
+        """Start and settings of the optimization."""
         return self.begin.setup
 
     @property
@@ -176,17 +177,17 @@ class Attempt:
 
     @property
     def lost(self) -> bool:
-        """Whether the optimizer did not converge within narrow moves either."""
+        """Whether the optimizer failed even with narrow move limits."""
         return not self.converged and self.setup.moves == NARROW
 
     @cached_property
     def recovers(self) -> bool:
-        """Whether the rotor recovers from a small loss of speed, or the setup asks for it."""
+        """Whether the rotor recovers from a small loss of speed, or the setup requires this."""
         return bool(self.setup.slowed) or recovers(self.physics, self.result)
 
     @cached_property
     def runs_away(self) -> bool:
-        """Whether the loop is unstable in water with memory, where the case asks for it."""
+        """Whether the loop is unstable with memory of the wake, in a case with memory."""
         if not (self.physics.remembers and self.converged):
             return False
         found = stability_of(self.physics, self.result)
@@ -199,12 +200,12 @@ class Attempt:
 
     @cached_property
     def is_false(self) -> bool:
-        """Whether the integration contradicts what the collocation has solved."""
+        """Whether the integration contradicts the collocation."""
         return is_false(self.flights)
 
     @property
-    def few_denied(self) -> bool:
-        """Whether it is the first mesh, and its few segments that are too coarse may be why."""
+    def few_contradicted(self) -> bool:
+        """Whether few segments of the first mesh that are too coarse may be the reason."""
         parts = self.division.parts
         divided = np.mean(np.concatenate(parts) > 1) if parts else 1.0
         return not self.before.coarser and bool(divided < FEW)
@@ -221,7 +222,7 @@ class Attempt:
 
     @property
     def useful(self) -> bool:
-        """Whether its objective is one to compare with."""
+        """Whether its objective may be compared with others."""
         return self.converged and self.recovers
 
     @property
@@ -231,10 +232,10 @@ class Attempt:
 
     @property
     def fallen(self) -> float:
-        """Share by which the objective is below that of the optimum that it began with.
+        """Share by which the objective is below that of the optimum from which it began.
 
-        An open loop can do on a finer mesh, or within other moves, what it did before; a law loses
-        by a limit that a coarse mesh let it exceed.
+        On a finer mesh, or within other move limits, an open loop can still operate as before; a
+        law may lose, since a coarse mesh let it exceed a limit.
         """
         after = self.begin.remedy in ("finer mesh", "recentred moves")
         if self.physics.law.is_feedback or not (self.useful and after):
@@ -243,9 +244,9 @@ class Attempt:
 
     @cached_property
     def at_limit(self) -> bool:
-        """Whether it ended at a move limit, and anew from there may be better.
+        """Whether it ended at a move limit, so that another optimization from there may be better.
 
-        A false solution leads nowhere.
+        A false solution is no start for another optimization.
         """
         if not self.useful or self.gain <= WORTHWHILE:
             return False
@@ -259,7 +260,7 @@ class Attempt:
         return division(*about, self.before.coarser)
 
     def begin_again(self, why: str, **changes) -> Begin:
-        """Return what the next optimization begins with: changes of the setup, or the physics."""
+        """Return the start of the next optimization, with changes of the setup or the physics."""
         physics = changes.pop("physics", self.physics)
         return replace(self.begin, physics=physics, setup=replace(self.setup, **changes), why=why)
 
@@ -277,7 +278,7 @@ class Attempt:
         seconds
             Time that it took, s.
         again
-            What the next optimization begins with; None if there is none.
+            The start of the next optimization; None if there is none.
         """
         return PassEntry(
             number=len(self.state.passes) + 1,
@@ -290,16 +291,16 @@ class Attempt:
         )
 
     def after(self, again: Begin) -> Before:
-        """Return what the passes have found before the next one, which begins again."""
+        """Return the record of the passes so far for the next one, which begins again."""
         before = replace(self.before, passes=self.before.passes + 1)
-        if self.useful and again.remedy != "smaller moves":  # else it has fallen
+        if self.useful and again.remedy != "smaller moves":  # otherwise its objective has fallen
             before = replace(before, objective=self.result.objective)
         if again.remedy in AT_OPTIMUM:
             result = replace(self.result, mesh_error=self.division.error)
             before = replace(before, optimum=(self.physics, result, self.flights))
         if again.physics is not self.physics:
             meshes = [each.scenarios[0].mesh for each in (self.physics, again.physics)]
-            same = meshes[0] == meshes[1]  # else they are no series
+            same = meshes[0] == meshes[1]  # otherwise the objectives are no series
             last = (self.result.objective,) if self.useful else ()
             coarser = (*before.coarser, *last) if same else ()
             before = replace(before, coarser=coarser)
@@ -307,10 +308,10 @@ class Attempt:
 
     @cached_property
     def end(self) -> Judged:
-        """What the run ends with if no remedy follows: the end of this or an earlier pass, judged.
+        """The result of the run if no remedy follows, with its checks, of this or an earlier pass.
 
-        Where this one is lost, that is the last optimum. One on a finer mesh that was useful tells
-        the error of its mesh.
+        If this pass failed, it is the last optimum; a useful pass on a finer mesh gives the error
+        of its mesh.
         """
         physics, result, flights = self.physics, self.result, None
         if self.lost and self.before.optimum:
@@ -320,7 +321,7 @@ class Attempt:
                 result = replace(result, mesh_error=error)
         elif self.converged:
             result, flights = replace(result, mesh_error=self.division.error), self.flights
-        if self.at_limit:  # an optimum between limits of our own making is none
+        if self.at_limit:  # an optimum at a move limit is not an optimum of the case
             message = f"still at a move limit after {self.before.passes + 1} optimizations"
             outcome = replace(result.outcome, success=False, message=message)
             result = replace(result, outcome=outcome)
@@ -328,7 +329,7 @@ class Attempt:
         return Judged.of(*about, reference=self._reference(result))
 
     def _reference(self, result) -> float:
-        """Return the objective of the start, J, by what it has to give up to be a measure."""
+        """Return the objective of the start, J, as a measure of the optimum."""
         reference, first = self.begin.reference, self.state.first
         if reference and result.setup.slowed > SLOWED:  # farther from stall than the start
             kept = find_start(first, self.state.optimum, slowed=result.setup.slowed)
@@ -338,7 +339,7 @@ class Attempt:
         return reference
 
     def _moving_reference(self, result) -> float:
-        """Return the objective of the start as its rotor moves, J; 0 if it breaks a limit.
+        """Return the objective of the start with the rotor's inertia, J; 0 if it breaks a limit.
 
         A quasi-steady start follows every gust at once, which a rotor with inertia cannot.
         """
@@ -347,7 +348,8 @@ class Attempt:
         flights = fly(physics, stands)
         for flight in flights:
             held = physics.limits_in(flight.scenario)
-            parts = flight.at_nodes, flight.flown  # a law with states meets others than at rest
+            # a law with states has other states over time than in equilibrium
+            parts = flight.at_nodes, flight.flown
             over = [np.max(each.excess(known)) for each in held for known in parts]
             if flight.simulation.stopped_at is not None or max(over) > START_EXCESS:
                 return 0.0
@@ -357,7 +359,7 @@ class Attempt:
 def quasi_steady_reference(physics: Physics, start: StartingPoint) -> float:
     """Return the objective of a start, J; 0 where it is no measure of the optimum.
 
-    A start that breaks a limit may well be better than the best design that keeps it.
+    A start that breaks a limit may be better than the best design that keeps it.
 
     Parameters
     ----------
@@ -366,7 +368,7 @@ def quasi_steady_reference(physics: Physics, start: StartingPoint) -> float:
     start
         Found by quasi-steady co-design.
     """
-    if physics.start_objective is not physics.objective:  # the start makes something else large
+    if physics.start_objective is not physics.objective:  # the start maximizes another quantity
         return 0.0
     if len(physics.variants) > 1:  # its operation is that of the case's own turbine
         return 0.0
@@ -378,12 +380,12 @@ def quasi_steady_reference(physics: Physics, start: StartingPoint) -> float:
 def as_it_stands(
     state: RunState, physics: Physics, point: StartingPoint, ended: Optimized
 ) -> Optimized:
-    """Return a point as the result of an optimization that ended without success.
+    """Return a point as the result of an optimization without success.
 
     Parameters
     ----------
     state
-        What the run knows.
+        State of the run.
     physics, point
         A start or an iterate, and the physics on its mesh.
     ended

@@ -1,4 +1,4 @@
-"""The certificate of a case: what no design within its bounds can exceed, by its own curves."""
+"""The certificate of a case: an upper bound for all designs within its bounds."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 
 LOWEST, HIGHEST = 0.3, 20.0  # tip speed ratios for which the bound holds
 ANGLES = 61  # set angles
-CHORDS, TWISTS, RATIOS = 14, 25, 12  # at which heavy blades are looked at
+CHORDS, TWISTS, RATIOS = 14, 25, 12  # number of chords at which heavy blades are examined
 PRICES = np.array([2e-4, 1e-3, 5e-3])  # relative power coefficient for the best blade's inertia
-NEAR = 1e-3  # distance from the quasi-steady bound that is not asked for at first
+NEAR = 1e-3  # distance from the quasi-steady bound that is neglected at first
 
 
 def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> float | None:
@@ -86,7 +86,7 @@ def _best_power(physics, optimum):
         chord, *_ = shape.control(blade)
         angles = np.linspace(*shape.twist_bounds, ANGLES)
         curves = [_power(physics, shape.at(chord, [angle]), ratios) for angle in angles]
-        # what a parabola adds between two angles
+        # the increase between two angles, by a parabola
         power = np.max(curves, axis=0) + np.abs(np.diff(curves, 2, axis=0)).max(axis=0) / 8.0
     else:
         power = _power(physics, blade, ratios)
@@ -130,7 +130,7 @@ def _inertia_of_heavy(physics, optimum):
             )
             strip = replace(blade, r=np.full(chord.size, r), chord=chord, twist=twist)
             found = physics.rotor.at_station(j).sections(strip, ratios).tangential_load
-            # what a parabola adds between twists, then the best of this and larger chords
+            # the increase between twists, by a parabola; then the best of this and larger chords
             load[:, first:] = peak(found.reshape(-1, TWISTS)).reshape(RATIOS, -1)
             load = np.maximum.accumulate(load[:, ::-1], axis=1)[:, ::-1]
         load = np.where(chords[:-1] <= whole.chord[:, j, None], whole.load[:, j, None], load)

@@ -1,4 +1,4 @@
-"""What `hkt check` prints before a run: `hkt_mdo.run.findings` as rows, with notes and warnings."""
+"""The report of `hkt check`: `hkt_mdo.run.findings` as rows, with notes and warnings."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -33,12 +33,13 @@ from hkt_mdo.run.judge import FLOW_ERROR, designed, in_case
 from hkt_mdo.start.result import design_of_result
 
 FIT = {"chord": 2.0, "twist": 0.5}  # % of the largest, deg: splines may leave the file's blade
-POOR = 0.2  # largest power coefficient below which a blade was hardly meant as it stands
+POOR = 0.2  # largest power coefficient below which a blade is probably a mistake
 LIGHT = 0.02  # share of the torque below which stations outside their polars' tables are a note
-WASTED = 0.5  # share of what a blade can capture below which a gain was hardly meant
+# share of the energy that a blade can capture below which a gain is probably a mistake
+WASTED = 0.5
 OUTERMOST = 0.9  # r/R of the last station below which a part of the blade is missing
 EDDY = 1.25  # cutoff times diameter over flow speed above which eddies are smaller than the rotor
-KEPT = 1e-6  # share of their size by which the bounds of the design may be left
+KEPT = 1e-6  # share of their size by which the bounds of the design may be exceeded
 
 Rows = Iterator[Row]
 
@@ -56,9 +57,9 @@ class CheckReport:
     notes : list of Row
         What was converted, repaired or left out of the files.
     warnings : list of Row
-        What the author may not have meant, though the case runs.
+        Probable mistakes of a case that can be run.
     findings : Findings
-        What the rows tell of.
+        The quantities behind the rows.
     figures : dict of dict
         What `hkt_mdo.results.check_plots.check_figures` draws.
     """
@@ -102,21 +103,21 @@ def check_case(case: Case) -> CheckReport:
         "Limits, and values of the starting blade": [*_limits(found)],
         "Optimization": [*_optimization(found, package), *_bounds(found)],
     }
-    told = [row for table in rows.values() for row in table]
+    every = [row for table in rows.values() for row in table]
     notes = [Row("", text) for text in world.messages]
     warnings = [Row("", text) for text in world.warnings]
     return CheckReport(
         case.name,
         {title: [row for row in table if not row.severity] for title, table in rows.items()},
-        notes + [row for row in told if row.severity == "note"],
-        warnings + [row for row in told if row.severity == "warning"],
+        notes + [row for row in every if row.severity == "note"],
+        warnings + [row for row in every if row.severity == "warning"],
         found,
         figure_data(found),
     )
 
 
 def _begun(world: Physics) -> Physics:
-    """Return the physics with the design that `start.from` names, if any, in place of the given."""
+    """Return the physics with the design of `start.from`, if any, in place of the given one."""
     if world.case.start.from_ is None:
         return world
     (_, blade, gains), messages = design_of_result(world)
@@ -130,7 +131,7 @@ def _warning(label: str, text: str, severity: str = "warning") -> Row:
 
 
 def _turbine(found: Findings) -> Rows:
-    """Yield rotor and blade; warn of a blade that ends early or that splines leave."""
+    """Yield rotor and blade; warn of a blade that ends early or differs from its splines."""
     rotor, blade, given = found.case.rotor, found.plant.blade, found.given
     if blade.r[-1] < OUTERMOST * blade.tip_radius:
         yield _warning(
@@ -180,7 +181,7 @@ def _kind(rotor) -> str:
 
 
 def _stations(found: Findings) -> Rows:
-    """Yield what the stations meet; warn, or note where the load is light, of what no table has."""
+    """Yield angles and Reynolds numbers of the stations; warn, or note, beyond the tables."""
     rotor = found.case.rotor
     for share, message in found.stations.messages("starting blade"):
         yield _warning("rotor.polar", message, "warning" if share > LIGHT else "note")
@@ -293,7 +294,7 @@ def _fast_changes(found: Findings, flow: Flow) -> Rows:
 
 
 def _control(found: Findings) -> Rows:
-    """Yield the law; warn of a torque limit and of a gain that were hardly meant."""
+    """Yield the law; warn of a torque limit or gain that is probably a mistake."""
     control, law, limit = found.case.control, found.physics.law, found.physics.law.torque_limit
     yield Row("law", _first_line(control) or control.law)
     smooth = (
@@ -336,7 +337,7 @@ def _gain_bounds(found: Findings) -> str:
 
 
 def _start(found: Findings) -> Rows:
-    """Yield what the starting blade does; warn if that is little, or if it does not turn."""
+    """Yield the operation of the starting blade; warn if it captures little or does not turn."""
     best, mean = found.best, found.mean
     if best.power_coefficient < POOR:
         yield _warning(
@@ -479,10 +480,10 @@ def _of_scenario(found: Findings, limits: tuple[Limit, ...], values: dict) -> Ro
 def _ends(limit: Limit) -> str:
     """Return the bounds of a limit; none below that is zero."""
     ends = {"at least": limit.lower, "at most": limit.upper}
-    told = {word: float(end) for word, end in ends.items() if np.isfinite(end)}
-    if told.get("at least") == 0.0:
-        del told["at least"]
-    return " and ".join(f"{word} {measured(x, limit.unit or '', 4)}" for word, x in told.items())
+    finite = {word: float(end) for word, end in ends.items() if np.isfinite(end)}
+    if finite.get("at least") == 0.0:
+        del finite["at least"]
+    return " and ".join(f"{word} {measured(x, limit.unit or '', 4)}" for word, x in finite.items())
 
 
 def _kept(limit: Limit, value) -> str:
@@ -490,11 +491,11 @@ def _kept(limit: Limit, value) -> str:
     unit, value = limit.unit or "", np.atleast_1d(value)
     bounds = [(limit.lower - value, limit.lower), (value - limit.upper, limit.upper)]
     over, bound = max((float(np.max(each)), abs(float(bound))) for each, bound in bounds)
-    told = f"{measured(value, unit, 4)}: "
+    text = f"{measured(value, unit, 4)}: "
     if abs(over) <= START_EXCESS * bound:
-        return told + "at the limit"
+        return text + "at the limit"
     share = f" ({100.0 * abs(over) / bound:.3g} %)" if bound else ""
-    return f"{told}{'broken' if over > 0.0 else 'kept'} by {measured(abs(over), unit, 3)}{share}"
+    return f"{text}{'broken' if over > 0.0 else 'kept'} by {measured(abs(over), unit, 3)}{share}"
 
 
 def _first_line(kind) -> str:
@@ -503,10 +504,10 @@ def _first_line(kind) -> str:
 
 
 def _sizes(sizes: dict[str, int]) -> str:
-    """Return a total and what it is made of, by the last parts of the names in the problem."""
+    """Return a total and its parts, by the last parts of the names in the problem."""
     parts: dict[str, int] = {}
     for name, size in sizes.items():
         last = name.removesuffix(".value").rpartition(".")[2]
         parts[last] = parts.get(last, 0) + size
-    told = joined(*(f"{size} {last}" for last, size in parts.items()))
-    return f"{sum(sizes.values())}: {told or 'none'}"
+    words = joined(*(f"{size} {last}" for last, size in parts.items()))
+    return f"{sum(sizes.values())}: {words or 'none'}"

@@ -1,4 +1,4 @@
-"""One digest of what a result is made of besides its case: files and source code."""
+"""One digest of everything but the case that decides a result: files and source code."""
 
 import inspect
 from collections.abc import Iterator

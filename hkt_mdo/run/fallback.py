@@ -1,6 +1,6 @@
-"""What a run that fails leaves: the best of its end, its best iterate and its start.
+"""The result of a run that fails: the best of its end, its best iterate and its start.
 
-Each is flown and judged as it stands; few refusals count more than the objective.
+Each is integrated and checked; the number of failed checks counts before the objective.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from hkt_mdo.run.flight import Optimized
 from hkt_mdo.run.state import RunState
 
 FEW_ITERATIONS = 300
-"""As many are few for an optimizer; most runs need a tenth."""
+"""Iterations below which `driver.max_iterations` is probably too small; most runs need a tenth."""
 
 
 def best_of(state: RunState, end: Judged) -> tuple[Judged, str]:
@@ -28,7 +28,7 @@ def best_of(state: RunState, end: Judged) -> tuple[Judged, str]:
     Returns
     -------
     tuple of Judged and str
-        The best one, on its own mesh, and words for what it is; empty for the end.
+        The best one, on its own mesh, and its description; empty for the end.
     """
     best, held = end, ""
     iterate = (*state.best, "the best iterate") if state.best else None

@@ -1,4 +1,4 @@
-"""What is found without an optimizer: the starting blade in its flow, and the problem's size."""
+"""The findings of a check, without an optimizer: starting blade, flows, size of the problem."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -29,14 +29,15 @@ from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.judge import energy_bound
 from hkt_mdo.start.find import find_start
 
-MARGIN = 0.7, 1.3  # times the best tip speed ratio: where a rotor may come while it is designed
+# range over the best tip speed ratio in which a rotor may operate during the design
+MARGIN = 0.7, 1.3
 MOST_INSTANTS = 2**17  # at which the flow is looked at
 TRIAL_SEGMENTS = 20, 200  # of the two problems that are built to count and to time
-SHORT = 0.05  # s, time of an evaluation that is measured more often
+SHORT = 0.05  # s, evaluations shorter than this are timed several times
 
 
 class Stations(NamedTuple):
-    """What the stations of a blade meet between two tip speed ratios, `working`, by BEM.
+    """Angles of attack of a blade's stations between two tip speed ratios, `working`, by BEM.
 
     Attributes
     ----------
@@ -47,7 +48,7 @@ class Stations(NamedTuple):
     polars : sequence of tuple of Polar
         Of each station, one a Reynolds number.
     met, table : ndarray, shape (2, n_stations)
-        Lowest and highest angle of attack that is met, and that the polars' tables have, rad.
+        Lowest and highest angle of attack in operation, and of the polars' tables, rad.
     unsolved : ndarray, shape (n_stations,)
         Where BEM has no solution.
     share : ndarray, shape (n_stations,)
@@ -64,7 +65,7 @@ class Stations(NamedTuple):
 
     @classmethod
     def of(cls, blade: Blade, polar, working: tuple[float, float]) -> "Stations":
-        """Return what stations meet; `polar` is as in `Physics`."""
+        """Return the angles of stations; `polar` is as in `Physics`."""
         local = isinstance(polar, LocalReynolds)
         polars = polar.polars if local else [(bem.polar_at(polar, i),) for i in range(blade.r.size)]
         found = bem.sections(blade, polar, np.linspace(*working, 31) / np.cos(blade.cone))
@@ -83,7 +84,7 @@ class Stations(NamedTuple):
         )
 
     def messages(self, of: str) -> Iterator[tuple[float, str]]:
-        """Yield what no table has of a blade, `of`, and the share of the torque it concerns."""
+        """Yield messages on stations of a blade, `of`, beyond their tables."""
 
         def places(chosen):
             return f"r/R = {measured(self.blade.r[chosen] / self.blade.tip_radius, '', 4)}"
@@ -249,7 +250,7 @@ class Findings:
             self.time_constant = self.relaxation(self.steady_speed, self.mean, slope)
 
     def _meet(self):
-        """Set what the stations meet over the tip speed ratios of the start, by BEM."""
+        """Set the angles of attack and Reynolds numbers of the stations at the start, by BEM."""
         blade, polar = self.plant.blade, self.plant.polar
         self.stations = Stations.of(blade, polar, self.working)
         self.polars, self.met, *_ = self.stations[2:]
@@ -328,9 +329,9 @@ class ProblemSize(NamedTuple):
 def problem_size(physics: Physics, best: SteadyOptimum) -> ProblemSize:
     """Return the size of an optimization, and the time of one evaluation.
 
-    Of one scenario, two problems of 20 and 200 segments are built, or of all where that is fewer,
-    and carried on: unknowns, constraints and the time of an evaluation grow linearly in the
-    segments; Dymos' set-up does not, and would take longest.
+    Two problems of one scenario are built, of 20 and 200 segments (or all, if fewer), and
+    extrapolated: unknowns, constraints and the time of an evaluation grow linearly with the
+    segments. Dymos' set-up grows faster and would take longest.
     """
     segments = sum(each.segments for each in physics.scenarios)
     nodes = physics.scenarios[0].nodes_per_segment * segments

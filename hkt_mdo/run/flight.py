@@ -1,4 +1,4 @@
-"""The flights of a result: the found design, integrated independently in each scenario.
+"""The flights of a result: independent integrations of the optimized design in each scenario.
 
 The integration has the torque by direct BEM; it shares neither torque curve nor collocation with
 the result.
@@ -67,10 +67,10 @@ class Flown:
     simulation: Simulation
     controller: RecordedTorque | FeedbackTorque
     scalars: dict[str, Any]
-    """What `Physics.scalars` has of the design."""
+    """`Physics.scalars` of the design."""
     plant: Plant
     loads: Callable[[dict], dict]
-    """Returns all loads that are known, of a trajectory's quantities, by direct BEM."""
+    """Function from a trajectory's quantities to all loads of the model, by direct BEM."""
 
     @classmethod
     def of(cls, physics: Physics, plant: Plant, simulation: Simulation, controller, **others):
@@ -85,12 +85,12 @@ class Flown:
 
     @cached_property
     def loads_flown(self) -> dict[str, np.ndarray]:
-        """All loads that are known, along the integration."""
+        """All loads of the model, along the integration."""
         return self.loads(self.integrated)
 
     @property
     def told(self) -> dict[str, Any]:
-        """What is told of the integration: its quantities, all loads, rates and the scalars."""
+        """The report of the integration: its quantities, all loads, rates and the scalars."""
         return self.integrated | self.loads_flown | self.rates_flown | self.scalars
 
     @property
@@ -131,7 +131,7 @@ class Flight(Flown):
 
     @cached_property
     def loads_at_nodes(self) -> dict[str, np.ndarray]:
-        """All loads that are known, at the nodes."""
+        """All loads of the model, at the nodes."""
         return self.loads(self.trajectory)
 
     @property
@@ -146,13 +146,13 @@ class Flight(Flown):
 
     @cached_property
     def at_nodes(self) -> dict[str, Any]:
-        """What limits take, at the nodes: the trajectory, its loads, rates and the scalars."""
+        """The inputs of limits at the nodes: the trajectory, its loads, rates and the scalars."""
         loads = self.loads_at_nodes if self.limits_loads else {}
         return self.trajectory | loads | self.rates_at_nodes | self.scalars
 
     @cached_property
     def flown(self) -> dict[str, Any]:
-        """What limits take, along the integration."""
+        """The inputs of limits along the integration."""
         loads = self.loads_flown if self.limits_loads else {}
         return self.integrated | loads | self.rates_flown | self.scalars
 
@@ -182,7 +182,7 @@ class Flight(Flown):
         """Return how far a limit is exceeded in each segment between its nodes, and when (s).
 
         The open loop's torque and its rate are those of the collocation's polynomials, before the
-        generator's range cuts it; all else is that of the integration.
+        torque is cut to the generator's range; all else is that of the integration.
         """
         scenario, recorded = self.scenario, self.recorded
         flown = self.flown
@@ -191,7 +191,7 @@ class Flight(Flown):
             dense = scenario.within((np.arange(SAMPLES) + 0.5) / SAMPLES)
             torque, rate = recorded.unlimited(dense), recorded.unlimited_rate(dense)
             polynomial = limit.excess({"control_torque": torque, "torque_rate": rate})
-            # what holds the speed of an unstable rotor comes on top of the history
+            # the feedback that holds the speed of an unstable rotor is added to the history
             over = np.maximum(polynomial, over) if recorded.stiffness else polynomial
         over = over.reshape(-1, SAMPLES)
         worst, rows = np.argmax(over, axis=1), np.arange(scenario.segments)
@@ -271,19 +271,19 @@ def _balanced(plant: Plant, scenario, law, gains, nodes, states):
 
 
 def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
-    """Integrate the found design under the found controller with direct BEM, in each scenario.
+    """Integrate the optimized design and controller with direct BEM, in each scenario.
 
-    With the wake that the case asks for, whose filters are those of all stations.
+    With the wake of the case; if it has memory, with filters at all stations.
     """
     blade, limited, flights = result.point.blade, bool(physics.load_names), []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
         own, mesh = physics.of(scenario), scenario.mesh
         inertia = result.inertia * own.rotor.inertia_factor / physics.rotor.inertia_factor
         plant = plant_of(own, blade, inertia)
-        told = {"scenario": scenario, "trajectory": nodes, "limits_loads": limited}
+        options = {"scenario": scenario, "trajectory": nodes, "limits_loads": limited}
         if scenario.steady:
             flown = _balanced(plant, scenario, own.law, result.point.gains, nodes, physics.states)
-            flights.append(SteadyFlight.of(own, plant, *flown, **told))
+            flights.append(SteadyFlight.of(own, plant, *flown, **options))
             continue
         controller = controller_of(own, result, plant, nodes)
         flown = _flown(
@@ -294,12 +294,12 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
             [nodes[name][0] for name in physics.states],
             mesh.duration / mesh.segments,
         )
-        flights.append(Flight.of(own, plant, flown, controller, **told))
+        flights.append(Flight.of(own, plant, flown, controller, **options))
     return tuple(flights)
 
 
 def plant_of(physics: Physics, blade: Blade, inertia: float) -> Plant:
-    """Return a rotor (inertia in kg*m**2) with direct BEM and the wake that the case asks for."""
+    """Return a rotor (inertia in kg*m**2) with direct BEM and the wake of the case."""
     check, dynamics = BEM[physics.case.hydrodynamics.check], physics.case.inflow_dynamics
     water, generator = physics.density, physics.generator
     plant = Plant(blade, physics.built(blade), inertia, water, check, generator)
@@ -307,14 +307,14 @@ def plant_of(physics: Physics, blade: Blade, inertia: float) -> Plant:
 
 
 def controller_of(physics: Physics, result: Optimized, plant: Plant, nodes: dict):
-    """Return the found controller; nodes has the trajectory that an open loop repeats."""
+    """Return the optimized controller; nodes has the trajectory that an open loop repeats."""
     if physics.law.is_feedback:
         return FeedbackTorque(physics.law, result.point.gains)
     return RecordedTorque.of(plant, nodes, physics.law.torque_limit)
 
 
 def _flown(plant, scenario, controller, speed, states, max_step) -> Simulation:
-    """Integrate a scenario; where that has no solution to the end, up to there, as to a stop."""
+    """Integrate a scenario; without a solution to the end, up to there, as if the rotor stopped."""
     first, duration = float(scenario.edges[0]), scenario.duration
     start = Start(speed, states, first)
     samples = scenario.dense
@@ -326,7 +326,7 @@ def _flown(plant, scenario, controller, speed, states, max_step) -> Simulation:
     while True:
         try:
             flown = until(share * duration, first + share * (samples - first))
-        except IntegrationError as error:  # what the controller does to the rotor has no end
+        except IntegrationError as error:  # an infinite torque has no integral
             share = (error.time - first) / duration * (1.0 if failed is None else SHORTER)
             failed = failed or error
             if share < LEAST_SHARE:
@@ -345,7 +345,7 @@ def simulated_objective(physics: Physics, flights: tuple[Flight, ...]) -> float:
 
 
 def design_and_result(flights: tuple[Flight, ...]) -> dict[str, Any]:
-    """Return what is known of the design and of the whole result, by the names of quantities."""
+    """Return the quantities of the design and of the whole result, by their names."""
     energies = {
         name: total(flights, lambda flight, name=name: getattr(flight.simulation, name))
         for name in names(over="result")

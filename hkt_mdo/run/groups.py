@@ -1,4 +1,4 @@
-"""Which of a problem's scenarios are one scenario of the case."""
+"""Scenarios of a problem that are intervals of one scenario of the case."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from hkt_mdo.problem.scenario import Scenario
 
 
 def by_scenario(scenarios: Sequence[Scenario]) -> dict[str, list[int]]:
-    """Return the places of the problem's scenarios that are one of the case, by its name.
+    """Return the indices of the problem's scenarios for each scenario of the case.
 
     Several are the intervals of operation of one flow.
     """

@@ -1,4 +1,4 @@
-"""`iterate.json`: the design, gains and trajectories that a resumed run goes on from."""
+"""`iterate.json`: the design, gains and trajectories from which a resumed run continues."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ REMEDY = "delete it to begin anew, or run the case again with --force"
 
 @dataclass(frozen=True)
 class Earlier:
-    """What an earlier run has left to go on from.
+    """The state of an earlier run from which a resumed run continues.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Earlier:
 
 
 def as_data(physics: Physics, point: StartingPoint, reference: float) -> dict[str, Any]:
-    """Return what `iterate.json` has of a point: the scenarios' mesh and trajectories by name.
+    """Return a point as the data of `iterate.json`: the scenarios' mesh and trajectories by name.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def as_data(physics: Physics, point: StartingPoint, reference: float) -> dict[st
 
 
 def read_iterate(out: Path, physics: Physics) -> tuple[Physics, Earlier]:
-    """Return the physics on an earlier run's mesh, and what that run has left.
+    """Return the physics on an earlier run's mesh, and the state of that run.
 
     Parameters
     ----------

@@ -46,16 +46,16 @@ from hkt_mdo.run.memory import stability_of
 # Limits of the judges, as README.md explains them
 ENERGY_ERROR, SPEED_ERROR = 2e-4, 1e-2
 FLOW_ERROR, MESH_ERROR = 1e-4, 1e-5
-STORED = 0.01  # share of the captured energy that the rotor may have stored
+STORED = 0.01  # largest energy stored in the rotor, over the captured energy
 RECOVERY_ERROR = 0.2  # of the least recovery torque, which is a small difference of torques
-BELOW_START = 2e-3  # what the rotor's inertia and its distance from stall may cost
+BELOW_START = 2e-3  # largest relative loss by the rotor's inertia and its distance from stall
 BOUND_MARGIN, NODE_VIOLATION = 1e-5, 1e-6
 RESOLVED = 1e-2  # by which a load may be larger on a blade of many stations
 CUT_BETWEEN = 1e-3  # of a torque's polynomial, which the generator cuts at its limit
 
 
 def is_false(flights: tuple[Flight, ...]) -> bool:
-    """Tell whether an integration contradicts what the collocation has solved."""
+    """Tell whether an integration contradicts the collocation."""
     errors = [(each.energy_error, np.max(each.speed_errors)) for each in flights]
     return any(energy > ENERGY_ERROR or speed > SPEED_ERROR for energy, speed in errors)
 
@@ -67,7 +67,7 @@ def judge(
     result: Optimized,
     flights: tuple[Flight, ...],
 ) -> list[CheckEntry]:
-    """Return what every judge says, the optimizer first.
+    """Return the checks of all judges, that of the optimizer first.
 
     `optimum` has the power coefficient that bounds the energy; `reference` (J) is the objective of
     the quasi-steady start, 0 where that is no measure of the optimum.
@@ -83,7 +83,7 @@ def judge(
 
 
 def _suffixed(flights):
-    """Yield each flight and what tells its checks from those of the others, if there are any."""
+    """Yield each flight and the ending of its checks' names; empty if there is one flight."""
     for flight in flights:
         yield flight, "" if len(flights) == 1 else f" ({flight.scenario.name})"
 
@@ -125,7 +125,7 @@ def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
 
 
 def _of_flow(scenario) -> Iterator[tuple[str, float, float, str]]:
-    """Yield name, value, limit and place of what the mesh of a scenario makes of its flow."""
+    """Yield name, value, limit and place of the checks of a scenario's mesh against its flow."""
     errors, edges = scenario.flow_errors, scenario.edges
     worst = int(np.argmax(errors))
     yield (
@@ -195,8 +195,8 @@ def _of_design(physics, optimum, reference, result, flights):
 
 
 def _bounds(physics, optimum, flights):
-    """Yield by how much the energy exceeds what theory allows, with a wake in equilibrium."""
-    if physics.remembers:  # a wake that has not answered yet gives more
+    """Yield by how much the energy exceeds the bounds of theory, with a wake in equilibrium."""
+    if physics.remembers:  # before the wake follows, a rotor may capture more
         return
     energy = total(flights, lambda flight: flight.simulation.energy)
     bound = energy_bound(physics, optimum)
@@ -230,17 +230,17 @@ def _resolved(physics, result, flights):
 
 
 def sells(physics: Physics) -> bool:
-    """Tell whether the objective counts what the rotor stores, which is not delivered."""
+    """Tell whether the objective counts energy stored in the rotor, which is not delivered."""
     closed = all(each.mesh.final_speed == "initial" for each in physics.scenarios)
     limited = physics.case.phase.stored_energy == "limited"
     return limited and not closed and isinstance(physics.objective, CapturedEnergy)
 
 
 def sold(physics: Physics, result: Optimized, flights: tuple[Flight, ...]) -> float:
-    """Return what rotors store by the optimizer's choice, as a share of the captured energy.
+    """Return the energy stored in rotors by the optimizer's choice, over the captured energy.
 
-    Open loop chooses the last speed. A rotor under feedback is where the flow has left it: it has
-    stored more only by as much as its last speed is from that of equilibrium.
+    Open loop chooses the last speed. Under feedback the last speed follows from the flow: only the
+    energy beyond that at the equilibrium speed counts.
     """
 
     def stored(flight) -> float:
@@ -250,7 +250,7 @@ def sold(physics: Physics, result: Optimized, flights: tuple[Flight, ...]) -> fl
         speed = flown.rotor_speed
         net, slowed = (each[-1] for each in _net_torques(physics, result, flight))
         slope = (slowed - net) / (SLOWED * speed[-1])
-        if slope <= 0.0:  # no speed near the last one is an equilibrium that holds
+        if slope <= 0.0:  # no speed near the last one is a stable equilibrium
             return abs(flown.kinetic_energy_change)
         return flight.plant.inertia * speed[-1] * abs(net / slope)
 
@@ -266,7 +266,7 @@ def _recovery(physics, result, flights):
         for each, place, flight in zip(shares, worst, flights, strict=True)
     )
     word = f"the torque that recovers a slowed rotor falls short of its least at {when}"
-    # without a torque curve no distance is asked, only that the rotor recovers at all
+    # without a torque curve no distance is required, only that the rotor recovers
     if np.isfinite(share):
         yield "distance_from_stall", share, RECOVERY_ERROR if physics.has_curve else 1.0, word
 
@@ -275,8 +275,8 @@ def short_of_recovery(physics: Physics, result: Optimized, flight: Flight) -> np
     """Return how far the recovery torque of `DistanceFromStall` falls short of its least.
 
     By direct BEM at the times of the integration, as a share of the least: 1 where a slowed rotor
-    does not recover, at most 0 where all is well. It is asked where the rotor is `settled`, else
-    -inf: in a gust that is faster than the rotor, the integration tells whether it comes back.
+    does not recover, at most 0 where all is well. It is checked where the rotor is `settled`, else
+    -inf: in a gust that is faster than the rotor, the integration shows whether it recovers.
     """
     flown, radius = flight.simulation, flight.scalars["rotor_radius"]
     unit = TYPICAL * torque_scale(physics.of(flight.scenario).density, radius, flown.inflow_speed)
@@ -287,10 +287,10 @@ def short_of_recovery(physics: Physics, result: Optimized, flight: Flight) -> np
 
 
 def _net_torques(physics, result, flight):
-    """Return the torque that accelerates a rotor under feedback, N*m, (n_times,), and when slowed.
+    """Return the net torque on a rotor under feedback, N*m, (n_times,), at its speed and slowed.
 
-    That is at its speed, and at what is left of it after a loss of `SLOWED`; in the flow, and with
-    the states of the law, of its integration.
+    Slowed is a loss of `SLOWED` of its speed; flow and states of the law are those of its
+    integration.
     """
     flown, law = flight.simulation, physics.of(flight.scenario).law
 
@@ -321,7 +321,7 @@ def _of_design_limit(physics, limit, result, flights):
     worst, where = int(np.argmax(over)), f"the {limit.name.replace('_', ' ')}"
     if limit.place == "span" and over.size == result.point.blade.r.size:
         where = f"r = {result.point.blade.r[worst]:.3f} m"
-    # the integration has energies of its own
+    # the energies are those of the integration
     most = ENERGY_ERROR if limit.is_of(names(over="result")) else NODE_VIOLATION
     return f"{limit.name}_bounds", max(over[worst], 0.0), most, f"at {where}"
 
@@ -332,7 +332,7 @@ def _of_limit(physics, limit, flight, suffix):
     worst = int(np.argmax(over))
     place = flight.scenario.when
     when = f"at {place(flight.trajectory['time'][worst])}"
-    # an optimization has loads from tables, which are as exact as this asks
+    # an optimization has loads from tables, which are no more exact
     most = BETWEEN if limit.is_of(LOADS) else NODE_VIOLATION
     yield f"{limit.name}_at_nodes{suffix}", max(over[worst], 0.0), most, when
     if limit.constrains(physics.law):
@@ -349,7 +349,7 @@ def most_between(limit: Limit) -> float:
 
 
 def designed(physics: Physics, point: StartingPoint) -> dict[str, np.ndarray]:
-    """Return what `DesignBounds` look at: the blade's shape, set angle, radius and gains, SI."""
+    """Return the quantities of `DesignBounds`: shape, set angle, radius and gains, SI."""
     _, angle, _ = physics.shape.control(point.blade)
     return {
         "chord": point.blade.chord,
@@ -362,7 +362,7 @@ def designed(physics: Physics, point: StartingPoint) -> dict[str, np.ndarray]:
 
 
 def in_case(blade: Blade) -> dict[str, tuple[str, float]]:
-    """Return the unit in which a case gives what `DesignBounds` look at, and its factor from SI."""
+    """Return the unit in which a case gives a bounded quantity, and its factor from SI."""
     metres, degrees, plain = ("m", 1.0), ("deg", np.rad2deg(1.0)), ("", 1.0)
     radius = "m", 1.0 / np.cos(blade.cone)  # that of the tip, in place of the disc's
     units = {"chord": metres, "twist": degrees, "set_angle": degrees, "radius": radius}
@@ -456,7 +456,7 @@ TRY = {
 
 
 def explain_all(checks: list[CheckEntry], first: str = "") -> str:
-    """Return what refused, one remedy where the optimizer did; empty if nothing did."""
+    """Return the failed checks as text, with one remedy if the optimizer failed; else nothing."""
     failed = [check for check in checks if not check.passed]
     if not failed or failed[0].name != "optimizer":
         return "; ".join(explain(check) for check in failed)
@@ -468,7 +468,7 @@ def explain_all(checks: list[CheckEntry], first: str = "") -> str:
 
 
 def explain(check: CheckEntry, first: str = "") -> str:
-    """Return which judge refused, why and where, and what to try; `first`: if the optimizer did."""
+    """Return the failed check, its place and what to try; `first`: if the optimizer failed."""
     name = check.name.partition(" (")[0]
     between = "try more phase.segments" if name.endswith("_between_nodes") else ""
     remedy = TRY.get(name) or between or "try a smaller driver.tolerance"

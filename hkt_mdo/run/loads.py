@@ -19,11 +19,11 @@ def largest(trajectories: Iterable[Known]) -> dict[str, LoadEntry]:
     """Return the largest loads of some trajectories, and the largest power and speeds."""
     found: dict[str, LoadEntry] = {}
     for known in trajectories:
-        told = {n: (known[n], QUANTITIES[n].unit) for n in LOADS if n in known}
-        told["power"] = known["generator_power"], "W"
-        told["rotor_speed"] = known["rotor_speed"], "rad/s"
-        told["tip_speed"] = known["rotor_speed"] * known["rotor_radius"], "m/s"
-        for name, (values, unit) in told.items():
+        reported = {n: (known[n], QUANTITIES[n].unit) for n in LOADS if n in known}
+        reported["power"] = known["generator_power"], "W"
+        reported["rotor_speed"] = known["rotor_speed"], "rad/s"
+        reported["tip_speed"] = known["rotor_speed"] * known["rotor_radius"], "m/s"
+        for name, (values, unit) in reported.items():
             worst = int(np.argmax(values))
             value, place = float(values[worst]), {"time_s": float(known["time"][worst])}
             if known.get("steady"):
@@ -41,7 +41,7 @@ def over_span(
 
     `stress` (Pa) and `flapwise_moment` (N*m) are those of the time when the blade has its largest
     stress, `cavitation` that of the time of the largest suction, by the surface which has more;
-    it is known at the stations only. What the physics does not know is left out.
+    it is known at the stations only. Loads that the model lacks are left out.
     """
     found, several = {}, list(trajectories)
     for name in ("stress", "cavitation"):
@@ -66,7 +66,7 @@ def over_span(
 
 
 def placed(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> dict[str, LoadEntry]:
-    """Return what `largest` does, with the places along the blade of what `over_span` knows."""
+    """Return `largest`, with the places along the blade of the loads of `over_span`."""
     several = list(trajectories)
     found = largest(several)
     for name, (r, values) in over_span(physics, blade, several).items():
@@ -81,8 +81,8 @@ def resolved(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> l
 
     It has `STATIONS` stations; between those of the blade itself chord, twist and a designed
     thickness are linear. Suction counts up to the blade's own last station: closer to the tip, its
-    loss alone decides the angle of attack. Loads are those that are asked for; none, without such
-    or with as many stations.
+    loss alone decides the angle of attack. Only loads that limits need; none if there are no such
+    loads or the blade has as many stations.
     """
     names = physics.load_names
     if not names or blade.r.size >= STATIONS:
@@ -96,15 +96,15 @@ def resolved(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> l
         worst = np.unique([np.argmax(known[name]) for name in names])
         size = known["time"].size
         at = {name: x for name, x in known.items() if name != "sections"}
-        told = {name: x[worst] if np.shape(x) == (size,) else x for name, x in at.items()}
-        own = dict(told)
-        told |= finer.loads_along(many, told, tuple(set(names) - {"cavitation"}))
+        there = {name: x[worst] if np.shape(x) == (size,) else x for name, x in at.items()}
+        own = dict(there)
+        there |= finer.loads_along(many, there, tuple(set(names) - {"cavitation"}))
         if "cavitation" in names:
-            told |= _cavitation(finer, many, told, many.r <= blade.r[-1])
-        if "sections" in known:  # by as much as with a wake in equilibrium
+            there |= _cavitation(finer, many, there, many.r <= blade.r[-1])
+        if "sections" in known:  # in the same proportion as with a wake in equilibrium
             steady = physics.loads_along(blade, own, names)
-            told |= {name: own[name] * told[name] / steady[name] for name in names}
-        found.append(told)
+            there |= {name: own[name] * there[name] / steady[name] for name in names}
+        found.append(there)
     return found
 
 

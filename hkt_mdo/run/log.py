@@ -1,4 +1,4 @@
-"""What a run writes while it works: history, an iterate to resume from, OpenMDAO databases."""
+"""Files that a run writes while it works: history, iterate to resume from, OpenMDAO databases."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Log:
         self._history.append((len(self._history), objective, infeasibility))
 
     def write_iterate(self, physics: Physics, point: StartingPoint, reference: float) -> None:
-        """Write the point of some physics that a resumed run goes on from."""
+        """Write the point from which a resumed run continues."""
         write_json(self._out / "iterate.json", as_data(physics, point, reference))
 
     def write_history(self) -> None:
@@ -84,7 +84,7 @@ class Log:
 
 
 class _Recorder(om.SqliteRecorder):
-    """A recorder of variables that leaves it to the system when its rows reach the disk.
+    """A recorder of variables that lets the system decide when its rows reach the disk.
 
     Waiting for the disk at every row takes longer than an iteration. A killed process loses
     nothing; a power cut may cost the last rows, and a run is resumed from `iterate.json`.

@@ -1,4 +1,4 @@
-"""Whether the loop of a result is stable in water whose wake has memory, linearized along it."""
+"""Whether the loop of a result is stable if the wake has memory, linearized along it."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def stability(flights: Sequence[Flown], tau1: float | None = None) -> MemoryEntr
     Parameters
     ----------
     flights
-        Integrations of one design without memory. It is looked at where their rotor turns at a tip
-        speed ratio of `LEAST_RATIO` or more.
+        Integrations of one design without memory. Only instants with a tip speed ratio of at least
+        `LEAST_RATIO` count.
     tau1
         Time constant of the slow filters, s; None: by the induction.
 

@@ -25,17 +25,17 @@ from hkt_mdo.run.judge import (
 
 @dataclass(frozen=True)
 class Rules:
-    """What decides which segments are divided, relative to what it is compared with.
+    """Thresholds that decide which segments are divided, as relative values.
 
     Attributes
     ----------
     near_limit : float
         Distance from its bound within which a limit binds at a node.
     short_of : float
-        Of the energy: what the segments that are not divided may leave together; a third of the
-        error of the mesh that the judges allow.
+        Share of the energy that may be lost in segments that are not divided; a third of the error
+        of the mesh that the judges allow.
     speed : float
-        Of the judges' error of speed: what a segment may have before it is divided.
+        Share of the judges' largest error of speed above which a segment is divided.
     unchanged : float
         Change of the objective by a division that changes nothing.
     few : int
@@ -88,7 +88,7 @@ class Division:
     order: int = 0
 
     def allowed(self, optimizer: str) -> bool:
-        """Tell whether there is something to divide and the optimizer can bear the segments."""
+        """Tell whether there is something to divide and the optimizer can handle the segments."""
         most = RULES.most_dense if optimizer == "SLSQP" else RULES.most
         return bool(self.parts) and sum(map(np.sum, self.parts)) <= most
 
@@ -100,7 +100,7 @@ def division(
     near: list[np.ndarray],
     before: Sequence[float],
 ) -> Division:
-    """Return by how much a finer mesh may change the objective, and what to divide.
+    """Return by how much a finer mesh may change the objective, and the segments to divide.
 
     Under open loop the error is the smaller of two: what the last division leaves to be gained, if
     the error is of the first order, by how much it has changed the objective; and the power in the
@@ -119,16 +119,16 @@ def division(
     physics, result, flights
         An optimization's end, integrated.
     near
-        What `too_close_to_stall` returns.
+        Result of `too_close_to_stall`.
     before
         Objectives on the coarser meshes, J, the last one's at the end.
     """
-    coarse, error = _denied(physics, flights, before), 0.0
+    coarse, error = _contradicted(physics, flights, before), 0.0
     unchanged = before and abs(result.objective / before[-1] - 1.0) < RULES.unchanged
     for marks, close, flight in zip(coarse, near, flights, strict=True):
         if flight.scenario.steady:  # has no mesh
             continue
-        if not unchanged:  # by the last division: what is close to stall then is so at the nodes
+        if not unchanged:  # by the last division: close to stall now means at the nodes
             marks |= close
         for limit in held(physics, flight.scenario) if len(before) < RULES.few else ():
             over = flight.between_nodes(limit)[0]
@@ -136,7 +136,7 @@ def division(
             lost = np.sum(_energies(flight, result.energy), axis=1) @ np.where(found, over, 0.0)
             by_a_hair = np.max(over) <= RULES.hair and lost <= RULES.short_of
             if physics.law.is_feedback or not by_a_hair:
-                marks |= found  # else lowering an open loop's limit there costs next to nothing
+                marks |= found  # otherwise lowering an open loop's limit there costs very little
     if not physics.law.is_feedback:
         error = _open_loop(physics, result, flights, coarse, before)
     if not any(map(np.any, coarse)):
@@ -152,7 +152,7 @@ def division(
     return Division(float(error), [np.where(marks, RULES.parts, 1) for marks in coarse])
 
 
-def _denied(physics, flights, before) -> list[np.ndarray]:
+def _contradicted(physics, flights, before) -> list[np.ndarray]:
     """Return the segments in which the integration contradicts the collocation."""
     coarse = [np.zeros(each.scenario.segments, dtype=bool) for each in flights]
     if not is_false(flights):
@@ -162,7 +162,7 @@ def _denied(physics, flights, before) -> list[np.ndarray]:
             continue
         errors = flight.speed_errors.reshape(marks.size, -1)
         marks |= np.max(errors, axis=1) > RULES.speed * SPEED_ERROR
-    # a second time it is another trajectory, which no mesh will mend; Radau's ends are free
+    # the second time it is another trajectory, which no mesh corrects; Radau's ends are free
     radau = physics.law.is_feedback and physics.case.phase.transcription == "radau"
     if radau or (before and np.mean(np.concatenate(coarse)) > 0.5):
         return [np.zeros_like(marks) for marks in coarse]
@@ -175,7 +175,7 @@ def _open_loop(physics, result, flights, coarse, before) -> float:
     left = [_left(physics, flight, result.energy, best) for flight in flights]
     known = float(sum(map(np.sum, left)))
     change = abs(result.objective / before[-1] - 1.0) if before else np.inf
-    # what a rate of the torque leaves is no power: its error is known by a division alone
+    # the distance from a limit on the torque's rate is no power: only a division shows its error
     rates = any(x.is_of(RATES) for each in flights for x in held(physics, each.scenario))
     error = change if rates and before else min(change / (RULES.parts - 1), known)
     if error <= MESH_ERROR and (before or not rates):
@@ -229,12 +229,12 @@ def _switches(physics, flight) -> np.ndarray:
 
 
 def _left(physics, flight, energy, best) -> np.ndarray:
-    """Return what the mesh may leave of the energy in every segment, as a share of the whole.
+    """Return the energy that the mesh may lose in every segment, as a share of the whole.
 
     In a segment in which a limit binds at a node, the polynomials keep it at the others as well, at
     a distance. The power in that distance is what a finer mesh may gain, to first order. Elsewhere
-    it is what the power coefficient falls short of its largest, `best`, where the objective asks
-    for that.
+    it is the difference of the power coefficient from its largest, `best`, if the objective is that
+    energy.
     """
     scenario, nodes = flight.scenario, flight.at_nodes
     if scenario.steady:
@@ -257,14 +257,14 @@ def _left(physics, flight, energy, best) -> np.ndarray:
 
 
 def _energies(flight, energy) -> np.ndarray:
-    """Return what the nodes of every segment add to the energy: shares, (segments, nodes)."""
+    """Return the shares of the nodes of every segment in the energy, (segments, nodes)."""
     scenario = flight.scenario
     power = np.abs(flight.trajectory["hydrodynamic_power"]) * scenario.node_weights
     return power.reshape(scenario.segments, -1) * (scenario.weight / abs(energy))
 
 
 def _most(lost: np.ndarray) -> np.ndarray:
-    """Return the segments that together lose most: what the others lose is small."""
+    """Return the segments with nearly all of the loss together."""
     found, order = np.zeros(lost.size, dtype=bool), np.argsort(lost)
     found[order] = np.cumsum(lost[order]) > RULES.short_of
     return found

@@ -23,7 +23,7 @@ LAWS = RatedFeedback, CurveFeedback, Tracking
 
 
 def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry]) -> str:
-    """Return that no design was found that keeps the limits; empty where start or end keep them.
+    """Return the message that no design keeps the limits; empty if start or end keep them.
 
     `physics` is on the mesh of the start; `checks` are those of the end.
     """
@@ -61,7 +61,7 @@ def _in_flow(physics, start, name) -> str:
 def nearest_law(physics: Physics) -> str:
     """Return the name of the simplest other law whose start keeps the limits; empty if none does.
 
-    Open loop has no other: what it cannot keep, no law can.
+    Open loop has none: if it cannot keep a limit, no law can.
     """
     if not physics.law.is_feedback:
         return ""
@@ -86,5 +86,5 @@ def _is_of(check: CheckEntry, limit: str) -> bool:
 
 
 def starts(start: StartingPoint) -> str:
-    """Return from how many starts a starting point was chosen, as text."""
+    """Return the number of starts among which a starting point was chosen, as text."""
     return f"{start.tried} start{'s' * (start.tried != 1)}"

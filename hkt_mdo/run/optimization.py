@@ -17,7 +17,7 @@ from hkt_mdo.run.state import RunState
 from hkt_mdo.solve.drivers import Outcome
 
 FIRST_ITERATIONS = 300
-"""After as many, an optimization within wide moves has lost its way."""
+"""Iterations after which an optimization within wide move limits counts as failed."""
 
 MOST_ROWS = 500
 """Segments times limits and the equation of motion, above which no constraints are recorded."""
@@ -33,7 +33,7 @@ def solve(state: RunState, physics: Physics, setup: Setup, near: bool) -> Optimi
     state
         What the run knows.
     physics, setup
-        What is optimized, and from where.
+        The problem and its start.
     near
         Whether the start is near the optimum (`make_driver`).
 
@@ -49,7 +49,7 @@ def solve(state: RunState, physics: Physics, setup: Setup, near: bool) -> Optimi
     try:
         problem.final_setup()  # opens the recorders' files
         try:
-            # OpenMDAO's drivers run only what the design moves; the flow at the nodes is not
+            # OpenMDAO's drivers run only components that depend on the design; the flow does not
             problem.run_model()
             state.point = lambda: point_of(physics, problem)
             with any_values():
@@ -65,14 +65,14 @@ def solve(state: RunState, physics: Physics, setup: Setup, near: bool) -> Optimi
 
 
 def assembled(physics: Physics, setup: Setup, outcome: Outcome, scratch: str) -> Optimized:
-    """Return a setup as it stands, without an optimization, as the end of one.
+    """Return a setup, unchanged, as if it were the end of an optimization.
 
     Parameters
     ----------
     physics, setup
-        What is assembled.
+        The problem.
     outcome
-        How the optimization is said to have ended.
+        The outcome that is reported.
     scratch
         Folder for OpenMDAO's own files.
     """
@@ -83,7 +83,7 @@ def assembled(physics: Physics, setup: Setup, outcome: Outcome, scratch: str) ->
 
 
 def collect(physics: Physics, setup: Setup, problem, outcome: Outcome) -> Optimized:
-    """Return a problem as it stands as the end of an optimization.
+    """Return the present state of a problem as the end of an optimization.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def _series(problem, scenario, name) -> np.ndarray:
 
 
 def point_of(physics: Physics, problem) -> StartingPoint:
-    """Return the design and trajectories at which a problem stands as the start of another.
+    """Return the present design and trajectories of a problem as the start of another.
 
     Parameters
     ----------

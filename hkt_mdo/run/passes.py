@@ -1,7 +1,7 @@
 """The passes of a run: optimize, and again as long as a remedy applies.
 
-A remedy takes an `Attempt` and returns what the next optimization begins with, or None where it has
-nothing to mend. `REMEDIES` are tried in order, and the first that returns something decides.
+A remedy takes an `Attempt` and returns the start of the next optimization, or None if it does not
+apply. `REMEDIES` are tried in order, and the first that applies decides.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ FALLEN = 1e-4
 NEAR_STALL = 0.022
 """Recovery of a start, over a typical torque, below which it is constrained from the beginning."""
 MOST_LOWERED = 5e-3
-"""By which a limit is lowered at the nodes at most, relatively: it costs energy."""
+"""Largest relative amount by which a limit is lowered at the nodes, since that costs energy."""
 MOST_EXCEEDED = 0.02
 """Relative excess beyond which lowering a limit at the nodes does not help."""
 
 
 def smaller_moves(attempt: Attempt) -> Begin | None:
-    """Begin within narrow moves after an optimization that lost its way."""
+    """Begin again with narrow move limits after an optimization that failed."""
     setup, last = attempt.setup, attempt.state.last
     if attempt.fallen > FALLEN and setup.moves != NARROW:
         why = f"the optimum is {100.0 * attempt.fallen:.2g} % below that of the pass before"
@@ -64,7 +64,7 @@ def distance_from_stall(attempt: Attempt) -> Begin | None:
 
 
 def finer_torque_curve(attempt: Attempt) -> Begin | None:
-    """Halve the intervals of a torque curve that is too coarse for the found blade.
+    """Halve the intervals of a torque curve that is too coarse for the optimized blade.
 
     Segments that are too coarse are divided at once.
     """
@@ -81,23 +81,23 @@ def finer_torque_curve(attempt: Attempt) -> Begin | None:
 
 
 def recentred_moves(attempt: Attempt) -> Begin | None:
-    """Go on from an end at a move limit."""
+    """Continue from an end at a move limit."""
     if not attempt.at_limit:
         return None
     return attempt.from_end(f"at a move limit, objective changed by {100.0 * attempt.gain:.2g} %")
 
 
 def farther_from_stall(attempt: Attempt) -> Begin | None:
-    """Ask for twice the loss of speed where the collocation may follow a false branch near stall.
+    """Require recovery from twice the loss of speed if a false branch near stall may be the cause.
 
-    The false speeds of Radau's collocation are its own; those of a few segments may be coarse.
+    Radau's collocation has false speeds of its own, and a few segments may just be too coarse.
     """
     physics, slowed = attempt.physics, 2.0 * SLOWED
     if not attempt.converged or not (physics.law.is_feedback and physics.has_curve):
         return None
     if physics.case.phase.transcription == "radau" or attempt.setup.slowed > SLOWED:
         return None
-    if not attempt.is_false or attempt.few_denied:
+    if not attempt.is_false or attempt.few_contradicted:
         return None
     error = max(np.max(flight.speed_errors) for flight in attempt.flights)
     return attempt.begin_again(
@@ -137,8 +137,8 @@ def finer_mesh(attempt: Attempt) -> Begin | None:
 def lowered_limits(attempt: Attempt) -> Begin | None:
     """Lower the limits that are exceeded between nodes, in the segments that need it.
 
-    Elsewhere a lower limit would only cost energy. Where an optimization on a finer mesh is lost,
-    those of the last optimum are lowered on its mesh.
+    Elsewhere a lower limit would only cost energy. If an optimization on a finer mesh fails, the
+    limits of the last optimum are lowered on its mesh.
     """
     if attempt.converged:
         physics, setup, flights = attempt.physics, attempt.setup, attempt.flights
@@ -166,9 +166,9 @@ def _lowered(physics, setup, flights):
             most = most_between(limit)
             over, _ = flight.between_nodes(limit)
             share = setup.share(limit, flight.scenario)
-            # where it has not helped, or the limit is exceeded by much, no lower limit mends it
-            mends = (share > 1.0 - MOST_LOWERED) & (over < MOST_EXCEEDED)
-            over = np.where(mends, over, 0.0)
+            # if it has not helped, or the limit is exceeded by much, a lower limit does not help
+            helps = (share > 1.0 - MOST_LOWERED) & (over < MOST_EXCEEDED)
+            over = np.where(helps, over, 0.0)
             if np.max(over) > most:
                 worst = max(worst, float(np.max(over)))
                 shares[limit.name, flight.scenario.name] = share * (
@@ -178,7 +178,7 @@ def _lowered(physics, setup, flights):
 
 
 def closed_cycle(attempt: Attempt) -> Begin | None:
-    """Close the cycle of an open loop that counts as captured what its rotor only stores."""
+    """Close the cycle of an open loop that counts stored energy as captured."""
     physics = attempt.physics
     if not attempt.converged or physics.law.is_feedback or not sells(physics):
         return None
@@ -199,7 +199,7 @@ def other_branch(attempt: Attempt) -> Begin | None:
     """Begin on the start's other branch where a judge refuses the end on the first one."""
     physics, optimum = attempt.state.first, attempt.state.optimum
     refused = [check.name for check in attempt.end.checks if not check.passed]
-    if not set(refused) - {"loads_resolved"}:  # which no start mends
+    if not set(refused) - {"loads_resolved"}:  # for which another start does not help
         return None
     start = start_on_other_branch(physics, optimum, attempt.begin.start)
     if start is None:
@@ -229,10 +229,10 @@ REMEDIES: tuple[Callable[[Attempt], Begin | None], ...] = (
 
 
 def next_begin(attempt: Attempt) -> Begin | None:
-    """Return what the next optimization begins with, by the first remedy that applies.
+    """Return the start of the next optimization by the first remedy that applies.
 
-    After `MAX_PASSES` from one start, only another start is left. A loop that is unstable in water
-    with memory is refused as it is: no mesh mends it, and its integration runs away.
+    After `MAX_PASSES` from one start, only another start is left. A loop that is unstable with
+    memory of the wake is refused: no mesh helps, and its integration runs away.
     """
     if attempt.runs_away:
         return None

@@ -5,7 +5,7 @@ curve nor collocation with it, the quasi-steady bound and every limit of the pro
 (`hkt_mdo.run.judge`).
 
 A run can be killed at any moment: files appear whole or not at all, `success` is false until all
-else is written, and `resume_case` goes on from the last iterate in `iterate.json`.
+else is written, and `resume_case` continues from the last iterate in `iterate.json`.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def run_case(
     Parameters
     ----------
     case
-        What is asked.
+        The case.
     out
         The result folder. It must not exist unless `force` is given.
     force
@@ -81,7 +81,7 @@ def run_case(
     progress
         Called as progress(count, objective in J, infeasibility) while the optimizer works.
     on_pass
-        Called after every optimization, with what the summary has of it.
+        Called after every optimization, with its entry in the summary.
     figures
         Whether figures are drawn, as PNG, or in which formats, such as ("png", "pdf").
     records
@@ -101,9 +101,9 @@ def run_case(
     """
     out = Path(out)
     physics = make_physics(case)
-    make_driver(physics)  # a missing package is told before anything is written
+    make_driver(physics)  # a missing package is reported before anything is written
     if slow := better_steady(physics.scenarios):
-        warnings.warn(slow, stacklevel=2)  # what the run may end with in minutes
+        warnings.warn(slow, stacklevel=2)  # a possible error at the end of the run is raised now
     check_folder(out, force)
     out = out.absolute()  # the current folder is the process's, and another thread may change it
     with locked(out):
@@ -160,15 +160,15 @@ def resume_case(
         return _run(physics, out, earlier, (progress, on_pass), figures, records)
 
 
-def _run(physics: Physics, out: Path, earlier: Earlier, told, figures, records: bool) -> Solution:
-    """Run a case in its locked folder, after an earlier run; `told` is called meanwhile."""
+def _run(physics: Physics, out: Path, earlier: Earlier, calls, figures, records: bool) -> Solution:
+    """Run a case in its locked folder, after an earlier run; `calls` are its callbacks."""
     began, made_of = time.perf_counter(), digest(physics.case)
     name = physics.case.name
     summary = Summary(version=VERSION, case=name, success=False, message=UNFINISHED)
     log = Log(out, records, summary, earlier.history)
     log.write_summary(summary)
     with tempfile.TemporaryDirectory(prefix="hkt_mdo_") as scratch, one_thread():
-        state = RunState(physics, log, scratch, *told, len(earlier.history))
+        state = RunState(physics, log, scratch, *calls, len(earlier.history))
         try:
             with _termination_interrupts(state):
                 finished = _optimize_and_judge(state, earlier, out, records)
@@ -263,7 +263,8 @@ def _termination_interrupts(state: RunState):
         return
 
     def handler(signum, frame):
-        state.terminated = True  # heeded at the next evaluation, should compiled code swallow this
+        # checked at the next evaluation, in case compiled code swallows this
+        state.terminated = True
         interrupt = signal.getsignal(signal.SIGINT)
         (interrupt if callable(interrupt) else signal.default_int_handler)(signum, frame)
 

@@ -18,25 +18,25 @@ from hkt_mdo.start.find import steady_optimum
 FEASIBLE = 1e-6
 """Largest scaled violation of an iterate that may be the best of a run: that of a converged one."""
 RESUMABLE = 1e-2
-"""Largest scaled violation of an iterate worth going on from."""
+"""Largest scaled violation of an iterate from which a run may continue."""
 SECONDS_BETWEEN_SAVES = 1.0
 """A save takes milliseconds, an evaluation some ten."""
 EVALUATIONS_BETWEEN_POINTS = 5
-"""By count, not by time: what an optimization goes on from must not depend on the clock."""
+"""By count, not by time: a resumed run must not depend on the clock."""
 
 Progress = Callable[[int, float, float], None]
 """Called with the number of evaluations, the objective (J) and the infeasibility."""
 
 
 class RunState:
-    """What a run knows while it works; called at every evaluation of the optimizer.
+    """The state of a run; called at every evaluation of the optimizer.
 
     Parameters
     ----------
     physics
         The case's, on the mesh that the run begins with.
     log
-        What writes.
+        Writer of the files.
     scratch
         Folder for OpenMDAO's own files.
     progress
@@ -88,11 +88,11 @@ class RunState:
 
     @cached_property
     def optimum(self) -> SteadyOptimum:
-        """The steady optimum of the blades that the case gives to choose from."""
+        """The steady optimum of all blades that the case allows."""
         return steady_optimum(self.first, self.first.blade)
 
     def __call__(self, count: int, objective: float, infeasibility: float) -> None:
-        """Note an evaluation, and the iterate if it is worth going on from."""
+        """Note an evaluation, and the iterate if a run may continue from it."""
         if self.terminated:
             raise KeyboardInterrupt
         self._evaluations += 1
@@ -115,12 +115,12 @@ class RunState:
             self.best, self._highest = (self.physics, point), worth
 
     def go_on_from(self, physics: Physics, point: StartingPoint, reference: float) -> None:
-        """Take a point of some physics as the last iterate, and have it written.
+        """Take a point as the last iterate, and write it.
 
         Parameters
         ----------
         physics, point
-            What a resumed run goes on from.
+            The point from which a resumed run continues, and its physics.
         reference
             Objective of the start, J.
         """

@@ -1,4 +1,4 @@
-"""What a finished run leaves in its folder: the summary, the tables and the blade."""
+"""The files of a finished run: the summary, the tables and the blade."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ PACKAGES = "hkt_mdo openmdao dymos numpy scipy numba casadi wisdem pyoptsparse".
 
 @dataclass(frozen=True, eq=False)
 class Finished:
-    """A finished run, which its summary and its tables tell of.
+    """A finished run, from which summary and tables are made.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Finished:
     flights : tuple of Flight
         The integration of each scenario of the problem.
     checks : list of CheckEntry
-        What the judges say.
+        The checks of the judges.
     remedy : str
         What to try if the optimizer failed.
     worths : mapping of float
@@ -109,7 +109,7 @@ class Finished:
         return _turning(self.flights)
 
     def check(self, name: str) -> float | None:
-        """Return the value of a check; None if it was not asked."""
+        """Return the value of a check; None if there is no such check."""
         return next((check.value for check in self.checks if check.name == name), None)
 
 
@@ -175,7 +175,7 @@ def _energies(finished):
         "energy_J": finished.result.energy,
         **{key: sums[name] if finished.turning else None for name, key in SIMULATED.items()},
         "energy_bound_J": bound,
-        # what the simulated energy lacks of the certificate
+        # relative difference of the certificate and the simulated energy
         "certified_gap": None if over is None or not finished.turning else -over,
         "objective": {
             "kind": physics.objective.kind,
@@ -225,7 +225,7 @@ def _blade(finished):
 
 
 def _at_bounds(finished):
-    """Yield what of the design ends at a bound of the case, and where along the blade."""
+    """Yield design variables that end at a bound of the case, and where along the blade."""
     point = finished.result.point
     values, units, blade = designed(finished.physics, point), in_case(point.blade), point.blade
     for limit in finished.physics.design_limits:
@@ -245,7 +245,7 @@ def _at_bounds(finished):
 
 
 def _extremes(finished, scenarios):
-    """Return limits, loads and standstill of the whole: the largest of all scenarios, and where."""
+    """Return limits, loads and standstill of the result: the largest of all scenarios."""
     physics, several, found = finished.physics, len(scenarios) > 1, {}
     for name, scenario in scenarios.items():
         for load, entry in scenario["loads"].items():
@@ -259,7 +259,7 @@ def _extremes(finished, scenarios):
     for name, pairs in over_time.items():
         limits[name] = _limit(pairs) | {"worth": finished.worths.get(name)}
         if several:
-            over = {each: _over(told["limits"].get(name)) for each, told in scenarios.items()}
+            over = {each: _over(entries["limits"].get(name)) for each, entries in scenarios.items()}
             limits[name]["scenario"] = max(over, key=over.get)
     (first, *others) = scenarios.values()
     blade = finished.result.point.blade
@@ -276,7 +276,7 @@ def _extremes(finished, scenarios):
 
 
 def _memory(finished):
-    """Return how stable the loop is in water whose wake has memory, where the rotor turns."""
+    """Return the stability of the loop if the wake has memory, where the rotor turns."""
     if finished.physics.remembers:
         found = stability_of(finished.physics, finished.result)
     else:
@@ -285,7 +285,7 @@ def _memory(finished):
 
 
 def _scenario(finished, flights):
-    """Return what one scenario gives by itself, by the keys of `ScenarioEntry`."""
+    """Return the results of one scenario, by the keys of `ScenarioEntry`."""
     scenario, objective = flights[0].scenario, finished.physics.start_objective
     turning, duration = _turning(flights), scenario.mesh.duration
     sums = {
@@ -374,7 +374,7 @@ def _outside_table(generator, flights):
 
 
 def _unstable(flights):
-    """Yield that an open loop needs a controller of its speed, where it does."""
+    """Yield a note if an open loop needs a controller of its speed."""
     stiffness = max((each.recorded.stiffness for each in flights if each.recorded), default=0.0)
     if stiffness:
         yield (
@@ -385,7 +385,7 @@ def _unstable(flights):
 
 
 def _notes(finished):
-    """Return what is to be said of the case's files, of the blade and of the operation."""
+    """Return the notes about the case's files, the blade and the operation."""
     physics, blade = finished.physics, finished.result.point.blade
     ratios = _nodes(finished.flights, "tip_speed_ratio")
     working = max(float(np.min(ratios)), SLOWEST_RATIO), float(np.max(ratios))
@@ -403,7 +403,7 @@ def _notes(finished):
 
 
 def _unresolved(physics, blade, flights):
-    """Yield by how much more the loads are on a blade of many stations, if that counts."""
+    """Yield a note if the loads are larger on a blade of many stations."""
     known = [flight.told for flight in flights]
     finer = [
         each
@@ -415,10 +415,10 @@ def _unresolved(physics, blade, flights):
         for name in (physics.load_names if finer else ())
     }
     if max((abs(change - 1.0) for change in changes.values()), default=0.0) > RESOLVED:
-        told = ", ".join(f"{name} {100.0 * (x - 1.0):+.1f} %" for name, x in changes.items())
+        text = ", ".join(f"{name} {100.0 * (x - 1.0):+.1f} %" for name, x in changes.items())
         yield (
             f"loads are held on {blade.r.size} stations; the same blade with {loads.STATIONS} "
-            f"stations has {told}: give rotor.station_count: 40"
+            f"stations has {text}: give rotor.station_count: 40"
         )
 
 
@@ -541,7 +541,7 @@ def write_tables(out: Path, finished: Finished) -> None:
 
 
 def _write_loads(path, blade, found):
-    """Write the loads along the blade; what is known at the stations only, linear between them."""
+    """Write the loads along the blade; values at stations only are linear between them."""
     units = {"stress": "stress_Pa", "flapwise_moment": "flapwise_moment_Nm"}
     places = place_weights(blade.r.size) @ blade.r
     table = {"r_m": places, "r_over_R": places / blade.tip_radius}

@@ -1,4 +1,4 @@
-"""What one per cent more of a limit is worth at an optimum, to first order."""
+"""The gain by one per cent more of a limit at an optimum, to first order."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from hkt_mdo.problem.physics import Physics
 from hkt_mdo.run.flight import Optimized
 from hkt_mdo.solve.multipliers import State, gain, multipliers
 
-MORE = 1e-2  # of the limit, of which the worth is told
+MORE = 1e-2  # share of the limit for which the worth is reported
 STEP = 1e-5  # of the limit, by which it is changed: a law saturates steeply
-FAR = 0.05  # distance from its bound, over it, from which a limit is worth nothing
+FAR = 0.05  # relative distance from its bound beyond which the worth of a limit is zero
 
 
 def worths(
@@ -45,7 +45,7 @@ def worths(
     def worth(limit):
         if limit.constrains(physics.law):
             changed = _with_more(physics, result.setup, limit, optimum)
-        else:  # the torque's, which a law or the bounds of a control hold
+        else:  # the torque's limit is held by a law or by the bounds of a control
             changed = _with_more_torque(physics, result, scratch)
         return MORE / STEP * gain(optimum, found, changed)
 

@@ -1,4 +1,4 @@
-"""What is told of a year: energy by bins of the flow speed, power curve, hours at each limit."""
+"""The results of a year: energy by bins of the flow speed, power curve, hours at each limit."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def table(flight: SteadyFlight) -> dict[str, np.ndarray]:
 
 
 def entry(flight: SteadyFlight, limits: dict[str, dict[str, Any]]) -> YearEntry:
-    """Return what is told of the year of a resource.
+    """Return the results of the year of a resource.
 
     Parameters
     ----------

@@ -212,7 +212,7 @@ class CasadiIpoptDriver(ReportingDriver):
         return int(ends or self._error is not None)
 
     def _is_end(self, design, constraints, of_design, of_constraints) -> bool:
-        """Tell whether no iterate has been better than an optimum for long."""
+        """Tell whether an optimum has been found and many iterates since were no better."""
         objective, _ = self._evaluate(design)
         gradient, slopes = self._differentiate(design)
         pattern = self._pattern

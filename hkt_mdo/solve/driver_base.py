@@ -20,7 +20,7 @@ class Outcome:
     """How an optimization ended, in the same words for every package."""
 
     success: bool
-    """Whether the optimizer converged to the tolerance asked for, and to nothing looser."""
+    """Whether the optimizer converged to the required tolerance, not to a looser one."""
     message: str
     """The optimizer's own words for how it ended."""
     iterations: int

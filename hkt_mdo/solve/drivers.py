@@ -34,9 +34,9 @@ CAUTIOUS: Settings = {
 }
 """IPOPT's options (scaled problem) that keep it near its start.
 
-Where the constraints hold to rounding, IPOPT's filter takes a second-order correction or a watchdog
-step that lowers their rounding error and increases the objective; on a rough objective it does not
-return. A small barrier that only decreases does not leave a good start either.
+Where the constraints hold to rounding, IPOPT's filter accepts a second-order correction or a
+watchdog step that lowers their rounding error but increases the objective; on a rough objective it
+does not come back. A small barrier that only decreases does not leave a good start either.
 """
 
 NEAR_START: Settings = dict.fromkeys(
@@ -184,7 +184,7 @@ class _FirstWins(dict):
 
 
 class _ReportEachEvaluation(ReportingDriver):
-    """What OpenMDAO's own drivers need: progress by model runs, and a check of their success."""
+    """Additions to OpenMDAO's own drivers: progress by model runs, and a check of their success."""
 
     tolerance = 1e-7
 

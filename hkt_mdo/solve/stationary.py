@@ -1,4 +1,4 @@
-"""When an optimizer has an optimum and no longer gets anywhere: iterates that are no better.
+"""When an optimizer is at an optimum and stagnates: later iterates are no better.
 
 On a function that is rough in its second derivatives, such as a torque of blended polars, the
 approximated Hessian of a quasi-Newton method is never good enough for the last digits of the

@@ -17,8 +17,9 @@ from hkt_mdo.rotor.stall import SLOWER
 from hkt_mdo.start.improve import Round, Search, Settings, Values
 from hkt_mdo.start.quasi_steady import SAFE, QuasiSteady
 
-STANDSTILL = 0.5  # of the energy, by which a point without equilibrium is worse: SLSQP turns away
-TOUCHING = -1e-6  # of `TWIST_UNIT`: room below stall that counts as none
+# share of the energy by which a point without equilibrium is worse, so that SLSQP avoids it
+STANDSTILL = 0.5
+TOUCHING = -1e-6  # of `TWIST_UNIT`: distance below stall that counts as zero
 
 
 def operating_point(
@@ -56,12 +57,12 @@ class EnergySearch(Search):
 
     @staticmethod
     def rank(point: StartingPoint) -> tuple:
-        """Return what ranks points: one that runs, then one that recovers, then its energy."""
+        """Return the rank of a point: whether it runs, whether it recovers, then its energy."""
         recovers = _short_of_recovery(point.operation) <= KEPT_EXCESS
         return point.operation.running, recovers, point.objective
 
     def around(self, point: StartingPoint, settings: Settings) -> Round:
-        """Return the optimization round a point, which keeps its sections away from stall."""
+        """Return the optimization around a point, which keeps its sections away from stall."""
         center, units = self.vector(point)
         room = self._room(point) if center.size else None
 

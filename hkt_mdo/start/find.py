@@ -1,4 +1,4 @@
-"""Where one optimization begins."""
+"""The start of one optimization."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hkt_mdo.start.result import design_of_result
 from hkt_mdo.start.search import ScheduleSearch, follows_schedule, largest_energy, start_of
 from hkt_mdo.start.strategies import Task, best_blades, blade_as_given
 
-FAR_BEHIND = 0.05  # share of the objective by which a branch is no second choice
+FAR_BEHIND = 0.05  # relative difference of the objective beyond which a branch is not tried second
 LOCAL = (
     "start.method = blade: the optimum is a local one near the given blade, others were not "
     "searched; quasi_steady searches for them"
@@ -29,7 +29,7 @@ def steady_optimum(physics: Physics, blade: Blade) -> SteadyOptimum:
 
 
 def bounding_optimum(physics: Physics, optimum: SteadyOptimum, blade: Blade) -> SteadyOptimum:
-    """Return the steady optimum that bounds the energy of a blade of maybe another radius.
+    """Return the steady optimum that bounds the energy of a blade, whose radius may differ.
 
     Where polars follow the Reynolds number: the best of the slowest, usual and fastest flow.
 
@@ -57,7 +57,7 @@ def bounding_optimum(physics: Physics, optimum: SteadyOptimum, blade: Blade) -> 
 
 
 def improves(physics: Physics, improve: bool | None = None) -> bool:
-    """Tell whether a start is improved: as asked for, None: as the case says."""
+    """Tell whether a start is improved; None: as in the case."""
     return physics.case.start.method == "quasi_steady" if improve is None else improve
 
 
@@ -87,7 +87,7 @@ def find_start(
     Returns
     -------
     StartingPoint
-        With what became of all candidates (`starts`).
+        With the outcomes of all candidates (`starts`).
 
     Raises
     ------
@@ -116,9 +116,9 @@ def find_start(
 def other_branch(
     physics: Physics, optimum: SteadyOptimum, start: StartingPoint
 ) -> StartingPoint | None:
-    """Return the start on a starting point's other branch, None where there is none that is good.
+    """Return the start on a starting point's other branch; None if there is no good one.
 
-    That is one that keeps the limits and is not far behind, in a case that has chosen no branch.
+    A good one keeps the limits and is not much worse; the case must not have chosen a branch.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def other_branch(
     optimum : SteadyOptimum
         That of `find_start`.
     start : StartingPoint
-        What that has returned.
+        Its result.
 
     Returns
     -------

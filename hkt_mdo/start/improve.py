@@ -1,6 +1,6 @@
 """The one loop that improves a start: SLSQP within move limits, re-centred until nothing is gained.
 
-`hkt_mdo.start.energy` and `hkt_mdo.start.limited` say what is made large and what is kept.
+`hkt_mdo.start.energy` and `hkt_mdo.start.limited` define its objectives and constraints.
 """
 
 from __future__ import annotations
@@ -45,18 +45,18 @@ class Settings:
     ratio : float
         Factor within which tip speed ratios move in one round, where they are unknowns.
     tightens : bool
-        Whether limits that are exceeded by much are tightened in steps: then each round begins near
-        what it asks for.
+        Whether limits that are exceeded by much are tightened in steps, so that each round begins
+        close to its limits.
     price : float
-        Share of the objective that a limit exceeded by its own size costs, where limits are
-        elastic: all of them may be exceeded by one more unknown, at that price. It must be more
+        Price of an excess of limits by 100 %, as a share of the objective, if limits are elastic:
+        then all may be exceeded by one more unknown, at that price. It must be more
         than the limits' multipliers together, so that the optimum keeps them. 0: none is elastic.
     tightened, loose : float
         Factor of the excess from one round to the next, and the excess from which nothing is left.
     gain : float
         Relative gain of the objective that is worth another round.
     behind, last : float
-        Share of a rival's objective, and multiple of the last gain, by which a point may be behind
+        Share of a rival's objective, and multiple of the last gain, by which a point may be worse
         before it is given up.
     """
 
@@ -88,9 +88,9 @@ class Values(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """One optimization within move limits round a point; arrays of shape (n_unknowns,).
+    """One optimization within move limits around a point; arrays of shape (n_unknowns,).
 
-    `values` returns the `Values` at some unknowns, `rank` what ranks a point at some unknowns.
+    `values` returns the `Values` at some unknowns, `rank` the rank of the point there.
     """
 
     center: np.ndarray
@@ -102,13 +102,14 @@ class Round:
 
 
 class Search:
-    """What is improved, over one vector of unknowns.
+    """The optimization of a start over one vector of unknowns.
 
     It begins with control points of chord, twist and thickness, then the disc's radius, then the
-    gains; what is not designed has no place in it. A subclass says what is made large and what is
-    kept: `around(point, settings)` returns the `Round` about a point, `point(unknowns, values,
-    origin)` the point of unknowns that were reached from another one, and `rank(point)` what ranks
-    points.
+    gains; what is not designed has no place in it. A subclass has the objective and the
+    constraints: `around(point, settings)` returns the `Round` about a point, `point(unknowns,
+    values,
+    origin)` the point of unknowns that were reached from another one, and `rank(point)` the rank of
+    a point.
 
     Parameters
     ----------
@@ -118,7 +119,7 @@ class Search:
 
     settings: Settings
     second: Settings | None = None
-    """How a point is improved with which the first way comes to no end that keeps the limits."""
+    """Settings of a second attempt, for a point from which the first does not reach the limits."""
 
     def __init__(self, physics: Physics):
         self.physics, self.shape, self.law = physics, physics.shape, physics.law
@@ -183,7 +184,7 @@ class Search:
 
 
 def improve(search: Search, point: StartingPoint, rival: float = -np.inf) -> StartingPoint:
-    """Return what a point is improved to.
+    """Return the improved point.
 
     Parameters
     ----------
@@ -205,7 +206,7 @@ def improve(search: Search, point: StartingPoint, rival: float = -np.inf) -> Sta
 
 
 def improve_widely(search: Search, point: StartingPoint, rival: float = -np.inf) -> StartingPoint:
-    """Return what a point is improved to under elastic limits, by the search's second way.
+    """Return the point improved under elastic limits, with the search's second settings.
 
     Parameters
     ----------
@@ -241,7 +242,7 @@ def _with_schedule_anew(search, best, rival) -> StartingPoint:
 
 
 def _improved(search, settings, point, rival) -> tuple[StartingPoint, bool]:
-    """Return what a point is improved to, and whether the search came to its end there."""
+    """Return the improved point, and whether the search ended there."""
     slack, best = 0.0, point
     if settings.tightens:
         slack = point.excess if np.isfinite(point.excess) else 1.0
@@ -261,7 +262,7 @@ def _improved(search, settings, point, rival) -> tuple[StartingPoint, bool]:
         nearer, point = point.excess - better.excess, better
         best = point if slack else max(point, best, key=search.rank)
         if settings.price and point.excess > max(START_EXCESS, left * nearer):
-            return best, False  # it does not come to keep the limits
+            return best, False  # it does not reach points that keep the limits
         elastic = settings.price and point.excess > START_EXCESS
         if not elastic and missing > max(settings.behind * abs(rival), settings.last * gained):
             return best, best.excess <= START_EXCESS

@@ -46,7 +46,7 @@ class LimitedSearch(Search):
 
     @staticmethod
     def rank(point: StartingPoint) -> tuple:
-        """Return what ranks points: `StartingPoint.worth`."""
+        """Return the rank of a point, `StartingPoint.worth`."""
         return point.worth
 
     @property
@@ -166,7 +166,7 @@ class LimitedSearch(Search):
         return list(zip(results, total, strict=True))
 
     def _with_slopes(self, x, ratio, ratio_by, names):
-        """Return torque, named loads and what else quantities follow from at tip speed ratios.
+        """Return torque, named loads and other inputs of the quantities at tip speed ratios.
 
         And their slopes by all unknowns; `ratio_by` has those of the ratios.
         """
@@ -211,5 +211,5 @@ def _stacked(rows):
 
 
 def _room(limit, quantities):
-    """Return by how much a limit is kept, over its bound."""
+    """Return the distance of a value from its limit, over the bound."""
     return 1.0 - limit.value_of(quantities) / limit.upper

@@ -1,8 +1,8 @@
 """Quasi-steady operation: hydrodynamic and generator torque balance at every instant.
 
 The rotor's time constant is a few hundredths of a second and the flow changes over many seconds, so
-the rotor follows Q = u on the unstalled side. This has no differential equation and no false
-solutions; its energy lies within about 1e-5 of the dynamic one.
+the rotor follows Q = u on the unstalled side. No differential equation is solved, so there are no
+false solutions; the energy is within about 1e-5 of the dynamic one.
 """
 
 from __future__ import annotations
@@ -52,11 +52,11 @@ class QuasiSteady:
     spline : TorqueSpline
         Over the tip speed ratio.
     law : Law
-        Under open loop, the torque that captures most power at each instant, up to its limit.
+        For open loop the torque captures most power at each instant, up to its limit.
     slowed : float
         Share of its speed that a rotor under feedback must be able to lose.
     generator : Generator or None
-        With one, open loop delivers most electrical power at each instant.
+        With a generator, open loop delivers most electrical power at each instant.
     """
 
     inflow_speed: np.ndarray
@@ -157,7 +157,7 @@ class QuasiSteady:
         return Operation(energy, speed, torque, running, delivered=delivered)
 
     def _power(self, torque, w):
-        """Return the power that is made large at Q = u, and its derivatives by torque and speed."""
+        """Return the maximized power at Q = u, and its derivatives by torque and speed."""
         if self.generator is None:
             return torque * w, w, torque
         power = self.generator.electrical_power

@@ -58,7 +58,7 @@ def design_of_result(physics: Physics) -> tuple[Candidate, tuple[str, ...]]:
 def _blade(physics: Physics, summary) -> Blade:
     """Return a result's blade on a case's stations, interpolated over r/R where these differ.
 
-    With its radius where the case designs that, else scaled to the case's.
+    With its radius if the case designs that, otherwise scaled to the case's radius.
     """
     shape, radius = physics.shape, summary.rotor_radius_m
     blade, scale = physics.blade, 1.0
@@ -82,7 +82,7 @@ def _blade(physics: Physics, summary) -> Blade:
 def _gains(physics: Physics, solution: Solution) -> np.ndarray | None:
     """Return a result's gains within a case's bounds; None where they are another law's.
 
-    The gains of a law over the range of the flow's speeds are others in another flow.
+    Gains at flow speeds of a law's knots do not apply to a flow with another range.
     """
     law, theirs, gains = physics.law, solution.case.control, solution.gain
     if not law.is_feedback or gains is None or theirs.law != law.law:

@@ -88,7 +88,7 @@ class ScheduleSearch:
     task : Task
         At some speeds of the case's flow.
     starts : list of StartRecord
-        What became of the candidates tried so far.
+        The outcomes of the candidates tried so far.
     """
 
     def __init__(self, task: Task):
@@ -104,10 +104,10 @@ class ScheduleSearch:
     def ends(self) -> list[StartingPoint]:
         """Return the best point of each branch, the best first.
 
-        A feedback law has the branches of the open loops that its gains are fitted to; a branch
-        that leads to another's optimum is left out. Of a branch that is given up, far behind the
-        other, the objective is what it had reached. Between equally good ones, open loop begins
-        with overspeed: below the speed of the largest torque its torque does not hold the speed.
+        A feedback law has the branches of the open loops to which its gains are fitted; a branch
+        that leads to another's optimum is left out. A branch that is much worse is given up and
+        keeps the objective that it had reached. Between equally good ones, open loop begins with
+        overspeed, since below the speed of the largest torque its torque does not hold the speed.
         """
         feedback = self.physics.law.is_feedback
         found = self.open_loop() if not feedback else self._of_law()
@@ -122,14 +122,14 @@ class ScheduleSearch:
     def _is_alike(self, point, best) -> bool:
         """Tell whether a point may be as good as the best once its rotor moves.
 
-        A quasi-steady objective knows nothing of the energy that a rotor takes up and gives back.
+        A quasi-steady objective does not contain the energy that a rotor stores and returns.
         """
         unsure = max(SCHEDULE.alike * abs(best.objective), *map(self._exchanged, (point, best)))
         kept, value = _worth(best)
         return _worth(point) >= (kept, value - unsure)
 
     def _exchanged(self, point) -> float:
-        """Return the energy that a point's rotor takes up and gives back along the flows, J."""
+        """Return the energy that a point's rotor stores and returns along the flows, J."""
         inertia, radius = self.physics.mass_and_inertia(point.blade)[1], point.blade.rotor_radius
         total = 0.0
         for scenario in self.physics.scenarios:
@@ -139,7 +139,7 @@ class ScheduleSearch:
         return total
 
     def open_loop(self) -> list[StartingPoint]:
-        """Return what open loop's candidates are improved to on each branch."""
+        """Return the improved candidates of open loop on each branch."""
         points = [self._operating(candidate) for candidate in self.task.candidates]
         found: list[StartingPoint] = []
         for branch in BRANCHES:
@@ -154,9 +154,9 @@ class ScheduleSearch:
         return found
 
     def _on_side(self, branch, points, ended) -> list[StartingPoint]:
-        """Return the points that ended on a branch, or that a wide search leads to there, if any.
+        """Return the points that ended on a branch, or reach it by a wide search, if any.
 
-        Else what all have ended at, on the other branch.
+        Otherwise the ends of all candidates, which are on the other branch.
         """
         there = [end for end in ended if self.steady.side(end) == branch]
         if there or not self.task.improves:
@@ -168,10 +168,10 @@ class ScheduleSearch:
         return [end] if there else ended
 
     def _of_law(self) -> list[StartingPoint]:
-        """Return what the candidates of a feedback law are improved to."""
+        """Return the improved candidates of a feedback law."""
         law, task, given = self.physics.law, self.task, self.task.candidates[0].gains
         free = task.improves and given is None
-        # what has several gains, or follows a schedule, is near the best where it is fitted
+        # a law with several gains, or a schedule, is near its best when it is fitted
         follows = bool(self.physics.states) and (task.improves or given is None)
         fitted_only = follows or (free and len(law.gain_units) > 1)
         if fitted_only:
@@ -189,7 +189,7 @@ class ScheduleSearch:
         return found if fitted_only or not task.improves else self._with_longer_solid_part(found)
 
     def _guides(self, coarser):
-        """Return points whose schedules a law is fitted to, and the name of the strategy."""
+        """Return points to whose schedules a law is fitted, and the name of the strategy."""
         other = ScheduleSearch(
             self._whole.under(coarser or OpenLoop(torque_limit=self.physics.law.torque_limit))
         )
@@ -199,7 +199,7 @@ class ScheduleSearch:
         return running, strategies.FITTED if coarser is None else strategies.COARSER
 
     def _with_longer_solid_part(self, found):
-        """Return points and, while that is better, the best with a longer solid part."""
+        """Return points, with the best of them given a longer solid part while that is better."""
         best = max(found, key=_worth)
         while longer := list(strategies.longer_solid_part(self.task, best)):
             end, (kept, value) = self._best_improved(longer, found), _worth(best)
@@ -222,7 +222,7 @@ class ScheduleSearch:
         return self.steady.on_schedule(point, ratio)
 
     def _best_improved(self, points, others) -> StartingPoint:
-        """Return what the best of some points is improved to; others are its rivals."""
+        """Return the improved best of some points; the others are its rivals."""
         best = end = max(points, key=_worth)
         if self.task.improves:
             asked = self.physics.case.start.branch != "best"  # which is not given up
@@ -237,9 +237,9 @@ class ScheduleSearch:
         return end
 
     def _fastest(self, point) -> StartingPoint:
-        """Return a law's point, or that at which the rotor works where it is another.
+        """Return a law's point, or the one at which the rotor would operate, if they differ.
 
-        A law may have several equilibria in a flow: the rotor comes to the fastest, after a run-up.
+        A law may have several equilibria in a flow: after a run-up the rotor is at the fastest.
         """
         operating = self.task.operating(point)
         real = self.steady.in_balance(operating)
@@ -295,7 +295,7 @@ def _on_exact_schedule(steady, problem, best) -> Operation:
     sides = np.array([steady.ratios(curves, branch) for branch in BRANCHES])
     nearest = np.argmin(np.abs(sides - guide), axis=0)
     exact = sides[nearest, np.arange(guide.size)]
-    # where limits leave a single ratio, the search on a grid does not meet it, or another one
+    # if limits allow a single ratio, the search on a grid misses it or finds another one
     over, least = (steady.excess(steady.along(curves, ratio)) for ratio in (exact, guide))
     far = np.abs(exact / guide - 1.0) > SCHEDULE.apart
     closed = (over > np.maximum(least, KEPT_EXCESS)) | (far & (least <= START_EXCESS))

@@ -71,7 +71,7 @@ class SteadyFlow:
 
     @classmethod
     def of(cls, physics: Physics, spline: TorqueSpline, knots: int = KNOTS) -> SteadyFlow:
-        """Take the flows of a case; a rate over v³ is linear between the speeds of two knots."""
+        """Return the speeds of a case's flows; a rate over v³ is linear between two of them."""
         speed, weights = sampled_flow(physics)
         low, high = float(np.min(speed)), float(np.max(speed))
         if high - low < 1e-9 * high:
@@ -160,7 +160,7 @@ class SteadyFlow:
     ) -> StartingPoint:
         """Return a starting point with tip speed ratios at the speeds of the flow, shape (n,).
 
-        One whose operation is known not to run keeps no limit.
+        A point whose rotor is known not to run counts as keeping no limit.
         """
         series = self.along(self.curves(point.blade), ratio)
         over = {limit.name: float(np.max(limit.excess(series))) for limit in self.limits}
@@ -236,15 +236,15 @@ class SteadyFlow:
 
 
 def has_branches(physics: Physics) -> bool:
-    """Tell whether a case has limits that several schedules keep: others than torque's."""
+    """Tell whether a case has limits besides the torque's, which several schedules may keep."""
     return any(not isinstance(limit, TorqueLimit) for limit in _kept(physics))
 
 
 def _kept(physics: Physics) -> tuple[Limit, ...]:
     """Return the limits that a schedule keeps: those over time that the optimization constrains.
 
-    In any of the scenarios: a speed of the flow has one schedule. Those of rates are none, as a
-    schedule has no time, nor those of what is not known of a schedule.
+    In any of the scenarios, since a flow speed has one tip speed ratio. Limits on rates are left
+    out, since a schedule has no time, and limits on quantities that a schedule does not have.
     """
     law = physics.law
 

@@ -1,6 +1,6 @@
 """Strategies of the search for a start: each proposes blades, or points with gains and a schedule.
 
-The names below stand in the summary's `starts`.
+The names below appear in the summary under `starts`.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ LONGER = "longer solid part"
 class _BestBlades:
     """Tip speed ratios, over that of the steady optimum, whose best blades are candidates.
 
-    Downwards and upwards, each search beginning at the blade found before. Beyond, blades work too
+    Downwards and upwards; each search begins at the previous blade. Blades of other ratios are too
     far from any optimum under the limits of a turbine.
     """
 
@@ -45,9 +45,9 @@ class _BestBlades:
 
 @dataclass(frozen=True)
 class _Fit:
-    """How gains are fitted to open loop: shares of its torque, which keep away from stall or not.
+    """How gains are fitted to open loop: the shares of its torque that are tried.
 
-    `every`: of as many instants one is looked at, which is enough to rank gains.
+    `every`: one of so many instants is used, which is enough to rank gains.
     """
 
     shares: tuple[float, ...] = tuple(np.linspace(0.6, 1.1, 11))
@@ -81,7 +81,7 @@ class Candidate(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What a search for a start begins with.
+    """The input of a search for a start.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class Task:
     optimum : SteadyOptimum
         Of the blades to choose from.
     candidates : tuple of Candidate
-        Blades, the first of which is the given one; it alone where none is improved.
+        Blades, the given one first; only that if blades are not improved.
     improves : bool
         Whether blades and gains are improved, or stay as given.
     steady : SteadyFlow or None
@@ -161,7 +161,8 @@ def with_gains(physics: Physics, problem: QuasiSteady, candidate: Candidate) -> 
     Returns
     -------
     StartingPoint
-        Its gains are within their bounds and, fitted, the best of shares of open loop's torque.
+        Its gains are within their bounds; fitted gains are the best of several shares of open
+        loop's torque.
     """
     strategy, blade, gains = candidate
     problem, law = replace(problem, rotor_radius=blade.rotor_radius), problem.law
@@ -181,7 +182,7 @@ def with_gains(physics: Physics, problem: QuasiSteady, candidate: Candidate) -> 
 
 
 def fitted(task: Task, guide: StartingPoint, strategy: str) -> StartingPoint:
-    """Return a law's point with the blade of an open loop's, as near to its schedule as it comes.
+    """Return a law's point with the blade of an open loop, fitted to its schedule.
 
     A static law's own operation may be far from the schedule that its gains are fitted to, above
     all where its torque falls with the speed. If it exceeds limits by more, the point has that

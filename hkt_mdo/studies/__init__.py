@@ -1,1 +1,1 @@
-"""What runs many cases: the paper, other flows and sensor noise."""
+"""Studies of many cases: the paper, other flows and sensor noise."""

@@ -38,7 +38,7 @@ class Told(LimitEntry):
     kept: bool | None = None
     """Whether the limit is kept as exactly as a run requires; None without a limit."""
     remark: str = "not limited"
-    """What is said of a load without a limit."""
+    """A remark on a load without a limit."""
 
     def row(self, name: str) -> Row:
         """Return the entry as a row.
@@ -91,7 +91,7 @@ class Run:
     seed : int or None
         Seed of the flow, where several were asked for.
     given : Simulation or None
-        What the design does in the flow; None: it is simulated when it is asked for.
+        The simulation of the design in the flow; None: it is computed when it is first needed.
     without : Run or None
         The same without memory of the wake, where the design's has memory.
     """
@@ -105,7 +105,7 @@ class Run:
 
     @cached_property
     def simulation(self) -> Simulation:
-        """What the design does in the flow.
+        """The simulation of the design in the flow.
 
         Returns
         -------
@@ -190,8 +190,8 @@ class Run:
             fastest, usual = (
                 float(np.max(each.simulation.rotor_speed)) for each in (self, self.without)
             )
-            told = f"the rotor RUNS AWAY, first at t = {self.runs_away:.2f} s: it comes to "
-            lines.append(f"{told}{fastest:.4g} rad/s, without memory to {usual:.4g} rad/s")
+            text = f"the rotor RUNS AWAY, first at t = {self.runs_away:.2f} s: it comes to "
+            lines.append(f"{text}{fastest:.4g} rad/s, without memory to {usual:.4g} rad/s")
         return lines
 
     @property
@@ -217,8 +217,8 @@ class Run:
         """
         if (stopped := self.simulation.stopped_at) is not None:
             return f"rotor stops at t = {stopped:.2f} s and generates no more; energy n/a"
-        told = ("captured", "generated", "electrical"), self.energies.values()
-        texts = [f"{energy / 1e3:.3f} kJ {kind}" for kind, energy in zip(*told, strict=True)]
+        pairs = ("captured", "generated", "electrical"), self.energies.values()
+        texts = [f"{energy / 1e3:.3f} kJ {kind}" for kind, energy in zip(*pairs, strict=True)]
         return joined(*texts[: 2 if self.design.physics.generator.lossless else 3])
 
     @property
@@ -291,7 +291,7 @@ def _seeds(text: str) -> tuple[int | None, ...]:
 
 
 def largest(runs: Iterable[Run]) -> dict[str, Told]:
-    """Return the report of each limit and load, from the run in which it is largest.
+    """Return the largest value of each limit and load over several runs.
 
     Parameters
     ----------
@@ -313,7 +313,7 @@ def largest(runs: Iterable[Run]) -> dict[str, Told]:
 
 
 def records(runs: Iterable[Run]) -> list[dict[str, Any]]:
-    """Return what simulations told: a record of each energy, limit and load of each.
+    """Return the results of simulations: a record for each energy, limit and load of each.
 
     Parameters
     ----------
@@ -335,7 +335,7 @@ def records(runs: Iterable[Run]) -> list[dict[str, Any]]:
 
 
 def write(folder: Path, runs: Iterable[Run]) -> list[Path]:
-    """Write what simulations told, as simulations.json and simulations.csv.
+    """Write the results of simulations as simulations.json and simulations.csv.
 
     Parameters
     ----------
@@ -349,11 +349,11 @@ def write(folder: Path, runs: Iterable[Run]) -> list[Path]:
     list of Path
         The files.
     """
-    told, header = records(runs), ("scenario", "seed", "quantity", *FIELDS)
-    rows = (header, *(record.values() for record in told))
+    entries, header = records(runs), ("scenario", "seed", "quantity", *FIELDS)
+    rows = (header, *(record.values() for record in entries))
     lines = [",".join("" if x is None else str(x) for x in row) for row in rows]
     folder.mkdir(parents=True, exist_ok=True)
     table, data = folder / "simulations.csv", folder / "simulations.json"
     write_text(table, "\n".join([*lines, ""]))
-    write_json(data, told)
+    write_json(data, entries)
     return [table, data]

@@ -122,8 +122,8 @@ def _scenario(solutions, scenario, reported):
     best, rows = solutions[f"{scenario}_oloc"].summary.simulated_energy_J, {}
     for name in (*LAWS, *(("baseline_oloc",) if scenario == "sine" else ())):
         summary, printed = solutions[f"{scenario}_{name}"].summary, reported[name]
-        energy, told = summary.simulated_energy_J, ("gain", "tip_speed_ratio")
-        kept = ("success", *told, "power_coefficient_max", "iterations")
+        energy, keys = summary.simulated_energy_J, ("gain", "tip_speed_ratio")
+        kept = ("success", *keys, "power_coefficient_max", "iterations")
         kept = (*kept, "tip_speed_ratio_at_power_coefficient_max")
         rows[name] = {
             "energy_J": energy,
@@ -131,7 +131,7 @@ def _scenario(solutions, scenario, reported):
             "gap_percent": percent(energy, best),
             "gain_difference_percent": percent(summary.gain, printed.get("gain")),
             **{key: summary[key] for key in kept},
-            **{f"reported_{key}": printed.get(key) for key in ("energy_J", "gap_percent", *told)},
+            **{f"reported_{key}": printed.get(key) for key in ("energy_J", "gap_percent", *keys)},
         }
     return rows
 
@@ -182,7 +182,7 @@ def _sequential(solutions):
 
 
 def _checks(data):
-    """Yield (statement, value, low, high) of what the tables have to bear out."""
+    """Yield (statement, value, low, high) of each statement that the tables should confirm."""
     many = float("inf")
     for scenario, rows in data["tables"].items():
         linear, quadratic = rows["linear"], rows["quadratic"]

@@ -15,17 +15,17 @@ from hkt_mdo.results.words import measured
 from hkt_mdo.studies.uncertainty import Design
 
 SAMPLES = 4001
-FIRST = 2.0 * SLOWEST_RATIO  # tip speed ratio from which the rotor is let go
+FIRST = 2.0 * SLOWEST_RATIO  # tip speed ratio of the rotor at the begin of the run-up
 
 
 @dataclass(frozen=True, eq=False)
 class StartStop:
-    """What happens from standstill on, in parts that follow each other.
+    """A start-up from standstill, the operation after it and the shut-down.
 
-    run_up is without torque, from the flow's begin until `started_at` (s), when the rotor reaches
-    the tip speed ratio at which its design begins; None: it never does. There the law takes over:
-    operation, from `started_at` on. shut_down is at the limit of the torque, from the end of the
-    operation on. Parts that did not come about are None.
+    `run_up`: without torque, from t = 0 until `started_at` (s), when the rotor reaches the tip
+    speed ratio at which its design begins; `started_at` is None if it never does. `operation`:
+    under the law, from then on. `shut_down`: with the torque at its limit, after the operation.
+    Parts that do not take place are None.
     """
 
     run_up: Simulation

@@ -3,8 +3,8 @@
 Blade and controller are held. Open loop replays its recorded torque. A feedback law is run as the
 digital controller that it would be: every sample time it reads F[w + n], where n is Gaussian and F
 a second-order Butterworth low-pass, and holds its torque until the next. A law with states advances
-them by a sample as well; what it hears of the flow has the noise of its own sensor, or is estimated
-from the torque and the two last speeds that were read.
+them by a sample as well; the flow speed that it uses has the noise of its own sensor, or is
+estimated from the torque and the last two speeds that were read.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ PAPER_FLOWS = {
     "B": {"angular_frequency": 0.225},
     "C": {"phase": 0.2 * np.pi},
 }
-"""What the flows of the paper (Sec. V) change of the sine that a design was made for."""
+"""How the flows of the paper (Sec. V) change the sine that a design was made for."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ class Ensemble:
 class Design:
     """A finished design, ready to be simulated: its result, and its rotor and gains as built.
 
-    The plant may be replaced by another one; known is the plant that the controller knows of.
+    The plant may be replaced by another one; `known` is the plant that the controller assumes.
     """
 
     solution: Solution
@@ -157,7 +157,7 @@ class Design:
         return cls(solution, made.physics, made.plant, made.plant, made.gains)
 
     def with_memory(self, tau1: float | None = None) -> Design:
-        """Return the same design in water whose wake has memory.
+        """Return the same design with a wake that has memory.
 
         Parameters
         ----------
@@ -167,7 +167,8 @@ class Design:
         Returns
         -------
         Design
-            The plant has filters; the controller knows of the wake what a replay needs.
+            The plant has filters; the controller has what it needs to replay an open loop with
+            memory.
         """
         plant, known = self.plant.with_memory(tau1), self.known.with_memory(tau1)
         return replace(self, plant=plant, known=known)
@@ -190,9 +191,9 @@ class Design:
         Returns
         -------
         FeedbackTorque or RecordedTorque
-            Of a feedback law, which hears of the flow what it would as built: with an estimate of
-            the flow, where the law has no sensor of it. Of an open loop, the history that the
-            judges of the run replay, with what holds the speed of a rotor that is unstable.
+            Of a feedback law, with the flow speed that it would have as built: an estimate, if the
+            law has no sensor of it. Of an open loop, the history that the
+            judges of the run replay, with a feedback that holds the speed of an unstable rotor.
         """
         if not self.law.is_feedback:
             table = self.solution.trajectory
@@ -251,7 +252,7 @@ class Design:
                 raise InputError(problem, remedy, key="control.cut_out", value=cut_out)
 
     def phase(self, inflow: Inflow) -> Phase:
-        """Return the time span of a run in a flow: the design's, of a year that of the flow.
+        """Return the time span of a run in a flow: that of the design; for a year, the flow's.
 
         Parameters
         ----------
@@ -282,12 +283,13 @@ class Design:
         tolerance : float
             As of `simulate`.
         refined : int
-            How many times the longest step fits into a segment.
+            Into how many steps a segment is divided at least.
 
         Returns
         -------
         Simulation
-            The run over the time span of the design's case, of a year's that of the flow.
+            The run over the time span of the design's case; for the design of a year, over the
+            flow's.
         """
         phase = self.phase(inflow)
         self.refuse_standstill(inflow)
@@ -298,7 +300,7 @@ class Design:
         return simulate(self.plant, inflow, self.controller, *about)
 
     def start(self, inflow, speed, time=0.0):
-        """Return a start with the law's states in equilibrium with a speed and the flow then.
+        """Return the start of a simulation, with the law's states in equilibrium.
 
         Parameters
         ----------
@@ -440,7 +442,7 @@ class _Torque:
 
 
 def _advanced(law, speed, flow, gains, states, period):
-    """Return the states of a law a sample later, what its sensors tell held, by implicit Euler.
+    """Return the states of a law one sample later, by implicit Euler with its inputs held.
 
     Linearized at the states, it is stable at any sample time.
     """
@@ -527,7 +529,7 @@ def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:
 
 
 def seeded(inflow: Inflow, seed: int) -> Inflow:
-    """Return a flow with another seed; of a sum, the last part has it, those before the next ones.
+    """Return a flow with another seed; of a sum, the last part gets it, the others larger ones.
 
     Parameters
     ----------

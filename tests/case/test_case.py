@@ -231,7 +231,7 @@ def test_another_blade_brings_its_own(old, new, earlier):
     assert case.with_overrides(override).rotor == wanted.rotor
 
 
-def test_a_written_case_tells_what_the_blade_brings():
+def test_a_written_case_lists_the_values_of_its_blade():
     text = read_case(MINIMAL + RM1).to_yaml()
     assert "the blade rm1 brings its own: {radius: 10.0, hub_radius_fraction: 0.1," in text
     assert yaml.safe_load(text)["rotor"]["radius"] is None
@@ -279,7 +279,7 @@ def test_a_case_is_made_of_sections_too():
         ({"inflow": "sine", "control": "linear", "rotor": {"blade": Path("x")}}, "must be a text"),
     ],
 )
-def test_a_bad_dict_is_told_as_a_file_is(data, told):
+def test_a_bad_dict_is_reported_as_a_file_is(data, told):
     with pytest.raises(InputError, match=told):
         load_case(data)
 

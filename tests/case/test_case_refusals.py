@@ -222,7 +222,7 @@ BAD = (
 
 
 @pytest.mark.parametrize(("text", "key", "value", "remedy"), BAD)
-def test_bad_input_is_told_with_file_key_value_and_remedy(text, key, value, remedy, tmp_path):
+def test_bad_input_is_reported_with_file_key_value_and_remedy(text, key, value, remedy, tmp_path):
     (tmp_path / "river.csv").write_text("time_s,speed_m_s\n0,1\n", encoding="utf-8")
     path = tmp_path / "a.yaml"
     path.write_text(text, encoding="utf-8")
@@ -273,7 +273,7 @@ def test_long_values_are_cut():
     ],
     ids=["none", "folder", "long name", "latin", "large", "blank"],
 )
-def test_what_is_no_readable_case_file_is_told(name, content, told, tmp_path):
+def test_what_is_no_readable_case_file_is_reported(name, content, told, tmp_path):
     if content is not None:
         (tmp_path / name).write_bytes(content)
     with pytest.raises(InputError, match=told):
@@ -294,6 +294,6 @@ def test_what_is_no_readable_case_file_is_told(name, content, told, tmp_path):
         ("limits={thrust: }", "limits.thrust: has no value .*; give one, or null for the default"),
     ],
 )
-def test_bad_overrides_are_told_as_such(override, message):
+def test_bad_overrides_are_reported_as_such(override, message):
     with pytest.raises(InputError, match=message.replace("[0]", r"\[0\]")):
         read_case(MINIMAL + "rotor: {blade: bahaj2007}", [override], file="a")

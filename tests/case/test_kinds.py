@@ -182,7 +182,7 @@ def test_installed_packages_bring_their_kinds(install, monkeypatch, value):
         ("json", "json: defines no kind"),
     ],
 )
-def test_an_installed_package_that_is_broken_is_told(install, value, told):
+def test_an_installed_package_that_is_broken_is_reported(install, value, told):
     install(value)
     with pytest.raises(InputError, match=told):
         read_case(MINIMAL)
@@ -212,7 +212,7 @@ GOOD_HEAD = "from typing import Literal\nfrom hkt_mdo import FeedbackLaw\n"
         ),
     ],
 )
-def test_a_bad_extension_file_is_told_with_its_line(text, told, tmp_path):
+def test_a_bad_extension_file_is_reported_with_its_line(text, told, tmp_path):
     (tmp_path / "e.py").write_text(text, encoding="utf-8")
     before = set(sys.modules)
     with pytest.raises(InputError, match=told) as caught:
@@ -230,7 +230,7 @@ def test_a_bad_extension_file_is_told_with_its_line(text, told, tmp_path):
         ("e.txt", r"e\.txt: is no Python file; give --extend a file \.py"),
     ],
 )
-def test_what_is_no_python_file_is_told(name, told, tmp_path):
+def test_what_is_no_python_file_is_reported(name, told, tmp_path):
     (tmp_path / "e.txt").write_text("a case", encoding="utf-8")
     with pytest.raises(InputError, match=told):
         read_case(MINIMAL, extensions=[tmp_path / name])
@@ -258,7 +258,7 @@ def test_what_is_no_python_file_is_told(name, told, tmp_path):
         (3, "is no file, module or class"),
     ],
 )
-def test_what_is_no_kind_is_told(kind, told):
+def test_what_is_no_kind_is_reported(kind, told):
     with pytest.raises(InputError, match=told):
         known_kinds([kind])
 
@@ -311,7 +311,7 @@ def test_nothing_is_left_of_an_extension():
         ),
     ],
 )
-def test_bad_values_of_an_extension_are_told_as_all_are(text, told):
+def test_bad_values_of_an_extension_are_reported_as_all_are(text, told):
     with pytest.raises(InputError, match=told):
         read_case(MINIMAL + text, extensions=[FILE])
 

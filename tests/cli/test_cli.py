@@ -251,7 +251,7 @@ def test_only_our_warnings_are_shown(
     assert warnings.showwarning is show
 
 
-def test_n2_writes_where_told(fake: FakeRun, capsys: pytest.CaptureFixture[str]) -> None:
+def test_n2_writes_to_the_given_file(fake: FakeRun, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["n2", CASE]) == 0
     assert capsys.readouterr().out == "sine_limited_quadratic_n2.html\n"
     assert Path("sine_limited_quadratic_n2.html").is_file()
@@ -349,7 +349,7 @@ def test_compare_divides_what_is_too_wide_for_a_terminal(
     assert max(map(len, lines)) <= 110
 
 
-def test_without_arguments_the_first_steps_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_arguments_the_first_steps_are_reported(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([]) == 0
     told = re.findall(r"^  hkt (\w+)", capsys.readouterr().out, re.MULTILINE)
     assert told == ["new", "check", "run", "show", "compare"]
@@ -422,7 +422,7 @@ def test_module_is_the_command() -> None:
     assert done.stderr.startswith("error: not_here.yaml: does not exist")
 
 
-def test_progress_tells_the_pass_and_what_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_progress_reports_the_pass_and_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
     from hkt_mdo.cli import run
 
     now, shown = [0.0], []

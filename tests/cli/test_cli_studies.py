@@ -17,7 +17,7 @@ def folders(solve):
     }
 
 
-def test_simulate_tells_mean_spread_and_worst(folders, capsys):
+def test_simulate_reports_mean_spread_and_worst(folders, capsys):
     arguments = ["--flow", "A", "--noise-snr", "20", "--sample-rate", "20", "--repeats", "3"]
     assert main(["simulate", folders["quadratic"], *arguments, "--seed", "1"]) == 0
     printed = " ".join(capsys.readouterr().out.split())
@@ -45,7 +45,7 @@ def test_simulate_takes_any_flow(folders, capsys):
     assert "J captured" in capsys.readouterr().out
 
 
-def test_a_filter_that_stops_the_rotor_is_told(folders, capsys):
+def test_a_filter_that_stops_the_rotor_is_reported(folders, capsys):
     noisy = ["--noise-snr", "120", "--sample-rate", "200", "--repeats", "2"]
     fast = ["--flow", FAST, *noisy]
     assert main(["simulate", folders["quadratic"], *fast]) == 0

@@ -236,7 +236,7 @@ def test_gradient_of_what_is_delivered(curve, law, limit, gains):
         assert gradient[-2] == pytest.approx(by_gain, rel=1e-5)
 
 
-def test_what_is_not_made_large_is_not_asked():
+def test_quantities_that_are_not_maximized_are_not_bounded():
     case = load_case(CASE | {"generator": {"rated_torque": 700, "copper_loss": 9}})
     from hkt_mdo.problem.physics import Physics
 

@@ -294,7 +294,7 @@ def test_a_record_must_last(sound):
     TurbulentInflow().check(200.0)  # turbulence repeats
 
 
-def test_a_broken_record_is_told_with_its_file(sound):
+def test_a_broken_record_is_reported_with_its_file(sound):
     sound.write_bytes(SOUND[1].replace(b"speed_m_s", b"speed"))
     with pytest.raises(InputError, match=r"sound\.csv: column speed: has no unit that is known"):
         RecordInflow(file=str(sound)).check(10.0)

@@ -55,7 +55,7 @@ def test_speed_under_constant_torques_is_a_straight_line(blade, polar):
     assert run.generator_energy == pytest.approx(control * angle, rel=1e-8)
 
 
-def test_a_motion_without_an_end_is_told_from_another_process():
+def test_an_integration_error_passes_between_processes():
     """A run in a pool of processes hands its error on by pickling."""
     error = pickle.loads(pickle.dumps(IntegrationError(7.5)))
     assert (error.time, str(error)) == (7.5, str(IntegrationError(7.5)))
@@ -149,7 +149,7 @@ def test_a_rotor_that_is_braked_too_hard_stops(plant):
 
 
 @pytest.mark.parametrize("refused", [1, np.inf])
-def test_stopping_time_is_solved_for_or_not_told(plant, monkeypatch, refused):
+def test_stopping_time_is_solved_for_or_not_reported(plant, monkeypatch, refused):
     """Where the steps up to the standstill are refused, shorter windows are tried."""
 
     def brake():

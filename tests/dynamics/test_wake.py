@@ -46,7 +46,7 @@ class Driven:
 
 
 def plant_of(run, inertia=HEAVY):
-    """Return the rotor of a run in water with memory."""
+    """Return the rotor of a run, with memory of the wake."""
     design = design_of(run.blade)
     polar = design.physics.rotor.as_built(design.blade).polar
     about = inertia, design.physics.density, bem.rotor_coefficients
@@ -255,7 +255,7 @@ def test_torque_rises_with_the_speed_while_the_wake_stays(paper):
 
 
 def test_open_loop_is_held_by_the_slope_of_a_wake_that_stays(paper):
-    """In equilibrium the rotor needs nothing to hold its speed, before the wake answers it does."""
+    """In equilibrium the rotor is stable by itself; in an unchanged wake it needs a controller."""
     plant, _ = paper
     quiet = Plant(plant.blade, plant.polar, plant.inertia, plant.density, bem.rotor_coefficients)
     time = np.linspace(0.0, 20.0, 21)

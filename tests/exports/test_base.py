@@ -66,7 +66,7 @@ def test_several_formats_are_written_side_by_side(hkt, tmp_path):
         (["--to", "csv", "--set", "csv.flow_range=[3, 1]"], ["csv.flow_range", "[lower, upper]"]),
     ],
 )
-def test_what_is_not_understood_is_told_with_the_remedy(hkt, tmp_path, arguments, words):
+def test_what_is_not_understood_is_reported_with_the_remedy(hkt, tmp_path, arguments, words):
     code, told = hkt("export", RESULT, *arguments, "--out", tmp_path / "out")
     assert code == 2
     for each in words:
@@ -74,7 +74,7 @@ def test_what_is_not_understood_is_told_with_the_remedy(hkt, tmp_path, arguments
     assert not (tmp_path / "out").exists()
 
 
-def test_a_missing_package_is_told_with_the_line_that_installs_it(hkt, tmp_path, monkeypatch):
+def test_a_missing_package_is_reported_with_the_line_that_installs_it(hkt, tmp_path, monkeypatch):
     monkeypatch.setattr("hkt_mdo.exports.base.find_spec", lambda name: None)
     for name, extra in (("step", "cad"), ("netcdf", "records")):
         code, told = hkt("export", RESULT, "--to", "controller", "--to", name, "--out", tmp_path)
@@ -121,7 +121,7 @@ def test_a_result_without_success_is_exported_by_force_only(hkt, tmp_path):
         assert "THE RUN WAS NO SUCCESS: no solution within 300 steps" in file.read_text()
 
 
-def test_an_unfinished_result_is_told(hkt, tmp_path):
+def test_an_unfinished_result_is_reported(hkt, tmp_path):
     (changed(tmp_path / "begun") / "summary.json").unlink()
     code, told = hkt("export", tmp_path / "begun", "--to", "csv", "--out", tmp_path / "out")
     assert code == 2

@@ -260,7 +260,7 @@ def test_an_estimated_flow_in_c_is_that_of_python(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["rated_power", "curve"])
-def test_each_file_tells_where_it_comes_from(name, tmp_path):
+def test_each_file_names_its_source(name, tmp_path):
     solution = result(tmp_path / "result", GAINS[name], VALUES[name])
     for path in export(solution, ["controller"], tmp_path):
         mark, text = ("#" if path.suffix == ".py" else "//"), path.read_text()

@@ -276,7 +276,7 @@ def test_what_the_user_must_fill_in_is_marked(exported):
         (["openfast.tip_speed_ratio.count=0"], "openfast.tip_speed_ratio.count"),
     ],
 )
-def test_bad_options_are_told_with_their_key(tmp_path, options, key):
+def test_bad_options_are_reported_with_their_key(tmp_path, options, key):
     with pytest.raises(InputError) as told:
         export(solution("paper"), ["openfast"], tmp_path / "out", options=options)
     assert told.value.key == key

@@ -97,7 +97,7 @@ def test_numbers_read_back_bit_by_bit(name, request, tmp_path):
                 assert (in_json["unit"], in_json["long_name"]) == (about.unit, about.text)
 
 
-def test_every_file_tells_its_result_version_and_case(scenarios, tmp_path):
+def test_every_file_names_its_result_version_and_case(scenarios, tmp_path):
     export(scenarios, ["csv", "json", "netcdf"], tmp_path)
     lines = Source(scenarios).provenance
     assert "result result" in lines[0]

@@ -74,7 +74,7 @@ def test_the_same_blade_in_other_units(put):
     assert not doubled.relative
 
 
-def test_every_conversion_is_told(put):
+def test_every_conversion_is_reported(put):
     table = read_blade(
         put("a.csv", "r_mm,chord_mm,twist_deg,thickness_percent\n500,250,5,20\n1000,125,2,15\n")
     )
@@ -284,13 +284,13 @@ def test_prebend_and_sweep_are_not_ignored_silently(put):
     assert "straight blade" in messages
 
 
-def test_the_content_tells_the_format_not_the_suffix(put):
+def test_the_content_decides_the_format_not_the_suffix(put):
     rows = "0 0 0 0 10 .3 1\n1 0 0 0 5 .2 1"
     assert read_blade(aerodyn(put, rows, name="blade.csv"), 0.1).section == ("1", "1")
     assert not read_blade(put("m.dat", "r_m,chord_m,twist_rad\n0.5,0.25,0\n1,0.1,0\n")).relative
 
 
-def test_the_hub_radius_is_asked_for(put):
+def test_the_hub_radius_is_required(put):
     path = aerodyn(put, "0 0 0 0 10 .3 1\n1 0 0 0 5 .2 1")
     refused(path, "is measured from the blade's root", "give the hub radius")
     with pytest.raises(InputError, match="hub_radius"):

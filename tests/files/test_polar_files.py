@@ -263,7 +263,7 @@ def symmetric_text(first, camber=0.0, noise=0.0):
 
 
 @pytest.mark.parametrize("first", [-2.0, -4.0, 0.0])
-def test_half_of_a_symmetric_section_is_mirrored_and_told(tmp_path, first):
+def test_half_of_a_symmetric_section_is_mirrored_and_reported(tmp_path, first):
     (table,) = read_polars(write(tmp_path, symmetric_text(first, noise=0.002)))
     degrees = np.round(np.rad2deg(table.alpha), 9)
     assert degrees.tolist() == list(range(-16, 17))

@@ -95,7 +95,7 @@ def test_what_may_stand_in_a_csv_file(tmp_path):
         ("time_s,flow", {"speed_unit": "L/s", "area": 40.0}, 0.001 / 40.0),
     ],
 )
-def test_units_are_converted_and_told(tmp_path, header, options, factor):
+def test_units_are_converted_and_reported(tmp_path, header, options, factor):
     record = read_record(csv(tmp_path, speed=SPEED / factor, header=header), **options)
     np.testing.assert_allclose(record.speed, low_pass(SPEED, STEP, 1.0), rtol=1e-9)
     assert len(record.messages) == (2 if factor == 1.0 else 3)
@@ -522,7 +522,7 @@ def test_other_objects_are_refused():
 @pytest.mark.parametrize(
     ("name", "package"), [("a.nc", "xarray"), ("a.parquet", "pyarrow"), ("a.parquet", "pandas")]
 )
-def test_missing_packages_are_told(tmp_path, monkeypatch, name, package):
+def test_missing_packages_are_reported(tmp_path, monkeypatch, name, package):
     pytest.importorskip("pyarrow.parquet" if package == "pandas" else package)
     (tmp_path / name).write_bytes(b"CDF")
     monkeypatch.setitem(sys.modules, "pyarrow.parquet" if package == "pyarrow" else package, None)

@@ -50,7 +50,7 @@ def test_table_takes_remarks_further_and_optional_columns(tmp_path):
     ],
     ids=["column", "cells", "number", "size"],
 )
-def test_bad_tables_are_told_with_line_column_and_value(content, message, tmp_path):
+def test_bad_tables_are_reported_with_line_column_and_value(content, message, tmp_path):
     path = tmp_path / "t.csv"
     path.write_bytes(content)
     with pytest.raises(InputError) as caught:
@@ -59,7 +59,7 @@ def test_bad_tables_are_told_with_line_column_and_value(content, message, tmp_pa
     assert message in str(caught.value)
 
 
-def test_unknown_shipped_names_are_told_with_those_there_are(tmp_path):
+def test_unknown_shipped_names_are_reported_with_those_there_are(tmp_path):
     told = r"did you mean naca63815_Re2e5\?.*shipped: naca63815_Re1e5, "
     with pytest.raises(InputError, match=told):
         data_path("naca63815_Re2e55", "polar")

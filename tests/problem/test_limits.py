@@ -208,14 +208,14 @@ def test_what_could_be_kept_is_not_refused():
         ({"torque": 700, "rotor_speed": 10, "power": 6.9e3}, {}, []),
     ],
 )
-def test_limits_of_no_effect_are_told(limits, generator, free):
+def test_limits_of_no_effect_are_reported(limits, generator, free):
     world = physics(load_case(CASE | {"limits": limits, "generator": generator}))
     told = [text for text in world.messages if "has no effect" in text]
     assert [text.partition(" = ")[0] for text in told] == [f"limits.{name}" for name in free]
 
 
 @pytest.mark.parametrize("unknown", ["speed", "torque"])
-def test_the_worse_unknown_of_a_limited_rate_is_told(unknown):
+def test_the_worse_unknown_of_a_limited_rate_is_reported(unknown):
     control = {"law": "open_loop", "unknown": unknown}
     world = physics(load_case(CASE | {"control": control, "limits": {"torque_rate": 20}}))
     assert any("give control.unknown: speed" in each for each in world.warnings) == (
@@ -251,7 +251,7 @@ def run(tmp_path_factory):
     ],
     ids=["linear", "open_loop"],
 )
-def test_a_power_limit_is_kept_and_told(run, sections, bound):
+def test_a_power_limit_is_kept_and_reported(run, sections, bound):
     found = run(**sections, limits={"power": bound})
     assert found.success, found.message
     told, most = found.summary.limits["power"], 1e3 * float(bound.split()[0])
@@ -347,7 +347,7 @@ def test_electrical_energy_is_maximized_where_the_generator_loses_least(run):
     np.testing.assert_allclose(known["electrical_power_W"], expected, rtol=1e-8)
 
 
-def test_a_table_is_read_first_and_leaving_it_is_told(run, tmp_path):
+def test_a_table_is_read_first_and_leaving_it_is_reported(run, tmp_path):
     path, rows = tmp_path / "table.csv", "100,40,0.8\n100,60,0.8\n400,40,0.9\n400,60,0.9\n"
     path.write_text("torque_Nm,speed_rpm,efficiency\n" + rows)
     sections = {"generator": {"table": str(path)}, "objective": "electrical", "control": "linear"}

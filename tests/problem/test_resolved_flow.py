@@ -114,7 +114,7 @@ def silent(**flow):
     return physics(load_case(data, extensions=[Silent]))
 
 
-def test_a_flow_that_tells_no_features_is_looked_at_and_that_is_said():
+def test_a_flow_without_features_is_sampled_and_a_message_says_so():
     world = silent(width=0.3)
     (scenario,) = world.scenarios
     assert np.max(scenario.inflow.speed_at(scenario.dense)) == pytest.approx(1.9, rel=1e-4)
@@ -133,7 +133,7 @@ class Told(Silent):
     highest_frequency: ClassVar[float] = 1.0
 
 
-def test_a_flow_that_tells_its_highest_frequency_is_not_told_of():
+def test_a_flow_with_a_highest_frequency_has_no_message():
     data = {"inflow": "told", "control": "linear", "phase": {"duration": 100, "segments": 100}}
     assert not any("tells" in text for text in physics(load_case(data, extensions=[Told])).messages)
 

@@ -205,7 +205,7 @@ def test_polars_of_a_turbine_file_need_no_reynolds_number(turbine, tmp_path):
         ),
     ],
 )
-def test_what_does_not_fit_together_is_told(keys, told, turbine):
+def test_what_does_not_fit_together_is_reported(keys, told, turbine):
     with pytest.raises(InputError, match=told):
         turbine(keys)
 

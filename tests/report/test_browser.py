@@ -101,7 +101,7 @@ def choose_a_scenario(tab):
     assert axes == ["x"]  # the panels zoom together
 
 
-def test_a_picture_stands_in_where_there_is_no_webgl(pages, start):
+def test_a_picture_replaces_the_solid_without_webgl(pages, start):
     browser = start(*WITHOUT)
     tab = opened(browser, pages["one"])
     assert drawn(tab) == ALL - {"solid"} | {"convergence"}

@@ -99,7 +99,7 @@ def cells(read: Reader) -> dict[str, list[str]]:
     return {row[0].strip(): [x.strip() for x in row[1:]] for row in read.rows if row}
 
 
-def test_one_result_tells_all_that_was_asked(texts, read, folders):
+def test_one_result_shows_all_required_parts(texts, read, folders):
     assert read["one"].headings == [
         *("sine_quadratic", "Figures of merit", "Blade", "Operation", "Limits"),
         *("Judges", "What is not modelled", "Convergence", "Case and versions"),
@@ -210,7 +210,7 @@ def test_envelope_covers_every_scenario(tmp_path):
     }
 
 
-def test_an_unfinished_result_is_told(folders, tmp_path):
+def test_an_unfinished_result_is_reported(folders, tmp_path):
     solution = Solution.load(folders[0])
     summary = solution.summary.model_copy(
         update={"success": False, "checks": None, "chord_m": None, "message": "interrupted"}

@@ -56,7 +56,7 @@ def test_plot_draws_in_its_own_figure(plot, solution: Solution) -> None:
 
 
 @pytest.mark.parametrize("plot", PLOTS)
-def test_plot_draws_several_where_told(plot, both: list[Solution]) -> None:
+def test_plot_draws_several_into_the_given_folder(plot, both: list[Solution]) -> None:
     if plot is plots.plot_limits:  # of which the other has none
         case = both[0].case.model_copy(update={"name": "sine_linear"})
         both = [both[0], replace(both[0], case=case)]
@@ -383,7 +383,7 @@ def test_save_figures_refuses_unknown_formats(solution: Solution, tmp_path: Path
     assert not (tmp_path / "figures").exists()
 
 
-def test_results_of_one_case_are_told_apart(solution: Solution, tmp_path: Path) -> None:
+def test_results_of_one_case_have_different_labels(solution: Solution, tmp_path: Path) -> None:
     other = replace(solution, folder=tmp_path / "other")
     assert plots.labels([solution]) == [""]
     assert plots.labels([solution, other]) == ["result", "other"]

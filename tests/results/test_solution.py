@@ -162,7 +162,7 @@ def test_tables_for_pandas_and_xarray(result_folder: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("package", ["pandas", "xarray"])
-def test_a_missing_package_is_told(
+def test_a_missing_package_is_reported(
     result_folder: Path, monkeypatch: pytest.MonkeyPatch, package: str
 ) -> None:
     def refuse(name: str) -> None:
@@ -173,7 +173,7 @@ def test_a_missing_package_is_told(
         getattr(Solution.load(result_folder), f"to_{package}")()
 
 
-def test_a_missing_table_is_told(result_folder: Path) -> None:
+def test_a_missing_table_is_reported(result_folder: Path) -> None:
     (result_folder / "simulation.csv").unlink()
     solution = Solution.load(result_folder)
     with pytest.raises(InputError, match="has no simulation; let the run finish"):

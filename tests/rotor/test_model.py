@@ -51,7 +51,7 @@ def problem_of(*parts):
 # The object
 
 
-def test_it_tells_of_a_blade_what_the_theories_do(rotor, blade):
+def test_it_agrees_with_the_theories_on_a_blade(rotor, blade):
     coned = replace(blade, cone=0.1)
     expected = bem.rotor_coefficients(coned, rotor.polar, RATIOS, derivatives=True)
     for one, two in zip(rotor.coefficients(coned, RATIOS, derivatives=True), expected, strict=True):

@@ -52,7 +52,7 @@ def test_design_at_the_stations_is_the_blade_bit_by_bit(blade):
     np.testing.assert_array_equal(shape.at(chord, twist).twist, blade.twist)
 
 
-def test_many_stations_are_a_spline_unless_asked_otherwise(blade):
+def test_many_stations_are_a_spline_unless_given_otherwise(blade):
     r = np.linspace(0.2, 1.38, 30)
     many = replace(blade, r=r, chord=0.2 - 0.1 * r, twist=0.3 - 0.2 * r)
     assert Shape.designed(many, None, None, CHORDS, TWISTS).chord_basis.shape == (30, 8)

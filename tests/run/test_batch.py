@@ -46,7 +46,7 @@ def batch(tmp_path_factory):
     return folder, cases, found, told
 
 
-def test_every_case_is_run_and_told(batch):
+def test_every_case_is_run_and_reported(batch):
     folder, cases, found, told = batch
     assert list(found) == list(cases)
     assert found[folder / "broken"] is None

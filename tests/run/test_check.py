@@ -307,7 +307,7 @@ def test_a_torque_limit_out_of_reach_is_none(law: str) -> None:
     assert world.case.control.torque_limit == 1e6
 
 
-def test_a_mesh_that_does_not_resolve_the_flow_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mesh_that_does_not_resolve_the_flow_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     case = read_case(BASE, ["phase.segments=20", TURBULENCE])
     told = " ".join(warnings(check_case(case)))
     assert not any(word in told for word in ("integral of v³", "missed"))
@@ -317,7 +317,7 @@ def test_a_mesh_that_does_not_resolve_the_flow_is_told(monkeypatch: pytest.Monke
     assert "% of the flow's speed is missed between the instants at which" in " ".join(told)
 
 
-def test_a_gust_of_seconds_in_a_season_is_told() -> None:
+def test_a_gust_of_seconds_in_a_season_is_reported() -> None:
     gust = "{profile: gust, mean: 1.4, amplitude: 1.0, time: 1000001, width: 10}"
     report = check(f"inflow={gust}", "phase.duration=7776000", "limits.thrust=5 kN")
     (flow,) = report.findings.flows
@@ -477,7 +477,7 @@ def test_command_draws_only_where_a_folder_is_given(
     assert "a.yaml" in capsys.readouterr().err
 
 
-def test_a_missing_optimizer_is_told(
+def test_a_missing_optimizer_is_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("hkt_mdo.solve.drivers._is_usable", lambda *_: False)

@@ -153,7 +153,7 @@ def test_a_run_that_gave_up_is_resumed(tmp_path, undisturbed):
     ["", "{}", "[]", '{"chord_m": [1e999]}', '{"chord_m": "x"}', "[" * 100_000, "\ud800"],
     ids=["empty", "no keys", "a list", "infinite", "text", "deep", "no UTF-8"],
 )
-def test_a_corrupt_iterate_is_told(tmp_path, undisturbed, content):
+def test_a_corrupt_iterate_is_reported(tmp_path, undisturbed, content):
     folder = tmp_path / "out"
     folder.mkdir()
     (folder / "case.yaml").write_text(undisturbed.case.to_yaml(), encoding="utf-8")
@@ -184,7 +184,7 @@ def test_a_verdict_never_precedes_its_tables(tmp_path, monkeypatch):
 
 @posix
 @pytest.mark.parametrize("size", [0, 3_000, 20_000, 100_000])
-def test_a_full_disk_is_told(tmp_path, size):
+def test_a_full_disk_is_reported(tmp_path, size):
     """A limit on the size of files stands for the disk."""
     import resource
 
@@ -203,7 +203,7 @@ def test_a_full_disk_is_told(tmp_path, size):
         assert summary(folder)["success"] is False
 
 
-def test_a_full_disk_is_told_by_that_word(tmp_path, monkeypatch):
+def test_a_full_disk_is_reported_by_that_word(tmp_path, monkeypatch):
     """SQLite's own words for it, when a recorder opens its file and when it writes."""
     error = sqlite3.OperationalError("database or disk is full")
     error.sqlite_errorcode = sqlite3.SQLITE_FULL
@@ -221,7 +221,7 @@ def test_a_full_disk_is_told_by_that_word(tmp_path, monkeypatch):
 
 @posix
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write")
-def test_a_read_only_folder_is_told(tmp_path):
+def test_a_read_only_folder_is_reported(tmp_path):
     folder = tmp_path / "out"
     folder.mkdir(mode=0o500)
     with pytest.raises(InputError, match="cannot be written"):

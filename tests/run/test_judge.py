@@ -395,7 +395,7 @@ def test_a_failed_run_claims_only_what_was_tried(open_loop):
     assert told(1.1 * steepest, 0.5) == ""  # the start does
 
 
-def test_the_simplest_law_that_keeps_the_limits_is_told():
+def test_the_simplest_law_that_keeps_the_limits_is_reported():
     """Constant power needs a limit of the power; what open loop cannot keep, no law can."""
     control = {"law": "quadratic", "torque_limit": 700.0}
     world = physics(load_case({"inflow": "sine", "control": control, "limits": {"power": 5000.0}}))

@@ -41,7 +41,7 @@ def test_nothing_follows_a_feedback_law_that_holds(solve_physics):
     assert [each.remedy for each in solve_physics(OPEN_LOOP | SHORT | law).passes] == [""]
 
 
-def test_passes_are_told_and_written_while_a_run_works(tmp_path):
+def test_passes_are_reported_and_written_while_a_run_works(tmp_path):
     written, told = [], []
 
     def on_pass(entry):

@@ -198,7 +198,7 @@ def test_any_key_of_a_completed_case_can_be_overridden(short, overrides, check):
     assert read_case(changed.to_yaml()) == changed
 
 
-def test_an_override_that_does_not_fit_a_completed_case_is_told(short):
+def test_an_override_that_does_not_fit_a_completed_case_is_reported(short):
     """The key `smoothing` of the feedback law is no key of open loop."""
     with pytest.raises(InputError, match=r"control\.smoothing"):
         short.case.with_overrides("control.law=open_loop")
@@ -275,7 +275,7 @@ def test_existing_folder_is_kept_without_force(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["precious.txt"]
 
 
-def test_bad_files_are_told_before_anything_is_written(tmp_path):
+def test_bad_files_are_reported_before_anything_is_written(tmp_path):
     polar = tmp_path / "polar.csv"
     polar.write_text(
         "alpha_deg,cl,cd\n" + "\n".join(f"{a},0.1,0.01" for a in (0, 1, 3, 2, 4, 5, 6, 7, 8))

@@ -61,7 +61,7 @@ def test_energies_are_those_of_the_tables(solution):
     assert [summary.scenarios[name].duration_s for name in names] == [12.0, 15.0]
 
 
-def test_the_largest_are_told_with_their_scenario(solution):
+def test_the_largest_are_reported_with_their_scenario(solution):
     summary = solution.summary
     for name in ("thrust", "stress"):
         entry, own = summary.loads[name], summary.scenarios["fast"].loads[name]

@@ -89,7 +89,7 @@ def test_a_fixed_blades_year_is_the_sum_over_its_bins(year):
     assert np.sum(year.year["energy_kWh"]) * 3.6e6 == pytest.approx(0.9 * total, rel=1e-8)
 
 
-def test_a_year_is_told(year):
+def test_a_year_is_reported(year):
     told = year.summary.scenarios["phase"].year
     assert told.operation_h == pytest.approx(0.9 * 8766.0)
     assert told.standstill_h == pytest.approx(0.1 * 8766.0)

@@ -277,7 +277,7 @@ def test_cases_are_recorded(package, optimizer, empty_directory):
 
 
 @every_optimizer
-def test_progress_is_told_in_physical_objective_and_scaled_violation(package, optimizer):
+def test_progress_is_reported_in_physical_objective_and_scaled_violation(package, optimizer):
     told = []
     driver = make_driver(package, optimizer, progress=lambda *news: told.append(news))
     bowl(driver).run_driver()

@@ -117,13 +117,13 @@ def test_its_radius_is_taken_where_that_is_designed(result):
     assert design_of_result(free)[0].blade.rotor_radius == pytest.approx(1.5)
 
 
-def test_a_refused_result_is_allowed_and_told(result):
+def test_a_refused_result_is_allowed_and_reported(result):
     _, messages = design_of_result(world(result(success=False)))
     assert "refused by its judges: the mesh is too coarse" in messages[0]
 
 
 @pytest.mark.parametrize("method", ["blade", "quasi_steady"])
-def test_a_check_tells_of_the_design_that_a_run_begins_with(result, method):
+def test_a_check_reports_the_design_that_a_run_begins_with(result, method):
     folder = result(gain=12.0, success=False)
     data = {"inflow": "sine", "control": "quadratic"}
     plain = check_case(load_case(data))

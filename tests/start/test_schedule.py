@@ -217,6 +217,6 @@ def test_partials_of_the_loads_in_the_problem():
         ),
     ],
 )
-def test_limits_that_cannot_be_told_are_refused(sections, told):
+def test_limits_that_cannot_be_evaluated_are_refused(sections, told):
     with pytest.raises(InputError, match=told):
         physics(load_case(SINE | {"control": "open_loop"} | sections))

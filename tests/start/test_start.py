@@ -68,7 +68,7 @@ def test_gains_are_searched_within_their_bounds(bounds, optimum):
 
 
 @pytest.mark.parametrize("share", [SLOWED, 5.0 * SLOWED])
-def test_a_start_keeps_the_distance_from_stall_that_is_asked_for(share, optimum):
+def test_a_start_keeps_the_distance_from_stall_that_is_required(share, optimum):
     """It recovers from the loss of speed that is given; a larger one allows no more energy."""
     start, usual = (
         find_start(world("linear", 700.0), optimum, slowed=slowed).operation
@@ -78,7 +78,7 @@ def test_a_start_keeps_the_distance_from_stall_that_is_asked_for(share, optimum)
     assert start.energy <= (1.0 + 1e-9) * usual.energy
 
 
-def test_it_tells_what_became_of_each_candidate(optimum):
+def test_it_reports_the_outcome_of_each_candidate(optimum):
     start = find_start(world("quadratic", 700.0), optimum)
     names = [record.strategy for record in start.starts]
     assert names == ["blade as given", *["best blade of a tip speed ratio"] * 10]

@@ -106,7 +106,7 @@ def test_a_limit_from_below_and_one_of_both_signs(quadratic):
     assert not told.kept
 
 
-def test_a_torque_that_drives_the_rotor_is_told(open_loop):
+def test_a_torque_that_drives_the_rotor_is_reported(open_loop):
     """The generator's torque is never negative, whatever its largest value is."""
     for bound in (700.0, None):
         heavy = replace(open_loop, plant=replace(open_loop.plant, inertia=1e6))
@@ -169,7 +169,7 @@ def test_parts_of_a_sum_keep_seeds_of_their_own():
 # The flow of the run ------------------------------------------------------------------------------
 
 
-def test_in_the_flow_of_the_run_it_tells_what_the_run_does(quadratic, open_loop):
+def test_in_the_flow_of_the_run_it_agrees_with_the_run(quadratic, open_loop):
     for design in (quadratic, open_loop):
         (run,), summary = runs_of(design.solution, "design"), design.solution.summary
         assert run.energies["energy"] == pytest.approx(summary.simulated_energy_J, rel=1e-7)
@@ -182,7 +182,7 @@ def test_in_the_flow_of_the_run_it_tells_what_the_run_does(quadratic, open_loop)
         assert (torque.limit, torque.kept) == (700.0, True)
 
 
-def test_loads_without_a_limit_are_told_where_they_are_large(quadratic):
+def test_loads_without_a_limit_are_reported_where_they_are_large(quadratic):
     """The paper's blade has 2 GPa, more than any aluminium; at 14 m/s water boils at Cp = -1."""
     told = Run(quadratic, ConstantInflow(speed=1.5)).told
     assert told["stress"].remark == "more than the material allows: the case has no limit for it"
@@ -274,7 +274,7 @@ def test_loads_with_memory_are_those_of_the_sections_then(quadratic):
         (["--tau1", "2"], "--tau1"),
     ],
 )
-def test_what_does_not_go_with_memory_is_told(quadratic, options, key, capsys):
+def test_what_does_not_go_with_memory_is_reported(quadratic, options, key, capsys):
     assert main(["simulate", str(quadratic.solution.folder), *options]) == 2
     error = capsys.readouterr().err
     assert error.startswith(f"error: {key}")
@@ -310,7 +310,7 @@ def test_seeds_are_simulated_one_by_one_and_written(folder, tmp_path, capsys):
     )
 
 
-def test_of_several_runs_the_most_used_limit_is_told(quadratic):
+def test_of_several_runs_the_most_used_limit_is_reported(quadratic):
     """A run with a limit comes before a larger one without it."""
     slow = Run(limited(quadratic, ThrustLimit(bound=8e3)), ConstantInflow(speed=1.2), "slow")
     fast = Run(limited(quadratic), ConstantInflow(speed=1.6), "fast")
@@ -337,7 +337,7 @@ def test_a_flow_without_a_seed_has_no_seeds(folder, quadratic, capsys):
         flow_given(weak, quadratic.solution.case, 2)
 
 
-def test_a_start_up_tells_the_limits_of_its_operation(folder, capsys):
+def test_a_start_up_reports_the_limits_of_its_operation(folder, capsys):
     assert main(["simulate", str(folder), "--start-up"]) == 0
     printed = " ".join(capsys.readouterr().out.split())
     assert re.search(r"run-up: .* operation: .* Largest values .* thrust [\d.]+ kN, limit", printed)

@@ -113,7 +113,7 @@ def test_an_ensemble_is_computed_once(solve, tmp_path, monkeypatch):
     assert simulated[2] == simulated[0]
 
 
-def test_missing_cases_are_told(tmp_path):
+def test_missing_cases_are_reported(tmp_path):
     with pytest.raises(InputError, match=r"--cases .* has no step_oloc\.yaml"):
         paper.reproduce(tmp_path / "out", tmp_path, 1, 2, 1, print)
     assert not (tmp_path / "out").exists()

@@ -57,7 +57,7 @@ def test_the_limit_of_the_torque_stops_a_rotor_that_it_exceeds(design):
     assert any("needs a brake" in line for line in parts.lines())
 
 
-def test_a_rotor_that_does_not_start_is_told(design):
+def test_a_rotor_that_does_not_start_is_reported(design):
     heavy = replace(design, plant=replace(design.plant, inertia=1e6))
     parts = start_and_stop(heavy, design.physics.inflow)
     assert parts.started_at is None
@@ -84,7 +84,7 @@ def test_open_loop_has_no_start(solve):
         start_and_stop(open_loop, open_loop.physics.inflow)
 
 
-def test_the_command_tells_each_part(solution, capsys):
+def test_the_command_reports_each_part(solution, capsys):
     folder = str(solution.folder)
     assert main(["simulate", folder, "--start-up", "--shut-down", "50"]) == 0
     told = capsys.readouterr().out

@@ -156,7 +156,8 @@ def _limits(study):
 
     Goals: 95 % success, at most 0.02 % below the best energy of the case, no false success. The
     certificate includes no limit but that of the torque: under other limits, above all one of the
-    power, its gap is mostly what they cost and says nothing about the design.
+    power, its gap is mostly the cost of these limits and does not show how good the
+    design is.
     """
     return _from_random_blades(study, "quasi_steady", _shipped(LIMITED), OPTIMIZERS[:1])
 
@@ -177,7 +178,7 @@ def _laws(study):
 def _blades(study):
     """Optimize the same cases from the random blades themselves (`start.method: blade`).
 
-    No goal; it shows what the quasi-steady start is worth.
+    No goal; it shows the effect of the quasi-steady start.
     """
     return _from_random_blades(study, "blade", _shipped(CODESIGN), OPTIMIZERS)
 

@@ -125,7 +125,7 @@ def test_disturbed_runs_lose_nothing(tmp_path, monkeypatch):
         (2, "error: no room\n", 990.0, "called a success at 990.00 J instead of 1000.00 J"),
     ],
 )
-def test_what_a_fault_brings_to_light_is_told(tmp_path, monkeypatch, code, said, energy, wrong):
+def test_failures_by_injected_faults_are_reported(tmp_path, monkeypatch, code, said, energy, wrong):
     """A run that ends as given, and is resumed to the undisturbed run's energy."""
 
     def ends(folder, energy, code, said):

@@ -52,7 +52,7 @@ def of_shape(finished, chord, twist):
     return replace(finished, result=result)
 
 
-def test_parts_of_the_blade_at_a_bound_are_told(finished):
+def test_parts_of_the_blade_at_a_bound_are_reported(finished):
     stations = finished.result.point.blade.r / finished.result.point.blade.tip_radius
     inside, twist = np.full(9, 0.2), np.linspace(20.0, 0.0, 9)
     assert told(of_shape(finished, inside, twist)) == {}
@@ -91,7 +91,7 @@ def test_a_bound_of_zero_is_a_bound(solve_physics):
         ("thrust", 1e9, {}, ""),
     ],
 )
-def test_a_large_load_without_a_limit_is_told(name, value, limits, word):
+def test_a_large_load_without_a_limit_is_reported(name, value, limits, word):
     case = load_case(SHORT | {"limits": limits})
     assert unasked(name, value, case).startswith(word)
     assert bool(unasked(name, value, case)) == bool(word)

@@ -62,7 +62,7 @@ def test_flapwise_moment_is_the_integral_of_load_times_arm():
     np.testing.assert_allclose(hub, root, rtol=1e-12)
 
 
-def test_the_largest_is_told_with_its_time():
+def test_the_largest_is_reported_with_its_time():
     world = physics(load_case(PLAIN))
     known = trajectory(world)
     slower = {name: 0.5 * known[name] for name in world.loads.names}
@@ -224,7 +224,7 @@ def test_loads_are_computed_once(solve_physics, tmp_path):
 
 
 @pytest.mark.slow
-def test_loads_of_a_resolved_blade_are_told(solve_physics):
+def test_loads_of_a_resolved_blade_are_reported(solve_physics):
     """Nine stations miss a part of the stress that forty have."""
     coarse = solve_physics(SHORT | {"limits": {"stress": "100 MPa"}, "version": 1})
     told = [each.told for each in coarse.flights]

@@ -1,0 +1,122 @@
+"""Data of the pages of results in docs/data, with which `make test` compares the pages.
+
+python scripts/page_data.py PAGE ...    # record the numbers of pages that were just written
+
+The data of `limits` and `robust` are results, in SI units, from which their scripts write the page
+(`--from-data`). Those of the other pages are the cells of the tables and the numbers of the
+sentences, by heading, as the page's command printed them. A page that is edited by hand no longer
+agrees with its data; record it again only after the command that computes its numbers.
+"""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+from hkt_mdo.results.summary import Summary
+
+ROOT = Path(__file__).parents[1]
+DATA = ROOT / "docs" / "data"
+SENTENCE = 60  # characters from which a cell of a table is a sentence
+LINE = 100  # characters of a list that is written in one line
+NUMBER = r"(?<![\w.])[-+−]?\d+(?:[.\u202f]\d+)*(?:e[-+]?\d+| ?·10[⁻⁰¹²³⁴-⁹]+)?(?: %)?"
+RESULT = re.compile(r"[.e%·\u202f]")  # of a sentence's numbers, those that are no mere counts
+APART = re.compile(r"`[^`\n]*`|<!--.*?-->|\]\([^)]*\)", re.DOTALL)  # what holds no results
+COMMAND = re.compile(r"`((?:python )?(?:scripts/|-m )[^`\n]*|make \w+[^`\n]*|hkt paper[^`\n]*)`")
+
+
+def numbers_of(page):
+    """Return the numbers of the sentences, and the rows of the tables, by the page's headings."""
+    found = {}
+    page = re.sub(r"(?ms)^```.*?^```|^ {4,}[^|\n]*$", "", page)
+    for part in re.split(r"(?m)^(?=#+ )", page):
+        title, _, body = part.partition("\n")
+        lines = body.splitlines()
+        rows = [
+            [cell_of(cell.strip()) for cell in line.strip().strip("|").split(" | ")]
+            for line in lines
+            if line.startswith("|") and RESULT.search(" ".join(re.findall(NUMBER, bare(line))))
+        ]
+        text = bare("\n".join(line for line in lines if not line.startswith("|")))
+        numbers = [each for each in re.findall(NUMBER, text) if RESULT.search(each)]
+        known = {"sentences": numbers, "rows": rows}
+        if numbers or rows:
+            found[title.lstrip("# ")] = {key: each for key, each in known.items() if each}
+    return found
+
+
+def bare(text):
+    """Return a text without code, comments and targets of links."""
+    return APART.sub("", text)
+
+
+def cell_of(text):
+    """Return what is kept of a cell of a table: of a sentence, its numbers alone."""
+    return text if len(text) <= SENTENCE else ", ".join(re.findall(NUMBER, bare(text)))
+
+
+def record(page):
+    """Write the data of a page: its numbers, its commands, and the commit that made new numbers."""
+    text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
+    known = read(page) if (DATA / f"{page}.json").exists() else {}
+    numbers = numbers_of(text)
+    same = [*known.get("numbers", {}).values()] == [*numbers.values()]  # maybe under new headings
+    commands = known.get("commands") or sorted(set(COMMAND.findall(text)))
+    commit = known["commit"] if same else head()
+    write(page, {"commands": commands, "commit": commit, "numbers": numbers})
+
+
+def head():
+    """Return the commit of the checkout."""
+    command = ["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def write(page, data):
+    """Write the data of a page, short lists in one line each."""
+    DATA.mkdir(exist_ok=True)
+    (DATA / f"{page}.json").write_text(f"{as_text(data)}\n", encoding="utf-8")
+
+
+def as_text(value, indent=""):
+    """Return JSON, in which what fits is on one line."""
+    line = json.dumps(value, ensure_ascii=False)
+    if len(indent) + len(line) <= LINE or not isinstance(value, dict | list):
+        return line
+    inner = indent + " "
+    if isinstance(value, dict):
+        pairs = (f"{json.dumps(key)}: {as_text(each, inner)}" for key, each in value.items())
+        return "{\n" + ",\n".join(f"{inner}{pair}" for pair in pairs) + f"\n{indent}}}"
+    return "[\n" + ",\n".join(f"{inner}{as_text(each, inner)}" for each in value) + f"\n{indent}]"
+
+
+def read(page):
+    """Return the data of a page."""
+    return json.loads((DATA / f"{page}.json").read_text(encoding="utf-8"))
+
+
+# Results as data ----------------------------------------------------------------------------------
+
+
+def of_result(solution, names):
+    """Return outcome, message, notes and some entries of a result's summary; None for no result."""
+    if solution is None:
+        return None
+    summary = solution.summary.model_dump(mode="json", include=set(names), exclude_none=True)
+    message, notes = str(solution.message), [*solution.notes]
+    return {"success": solution.success, "message": message, "notes": notes, "summary": summary}
+
+
+def result_of(data):
+    """Return what `of_result` kept, with the names of a `Solution`."""
+    if data is None:
+        return None
+    summary = Summary.model_validate(data["summary"] | {"success": data["success"]})
+    return SimpleNamespace(**data | {"summary": summary})
+
+
+if __name__ == "__main__":
+    for name in sys.argv[1:]:
+        record(Path(name).stem)
