@@ -13,17 +13,17 @@ from matplotlib.figure import Figure
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Source
-from hkt_mdo.exports.solids import Stl, outline_names, triangles
+from hkt_mdo.exports.solids import Stl, triangles
 from hkt_mdo.report.charts import FAINT, Chart, Labelled, Look, escaped, line
 from hkt_mdo.results import style
+from hkt_mdo.results.plots import AXIS, SHOWN
+from hkt_mdo.results.sections import outline_names
 
 SOLIDS = Stl(spanwise=44, points=48), Stl(spanwise=20, points=24)
 """Sections and points of the solids of few results and of many, beside their stations."""
 FEW = 4
 APART = 1.35
 """Distance from one blade to the next one over its width."""
-SHOWN = 0.25, 0.5, 0.75
-"""Places of the sections that are shown, from hub to tip."""
 EYE, LIGHT = np.array([-0.25, -1.0, 0.8]), np.array([-0.4, 0.3, 0.87])
 """Where the picture is seen and lighted from; x along the blade, y across it, z upstream."""
 
@@ -62,7 +62,7 @@ def bodies(labelled: Sequence[Labelled]) -> tuple[list[Body], list[str]]:
     for index, each in enumerate(labelled):
         try:
             source = Source(each.solution)
-            outline_names(source)  # refuses where the polars have no outline of their own
+            outline_names(each.solution)  # refuses where the polars have no outline of their own
             color = Look.of(index, each).color
             start, kind = _start(source.design, each.solution), SOLIDS[len(labelled) > FEW]
             name = each.label or ("blade" if start is None else "optimized blade")
@@ -227,7 +227,7 @@ def sections(found: Sequence[Body]) -> Chart:
             if not start and len(found) <= 2:
                 trace |= {"fill": "toself", "fillcolor": f"{body.color}18"}
             data.append(trace | {"hoverinfo": "name"})
-        axis = line([0.0], [down], "blade's axis, at a quarter of the chord", FAINT, mode="markers")
+        axis = line([0.0], [down], AXIS, FAINT, mode="markers")
         mark = {"symbol": "cross-thin-open", "size": 9, "color": FAINT}
         data.append(axis | {"marker": mark, "showlegend": row == 0, "hoverinfo": "name"})
         at = {"x": 0, "xref": "paper", "xanchor": "left", "y": down + 0.75 * thick}

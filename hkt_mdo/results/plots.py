@@ -23,6 +23,7 @@ from matplotlib.figure import Figure
 from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results import style
+from hkt_mdo.results.sections import STACKING, sections
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import binned, rated_point, steady_curve
 from hkt_mdo.results.words import joined, limit_words, measured, printable
@@ -31,30 +32,58 @@ Solutions = Solution | Sequence[Solution]
 
 _BAR: dict[str, Any] = {"linewidth": 2.5, "marker": "|", "markersize": 8, "markeredgewidth": 1.5}
 _MARKS_PER_LINE = 12
+SHOWN = 0.25, 0.5, 0.75
+"""Places of the sections that are shown, from hub to tip."""
+AXIS = f"blade's axis, at {STACKING:g} of the chord"
 _NODES_SHOWN = 40  # of the collocation: more markers would hide the line
-STACKING = 0.25
-"""Where the blade's axis meets the chord line, over the chord from the leading edge."""
+
+
+def near_bounds(
+    solutions: Sequence[Solution], column: str, values: np.ndarray
+) -> dict[str, tuple[int, float]]:
+    """Return the bounds of a column of the blade that all designs share and that are near.
+
+    Parameters
+    ----------
+    solutions : sequence of Solution
+        The results.
+    column : str
+        A column of the blade that is designed.
+    values : numpy.ndarray, shape (n_values,)
+        What is drawn; a bound far from these and from zero says nothing.
+
+    Returns
+    -------
+    dict of (int, float)
+        0 for the lower and 1 for the upper end, and the bound, by its words.
+    """
+    quantity, unit = column.split("_", 1)
+    designs = [each.case.design for each in solutions if each.case.design.blade == "optimized"]
+    given = {getattr(each, f"{quantity}_bounds") for each in designs}
+    low, high = (1.5 * end(values, initial=0.0) for end in (np.min, np.max))
+    return {
+        f"{word} {quantity} {bound:.4g} {unit.replace('over_chord', '')}".rstrip(): (end, bound)
+        for bounds in (given if len(given) == 1 else ())
+        for end, (word, bound) in enumerate(
+            zip(("smallest", "largest"), bounds or (), strict=False)
+        )
+        if low <= bound <= high
+    }
 
 
 def _over_radius(column: str, label: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a column of the blade over the radius, from zero, with the bounds of the design."""
     ax = _beside_start(solutions, ax, "blade", "r_m", column)
     values = np.concatenate([[0.0], *(line.get_ydata() for line in ax.lines)])
-    low, high = 1.5 * np.min(values), 1.5 * np.max(values)  # a bound far away says nothing
-    design = [each.case.design for each, _ in _named(solutions)]
     ax.axhline(0.0, color="0.75", linewidth=0.8, label="_zero")
+    ax.set_xlim(left=0.0)
     if column == "chord_m":
         ax.set_ylim(bottom=0.0)
-    for end, word in enumerate(("smallest", "largest")):
-        bounds = {getattr(x, _BOUNDS[column])[end] for x in design if x.blade == "optimized"}
-        for bound in bounds if len(bounds) == 1 else ():
-            if low <= bound <= high:
-                quantity, unit = column.split("_")
-                style.level(ax, bound, f"{word} {quantity} {bound:g} {unit}", below=end == 0)
+    chosen = [each for each, _ in _named(solutions)]
+    for words, (end, bound) in near_bounds(chosen, column, values).items():
+        style.level(ax, bound, words, 1 - end)
     return style.finish(ax, "radius (m)", label)
 
-
-_BOUNDS = {"chord_m": "chord_bounds", "twist_deg": "twist_bounds"}
 
 # over the radius, and that of the blade at the start
 plot_chord = partial(_over_radius, "chord_m", "chord (m)")
@@ -62,7 +91,7 @@ plot_twist = partial(_over_radius, "twist_deg", "twist (deg)")
 
 
 def plot_planform(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot the outline of the untwisted blade in scale; its axis is at a quarter of the chord."""
+    """Plot the outline of the untwisted blade in scale, with its axis."""
     ax = ax or style.new_axes()
     for index, (solution, name) in enumerate(_named(solutions)):
         if not (blade := solution.blade):
@@ -70,15 +99,43 @@ def plot_planform(solutions: Solutions, ax: Axes | None = None) -> Axes:
         radius, chord, look = blade["r_m"], blade["chord_m"], style.line(index)
         edges = STACKING * chord, (STACKING - 1.0) * chord
         around = np.r_[edges[0], edges[1][::-1], edges[0][:1]]
-        label = name or "planform, to scale"
-        ax.plot(np.r_[radius, radius[::-1], radius[:1]], around, label=label, **look)
+        ax.plot(np.r_[radius, radius[::-1], radius[:1]], around, label=name or "_blade", **look)
         if not name:
             ax.fill_between(radius, *edges, color=look["color"], alpha=0.12, linewidth=0)
         if index == 0:
-            words = "blade's axis, at a quarter of the chord"
-            ax.plot(radius[[0, -1]], [0.0, 0.0], label=words, linestyle="-.", **style.REFERENCE)
+            along = [0.0, radius[-1]], [0.0, 0.0]
+            ax.plot(*along, label=AXIS, linestyle="-.", **style.REFERENCE)
     ax.set_aspect("equal", adjustable="datalim")
-    return style.finish(ax, "radius (m)", "along the\nchord (m)")
+    ax.set_xlim(left=0.0)
+    return style.finish(ax, "radius (m)", "planform,\nin scale (m)")
+
+
+def plot_sections(solutions: Solutions, ax: Axes | None = None) -> Axes:
+    """Plot some sections of the blade in scale, without twist, about its axis.
+
+    Results whose files or outlines are not known are left out.
+    """
+    ax = ax or style.new_axes()
+    for index, (solution, name) in enumerate(_named(solutions)):
+        for number, section in enumerate(_sections(solution)):
+            look = style.line(number if not name else index)
+            look |= {} if name else {"color": style.COLORS[0]}
+            words = f"section at {100.0 * SHOWN[number]:g} % of the span"
+            label = (name or words) if not (name and number) else "_section"
+            ax.plot(*np.append(section, section[:1], axis=0).T, label=label, **look)
+    if ax.lines:
+        ax.plot([0.0], [0.0], "+", markersize=9, label=AXIS, color=style.REFERENCE["color"])
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.locator_params(axis="x", prune="both")  # a label at the end would be cut off
+    return style.finish(ax, "along the chord, from the blade's axis (m)", "sections,\nin scale (m)")
+
+
+def _sections(solution: Solution) -> np.ndarray:
+    """Return sections of a blade; none where its files or outlines are not known."""
+    try:
+        return sections(solution, SHOWN)
+    except InputError:
+        return np.empty((0, 0, 2))
 
 
 def plot_power_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
@@ -93,7 +150,8 @@ def plot_power_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
             continue
         get, color = solution.summary.get, style.line(index)["color"]
         ratio, power = get("tip_speed_ratio_at_power_coefficient_max"), get("power_coefficient_max")
-        ax.plot([ratio], [power], color=color, linestyle="none", **style.marker(index))
+        peak = {"color": color, "linestyle": "none", "label": "_" if index else "largest value"}
+        ax.plot([ratio], [power], **peak, **style.marker(index))
         if reach := get("tip_speed_ratio"):
             look = _BAR | {"color": color, "label": None if bars else "range operated in"}
             height, across = 0.035 + 0.04 * index, ax.get_xaxis_transform()
@@ -196,7 +254,7 @@ def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:
         ax.barh(places, most, label=name or "largest value", **look)
         for place, value in zip(places, most, strict=True):
             words: dict[str, Any] = {"va": "center", "fontsize": style.FONT_SIZE - 1.5}
-            ax.text(value, place, f" {value:.3f}", **words)
+            ax.text(max(value, 1.0), place, f" {value:.3f}", **words)  # beyond the limit's line
     ax.axvline(1.0, label="limit", **style.REFERENCE | {"linewidth": 1.6})
     ax.set_xlim(0.0, 1.12 * max(1.0, ax.get_xlim()[1] / 1.05))
     room = max(0.6, 0.5 * (4 - len(rows)))  # a single bar does not fill the axes
@@ -207,10 +265,7 @@ def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:
 
 
 def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot a quantity over the flow speed: means, the range of most instants, steady operation.
-
-    A single solution has all instants, too, as a thin line.
-    """
+    """Plot a quantity over the flow speed, from zero: means, most instants, steady operation."""
     words, unit, scale = WORDS[quantity]
     chosen, ax = _scenarios(solutions), ax or style.new_axes()
     column = QUANTITIES[quantity].column
@@ -220,23 +275,21 @@ def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Ax
             continue
         if not name:
             look = style.colored(look, quantity)
-            across, along = _broken(solution, table, "inflow_speed_m_s", scale * table[column])
-            fine = look | {"linewidth": 0.5, "alpha": 0.35}
-            ax.plot(across, along, label="every instant", **fine)
         speed, mean, low, high = binned(table["inflow_speed_m_s"], scale * table[column])
         band = {"alpha": 0.12 if name else 0.2, "color": look["color"], "linewidth": 0}
         ax.fill_between(speed, low, high, label=None if name else "90 % of the instants", **band)
-        marks = style.marker(index, 3.5)
+        marks = _few_markers(index, len(chosen), speed.size) if name else style.marker(index, 3.5)
         ax.plot(speed, mean, label=name or "mean at this flow speed", **look, **marks)
-        if not name and column in (steady := steady_curve(solution)):
-            dashed: dict[str, Any] = {"color": "black", "linewidth": 1.0, "linestyle": "--"}
-            values = scale * steady[column]
-            ax.plot(steady["inflow_speed_m_s"], values, label="in steady flow", **dashed)
+        if column in (steady := steady_curve(solution)):
+            dashed: dict[str, Any] = {"color": look["color"] if name else "black", "linewidth": 1.0}
+            dashed |= {"linestyle": "--", "label": "_steady" if name else "in steady flow"}
+            ax.plot(steady["inflow_speed_m_s"], scale * steady[column], **dashed)
+    ax.set_xlim(left=0.0)
+    ax.set_ylim(bottom=0.0)
     _draw_levels(LIMITED_BY.get(quantity, (quantity,)), scale, solutions, ax)
     stops = {solution.case.control.cut_out for solution, _ in chosen} - {None}
     for stop in sorted(stops):
         ax.axvline(stop, label=f"cut-out {stop:g} m/s", linestyle=":", **style.REFERENCE)
-    style.widen(ax)
     return style.finish(ax, "inflow speed (m/s)", f"{words} ({unit})")
 
 
@@ -262,7 +315,6 @@ def plot_power_schedule(solutions: Solutions, ax: Axes | None = None) -> Axes:
             found = binned(table["inflow_speed_m_s"], 1e-3 * table["electrical_power_W"])
             ax.plot(found.speed, found.mean, linestyle=(0, (1, 2)), label=label, **look)
             label = "_"  # one entry in the legend is enough
-    ax.set_ylim(bottom=0.0)
     style.legend([ax])
     return ax
 
@@ -403,7 +455,13 @@ _OPERATION = (
 _SCHEDULE = plot_power_schedule, plot_speed_schedule, plot_torque_schedule
 
 FIGURES: dict[str, tuple[list[Panel], float, float]] = {
-    "blade": (_panels(plot_planform, plot_chord, plot_twist, tables=["blade"]), 6.4, 7.0),
+    "blade": (
+        [
+            *_panels(plot_planform, plot_chord, plot_twist, tables=["blade"]),
+            Panel(plot_sections, lambda solution: _sections(solution).size),
+        ],
+        *(6.6, 8.4),
+    ),
     "power_curve": (
         _panels(plot_power_curve, tables=["power_curve"])
         + _panels(plot_thrust_curve, tables=["power_curve"], column="thrust_coefficient"),
@@ -445,7 +503,8 @@ def figure_of(solutions: Solutions, name: str) -> Figure | None:
     if not shown:
         return None
     height = _BESIDES + (height - _BESIDES) * len(shown) / len(panels)
-    return style.figure_of(width, height, [partial(each.plot, solutions) for each in shown])
+    share = sum(each.plot is not plot_sections for each in shown)  # which have no radius
+    return style.figure_of(width, height, [partial(each.plot, solutions) for each in shown], share)
 
 
 class Figures(dict[str, Figure]):
