@@ -18,7 +18,7 @@ import numpy as np
 
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results import style
-from hkt_mdo.results.plots import LIMITED_BY, WORDS
+from hkt_mdo.results.plots import LIMITED_BY, WORDS, near_bounds
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import BINS, Binned, binned, rated_point, steady_curve
 from hkt_mdo.results.words import limit_words, measured, printable
@@ -218,7 +218,8 @@ def _draw_levels(layout: dict[str, Any], panel: Panel, key: str) -> None:
     for number, (name, level) in enumerate(panel.levels.items()):
         ends = {"xref": "paper", "x0": 0, "x1": 1, "yref": f"y{key}", "y0": level, "y1": level}
         layout["shapes"].append(look | ends)
-        side, place = (("right", 1.0), ("left", 0.0))[number % 2]
+        low = name.startswith("smallest")  # a blade's root, on the left, is far above
+        side, place = (("right", 1.0), ("left", 0.0))[low or number % 2]
         words = {"text": escaped(name), "xref": "paper", "x": place, "xanchor": side}
         small = {"yanchor": "bottom", "font": {"size": 11, "color": FAINT}}
         layout["annotations"].append(words | _at(f"y{key}", level) | small)
@@ -294,9 +295,10 @@ _TIME = "inflow_speed", "generator_power", "rotor_speed", "control_torque", "thr
 
 def _over_flow(labelled: Sequence[Labelled]) -> Chart | None:
     """Return power, speed, torque and thrust over the flow speed, with limits and rated points."""
-    return _stacked(
-        [_flow_panel(labelled, quantity) for quantity in _FLOW], "flow speed (m/s)", 170
-    )
+    panels = [_flow_panel(labelled, quantity) for quantity in _FLOW]
+    if (chart := _stacked(panels, "flow speed (m/s)", 170)) is not None:
+        chart["layout"]["xaxis"]["rangemode"] = "tozero"
+    return chart
 
 
 def _flow_panel(labelled: Sequence[Labelled], quantity: str) -> Panel:
@@ -463,24 +465,21 @@ def _ranges(
 # ---- the blade, its coefficients, its loads, and the optimizer's way
 
 _SHAPES = {
-    "chord_m": ("chord (m)", "chord_bounds"),
-    "twist_deg": ("twist (deg)", "twist_bounds"),
-    "thickness_over_chord": ("thickness over chord (-)", "thickness_bounds"),
+    "chord_m": "chord (m)",
+    "twist_deg": "twist (deg)",
+    "thickness_over_chord": "thickness over chord (-)",
 }
 
 
 def _shape(labelled: Sequence[Labelled]) -> Chart | None:
     """Return chord, twist and a designed thickness over the radius, with start and bounds."""
     panels = []
-    for column, (title, bounds) in _SHAPES.items():
+    for column, title in _SHAPES.items():
         panel = Panel(title, from_zero=True)
         _beside_start(panel, labelled, lambda each: each.blade, "r_m", column)
-        values = [x for trace in panel.traces for x in trace["y"]]
-        ends = {getattr(each.solution.case.design, bounds) for each in labelled}
-        for end, word in zip(next(iter(ends)) or (), ("smallest", "largest"), strict=False):
-            near = values and 1.5 * min(values) <= end <= 1.5 * max(values)
-            if len(ends) == 1 and near:  # a bound far away says nothing
-                panel.levels[f"{word} {title.partition(' (')[0]} {end:.4g}"] = end
+        values = np.array([x for trace in panel.traces for x in trace["y"] if x is not None])
+        bounds = near_bounds([each.solution for each in labelled], column, values)
+        panel.levels = {words: bound for words, (_, bound) in bounds.items()}
         panels.append(panel)
     return _stacked(panels, "radius (m)", 160)
 
@@ -518,12 +517,14 @@ def _coefficients(labelled: Sequence[Labelled]) -> Chart | None:
         if chart is None or reach is None or reach.ends is None:
             continue
         color, ends = Look.of(index, each).color, {"x0": reach.min, "x1": reach.max}
-        foot = 0.018 * index
-        tall = {"y0": foot, "y1": foot + 0.012} if each.label else {"y0": 0, "y1": 1}
-        place: Chart = {"yref": "paper", "xref": "x", "type": "rect", "layer": "below"}
+        foot = 0.05 * index
+        tall = {"y0": foot, "y1": foot + 0.04} if each.label else {"y0": 0, "y1": 1}
+        place: Chart = {"xref": "x", "type": "rect", "layer": "below"}
         place |= {"fillcolor": color + ("cc" if each.label else "22")}
         place |= {"line": {"width": 1, "color": color}}
-        chart["layout"]["shapes"].append(place | tall | ends)
+        for axis in (name for name in chart["layout"] if name.startswith("yaxis")):
+            over = {"yref": f"y{axis.removeprefix('yaxis')} domain"}
+            chart["layout"]["shapes"].append(place | tall | ends | over)
     return chart
 
 

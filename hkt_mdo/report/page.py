@@ -139,7 +139,7 @@ def _told(solution: Solution, name: str) -> dict[str, Any]:
         "message": solution.message,
         "law": solution.case.control.law,
         "failed": solution.failed_checks,
-        "large": "; ".join(f"{label}: {words}" for label, words in _unasked(solution)),
+        "cautions": _cautions(solution),
         "notes": solution.notes,
         "bounds": [str(each.row()) for each in summary.at_bounds or ()],
         "passes": summary.passes or (),
@@ -228,12 +228,15 @@ def _checks(solutions: Sequence[Solution]) -> list[dict[str, Any]]:
     return sorted(rows, key=lambda row: not row["refused"])
 
 
-def _unasked(solution: Solution) -> list[tuple[str, str]]:
-    """Return the loads that are large and have no limit, and what is to be said of them."""
+def _cautions(solution: Solution) -> list[str]:
+    """Return what is to be said of an unstable loop, and of large loads that have no limit."""
     limits, loads = solution.summary.limits or {}, solution.summary.loads or {}
     free = {name: entry for name, entry in loads.items() if name not in limits}
     labelled = [(x.row(name), unasked(name, x.value, solution.case)) for name, x in free.items()]
-    return [(f"{x.label} {measured(x.value, x.unit, 4)}", words) for x, words in labelled if words]
+    large = [f"{x.label} {measured(x.value, x.unit, 4)}: {text}" for x, text in labelled if text]
+    memory = solution.summary.memory
+    unstable = [] if memory is None or memory.stable else [f"in water with memory {memory.text}"]
+    return [*unstable, *filter(None, ["; ".join(large)])]
 
 
 def _limits(solutions: Sequence[Solution]) -> list[dict[str, Any]]:
@@ -349,14 +352,17 @@ def not_modelled(case: Case) -> list[str]:
         "another turbine, and no turbulence that is smaller than the rotor.",
         "The channel is wide and deep: no blockage by bed, banks or surface, and no support "
         "structure.",
-        "The wake answers at once. A real one needs seconds, in which a light rotor at its limit "
-        "may run away: hkt simulate RESULT --inflow-dynamics oye tells.",
         "Sections have the lift and drag of steady flow: no dynamic stall, no added mass.",
         "Blades are rigid in the flow. Stress is that of a beam of one material, by thrust, torque "
         "and centrifugal force: no fatigue, no buckling, no torsion, no weight, no root joint.",
         "The torque follows its demand at once, and the sensor has no noise: hkt simulate RESULT "
         "--noise-snr tells what noise and its filter change. Start and stop are left out.",
     ]
+    if not case.inflow_dynamics.remembers:
+        found.append(
+            "The wake answers at once. A real one needs seconds, in which a light rotor at its "
+            "limit may run away: hkt simulate RESULT --inflow-dynamics oye shows whether it does."
+        )
     if case.rotor.reynolds == "invariant":
         found.append("The polars are those of one Reynolds number (rotor.reynolds: invariant).")
     if case.site.hub_depth is None:
