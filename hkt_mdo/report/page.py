@@ -15,6 +15,7 @@ import numpy as np
 from hkt_mdo.case import Case
 from hkt_mdo.errors import InputError, install
 from hkt_mdo.files.table import read_text, write_files
+from hkt_mdo.report import rendered
 from hkt_mdo.results.nesting import beaten, ranked
 from hkt_mdo.results.plots import labels
 from hkt_mdo.results.solution import Solution
@@ -22,7 +23,6 @@ from hkt_mdo.results.steady import rated_point
 from hkt_mdo.results.summary import LimitEntry, Summary, unasked
 from hkt_mdo.results.words import Row, joined, limit_words, measured, number, printable, texts
 
-PACKAGES = "jinja2", "plotly"
 LONGEST_CASE = 1024**2
 """Bytes of a case's file that a report repeats."""
 
@@ -53,9 +53,8 @@ def write_report(solutions: Iterable[Solution], out: str | Path) -> Path:
     InputError
         If a package is missing, there is no result, or the file cannot be written.
     """
-    missing = [name for name in PACKAGES if find_spec(name) is None]
-    if missing:
-        problem = f"a report needs {' and '.join(missing)}, which is not installed"
+    if find_spec("plotly") is None:
+        problem = "a report needs plotly, which is not installed"
         raise InputError(problem, f"install it with: {install('report')}")
     chosen = list(solutions)
     if not chosen:
@@ -72,7 +71,7 @@ def write_report(solutions: Iterable[Solution], out: str | Path) -> Path:
 
 def _page(solutions: Sequence[Solution]) -> str:
     """Return the page as HTML."""
-    jinja2, offline = import_module("jinja2"), import_module("plotly.offline")
+    offline = import_module("plotly.offline")
     from hkt_mdo.report import blade, charts
 
     order, shares = ranked(solutions)
@@ -81,12 +80,9 @@ def _page(solutions: Sequence[Solution]) -> str:
     drawn, views = charts.designs(labelled), charts.views(labelled)
     if found:
         drawn |= {"solid": blade.solid(found), "sections": blade.sections(found)}
-    folder = jinja2.PackageLoader("hkt_mdo.report", "templates")
-    environment = jinja2.Environment(
-        loader=folder, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
-    )
     names = [label or "result" for label in labels(order)]
-    return environment.get_template("report.html").render(
+    return rendered(
+        "report.html",
         title=_title(order),
         alike=len({each.case.objective.kind for each in order}) == 1,
         results=[_told(each, name) for each, name in zip(order, names, strict=True)],

@@ -232,6 +232,6 @@ def test_command_writes_and_refuses(folders, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(page, "find_spec", lambda name: None)
     assert main(["report", str(folders[0]), "--out", out, "--force"]) == 2
     told = capsys.readouterr().err
-    assert "needs jinja2 and plotly, which is not installed" in told
+    assert "needs plotly, which is not installed" in told
     assert "pip install" in told
     assert "[report]" in told
