@@ -111,29 +111,33 @@ def plot_planform(solutions: Solutions, ax: Axes | None = None) -> Axes:
 
 
 def plot_sections(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot some sections of the blade in scale, without twist, about its axis.
+    """Plot sections of the blade in scale, without twist, about its axis; of several one of each.
 
     Results whose files or outlines are not known are left out.
     """
-    ax = ax or style.new_axes()
-    for index, (solution, name) in enumerate(_named(solutions)):
-        for number, section in enumerate(_sections(solution)):
-            look = style.line(number if not name else index)
-            look |= {} if name else {"color": style.COLORS[0]}
-            words = f"section at {100.0 * SHOWN[number]:g} % of the span"
-            label = (name or words) if not (name and number) else "_section"
+    ax, chosen = ax or style.new_axes(), _named(solutions)
+    for index, (solution, name) in enumerate(chosen):
+        places = SHOWN[1:2] if name else SHOWN
+        for number, section in enumerate(_sections(solution, places)):
+            look = style.line(index) if name else style.line(number) | {"color": style.COLORS[0]}
+            label = name or f"section at {100.0 * places[number]:g} % of the span"
             ax.plot(*np.append(section, section[:1], axis=0).T, label=label, **look)
     if ax.lines:
         ax.plot([0.0], [0.0], "+", markersize=9, label=AXIS, color=style.REFERENCE["color"])
     ax.set_aspect("equal", adjustable="datalim")
     ax.locator_params(axis="x", prune="both")  # a label at the end would be cut off
-    return style.finish(ax, "along the chord, from the blade's axis (m)", "sections,\nin scale (m)")
+    label = (
+        f"section at {100.0 * SHOWN[1]:g} %,\nin scale (m)"
+        if len(chosen) > 1
+        else "sections,\nin scale (m)"
+    )
+    return style.finish(ax, "along the chord, from the blade's axis (m)", label)
 
 
-def _sections(solution: Solution) -> np.ndarray:
+def _sections(solution: Solution, places: Sequence[float] = SHOWN) -> np.ndarray:
     """Return sections of a blade; none where its files or outlines are not known."""
     try:
-        return sections(solution, SHOWN)
+        return sections(solution, places)
     except InputError:
         return np.empty((0, 0, 2))
 
