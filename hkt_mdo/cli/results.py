@@ -277,7 +277,9 @@ def simulate(
 
 def _refuse_broken(most: dict[str, Told]) -> None:
     """End with the code of no success where a limit is not kept."""
-    broken = [name.replace("_", " ") for name, entry in most.items() if entry.kept is False]
+    from hkt_mdo.results.words import limit_words
+
+    broken = [limit_words(name) for name, entry in most.items() if entry.kept is False]
     if broken:
         parts.complain("error", f"not kept: {', '.join(broken)}")
         raise Exit(parts.NO_SUCCESS)
