@@ -308,7 +308,7 @@ def _flow_panel(labelled: Sequence[Labelled], quantity: str) -> Panel:
         table, look = _table_of(each.solution), Look.of(index, each, quantity)
         if column not in table:
             continue
-        found = binned(table["inflow_speed_m_s"], scale * table[column])
+        found = binned(table["inflow_speed_m_s"], scale * table[column], each.solution.steady)
         name = escaped(each.label)
         if found.speed.size:
             panel.traces += _met(found, name, look)
@@ -333,6 +333,7 @@ def _met(found: Binned, name: str, look: Look) -> list[dict[str, Any]]:
     mean = line(found.speed, found.mean, words, look.color, dash=look.dash, mode="lines+markers")
     spread = _band(found.speed, found.low, found.high, words, look.color)
     spread[1] |= {"showlegend": False} if name else {"name": "90 % of the instants"}
+    spread = [] if found.low is found.high else spread
     return [*spread, mean | {"marker": {"size": 5, "color": look.color}}]
 
 
@@ -341,7 +342,7 @@ def _power_of(each: Labelled, look: Look, table: dict[str, np.ndarray]) -> list[
     traces, name = [], escaped(each.label)
     speed, electrical = table["inflow_speed_m_s"], table["electrical_power_W"]
     if not np.allclose(electrical, table["generator_power_W"]):
-        found = binned(speed, 1e-3 * electrical)
+        found = binned(speed, 1e-3 * electrical, each.solution.steady)
         words = ", ".join(filter(None, (name, "electrical, mean")))
         traces.append(line(found.speed, found.mean, words, look.color, dash="dash", width=1.3))
     if (rated := rated_point(each.solution)) is not None:
@@ -353,6 +354,7 @@ def _power_of(each: Labelled, look: Look, table: dict[str, np.ndarray]) -> list[
 
 def _over_time(labelled: Sequence[Labelled], most: int) -> Chart | None:
     """Return flow, power, speed, torque, thrust and margins over time, on one axis."""
+    labelled = [each for each in labelled if not each.solution.steady]
     panels = [_time_panel(labelled, quantity, most) for quantity in _TIME]
     return _stacked([*panels, _margin_panel(labelled, most)], "time (s)", 130)
 
@@ -418,7 +420,7 @@ def _envelope(labelled: Sequence[Labelled], over: str) -> Chart | None:
         margin = Panel("smallest margin of all limits and scenarios (%)", levels={"limit": 0.0})
         for index, each in enumerate(labelled):
             parts = []
-            for one in each.solution.by_scenario:
+            for one in _scenarios(each, column):
                 if left := _margins(one):
                     parts.append((_table_of(one)[column], np.min([*left.values()], axis=0)))
             if parts:
@@ -430,11 +432,16 @@ def _envelope(labelled: Sequence[Labelled], over: str) -> Chart | None:
     return _stacked(panels, title, 130 if over == "time" else 170)
 
 
+def _scenarios(each: Labelled, x: str) -> list[Solution]:
+    """Return the scenarios that have a column: those without time have none over time."""
+    return [one for one in each.solution.by_scenario if x != "time_s" or not one.steady]
+
+
 def _envelope_panel(labelled: Sequence[Labelled], quantity: str, x: str) -> Panel:
     column, scale = QUANTITIES[quantity].column, WORDS[quantity][2]
     panel, alone = Panel(_title_of(quantity), from_zero=x != "time_s"), []
     for index, each in enumerate(labelled):
-        tables = [_table_of(one) for one in each.solution.by_scenario]
+        tables = [_table_of(one) for one in _scenarios(each, x)]
         parts = [(table[x], scale * table[column]) for table in tables if column in table]
         alone += [Labelled(one, each.label) for one in each.solution.by_scenario]
         if parts:
@@ -460,6 +467,33 @@ def _ranges(
     np.maximum.at(high, place, y)
     met = np.isfinite(low)
     return 0.5 * (edges[1:] + edges[:-1])[met], low[met], high[met]
+
+
+def _year(labelled: Sequence[Labelled]) -> Chart | None:
+    """Return electrical power, hours and energy of a year over the flow speed, bin by bin."""
+    panels = []
+    for column, (title, scale) in _YEAR.items():
+        panel = Panel(title, from_zero=True)
+        for index, each in enumerate(labelled):
+            if table := each.solution.year:
+                look, name = Look.of(index, each, "power"), escaped(each.label) or "a year"
+                series = table["inflow_speed_m_s"], scale * table[column]
+                bar = {
+                    "type": "bar",
+                    "marker": {"color": look.color},
+                    "showlegend": bool(each.label),
+                }
+                panel.traces.append(line(*series, name, look.color, **bar))
+                panel.traces[-1].pop("line")
+        panels.append(panel)
+    return _stacked(panels, "flow speed (m/s)", 130)
+
+
+_YEAR = {
+    "electrical_power_W": ("mean electrical power (kW)", 1e-3),
+    "hours": ("hours a year (h)", 1.0),
+    "energy_kWh": ("electrical energy a year (kWh)", 1.0),
+}
 
 
 # ---- the blade, its coefficients, its loads, and the optimizer's way
@@ -652,6 +686,7 @@ def views(labelled: Sequence[Labelled]) -> dict[str, dict[str, Chart]]:
         alone = [Labelled(each.solution.scenario(name), each.label) for each in having]
         charts: dict[str, Callable[[Sequence[Labelled]], Chart | None]] = {
             "flow": _over_flow,
+            "year": _year,
             "time": partial(_over_time, most=most),
             "limits": _limit_bars,
             "span": _over_span,

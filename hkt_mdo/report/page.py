@@ -168,6 +168,11 @@ def _headline(solution: Solution) -> dict[str, str]:
     if not duration and len(solution.scenarios) == 1:  # an older result
         duration = float(np.ptp(solution.trajectory.get("time_s", [0.0])))
     rows: dict[str, str] = {}
+    for year in (entry.year for entry in entries if entry.year and len(entries) == 1):
+        net = year.energy_kWh if year.net_energy_kWh is None else year.net_energy_kWh
+        rows["electrical energy a year"] = "-" if net is None else f"{number(1e-3 * net)} MWh"
+        factor = year.capacity_factor
+        rows["capacity factor"] = "-" if factor is None else f"{100.0 * factor:.3g} %"
     for name, energy in (
         ("captured", summary.simulated_energy_J or summary.energy_J),
         ("electrical", summary.electrical_energy_J),

@@ -279,9 +279,13 @@ def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Ax
             continue
         if not name:
             look = style.colored(look, quantity)
-        speed, mean, low, high = binned(table["inflow_speed_m_s"], scale * table[column])
+        speed, mean, low, high = binned(
+            table["inflow_speed_m_s"], scale * table[column], solution.steady
+        )
         band = {"alpha": 0.12 if name else 0.2, "color": look["color"], "linewidth": 0}
-        ax.fill_between(speed, low, high, label=None if name else "90 % of the instants", **band)
+        if not solution.steady:
+            label = None if name else "90 % of the instants"
+            ax.fill_between(speed, low, high, label=label, **band)
         marks = _few_markers(index, len(chosen), speed.size) if name else style.marker(index, 3.5)
         ax.plot(speed, mean, label=name or "mean at this flow speed", **look, **marks)
         if column in (steady := steady_curve(solution)):
@@ -316,7 +320,9 @@ def plot_power_schedule(solutions: Solutions, ax: Axes | None = None) -> Axes:
             ax.plot(*point, label=f"rated at {rated[0]:.2f} m/s", **look)
         if table and not np.allclose(table["electrical_power_W"], table["generator_power_W"]):
             look = {"color": style.COLORS[index % len(style.COLORS)], "linewidth": 1.2}
-            found = binned(table["inflow_speed_m_s"], 1e-3 * table["electrical_power_W"])
+            found = binned(
+                table["inflow_speed_m_s"], 1e-3 * table["electrical_power_W"], solution.steady
+            )
             ax.plot(found.speed, found.mean, linestyle=(0, (1, 2)), label=label, **look)
             label = "_"  # one entry in the legend is enough
     style.legend([ax])
@@ -508,7 +514,15 @@ def figure_of(solutions: Solutions, name: str) -> Figure | None:
         return None
     height = _BESIDES + (height - _BESIDES) * len(shown) / len(panels)
     share = sum(each.plot is not plot_sections for each in shown)  # which have no radius
-    return style.figure_of(width, height, [partial(each.plot, solutions) for each in shown], share)
+    plots = [partial(each.plot, solutions) for each in shown]
+    heights = [1.0] * len(shown)
+    if name == "blade" and shown[0].plot is plot_planform:
+        blades = [each.blade for each, _ in _named(solutions) if each.blade]
+        most = (max(np.max(each[x]) for each in blades) for x in ("chord_m", "r_m"))
+        wide = (width - 1.2) * np.divide(*most) / 1.6  # over the height of the other panels
+        heights[0] = max(1.0, 1.2 * float(wide))
+        height *= (len(heights) - 1.0 + heights[0]) / len(heights)
+    return style.figure_of(width, height, plots, share, heights)
 
 
 class Figures(dict[str, Figure]):

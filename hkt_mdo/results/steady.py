@@ -23,7 +23,7 @@ class Binned(NamedTuple):
     high: np.ndarray
 
 
-def binned(speed: np.ndarray, values: np.ndarray) -> Binned:
+def binned(speed: np.ndarray, values: np.ndarray, steady: bool = False) -> Binned:
     """Return the mean and the range of 90 % of some values in classes of the flow speed.
 
     Parameters
@@ -32,12 +32,17 @@ def binned(speed: np.ndarray, values: np.ndarray) -> Binned:
         Flow speed, m/s.
     values : numpy.ndarray, shape (n_times,)
         A quantity at the same instants, which count alike.
+    steady : bool
+        Whether they are no instants but speeds without time, each of which is a class.
 
     Returns
     -------
     Binned
         Of the classes with at least `FEWEST` instants.
     """
+    if steady:
+        order = np.argsort(speed)
+        return Binned(speed[order], *[values[order]] * 3)
     edges = np.linspace(np.min(speed), np.max(speed), BINS + 1)
     place = np.clip(np.searchsorted(edges, speed, side="right") - 1, 0, BINS - 1)
     classes = [place == each for each in range(BINS) if np.sum(place == each) >= FEWEST]

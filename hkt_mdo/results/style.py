@@ -46,15 +46,20 @@ def new_axes() -> Axes:
 
 
 def figure_of(
-    width: float, height: float, plots: Sequence[Callable[[Axes], Axes]], share: int | None = None
+    width: float,
+    height: float,
+    plots: Sequence[Callable[[Axes], Axes]],
+    share: int | None = None,
+    heights: Sequence[float] | None = None,
 ) -> Figure:
     """Return a figure (inches) of plots, one below the other, with one legend above all.
 
-    `share`: how many, from the top, have one horizontal axis; None: all.
+    `share`: how many, from the top, have one horizontal axis; None: all. `heights`: those of the
+    plots, relative to one another.
     """
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
-    panels = figure.subplots(len(plots), squeeze=False)[:, 0]
+    panels = figure.subplots(len(plots), squeeze=False, height_ratios=heights)[:, 0]
     sharing = panels[:share]
     for ax in sharing[1:]:
         ax.sharex(panels[0])

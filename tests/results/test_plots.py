@@ -205,6 +205,8 @@ def test_classes_of_the_flow_speed_have_mean_and_range() -> None:
     np.testing.assert_allclose(found.mean, 49.5, rtol=1e-12)
     np.testing.assert_allclose([found.low[0], found.high[0]], [4.95, 94.05], rtol=1e-12)
     assert steady.binned(speed[:30], values[:30]).speed.size == 0  # too few instants
+    points = steady.binned(np.array([2.0, 1.0]), np.array([8.0, 1.0]), steady=True)
+    np.testing.assert_array_equal(points, [[1.0, 2.0], *[[1.0, 8.0]] * 3])
 
 
 def test_the_steady_curve_balances_the_torques(solution: Solution) -> None:
@@ -222,6 +224,14 @@ def test_the_steady_curve_balances_the_torques(solution: Solution) -> None:
         ratio, *(solution.power_curve[x] for x in ("tip_speed_ratio", "thrust_coefficient"))
     )
     np.testing.assert_allclose(curve["thrust_N"], pressure * thrust, rtol=2e-3)
+    assert flow[0] < 0.3  # from near zero to the largest speed that was met
+    assert flow[-1] == np.max(solution.simulation["inflow_speed_m_s"])
+    stopped = solution.case.model_copy(update={"control": law.model_copy(update={"cut_out": 2.5})})
+    longer = steady.steady_curve(replace(solution, case=stopped))
+    assert longer["inflow_speed_m_s"][-1] == 2.5
+    assert "cut-out 2.5 m/s" in legend_texts(
+        plots.plot_power_schedule(replace(solution, case=stopped))
+    )
     open_loop = solution.case.model_copy(update={"control": OpenLoop(law="open_loop")})
     assert steady.steady_curve(replace(solution, case=open_loop)) == {}
 

@@ -42,7 +42,7 @@
     }
     if (layout.scene) {
       layout.height = Math.min(layout.height, 110 + 0.45 * width);
-      const view = layout.scene, wide = Math.min(3.6, 1.75 * width / layout.height);
+      const view = layout.scene, wide = Math.min(3.6, 1.75 * width / layout.height, 1.65 / view.aspectratio.y);
       Object.assign(view.xaxis, { color: ink, gridcolor: rule });
       for (const side of "xyz") view.aspectratio[side] *= wide;
       layout.margin = { l: 0, r: 0, t: 0, b: 0 };
