@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -61,11 +62,7 @@ def run(
     folder = resume or out or Path("results") / loaded.name
     before = _written(folder)
     try:
-        with _live(quiet) as live:
-            began = f"{loaded.name}: searching for a start"
-            live.add_task(began)
-            if not (quiet or live.console.is_terminal):
-                echo(began)
+        with _live(loaded.name, quiet) as live:
             from hkt_mdo.run import run as runner
 
             how: dict[str, Any] = {"figures": ("png", "pdf") if pdf else not no_figures}
@@ -97,12 +94,17 @@ def run(
         raise Exit(parts.NO_SUCCESS)
 
 
-def _live(quiet: bool) -> Progress:
-    """Return a line of a terminal that tells the time since it began; elsewhere nothing."""
+@contextmanager
+def _live(name: str, quiet: bool) -> Iterator[Progress]:
+    """Give a line of a terminal that tells the time since it began; elsewhere a plain first one."""
     wrapped = Column(overflow="fold")  # in a narrow terminal, not cut
     text = TextColumn("{task.description}", markup=False, table_column=wrapped)
     columns = SpinnerColumn(), TimeElapsedColumn(), text
-    return Progress(*columns, console=Console(quiet=quiet), transient=True)
+    with Progress(*columns, console=Console(quiet=quiet), transient=True) as live:
+        live.add_task(begun := f"{name}: searching for a start")
+        if not (quiet or live.console.is_terminal):
+            echo(begun)
+        yield live
 
 
 _USUAL = 200
