@@ -176,7 +176,8 @@ def _print_beside(names: list[str], columns: list[dict[str, str]]) -> None:
         table = Table(box=None)
         table.add_column("", width=first, no_wrap=True)
         for name, width in zip(names[begin:end], widths[begin:end], strict=True):
-            table.add_column(Text(name), width=width, overflow="fold")
+            most = max(20, console.width - first - 6)  # of a narrow terminal
+            table.add_column(Text(name), width=min(width, most), overflow="fold")
         for label in labels:
             table.add_row(Text(label), *(Text(each.get(label, "")) for each in columns[begin:end]))
         console.print(table)

@@ -218,8 +218,9 @@ def _draw_levels(layout: dict[str, Any], panel: Panel, key: str) -> None:
     for number, (name, level) in enumerate(panel.levels.items()):
         ends = {"xref": "paper", "x0": 0, "x1": 1, "yref": f"y{key}", "y0": level, "y1": level}
         layout["shapes"].append(look | ends)
-        low = name.startswith("smallest")  # a blade's root, on the left, is far above
-        side, place = (("right", 1.0), ("left", 0.0))[low or number % 2]
+        # above the smallest chord there is room on the left, where the root is
+        side = {"smallest": 1, "largest": 0}.get(name.partition(" ")[0], number % 2)
+        side, place = (("right", 1.0), ("left", 0.0))[side]
         words = {"text": escaped(name), "xref": "paper", "x": place, "xanchor": side}
         small = {"yanchor": "bottom", "font": {"size": 11, "color": FAINT}}
         layout["annotations"].append(words | _at(f"y{key}", level) | small)
@@ -640,7 +641,7 @@ def _limit_bars(labelled: Sequence[Labelled]) -> Chart | None:
 
 def _convergence(labelled: Sequence[Labelled]) -> Chart | None:
     """Return the distance of the energy from its last value, and infeasibility, by evaluation."""
-    energy = Panel("distance of the energy from its last value, relative (-)", log=True)
+    energy = Panel("energy: distance from its last value (-)", log=True)
     broken = Panel("infeasibility: largest scaled violation (-)", log=True)
     for index, each in enumerate(labelled):
         table, look = each.solution.convergence, Look.of(index, each)

@@ -116,15 +116,16 @@ def _told(solution: Solution, name: str) -> dict[str, Any]:
     summary = solution.summary
     state = "verified" if solution.success else "refused" if solution.finished else "unfinished"
     folder = solution.folder.resolve().name
-    optimizer = joined(summary.optimizer or "", summary.package or "")
     seconds = "" if summary.wall_seconds is None else f"{summary.wall_seconds:.1f} s"
+    work = joined(summary.package or "", f"{summary.iterations} iterations", seconds)
     origin = {
         "case": solution.name,
         "result folder": folder,
         "control law": solution.case.control.law,
-        "optimizer": joined(optimizer, f"{summary.iterations} iterations", seconds),
+        "optimizer": joined(summary.optimizer, work) if summary.optimizer else "not recorded",
         "digest of files and code": summary.digest or "not recorded",
-        "versions": joined(*(f"{key} {value}" for key, value in (summary.versions or {}).items())),
+        "versions": joined(*(f"{key} {value}" for key, value in (summary.versions or {}).items()))
+        or "not recorded",
     }
     text = read_text(solution.folder / "case.yaml", "case of a result", LONGEST_CASE)
     return {

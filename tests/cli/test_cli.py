@@ -347,6 +347,11 @@ def test_compare_divides_what_is_too_wide_for_a_terminal(
     heads = [re.findall(r"result_x+_\d", line) for line in lines]
     assert [name for head in heads for name in head] == names
     assert max(map(len, lines)) <= 110
+    monkeypatch.setattr("hkt_mdo.cli.results.Console", partial(terminal, width=70))
+    assert main(["compare", *names]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert sum("objective, relative to the best" in line for line in lines) == len(names)
+    assert max(map(len, lines)) <= 70
 
 
 def test_without_arguments_the_first_steps_are_told(capsys: pytest.CaptureFixture[str]) -> None:

@@ -242,11 +242,13 @@ def test_an_unfinished_result_is_told(folders, tmp_path):
         update={"success": False, "checks": None, "chord_m": None, "message": "interrupted"}
     )
     tables = {name: replace(x, loads={}, simulation={}) for name, x in solution.tables.items()}
+    summary = summary.model_copy(update=dict.fromkeys(("optimizer", "iterations", "versions")))
     half = replace(solution, summary=summary, tables=tables, power_curve={}, convergence={})
     text = page.write_report([half], tmp_path / "half.html").read_text("utf-8")
     assert "the run did not come to its end" in text
     assert "No solid of sine_quadratic" in text
     assert "No judge has looked at it." in text
+    assert cells(Reader(text))["optimizer"] == cells(Reader(text))["versions"] == ["not recorded"]
 
 
 def test_command_writes_and_refuses(folders, tmp_path, capsys, monkeypatch):
