@@ -8,7 +8,7 @@ result, a quantity has its own colour; several results differ by colour and dash
 from __future__ import annotations
 
 import html
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
@@ -18,10 +18,10 @@ import numpy as np
 
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results import style
-from hkt_mdo.results.plots import LIMITED_BY, WORDS, near_bounds
+from hkt_mdo.results.plots import OVER_SPAN, WORDS, beside_start, levels_of, near_bounds
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import BINS, Binned, binned, rated_point, steady_curve
-from hkt_mdo.results.words import limit_words, measured, printable
+from hkt_mdo.results.words import limit_words, printable
 
 Chart = dict[str, Any]
 
@@ -219,8 +219,8 @@ def _draw_levels(layout: dict[str, Any], panel: Panel, key: str) -> None:
         ends = {"xref": "paper", "x0": 0, "x1": 1, "yref": f"y{key}", "y0": level, "y1": level}
         layout["shapes"].append(look | ends)
         # above the smallest chord there is room on the left, where the root is
-        side = {"smallest": 1, "largest": 0}.get(name.partition(" ")[0], number % 2)
-        side, place = (("right", 1.0), ("left", 0.0))[side]
+        left = {"smallest": 1, "largest": 0}.get(name.partition(" ")[0], number % 2)
+        side, place = (("right", 1.0), ("left", 0.0))[left]
         words = {"text": escaped(name), "xref": "paper", "x": place, "xanchor": side}
         small = {"yanchor": "bottom", "font": {"size": 11, "color": FAINT}}
         layout["annotations"].append(words | _at(f"y{key}", level) | small)
@@ -273,21 +273,6 @@ def _title_of(quantity: str) -> str:
     return f"{words} ({unit})"
 
 
-def _levels_of(labelled: Sequence[Labelled], quantity: str, scale: float) -> dict[str, float]:
-    """Return the limits of a quantity as levels times a scale, by their names."""
-    found: dict[str, float] = {}
-    for solution, label in labelled:
-        for each in LIMITED_BY.get(quantity, (quantity,)):
-            known = {limit.name: limit for limit in solution.limits}
-            for name, level in solution.limit_levels(each).items():
-                limit = measured(float(known[name].upper), known[name].unit or "", 4)
-                words = f"{limit_words(name)} limit {limit}"
-                scaled = scale * level
-                words += "" if words not in found or found[words] == scaled else f", {label}"
-                found[words] = scaled
-    return found
-
-
 # ---- over the flow speed and over time, of one scenario of each result
 
 _FLOW = "generator_power", "rotor_speed", "control_torque", "thrust"
@@ -324,7 +309,7 @@ def _flow_panel(labelled: Sequence[Labelled], quantity: str) -> Panel:
         stop = each.solution.case.control.cut_out
         panel.marks |= {} if stop is None else {f"cut-out {stop:g} m/s": stop}
     if panel.traces:
-        panel.levels = _levels_of(labelled, quantity, scale)
+        panel.levels = levels_of(labelled, quantity, scale)
     return panel
 
 
@@ -380,7 +365,7 @@ def _time_panel(labelled: Sequence[Labelled], quantity: str, most: int) -> Panel
             shown = {"showlegend": bool(each.label), "dash": look.dash if each.label else "solid"}
             panel.traces.append(line(*series, name, look.color, width=1.4, **shown))
     if panel.traces:
-        panel.levels = _levels_of(labelled, quantity, scale)
+        panel.levels = levels_of(labelled, quantity, scale)
     return panel
 
 
@@ -451,7 +436,7 @@ def _envelope_panel(labelled: Sequence[Labelled], quantity: str, x: str) -> Pane
             classes = ENVELOPE if x == "time_s" else BINS
             panel.traces += _band(*_ranges(parts, classes), name, color, 1.0)
     if panel.traces:
-        panel.levels = _levels_of(alone, quantity, scale)
+        panel.levels = levels_of(alone, quantity, scale)
     return panel
 
 
@@ -511,7 +496,7 @@ def _shape(labelled: Sequence[Labelled]) -> Chart | None:
     panels = []
     for column, title in _SHAPES.items():
         panel = Panel(title, from_zero=True)
-        _beside_start(panel, labelled, lambda each: each.blade, "r_m", column)
+        panel.traces += _beside_start(labelled, "blade", "r_m", column)
         values = np.array([x for trace in panel.traces for x in trace["y"] if x is not None])
         bounds = near_bounds([each.solution for each in labelled], column, values)
         panel.levels = {words: bound for words, (_, bound) in bounds.items()}
@@ -519,23 +504,14 @@ def _shape(labelled: Sequence[Labelled]) -> Chart | None:
     return _stacked(panels, "radius (m)", 160)
 
 
-def _beside_start(
-    panel: Panel, labelled: Sequence[Labelled], table: Callable[[Solution], Any], x: str, y: str
-) -> None:
-    """Add a column of each result to a panel, and of the blade at the start, once if it is one."""
-    starts: list[np.ndarray] = []
-    for index, each in enumerate(labelled):
-        columns, look = table(each.solution), Look.of(index, each)
-        if y not in columns:
-            continue
-        start = columns.get(f"start_{y}")
-        new = start is not None and not np.array_equal(start, columns[y])
-        if new and not any(np.array_equal(start, other) for other in starts):
-            dotted = {"dash": "dot", "width": 1.4}
-            panel.traces.append(line(columns[x], start, "blade at the start", FAINT, **dotted))
-            starts.append(start)
-        name = escaped(each.label) or ("optimized blade" if new else "blade")
-        panel.traces.append(line(columns[x], columns[y], name, look.color, dash=look.dash))
+def _beside_start(labelled: Sequence[Labelled], source: str, x: str, y: str) -> Iterator[Chart]:
+    """Yield a column of each result, and of the blade at the start, once if it is one."""
+    for index, along, values, label in beside_start(labelled, source, x, y):
+        if index is None:
+            yield line(along, values, label, FAINT, dash="dot", width=1.4)
+        else:
+            look = Look.of(index, labelled[index])
+            yield line(along, values, escaped(label), look.color, dash=look.dash)
 
 
 def _coefficients(labelled: Sequence[Labelled]) -> Chart | None:
@@ -544,7 +520,7 @@ def _coefficients(labelled: Sequence[Labelled]) -> Chart | None:
     for word in ("power", "thrust"):
         panel = Panel(f"{word} coefficient (-)", from_zero=True)
         column = f"{word}_coefficient"
-        _beside_start(panel, labelled, lambda each: each.power_curve, "tip_speed_ratio", column)
+        panel.traces += _beside_start(labelled, "power_curve", "tip_speed_ratio", column)
         panels.append(panel)
     chart = _stacked(panels, "tip speed ratio (-)", 170)
     for index, each in enumerate(labelled):
@@ -563,20 +539,13 @@ def _coefficients(labelled: Sequence[Labelled]) -> Chart | None:
     return chart
 
 
-_LOADS = {
-    "stress_Pa": ("stress (MPa)", "stress", 1e-6),
-    "flapwise_moment_Nm": ("flapwise moment (kN m)", "root_moment", 1e-3),
-    "cavitation": ("suction, 1: cavitation (-)", "cavitation", 1.0),
-}
-
-
 def _over_span(labelled: Sequence[Labelled]) -> Chart | None:
     """Return the loads along the blade at the times of the largest ones, with their limits.
 
     Of several scenarios, the largest of all.
     """
     panels = []
-    for column, (title, quantity, scale) in _LOADS.items():
+    for column, (_, quantity, title, scale) in OVER_SPAN.items():
         panel, alone = Panel(title, from_zero=True), []
         for index, each in enumerate(labelled):
             scenarios, look = each.solution.by_scenario, Look.of(index, each, quantity)
@@ -588,7 +557,7 @@ def _over_span(labelled: Sequence[Labelled]) -> Chart | None:
                 panel.traces.append(line(loads["r_over_R"], values, name, look.color, **shown))
             alone += [Labelled(one, each.label) for one in scenarios]
         if panel.traces and column == QUANTITIES[quantity].column:  # not a moment along the blade
-            panel.levels = _levels_of(alone, quantity, scale)
+            panel.levels = levels_of(alone, quantity, scale)
         panels.append(panel)
     return _stacked(panels, "radius over that of the tip (-)", 160)
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import base64
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -226,7 +226,7 @@ def _over_time(quantity: str, solutions: Solutions, ax: Axes | None = None) -> A
         look |= {"color": "0.35", "zorder": 2.5, "label": "collocation nodes"}
         look |= {"markevery": max(1, -(-nodes["time_s"].size // _NODES_SHOWN))}
         ax.plot(nodes["time_s"], scale * nodes[column], **look)
-    _draw_levels(LIMITED_BY.get(quantity, (quantity,)), scale, solutions, ax)
+    _draw_levels(quantity, scale, solutions, ax)
     style.widen(ax)
     return style.finish(ax, "time (s)", f"{words} ({unit})")
 
@@ -294,7 +294,7 @@ def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Ax
             ax.plot(steady["inflow_speed_m_s"], scale * steady[column], **dashed)
     ax.set_xlim(left=0.0)
     ax.set_ylim(bottom=0.0)
-    _draw_levels(LIMITED_BY.get(quantity, (quantity,)), scale, solutions, ax)
+    _draw_levels(quantity, scale, solutions, ax)
     stops = {solution.case.control.cut_out for solution, _ in chosen} - {None}
     for stop in sorted(stops):
         ax.axvline(stop, label=f"cut-out {stop:g} m/s", linestyle=":", **style.REFERENCE)
@@ -329,32 +329,32 @@ def plot_power_schedule(solutions: Solutions, ax: Axes | None = None) -> Axes:
     return ax
 
 
-_OVER_SPAN = {
+OVER_SPAN = {
     "stress_Pa": ("stress", "stress", "stress (MPa)", 1e-6),
-    "flapwise_moment_Nm": ("stress", "stress", "flapwise moment (kN m)", 1e-3),
-    "cavitation": ("cavitation", "suction", "suction, 1: cavitation (-)", 1.0),
+    "flapwise_moment_Nm": ("stress", "root_moment", "flapwise moment (kN m)", 1e-3),
+    "cavitation": ("cavitation", "cavitation", "suction, 1: cavitation (-)", 1.0),
 }
-"""Load at whose largest value each column is drawn, its word, the column's label and scale."""
+"""Load at whose largest value each column is drawn, its quantity, the column's label and scale."""
 
 
 def _over_span(column: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a load along the blade at the time of the largest one, and its limits."""
     chosen, ax = _scenarios(solutions), ax or style.new_axes()
-    load, word, label, scale = _OVER_SPAN[column]
+    load, quantity, label, scale = OVER_SPAN[column]
     for index, (solution, name) in enumerate(chosen):
         if column in solution.loads:
             entry = (solution.summary.loads or {}).get(load)
-            words = f"at the largest {word}"
+            words = f"at the largest {'suction' if load == 'cavitation' else load}"
             words += "" if entry is None or entry.time_s is None else f", t = {entry.time_s:.2f} s"
             values, look = scale * solution.loads[column], style.line(index)
             if not name:  # another instant has another look
                 dashes = {"linestyle": "-" if load == "stress" else (0, (4, 1.5))}
-                look = style.colored(look, load) | dashes
+                look = style.colored(look, quantity) | dashes
             if name:
                 look |= _few_markers(index, len(chosen), values.size)
             ax.plot(solution.loads["r_over_R"], values, label=name or words, **look)
-    if column == QUANTITIES[load].column:
-        _draw_levels((load,), scale, solutions, ax)
+    if column == QUANTITIES[quantity].column:  # not a moment along the blade
+        _draw_levels(quantity, scale, solutions, ax)
     ax.set_ylim(bottom=0.0)
     return style.finish(ax, "radius over that of the tip (-)", label)
 
@@ -365,21 +365,45 @@ plot_flapwise_moment = partial(_over_span, "flapwise_moment_Nm")
 plot_suction = partial(_over_span, "cavitation")
 
 
-def _draw_levels(quantities: Sequence[str], scale: float, solutions: Solutions, ax: Axes) -> None:
-    """Draw the limits of some quantities as lines, one for equal ones."""
-    drawn: dict[tuple[str, float], list[str]] = {}
-    chosen = _scenarios(solutions)
+def levels_of(
+    chosen: Sequence[tuple[Solution, str]], quantity: str, scale: float
+) -> dict[str, float]:
+    """Return the limits of a quantity, one for equal ones.
+
+    Parameters
+    ----------
+    chosen : sequence of (Solution, str)
+        Results of one scenario each, with their names.
+    quantity : str
+        The quantity over time.
+    scale : float
+        Of the values.
+
+    Returns
+    -------
+    dict of float
+        Levels by their words, which name the results where not all have the limit.
+    """
+    found: dict[tuple[str, float], list[str]] = {}
     for solution, name in chosen:
         levels: dict[str, float] = {}
-        for each in quantities:
+        for each in LIMITED_BY.get(quantity, (quantity,)):
             levels |= solution.limit_levels(each)
         for limit in (each for each in solution.limits if each.name in levels):
             told = measured(float(limit.upper), limit.unit or "", 4)
-            label = f"{limit_words(limit.name)} limit {told}"
-            drawn.setdefault((label, levels[limit.name]), []).append(name)
-    for (label, level), names in drawn.items():
-        where = "" if len(names) == len(chosen) else f" in {' and '.join(names)}"
-        style.level(ax, scale * level, label + where)
+            words = f"{limit_words(limit.name)} limit {told}"
+            found.setdefault((words, levels[limit.name]), []).append(name)
+    named = {}
+    for (words, level), names in found.items():
+        apart = [] if len(names) == len(chosen) else list(filter(None, dict.fromkeys(names)))
+        named[words + (f" in {' and '.join(apart)}" if apart else "")] = scale * level
+    return named
+
+
+def _draw_levels(quantity: str, scale: float, solutions: Solutions, ax: Axes) -> None:
+    """Draw the limits of a quantity as lines."""
+    for words, level in levels_of(_scenarios(solutions), quantity, scale).items():
+        style.level(ax, level, words)
 
 
 def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:
@@ -637,21 +661,48 @@ def _scenarios(solutions: Solutions) -> list[tuple[Solution, str]]:
     return found
 
 
-def _beside_start(solutions: Solutions, ax: Axes | None, source: str, x: str, y: str) -> Axes:
-    """Plot a column over another, and that of the blade at the start: once if it is the same."""
-    ax, size = ax or style.new_axes(), 4.5 if source == "blade" else 0.0
+def beside_start(
+    chosen: Sequence[tuple[Solution, str]], source: str, x: str, y: str
+) -> Iterator[tuple[int | None, np.ndarray, np.ndarray, str]]:
+    """Yield a column over another of each result, and before it that of the blade at the start.
+
+    Parameters
+    ----------
+    chosen : sequence of (Solution, str)
+        Results with their names.
+    source : str
+        The table of a result.
+    x, y : str
+        Its columns.
+
+    Yields
+    ------
+    index : int or None
+        Place of the result; None: it is a start, which is there once if it is the same.
+    x, y : numpy.ndarray, shape (n_rows,)
+        The columns.
+    label : str
+        Name of the curve.
+    """
     starts: list[np.ndarray] = []
-    for index, (solution, name) in enumerate(_named(solutions)):
+    for index, (solution, name) in enumerate(chosen):
         table = getattr(solution, source)
         if y not in table:
             continue
-        label, start = "optimized blade", table.get(f"start_{y}")
-        if np.array_equal(start, table[y]):
-            label = "blade"
-        elif start is not None and not any(np.array_equal(start, other) for other in starts):
-            look = style.REFERENCE | {"linestyle": ":", "marker": "x", "markersize": size}
-            ax.plot(table[x], start, label=None if starts else "blade at the start", **look)
+        start = table.get(f"start_{y}")
+        new = start is not None and not np.array_equal(start, table[y])
+        if new and not any(np.array_equal(start, other) for other in starts):
             starts.append(start)
-        look = style.line(index) | style.marker(index, size)
-        ax.plot(table[x], table[y], label=name or label, **look)
+            yield None, table[x], start, "blade at the start"
+        yield index, table[x], table[y], name or ("optimized blade" if new else "blade")
+
+
+def _beside_start(solutions: Solutions, ax: Axes | None, source: str, x: str, y: str) -> Axes:
+    """Plot a column over another, and that of the blade at the start."""
+    ax, size = ax or style.new_axes(), 4.5 if source == "blade" else 0.0
+    for index, along, values, label in beside_start(_named(solutions), source, x, y):
+        look = style.REFERENCE | {"linestyle": ":", "marker": "x", "markersize": size}
+        if index is not None:
+            look = style.line(index) | style.marker(index, size)
+        ax.plot(along, values, label=label, **look)
     return ax
