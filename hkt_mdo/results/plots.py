@@ -171,33 +171,6 @@ def plot_thrust_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
     return style.finish(ax, "tip speed ratio (-)", "thrust coefficient (-)")
 
 
-def _series(
-    x: str, quantity: str, solutions: Solutions, ax: Axes | None, scale: float = 1.0
-) -> Axes:
-    """Plot a quantity times a scale over another one: as simulated, or else at the nodes."""
-    chosen, ax, column = _scenarios(solutions), ax or style.new_axes(), QUANTITIES[quantity].column
-    for index, (solution, name) in enumerate(chosen):
-        table, label = solution.simulation, name or "simulation"
-        if column not in table:
-            table, label = solution.trajectory, name or "collocation nodes"
-        if column in table:
-            look = style.line(index)
-            look = look if name else style.colored(look, quantity)
-            if name:
-                look |= _few_markers(index, len(chosen), table[column].size)
-            across, along = _broken(solution, table, QUANTITIES[x].column, scale * table[column])
-            ax.plot(across, along, label=label, **look)
-    return ax
-
-
-def _broken(
-    solution: Solution, table: dict[str, np.ndarray], x: str, y: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return a column of a table and values beside it, for a line that breaks at a standstill."""
-    time = table["time_s"]
-    return solution.across_gaps(time, table[x]), solution.across_gaps(time, y)
-
-
 def _few_markers(index: int, count: int, size: int) -> dict[str, Any]:
     """Return the markers of a line of so many points, staggered against those of the others."""
     every = max(1, size // _MARKS_PER_LINE)
@@ -219,8 +192,18 @@ WORDS = {
 def _over_time(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a quantity over time, of one solution at some of the nodes too, and its limits."""
     words, unit, scale = WORDS[quantity]
-    chosen, ax = _scenarios(solutions), _series("time", quantity, solutions, ax, scale)
-    nodes, column = chosen[0][0].trajectory, QUANTITIES[quantity].column
+    chosen, ax, column = _scenarios(solutions), ax or style.new_axes(), QUANTITIES[quantity].column
+    for index, (solution, name) in enumerate(chosen):
+        table, label = solution.simulation, name or "simulation"
+        if column not in table:
+            table, label = solution.trajectory, name or "collocation nodes"
+        if column in table:
+            time, look = table["time_s"], style.line(index)
+            extra = _few_markers(index, len(chosen), time.size) if name else {}
+            look = (look if name else style.colored(look, quantity)) | extra
+            series = (solution.across_gaps(time, each) for each in (time, scale * table[column]))
+            ax.plot(*series, label=label, **look)
+    nodes = chosen[0][0].trajectory
     if len(chosen) == 1 and column in nodes:
         look = style.marker(0, 3.2) | {"linestyle": "none", "markerfacecolor": "none"}
         look |= {"color": "0.35", "zorder": 2.5, "label": "collocation nodes"}
