@@ -520,7 +520,9 @@ def _coefficients(labelled: Sequence[Labelled]) -> Chart | None:
     for word in ("power", "thrust"):
         panel = Panel(f"{word} coefficient (-)", from_zero=True)
         column = f"{word}_coefficient"
-        panel.traces += _beside_start(labelled, "power_curve", "tip_speed_ratio", column)
+        for trace in _beside_start(labelled, "power_curve", "tip_speed_ratio", column):
+            turned = [y if y is not None and y >= 0.0 else None for y in trace["y"]]  # by the flow
+            panel.traces.append(trace | {"y": turned})
         panels.append(panel)
     chart = _stacked(panels, "tip speed ratio (-)", 170)
     for index, each in enumerate(labelled):
