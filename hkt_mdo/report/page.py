@@ -23,6 +23,7 @@ from hkt_mdo.results.steady import rated_point
 from hkt_mdo.results.summary import LimitEntry, Summary, unasked
 from hkt_mdo.results.words import Row, joined, limit_words, measured, number, printable, texts
 
+PACKAGES = ("plotly",)
 LONGEST_CASE = 1024**2
 """Bytes of a case's file that a report repeats."""
 
@@ -53,9 +54,7 @@ def write_report(solutions: Iterable[Solution], out: str | Path) -> Path:
     InputError
         If a package is missing, there is no result, or the file cannot be written.
     """
-    if find_spec("plotly") is None:
-        problem = "a report needs plotly, which is not installed"
-        raise InputError(problem, f"install it with: {install('report')}")
+    require_packages()
     chosen = list(solutions)
     if not chosen:
         raise InputError("a report needs a result", "give a result folder")
@@ -67,6 +66,20 @@ def write_report(solutions: Iterable[Solution], out: str | Path) -> Path:
         raise InputError(problem, "choose another one", file=path.parent) from error
     write_files({path: _page(chosen).encode()})
     return path
+
+
+def require_packages() -> None:
+    """Refuse to write a page without the packages that it needs.
+
+    Raises
+    ------
+    InputError
+        If one is missing.
+    """
+    missing = [name for name in PACKAGES if find_spec(name) is None]
+    if missing:
+        problem = f"a report needs {' and '.join(missing)}, which is not installed"
+        raise InputError(problem, f"install it with: {install('report')}")
 
 
 def _page(solutions: Sequence[Solution]) -> str:
