@@ -16,6 +16,8 @@ from typer import BadParameter, Exit, Option, echo
 from hkt_mdo.cli import parts
 
 _SECONDS_BETWEEN_LINES = 5.0
+_USUAL = 200
+"""Evaluations that most first passes stay below (docs/verification.md)."""
 
 _FORCE = "Replace an earlier result in the folder; files that are not of a run are kept."
 _RESUME = "In place of CASE: continue the unfinished run in this folder from its last iterate."
@@ -94,23 +96,6 @@ def run(
         raise Exit(parts.NO_SUCCESS)
 
 
-@contextmanager
-def _live(name: str, quiet: bool) -> Iterator[Progress]:
-    """Give a line of a terminal that tells the time since it began; elsewhere a plain first one."""
-    wrapped = Column(overflow="fold")  # in a narrow terminal, not cut
-    text = TextColumn("{task.description}", markup=False, table_column=wrapped)
-    columns = SpinnerColumn(), TimeElapsedColumn(), text
-    with Progress(*columns, console=Console(quiet=quiet), transient=True) as live:
-        live.add_task(begun := f"{name}: searching for a start")
-        if not (quiet or live.console.is_terminal):
-            echo(begun)
-        yield live
-
-
-_USUAL = 200
-"""Evaluations that most first passes stay below (docs/verification.md)."""
-
-
 def _reporters(
     name: str, unit: str, live: Progress
 ) -> tuple[Callable[..., None], Callable[..., None]]:
@@ -150,6 +135,19 @@ def _reporters(
         echo(f"{line}; next, {entry.remedy}: {entry.why}" if entry.remedy else line)
 
     return evaluation, passed
+
+
+@contextmanager
+def _live(name: str, quiet: bool) -> Iterator[Progress]:
+    """Give a line of a terminal that tells the time since it began; elsewhere a plain first one."""
+    wrapped = Column(overflow="fold")  # in a narrow terminal, not cut
+    text = TextColumn("{task.description}", markup=False, table_column=wrapped)
+    columns = SpinnerColumn(), TimeElapsedColumn(), text
+    with Progress(*columns, console=Console(quiet=quiet), transient=True) as live:
+        live.add_task(begun := f"{name}: searching for a start")
+        if not (quiet or live.console.is_terminal):
+            echo(begun)
+        yield live
 
 
 def _written(folder: Path) -> list[int]:
