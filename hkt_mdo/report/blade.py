@@ -185,17 +185,14 @@ def picture(found: Sequence[Body]) -> bytes:
         light = 0.5 + 0.5 * np.clip(normal[order] @ LIGHT, 0.0, 1.0)[:, None]
         faces = np.clip(color * light + 0.3 * light**12, 0.0, 1.0)
         ax.add_collection(PolyCollection(seen[order, :, :2], facecolors=faces, edgecolors=faces))
-        words: dict[str, Any] = {
-            "color": "0.5",
-            "fontsize": style.FONT_SIZE,
-            "va": "bottom",
-            "ha": "left",
-        }
-        root = seen[corners[:, 0, 0] < corners[..., 0].min() + 0.01 * np.ptp(corners[..., 0])]
-        x, y = root[..., :2].reshape(-1, 2)[np.argmax(root[..., 1])]
-        ax.text(x, y, body.name.replace("$", r"\$"), **words)
+        points = seen[..., :2].reshape(-1, 2)
+        tip = points[np.argmax(points[:, 0])]
+        words = "  " + body.name.replace("$", r"\$")
+        ax.text(tip[0], tip[1], words, color="0.5", fontsize=1.5 * style.FONT_SIZE, va="center")
     ax.set_aspect("equal")
     ax.autoscale_view()
+    begin, end = ax.get_xlim()
+    ax.set_xlim(begin, end + 0.018 * max(len(each.name) for each in found) * (end - begin))
     ax.set_axis_off()
     figure.patch.set_alpha(0.0)
     return style.png(figure)
