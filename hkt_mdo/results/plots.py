@@ -77,7 +77,7 @@ def _over_radius(column: str, label: str, solutions: Solutions, ax: Axes | None 
     values = np.concatenate([[0.0], *(line.get_ydata() for line in ax.lines)])
     ax.axhline(0.0, color="0.75", linewidth=0.8, label="_zero")
     ax.set_xlim(left=0.0)
-    if column == "chord_m":
+    if column != "twist_deg":
         ax.set_ylim(bottom=0.0)
     chosen = [each for each, _ in _named(solutions)]
     for words, (end, bound) in near_bounds(chosen, column, values).items():
@@ -88,6 +88,7 @@ def _over_radius(column: str, label: str, solutions: Solutions, ax: Axes | None 
 # over the radius, and that of the blade at the start
 plot_chord = partial(_over_radius, "chord_m", "chord (m)")
 plot_twist = partial(_over_radius, "twist_deg", "twist (deg)")
+plot_thickness = partial(_over_radius, "thickness_over_chord", "thickness\nover chord (-)")
 
 
 def plot_planform(solutions: Solutions, ax: Axes | None = None) -> Axes:
@@ -475,9 +476,10 @@ FIGURES: dict[str, tuple[list[Panel], float, float]] = {
     "blade": (
         [
             *_panels(plot_planform, plot_chord, plot_twist, tables=["blade"]),
+            *_panels(plot_thickness, tables=["blade"], column="thickness_over_chord"),
             Panel(plot_sections, lambda solution: _sections(solution).size),
         ],
-        *(6.6, 8.4),
+        *(6.6, 10.2),
     ),
     "power_curve": (
         _panels(plot_power_curve, tables=["power_curve"])
@@ -673,11 +675,15 @@ def beside_start(
         if y not in table:
             continue
         start = table.get(f"start_{y}")
-        new = start is not None and not np.array_equal(start, table[y])
-        if new and not any(np.array_equal(start, other) for other in starts):
+        same = np.array_equal(start, table[y])  # the blade is not designed
+        if (
+            start is not None
+            and not same
+            and not any(np.array_equal(start, other) for other in starts)
+        ):
             starts.append(start)
             yield None, table[x], start, "blade at the start"
-        yield index, table[x], table[y], name or ("optimized blade" if new else "blade")
+        yield index, table[x], table[y], name or ("blade" if same else "optimized blade")
 
 
 def _beside_start(solutions: Solutions, ax: Axes | None, source: str, x: str, y: str) -> Axes:

@@ -20,10 +20,10 @@ from hkt_mdo.results import plots, steady
 from hkt_mdo.results.sections import sections
 from hkt_mdo.results.solution import ScenarioTables, Solution
 
-PLOTS = [  # of a year: tests/run/test_year.py
+PLOTS = [  # of a year: tests/run/test_year.py; of a thickness, which not all results have: below
     plot
     for name, plot in vars(plots).items()
-    if name.startswith("plot_") and not name.startswith("plot_year")
+    if name.startswith("plot_") and not name.startswith(("plot_year", "plot_thickness"))
 ]
 FIGURES = ("blade", "power_curve", "operation", "schedule", "limits", "loads", "convergence")
 
@@ -292,6 +292,15 @@ def test_sections_are_in_scale_about_the_axis(solution: Solution) -> None:
         np.interp(at, x[part], y[part]) for part in (slice(front, None, -1), slice(front, -1))
     )
     assert np.max(upper - lower) == pytest.approx(0.15 * chord, rel=0.01)
+
+
+def test_a_designed_thickness_is_drawn(solution: Solution) -> None:
+    thickness = np.linspace(0.24, 0.12, solution.blade["r_m"].size).tolist()
+    summary = solution.summary.model_copy(update={"thickness_over_chord": thickness})
+    ax = plots.figure_of(replace(solution, summary=summary), "blade").axes[3]
+    assert ax.get_ylabel() == "thickness\nover chord (-)"
+    assert line_of(ax, "optimized blade").get_ydata().tolist() == thickness
+    assert ax.get_ylim()[0] == 0.0
 
 
 def test_sections_need_an_outline(solution: Solution) -> None:
