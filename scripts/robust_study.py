@@ -29,6 +29,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import complete, physics
 from hkt_mdo.results.folder import write_json
 from hkt_mdo.results.solution import Solution
+from hkt_mdo.results.words import limit_words
 from hkt_mdo.run.run import run_case
 from hkt_mdo.studies.common import markdown_table, with_blade
 from hkt_mdo.studies.other_flows import Run
@@ -394,7 +395,7 @@ def drawn(designs):
             continue
         parts = summary.scenarios or {}
         powers = [each.mean_power_W for each in parts.values() if each.mean_power_W]
-        limits = [n.replace("_", " ") for n, each in summary.limits.items() if each.binding]
+        limits = [limit_words(n) for n, each in summary.limits.items() if each.binding]
         cells = f"{np.mean(powers):.1f}", f"{np.min(powers):.1f}", f"{summary.inertia_kg_m2:.2f}"
         seconds = f"{summary.wall_seconds:.0f}"
         rows.append([law, name, *cells, ", ".join(limits) or "none", seconds])
@@ -438,7 +439,7 @@ def violations(scores):
     broken = [100.0 * bool(each.broken) for each in scores]
     over = [100.0 * max(0.0, *each.excess.values()) for each in scores]
     worst = max(scores, key=lambda each: max(each.excess.values()))
-    name = max(worst.excess, key=worst.excess.get).replace("_", " ")
+    name = limit_words(max(worst.excess, key=worst.excess.get))
     stops = sum("rotor stops" in each.broken for each in scores)
     share, low, high = interval(broken)
     most = f"{max(over):.1f} ({name})" if max(over) > 0.0 else "-"

@@ -12,14 +12,15 @@ import platform
 import subprocess
 import sys
 import time
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.results.solution import Solution
+from hkt_mdo.results import plots, style
+from hkt_mdo.results.solution import ScenarioTables, Solution
 
 ROOT = Path(__file__).parent.parent
 LAWS = {"oloc": "open loop", "quadratic": "quadratic feedback", "linear": "linear feedback"}
@@ -72,28 +73,17 @@ def run(case: Path, folder: Path) -> dict:
 
 def draw(solutions: dict, path: Path, span=(1500.0, 1620.0)) -> None:
     """Draw flow, rotor speed, torque and power of all controllers over a part of the hour."""
-    figure = Figure(figsize=(8.0, 7.0), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(4, 1, sharex=True)
-    columns = {
-        "inflow_speed_m_s": "flow (m/s)",
-        "rotor_speed_rad_s": "rotor speed (rad/s)",
-        "control_torque_Nm": "generator torque (N m)",
-        "hydrodynamic_power_W": "captured power (W)",
-    }
+    shown = []
     for law, solution in solutions.items():
         table = solution.simulation
         inside = (table["time_s"] >= span[0]) & (table["time_s"] <= span[1])
-        for ax, (column, label) in zip(axes, columns.items(), strict=True):
-            if column != "inflow_speed_m_s" or law == "oloc":
-                line = {"oloc": "-", "quadratic": "--", "linear": "-."}[law]
-                name = "flow" if column == "inflow_speed_m_s" else LAWS[law]
-                ax.plot(table["time_s"][inside], table[column][inside], line, lw=1.2, label=name)
-            ax.set_ylabel(label)
-            ax.grid(True, color="0.88", linewidth=0.6)
-    axes[1].legend(fontsize=8, ncols=3)
-    axes[-1].set_xlabel("time (s)")
-    figure.savefig(path, dpi=110)
+        part = ScenarioTables({}, {name: column[inside] for name, column in table.items()}, {})
+        case = solution.case.model_copy(update={"name": LAWS[law]})
+        tables = dict.fromkeys(solution.tables, part)
+        shown.append(replace(solution, case=case, tables=tables))
+    drawn = plots.plot_inflow_speed, plots.plot_power, plots.plot_rotor_speed
+    panels = [partial(plot, shown) for plot in (*drawn, plots.plot_control_torque)]
+    style.save({path.stem: style.figure_of(7.4, 7.6, panels)}, path.parent)
 
 
 def main() -> None:

@@ -112,7 +112,7 @@ class Phase(Section):
     """Order of the polynomials in each segment."""
     initial_speed: Literal["auto", "free", "equilibrium"] = "auto"
     """Rotor speed at t = 0: `free`, chosen by the optimizer; `equilibrium`, where hydrodynamic and
-    control torque are equal; `auto`: `free` for open loop, `equilibrium` for feedback."""
+    generator torque are equal; `auto`: `free` for open loop, `equilibrium` for feedback."""
     final_speed: Literal["auto", "free", "initial"] = "auto"
     """Rotor speed at the end: `free`; `initial`, that of t = 0, which closes the cycle, so that no
     stored energy counts, and is possible for open loop only; `auto`: `initial` for open loop with

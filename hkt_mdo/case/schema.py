@@ -64,7 +64,7 @@ class Limits(Section):
     """
 
     torque: Annotated[float, Quantity("N*m", gt=0)] | None = None
-    """Largest control torque: another name of `control.torque_limit`."""
+    """Largest generator torque: another name of `control.torque_limit`."""
 
     @property
     def given(self) -> tuple[Limit, ...]:

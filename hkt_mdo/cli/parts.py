@@ -96,11 +96,15 @@ def complain(what: str, message: str) -> None:
 
 
 def print_rows(rows: Iterable[Row], title: str = "") -> None:
-    """Print rows below a title; brackets in them are no markup."""
+    """Print rows below a title, a line each where it is no terminal; brackets are no markup."""
+    told = [(row.label or "-", row.text) for row in rows]
+    console, wide = Console(highlight=False), max((len(label) for label, _ in told), default=0)
+    if not console.is_terminal:
+        echo("\n".join([f"\n{title}" if title else "", *(f" {x:<{wide}}  {y}" for x, y in told)]))
+        return
     table = Table(box=None, show_header=False, pad_edge=True, padding=(0, 1))
-    for row in rows:
-        table.add_row(Text(row.label or "-", no_wrap=True), Text(row.text))
-    console = Console(highlight=False)
+    for label, text in told:
+        table.add_row(Text(label, no_wrap=True), Text(text))
     console.print(Text(f"\n{title}" if title else "", style="bold"))
     console.print(table)
 

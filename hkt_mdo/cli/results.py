@@ -176,7 +176,8 @@ def _print_beside(names: list[str], columns: list[dict[str, str]]) -> None:
         table = Table(box=None)
         table.add_column("", width=first, no_wrap=True)
         for name, width in zip(names[begin:end], widths[begin:end], strict=True):
-            table.add_column(Text(name), width=width, overflow="fold")
+            most = max(20, console.width - first - 6)  # of a narrow terminal
+            table.add_column(Text(name), width=min(width, most), overflow="fold")
         for label in labels:
             table.add_row(Text(label), *(Text(each.get(label, "")) for each in columns[begin:end]))
         console.print(table)
@@ -277,7 +278,9 @@ def simulate(
 
 def _refuse_broken(most: dict[str, Told]) -> None:
     """End with the code of no success where a limit is not kept."""
-    broken = [name.replace("_", " ") for name, entry in most.items() if entry.kept is False]
+    from hkt_mdo.results.words import limit_words
+
+    broken = [limit_words(name) for name, entry in most.items() if entry.kept is False]
     if broken:
         parts.complain("error", f"not kept: {', '.join(broken)}")
         raise Exit(parts.NO_SUCCESS)

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 from rich.console import Console
-from rich.status import Status
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Column
 from typer import BadParameter, Exit, Option, echo
 
 from hkt_mdo.cli import parts
 
 _SECONDS_BETWEEN_LINES = 5.0
+_USUAL = 200
+"""Evaluations that most first passes stay below (docs/verification.md)."""
 
 _FORCE = "Replace an earlier result in the folder; files that are not of a run are kept."
 _RESUME = "In place of CASE: continue the unfinished run in this folder from its last iterate."
@@ -60,14 +64,14 @@ def run(
     folder = resume or out or Path("results") / loaded.name
     before = _written(folder)
     try:
-        with Console(quiet=quiet).status(f"{loaded.name}: preparing") as status:
+        with _live(loaded.name, quiet) as live:
             from hkt_mdo.run import run as runner
 
             how: dict[str, Any] = {"figures": ("png", "pdf") if pdf else not no_figures}
             how["records"] = not no_records
             if not quiet:
                 how["progress"], how["on_pass"] = _reporters(
-                    loaded.name, loaded.objective.unit or "", status
+                    loaded.name, loaded.objective.unit or "", live
                 )
             if resume is None:
                 solution = runner.run_case(loaded, folder, force=force, **how)
@@ -93,11 +97,11 @@ def run(
 
 
 def _reporters(
-    name: str, unit: str, status: Status
+    name: str, unit: str, live: Progress
 ) -> tuple[Callable[..., None], Callable[..., None]]:
     """Return what a run reports its evaluations and its passes to.
 
-    An evaluation is a live line on a terminal, else a line every few seconds; a pass is a line.
+    An evaluation is the live line on a terminal, else a line every few seconds; a pass is a line.
     """
     from hkt_mdo.results.words import measured
 
@@ -109,24 +113,41 @@ def _reporters(
         now = time.monotonic()
         if not ends:
             ends.append(now)
-        line = f"{name}: {now - began:.0f} s, pass {len(ends)}, evaluation {count}"
-        line += f", objective {measured(value, unit)}, infeasibility {infeasibility:.1e}"
+        line = f"pass {len(ends)}, evaluation {count}, objective {measured(value, unit)}"
+        line += f", infeasibility {infeasibility:.1e}"
         if len(ends) > 1 and (left := 2.0 * ends[-1] - ends[-2] - now) > 1.0:
             line += f", {left:.0f} s left if it takes as long as the pass before"
-        if status.console.is_terminal:
-            status.update(line)
+        elif len(ends) == 1 and (left := (now - ends[0]) * (_USUAL / count - 1.0)) > 1.0:
+            line += f", {left:.0f} s left for {_USUAL} evaluations"
+        if live.console.is_terminal:
+            live.update(live.task_ids[0], description=f"{name}: {line}")
         elif now - last >= _SECONDS_BETWEEN_LINES:
             last = now
-            echo(line)
+            echo(f"{name}: {now - began:.0f} s, {line}")
 
     def passed(entry: Any) -> None:
         ends.append(time.monotonic())
         ended = "converged" if entry.converged else "did not converge"
         line = f"{name}: {time.monotonic() - began:.0f} s, pass {entry.number} {ended} in "
         line += f"{entry.iterations} iterations, {measured(entry.objective_J, unit)}"
+        then = "optimizing again" if entry.remedy else "judging"
+        live.update(live.task_ids[0], description=f"{name}: {then}")
         echo(f"{line}; next, {entry.remedy}: {entry.why}" if entry.remedy else line)
 
     return evaluation, passed
+
+
+@contextmanager
+def _live(name: str, quiet: bool) -> Iterator[Progress]:
+    """Give a line of a terminal that tells the time since it began; elsewhere a plain first one."""
+    wrapped = Column(overflow="fold")  # in a narrow terminal, not cut
+    text = TextColumn("{task.description}", markup=False, table_column=wrapped)
+    columns = SpinnerColumn(), TimeElapsedColumn(), text
+    with Progress(*columns, console=Console(quiet=quiet), transient=True) as live:
+        live.add_task(begun := f"{name}: searching for a start")
+        if not (quiet or live.console.is_terminal):
+            echo(begun)
+        yield live
 
 
 def _written(folder: Path) -> list[int]:

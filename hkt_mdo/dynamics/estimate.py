@@ -46,9 +46,9 @@ class FlowEstimate:
         return PchipInterpolator(share[kept][::-1], ratio[kept][::-1])
 
     def __call__(self, speed, torque, acceleration):
-        """Return the flow's speed, m/s, by the rotor's (rad/s), the control torque (N*m) and dw/dt.
+        """Return the flow's speed, m/s, by the rotor's (rad/s), the generator's torque and dw/dt.
 
-        The arguments are of one shape, the acceleration in rad/s**2.
+        The arguments are of one shape, the torque in N*m, the acceleration in rad/s**2.
         """
         tip = speed * self.plant.blade.rotor_radius
         driving = torque + self.plant.inertia * acceleration

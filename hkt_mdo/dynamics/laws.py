@@ -42,7 +42,7 @@ class Law(Section):
     law: str
     """The control law."""
     torque_limit: Annotated[float, Quantity("N*m", gt=0)] | None = None
-    """Largest control torque u_max; null: no limit."""
+    """Largest generator torque u_max; null: no limit."""
     cut_out: Annotated[float, Quantity("m/s", gt=0)] | None = None
     """Speed of the flow above which the machine stands still, without energy and without limits
     (docs/theory.md); null: no cut-out."""

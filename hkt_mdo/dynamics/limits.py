@@ -121,7 +121,7 @@ class TorqueRateLimit(Limit):
     lower = property(lambda self: -self.bound)  # type: ignore[assignment]
 
     bound: Annotated[float, Quantity("N*m/s", gt=0)]
-    """Largest rate of the control torque, rising or falling."""
+    """Largest rate of the generator torque, rising or falling."""
 
 
 class ForwardRotation(Limit):

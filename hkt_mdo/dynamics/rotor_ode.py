@@ -401,7 +401,7 @@ class RememberingComp(_NodeComp):
 class FeedbackComp(_NodeComp):
     """A feedback law at the nodes of a phase; gain_0, gain_1, … are in the law's units.
 
-    Outputs: the control torque and, of each state of the law, its rate, `<state>_rate`.
+    Outputs: the generator torque and, of each state of the law, its rate, `<state>_rate`.
     """
 
     def initialize(self):

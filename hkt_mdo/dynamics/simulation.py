@@ -431,7 +431,7 @@ class _Motion:
         return np.sum(torques, axis=1).reshape(flow.shape)
 
     def _torques(self, time, values, flow):
-        """Return hydrodynamic and control torque, N*m, at arrays of one shape."""
+        """Return hydrodynamic and generator torque, N*m, at arrays of one shape."""
         speed, *states = np.moveaxis(values[..., : self.dense], -1, 0)
         control = self.controller(time, speed, *states) * np.ones(speed.shape)
         return self.driving(values, flow), control

@@ -39,7 +39,7 @@ class Loop:
     slow, fast : array, shape (n, 1) and (n, n_stations)
         Time constants of the wake's filters, s.
     law : array, shape (n, 1 + n_states, 1 + n_states)
-        Derivatives of the control torque and of the rates of the law's states (rows) by the
+        Derivatives of the generator torque and of the rates of the law's states (rows) by the
         rotor's speed and those states.
     inertia : float
         That of the rotor, kg*m**2.
@@ -139,7 +139,7 @@ class Loop:
         return np.where(self._growth(heavy) < 0.0, least, np.inf)
 
     def _controller(self, s):
-        """Return the control torque over the speed, N*m*s/rad, at s (1/s), (n, n_frequencies)."""
+        """Return the generator torque over the speed, N*m*s/rad, at s (1/s), (n, n_frequencies)."""
         law, states = self.law, self.law.shape[1] - 1
         found = np.broadcast_to(law[:, :1, 0], (law.shape[0], s.size)).astype(complex)
         if states:

@@ -67,7 +67,7 @@ class Tracking(FeedbackLaw):
     """Standard deviation of a sample of the flow sensor, in simulations with noise only."""
 
     states: ClassVar[dict[str, tuple[str, str]]] = {
-        "integral_torque": ("N*m", "integral part of the control torque"),
+        "integral_torque": ("N*m", "integral part of the generator torque"),
         "sensed_flow": ("m/s", "inflow speed as read by the sensor"),
     }
     farthest: ClassVar[float] = 1.2  # factor; the rotor follows its schedule

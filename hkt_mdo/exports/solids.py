@@ -7,24 +7,18 @@ completes a right-handed system. The origin is where the blades' axes meet the s
 from __future__ import annotations
 
 from abc import ABC
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
-from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from hkt_mdo.dynamics.radau import divided
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source
-from hkt_mdo.files.blade import read_blade
-from hkt_mdo.problem.turbine import OUTLINE
+from hkt_mdo.results.sections import STACKING, outline_names
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.outline import Outline
-from hkt_mdo.rotor.strength import StructureByThickness
-from hkt_mdo.rotor.thickness import over_thickness
 from hkt_mdo.sections import Quantity
 
 if TYPE_CHECKING:
@@ -62,7 +56,7 @@ class Outer(Format, ABC):
     trailing_edge: Annotated[float, Quantity("m", ge=0)] | None = None
     """Thickness of the trailing edge; aft of its thickest place no section is thinner. Null: 0.5 %
     of the local chord; 0: as the outline has it."""
-    stacking: Annotated[float, Quantity(ge=0, le=1)] = 0.25
+    stacking: Annotated[float, Quantity(ge=0, le=1)] = STACKING
     """Place of the blade's axis on the chord line, over the chord from the leading edge."""
     rotation: Literal["clockwise", "anticlockwise"] = "clockwise"
     """Sense of rotation, seen from upstream, looking along the flow."""
@@ -95,7 +89,9 @@ class Outer(Format, ABC):
         blade = design.blade
         chord, twist = (np.interp(r, blade.r, each) for each in (blade.chord, blade.twist))
         fractions = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, self.points // 2 + 1)))
-        sides = along_span(design, [each.resampled(fractions) for each in design.outlines], r)
+        sides = design.turbine.along_span(
+            [each.resampled(fractions) for each in design.outlines], r
+        )
         x, upper, lower = np.moveaxis(sides, 1, 0)
         thickness = upper - lower
         largest = np.max(thickness, axis=1)
@@ -155,7 +151,7 @@ class Outer(Format, ABC):
         InputError
             If the case gives no outline.
         """
-        outlines = outline_names(source)
+        outlines = outline_names(source.solution)
         blade = source.design.blade
         edge = "that of the outlines"
         if self.trailing_edge != 0.0:
@@ -319,73 +315,6 @@ class Stl(Solid):
         }
 
 
-def outline_names(source: Source) -> str:
-    """Return what the case calls its outlines.
-
-    A case may have polars of its own without the outlines that belong to them. The program then
-    takes another outline, for mass and stress only, which is none to build a blade from.
-
-    Parameters
-    ----------
-    source : Source
-        The result.
-
-    Returns
-    -------
-    str
-        Names of files and of shipped outlines.
-
-    Raises
-    ------
-    InputError
-        If a section has no outline.
-    """
-    rotor, key = source.solution.case.rotor, ""
-    names = [each.outline or rotor.outline for each in rotor.sections]
-    if None in names:
-        key = f"rotor.sections[{names.index(None)}].outline"
-    elif not names and rotor.outline is None and rotor.polar is not None:
-        key = "rotor.outline"
-    elif not names and rotor.outline is None and rotor.chord is None:
-        own = read_blade(rotor.blade, hub_radius=0.0).sections
-        key = "rotor.outline" if any(each.outline_x is None for each in own) else ""
-        names = [rotor.blade] if own else []
-    if key:
-        problem = "is not given: stl, step and sections need it, since polars have no shape"
-        remedy = "give the outline in the case and run it again"
-        raise InputError(problem, remedy, file=source.solution.folder, key=key)
-    names = names or [rotor.outline or OUTLINE]
-    return ", ".join(Path(name).name for name in dict.fromkeys(filter(None, names)))
-
-
-def along_span(design: Design, values: Sequence[Any], r: np.ndarray) -> np.ndarray:
-    """Return what belongs to the outlines of a design at some radii.
-
-    Linear between stations; where the thickness is designed, that is linear, and the values are a
-    spline over it.
-
-    Parameters
-    ----------
-    design : Design
-        The design.
-    values : array_like of shape (n_outlines, ...)
-        Of each of the design's outlines.
-    r : ndarray of shape (n_radii,)
-        Radii along the blade (m).
-
-    Returns
-    -------
-    ndarray of shape (n_radii, ...)
-        Values at the radii; those of the first and last station beyond them.
-    """
-    blade, structure, each = design.blade, design.turbine.structure, np.array(values)
-    if isinstance(structure, StructureByThickness) and blade.thickness is not None:
-        return over_thickness(structure.thickness, each)(np.interp(r, blade.r, blade.thickness))
-    if len(each) == 1:
-        return np.repeat(each, r.size, axis=0)
-    return make_interp_spline(blade.r, each, k=1)(np.clip(r, blade.r[0], blade.r[-1]))
-
-
 def station_outlines(design: Design) -> tuple[Outline, ...]:
     """Return the outline of every station.
 
@@ -405,7 +334,7 @@ def station_outlines(design: Design) -> tuple[Outline, ...]:
         return outlines * r.size if len(outlines) == 1 else outlines
     return tuple(
         Outline(np.concatenate((x[::-1], x[1:])), np.concatenate((upper[::-1], lower[1:])))
-        for x, upper, lower in along_span(design, [each.resampled() for each in outlines], r)
+        for x, upper, lower in design.turbine.along_span([each.resampled() for each in outlines], r)
     )
 
 
@@ -422,7 +351,7 @@ def outline_volume(design: Design) -> float:
     float
         Volume before the trailing edge is thickened (m**3).
     """
-    area = along_span(design, [each.area for each in design.outlines], design.blade.r)
+    area = design.turbine.along_span([each.area for each in design.outlines], design.blade.r)
     return float(mass_and_inertia(design.blade, area, 1.0).mass) / design.blade.blade_count
 
 

@@ -302,7 +302,7 @@ def steady_operation(
 ) -> dict[str, np.ndarray] | None:
     """Return the steady operation of a feedback law over the speed of the flow, by direct BEM.
 
-    Hydrodynamic and control torque balance, Q(w, v) = u(w), at the largest tip speed ratio where
+    Hydrodynamic and generator torque balance, Q(w, v) = u(w), at the largest tip speed ratio where
     they do; of a law with states, at the one closest to its schedule.
 
     Parameters

@@ -14,10 +14,11 @@ from scipy.interpolate import CubicSpline
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source
-from hkt_mdo.exports.solids import outline_names, station_outlines
+from hkt_mdo.exports.solids import station_outlines
 from hkt_mdo.exports.tables import REVOLUTIONS, section_names, steady_operation
 from hkt_mdo.results.design import Design
 from hkt_mdo.results.folder import to_json
+from hkt_mdo.results.sections import STACKING, outline_names
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.inertia import carried
 from hkt_mdo.rotor.outline import Outline
@@ -36,7 +37,7 @@ class Windio(Format):
 
     name: ClassVar[str] = "windio"
 
-    stacking: Annotated[float, Quantity(ge=0, le=1)] = 0.25
+    stacking: Annotated[float, Quantity(ge=0, le=1)] = STACKING
     """Place of the blade's straight axis on the chord, from the leading edge, over the chord."""
 
     def files(self, source: Source) -> dict[str, bytes]:
@@ -78,7 +79,7 @@ def _comments(source: Source) -> list[str]:
     design = source.design
     fluid, site = design.physics.case.fluid, design.physics.case.site
     try:
-        outlines = f"Coordinates are those of {outline_names(source)}."
+        outlines = f"Coordinates are those of {outline_names(source.solution)}."
     except InputError as error:
         outlines = f"COORDINATES ARE A PLACEHOLDER: {error.key} {error.problem}."
     cone = " TIPS ARE TURNED DOWNSTREAM by cone_angle." if design.blade.cone < 0.0 else ""

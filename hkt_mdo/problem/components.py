@@ -146,7 +146,7 @@ class RememberingLoadComp(om.ExplicitComponent):
 
 
 class TorqueRateComp(om.ExplicitComponent):
-    """Rate of the control torque at the nodes of a phase, by each segment's polynomial.
+    """Rate of the generator torque at the nodes of a phase, by each segment's polynomial.
 
     Input control_torque, output torque_rate[num_nodes, 1]; `matrix` is
     `Scenario.differentiation`.

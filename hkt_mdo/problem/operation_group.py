@@ -175,7 +175,7 @@ class OperationGroup(om.Group):
                 self.connect(f"{scenario.path}.{quantity}", f"{name}.{quantity}")
 
     def _add_rates(self):
-        """Add the rate of the control torque, if it is asked for, at the nodes of every phase."""
+        """Add the rate of the generator torque, if it is asked for, at the nodes of every phase."""
         asked = any(map(self._physics.asks_for, RATES))
         for scenario in self._physics.scenarios if asked else ():
             name = f"rates_{scenario.name}"

@@ -369,7 +369,7 @@ class Physics:
         """Return the quantities of a quasi-steady starting point, one dict a scenario.
 
         Those of `hkt_mdo.quantities.OVER_TIME`, of loads those that the case limits, and the
-        scalars that limits and objectives may take; the control torque balances the flow's, and
+        scalars that limits and objectives may take; the generator torque balances the flow's, and
         states of the control law are in equilibrium.
         """
         if point not in self._starts:

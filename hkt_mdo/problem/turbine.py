@@ -1,11 +1,12 @@
 """The turbine of a case, made of its section `rotor` and the files that this section names."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, make_interp_spline
 
 from hkt_mdo.case import Design, Fluid, Rotor
 from hkt_mdo.errors import InputError
@@ -46,6 +47,32 @@ class Turbine(NamedTuple):
     blends: tuple[tuple[str, str, float], ...] = ()
     """The two sections that each station lies between, by name, and the share of the second; one
     entry for a blade of one section, none where the thickness is designed."""
+
+    def along_span(self, values: Sequence[Any], r: np.ndarray) -> np.ndarray:
+        """Return what belongs to the outlines at some radii.
+
+        Linear between stations; where the thickness is designed, that is linear, and the values
+        are a spline over it.
+
+        Parameters
+        ----------
+        values : array_like of shape (n_outlines, ...)
+            Of each of the outlines.
+        r : ndarray of shape (n_radii,)
+            Radii along the blade (m).
+
+        Returns
+        -------
+        ndarray of shape (n_radii, ...)
+            Values at the radii; those of the first and last station beyond them.
+        """
+        blade, structure, each = self.blade, self.structure, np.array(values)
+        if isinstance(structure, StructureByThickness) and blade.thickness is not None:
+            thickness = np.interp(r, blade.r, blade.thickness)
+            return over_thickness(structure.thickness, each)(thickness)
+        if len(each) == 1:
+            return np.repeat(each, r.size, axis=0)
+        return make_interp_spline(blade.r, each, k=1)(np.clip(r, blade.r[0], blade.r[-1]))
 
 
 class _Section(NamedTuple):

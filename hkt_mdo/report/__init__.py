@@ -1,14 +1,69 @@
-"""The report: one self-contained HTML page of one result or several, for people."""
+"""Pages for people: a report of one result or several, and texts with tables in the same style."""
 
+import base64
+import re
+from importlib import import_module
 from pathlib import Path
+from typing import Any
+
+_TEMPLATES = Path(__file__).parent / "templates"
 
 
-def style() -> str:
-    """Return the style sheet of every page that the package writes: light and dark, any width.
+def rendered(template: str | Path, **values: Any) -> str:
+    """Return a template with its values; in HTML, texts are escaped.
+
+    Parameters
+    ----------
+    template : str or Path
+        Name of a template of this package, or a file, which may extend or include those.
+    **values
+        What the template names; a missing value is an error.
 
     Returns
     -------
     str
-        Cascading style sheet.
+        The filled template, which has the filter `number(format)` too: a dash for None.
     """
-    return (Path(__file__).parent / "templates" / "report.css").read_text(encoding="utf-8")
+    jinja2 = import_module("jinja2")  # takes long to import
+
+    def number(value: Any, form: str) -> str:
+        known = value is not None and not isinstance(value, jinja2.Undefined)
+        return form.format(value) if known else "–"
+
+    path = _TEMPLATES / template
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader([path.parent, _TEMPLATES]),
+        autoescape=path.suffix == ".html",
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["number"] = number
+    return environment.get_template(path.name).render(**values)
+
+
+def text_page(title: str, text: str, folder: Path) -> str:
+    """Return a text in Markdown as an HTML page that needs no other file and no network.
+
+    Parameters
+    ----------
+    title : str
+        Title of the page.
+    text : str
+        The text; HTML in it is shown as it is written.
+    folder : Path
+        Where the text's images are, as PNG.
+
+    Returns
+    -------
+    str
+        The page.
+    """
+    from markdown_it import MarkdownIt
+
+    def inside(image: re.Match) -> str:
+        content = base64.b64encode((folder / image[1]).read_bytes()).decode("ascii")
+        return f'src="data:image/png;base64,{content}"'
+
+    body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
+    return rendered("text.html", title=title, body=re.sub('src="(.*?)"', inside, body))

@@ -13,17 +13,17 @@ from matplotlib.figure import Figure
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Source
-from hkt_mdo.exports.solids import Stl, outline_names, triangles
+from hkt_mdo.exports.solids import Stl, triangles
 from hkt_mdo.report.charts import FAINT, Chart, Labelled, Look, escaped, line
 from hkt_mdo.results import style
+from hkt_mdo.results.plots import AXIS, SHOWN
+from hkt_mdo.results.sections import outline_names
 
 SOLIDS = Stl(spanwise=44, points=48), Stl(spanwise=20, points=24)
 """Sections and points of the solids of few results and of many, beside their stations."""
 FEW = 4
 APART = 1.35
 """Distance from one blade to the next one over its width."""
-SHOWN = 0.25, 0.5, 0.75
-"""Places of the sections that are shown, from hub to tip."""
 EYE, LIGHT = np.array([-0.25, -1.0, 0.8]), np.array([-0.4, 0.3, 0.87])
 """Where the picture is seen and lighted from; x along the blade, y across it, z upstream."""
 
@@ -62,7 +62,7 @@ def bodies(labelled: Sequence[Labelled]) -> tuple[list[Body], list[str]]:
     for index, each in enumerate(labelled):
         try:
             source = Source(each.solution)
-            outline_names(source)  # refuses where the polars have no outline of their own
+            outline_names(each.solution)  # refuses where the polars have no outline of their own
             color = Look.of(index, each).color
             start, kind = _start(source.design, each.solution), SOLIDS[len(labelled) > FEW]
             name = each.label or ("blade" if start is None else "optimized blade")
@@ -185,17 +185,14 @@ def picture(found: Sequence[Body]) -> bytes:
         light = 0.5 + 0.5 * np.clip(normal[order] @ LIGHT, 0.0, 1.0)[:, None]
         faces = np.clip(color * light + 0.3 * light**12, 0.0, 1.0)
         ax.add_collection(PolyCollection(seen[order, :, :2], facecolors=faces, edgecolors=faces))
-        words: dict[str, Any] = {
-            "color": "0.5",
-            "fontsize": style.FONT_SIZE,
-            "va": "bottom",
-            "ha": "left",
-        }
-        root = seen[corners[:, 0, 0] < corners[..., 0].min() + 0.01 * np.ptp(corners[..., 0])]
-        x, y = root[..., :2].reshape(-1, 2)[np.argmax(root[..., 1])]
-        ax.text(x, y, body.name.replace("$", r"\$"), **words)
+        points = seen[..., :2].reshape(-1, 2)
+        tip = points[np.argmax(points[:, 0])]
+        words = "  " + body.name.replace("$", r"\$")
+        ax.text(tip[0], tip[1], words, color="0.5", fontsize=1.5 * style.FONT_SIZE, va="center")
     ax.set_aspect("equal")
     ax.autoscale_view()
+    begin, end = ax.get_xlim()
+    ax.set_xlim(begin, end + 0.018 * max(len(each.name) for each in found) * (end - begin))
     ax.set_axis_off()
     figure.patch.set_alpha(0.0)
     return style.png(figure)
@@ -227,7 +224,7 @@ def sections(found: Sequence[Body]) -> Chart:
             if not start and len(found) <= 2:
                 trace |= {"fill": "toself", "fillcolor": f"{body.color}18"}
             data.append(trace | {"hoverinfo": "name"})
-        axis = line([0.0], [down], "blade's axis, at a quarter of the chord", FAINT, mode="markers")
+        axis = line([0.0], [down], AXIS, FAINT, mode="markers")
         mark = {"symbol": "cross-thin-open", "size": 9, "color": FAINT}
         data.append(axis | {"marker": mark, "showlegend": row == 0, "hoverinfo": "name"})
         at = {"x": 0, "xref": "paper", "xanchor": "left", "y": down + 0.75 * thick}

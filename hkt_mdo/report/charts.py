@@ -8,7 +8,7 @@ result, a quantity has its own colour; several results differ by colour and dash
 from __future__ import annotations
 
 import html
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
@@ -18,10 +18,10 @@ import numpy as np
 
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results import style
-from hkt_mdo.results.plots import LIMITED_BY, WORDS
+from hkt_mdo.results.plots import OVER_SPAN, WORDS, beside_start, levels_of, near_bounds
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import BINS, Binned, binned, rated_point, steady_curve
-from hkt_mdo.results.words import limit_words, measured, printable
+from hkt_mdo.results.words import limit_words, printable
 
 Chart = dict[str, Any]
 
@@ -218,7 +218,9 @@ def _draw_levels(layout: dict[str, Any], panel: Panel, key: str) -> None:
     for number, (name, level) in enumerate(panel.levels.items()):
         ends = {"xref": "paper", "x0": 0, "x1": 1, "yref": f"y{key}", "y0": level, "y1": level}
         layout["shapes"].append(look | ends)
-        side, place = (("right", 1.0), ("left", 0.0))[number % 2]
+        # above the smallest chord there is room on the left, where the root is
+        left = {"smallest": 1, "largest": 0}.get(name.partition(" ")[0], number % 2)
+        side, place = (("right", 1.0), ("left", 0.0))[left]
         words = {"text": escaped(name), "xref": "paper", "x": place, "xanchor": side}
         small = {"yanchor": "bottom", "font": {"size": 11, "color": FAINT}}
         layout["annotations"].append(words | _at(f"y{key}", level) | small)
@@ -271,21 +273,6 @@ def _title_of(quantity: str) -> str:
     return f"{words} ({unit})"
 
 
-def _levels_of(labelled: Sequence[Labelled], quantity: str, scale: float) -> dict[str, float]:
-    """Return the limits of a quantity as levels times a scale, by their names."""
-    found: dict[str, float] = {}
-    for solution, label in labelled:
-        for each in LIMITED_BY.get(quantity, (quantity,)):
-            known = {limit.name: limit for limit in solution.limits}
-            for name, level in solution.limit_levels(each).items():
-                limit = measured(float(known[name].upper), known[name].unit or "", 4)
-                words = f"{limit_words(name)} limit {limit}"
-                scaled = scale * level
-                words += "" if words not in found or found[words] == scaled else f", {label}"
-                found[words] = scaled
-    return found
-
-
 # ---- over the flow speed and over time, of one scenario of each result
 
 _FLOW = "generator_power", "rotor_speed", "control_torque", "thrust"
@@ -294,9 +281,10 @@ _TIME = "inflow_speed", "generator_power", "rotor_speed", "control_torque", "thr
 
 def _over_flow(labelled: Sequence[Labelled]) -> Chart | None:
     """Return power, speed, torque and thrust over the flow speed, with limits and rated points."""
-    return _stacked(
-        [_flow_panel(labelled, quantity) for quantity in _FLOW], "flow speed (m/s)", 170
-    )
+    panels = [_flow_panel(labelled, quantity) for quantity in _FLOW]
+    if (chart := _stacked(panels, "flow speed (m/s)", 170)) is not None:
+        chart["layout"]["xaxis"]["rangemode"] = "tozero"
+    return chart
 
 
 def _flow_panel(labelled: Sequence[Labelled], quantity: str) -> Panel:
@@ -306,7 +294,7 @@ def _flow_panel(labelled: Sequence[Labelled], quantity: str) -> Panel:
         table, look = _table_of(each.solution), Look.of(index, each, quantity)
         if column not in table:
             continue
-        found = binned(table["inflow_speed_m_s"], scale * table[column])
+        found = binned(table["inflow_speed_m_s"], scale * table[column], each.solution.steady)
         name = escaped(each.label)
         if found.speed.size:
             panel.traces += _met(found, name, look)
@@ -321,7 +309,7 @@ def _flow_panel(labelled: Sequence[Labelled], quantity: str) -> Panel:
         stop = each.solution.case.control.cut_out
         panel.marks |= {} if stop is None else {f"cut-out {stop:g} m/s": stop}
     if panel.traces:
-        panel.levels = _levels_of(labelled, quantity, scale)
+        panel.levels = levels_of(labelled, quantity, scale)
     return panel
 
 
@@ -331,6 +319,7 @@ def _met(found: Binned, name: str, look: Look) -> list[dict[str, Any]]:
     mean = line(found.speed, found.mean, words, look.color, dash=look.dash, mode="lines+markers")
     spread = _band(found.speed, found.low, found.high, words, look.color)
     spread[1] |= {"showlegend": False} if name else {"name": "90 % of the instants"}
+    spread = [] if found.low is found.high else spread
     return [*spread, mean | {"marker": {"size": 5, "color": look.color}}]
 
 
@@ -339,7 +328,7 @@ def _power_of(each: Labelled, look: Look, table: dict[str, np.ndarray]) -> list[
     traces, name = [], escaped(each.label)
     speed, electrical = table["inflow_speed_m_s"], table["electrical_power_W"]
     if not np.allclose(electrical, table["generator_power_W"]):
-        found = binned(speed, 1e-3 * electrical)
+        found = binned(speed, 1e-3 * electrical, each.solution.steady)
         words = ", ".join(filter(None, (name, "electrical, mean")))
         traces.append(line(found.speed, found.mean, words, look.color, dash="dash", width=1.3))
     if (rated := rated_point(each.solution)) is not None:
@@ -351,6 +340,7 @@ def _power_of(each: Labelled, look: Look, table: dict[str, np.ndarray]) -> list[
 
 def _over_time(labelled: Sequence[Labelled], most: int) -> Chart | None:
     """Return flow, power, speed, torque, thrust and margins over time, on one axis."""
+    labelled = [each for each in labelled if not each.solution.steady]
     panels = [_time_panel(labelled, quantity, most) for quantity in _TIME]
     return _stacked([*panels, _margin_panel(labelled, most)], "time (s)", 130)
 
@@ -375,7 +365,7 @@ def _time_panel(labelled: Sequence[Labelled], quantity: str, most: int) -> Panel
             shown = {"showlegend": bool(each.label), "dash": look.dash if each.label else "solid"}
             panel.traces.append(line(*series, name, look.color, width=1.4, **shown))
     if panel.traces:
-        panel.levels = _levels_of(labelled, quantity, scale)
+        panel.levels = levels_of(labelled, quantity, scale)
     return panel
 
 
@@ -416,7 +406,7 @@ def _envelope(labelled: Sequence[Labelled], over: str) -> Chart | None:
         margin = Panel("smallest margin of all limits and scenarios (%)", levels={"limit": 0.0})
         for index, each in enumerate(labelled):
             parts = []
-            for one in each.solution.by_scenario:
+            for one in _scenarios(each, column):
                 if left := _margins(one):
                     parts.append((_table_of(one)[column], np.min([*left.values()], axis=0)))
             if parts:
@@ -428,11 +418,16 @@ def _envelope(labelled: Sequence[Labelled], over: str) -> Chart | None:
     return _stacked(panels, title, 130 if over == "time" else 170)
 
 
+def _scenarios(each: Labelled, x: str) -> list[Solution]:
+    """Return the scenarios that have a column: those without time have none over time."""
+    return [one for one in each.solution.by_scenario if x != "time_s" or not one.steady]
+
+
 def _envelope_panel(labelled: Sequence[Labelled], quantity: str, x: str) -> Panel:
     column, scale = QUANTITIES[quantity].column, WORDS[quantity][2]
     panel, alone = Panel(_title_of(quantity), from_zero=x != "time_s"), []
     for index, each in enumerate(labelled):
-        tables = [_table_of(one) for one in each.solution.by_scenario]
+        tables = [_table_of(one) for one in _scenarios(each, x)]
         parts = [(table[x], scale * table[column]) for table in tables if column in table]
         alone += [Labelled(one, each.label) for one in each.solution.by_scenario]
         if parts:
@@ -441,7 +436,7 @@ def _envelope_panel(labelled: Sequence[Labelled], quantity: str, x: str) -> Pane
             classes = ENVELOPE if x == "time_s" else BINS
             panel.traces += _band(*_ranges(parts, classes), name, color, 1.0)
     if panel.traces:
-        panel.levels = _levels_of(alone, quantity, scale)
+        panel.levels = levels_of(alone, quantity, scale)
     return panel
 
 
@@ -460,48 +455,63 @@ def _ranges(
     return 0.5 * (edges[1:] + edges[:-1])[met], low[met], high[met]
 
 
+def _year(labelled: Sequence[Labelled]) -> Chart | None:
+    """Return electrical power, hours and energy of a year over the flow speed, bin by bin."""
+    panels = []
+    for column, (title, scale) in _YEAR.items():
+        panel = Panel(title, from_zero=True)
+        for index, each in enumerate(labelled):
+            if table := each.solution.year:
+                look, name = Look.of(index, each, "power"), escaped(each.label) or "a year"
+                series = table["inflow_speed_m_s"], scale * table[column]
+                bar = {
+                    "type": "bar",
+                    "marker": {"color": look.color},
+                    "showlegend": bool(each.label),
+                }
+                panel.traces.append(line(*series, name, look.color, **bar))
+                panel.traces[-1].pop("line")
+        panels.append(panel)
+    return _stacked(panels, "flow speed (m/s)", 130)
+
+
+_YEAR = {
+    "electrical_power_W": ("mean electrical power (kW)", 1e-3),
+    "hours": ("hours a year (h)", 1.0),
+    "energy_kWh": ("electrical energy a year (kWh)", 1.0),
+}
+
+
 # ---- the blade, its coefficients, its loads, and the optimizer's way
 
 _SHAPES = {
-    "chord_m": ("chord (m)", "chord_bounds"),
-    "twist_deg": ("twist (deg)", "twist_bounds"),
-    "thickness_over_chord": ("thickness over chord (-)", "thickness_bounds"),
+    "chord_m": "chord (m)",
+    "twist_deg": "twist (deg)",
+    "thickness_over_chord": "thickness over chord (-)",
 }
 
 
 def _shape(labelled: Sequence[Labelled]) -> Chart | None:
     """Return chord, twist and a designed thickness over the radius, with start and bounds."""
     panels = []
-    for column, (title, bounds) in _SHAPES.items():
+    for column, title in _SHAPES.items():
         panel = Panel(title, from_zero=True)
-        _beside_start(panel, labelled, lambda each: each.blade, "r_m", column)
-        values = [x for trace in panel.traces for x in trace["y"]]
-        ends = {getattr(each.solution.case.design, bounds) for each in labelled}
-        for end, word in zip(next(iter(ends)) or (), ("smallest", "largest"), strict=False):
-            near = values and 1.5 * min(values) <= end <= 1.5 * max(values)
-            if len(ends) == 1 and near:  # a bound far away says nothing
-                panel.levels[f"{word} {title.partition(' (')[0]} {end:.4g}"] = end
+        panel.traces += _beside_start(labelled, "blade", "r_m", column)
+        values = np.array([x for trace in panel.traces for x in trace["y"] if x is not None])
+        bounds = near_bounds([each.solution for each in labelled], column, values)
+        panel.levels = {words: bound for words, (_, bound) in bounds.items()}
         panels.append(panel)
     return _stacked(panels, "radius (m)", 160)
 
 
-def _beside_start(
-    panel: Panel, labelled: Sequence[Labelled], table: Callable[[Solution], Any], x: str, y: str
-) -> None:
-    """Add a column of each result to a panel, and of the blade at the start, once if it is one."""
-    starts: list[np.ndarray] = []
-    for index, each in enumerate(labelled):
-        columns, look = table(each.solution), Look.of(index, each)
-        if y not in columns:
-            continue
-        start = columns.get(f"start_{y}")
-        new = start is not None and not np.array_equal(start, columns[y])
-        if new and not any(np.array_equal(start, other) for other in starts):
-            dotted = {"dash": "dot", "width": 1.4}
-            panel.traces.append(line(columns[x], start, "blade at the start", FAINT, **dotted))
-            starts.append(start)
-        name = escaped(each.label) or ("optimized blade" if new else "blade")
-        panel.traces.append(line(columns[x], columns[y], name, look.color, dash=look.dash))
+def _beside_start(labelled: Sequence[Labelled], source: str, x: str, y: str) -> Iterator[Chart]:
+    """Yield a column of each result, and of the blade at the start, once if it is one."""
+    for index, along, values, label in beside_start(labelled, source, x, y):
+        if index is None:
+            yield line(along, values, label, FAINT, dash="dot", width=1.4)
+        else:
+            look = Look.of(index, labelled[index])
+            yield line(along, values, escaped(label), look.color, dash=look.dash)
 
 
 def _coefficients(labelled: Sequence[Labelled]) -> Chart | None:
@@ -510,7 +520,9 @@ def _coefficients(labelled: Sequence[Labelled]) -> Chart | None:
     for word in ("power", "thrust"):
         panel = Panel(f"{word} coefficient (-)", from_zero=True)
         column = f"{word}_coefficient"
-        _beside_start(panel, labelled, lambda each: each.power_curve, "tip_speed_ratio", column)
+        for trace in _beside_start(labelled, "power_curve", "tip_speed_ratio", column):
+            turned = [y if y is not None and y >= 0.0 else None for y in trace["y"]]  # by the flow
+            panel.traces.append(trace | {"y": turned})
         panels.append(panel)
     chart = _stacked(panels, "tip speed ratio (-)", 170)
     for index, each in enumerate(labelled):
@@ -518,20 +530,15 @@ def _coefficients(labelled: Sequence[Labelled]) -> Chart | None:
         if chart is None or reach is None or reach.ends is None:
             continue
         color, ends = Look.of(index, each).color, {"x0": reach.min, "x1": reach.max}
-        foot = 0.018 * index
-        tall = {"y0": foot, "y1": foot + 0.012} if each.label else {"y0": 0, "y1": 1}
-        place: Chart = {"yref": "paper", "xref": "x", "type": "rect", "layer": "below"}
+        foot = 0.05 * index
+        tall = {"y0": foot, "y1": foot + 0.04} if each.label else {"y0": 0, "y1": 1}
+        place: Chart = {"xref": "x", "type": "rect", "layer": "below"}
         place |= {"fillcolor": color + ("cc" if each.label else "22")}
         place |= {"line": {"width": 1, "color": color}}
-        chart["layout"]["shapes"].append(place | tall | ends)
+        for axis in (name for name in chart["layout"] if name.startswith("yaxis")):
+            over = {"yref": f"y{axis.removeprefix('yaxis')} domain"}
+            chart["layout"]["shapes"].append(place | tall | ends | over)
     return chart
-
-
-_LOADS = {
-    "stress_Pa": ("stress (MPa)", "stress", 1e-6),
-    "flapwise_moment_Nm": ("flapwise moment (kN m)", "root_moment", 1e-3),
-    "cavitation": ("suction, 1: cavitation (-)", "cavitation", 1.0),
-}
 
 
 def _over_span(labelled: Sequence[Labelled]) -> Chart | None:
@@ -540,7 +547,7 @@ def _over_span(labelled: Sequence[Labelled]) -> Chart | None:
     Of several scenarios, the largest of all.
     """
     panels = []
-    for column, (title, quantity, scale) in _LOADS.items():
+    for column, (_, quantity, title, scale) in OVER_SPAN.items():
         panel, alone = Panel(title, from_zero=True), []
         for index, each in enumerate(labelled):
             scenarios, look = each.solution.by_scenario, Look.of(index, each, quantity)
@@ -552,7 +559,7 @@ def _over_span(labelled: Sequence[Labelled]) -> Chart | None:
                 panel.traces.append(line(loads["r_over_R"], values, name, look.color, **shown))
             alone += [Labelled(one, each.label) for one in scenarios]
         if panel.traces and column == QUANTITIES[quantity].column:  # not a moment along the blade
-            panel.levels = _levels_of(alone, quantity, scale)
+            panel.levels = levels_of(alone, quantity, scale)
         panels.append(panel)
     return _stacked(panels, "radius over that of the tip (-)", 160)
 
@@ -605,7 +612,7 @@ def _limit_bars(labelled: Sequence[Labelled]) -> Chart | None:
 
 def _convergence(labelled: Sequence[Labelled]) -> Chart | None:
     """Return the distance of the energy from its last value, and infeasibility, by evaluation."""
-    energy = Panel("distance of the energy from its last value, relative (-)", log=True)
+    energy = Panel("energy: distance from its last value (-)", log=True)
     broken = Panel("infeasibility: largest scaled violation (-)", log=True)
     for index, each in enumerate(labelled):
         table, look = each.solution.convergence, Look.of(index, each)
@@ -651,6 +658,7 @@ def views(labelled: Sequence[Labelled]) -> dict[str, dict[str, Chart]]:
         alone = [Labelled(each.solution.scenario(name), each.label) for each in having]
         charts: dict[str, Callable[[Sequence[Labelled]], Chart | None]] = {
             "flow": _over_flow,
+            "year": _year,
             "time": partial(_over_time, most=most),
             "limits": _limit_bars,
             "span": _over_span,

@@ -15,6 +15,7 @@ import numpy as np
 from hkt_mdo.case import Case
 from hkt_mdo.errors import InputError, install
 from hkt_mdo.files.table import read_text, write_files
+from hkt_mdo.report import rendered
 from hkt_mdo.results.nesting import beaten, ranked
 from hkt_mdo.results.plots import labels
 from hkt_mdo.results.solution import Solution
@@ -22,7 +23,7 @@ from hkt_mdo.results.steady import rated_point
 from hkt_mdo.results.summary import LimitEntry, Summary, unasked
 from hkt_mdo.results.words import Row, joined, limit_words, measured, number, printable, texts
 
-PACKAGES = "jinja2", "plotly"
+PACKAGES = ("plotly",)
 LONGEST_CASE = 1024**2
 """Bytes of a case's file that a report repeats."""
 
@@ -53,10 +54,7 @@ def write_report(solutions: Iterable[Solution], out: str | Path) -> Path:
     InputError
         If a package is missing, there is no result, or the file cannot be written.
     """
-    missing = [name for name in PACKAGES if find_spec(name) is None]
-    if missing:
-        problem = f"a report needs {' and '.join(missing)}, which is not installed"
-        raise InputError(problem, f"install it with: {install('report')}")
+    require_packages()
     chosen = list(solutions)
     if not chosen:
         raise InputError("a report needs a result", "give a result folder")
@@ -70,9 +68,23 @@ def write_report(solutions: Iterable[Solution], out: str | Path) -> Path:
     return path
 
 
+def require_packages() -> None:
+    """Refuse to write a page without the packages that it needs.
+
+    Raises
+    ------
+    InputError
+        If one is missing.
+    """
+    missing = [name for name in PACKAGES if find_spec(name) is None]
+    if missing:
+        problem = f"a report needs {' and '.join(missing)}, which is not installed"
+        raise InputError(problem, f"install it with: {install('report')}")
+
+
 def _page(solutions: Sequence[Solution]) -> str:
     """Return the page as HTML."""
-    jinja2, offline = import_module("jinja2"), import_module("plotly.offline")
+    offline = import_module("plotly.offline")
     from hkt_mdo.report import blade, charts
 
     order, shares = ranked(solutions)
@@ -81,12 +93,9 @@ def _page(solutions: Sequence[Solution]) -> str:
     drawn, views = charts.designs(labelled), charts.views(labelled)
     if found:
         drawn |= {"solid": blade.solid(found), "sections": blade.sections(found)}
-    folder = jinja2.PackageLoader("hkt_mdo.report", "templates")
-    environment = jinja2.Environment(
-        loader=folder, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
-    )
     names = [label or "result" for label in labels(order)]
-    return environment.get_template("report.html").render(
+    return rendered(
+        "report.html",
         title=_title(order),
         alike=len({each.case.objective.kind for each in order}) == 1,
         results=[_told(each, name) for each, name in zip(order, names, strict=True)],
@@ -120,15 +129,16 @@ def _told(solution: Solution, name: str) -> dict[str, Any]:
     summary = solution.summary
     state = "verified" if solution.success else "refused" if solution.finished else "unfinished"
     folder = solution.folder.resolve().name
-    optimizer = joined(summary.optimizer or "", summary.package or "")
     seconds = "" if summary.wall_seconds is None else f"{summary.wall_seconds:.1f} s"
+    work = joined(summary.package or "", f"{summary.iterations} iterations", seconds)
     origin = {
         "case": solution.name,
         "result folder": folder,
         "control law": solution.case.control.law,
-        "optimizer": joined(optimizer, f"{summary.iterations} iterations", seconds),
+        "optimizer": joined(summary.optimizer, work) if summary.optimizer else "not recorded",
         "digest of files and code": summary.digest or "not recorded",
-        "versions": joined(*(f"{key} {value}" for key, value in (summary.versions or {}).items())),
+        "versions": joined(*(f"{key} {value}" for key, value in (summary.versions or {}).items()))
+        or "not recorded",
     }
     text = read_text(solution.folder / "case.yaml", "case of a result", LONGEST_CASE)
     return {
@@ -139,7 +149,7 @@ def _told(solution: Solution, name: str) -> dict[str, Any]:
         "message": solution.message,
         "law": solution.case.control.law,
         "failed": solution.failed_checks,
-        "large": "; ".join(f"{label}: {words}" for label, words in _unasked(solution)),
+        "cautions": _cautions(solution),
         "notes": solution.notes,
         "bounds": [str(each.row()) for each in summary.at_bounds or ()],
         "passes": summary.passes or (),
@@ -172,6 +182,11 @@ def _headline(solution: Solution) -> dict[str, str]:
     if not duration and len(solution.scenarios) == 1:  # an older result
         duration = float(np.ptp(solution.trajectory.get("time_s", [0.0])))
     rows: dict[str, str] = {}
+    for year in (entry.year for entry in entries if entry.year and len(entries) == 1):
+        net = year.energy_kWh if year.net_energy_kWh is None else year.net_energy_kWh
+        rows["electrical energy a year"] = "-" if net is None else f"{number(1e-3 * net)} MWh"
+        factor = year.capacity_factor
+        rows["capacity factor"] = "-" if factor is None else f"{100.0 * factor:.3g} %"
     for name, energy in (
         ("captured", summary.simulated_energy_J or summary.energy_J),
         ("electrical", summary.electrical_energy_J),
@@ -228,12 +243,15 @@ def _checks(solutions: Sequence[Solution]) -> list[dict[str, Any]]:
     return sorted(rows, key=lambda row: not row["refused"])
 
 
-def _unasked(solution: Solution) -> list[tuple[str, str]]:
-    """Return the loads that are large and have no limit, and what is to be said of them."""
+def _cautions(solution: Solution) -> list[str]:
+    """Return what is to be said of an unstable loop, and of large loads that have no limit."""
     limits, loads = solution.summary.limits or {}, solution.summary.loads or {}
     free = {name: entry for name, entry in loads.items() if name not in limits}
     labelled = [(x.row(name), unasked(name, x.value, solution.case)) for name, x in free.items()]
-    return [(f"{x.label} {measured(x.value, x.unit, 4)}", words) for x, words in labelled if words]
+    large = [f"{x.label} {measured(x.value, x.unit, 4)}: {text}" for x, text in labelled if text]
+    memory = solution.summary.memory
+    unstable = [] if memory is None or memory.stable else [f"in water with memory {memory.text}"]
+    return [*unstable, *filter(None, ["; ".join(large)])]
 
 
 def _limits(solutions: Sequence[Solution]) -> list[dict[str, Any]]:
@@ -349,14 +367,17 @@ def not_modelled(case: Case) -> list[str]:
         "another turbine, and no turbulence that is smaller than the rotor.",
         "The channel is wide and deep: no blockage by bed, banks or surface, and no support "
         "structure.",
-        "The wake answers at once. A real one needs seconds, in which a light rotor at its limit "
-        "may run away: hkt simulate RESULT --inflow-dynamics oye tells.",
         "Sections have the lift and drag of steady flow: no dynamic stall, no added mass.",
         "Blades are rigid in the flow. Stress is that of a beam of one material, by thrust, torque "
         "and centrifugal force: no fatigue, no buckling, no torsion, no weight, no root joint.",
         "The torque follows its demand at once, and the sensor has no noise: hkt simulate RESULT "
         "--noise-snr tells what noise and its filter change. Start and stop are left out.",
     ]
+    if not case.inflow_dynamics.remembers:
+        found.append(
+            "The wake answers at once. A real one needs seconds, in which a light rotor at its "
+            "limit may run away: hkt simulate RESULT --inflow-dynamics oye shows whether it does."
+        )
     if case.rotor.reynolds == "invariant":
         found.append("The polars are those of one Reynolds number (rotor.reynolds: invariant).")
     if case.site.hub_depth is None:

@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from hkt_mdo.results import style
 
@@ -75,7 +76,9 @@ def draw_polar(data: Mapping[str, Any], column: str, ax: Axes) -> Axes:
     curves = []
     for curve in data["curves"]:
         alpha, (first, last) = curve["alpha_deg"], curve["table_deg"]
-        curves.append({**curve, "sure": (alpha >= first) & (alpha <= last)})
+        ratio = curve["lift"] / curve["drag"]
+        curves.append({**curve, "ratio": ratio, "sure": (alpha >= first) & (alpha <= last)})
+    ax.plot([], [], color="0.5", linestyle=":", label="beyond the table")
     ax.set_xlim(alpha[[0, -1]])
     return draw_polars(curves, "alpha_deg", column, ax)
 
@@ -102,6 +105,9 @@ def draw_spectrum(data: Mapping[str, Any], ax: Axes) -> Axes:
     ax.set_ylim(QUIETEST * top, 4.0 * top)
     ax.set_xlim(0.8 * loud[0], 1.25 * max(loud[-1], data["cutoff_hz"] or 0.0))
     ax.yaxis.set_major_formatter("{x:.0e}")
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.xaxis.set_minor_formatter(NullFormatter())
     if data["cutoff_hz"]:
         ax.axvline(data["cutoff_hz"], linestyle="--", **style.REFERENCE, label="cutoff")
     return style.finish(ax, "frequency (Hz)", "spectral density (m²/s)")
@@ -127,8 +133,8 @@ def check_figures(data: Mapping[str, Mapping[str, Any]]) -> dict[str, Figure]:
             plots = [partial(draw_blade, part, column) for column in _BLADE]
             figures[name] = style.figure_of(5.6, 6.8, plots)
         elif name == "polar":
-            plots = [partial(draw_polar, part, column) for column in ("lift", "drag")]
-            figures[name] = style.figure_of(6.4, 6.4, plots)
+            plots = [partial(draw_polar, part, column) for column in ("lift", "drag", "ratio")]
+            figures[name] = style.figure_of(6.4, 8.2, plots)
         elif name == "power_curve":
             figures[name] = style.figure_of(5.6, 3.9, [partial(draw_power, part)])
         else:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import base64
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,6 +23,7 @@ from matplotlib.figure import Figure
 from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results import style
+from hkt_mdo.results.sections import STACKING, sections
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import binned, rated_point, steady_curve
 from hkt_mdo.results.words import joined, limit_words, measured, printable
@@ -31,38 +32,67 @@ Solutions = Solution | Sequence[Solution]
 
 _BAR: dict[str, Any] = {"linewidth": 2.5, "marker": "|", "markersize": 8, "markeredgewidth": 1.5}
 _MARKS_PER_LINE = 12
+SHOWN = 0.25, 0.5, 0.75
+"""Places of the sections that are shown, from hub to tip."""
+AXIS = f"blade's axis, at {STACKING:g} of the chord"
 _NODES_SHOWN = 40  # of the collocation: more markers would hide the line
-STACKING = 0.25
-"""Where the blade's axis meets the chord line, over the chord from the leading edge."""
+
+
+def near_bounds(
+    solutions: Sequence[Solution], column: str, values: np.ndarray
+) -> dict[str, tuple[int, float]]:
+    """Return the bounds of a column of the blade that all designs share and that are near.
+
+    Parameters
+    ----------
+    solutions : sequence of Solution
+        The results.
+    column : str
+        A column of the blade that is designed.
+    values : numpy.ndarray, shape (n_values,)
+        What is drawn; a bound far from these and from zero says nothing.
+
+    Returns
+    -------
+    dict of (int, float)
+        0 for the lower and 1 for the upper end, and the bound, by its words.
+    """
+    quantity, unit = column.split("_", 1)
+    designs = [each.case.design for each in solutions if each.case.design.blade == "optimized"]
+    given = {getattr(each, f"{quantity}_bounds") for each in designs}
+    low, high = (1.5 * end(values, initial=0.0) for end in (np.min, np.max))
+    return {
+        f"{word} {quantity} {bound:.4g} {unit.replace('over_chord', '')}".rstrip(): (end, bound)
+        for bounds in (given if len(given) == 1 else ())
+        for end, (word, bound) in enumerate(
+            zip(("smallest", "largest"), bounds or (), strict=False)
+        )
+        if low <= bound <= high
+    }
 
 
 def _over_radius(column: str, label: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a column of the blade over the radius, from zero, with the bounds of the design."""
     ax = _beside_start(solutions, ax, "blade", "r_m", column)
     values = np.concatenate([[0.0], *(line.get_ydata() for line in ax.lines)])
-    low, high = 1.5 * np.min(values), 1.5 * np.max(values)  # a bound far away says nothing
-    design = [each.case.design for each, _ in _named(solutions)]
     ax.axhline(0.0, color="0.75", linewidth=0.8, label="_zero")
-    if column == "chord_m":
+    ax.set_xlim(left=0.0)
+    if column != "twist_deg":
         ax.set_ylim(bottom=0.0)
-    for end, word in enumerate(("smallest", "largest")):
-        bounds = {getattr(x, _BOUNDS[column])[end] for x in design if x.blade == "optimized"}
-        for bound in bounds if len(bounds) == 1 else ():
-            if low <= bound <= high:
-                quantity, unit = column.split("_")
-                style.level(ax, bound, f"{word} {quantity} {bound:g} {unit}", below=end == 0)
+    chosen = [each for each, _ in _named(solutions)]
+    for words, (end, bound) in near_bounds(chosen, column, values).items():
+        style.level(ax, bound, words, 1 - end)
     return style.finish(ax, "radius (m)", label)
 
-
-_BOUNDS = {"chord_m": "chord_bounds", "twist_deg": "twist_bounds"}
 
 # over the radius, and that of the blade at the start
 plot_chord = partial(_over_radius, "chord_m", "chord (m)")
 plot_twist = partial(_over_radius, "twist_deg", "twist (deg)")
+plot_thickness = partial(_over_radius, "thickness_over_chord", "thickness\nover chord (-)")
 
 
 def plot_planform(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot the outline of the untwisted blade in scale; its axis is at a quarter of the chord."""
+    """Plot the outline of the untwisted blade in scale, with its axis."""
     ax = ax or style.new_axes()
     for index, (solution, name) in enumerate(_named(solutions)):
         if not (blade := solution.blade):
@@ -70,15 +100,47 @@ def plot_planform(solutions: Solutions, ax: Axes | None = None) -> Axes:
         radius, chord, look = blade["r_m"], blade["chord_m"], style.line(index)
         edges = STACKING * chord, (STACKING - 1.0) * chord
         around = np.r_[edges[0], edges[1][::-1], edges[0][:1]]
-        label = name or "planform, to scale"
-        ax.plot(np.r_[radius, radius[::-1], radius[:1]], around, label=label, **look)
+        ax.plot(np.r_[radius, radius[::-1], radius[:1]], around, label=name or "_blade", **look)
         if not name:
             ax.fill_between(radius, *edges, color=look["color"], alpha=0.12, linewidth=0)
         if index == 0:
-            words = "blade's axis, at a quarter of the chord"
-            ax.plot(radius[[0, -1]], [0.0, 0.0], label=words, linestyle="-.", **style.REFERENCE)
+            along = [0.0, radius[-1]], [0.0, 0.0]
+            ax.plot(*along, label=AXIS, linestyle="-.", **style.REFERENCE)
     ax.set_aspect("equal", adjustable="datalim")
-    return style.finish(ax, "radius (m)", "along the\nchord (m)")
+    ax.set_xlim(left=0.0)
+    return style.finish(ax, "radius (m)", "planform,\nin scale (m)")
+
+
+def plot_sections(solutions: Solutions, ax: Axes | None = None) -> Axes:
+    """Plot sections of the blade in scale, without twist, about its axis; of several one of each.
+
+    Results whose files or outlines are not known are left out.
+    """
+    ax, chosen = ax or style.new_axes(), _named(solutions)
+    for index, (solution, name) in enumerate(chosen):
+        places = SHOWN[1:2] if name else SHOWN
+        for number, section in enumerate(_sections(solution, places)):
+            look = style.line(index) if name else style.line(number) | {"color": style.COLORS[0]}
+            label = name or f"section at {100.0 * places[number]:g} % of the span"
+            ax.plot(*np.append(section, section[:1], axis=0).T, label=label, **look)
+    if ax.lines:
+        ax.plot([0.0], [0.0], "+", markersize=9, label=AXIS, color=style.REFERENCE["color"])
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.locator_params(axis="x", prune="both")  # a label at the end would be cut off
+    label = (
+        f"section at {100.0 * SHOWN[1]:g} %,\nin scale (m)"
+        if len(chosen) > 1
+        else "sections,\nin scale (m)"
+    )
+    return style.finish(ax, "along the chord, from the blade's axis (m)", label)
+
+
+def _sections(solution: Solution, places: Sequence[float] = SHOWN) -> np.ndarray:
+    """Return sections of a blade; none where its files or outlines are not known."""
+    try:
+        return sections(solution, places)
+    except InputError:
+        return np.empty((0, 0, 2))
 
 
 def plot_power_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
@@ -93,7 +155,8 @@ def plot_power_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
             continue
         get, color = solution.summary.get, style.line(index)["color"]
         ratio, power = get("tip_speed_ratio_at_power_coefficient_max"), get("power_coefficient_max")
-        ax.plot([ratio], [power], color=color, linestyle="none", **style.marker(index))
+        peak = {"color": color, "linestyle": "none", "label": "_" if index else "largest value"}
+        ax.plot([ratio], [power], **peak, **style.marker(index))
         if reach := get("tip_speed_ratio"):
             look = _BAR | {"color": color, "label": None if bars else "range operated in"}
             height, across = 0.035 + 0.04 * index, ax.get_xaxis_transform()
@@ -107,33 +170,6 @@ def plot_thrust_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
     ax = _beside_start(solutions, ax, "power_curve", "tip_speed_ratio", "thrust_coefficient")
     ax.set_ylim(bottom=0.0)
     return style.finish(ax, "tip speed ratio (-)", "thrust coefficient (-)")
-
-
-def _series(
-    x: str, quantity: str, solutions: Solutions, ax: Axes | None, scale: float = 1.0
-) -> Axes:
-    """Plot a quantity times a scale over another one: as simulated, or else at the nodes."""
-    chosen, ax, column = _scenarios(solutions), ax or style.new_axes(), QUANTITIES[quantity].column
-    for index, (solution, name) in enumerate(chosen):
-        table, label = solution.simulation, name or "simulation"
-        if column not in table:
-            table, label = solution.trajectory, name or "collocation nodes"
-        if column in table:
-            look = style.line(index)
-            look = look if name else style.colored(look, quantity)
-            if name:
-                look |= _few_markers(index, len(chosen), table[column].size)
-            across, along = _broken(solution, table, QUANTITIES[x].column, scale * table[column])
-            ax.plot(across, along, label=label, **look)
-    return ax
-
-
-def _broken(
-    solution: Solution, table: dict[str, np.ndarray], x: str, y: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return a column of a table and values beside it, for a line that breaks at a standstill."""
-    time = table["time_s"]
-    return solution.across_gaps(time, table[x]), solution.across_gaps(time, y)
 
 
 def _few_markers(index: int, count: int, size: int) -> dict[str, Any]:
@@ -157,14 +193,24 @@ WORDS = {
 def _over_time(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a quantity over time, of one solution at some of the nodes too, and its limits."""
     words, unit, scale = WORDS[quantity]
-    chosen, ax = _scenarios(solutions), _series("time", quantity, solutions, ax, scale)
-    nodes, column = chosen[0][0].trajectory, QUANTITIES[quantity].column
+    chosen, ax, column = _scenarios(solutions), ax or style.new_axes(), QUANTITIES[quantity].column
+    for index, (solution, name) in enumerate(chosen):
+        table, label = solution.simulation, name or "simulation"
+        if column not in table:
+            table, label = solution.trajectory, name or "collocation nodes"
+        if column in table:
+            time, look = table["time_s"], style.line(index)
+            extra = _few_markers(index, len(chosen), time.size) if name else {}
+            look = (look if name else style.colored(look, quantity)) | extra
+            series = (solution.across_gaps(time, each) for each in (time, scale * table[column]))
+            ax.plot(*series, label=label, **look)
+    nodes = chosen[0][0].trajectory
     if len(chosen) == 1 and column in nodes:
         look = style.marker(0, 3.2) | {"linestyle": "none", "markerfacecolor": "none"}
         look |= {"color": "0.35", "zorder": 2.5, "label": "collocation nodes"}
         look |= {"markevery": max(1, -(-nodes["time_s"].size // _NODES_SHOWN))}
         ax.plot(nodes["time_s"], scale * nodes[column], **look)
-    _draw_levels(LIMITED_BY.get(quantity, (quantity,)), scale, solutions, ax)
+    _draw_levels(quantity, scale, solutions, ax)
     style.widen(ax)
     return style.finish(ax, "time (s)", f"{words} ({unit})")
 
@@ -196,7 +242,7 @@ def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:
         ax.barh(places, most, label=name or "largest value", **look)
         for place, value in zip(places, most, strict=True):
             words: dict[str, Any] = {"va": "center", "fontsize": style.FONT_SIZE - 1.5}
-            ax.text(value, place, f" {value:.3f}", **words)
+            ax.text(max(value, 1.0), place, f" {value:.3f}", **words)  # beyond the limit's line
     ax.axvline(1.0, label="limit", **style.REFERENCE | {"linewidth": 1.6})
     ax.set_xlim(0.0, 1.12 * max(1.0, ax.get_xlim()[1] / 1.05))
     room = max(0.6, 0.5 * (4 - len(rows)))  # a single bar does not fill the axes
@@ -207,10 +253,7 @@ def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:
 
 
 def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot a quantity over the flow speed: means, the range of most instants, steady operation.
-
-    A single solution has all instants, too, as a thin line.
-    """
+    """Plot a quantity over the flow speed, from zero: means, most instants, steady operation."""
     words, unit, scale = WORDS[quantity]
     chosen, ax = _scenarios(solutions), ax or style.new_axes()
     column = QUANTITIES[quantity].column
@@ -220,23 +263,25 @@ def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Ax
             continue
         if not name:
             look = style.colored(look, quantity)
-            across, along = _broken(solution, table, "inflow_speed_m_s", scale * table[column])
-            fine = look | {"linewidth": 0.5, "alpha": 0.35}
-            ax.plot(across, along, label="every instant", **fine)
-        speed, mean, low, high = binned(table["inflow_speed_m_s"], scale * table[column])
+        speed, mean, low, high = binned(
+            table["inflow_speed_m_s"], scale * table[column], solution.steady
+        )
         band = {"alpha": 0.12 if name else 0.2, "color": look["color"], "linewidth": 0}
-        ax.fill_between(speed, low, high, label=None if name else "90 % of the instants", **band)
-        marks = style.marker(index, 3.5)
+        if not solution.steady:
+            label = None if name else "90 % of the instants"
+            ax.fill_between(speed, low, high, label=label, **band)
+        marks = _few_markers(index, len(chosen), speed.size) if name else style.marker(index, 3.5)
         ax.plot(speed, mean, label=name or "mean at this flow speed", **look, **marks)
-        if not name and column in (steady := steady_curve(solution)):
-            dashed: dict[str, Any] = {"color": "black", "linewidth": 1.0, "linestyle": "--"}
-            values = scale * steady[column]
-            ax.plot(steady["inflow_speed_m_s"], values, label="in steady flow", **dashed)
-    _draw_levels(LIMITED_BY.get(quantity, (quantity,)), scale, solutions, ax)
+        if column in (steady := steady_curve(solution)):
+            dashed: dict[str, Any] = {"color": look["color"] if name else "black", "linewidth": 1.0}
+            dashed |= {"linestyle": "--", "label": "_steady" if name else "in steady flow"}
+            ax.plot(steady["inflow_speed_m_s"], scale * steady[column], **dashed)
+    ax.set_xlim(left=0.0)
+    ax.set_ylim(bottom=0.0)
+    _draw_levels(quantity, scale, solutions, ax)
     stops = {solution.case.control.cut_out for solution, _ in chosen} - {None}
     for stop in sorted(stops):
         ax.axvline(stop, label=f"cut-out {stop:g} m/s", linestyle=":", **style.REFERENCE)
-    style.widen(ax)
     return style.finish(ax, "inflow speed (m/s)", f"{words} ({unit})")
 
 
@@ -259,40 +304,41 @@ def plot_power_schedule(solutions: Solutions, ax: Axes | None = None) -> Axes:
             ax.plot(*point, label=f"rated at {rated[0]:.2f} m/s", **look)
         if table and not np.allclose(table["electrical_power_W"], table["generator_power_W"]):
             look = {"color": style.COLORS[index % len(style.COLORS)], "linewidth": 1.2}
-            found = binned(table["inflow_speed_m_s"], 1e-3 * table["electrical_power_W"])
+            found = binned(
+                table["inflow_speed_m_s"], 1e-3 * table["electrical_power_W"], solution.steady
+            )
             ax.plot(found.speed, found.mean, linestyle=(0, (1, 2)), label=label, **look)
             label = "_"  # one entry in the legend is enough
-    ax.set_ylim(bottom=0.0)
     style.legend([ax])
     return ax
 
 
-_OVER_SPAN = {
+OVER_SPAN = {
     "stress_Pa": ("stress", "stress", "stress (MPa)", 1e-6),
-    "flapwise_moment_Nm": ("stress", "stress", "flapwise moment (kN m)", 1e-3),
-    "cavitation": ("cavitation", "suction", "suction, 1: cavitation (-)", 1.0),
+    "flapwise_moment_Nm": ("stress", "root_moment", "flapwise moment (kN m)", 1e-3),
+    "cavitation": ("cavitation", "cavitation", "suction, 1: cavitation (-)", 1.0),
 }
-"""Load at whose largest value each column is drawn, its word, the column's label and scale."""
+"""Load at whose largest value each column is drawn, its quantity, the column's label and scale."""
 
 
 def _over_span(column: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a load along the blade at the time of the largest one, and its limits."""
     chosen, ax = _scenarios(solutions), ax or style.new_axes()
-    load, word, label, scale = _OVER_SPAN[column]
+    load, quantity, label, scale = OVER_SPAN[column]
     for index, (solution, name) in enumerate(chosen):
         if column in solution.loads:
             entry = (solution.summary.loads or {}).get(load)
-            words = f"at the largest {word}"
+            words = f"at the largest {'suction' if load == 'cavitation' else load}"
             words += "" if entry is None or entry.time_s is None else f", t = {entry.time_s:.2f} s"
             values, look = scale * solution.loads[column], style.line(index)
             if not name:  # another instant has another look
                 dashes = {"linestyle": "-" if load == "stress" else (0, (4, 1.5))}
-                look = style.colored(look, load) | dashes
+                look = style.colored(look, quantity) | dashes
             if name:
                 look |= _few_markers(index, len(chosen), values.size)
             ax.plot(solution.loads["r_over_R"], values, label=name or words, **look)
-    if column == QUANTITIES[load].column:
-        _draw_levels((load,), scale, solutions, ax)
+    if column == QUANTITIES[quantity].column:  # not a moment along the blade
+        _draw_levels(quantity, scale, solutions, ax)
     ax.set_ylim(bottom=0.0)
     return style.finish(ax, "radius over that of the tip (-)", label)
 
@@ -303,21 +349,45 @@ plot_flapwise_moment = partial(_over_span, "flapwise_moment_Nm")
 plot_suction = partial(_over_span, "cavitation")
 
 
-def _draw_levels(quantities: Sequence[str], scale: float, solutions: Solutions, ax: Axes) -> None:
-    """Draw the limits of some quantities as lines, one for equal ones."""
-    drawn: dict[tuple[str, float], list[str]] = {}
-    chosen = _scenarios(solutions)
+def levels_of(
+    chosen: Sequence[tuple[Solution, str]], quantity: str, scale: float
+) -> dict[str, float]:
+    """Return the limits of a quantity, one for equal ones.
+
+    Parameters
+    ----------
+    chosen : sequence of (Solution, str)
+        Results of one scenario each, with their names.
+    quantity : str
+        The quantity over time.
+    scale : float
+        Of the values.
+
+    Returns
+    -------
+    dict of float
+        Levels by their words, which name the results where not all have the limit.
+    """
+    found: dict[tuple[str, float], list[str]] = {}
     for solution, name in chosen:
         levels: dict[str, float] = {}
-        for each in quantities:
+        for each in LIMITED_BY.get(quantity, (quantity,)):
             levels |= solution.limit_levels(each)
         for limit in (each for each in solution.limits if each.name in levels):
             told = measured(float(limit.upper), limit.unit or "", 4)
-            label = f"{limit_words(limit.name)} limit {told}"
-            drawn.setdefault((label, levels[limit.name]), []).append(name)
-    for (label, level), names in drawn.items():
-        where = "" if len(names) == len(chosen) else f" in {' and '.join(names)}"
-        style.level(ax, scale * level, label + where)
+            words = f"{limit_words(limit.name)} limit {told}"
+            found.setdefault((words, levels[limit.name]), []).append(name)
+    named = {}
+    for (words, level), names in found.items():
+        apart = [] if len(names) == len(chosen) else list(filter(None, dict.fromkeys(names)))
+        named[words + (f" in {' and '.join(apart)}" if apart else "")] = scale * level
+    return named
+
+
+def _draw_levels(quantity: str, scale: float, solutions: Solutions, ax: Axes) -> None:
+    """Draw the limits of a quantity as lines."""
+    for words, level in levels_of(_scenarios(solutions), quantity, scale).items():
+        style.level(ax, level, words)
 
 
 def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:
@@ -403,7 +473,14 @@ _OPERATION = (
 _SCHEDULE = plot_power_schedule, plot_speed_schedule, plot_torque_schedule
 
 FIGURES: dict[str, tuple[list[Panel], float, float]] = {
-    "blade": (_panels(plot_planform, plot_chord, plot_twist, tables=["blade"]), 6.4, 7.0),
+    "blade": (
+        [
+            *_panels(plot_planform, plot_chord, plot_twist, tables=["blade"]),
+            *_panels(plot_thickness, tables=["blade"], column="thickness_over_chord"),
+            Panel(plot_sections, lambda solution: _sections(solution).size),
+        ],
+        *(6.6, 10.2),
+    ),
     "power_curve": (
         _panels(plot_power_curve, tables=["power_curve"])
         + _panels(plot_thrust_curve, tables=["power_curve"], column="thrust_coefficient"),
@@ -445,7 +522,16 @@ def figure_of(solutions: Solutions, name: str) -> Figure | None:
     if not shown:
         return None
     height = _BESIDES + (height - _BESIDES) * len(shown) / len(panels)
-    return style.figure_of(width, height, [partial(each.plot, solutions) for each in shown])
+    share = sum(each.plot is not plot_sections for each in shown)  # which have no radius
+    plots = [partial(each.plot, solutions) for each in shown]
+    heights = [1.0] * len(shown)
+    if name == "blade" and shown[0].plot is plot_planform:
+        blades = [each.blade for each, _ in _named(solutions) if each.blade]
+        most = (max(np.max(each[x]) for each in blades) for x in ("chord_m", "r_m"))
+        wide = (width - 1.2) * np.divide(*most) / 1.6  # over the height of the other panels
+        heights[0] = max(1.0, 1.2 * float(wide))
+        height *= (len(heights) - 1.0 + heights[0]) / len(heights)
+    return style.figure_of(width, height, plots, share, heights)
 
 
 class Figures(dict[str, Figure]):
@@ -560,21 +646,52 @@ def _scenarios(solutions: Solutions) -> list[tuple[Solution, str]]:
     return found
 
 
-def _beside_start(solutions: Solutions, ax: Axes | None, source: str, x: str, y: str) -> Axes:
-    """Plot a column over another, and that of the blade at the start: once if it is the same."""
-    ax, size = ax or style.new_axes(), 4.5 if source == "blade" else 0.0
+def beside_start(
+    chosen: Sequence[tuple[Solution, str]], source: str, x: str, y: str
+) -> Iterator[tuple[int | None, np.ndarray, np.ndarray, str]]:
+    """Yield a column over another of each result, and before it that of the blade at the start.
+
+    Parameters
+    ----------
+    chosen : sequence of (Solution, str)
+        Results with their names.
+    source : str
+        The table of a result.
+    x, y : str
+        Its columns.
+
+    Yields
+    ------
+    index : int or None
+        Place of the result; None: it is a start, which is there once if it is the same.
+    x, y : numpy.ndarray, shape (n_rows,)
+        The columns.
+    label : str
+        Name of the curve.
+    """
     starts: list[np.ndarray] = []
-    for index, (solution, name) in enumerate(_named(solutions)):
+    for index, (solution, name) in enumerate(chosen):
         table = getattr(solution, source)
         if y not in table:
             continue
-        label, start = "optimized blade", table.get(f"start_{y}")
-        if np.array_equal(start, table[y]):
-            label = "blade"
-        elif start is not None and not any(np.array_equal(start, other) for other in starts):
-            look = style.REFERENCE | {"linestyle": ":", "marker": "x", "markersize": size}
-            ax.plot(table[x], start, label=None if starts else "blade at the start", **look)
+        start = table.get(f"start_{y}")
+        same = np.array_equal(start, table[y])  # the blade is not designed
+        if (
+            start is not None
+            and not same
+            and not any(np.array_equal(start, other) for other in starts)
+        ):
             starts.append(start)
-        look = style.line(index) | style.marker(index, size)
-        ax.plot(table[x], table[y], label=name or label, **look)
+            yield None, table[x], start, "blade at the start"
+        yield index, table[x], table[y], name or ("blade" if same else "optimized blade")
+
+
+def _beside_start(solutions: Solutions, ax: Axes | None, source: str, x: str, y: str) -> Axes:
+    """Plot a column over another, and that of the blade at the start."""
+    ax, size = ax or style.new_axes(), 4.5 if source == "blade" else 0.0
+    for index, along, values, label in beside_start(_named(solutions), source, x, y):
+        look = style.REFERENCE | {"linestyle": ":", "marker": "x", "markersize": size}
+        if index is not None:
+            look = style.line(index) | style.marker(index, size)
+        ax.plot(along, values, label=label, **look)
     return ax

@@ -10,7 +10,7 @@ from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.results.solution import Solution
 
 RATED = 0.995  # of the limit of the power: laws come to it smoothly
-FLOWS, BINS, FEWEST = 61, 30, 8
+FLOWS, BINS, FEWEST = 200, 30, 8
 """Flow speeds of a steady curve; classes of the flow speed, and the fewest instants of one."""
 
 
@@ -23,7 +23,7 @@ class Binned(NamedTuple):
     high: np.ndarray
 
 
-def binned(speed: np.ndarray, values: np.ndarray) -> Binned:
+def binned(speed: np.ndarray, values: np.ndarray, steady: bool = False) -> Binned:
     """Return the mean and the range of 90 % of some values in classes of the flow speed.
 
     Parameters
@@ -32,12 +32,17 @@ def binned(speed: np.ndarray, values: np.ndarray) -> Binned:
         Flow speed, m/s.
     values : numpy.ndarray, shape (n_times,)
         A quantity at the same instants, which count alike.
+    steady : bool
+        Whether they are no instants but speeds without time, each of which is a class.
 
     Returns
     -------
     Binned
         Of the classes with at least `FEWEST` instants.
     """
+    if steady:
+        order = np.argsort(speed)
+        return Binned(speed[order], *[values[order]] * 3)
     edges = np.linspace(np.min(speed), np.max(speed), BINS + 1)
     place = np.clip(np.searchsorted(edges, speed, side="right") - 1, 0, BINS - 1)
     classes = [place == each for each in range(BINS) if np.sum(place == each) >= FEWEST]
@@ -50,8 +55,9 @@ def _range(values: np.ndarray) -> np.ndarray:
 
 
 def steady_curve(solution: Solution) -> dict[str, np.ndarray]:
-    """Return the steady operation of a feedback law over the flow speeds that the result met.
+    """Return the steady operation of a feedback law over the flow speed, its power curve.
 
+    It begins near zero and ends at the cut-out, else at the largest flow speed that the result met.
     Where the torques balance at several rotor speeds, it is the fastest one. Only laws that set the
     torque by the rotor speed alone have the curve.
 
@@ -72,8 +78,8 @@ def steady_curve(solution: Solution) -> dict[str, np.ndarray]:
         return {}
     if gain is None:
         return {}
-    ratio, met = curve["tip_speed_ratio"], table["inflow_speed_m_s"]
-    flow = np.linspace(np.min(met), np.max(met), FLOWS)[:, None]
+    ratio, most = curve["tip_speed_ratio"], law.cut_out or np.max(table["inflow_speed_m_s"])
+    flow = most * np.linspace(1.0 / FLOWS, 1.0, FLOWS)[:, None]
     pressure = 0.5 * solution.case.fluid.density * np.pi * radius**2 * flow**2
     speed = ratio * flow / radius
     torque = pressure * radius * curve["power_coefficient"] / ratio

@@ -46,22 +46,30 @@ def new_axes() -> Axes:
 
 
 def figure_of(
-    width: float, height: float, plots: Sequence[Callable[[Axes], Axes]], share: bool = True
+    width: float,
+    height: float,
+    plots: Sequence[Callable[[Axes], Axes]],
+    share: int | None = None,
+    heights: Sequence[float] | None = None,
 ) -> Figure:
     """Return a figure (inches) of plots, one below the other, with one legend above all.
 
-    `share`: the plots have the same horizontal axis.
+    `share`: how many, from the top, have one horizontal axis; None: all. `heights`: those of the
+    plots, relative to one another.
     """
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
-    panels = figure.subplots(len(plots), sharex=share, squeeze=False)[:, 0]
+    panels = figure.subplots(len(plots), squeeze=False, height_ratios=heights)[:, 0]
+    sharing = panels[:share]
+    for ax in sharing[1:]:
+        ax.sharex(panels[0])
     for plot, ax in zip(plots, panels, strict=True):
         plot(ax)
-    for ax in figure.axes:
         if (own := ax.get_legend()) is not None:
             own.remove()
-        if share:
-            ax.label_outer()
+    for ax in sharing[:-1]:
+        ax.set_xlabel("")
+        ax.tick_params(labelbottom=False)
     figure.align_ylabels(panels)
     legend(figure.axes)
     return figure
@@ -92,20 +100,19 @@ def colored(look: dict[str, Any], quantity: str) -> dict[str, Any]:
 _SIDES = ("right", 0.995), ("left", 0.005), ("center", 0.5)
 
 
-def level(ax: Axes, value: float, label: str, below: bool = False) -> None:
-    """Draw a horizontal line with its label beside it, each at another place; no legend has it.
+def level(ax: Axes, value: float, label: str, number: int | None = None) -> None:
+    """Draw a horizontal line with its label above it, each at another place; no legend has it.
 
-    `below`: the label is below the line.
+    `number`: of the place; None: that after those taken.
     """
-    number = sum(line.get_gid() == _TOLD for line in ax.lines)
-    side, place = _SIDES[number % len(_SIDES)]
+    taken = sum(line.get_gid() == _TOLD for line in ax.lines)
+    side, place = _SIDES[(taken if number is None else number) % len(_SIDES)]
     ax.axhline(value, linestyle="-.", label=label, gid=_TOLD, **REFERENCE)
     low, high = ax.get_ylim()
     ax.set_ylim(low, max(high, value + 0.16 * (max(high, value) - low)))  # room for the label
-    words: dict[str, Any] = {"fontsize": FONT_SIZE - 1.5, "color": "0.3"}
-    words |= {"va": "top", "xytext": (0, -3)} if below else {"va": "bottom", "xytext": (0, 1)}
+    words: dict[str, Any] = {"fontsize": FONT_SIZE - 1.5, "color": "0.3", "ha": side}
     where: dict[str, Any] = {"xycoords": ax.get_yaxis_transform(), "textcoords": "offset points"}
-    ax.annotate(label, (place, value), ha=side, **where, **words)
+    ax.annotate(label, (place, value), xytext=(0, 2.5), va="bottom", **where, **words)
 
 
 _TOLD = "told beside it"

@@ -19,7 +19,7 @@ from hkt_mdo.quantities import names
 from hkt_mdo.results.folder import write_json, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import LimitEntry, unasked
-from hkt_mdo.results.words import Row, joined, measured
+from hkt_mdo.results.words import Row, joined, limit_words, measured
 from hkt_mdo.run.flight import Flown
 from hkt_mdo.run.judge import most_between
 from hkt_mdo.run.loads import placed
@@ -57,7 +57,7 @@ class Told(LimitEntry):
         if self.limit is not None:
             share = f"{100.0 * (self.share or 0.0):.2f} %, {'kept' if self.kept else 'BROKEN'}"
             note = f"limit {measured(self.limit, self.unit)}, {share}"
-        return Row(name.replace("_", " "), self.value, self.unit, joined(note, self.place))
+        return Row(limit_words(name), self.value, self.unit, joined(note, self.place))
 
 
 def _told(limit: Limit, known: dict[str, Any]) -> Told:
@@ -230,7 +230,7 @@ class Run:
         str
             One line.
         """
-        told = ((name.replace("_", " "), x) for name, x in self.told.items() if x.share is not None)
+        told = ((limit_words(name), x) for name, x in self.told.items() if x.share is not None)
         return joined(
             *(f"{n} {100.0 * x.share:.2f} %{'' if x.kept else ' BROKEN'}" for n, x in told)
         )

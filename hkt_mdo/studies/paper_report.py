@@ -1,10 +1,7 @@
 """The reproduction's report: tables, checks and figures as JSON, Markdown and one HTML page."""
 
-import base64
 import platform
-import re
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -12,15 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from markdown_it import MarkdownIt
 
 from hkt_mdo.errors import program_version
 from hkt_mdo.files.shipped import data_path
-from hkt_mdo.report import style as style_sheet
+from hkt_mdo.report import rendered, text_page
 from hkt_mdo.results import plots, style
 from hkt_mdo.results.folder import write_json, write_text
 from hkt_mdo.results.solution import ScenarioTables
-from hkt_mdo.studies.common import LAWS, SCENARIOS, markdown_table, percent
+from hkt_mdo.studies.common import LAWS, SCENARIOS, percent
 from hkt_mdo.studies.uncertainty import REFERENCES, Sensor
 
 FLOWS = ("A", "B", "C")
@@ -43,8 +39,6 @@ TITLES = {
     "sine_limited": "Table IV: sine flow, torque limit 700 N m",
 }
 TITLE = "Amini et al. (ACC 2023), reproduced"
-ROWS_OF = "rows of "
-"""With the name of a table, a line of the template above the table's header and cells."""
 
 
 def ensemble_key(law: str, flow: str, sensor: Sensor | None = DEFAULT) -> str:
@@ -110,10 +104,11 @@ def write_report(solutions: dict, ensembles: dict, out: Path, report: Callable) 
         shown[number] = f"![{caption}](figures/{name}.png)\n\n*{caption}*"
     style.save(figures, out / "figures", ("png", "pdf"))
     report(f"{len(figures)} figures")
-    text = _text(data, shown)
+    about = {"title": TITLE, "titles": TITLES, "labels": LABELS, "figures": shown} | data
+    text = rendered(Path(__file__).with_name("report.md"), **about)
     write_json(out / "paper.json", data)
     write_text(out / "report.md", text)
-    write_text(out / "report.html", _page(text, out))
+    write_text(out / "report.html", text_page(TITLE, text, out))
     return data
 
 
@@ -228,11 +223,11 @@ def _figures(solutions, ensembles):
         return style.figure_of(6.4, 2.1 * len(panels) + 0.4, panels)
 
     step = stack(three("step"), "control_torque", "rotor_speed")
-    figures = {"Step flow: control torque and rotor speed": step}
+    figures = {"Step flow: generator torque and rotor speed": step}
     baseline = _named(solutions["sine_baseline_oloc"], "baseline (Bahaj)")
     for scenario in ("sine", "sine_limited"):
         curves, draw, flow = three(scenario), plots.figure_of, TITLES[scenario].partition(": ")[2]
-        over_time = "Rotor speed, tip speed ratio, control and hydrodynamic torque"
+        over_time = "Flow, generator power, rotor speed, tip speed ratio, generator torque, thrust"
         figures |= {
             f"Twist and chord: {flow}": draw([*curves, baseline], "blade"),
             f"Power coefficient over tip speed ratio: {flow}": draw(curves, "power_curve"),
@@ -241,7 +236,7 @@ def _figures(solutions, ensembles):
     for flow in FLOWS:
         replay = ensembles[ensemble_key("oloc", flow, None)]
         series, stopped = replay["series"], replay["stopped_at_s"]
-        caption = f"Flow {flow}: rotor speed, control torque, hydrodynamic torque"
+        caption = f"Flow {flow}: rotor speed, generator torque, flow's torque"
         if stopped is not None:
             caption += f" (the replayed OLOC stops at {stopped:.1f} s and is not shown)"
             series = {}  # an empty line keeps the line styles of the other controllers as they are
@@ -266,76 +261,3 @@ def _named(solution, name, series=None):
     columns = {key: np.array(values) for key, values in series.items()}
     tables = {name: ScenarioTables({}, columns, {}) for name in solution.tables}
     return replace(renamed, tables=tables)
-
-
-def _text(data, figures):
-    """Return the report in Markdown: the template with its numbers, tables and figures."""
-    rows = _rows(data)
-    about = {"title": TITLE, "titles": TITLES, "figures": figures} | data
-    about |= {"passed": sum(x["passed"] for x in data["checks"]), "asked": len(data["checks"])}
-    blocks = []
-    template = Path(__file__).with_name("report.md").read_text(encoding="utf-8")
-    for block in template.strip().split("\n\n"):
-        if block.startswith(ROWS_OF):
-            name, header, cells = block.removeprefix(ROWS_OF).split("\n")
-            lines = [[_filled(cell, row) for cell in cells.split(" | ")] for row in rows[name]]
-            blocks += ["\n".join(markdown_table(header.split(" | "), lines))]
-        else:
-            blocks += [block.format(**about)]
-    return "\n\n".join(blocks) + "\n"
-
-
-def _rows(data):
-    """Return the rows of each table of the report, by the names that the template has."""
-    replayed = LABELS | {"oloc": "OLOC replayed"}
-    return {
-        scenario: [{"label": LABELS[name]} | row for name, row in rows.items()]
-        for scenario, rows in data["tables"].items()
-    } | {
-        "uncertain_flow": [
-            {"flow": flow, "label": replayed[name]} | row
-            for flow, rows in data["uncertain_flow"].items()
-            for name, row in rows.items()
-        ],
-        "sensor": data["sensor"],
-        "sequential": [
-            {"flow": TITLES[scenario].partition(": ")[2], "label": LABELS[law]}
-            | {"kept": row["sequential_J"] if row["sequential_success"] else None}
-            | row
-            for scenario, rows in data["sequential"].items()
-            for law, row in rows.items()
-        ],
-        "checks": [x | {"holds": "yes" if x["passed"] else "NO"} for x in data["checks"]],
-    }
-
-
-def _filled(templates, row):
-    """Return the first of several templates of which a row has all values; a dash without any."""
-    for template in templates.split(" || "):
-        with suppress(KeyError, TypeError):  # no such value, or None, which takes no format
-            return template.format(**row)
-    return "–"
-
-
-_STYLE = """
-table { display: block; overflow-x: auto; }
-th, td { white-space: nowrap; max-width: none; }
-td + td, th + th { text-align: right; }
-img { background: white; }
-"""
-"""What its tables and figures have besides the style of all pages."""
-
-
-def _page(text, out):
-    """Return the report as one HTML page with its images inside: no server, no network."""
-
-    def inside(image):
-        content = base64.b64encode((out / image[1]).read_bytes()).decode("ascii")
-        return f'src="data:image/png;base64,{content}"'
-
-    body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
-    body = re.sub('src="(.*?)"', inside, body)
-    head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width">'
-    head += '<meta name="color-scheme" content="light dark">'
-    head += f"<title>{TITLE}</title><style>{style_sheet()}{_STYLE}</style>"
-    return f'<!doctype html>\n<html lang="en"><head>{head}</head>\n<body>\n{body}</body></html>\n'

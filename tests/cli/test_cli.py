@@ -347,6 +347,11 @@ def test_compare_divides_what_is_too_wide_for_a_terminal(
     heads = [re.findall(r"result_x+_\d", line) for line in lines]
     assert [name for head in heads for name in head] == names
     assert max(map(len, lines)) <= 110
+    monkeypatch.setattr("hkt_mdo.cli.results.Console", partial(terminal, width=70))
+    assert main(["compare", *names]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert sum("objective, relative to the best" in line for line in lines) == len(names)
+    assert max(map(len, lines)) <= 70
 
 
 def test_without_arguments_the_first_steps_are_reported(capsys: pytest.CaptureFixture[str]) -> None:
@@ -425,20 +430,57 @@ def test_module_is_the_command() -> None:
 def test_progress_reports_the_pass_and_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
     from hkt_mdo.cli import run
 
-    now, shown = [0.0], []
+    now, shown, lines = [0.0], [], []
     monkeypatch.setattr(run.time, "monotonic", lambda: now[0])
-    console = types.SimpleNamespace(is_terminal=True)
-    status = types.SimpleNamespace(console=console, update=shown.append)
-    evaluation, passed = run._reporters("mine", "J", status)
+    monkeypatch.setattr(run, "echo", lines.append)
+    live = types.SimpleNamespace(console=types.SimpleNamespace(is_terminal=True), task_ids=[7])
+    live.update = lambda task, description: shown.append(description)
+    evaluation, passed = run._reporters("mine", "J", live)
     entry = types.SimpleNamespace(number=1, converged=True, iterations=9, objective_J=1.0)
     entry.remedy = entry.why = ""
     now[0] = 10.0  # the start is found
     evaluation(1, 2000.0, 1e-3)
     now[0] = 30.0
+    evaluation(50, 2000.0, 1e-4)
     passed(entry)
     now[0] = 35.0
     evaluation(9, 2000.0, 1e-5)
-    told = "mine: 10 s, pass 1, evaluation 1, objective 2.0000 kJ, infeasibility 1.0e-03"
-    assert shown[0] == told
-    assert shown[1].startswith("mine: 35 s, pass 2, evaluation 9")
-    assert shown[1].endswith(", 15 s left if it takes as long as the pass before")
+    assert shown[0] == "mine: pass 1, evaluation 1, objective 2.0000 kJ, infeasibility 1.0e-03"
+    assert shown[1].endswith("1.0e-04, 60 s left for 200 evaluations")
+    assert shown[2] == "mine: judging"
+    assert shown[3].startswith("mine: pass 2, evaluation 9")
+    assert shown[3].endswith(", 15 s left if it takes as long as the pass before")
+    live.console.is_terminal = False
+    now[0] = 40.0
+    evaluation(10, 2000.0, 1e-5)
+    assert lines[-1].startswith("mine: 40 s, pass 2, evaluation 10, objective 2.0000 kJ")
+
+
+def test_progress_is_plain_in_a_pipe(fake: FakeRun, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", CASE, "--out", "out", "--no-figures"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("sine_limited_quadratic: searching for a start\n")
+    assert "\x1b" not in out
+    assert re.search(r"^ energy, simulated +\S+ kJ, .*%$", out, re.MULTILINE)
+    assert re.search(r"^ largest root moment .* at t = \S+ s$", out, re.MULTILINE)  # one line each
+
+
+def test_progress_is_one_live_line_on_a_terminal() -> None:
+    """In a pseudo-terminal the line is drawn with the time, and erased at the end."""
+    code = (
+        "import time; from hkt_mdo.cli import run\n"
+        "with run._live('mine [1] ' + 90 * 'x', False): time.sleep(0.2)"
+    )
+    theirs, ours = os.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-c", code],
+        stdout=ours,
+        cwd=ROOT,
+        env={**os.environ, "TERM": "xterm", "COLUMNS": "60"},
+    )
+    assert process.wait(60) == 0
+    screen = os.read(theirs, 65536).decode()
+    assert "0:00:00" in screen
+    assert "mine [1] " in screen
+    assert "for a start" in screen  # in a narrow terminal nothing is cut
+    assert screen.rstrip("\r\n").endswith("\x1b[2K")

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hkt_mdo.case import load_case
 from hkt_mdo.cli import main
 from hkt_mdo.exports.solids import outline_volume
 from hkt_mdo.report import blade, charts, page
@@ -73,6 +74,7 @@ def folders(tmp_path_factory) -> list[Path]:
     words = "<script>alert(1)</script> exceeds"
     check = {"name": "power", "value": 2.0, "limit": 1.0, "passed": False, "detail": words}
     summary |= {"success": False, "message": words, "checks": [*summary["checks"], check]}
+    summary["memory"] = {"stable": False, "time_s": 4.9, "inflow_speed": 1.69, "tau1_s": 1.6}
     (found[1] / "summary.json").write_text(json.dumps(summary))
     return found
 
@@ -131,6 +133,30 @@ def test_several_results_stand_side_by_side(read):
     assert rows["power"][0] == ""  # a check that only the second one has
     assert rows["power"][1].startswith("✗ failed")
     assert rows["objective, captured, to the best"] == ["+0.0000 %", "+0.0000 %"]
+
+
+def test_an_unstable_loop_is_told_at_the_head(texts):
+    told = "sine_linear: in water with memory UNSTABLE from t = 4.90 s"
+    assert told in texts["both"].partition("<nav>")[0]
+    assert "UNSTABLE" not in texts["one"]
+
+
+def test_what_a_case_models_is_not_missing():
+    flow = {"inflow": "sine", "control": "open_loop"}
+    told, memory = (
+        " ".join(page.not_modelled(load_case(flow | {"inflow_dynamics": name})))
+        for name in ("quasi_steady", "oye")
+    )
+    assert "The wake answers at once." in told
+    assert "The wake answers at once." not in memory
+
+
+def test_bounds_and_operation_are_within_the_axes(read):
+    charts = json.loads(read["one"].data)["charts"]
+    notes = {x["text"]: x for x in charts["shape"]["layout"]["annotations"]}
+    assert notes["smallest chord 0.01 m"]["xanchor"] == "left"
+    places = [x for x in charts["coefficients"]["layout"]["shapes"] if x["type"] == "rect"]
+    assert [x["yref"] for x in places] == ["y domain", "y2 domain"]
 
 
 def test_texts_are_escaped(texts):
@@ -216,11 +242,13 @@ def test_an_unfinished_result_is_reported(folders, tmp_path):
         update={"success": False, "checks": None, "chord_m": None, "message": "interrupted"}
     )
     tables = {name: replace(x, loads={}, simulation={}) for name, x in solution.tables.items()}
+    summary = summary.model_copy(update=dict.fromkeys(("optimizer", "iterations", "versions")))
     half = replace(solution, summary=summary, tables=tables, power_curve={}, convergence={})
     text = page.write_report([half], tmp_path / "half.html").read_text("utf-8")
     assert "the run did not come to its end" in text
     assert "No solid of sine_quadratic" in text
     assert "No judge has looked at it." in text
+    assert cells(Reader(text))["optimizer"] == cells(Reader(text))["versions"] == ["not recorded"]
 
 
 def test_command_writes_and_refuses(folders, tmp_path, capsys, monkeypatch):
@@ -232,6 +260,6 @@ def test_command_writes_and_refuses(folders, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(page, "find_spec", lambda name: None)
     assert main(["report", str(folders[0]), "--out", out, "--force"]) == 2
     told = capsys.readouterr().err
-    assert "needs jinja2 and plotly, which is not installed" in told
+    assert "needs plotly, which is not installed" in told
     assert "pip install" in told
     assert "[report]" in told

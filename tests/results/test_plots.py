@@ -17,12 +17,13 @@ from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.errors import InputError
 from hkt_mdo.results import plots, steady
+from hkt_mdo.results.sections import sections
 from hkt_mdo.results.solution import ScenarioTables, Solution
 
-PLOTS = [  # of a year: tests/run/test_year.py
+PLOTS = [  # of a year: tests/run/test_year.py; of a thickness, which not all results have: below
     plot
     for name, plot in vars(plots).items()
-    if name.startswith("plot_") and not name.startswith("plot_year")
+    if name.startswith("plot_") and not name.startswith(("plot_year", "plot_thickness"))
 ]
 FIGURES = ("blade", "power_curve", "operation", "schedule", "limits", "loads", "convergence")
 
@@ -180,11 +181,12 @@ def test_schedule_is_over_the_flow_with_its_limits(result_folder: Path) -> None:
         (plots.plot_thrust_schedule, table["thrust_N"] / 1e3, {"thrust limit 6.5 kN": 6.5}),
     ):
         ax = plot(solution)
-        line = line_of(ax, "every instant")
-        np.testing.assert_array_equal(line.get_xdata(), table["inflow_speed_m_s"])
-        np.testing.assert_allclose(line.get_ydata(), values, rtol=1e-8)
+        count, edges = np.histogram(table["inflow_speed_m_s"], steady.BINS)
+        total = np.histogram(table["inflow_speed_m_s"], edges, weights=values)[0]
+        met = count >= steady.FEWEST
         mean = line_of(ax, "mean at this flow speed")
-        assert np.min(values) <= np.min(mean.get_ydata()) <= np.max(mean.get_ydata())
+        np.testing.assert_allclose(mean.get_ydata(), total[met] / count[met], rtol=1e-8)
+        assert ax.get_xlim()[0] == ax.get_ylim()[0] == 0.0
         found = {
             each.get_label().partition(" (")[0]: each.get_ydata()[0]
             for each in ax.lines
@@ -203,6 +205,8 @@ def test_classes_of_the_flow_speed_have_mean_and_range() -> None:
     np.testing.assert_allclose(found.mean, 49.5, rtol=1e-12)
     np.testing.assert_allclose([found.low[0], found.high[0]], [4.95, 94.05], rtol=1e-12)
     assert steady.binned(speed[:30], values[:30]).speed.size == 0  # too few instants
+    points = steady.binned(np.array([2.0, 1.0]), np.array([8.0, 1.0]), steady=True)
+    np.testing.assert_array_equal(points, [[1.0, 2.0], *[[1.0, 8.0]] * 3])
 
 
 def test_the_steady_curve_balances_the_torques(solution: Solution) -> None:
@@ -220,6 +224,14 @@ def test_the_steady_curve_balances_the_torques(solution: Solution) -> None:
         ratio, *(solution.power_curve[x] for x in ("tip_speed_ratio", "thrust_coefficient"))
     )
     np.testing.assert_allclose(curve["thrust_N"], pressure * thrust, rtol=2e-3)
+    assert flow[0] < 0.3  # from near zero to the largest speed that was met
+    assert flow[-1] == np.max(solution.simulation["inflow_speed_m_s"])
+    stopped = solution.case.model_copy(update={"control": law.model_copy(update={"cut_out": 2.5})})
+    longer = steady.steady_curve(replace(solution, case=stopped))
+    assert longer["inflow_speed_m_s"][-1] == 2.5
+    assert "cut-out 2.5 m/s" in legend_texts(
+        plots.plot_power_schedule(replace(solution, case=stopped))
+    )
     open_loop = solution.case.model_copy(update={"control": OpenLoop(law="open_loop")})
     assert steady.steady_curve(replace(solution, case=open_loop)) == {}
 
@@ -258,10 +270,47 @@ def test_a_notebook_is_shown_the_four_that_matter(solution: Solution) -> None:
 def test_the_planform_is_in_scale_about_its_axis(solution: Solution) -> None:
     ax = plots.plot_planform(solution)
     assert ax.get_aspect() == 1.0
-    around = line_of(ax, "planform, to scale").get_ydata()
+    around = line_of(ax, "_blade").get_ydata()
     chord = solution.blade["chord_m"]
     assert np.ptp(around) == pytest.approx(chord.max(), rel=1e-12)
     assert around[0] == pytest.approx(0.25 * chord[0], rel=1e-12)
+    assert ax.get_xlim()[0] == 0.0
+
+
+def test_sections_are_in_scale_about_the_axis(solution: Solution) -> None:
+    """Chord at 50 % of the span; NACA 63-815 has 15 % of it, by its own name; axis at a quarter."""
+    ax = plots.plot_sections(solution)
+    assert ax.get_aspect() == 1.0
+    x, y = line_of(ax, "section at 50 % of the span").get_data()
+    blade, middle = solution.blade, 0.5 * (0.125 + 1.0) * 1.4
+    chord = np.interp(middle, blade["r_m"], blade["chord_m"])
+    assert np.ptp(x) == pytest.approx(chord, rel=1e-3)
+    assert np.min(x) == pytest.approx(-0.25 * chord, rel=5e-3)
+    at = np.linspace(0.05, 0.7, 50) * chord + np.min(x)
+    front = int(np.argmin(x))
+    upper, lower = (
+        np.interp(at, x[part], y[part]) for part in (slice(front, None, -1), slice(front, -1))
+    )
+    assert np.max(upper - lower) == pytest.approx(0.15 * chord, rel=0.01)
+
+
+def test_a_designed_thickness_is_drawn(solution: Solution) -> None:
+    thickness = np.linspace(0.24, 0.12, solution.blade["r_m"].size).tolist()
+    summary = solution.summary.model_copy(update={"thickness_over_chord": thickness})
+    ax = plots.figure_of(replace(solution, summary=summary), "blade").axes[3]
+    assert ax.get_ylabel() == "thickness\nover chord (-)"
+    assert line_of(ax, "optimized blade").get_ydata().tolist() == thickness
+    assert ax.get_ylim()[0] == 0.0
+
+
+def test_sections_need_an_outline(solution: Solution) -> None:
+    rotor = solution.case.rotor.model_copy(update={"polar": "naca4415", "outline": None})
+    alone = replace(solution, case=solution.case.model_copy(update={"rotor": rotor}))
+    with pytest.raises(InputError, match=r"rotor\.outline"):
+        sections(alone, [0.5])
+    figure = plots.figure_of(alone, "blade")
+    assert [ax.get_ylabel() for ax in figure.axes][1:] == ["chord (m)", "twist (deg)"]
+    assert figure.axes[-1].get_xlabel() == "radius (m)"
 
 
 def test_the_energy_converges_to_its_last_value(solution: Solution) -> None:

@@ -13,6 +13,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
+from hkt_mdo.report.charts import Labelled, views
 from hkt_mdo.results.plots import figures
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor import bem
@@ -112,6 +113,18 @@ def test_a_year_has_figures_and_a_check(year):
     assert "operation" not in drawn
     kind = next(row for row in check_case(year.case).tables["Flow"] if row.label == "kind")
     assert kind.text.startswith("histogram")
+
+
+def test_a_report_of_a_year_has_bins_and_nothing_over_time(year):
+    (view,) = views([Labelled(year, "")]).values()
+    assert {"flow", "year", "limits"} - view.keys() <= {"limits"}  # it has no limits
+    assert "time" not in view
+    bars = {trace["yaxis"]: trace["y"] for trace in view["year"]["data"]}
+    np.testing.assert_allclose(bars["y3"], year.year["energy_kWh"], rtol=1e-4)
+    mean = next(x for x in view["flow"]["data"] if x["name"] == "mean at this flow speed")
+    assert mean["y"] == pytest.approx(
+        np.sort(1e-3 * year.simulation["generator_power_W"]), rel=1e-4
+    )
 
 
 def test_stability_and_equilibrium_are_judged(year):

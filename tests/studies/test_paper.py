@@ -61,7 +61,8 @@ def test_every_figure_is_there_and_shown(report):
 def test_page_needs_no_server_and_no_network(report):
     page = (report[0] / "report.html").read_text()
     assert page.count("data:image/png;base64,") == 10
-    assert "http" not in page
+    assert "://" not in page
+    assert "default-src 'none'" in page
 
 
 def test_numbers_stand_beside_the_papers(report):

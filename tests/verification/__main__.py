@@ -1,4 +1,7 @@
-"""The verification study or parts of it, and its page: `make verify PART=limits COUNT=20`."""
+"""The verification study or parts of it, and its page: `make verify PART=limits COUNT=20`.
+
+The page is docs/verification.md, and report.html in the study's folder.
+"""
 
 import argparse
 import time
@@ -7,6 +10,8 @@ from itertools import count
 from pathlib import Path
 
 from hkt_mdo.errors import InputError
+from hkt_mdo.report import text_page
+from hkt_mdo.results.folder import write_text
 from tests.verification.study import PARTS, report, run_part
 
 ROOT = Path(__file__).parents[2]
@@ -33,7 +38,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for part in given.parts or PARTS:
             print(run_part(part, given.out, given.count, given.seed, given.jobs, done), flush=True)
             page = given.page.read_text(encoding="utf-8") if given.page.exists() else ""
-            given.page.write_text(report(given.out, page), encoding="utf-8")
+            text = report(given.out, page)
+            given.page.write_text(text, encoding="utf-8")
+            write_text(given.out / "report.html", text_page("Verification", text, given.out))
     except InputError as error:
         raise SystemExit(f"error: {error}") from None
 

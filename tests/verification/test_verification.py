@@ -207,5 +207,8 @@ def test_a_part_is_a_command(tmp_path, capsys):
     main(["fuzz", "--count", "3", "--out", str(tmp_path / "out"), "--page", str(page)])
     assert "| case | 3 |" in capsys.readouterr().out
     assert "PART=fuzz COUNT=3 SEED=0" in page.read_text(encoding="utf-8")
+    shown = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "<h1>Verification</h1>" in shown
+    assert "<td>3</td>" in shown
     with pytest.raises(SystemExit, match="unknown part"):
         main(["luck", "--out", str(tmp_path / "out")])

@@ -41,8 +41,8 @@
       if (key.startsWith("yaxis")) layout[key] = { ...axis, fixedrange: true, automargin: true, ...own };
     }
     if (layout.scene) {
-      layout.height = Math.min(layout.height, 120 + 0.6 * width);
-      const view = layout.scene, wide = Math.min(2.9, 1.65 * width / layout.height);
+      layout.height = Math.min(layout.height, 110 + 0.45 * width);
+      const view = layout.scene, wide = Math.min(3.6, 1.75 * width / layout.height, 1.65 / view.aspectratio.y);
       Object.assign(view.xaxis, { color: ink, gridcolor: rule });
       for (const side of "xyz") view.aspectratio[side] *= wide;
       layout.margin = { l: 0, r: 0, t: 0, b: 0 };
