@@ -9,6 +9,8 @@ import numpy as np
 
 from hkt_mdo.rotor.blade import Blade
 
+PRICE = 10.0  # share of the objective that an excess of the limits by their own size costs
+NEAR_EXCESS = 0.01  # relative excess of a limit up to which starts rank by objective and price
 KEPT_EXCESS = 1e-4  # relative excess of a limit that is ignored in the search for a start
 
 
@@ -134,6 +136,17 @@ class StartingPoint:
         """Return the rank of a point if a relative excess of the limits is ignored."""
         kept = self.excess <= excess
         return kept, self.objective if kept else -self.excess
+
+    @property
+    def merit(self) -> tuple[bool, float]:
+        """Rank of points as starts: by objective less a price of the excess where that is small.
+
+        The driver begins with a small excess as well as with none, and what an excess of a
+        thousandth gains may be several per cent.
+        """
+        if self.excess > NEAR_EXCESS:
+            return False, -self.excess
+        return True, self.objective - PRICE * max(self.excess, 0.0) * abs(self.objective)
 
     @property
     def record(self) -> StartRecord:

@@ -25,6 +25,7 @@ WIDE = MoveLimits(
     chord=1.7, twist=np.deg2rad(8.0), thickness=0.04, radius=1.2, gain=1.6
 )  # of one SLSQP whose limits are elastic, which finds back from a poor linearization
 SCHEDULES, GAIN = 3, 1e-5  # most schedules chosen anew, and the relative gain that is worth one
+LOSS = 2.0  # share of the objective lost, over the excess at the beginning, that is too much
 _PARTS = "chord_control", "twist_control", "thickness_control", "rotor_radius", "gain"
 
 
@@ -199,9 +200,11 @@ def improve(search: Search, point: StartingPoint, rival: float = -np.inf) -> Sta
     StartingPoint
     """
     best, settled = _improved(search, search.settings, point, rival)
-    if settled or search.second is None:
+    # what is lost on the way to the limits is of the size of what they were exceeded by
+    lost = best.objective < (1.0 - LOSS * max(point.excess, 0.0)) * point.objective
+    if (settled and not lost) or search.second is None:
         return _with_schedule_anew(search, best, rival)
-    start = best if best.excess <= START_EXCESS else point
+    start = best if not lost and best.excess <= START_EXCESS else point
     return max(best, improve_widely(search, start, rival), key=search.rank)
 
 

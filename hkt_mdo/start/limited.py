@@ -13,7 +13,7 @@ import numpy as np
 from hkt_mdo.dynamics.laws import STEP
 from hkt_mdo.dynamics.limits import TYPICAL
 from hkt_mdo.problem.physics import START_EXCESS
-from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint
+from hkt_mdo.problem.point import KEPT_EXCESS, PRICE, StartingPoint
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.start.improve import WIDE, Round, Search, Settings, Values
@@ -37,7 +37,7 @@ class LimitedSearch(Search):
     # rounds end early: with this many constraints most of the gain is in the first iterations
     settings = Settings(rounds=16, iterations=40, tolerance=1e-6, tightens=True)
     second = Settings(
-        rounds=30, iterations=40, tolerance=1e-6, moves=WIDE, ratio=1.5, price=10.0, gain=1e-6
+        rounds=30, iterations=40, tolerance=1e-6, moves=WIDE, ratio=1.5, price=PRICE, gain=1e-6
     )
 
     def __init__(self, steady: SteadyFlow, slowed: float):
@@ -46,8 +46,8 @@ class LimitedSearch(Search):
 
     @staticmethod
     def rank(point: StartingPoint) -> tuple:
-        """Return the rank of a point, `StartingPoint.worth`."""
-        return point.worth
+        """Return the rank of a point, `StartingPoint.merit`."""
+        return point.merit
 
     @property
     def _balances(self):

@@ -48,12 +48,7 @@ class _Schedule:
     longer: float = 1e-5
 
 
-SCHEDULE = _Schedule()
-
-
-def _worth(point: StartingPoint) -> tuple:
-    """Return what ranks points: the driver starts from a small excess as well as from none."""
-    return point.worth_within(START_EXCESS)
+SCHEDULE, MERIT = _Schedule(), attrgetter("merit")
 
 
 def follows_schedule(physics: Physics) -> bool:
@@ -112,7 +107,7 @@ class ScheduleSearch:
         feedback = self.physics.law.is_feedback
         found = self.open_loop() if not feedback else self._of_law()
         found = [replace(point, branch=self.steady.side(point)) for point in found]
-        best, *others = sorted(found, key=_worth, reverse=True)
+        best, *others = sorted(found, key=MERIT, reverse=True)
         faster = [x for x in others if x.branch == "overspeed" and self._is_alike(x, best)]
         if faster and best.branch != "overspeed" and not feedback:
             best, others = faster[0], [best]
@@ -125,8 +120,8 @@ class ScheduleSearch:
         A quasi-steady objective does not contain the energy that a rotor stores and returns.
         """
         unsure = max(SCHEDULE.alike * abs(best.objective), *map(self._exchanged, (point, best)))
-        kept, value = _worth(best)
-        return _worth(point) >= (kept, value - unsure)
+        kept, value = best.merit
+        return point.merit >= (kept, value - unsure)
 
     def _exchanged(self, point) -> float:
         """Return the energy that a point's rotor stores and returns along the flows, J."""
@@ -150,7 +145,7 @@ class ScheduleSearch:
                 # each may have its own optimum
                 group = [self.steady.on_branch(point, branch) for point in group]
                 ended.append(self._best_improved(group, (*found, *ended)))
-            found.append(max(self._on_side(branch, points, ended), key=_worth))
+            found.append(max(self._on_side(branch, points, ended), key=MERIT))
         return found
 
     def _on_side(self, branch, points, ended) -> list[StartingPoint]:
@@ -161,7 +156,7 @@ class ScheduleSearch:
         there = [end for end in ended if self.steady.side(end) == branch]
         if there or not self.task.improves:
             return there or ended
-        begin = max((self.steady.on_branch(point, branch) for point in points), key=_worth)
+        begin = max((self.steady.on_branch(point, branch) for point in points), key=MERIT)
         end = improve_widely(LimitedSearch(self.steady, self.task.problem.slowed), begin)
         self.starts.append(end.record)
         there = end.excess <= START_EXCESS and self.steady.side(end) == branch
@@ -200,10 +195,10 @@ class ScheduleSearch:
 
     def _with_longer_solid_part(self, found):
         """Return points, with the best of them given a longer solid part while that is better."""
-        best = max(found, key=_worth)
+        best = max(found, key=MERIT)
         while longer := list(strategies.longer_solid_part(self.task, best)):
-            end, (kept, value) = self._best_improved(longer, found), _worth(best)
-            if _worth(end) <= (kept, value + SCHEDULE.longer * abs(value)):
+            end, (kept, value) = self._best_improved(longer, found), best.merit
+            if end.merit <= (kept, value + SCHEDULE.longer * abs(value)):
                 break
             found = [*found, best := end]
         return found
@@ -223,7 +218,7 @@ class ScheduleSearch:
 
     def _best_improved(self, points, others) -> StartingPoint:
         """Return the improved best of some points; the others are its rivals."""
-        best = end = max(points, key=_worth)
+        best = end = max(points, key=MERIT)
         if self.task.improves:
             asked = self.physics.case.start.branch != "best"  # which is not given up
             rivals = [
