@@ -71,14 +71,22 @@ def plot(
     out: OutFolder = None,
     formats: Annotated[list[str] | None, Option("--format", metavar="NAME", help=_FORMAT)] = None,
 ) -> None:
-    """Draw the figures of a result.
+    """Draw the figures of a result, or of a sweep.
 
     They are blade, power_curve, operation, schedule (power, speed, torque and thrust over the speed
     of the flow), limits (largest values over their limits), loads (along the blade) and
     convergence, as far as the result has their data, in RESULT/figures unless --out is given; files
     of the same names are replaced. With several scenarios, operation_NAME and limits_NAME show each
-    of them, and schedule and loads have a line for each.
+    of them, and schedule and loads have a line for each. Those of a sweep are front (the objective
+    over a limit or a load), map (over two keys) and parallel (all keys and outcomes).
     """
+    if (result / "table.csv").is_file():  # of a sweep
+        from hkt_mdo.results.sweep import SweepTable
+        from hkt_mdo.results.sweep_plots import save_figures as save_sweep
+
+        for path in save_sweep(SweepTable.load(result), out or result / "figures", formats or ["png"]):
+            echo(str(path))
+        return
     solution = read_result(result)
 
     from hkt_mdo.results.plots import save_figures
