@@ -204,7 +204,7 @@ class Sweep(Section):
         return load_case(self.case, changes, extensions=extensions)
 
     def check(self, file: object, extensions: Iterable[Extension] = ()) -> None:
-        """Try every value of every key once, beside the first values of the others.
+        """Try the values of lists and the ends of ranges, each beside the first values of the others.
 
         Raises InputError, with `file` and the key there, for a key that the case does not have and
         for a value that it cannot have.
@@ -212,7 +212,8 @@ class Sweep(Section):
         load_case(self.case, extensions=extensions)
         first = next(self.points())
         for part in self._parts:
-            for point in part[:1000]:
+            listed = any(self.over[key].values for key in part[0])
+            for point in part if listed else (part[0], part[-1]):
                 try:
                     self.case_at(first | point, extensions)
                 except InputError as error:
@@ -232,7 +233,7 @@ class Sweep(Section):
 def load_sweep(
     source: str | Path, extensions: Iterable[Extension] = (), check: bool = True
 ) -> Sweep:
-    """Read a sweep file, and, with `check`, try every value of every key.
+    """Read a sweep file, and, with `check`, try its values (`Sweep.check`).
 
     Raises InputError, with file, key, value and remedy, if anything in it is wrong.
     """

@@ -9,12 +9,14 @@ from typing import Annotated, Any
 
 from rich.console import Console
 from rich.status import Status
-from typer import BadParameter, Exit, Option, echo
+from typer import Argument, BadParameter, Exit, Option, echo
 
 from hkt_mdo.cli import parts
+from hkt_mdo.errors import InputError
 
 _SECONDS_BETWEEN_LINES = 5.0
 
+_CASES = "Case file in YAML, such as cases/sine_quadratic.yaml; several run at the same time."
 _FORCE = "Replace an earlier result in the folder; files that are not of a run are kept."
 _RESUME = "In place of CASE: continue the unfinished run in this folder from its last iterate."
 _OPTIMIZER = "IPOPT, SLSQP or SNOPT: sets driver.optimizer."
@@ -24,7 +26,7 @@ _SEGMENTS = "Number of collocation segments: sets phase.segments."
 
 
 def run(
-    case: Annotated[Path | None, parts.CASE] = None,
+    cases: Annotated[list[Path] | None, Argument(metavar="CASE...", help=_CASES)] = None,
     out: parts.OutFolder = None,
     force: Annotated[bool, Option("--force", help=_FORCE)] = False,
     resume: Annotated[Path | None, Option(metavar="DIR", help=_RESUME)] = None,
@@ -36,8 +38,9 @@ def run(
     no_figures: parts.NoFigures = False,
     no_records: Annotated[bool, Option("--no-records", help=_NO_RECORDS)] = False,
     pdf: Annotated[bool, Option("--pdf", help="Draw the figures as PDF too.")] = False,
+    jobs: parts.Jobs = None,
 ) -> None:
-    """Run a case and write a result folder.
+    """Run a case and write a result folder; of several cases, one folder each.
 
     The case is optimized, and the result is integrated independently and checked. The folder,
     results/NAME unless --out is given, where NAME is the name of the case, gets case.yaml (every
@@ -45,17 +48,25 @@ def run(
     simulation.csv, loads.csv, blade.csv, power_curve.csv, convergence.csv, solution.db and
     history.db (OpenMDAO recorders), n2.html and figures/. Options override --set, --set overrides
     the file.
+
+    Several cases run in --jobs processes, each into a folder of its name in --out. What is finished
+    there is not run again, so the same command goes on after an interruption. hkt sweep runs one
+    case with many values of its keys.
     """
     given = {"driver.optimizer": optimizer, "driver.package": package, "phase.segments": segments}
     settings = [f"{key}={value}" for key, value in given.items() if value is not None]
     changes = [*(overrides or ()), *settings]
-    if resume is not None and (case is not None or changes or out is not None or force):
+    if resume is not None and (cases or changes or out is not None or force):
         raise BadParameter("--resume continues a run without changes: give no other option")
     if no_figures and pdf:
         raise BadParameter("--pdf draws figures and --no-figures none: give one of them")
-    source = case if resume is None else resume / "case.yaml"
-    if source is None:
+    if cases is not None and len(cases) > 1:
+        how = {"figures": ("png", "pdf") if pdf else not no_figures, "records": not no_records}
+        _run_several(cases, changes, out or Path("results"), jobs, force, quiet, how)
+        return
+    if not cases and resume is None:
         raise BadParameter("give a CASE, or --resume DIR")
+    source = cases[0] if cases else Path(resume or "", "case.yaml")
     loaded = parts.read_case(source, changes)
     folder = resume or out or Path("results") / loaded.name
     before = _written(folder)
@@ -89,6 +100,40 @@ def run(
     if not solution.success:
         reason = solution.message or "the run gives no reason"
         parts.complain("error", f"no success: {reason} (the result is in {folder})")
+        raise Exit(parts.NO_SUCCESS)
+
+
+def _run_several(
+    files: list[Path], changes: list[str], out: Path, jobs: Any, force: bool, quiet: bool, how: Any
+) -> None:
+    """Run several cases into folders of their names; tell each that ends."""
+    from hkt_mdo.results.folder import check_folder
+    from hkt_mdo.run.batch import begun, run_batch
+
+    loaded = [parts.read_case(file, changes) for file in files]
+    names = [each.name for each in loaded]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InputError("is the name of two cases", "give each its own", key="name", value=twice[0])
+    plan = {out / each.name: each for each in loaded}
+    for folder, case in plan.items():
+        if not begun(folder, case):
+            check_folder(folder, force)
+    done = 0
+
+    def told(folder: Path, word: str) -> None:
+        nonlocal done
+        done += 1
+        if not quiet:
+            echo(f"{done} of {len(plan)}: {folder}: {word}")
+
+    try:
+        found = run_batch(plan, jobs, told, **how)
+    except KeyboardInterrupt:
+        parts.complain("interrupted", f"finished results are in {out}; the same command goes on")
+        raise Exit(parts.INTERRUPTED) from None
+    failed = [path for path, each in found.items() if each is None or not each.success]
+    if failed:
+        parts.complain("error", f"no success: {', '.join(map(str, failed))}")
         raise Exit(parts.NO_SUCCESS)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 
-from hkt_mdo.case import Case
+from hkt_mdo.case import Case, load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import complete
 from hkt_mdo.results.nesting import beaten
@@ -106,6 +106,15 @@ def take_if_better(before: Solution, after: Solution, least: float = 0.0) -> boo
         shutil.copytree(after.folder, before.folder, dirs_exist_ok=True, ignore=rest)
         shutil.copy(after.folder / "summary.json", before.folder)
     return better
+
+
+def begun(folder: Path, case: Case) -> bool:
+    """Tell whether a folder has a result of an equal case, finished or not."""
+    try:
+        found = load_case(folder / "case.yaml", extensions=case.extensions)
+        return found == complete(case)
+    except InputError:
+        return False
 
 
 def finished_result(folder: Path, case: Case) -> Solution | None:
