@@ -120,9 +120,7 @@ class Sweep(Section):
 
     case: str
     """Case file, relative to the sweep's folder, or the name of a shipped case."""
-    over: Annotated[
-        dict[str, Annotated[Axis, BeforeValidator(_spelled_out)]], Field(min_length=1)
-    ]
+    over: Annotated[dict[str, Annotated[Axis, BeforeValidator(_spelled_out)]], Field(min_length=1)]
     """Values of keys of the case, such as `limits.torque: [500, 600]`. Each combination of lists
     and of ranges with a `count` is run, with each sample of the ranges without one."""
     set_: dict[str, Any] = Field({}, alias="set")
@@ -204,7 +202,7 @@ class Sweep(Section):
         return load_case(self.case, changes, extensions=extensions)
 
     def check(self, file: object, extensions: Iterable[Extension] = ()) -> None:
-        """Try the values of lists and the ends of ranges, each beside the first values of the others.
+        """Try values of lists and ends of ranges, each beside the first values of the others.
 
         Raises InputError, with `file` and the key there, for a key that the case does not have and
         for a value that it cannot have.

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from hkt_mdo.studies.other_flows import Run, Told
     from hkt_mdo.studies.uncertainty import Sensor
 
+TABLE = "table.csv"
+"""What only the folder of a sweep has."""
 _FORMAT = "File format, such as pdf or svg; may be given several times. Default: png."
 _FLOW = (
     "design: the result's own; A, B or C: the paper's uncertain flows (amplitude x 1.1, frequency "
@@ -80,11 +82,12 @@ def plot(
     of them, and schedule and loads have a line for each. Those of a sweep are front (the objective
     over a limit or a load), map (over two keys) and parallel (all keys and outcomes).
     """
-    if (result / "table.csv").is_file():  # of a sweep
+    if (result / TABLE).is_file():
         from hkt_mdo.results.sweep import SweepTable
         from hkt_mdo.results.sweep_plots import save_figures as save_sweep
 
-        for path in save_sweep(SweepTable.load(result), out or result / "figures", formats or ["png"]):
+        folder = out or result / "figures"
+        for path in save_sweep(SweepTable.load(result), folder, formats or ["png"]):
             echo(str(path))
         return
     solution = read_result(result)
@@ -108,7 +111,16 @@ def report(
     A browser opens it from disk, without a network. It has the verdict with every judge, figures of
     merit, the blade as a solid that can be turned, operation over the flow speed and over time,
     limits, convergence, and what is not modelled. Needs the extra `report` of hkt_mdo.
+
+    Of the folder of a sweep, report.html is written into it: front and map, on which a click opens
+    the report of a run, written into that one's folder.
     """
+    if len(results) == 1 and (results[0] / TABLE).is_file():
+        from hkt_mdo.report.sweep import write_sweep_report
+        from hkt_mdo.results.sweep import SweepTable
+
+        echo(str(write_sweep_report(SweepTable.load(results[0]), echo)))
+        return
     from hkt_mdo.report.page import write_report
 
     parts.refuse_existing([out], force)

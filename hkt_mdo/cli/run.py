@@ -60,8 +60,9 @@ def run(
         raise BadParameter("--resume continues a run without changes: give no other option")
     if no_figures and pdf:
         raise BadParameter("--pdf draws figures and --no-figures none: give one of them")
+    how: dict[str, Any] = {"figures": ("png", "pdf") if pdf else not no_figures}
+    how["records"] = not no_records
     if cases is not None and len(cases) > 1:
-        how = {"figures": ("png", "pdf") if pdf else not no_figures, "records": not no_records}
         _run_several(cases, changes, out or Path("results"), jobs, force, quiet, how)
         return
     if not cases and resume is None:
@@ -74,8 +75,6 @@ def run(
         with Console(quiet=quiet).status(f"{loaded.name}: preparing") as status:
             from hkt_mdo.run import run as runner
 
-            how: dict[str, Any] = {"figures": ("png", "pdf") if pdf else not no_figures}
-            how["records"] = not no_records
             if not quiet:
                 how["progress"], how["on_pass"] = _reporters(
                     loaded.name, loaded.objective.unit or "", status
@@ -113,7 +112,8 @@ def _run_several(
     loaded = [parts.read_case(file, changes) for file in files]
     names = [each.name for each in loaded]
     if twice := [name for name in names if names.count(name) > 1]:
-        raise InputError("is the name of two cases", "give each its own", key="name", value=twice[0])
+        given = {"key": "name", "value": twice[0]}
+        raise InputError("is the name of two cases", "give each its own", **given)
     plan = {out / each.name: each for each in loaded}
     for folder, case in plan.items():
         if not begun(folder, case):

@@ -53,10 +53,7 @@ def write_report(solutions: Iterable[Solution], out: str | Path) -> Path:
     InputError
         If a package is missing, there is no result, or the file cannot be written.
     """
-    missing = [name for name in PACKAGES if find_spec(name) is None]
-    if missing:
-        problem = f"a report needs {' and '.join(missing)}, which is not installed"
-        raise InputError(problem, f"install it with: {install('report')}")
+    require_packages()
     chosen = list(solutions)
     if not chosen:
         raise InputError("a report needs a result", "give a result folder")
@@ -68,6 +65,20 @@ def write_report(solutions: Iterable[Solution], out: str | Path) -> Path:
         raise InputError(problem, "choose another one", file=path.parent) from error
     write_files({path: _page(chosen).encode()})
     return path
+
+
+def require_packages() -> None:
+    """Refuse to write a page without the packages that it needs.
+
+    Raises
+    ------
+    InputError
+        If one is missing.
+    """
+    missing = [name for name in PACKAGES if find_spec(name) is None]
+    if missing:
+        problem = f"a report needs {' and '.join(missing)}, which is not installed"
+        raise InputError(problem, f"install it with: {install('report')}")
 
 
 def _page(solutions: Sequence[Solution]) -> str:

@@ -14,6 +14,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.results import style
 from hkt_mdo.results.sweep import SweepTable
 
+
 def plot_front(table: SweepTable, ax: Axes | None = None) -> Axes:
     """Plot the objective over the cost of every run, and the Pareto front."""
     ax, front, good = ax or style.new_axes(), table.front(), table.verified
@@ -33,8 +34,8 @@ def plot_map(table: SweepTable, ax: Axes | None = None) -> Axes:
     ax, (x, y) = ax or style.new_axes(), table.numeric[:2]
     good, sign = table.verified, 1.0 if table.maximize else -1.0
     order = np.flatnonzero(good)[np.argsort(sign * table.objective[good])]
-    across, up, value = (each[order] for each in (table.columns[x], table.columns[y], table.objective))
-    drawn = ax.scatter(across, up, c=value, s=60, marker="s", cmap="viridis")
+    places = table.columns[x][order], table.columns[y][order]
+    drawn = ax.scatter(*places, c=table.objective[order], s=60, marker="s", cmap="viridis")
     ax.figure.colorbar(drawn, ax=ax, label=table.label)
     if not good.all():
         look = {"linestyle": "none", "marker": "x", "color": style.COLORS[1]}
@@ -73,7 +74,7 @@ _OUTCOMES = "objective", "mass_kg", "thrust_N", "stress_Pa"
 
 
 def save_figures(table: SweepTable, folder: Path, formats: Sequence[str] = ("png",)) -> list[Path]:
-    """Draw the figures of a sweep: front, map and parallel coordinates, as far as it has their data.
+    """Draw front, map and parallel coordinates of a sweep, as far as it has their data.
 
     Parameters
     ----------
@@ -95,7 +96,8 @@ def save_figures(table: SweepTable, folder: Path, formats: Sequence[str] = ("png
     """
     if not table.verified.any():
         raise InputError("has no verified run to draw", "see its column message", file=table.folder)
-    figures = {"parallel": style.figure_of(1.2 * len(table.sweep.over) + 5.5, 3.9, [partial(plot_parallel, table)])}
+    width = 1.2 * len(table.sweep.over) + 5.5
+    figures = {"parallel": style.figure_of(width, 3.9, [partial(plot_parallel, table)])}
     if table.cost:
         figures["front"] = style.figure_of(6.2, 3.9, [partial(plot_front, table)])
     if len(table.numeric) > 1:

@@ -77,7 +77,7 @@ def in_processes(
             future = next(done)
             if future.cancelled():
                 remedy = "start it again and give the same command: finished runs are kept"
-                raise InputError("the scheduler went away", remedy, key="scheduler", value=scheduler)
+                raise InputError("the scheduler went away", remedy, key=f"scheduler {scheduler}")
             if future.status == "error" and isinstance(future.exception(), WrongWorkerError):
                 future.result()
             ended(keys.pop(future), future)
@@ -182,7 +182,7 @@ def _client(jobs: int | None, scheduler: str | None) -> Iterator[Any]:
         client = Client(scheduler, timeout=PATIENCE)
     except Exception as error:  # of sockets, certificates, names
         reason = f"no scheduler answers ({type(error).__name__}: {error})"
-        remedy = "start one with `dask scheduler`, or correct the address; tls:// needs certificates"
+        remedy = "start one (dask scheduler), or correct the address; tls:// needs certificates"
         raise InputError(reason, remedy, **where) from error
     with client:
         yield client

@@ -19,7 +19,7 @@ from hkt_mdo.case.sweep import SWEEP, Point, Sweep
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.folder import InUseError, locked, write_text
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.results.sweep import ERROR, TABLE, VERIFIED, Row, row_of, write_table
+from hkt_mdo.results.sweep import ERROR, VERIFIED, Row, row_of, write_table
 from hkt_mdo.run.batch import finished_result, take_if_better
 from hkt_mdo.run.engine import in_processes, why_failed
 from hkt_mdo.run.run import run_case
@@ -61,7 +61,8 @@ def run_sweep(
     `most`: run no more points than these; `run`: what runs a case, called as `run_case`.
     """
     out = out.absolute()
-    if out.is_dir() and any(out.iterdir()) and not {SWEEP, "lock"} & {x.name for x in out.iterdir()}:
+    inside = {path.name for path in out.iterdir()} if out.is_dir() else set()
+    if inside and not inside & {SWEEP, "lock"}:
         remedy = "choose another folder; one of an earlier sweep goes on"
         raise InputError("holds files that are not of a sweep", remedy, file=out)
     with locked(out):

@@ -115,7 +115,8 @@ def test_a_client_that_is_killed_goes_on(here, tmp_path):
     out = tmp_path / "out"
     client = start(stand_in.__file__, tmp_path / "some.yaml", out)
     deadline = time.monotonic() + 60.0
-    while not (out / "runs" / "log").exists() or len((out / "runs" / "log").read_text().split()) < 2:
+    log = out / "runs" / "log"
+    while not log.exists() or len(log.read_text().split()) < 2:
         assert time.monotonic() < deadline
         time.sleep(0.02)
     client.send_signal(signal.SIGKILL)
@@ -124,7 +125,7 @@ def test_a_client_that_is_killed_goes_on(here, tmp_path):
     rows = run_sweep(sweep, out, 1, lambda status: reused.append(status.reused), run=stand_in.run)
     assert [row["objective"] for row in rows] == [901.0, 902.0, 903.0, 904.0]
     assert reused[-1] >= 1
-    log = (out / "runs" / "log").read_text().split()
+    log = log.read_text().split()
     finished = {path.parent.name for path in out.glob("runs/*/summary.json")}
     assert finished == {*log}
     assert len(finished) == 4
