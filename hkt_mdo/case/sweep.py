@@ -93,7 +93,9 @@ class Axis(Section):
         return [f"{number!r} {unit}" for number in plain] if unit else plain
 
     def share(self, value: Any) -> float:
-        """Return at which share of its way a range has a value."""
+        """Return at which share of its way an axis has a value."""
+        if self.values:
+            return self.values.index(value) / max(1, len(self.values) - 1)
         (low, _), (high, _) = self.ends
         number = float(_NUMBER.fullmatch(str(value))[1])  # type: ignore[index]
         if self.spacing == "log":

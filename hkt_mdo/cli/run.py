@@ -67,8 +67,7 @@ def run(
         return
     if not cases and resume is None:
         raise BadParameter("give a CASE, or --resume DIR")
-    source = cases[0] if cases else Path(resume or "", "case.yaml")
-    loaded = parts.read_case(source, changes)
+    loaded = parts.read_case(cases[0] if cases else Path(resume or "", "case.yaml"), changes)
     folder = resume or out or Path("results") / loaded.name
     before = _written(folder)
     try:
@@ -76,9 +75,8 @@ def run(
             from hkt_mdo.run import run as runner
 
             if not quiet:
-                how["progress"], how["on_pass"] = _reporters(
-                    loaded.name, loaded.objective.unit or "", status
-                )
+                unit = loaded.objective.unit or ""
+                how["progress"], how["on_pass"] = _reporters(loaded.name, unit, status)
             if resume is None:
                 solution = runner.run_case(loaded, folder, force=force, **how)
             else:

@@ -112,15 +112,12 @@ def _reporter(status: Any, quiet: bool) -> Any:
 
 def _summarize(rows: list[dict[str, Any]], states: Counter[str], folder: Path) -> None:
     """Print what came of a sweep."""
-    for state in ("verified", "refused", "error"):
-        if states[state]:
-            echo(f"{state}: {states[state]:,}")
+    echo(", ".join(f"{state}: {count:,}" for state, count in states.items()))
     failed = [row for row in rows if row["state"] != "verified"]
     for row in failed[:MOST_TOLD]:
         echo(f"  {row['run'] or 'no run'}: {row['message']}")
     if len(failed) > MOST_TOLD:
         echo(f"  and {len(failed) - MOST_TOLD:,} more: see the table")
-    won = sum(row.get("start") == "neighbour" for row in rows)
-    if won:
+    if won := sum(row.get("start") == "neighbour" for row in rows):
         echo(f"the design of a neighbour led to the better result in {won:,} of {len(rows):,} runs")
     echo(f"Table: {folder / 'table.csv'}")

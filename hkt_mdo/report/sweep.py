@@ -19,6 +19,7 @@ from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.sweep import SweepTable
 
 _TEMPLATES = Path(__file__).parent / "templates"
+RED = style.COLORS[1]
 _SHARED = '<script src="../../plotly.js"></script>'
 _SCRIPTS = "script-src 'unsafe-inline'"
 """What the page of a run allows; one of a sweep may load the sweep's plotly.js as well."""
@@ -33,6 +34,7 @@ def write_sweep_report(table: SweepTable, told: Callable[[str], None] = lambda l
     Parameters
     ----------
     table : SweepTable
+        The table of the sweep.
     told : callable
         told(line) is called after each page.
 
@@ -60,7 +62,8 @@ def write_sweep_report(table: SweepTable, told: Callable[[str], None] = lambda l
             write_files({page: text.replace(_SCRIPTS, f"{_SCRIPTS} file: 'self'").encode()})
             told(f"{number} of {len(runs)}: {page}")
     pages = [Path(run, "report.html") for run in runs]
-    links = [page.as_posix() if (table.folder / page).is_file() else "" for page in pages]
+    made = [page.as_posix() if (table.folder / page).is_file() else "" for page in pages]
+    links = np.array(made)
     charts = {"front": _front(table, links), "map": _map(table, links)}
     good = int(np.sum(table.verified))
     failed = [
@@ -80,43 +83,42 @@ def write_sweep_report(table: SweepTable, told: Callable[[str], None] = lambda l
     return out
 
 
-def _points(x: np.ndarray, y: np.ndarray, links: list[str], at: np.ndarray, **more: Any) -> dict:
-    """Return some runs as a trace whose points have links."""
-    found = {"x": x[at].tolist(), "y": y[at].tolist(), "customdata": [links[i] for i in at]}
-    return {"type": "scatter", "mode": "markers", **found, **more}
-
-
-def _layout(x: str, y: str) -> dict[str, Any]:
-    axes = {"xaxis": {"title": {"text": x}}, "yaxis": {"title": {"text": y}}}
-    return {**axes, "height": 460, "hovermode": "closest", "legend": {"orientation": "h", "y": 1.1}}
-
-
-def _front(table: SweepTable, links: list[str]) -> dict[str, Any] | None:
+def _front(table: SweepTable, links: np.ndarray) -> dict[str, Any] | None:
     """Return the chart of the Pareto front."""
     if not table.cost or not table.verified.any():
         return None
-    cost, place = table.columns[table.cost], table.front()
+    cost = table.columns[table.cost]
     known = np.flatnonzero(table.verified & np.isfinite(cost))
-    line = {"mode": "lines+markers", "line": {"color": style.COLORS[1]}, "name": "Pareto front"}
-    return {
-        "data": [
-            _points(cost, table.objective, links, known, name="verified", marker={"color": "#888"}),
-            _points(cost, table.objective, links, place, **line),
-        ],
-        "layout": _layout(table.cost, table.label),
-    }
+    kinds = (known, {"color": "#888"}, "verified"), (table.front(), {"color": RED}, "Pareto front")
+    return _chart(table.cost, table.label, cost, table.objective, kinds, links)
 
 
-def _map(table: SweepTable, links: list[str]) -> dict[str, Any] | None:
+def _map(table: SweepTable, links: np.ndarray) -> dict[str, Any] | None:
     """Return the chart of the objective over two keys."""
     if len(table.numeric) < 2 or not table.verified.any():
         return None
-    x, y = (table.columns[key] for key in table.numeric[:2])
-    good, bad = np.flatnonzero(table.verified), np.flatnonzero(~table.verified)
+    good = np.flatnonzero(table.verified)
     shades = {"color": table.objective[good].tolist(), "colorscale": "Viridis", "size": 14}
     shades |= {"symbol": "square", "showscale": True, "colorbar": {"title": {"text": table.label}}}
-    crosses = {"symbol": "x", "color": style.COLORS[1], "size": 9}
-    kinds = [_points(x, y, links, good, name="verified", marker=shades)]
-    if bad.size:
-        kinds.append(_points(x, y, links, bad, name="no success", marker=crosses))
-    return {"data": kinds, "layout": _layout(*table.numeric[:2])}
+    crosses = (
+        np.flatnonzero(~table.verified),
+        {"symbol": "x", "color": RED, "size": 9},
+        "no success",
+    )
+    (across, x), (up, y) = ((key, table.columns[key]) for key in table.numeric[:2])
+    return _chart(across, up, x, y, ((good, shades, "verified"), crosses), links)
+
+
+def _chart(
+    across: str, up: str, x: np.ndarray, y: np.ndarray, kinds: Any, links: np.ndarray
+) -> dict[str, Any]:
+    """Return a chart of points with links, of some kinds: their places, markers and name."""
+    data = [
+        {"type": "scatter", "mode": "lines+markers" if name == "Pareto front" else "markers"}
+        | {"x": x[at].tolist(), "y": y[at].tolist(), "customdata": links[at].tolist()}
+        | {"name": name, "marker": marker}
+        for at, marker, name in kinds
+    ]
+    layout = {"xaxis": {"title": {"text": across}}, "yaxis": {"title": {"text": up}}}
+    look = {"height": 460, "hovermode": "closest", "legend": {"orientation": "h", "y": 1.1}}
+    return {"data": data, "layout": {**layout, **look}}

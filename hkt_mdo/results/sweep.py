@@ -8,8 +8,8 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -27,8 +27,9 @@ VERIFIED, REFUSED, ERROR = "verified", "refused", "error"
 """States of a run: a success; a result that its judges refused; none, see its message."""
 MAX_BYTES = 1024**3
 _MERITS = (
-    *("energy_bound_J", "certified_gap", "power_coefficient_max", "control_torque_max_Nm"),
-    *("rotor_radius_m", "inertia_kg_m2", "mass_kg", "iterations", "wall_seconds"),
+    *("simulated_energy_J", "generator_energy_J", "electrical_energy_J", "energy_bound_J"),
+    *("certified_gap", "power_coefficient_max", "control_torque_max_Nm", "rotor_radius_m"),
+    *("inertia_kg_m2", "mass_kg", "iterations", "wall_seconds"),
 )
 """Numbers of a summary that have a column under their own names."""
 
@@ -54,9 +55,6 @@ def row_of(solution: Solution) -> Row:
         "objective": None if summary.objective is None else summary.objective.simulated,
         "objective_unit": case.objective.unit,
         "better": "larger" if case.objective.maximize else "smaller",
-        "energy_J": summary.simulated_energy_J,
-        "generator_energy_J": summary.generator_energy_J,
-        "electrical_energy_J": summary.electrical_energy_J,
         **{name: getattr(summary, name) for name in _MERITS},
     }
     for name, load in (summary.loads or {}).items():
@@ -77,6 +75,7 @@ def write_table(folder: Path, sweep: Sweep, rows: Sequence[Row]) -> list[Path]:
     folder : pathlib.Path
         The sweep's folder.
     sweep : Sweep
+        What was asked.
     rows : sequence of dict
         A row for each point, in the order of the points.
 
@@ -92,56 +91,32 @@ def write_table(folder: Path, sweep: Sweep, rows: Sequence[Row]) -> list[Path]:
     writer.writeheader()
     writer.writerows(rows)
     files = {folder / TABLE: text.getvalue().encode()}
+    columns = {name: _column(row.get(name) for row in rows) for name in names}
     if all(map(find_spec, ("pandas", "pyarrow"))):
-        import pandas
+        from pandas import DataFrame
 
-        plain = [{name: _numeric(row.get(name)) for name in names} for row in rows]
-        frame = pandas.DataFrame(plain, columns=names)
-        mixed = [name for name in names if frame[name].map(type).nunique() > 1]
-        frame = frame.astype({x: str for x in mixed if frame[x].map(_is_text).any()})
-        files[folder / "table.parquet"] = frame.to_parquet(None)
+        files[folder / "table.parquet"] = DataFrame(columns).to_parquet(None)
     write_files(files)
-    grid = folder / "grid.nc"
+    grid, shape, keys = folder / "grid.nc", sweep.shape, list(sweep.over)
     grid.unlink(missing_ok=True)
-    if not sweep.sampled and len(rows) == sweep.size and all(map(find_spec, _GRID)):
-        import xarray
+    if not sweep.sampled and len(rows) == sweep.size and all(map(find_spec, ("xarray", "netCDF4"))):
+        from xarray import Dataset
 
-        columns = {name: _column(row.get(name, "") for row in rows) for name in names}
-        shaped = {
-            name: (list(sweep.over), values.reshape(sweep.shape))
-            for name, values in columns.items()
-            if name not in sweep.over
-        }
-        axes = {
-            key: np.moveaxis(columns[key].reshape(sweep.shape), place, 0).reshape(count, -1)[:, 0]
-            for place, (key, count) in enumerate(zip(sweep.over, sweep.shape, strict=True))
-        }
-        made = xarray.Dataset(shaped, axes)
-        made.to_netcdf(grid.with_suffix(".part"))
-        files[grid.with_suffix(".part").replace(grid)] = b""
+        shaped = {name: values.reshape(shape) for name, values in columns.items()}
+        along = {key: np.moveaxis(shaped.pop(key), at, 0) for at, key in enumerate(keys)}
+        axes = {key: each.reshape(len(each), -1)[:, 0] for key, each in along.items()}
+        Dataset({name: (keys, each) for name, each in shaped.items()}, axes).to_netcdf(grid)
+        files[grid] = b""
     return list(files)
-
-
-_GRID = "xarray", "netCDF4"
-
-
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str)
-
-
-def _numeric(value: Any) -> Any:
-    return value if value is None or isinstance(value, str | int | float) else str(value)
 
 
 def _column(values: Iterable[Any]) -> np.ndarray:
     """Return values as numbers, NaN for none; as texts if one of them is no number."""
     known = ["" if value is None else value for value in values]
-    if not any(value != "" for value in known):
-        return np.array(known, dtype=str)
-    try:
-        return np.array([np.nan if value == "" else float(value) for value in known])
-    except (TypeError, ValueError):
-        return np.array([str(value) for value in known])
+    with suppress(ValueError):
+        if any(value != "" for value in known):
+            return np.array([np.nan if value == "" else float(value) for value in known])
+    return np.array([str(value) for value in known])
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +126,7 @@ class SweepTable:
     Attributes
     ----------
     folder : pathlib.Path
+        The sweep's folder.
     sweep : Sweep
         What was asked.
     columns : dict of ndarray, shape (n_runs,)
@@ -168,10 +144,12 @@ class SweepTable:
         Parameters
         ----------
         folder : str or pathlib.Path
+            The folder.
 
         Returns
         -------
         SweepTable
+            The table.
 
         Raises
         ------
@@ -188,17 +166,17 @@ class SweepTable:
         columns = dict(zip(header, map(_column, zip(*rows, strict=True)), strict=True))
         return cls(folder, sweep, columns)
 
-    @cached_property
+    @property
     def verified(self) -> np.ndarray:
         """Whether each run is a success, shape (n_runs,)."""
         return (self.columns["state"] == VERIFIED) & np.isfinite(self.objective)
 
-    @cached_property
+    @property
     def objective(self) -> np.ndarray:
         """The objective of each run, NaN for none, shape (n_runs,)."""
         return self.columns["objective"].astype(float)
 
-    @cached_property
+    @property
     def maximize(self) -> bool:
         """Whether the objective is to be large."""
         return "smaller" not in self.columns["better"]
@@ -226,10 +204,10 @@ class SweepTable:
         name = self.sweep.front
         if name is None:
             return next(iter(self.numeric), "")
-        if name not in self.columns or self.columns[name].dtype.kind != "f":
-            known = ", ".join(x for x, each in self.columns.items() if each.dtype.kind == "f")
-            where = {"file": self.folder / SWEEP, "key": "front", "value": name}
-            raise InputError("is no column of numbers", f"give one of {known}", **where)
+        known = [x for x, each in self.columns.items() if each.dtype.kind == "f"]
+        if name not in known:
+            remedy, where = f"give one of {', '.join(known)}", self.folder / SWEEP
+            raise InputError("is no column of numbers", remedy, file=where, key="front", value=name)
         return name
 
     def front(self) -> np.ndarray:

@@ -79,6 +79,7 @@ def save_figures(table: SweepTable, folder: Path, formats: Sequence[str] = ("png
     Parameters
     ----------
     table : SweepTable
+        The table of the sweep.
     folder : pathlib.Path
         Where to.
     formats : sequence of str

@@ -84,7 +84,8 @@ class _Plan:
         self.run, self.told, self.total = run, told, total
         self.points: list[tuple[Row, str]] = []  # values of the keys, and the run's name
         self.rows: dict[str, Row] = {}  # by the run's name
-        self.near = _Near(sweep)
+        self.points_of: dict[str, Point] = {}  # by the run's name
+        self.verified: list[tuple[str, np.ndarray]] = []  # names, and places on the axes
         self.began = self.written = time.monotonic()
         self.reused = self.computed = self.failed = 0
 
@@ -104,15 +105,13 @@ class _Plan:
             if name in self.rows:  # the same case at another point
                 continue
             self.rows[name] = {}
+            self.points_of[name] = point
             folder = self.out / RUNS / name
             if found := finished_result(folder, case):
                 self.reused += 1
-                self.done(name, _row(found, case), point)
+                self.done(name, _row(found, case))
                 continue
-            neighbour = self.near.nearest(point) if self.sweep.neighbours else None
-            source = None if neighbour is None else self.out / RUNS / neighbour
-            self.near.points[name] = point
-            yield name, partial(run_one, case, folder, source, self.run)
+            yield name, partial(run_one, case, folder, self.nearest(point), self.run)
 
     def ended(self, name: str, future: Any) -> None:
         """Take a run's row."""
@@ -121,16 +120,28 @@ class _Plan:
             row = future.result()
         except Exception as error:  # one bad case is a failed row
             row = {"state": ERROR, "message": why_failed(error)}
-        self.done(name, row, self.near.points.pop(name))
+        self.done(name, row)
         if time.monotonic() - self.written > SECONDS_BETWEEN_TABLES:
             self.write()
 
-    def done(self, name: str, row: Row, point: Point | None = None) -> None:
+    def place(self, point: Point) -> np.ndarray:
+        """Return where a point is on its axes, each from 0 to 1."""
+        return np.array([axis.share(point[key]) for key, axis in self.sweep.over.items()])
+
+    def nearest(self, point: Point) -> Path | None:
+        """Return the folder of the nearest verified run, if there is one and it is asked for."""
+        if not (self.sweep.neighbours and self.verified):
+            return None
+        here = self.place(point)
+        name, _ = min(self.verified, key=lambda each: float(np.sum((each[1] - here) ** 2)))
+        return self.out / RUNS / name
+
+    def done(self, name: str, row: Row) -> None:
         """Keep a row, and tell how far the sweep is."""
         self.rows[name] = row
         self.failed += row["state"] != VERIFIED
-        if row["state"] == VERIFIED and point is not None:
-            self.near.add(name, point)
+        if row["state"] == VERIFIED:
+            self.verified.append((name, self.place(self.points_of[name])))
         left = None
         if self.computed:
             each = (time.monotonic() - self.began) / self.computed
@@ -140,9 +151,9 @@ class _Plan:
     def table(self) -> list[Row]:
         """Return the rows of the points so far; a run that has not ended has no state."""
         empty = {"state": "", "message": "has not ended"}
-        folder = {name: "" if name.startswith("none") else f"{RUNS}/{name}" for name in self.rows}
+        folder = {name: f"{RUNS}/{name}" for name in self.points_of}
         return [
-            {**values, "run": folder.get(name, ""), **(self.rows.get(name) or empty)}
+            {**values, "run": folder.get(name, ""), **(self.rows[name] or empty)}
             for values, name in self.points
         ]
 
@@ -204,35 +215,3 @@ def _values(point: Point, case: Case | None) -> Row:
         text = given if isinstance(given, str | int | float) else json.dumps(given)
         found[key] = bound if plain else text
     return found
-
-
-class _Near:
-    """Which of the verified runs is nearest to a point; each key counts by its own range."""
-
-    def __init__(self, sweep: Sweep) -> None:
-        self.sweep, self.points = sweep, {}  # of the runs at work
-        self.names: list[str] = []
-        self.places: list[np.ndarray] = []
-
-    def place(self, point: Point) -> np.ndarray:
-        """Return a point's place; values of a list are as far apart as their places in it."""
-        found = []
-        for key, axis in self.sweep.over.items():
-            if axis.values:
-                found.append(axis.values.index(point[key]) / max(1, len(axis.values) - 1))
-            else:
-                found.append(axis.share(point[key]))
-        return np.array(found)
-
-    def add(self, name: str, point: Point) -> None:
-        """Add a verified run."""
-        if self.sweep.neighbours:
-            self.names.append(name)
-            self.places.append(self.place(point))
-
-    def nearest(self, point: Point) -> str | None:
-        """Return the name of the nearest verified run, if there is one."""
-        if not self.names:
-            return None
-        away = np.array(self.places) - self.place(point)
-        return self.names[int(np.argmin(np.sum(away**2, axis=1)))]

@@ -4,6 +4,7 @@ import pytest
 
 from hkt_mdo.case import load_case
 from hkt_mdo.cli import main
+from hkt_mdo.problem.physics import complete
 from hkt_mdo.results.solution import Solution
 from tests.conftest import make_result
 
@@ -51,7 +52,8 @@ def test_another_result_is_replaced_by_force_only(asked, tmp_path, capsys):
     assert asked == []
     assert main([*words, "--force"]) == 3
     # what an interrupted run of the same case has left is gone on with
-    (folder / "case.yaml").write_text(load_case("sine_oloc").to_yaml(), encoding="utf-8")
+    written = complete(load_case("sine_oloc")).to_yaml()
+    (folder / "case.yaml").write_text(written, encoding="utf-8")
     assert main(words) == 3
     assert len(asked) == 2
 
