@@ -16,7 +16,8 @@ import signal
 import threading
 import warnings
 from collections.abc import Callable, Hashable, Iterable, Iterator
-from contextlib import contextmanager
+from concurrent.futures import CancelledError
+from contextlib import ExitStack, contextmanager
 from functools import cache
 from importlib import metadata
 from itertools import islice
@@ -26,6 +27,8 @@ from typing import Any
 from hkt_mdo.errors import InputError, program_version
 from hkt_mdo.run.digest import of_package
 
+SECONDS_BETWEEN_LOOKS = 10.0
+"""After which it is looked for workers that are gone or new, where no task ends."""
 PATIENCE = 5.0
 """Seconds in which a scheduler must answer."""
 ALLOWED_FAILURES = 3
@@ -55,33 +58,40 @@ def in_processes(
     first = list(islice(waiting, 1))  # without a task no worker is started
     if not first:
         return
-    with _termination_interrupts(), _client(jobs, scheduler) as client:
-        from distributed import as_completed
+    with _termination_interrupts(), _client(jobs or os.cpu_count() or 1, scheduler) as client:
+        from distributed import wait
         from distributed.protocol.pickle import dumps
 
         seen: set[str] = set()
-        keys, done = {}, as_completed()
+        keys: dict[Any, Hashable] = {}
         while True:
             threads = client.nthreads()
             if new := {*threads} - seen:
                 _check_workers(client, {name: threads[name] for name in new}, folder)
                 seen |= new
+            if client.cluster is not None:  # one that died as it started has not come back
+                client.cluster.scale(jobs or os.cpu_count())
             room = max(1, len(threads)) - len(keys)
             for key, task in [*first, *islice(waiting, max(0, room - len(first)))]:
-                future = client.submit(_call, versions(), dumps(task), pure=False)
-                keys[future] = key
-                done.add(future)
+                keys[client.submit(_call, versions(), dumps(task), pure=False)] = key
             first = []
             if not keys:
                 return
-            future = next(done)
-            if future.cancelled():
+            try:
+                done = wait(
+                    [*keys], timeout=SECONDS_BETWEEN_LOOKS, return_when="FIRST_COMPLETED"
+                ).done
+            except TimeoutError:
+                continue
+            except CancelledError as error:
                 remedy = "start it again and give the same command: finished runs are kept"
-                raise InputError("the scheduler went away", remedy, key=f"scheduler {scheduler}")
-            if future.status == "error" and isinstance(future.exception(), WrongWorkerError):
-                future.result()
-            ended(keys.pop(future), future)
-            future.release()
+                where = {"key": "scheduler", "value": scheduler}
+                raise InputError("the scheduler went away", remedy, **where) from error
+            for future in done:
+                if future.status == "error" and isinstance(future.exception(), WrongWorkerError):
+                    future.result()
+                ended(keys.pop(future), future)
+                future.release()
 
 
 def why_failed(error: BaseException) -> str:
@@ -155,37 +165,39 @@ def _introduce(folder: Path | None) -> tuple[dict[str, str], bool]:
 
 
 @contextmanager
-def _client(jobs: int | None, scheduler: str | None) -> Iterator[Any]:
+def _client(jobs: int, scheduler: str | None) -> Iterator[Any]:
     """Yield a client of a scheduler, by default of a new one with `jobs` workers here."""
+    import dask
     from distributed import Client, LocalCluster
 
-    if scheduler is None:
-        import dask
-
-        with (
-            dask.config.set({"distributed.scheduler.allowed-failures": ALLOWED_FAILURES}),
-            LocalCluster(
-                n_workers=jobs or os.cpu_count(),
-                threads_per_worker=1,
-                memory_limit=0,  # a worker may take what there is, as a process may
-                dashboard_address=None,
-                silence_logs=logging.CRITICAL,
-            ) as cluster,
-            Client(cluster) as client,
-        ):
-            yield client
-        return
-    where = {"key": "scheduler", "value": scheduler}
-    if not re.match(r"(tcp|tls)://.", scheduler):
+    for name in ("distributed", "distributed.client"):  # what goes wrong is told as an InputError
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    where: dict[str, Any] = {"key": "scheduler", "value": scheduler}
+    if scheduler is not None and not re.match(r"(tcp|tls)://.", scheduler):
         raise InputError("is no address", "give tcp://HOST:PORT or tls://HOST:PORT", **where)
-    try:
-        client = Client(scheduler, timeout=PATIENCE)
-    except Exception as error:  # of sockets, certificates, names
-        reason = f"no scheduler answers ({type(error).__name__}: {error})"
-        remedy = "start one (dask scheduler), or correct the address; tls:// needs certificates"
-        raise InputError(reason, remedy, **where) from error
-    with client:
-        yield client
+    with ExitStack() as stack:
+        try:
+            if scheduler is None:
+                where = {"key": "workers"}
+                settings = {"distributed.scheduler.allowed-failures": ALLOWED_FAILURES}
+                stack.enter_context(dask.config.set(settings))
+                cluster = LocalCluster(
+                    n_workers=jobs,
+                    threads_per_worker=1,
+                    memory_limit=0,  # a worker may take what there is, as a process may
+                    dashboard_address=None,
+                    silence_logs=logging.CRITICAL,
+                )
+                client = Client(stack.enter_context(cluster))
+            else:
+                client = Client(scheduler, timeout=PATIENCE)
+        except Exception as error:  # of sockets, certificates, names, a worker that is killed
+            reason = f"no scheduler answers ({type(error).__name__}: {error})"
+            remedy = "start it (dask scheduler), or correct the address; tls:// needs certificates"
+            if scheduler is None:
+                reason, remedy = f"cannot be started ({error})", "give the same command again"
+            raise InputError(reason, remedy, **where) from error
+        yield stack.enter_context(client)
 
 
 @contextmanager

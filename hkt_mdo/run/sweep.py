@@ -97,12 +97,14 @@ class _Plan:
             except InputError as error:
                 name = f"none-{len(self.points)}"
                 self.points.append((_values(point, None), name))
+                self.computed += 1
                 self.done(name, {"state": ERROR, "message": str(error)})
                 continue
             name = _name(case)
             case = case.model_copy(update={"name": f"{case.name[:80]}-{name[:8]}"})
             self.points.append((_values(point, case), name))
             if name in self.rows:  # the same case at another point
+                self.total -= 1
                 continue
             self.rows[name] = {}
             self.points_of[name] = point
