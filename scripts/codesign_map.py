@@ -251,8 +251,8 @@ Hence the two lines of the map: a limit below
 
 binds, and beyond β₀ = min over φ of (1 + a sin φ)² / (a cos φ), where cos φ > 0, the generator
 would have to drive the rotor. For small β the lines begin at (1 + a)² and (1 + a)³, the torque and
-the power in the fastest flow; for large β they rise with a β, the torque that accelerates the
-rotor.
+the power in the fastest flow; for large β they rise with a β, the torque that slows the rotor down
+with the flow.
 
 Below a line both designs lose, and they part if another blade loses less, to first order. Let μ be
 the multiplier of the limit in slow operation (β → 0), where u = Q. At an instant at the limit the
@@ -308,7 +308,9 @@ def write_page():
         "",
     ]
     wrapped = [
-        line if line.startswith(("|", "#", "!", " ")) or "\n" in line else textwrap.fill(line, 100)
+        line
+        if line.startswith(("|", "#", "!", " ")) or "\n" in line
+        else textwrap.fill(line, 100, subsequent_indent="  " if line.startswith("- ") else "")
         for line in lines
     ]
     PAGE.write_text("\n".join(wrapped), encoding="utf-8")
@@ -411,36 +413,35 @@ def agreement(rows):
 
 def draw(rows, path):
     """Draw the gain over both maps."""
-    from matplotlib.colors import LogNorm
     from matplotlib.figure import Figure
 
     sheet = Figure(figsize=(9.6, 4.4), layout="constrained")
     betas = np.geomspace(*BETAS, 200)
     levels = [0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0]
-    shades = {"norm": LogNorm(levels[0], levels[-1]), "cmap": "viridis"}
+    ends = {"vmin": math.log10(levels[0]), "vmax": math.log10(levels[-1]), "cmap": "viridis"}
     ticks = [0.05, 0.1, 0.2, 0.5, 1, 2, 4, 8]
     for ax, limit in zip(sheet.subplots(1, 2), SHARES, strict=True):
         known = of(rows, limit)
         beta, share = (np.array([float(row[x]) for row in known]) for x in ("beta", "share"))
         gains, across = 100.0 * np.array([gain(row) for row in known]), np.log10(beta)
-        least = np.clip(gains, 0.5 * levels[0], None)
-        filled = ax.tricontourf(across, share, least, levels, alpha=0.85, **shades)
+        least = np.log10(np.clip(gains, 0.5 * levels[0], None))
+        filled = ax.tricontourf(across, share, least, np.log10(levels), alpha=0.85, **ends)
         small = gains < 100.0 * TOLD
         ax.plot(across[small], share[small], ".", color="0.4", markersize=2.5)
-        look = {"s": 22, "edgecolor": "k", "linewidth": 0.4, **shades}
-        ax.scatter(across[~small], share[~small], c=gains[~small], **look)
+        look = {"s": 22, "edgecolor": "k", "linewidth": 0.4, **ends}
+        ax.scatter(across[~small], share[~small], c=least[~small], **look)
         ax.plot(np.log10(betas), limit_that_binds(limit, betas), "k-", linewidth=1.6)
         ax.axvline(np.log10(slowest()), color="k", linestyle="--", linewidth=1.2)
         ax.text(np.log10(slowest()) - 0.02, SHARES[limit][0] + 0.04, "β₀", ha="right")
         above = limit_that_binds(limit, BETAS[0]) + 0.05
-        ax.text(np.log10(BETAS[0]) + 0.05, above, "no limit binds")
+        ax.text(np.log10(BETAS[0]) + 0.05, above + 0.05, "no limit binds")
         words = f"{limit} limit over the {limit} at\nthe best tip speed ratio in mean flow"
         style.finish(ax, "β: time constant of the rotor × frequency of the flow", words)
         ax.set_xticks(np.log10(ticks), [f"{tick:g}" for tick in ticks])
         ax.set_xlim(*np.log10(BETAS))
         ax.set_ylim(SHARES[limit])
     bar = sheet.colorbar(filled, ax=sheet.axes, label="gain of co-design, %", shrink=0.9)
-    bar.set_ticks(levels, labels=[f"{level:g}" for level in levels])
+    bar.set_ticks(np.log10(levels), labels=[f"{level:g}" for level in levels])
     path.parent.mkdir(parents=True, exist_ok=True)
     sheet.savefig(path, dpi=130)
 
