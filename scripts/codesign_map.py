@@ -224,6 +224,12 @@ def free(row):
     return float(row["share"]) >= limit_that_binds(row["limit"], beta) and beta <= slowest()
 
 
+def full(row):
+    """Return whether the sequential design gives the power of the limit throughout the cycle."""
+    most = float(row["limit_SI"]) * PERIOD
+    return row["limit"] == "power" and float(row["sequential_J"]) > (1.0 - TOLD) * most
+
+
 # The page -----------------------------------------------------------------------------------------
 
 THEORY = """\
@@ -267,7 +273,10 @@ So **below τ(0) a torque limit parts the two**: a blade of a higher tip speed r
 power with less torque. **A power limit does not part them while the rotor is fast**: every blade
 gives the power of the limit while it binds, and the sequential blade gives the most while it does
 not. With a power limit they part by the rotor's inertia alone: between the operation at the limit
-and that at λ* the speed has to change, which takes torque.
+and that at λ* the speed has to change, which takes torque. Where the limit is below the mean power
+of the flow and the rotor is heavy, they meet again: it runs through the slow flow on the energy of
+its rotation, both designs give the power of the limit throughout the cycle, and no design can give
+more.
 """
 
 
@@ -402,12 +411,21 @@ def agreement(rows):
     )
     yield "\n".join(markdown_table(header, table))
     yield ""
+    most = [row for row in of(rows, "power") if full(row)]
     bad = [row for row in rows if row["verified"] == "yes" and free(row) and gain(row) > TOLD]
     word = "no point contradicts it" if not bad else f"{len(bad)} points contradict it"
     yield (
         "Where no limit binds, theory allows no gain: the second column of numbers is what is left "
         f"of it numerically, and {word}. Points where a limit binds and the gain is small lie "
-        "beside the line, where it grows from zero, or, with a power limit, at small β."
+        "beside the line, where it grows from zero, or, with a power limit, at small β, or where "
+        f"the sequential design gives the power of the limit throughout ({len(most)} points, the "
+        f"largest gain {100 * max(map(gain, most)):.0e} %)."
+    )
+    yield ""
+    least = min((row for row in rows if row["verified"] == "yes"), key=gain)
+    yield (
+        "Co-design contains sequential design, so that a gain below zero is an error of the "
+        f"numbers: the smallest of all points is {100 * gain(least):.0e} %."
     )
 
 
