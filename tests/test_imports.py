@@ -130,7 +130,7 @@ def test_every_room_is_named():
         ("import hkt_mdo.results.plots", "dymos openmdao wisdem numba"),
         (
             "import hkt_mdo.run.run, hkt_mdo.run.sweep, hkt_mdo.cli",
-            "wisdem casadi pyoptsparse distributed dask matplotlib pandas",
+            "wisdem casadi pyoptsparse distributed dask pandas",
         ),
     ],
 )

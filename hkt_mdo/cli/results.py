@@ -119,7 +119,8 @@ def report(
         from hkt_mdo.report.sweep import write_sweep_report
         from hkt_mdo.results.sweep import SweepTable
 
-        echo(str(write_sweep_report(SweepTable.load(results[0]), echo)))
+        table = SweepTable.load(results[0])
+        echo(str(write_sweep_report(table, echo, parts.EXTENSIONS.get())))
         return
     from hkt_mdo.report.page import write_report
 

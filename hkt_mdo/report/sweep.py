@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from importlib import import_module
 from pathlib import Path
 from string import Template
@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from hkt_mdo.case.kinds import Extension
 from hkt_mdo.files.table import write_files
 from hkt_mdo.report.page import require_packages, write_report
 from hkt_mdo.results import style
@@ -25,7 +26,11 @@ _SCRIPTS = "script-src 'unsafe-inline'"
 """What the page of a run allows; one of a sweep may load the sweep's plotly.js as well."""
 
 
-def write_sweep_report(table: SweepTable, told: Callable[[str], None] = lambda line: None) -> Path:
+def write_sweep_report(
+    table: SweepTable,
+    told: Callable[[str], None] = lambda line: None,
+    extensions: Iterable[Extension] = (),
+) -> Path:
     """Write `report.html` into a sweep's folder, and the pages of its runs into theirs.
 
     The pages share one `plotly.js`, so that a hundred of them stay small; they open from disk, and
@@ -37,6 +42,8 @@ def write_sweep_report(table: SweepTable, told: Callable[[str], None] = lambda l
         The table of the sweep.
     told : callable
         told(line) is called after each page.
+    extensions : iterable
+        Of the cases, as `load_case` takes them.
 
     Returns
     -------
@@ -57,7 +64,8 @@ def write_sweep_report(table: SweepTable, told: Callable[[str], None] = lambda l
         if not run or not result.is_file():
             continue
         if not page.is_file() or page.stat().st_mtime < result.stat().st_mtime:
-            text = write_report([Solution.load(folder)], page).read_text(encoding="utf-8")
+            solution = Solution.load(folder, extensions=extensions)
+            text = write_report([solution], page).read_text(encoding="utf-8")
             text = text.replace(f"<script>{script}</script>", _SHARED)
             write_files({page: text.replace(_SCRIPTS, f"{_SCRIPTS} file: 'self'").encode()})
             told(f"{number} of {len(runs)}: {page}")
