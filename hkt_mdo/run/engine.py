@@ -17,7 +17,7 @@ import threading
 import warnings
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from concurrent.futures import CancelledError
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from importlib import metadata
 from itertools import islice
@@ -65,10 +65,11 @@ def in_processes(
         seen: set[str] = set()
         keys: dict[Any, Hashable] = {}
         while True:
-            threads = client.nthreads()
-            if new := {*threads} - seen:
-                _check_workers(client, {name: threads[name] for name in new}, folder)
-                seen |= new
+            with _while_it_is_there(scheduler):
+                threads = client.nthreads()
+                if new := {*threads} - seen:
+                    _check_workers(client, {name: threads[name] for name in new}, folder)
+                    seen |= new
             if client.cluster is not None:  # one that died as it started has not come back
                 client.cluster.scale(jobs or os.cpu_count())
             room = max(1, len(threads)) - len(keys)
@@ -77,21 +78,26 @@ def in_processes(
             first = []
             if not keys:
                 return
-            try:
-                done = wait(
-                    [*keys], timeout=SECONDS_BETWEEN_LOOKS, return_when="FIRST_COMPLETED"
-                ).done
-            except TimeoutError:
-                continue
-            except CancelledError as error:
-                remedy = "start it again and give the same command: finished runs are kept"
-                where = {"key": "scheduler", "value": scheduler}
-                raise InputError("the scheduler went away", remedy, **where) from error
-            for future in done:
+            with _while_it_is_there(scheduler), suppress(TimeoutError):
+                wait([*keys], timeout=SECONDS_BETWEEN_LOOKS, return_when="FIRST_COMPLETED")
+            for future in [each for each in keys if each.done()]:
                 if future.status == "error" and isinstance(future.exception(), WrongWorkerError):
                     future.result()
                 ended(keys.pop(future), future)
                 future.release()
+
+
+@contextmanager
+def _while_it_is_there(scheduler: str | None) -> Iterator[None]:
+    """Tell as an InputError that a scheduler has gone."""
+    try:
+        yield
+    except TimeoutError:
+        raise
+    except (CancelledError, OSError) as error:
+        remedy = "start it again and give the same command: finished runs are kept"
+        where = {"key": "scheduler", "value": scheduler}
+        raise InputError("the scheduler went away", remedy, **where) from error
 
 
 def why_failed(error: BaseException) -> str:
