@@ -84,11 +84,8 @@ class Axis(Section):
     def at(self, shares: Iterable[float]) -> list[Any]:
         """Return the values of a range at shares of its way, 0 to 1."""
         (low, unit), (high, _) = self.ends
-        way = np.asarray([*shares])
-        if self.spacing == "log":
-            numbers = math.copysign(1.0, low) * abs(low) ** (1.0 - way) * abs(high) ** way
-        else:
-            numbers = low + (high - low) * way
+        log = self.spacing == "log"
+        numbers = (low * (high / low) ** x if log else low + (high - low) * x for x in shares)
         plain = [float(f"{number:.12g}") for number in numbers]
         return [f"{number!r} {unit}" for number in plain] if unit else plain
 
@@ -217,16 +214,13 @@ class Sweep(Section):
                 try:
                     self.case_at(first | point, extensions)
                 except InputError as error:
-                    places = {f"over.{x}": (x, y) for x, y in point.items()}
-                    places |= {f"set.{x}": (x, y) for x, y in self.set_.items()}
-                    keys = {x: y[0] for x, y in places.items()}
+                    places = [("over", *each) for each in point.items()]
+                    places += [("set", *each) for each in self.set_.items()]
                     own = error.key or "-"
-                    near = [x for x, y in keys.items() if own.startswith(y) or y.startswith(own)]
-                    key = near[0] if near else next(iter(places))
-                    where = {"file": file, "key": key, "value": places[key][1]}
-                    problem = error.problem
-                    if error.key != places[key][0]:
-                        problem = f"{error.key or 'the case'} {problem}"
+                    near = [x for x in places if own.startswith(x[1]) or x[1].startswith(own)]
+                    section, key, value = (near or places)[0]
+                    problem = f"{'' if own == key else f'{own} '}{error.problem}"
+                    where = {"file": file, "key": f"{section}.{key}", "value": value}
                     raise InputError(problem, error.remedy, **where) from error
 
 

@@ -34,6 +34,20 @@ def test_a_grid_has_every_combination(tmp_path):
     assert list(again.points()) == points
 
 
+def test_objectives_laws_and_whole_sections_are_axes(tmp_path):
+    laws = "[{law: quadratic}, {law: curve, knots: 6}]"
+    sweep = read(
+        tmp_path,
+        f"{{objective: [captured, electrical], control: {laws}, limits.power: [4 kW, null]}}",
+    )
+    cases = [sweep.case_at(point) for point in sweep.points()]
+    assert [case.objective.kind for case in cases] == ["captured"] * 4 + ["electrical"] * 4
+    assert [case.control.law for case in cases[::2]] == ["quadratic", "curve"] * 2
+    assert cases[2].control.knots == 6
+    bounds = [case.limits.power and case.limits.power.bound for case in cases]
+    assert bounds == [4000.0, None] * 4
+
+
 def test_samples_are_a_latin_hypercube_with_their_seed(tmp_path):
     over = "{rotor.radius: {from: 1.2, to: 1.5}, limits.power: {from: 1, to: 100, spacing: log}}"
     sweep = read(tmp_path, over, "samples: 8\nseed: 3\n")
