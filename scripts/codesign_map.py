@@ -301,8 +301,8 @@ def write_page():
         f"![Gain of co-design over sequential design]({IMAGE})",
         "",
         "*Gain in energy, per cent, at verified points (dots; small ones: less than "
-        f"{100 * TOLD:g} %), interpolated between them. Above the solid line and left of the dashed "
-        "one, no limit binds if the sequential blade keeps its best tip speed ratio.*",
+        f"{100 * TOLD:g} %), interpolated between them. Above the solid line and left of the "
+        "dashed one, no limit binds if the sequential blade keeps its best tip speed ratio.*",
         "",
         "## What was compared",
         "",
