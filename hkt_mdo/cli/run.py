@@ -9,14 +9,13 @@ from typing import Annotated, Any
 
 from rich.console import Console
 from rich.status import Status
-from typer import Argument, BadParameter, Exit, Option, echo
+from typer import BadParameter, Exit, Option, echo
 
 from hkt_mdo.cli import parts
-from hkt_mdo.errors import InputError
+from hkt_mdo.cli.sweep import run_several
 
 _SECONDS_BETWEEN_LINES = 5.0
 
-_CASES = "Case file in YAML, such as cases/sine_quadratic.yaml; several run at the same time."
 _FORCE = "Replace an earlier result in the folder; files that are not of a run are kept."
 _RESUME = "In place of CASE: continue the unfinished run in this folder from its last iterate."
 _OPTIMIZER = "IPOPT, SLSQP or SNOPT: sets driver.optimizer."
@@ -26,7 +25,7 @@ _SEGMENTS = "Number of collocation segments: sets phase.segments."
 
 
 def run(
-    cases: Annotated[list[Path] | None, Argument(metavar="CASE...", help=_CASES)] = None,
+    cases: parts.Cases = None,
     out: parts.OutFolder = None,
     force: Annotated[bool, Option("--force", help=_FORCE)] = False,
     resume: Annotated[Path | None, Option(metavar="DIR", help=_RESUME)] = None,
@@ -60,11 +59,9 @@ def run(
         raise BadParameter("--resume continues a run without changes: give no other option")
     if no_figures and pdf:
         raise BadParameter("--pdf draws figures and --no-figures none: give one of them")
-    how: dict[str, Any] = {"figures": ("png", "pdf") if pdf else not no_figures}
-    how["records"] = not no_records
     if cases is not None and len(cases) > 1:
-        _run_several(cases, changes, out or Path("results"), jobs, force, quiet, how)
-        return
+        kept = {"figures": ("png", "pdf") if pdf else not no_figures, "records": not no_records}
+        return run_several(cases, changes, out or Path("results"), jobs, force, quiet, kept)
     if not cases and resume is None:
         raise BadParameter("give a CASE, or --resume DIR")
     loaded = parts.read_case(cases[0] if cases else Path(resume or "", "case.yaml"), changes)
@@ -74,9 +71,12 @@ def run(
         with Console(quiet=quiet).status(f"{loaded.name}: preparing") as status:
             from hkt_mdo.run import run as runner
 
+            how: dict[str, Any] = {"figures": ("png", "pdf") if pdf else not no_figures}
+            how["records"] = not no_records
             if not quiet:
-                unit = loaded.objective.unit or ""
-                how["progress"], how["on_pass"] = _reporters(loaded.name, unit, status)
+                how["progress"], how["on_pass"] = _reporters(
+                    loaded.name, loaded.objective.unit or "", status
+                )
             if resume is None:
                 solution = runner.run_case(loaded, folder, force=force, **how)
             else:
@@ -97,41 +97,6 @@ def run(
     if not solution.success:
         reason = solution.message or "the run gives no reason"
         parts.complain("error", f"no success: {reason} (the result is in {folder})")
-        raise Exit(parts.NO_SUCCESS)
-
-
-def _run_several(
-    files: list[Path], changes: list[str], out: Path, jobs: Any, force: bool, quiet: bool, how: Any
-) -> None:
-    """Run several cases into folders of their names; tell each that ends."""
-    from hkt_mdo.results.folder import check_folder
-    from hkt_mdo.run.batch import begun, run_batch
-
-    loaded = [parts.read_case(file, changes) for file in files]
-    names = [each.name for each in loaded]
-    if twice := [name for name in names if names.count(name) > 1]:
-        given = {"key": "name", "value": twice[0]}
-        raise InputError("is the name of two cases", "give each its own", **given)
-    plan = {out / each.name: each for each in loaded}
-    for folder, case in plan.items():
-        if not begun(folder, case):
-            check_folder(folder, force)
-    done = 0
-
-    def told(folder: Path, word: str) -> None:
-        nonlocal done
-        done += 1
-        if not quiet:
-            echo(f"{done} of {len(plan)}: {folder}: {word}")
-
-    try:
-        found = run_batch(plan, jobs, told, **how)
-    except KeyboardInterrupt:
-        parts.complain("interrupted", f"finished results are in {out}; the same command goes on")
-        raise Exit(parts.INTERRUPTED) from None
-    failed = [path for path, each in found.items() if each is None or not each.success]
-    if failed:
-        parts.complain("error", f"no success: {', '.join(map(str, failed))}")
         raise Exit(parts.NO_SUCCESS)
 
 

@@ -1,4 +1,4 @@
-"""The command that runs a sweep."""
+"""What runs many cases: the command that runs a sweep, and `hkt run` of several cases."""
 
 from __future__ import annotations
 
@@ -121,3 +121,38 @@ def _summarize(rows: list[dict[str, Any]], states: Counter[str], folder: Path) -
     if won := sum(row.get("start") == "neighbour" for row in rows):
         echo(f"the design of a neighbour led to the better result in {won:,} of {len(rows):,} runs")
     echo(f"Table: {folder / 'table.csv'}")
+
+
+def run_several(
+    files: list[Path], changes: list[str], out: Path, jobs: Any, force: bool, quiet: bool, how: Any
+) -> None:
+    """Run several cases into folders of their names; tell each that ends."""
+    from hkt_mdo.results.folder import check_folder
+    from hkt_mdo.run.batch import begun, run_batch
+
+    loaded = [parts.read_case(file, changes) for file in files]
+    names = [each.name for each in loaded]
+    if twice := [name for name in names if names.count(name) > 1]:
+        given = {"key": "name", "value": twice[0]}
+        raise InputError("is the name of two cases", "give each its own", **given)
+    plan = {out / each.name: each for each in loaded}
+    for folder, case in plan.items():
+        if not begun(folder, case):
+            check_folder(folder, force)
+    done = 0
+
+    def told(folder: Path, word: str) -> None:
+        nonlocal done
+        done += 1
+        if not quiet:
+            echo(f"{done} of {len(plan)}: {folder}: {word}")
+
+    try:
+        found = run_batch(plan, jobs, told, **how)
+    except KeyboardInterrupt:
+        parts.complain("interrupted", f"finished results are in {out}; the same command goes on")
+        raise Exit(parts.INTERRUPTED) from None
+    failed = [path for path, each in found.items() if each is None or not each.success]
+    if failed:
+        parts.complain("error", f"no success: {', '.join(map(str, failed))}")
+        raise Exit(parts.NO_SUCCESS)
