@@ -53,15 +53,14 @@ def run(
     case with many values of its keys.
     """
     given = {"driver.optimizer": optimizer, "driver.package": package, "phase.segments": segments}
-    settings = [f"{key}={value}" for key, value in given.items() if value is not None]
+    settings = (f"{key}={value}" for key, value in given.items() if value is not None)
     changes = [*(overrides or ()), *settings]
     if resume is not None and (cases or changes or out is not None or force):
         raise BadParameter("--resume continues a run without changes: give no other option")
     if no_figures and pdf:
         raise BadParameter("--pdf draws figures and --no-figures none: give one of them")
     if cases is not None and len(cases) > 1:
-        kept = {"figures": ("png", "pdf") if pdf else not no_figures, "records": not no_records}
-        return run_several(cases, changes, out or Path("results"), jobs, force, quiet, kept)
+        return run_several(cases, changes, out, jobs, force, quiet, no_figures, no_records, pdf)
     if not cases and resume is None:
         raise BadParameter("give a CASE, or --resume DIR")
     loaded = parts.read_case(cases[0] if cases else Path(resume or "", "case.yaml"), changes)

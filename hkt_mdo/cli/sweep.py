@@ -124,9 +124,18 @@ def _summarize(rows: list[dict[str, Any]], states: Counter[str], folder: Path) -
 
 
 def run_several(
-    files: list[Path], changes: list[str], out: Path, jobs: Any, force: bool, quiet: bool, how: Any
+    files: list[Path],
+    changes: list[str],
+    out: Path | None,
+    jobs: int | None,
+    force: bool,
+    quiet: bool,
+    no_figures: bool,
+    no_records: bool,
+    pdf: bool,
 ) -> None:
     """Run several cases into folders of their names; tell each that ends."""
+    out, figures = out or Path("results"), ("png", "pdf") if pdf else not no_figures
     from hkt_mdo.results.folder import check_folder
     from hkt_mdo.run.batch import begun, run_batch
 
@@ -148,7 +157,7 @@ def run_several(
             echo(f"{done} of {len(plan)}: {folder}: {word}")
 
     try:
-        found = run_batch(plan, jobs, told, **how)
+        found = run_batch(plan, jobs, told, not no_records, figures=figures)
     except KeyboardInterrupt:
         parts.complain("interrupted", f"finished results are in {out}; the same command goes on")
         raise Exit(parts.INTERRUPTED) from None

@@ -14,8 +14,8 @@ def asked(monkeypatch, tmp_path):
     """Take the place of the batch: the first case has a result, the others have none."""
     calls = []
 
-    def run_batch(cases, jobs, done, **how):
-        calls.append((cases, jobs, how))
+    def run_batch(cases, jobs, done, records, figures):
+        calls.append((cases, jobs, records, figures))
         found = dict.fromkeys(cases)
         first = next(iter(cases))
         found[first] = Solution.load(make_result(tmp_path / "made" / str(len(calls))))
@@ -31,10 +31,10 @@ def asked(monkeypatch, tmp_path):
 def test_each_case_has_its_folder_and_a_failure_is_told(asked, tmp_path, capsys):
     words = ["run", "sine_oloc", "sine_linear", "--out", "out", "--jobs", "2", "--no-figures"]
     assert main([*words, "--set", "phase.segments=20"]) == 3
-    ((cases, jobs, how),) = asked
+    ((cases, *how),) = asked
     assert [str(folder) for folder in cases] == ["out/sine_oloc", "out/sine_linear"]
     assert {case.phase.segments for case in cases.values()} == {20}
-    assert (jobs, how) == (2, {"figures": False, "records": True})
+    assert how == [2, True, False]
     told = capsys.readouterr()
     assert told.out.splitlines() == [
         "1 of 2: out/sine_oloc: ok",
