@@ -34,11 +34,12 @@ SWING = AMPLITUDE / MEAN
 SHARES = {"torque": (0.7, 2.3), "power": (0.8, 2.6)}  # of the limit: its range over the map
 BETAS = 0.05, 8.0
 FIRST, POINTS, ROUNDS = 7, 100, 4  # first points a side; all of them; rounds of refinement
+SEGMENTS = 24  # of the collocation, twice as many where a run is refused
 TOLD = 1e-4  # share of the energy from which a gain counts
 NEARLY = 1e-6  # share of the energy to which two runs agree
 COLUMNS = (
     *("limit", "share", "beta", "limit_SI", "hub_inertia_kg_m2", "sequential_J", "codesign_J"),
-    *("start", "verified"),
+    *("start", "verified", "segments"),
 )
 
 
@@ -57,16 +58,16 @@ class Rotor:
         self.inertia = world.mass_and_inertia(self.blade)[1]
         self.own = {"torque": self.torque, "power": self.power}
 
-    def cases(self, limit, share, beta):
+    def cases(self, limit, share, beta, segments):
         """Return the co-design at a point of the map, and the law alone on the blade."""
         inertia = beta * PERIOD / (2.0 * math.pi) * self.torque / self.speed
         hub = max(0.0, inertia - self.inertia)
-        together = case({limit: share * self.own[limit]}, hub)
+        together = case({limit: share * self.own[limit]}, hub, segments)
         twist = np.rad2deg(self.blade.twist)
         return together, with_blade(together, self.blade.chord, twist, "fixed")
 
 
-def case(limits, hub_inertia):
+def case(limits, hub_inertia, segments=SEGMENTS):
     """Return the paper's rotor under open loop over one closed cycle of a sine."""
     return load_case(
         {
@@ -80,7 +81,7 @@ def case(limits, hub_inertia):
             },
             "control": "open_loop",
             "limits": limits,
-            "phase": {"duration": PERIOD, "segments": 24, "final_speed": "initial"},
+            "phase": {"duration": PERIOD, "segments": segments, "final_speed": "initial"},
         }
     )
 
@@ -95,21 +96,29 @@ def main():
     arguments = parser.parse_args()
     if not arguments.page:
         rotor, known = Rotor(), {limit: {} for limit in SHARES}
-        for round_ in range(ROUNDS):
-            asked = [
-                (limit, *place)
-                for limit in SHARES
-                for place in chosen(limit, known[limit], arguments.points, round_)
-            ]
-            for key, row in run(rotor, asked, arguments.out.absolute(), arguments.jobs).items():
+        for round_ in range(ROUNDS + 1):
+            asked, segments = [], SEGMENTS
+            for limit, of_limit in known.items():
+                if round_ < ROUNDS:
+                    places = chosen(limit, of_limit, arguments.points, round_)
+                else:  # where a run was refused, on a finer mesh
+                    places = [key for key, row in of_limit.items() if row["verified"] == "no"]
+                    segments = 2 * SEGMENTS
+                asked += [(limit, *place) for place in places]
+            found = run(rotor, asked, arguments.out.absolute(), arguments.jobs, segments)
+            for key, row in found.items():
                 known[key[0]][key[1:]] = row
-            rows = [row for of in known.values() for _, row in sorted(of.items())]
-            DATA.parent.mkdir(exist_ok=True)
-            with DATA.open("w", encoding="utf-8", newline="") as file:
-                writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-                writer.writeheader()
-                writer.writerows(rows)
+            save([row for each in known.values() for _, row in sorted(each.items())])
     write_page()
+
+
+def save(rows):
+    """Write the data."""
+    DATA.parent.mkdir(exist_ok=True)
+    with DATA.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 # The points ---------------------------------------------------------------------------------------
@@ -158,14 +167,15 @@ def gain(row):
     return float(row["codesign_J"] or "nan") / float(row["sequential_J"] or "nan") - 1.0
 
 
-def run(rotor, asked, out, jobs):
+def run(rotor, asked, out, jobs, segments):
     """Return the row of each point asked; co-design begins twice, also at the sequential design."""
 
     def in_turn(plan):
         return run_batch(plan, jobs, lambda folder, word: print(folder, word, flush=True), False)
 
-    cases = {key: rotor.cases(*key) for key in asked}
-    folder = {key: out / key[0] / f"{key[1]:g}_{key[2]:g}" for key in asked}
+    cases = {key: rotor.cases(*key, segments) for key in asked}
+    finer = "" if segments == SEGMENTS else f"_{segments}"
+    folder = {key: out / key[0] / f"{key[1]:g}_{key[2]:g}{finer}" for key in asked}
     plan = {}
     for key, (together, alone) in cases.items():
         plan |= {folder[key] / "sequential": alone, folder[key] / "codesign": together}
@@ -190,7 +200,7 @@ def run(rotor, asked, out, jobs):
             *key, f"{key[1] * rotor.own[key[0]]:.6g}", f"{together.rotor.hub_inertia:.6g}",
             energy.get("sequential", ""), energy.get(best, ""),
             "sequential design" if won else "own",
-            "yes" if "sequential" in energy and best in energy else "no",
+            "yes" if "sequential" in energy and best in energy else "no", segments,
         ), strict=True))  # fmt: skip
     return rows
 
@@ -377,11 +387,13 @@ def compared(rows):
         f"result counts: that from the sequential design in {won} of {len(rows)} points."
     )
     yield ""
+    finer = sum(int(row["segments"]) > SEGMENTS for row in rows)
     counts = ", ".join(f"{verified[x]} of {asked[x]} with a {x} limit" for x in SHARES)
     yield (
         "Each point is two energies of the independent integration with direct BEM, both runs "
         f"verified by every judge: {counts}. After a grid of {FIRST} × {FIRST} the other points "
-        "were placed where the gain changes most."
+        "were placed where the gain changes most. Where a run was refused, both were run again on "
+        f"twice as many segments ({finer} of {len(rows)} points)."
     )
 
 
