@@ -24,7 +24,8 @@ from hkt_mdo.case import load_case
 from hkt_mdo.results import style
 from hkt_mdo.results.folder import write_json
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.run.batch import in_processes, run_batch
+from hkt_mdo.run.batch import run_batch
+from hkt_mdo.run.engine import in_processes
 from hkt_mdo.studies.common import markdown_table, percent, with_blade
 from hkt_mdo.studies.uncertainty import Design, Sensor, fly_noisy
 
@@ -179,7 +180,7 @@ def unseen(found, count, jobs):
         write_json(paths[key], flights[key])
         print("unseen:", *key, flush=True)
 
-    in_processes(tasks, jobs, ended)
+    in_processes(tasks.items(), jobs, ended)
     return flights
 
 

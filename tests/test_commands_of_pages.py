@@ -38,6 +38,8 @@ NOT_RUN = {
     "on such files",
     r"hkt report results/mine results/other": "tests/report/test_page.py compares results",
     r"python scripts/example_cases.py": "three minutes; it writes the numbers of docs/examples.md",
+    r"hkt (sweep|plot results/torque)": "tests/run/test_sweep.py and "
+    "tests/report/test_sweep_page.py run both",
     r"aerodyn_driver": "OpenFAST is not on PyPI; tests/exports/test_openfast.py runs it if it is "
     "installed",
     r"hkt simulate results/mine .*(seed: 3|--strict)": "tests/studies/test_other_flows.py runs "

@@ -128,7 +128,10 @@ def test_every_room_is_named():
         ("import hkt_mdo.start.quasi_steady", "dymos openmdao wisdem numba"),
         ("import hkt_mdo.rotor.bem, hkt_mdo.rotor.shape, hkt_mdo.rotor.inertia", "openmdao"),
         ("import hkt_mdo.results.plots", "dymos openmdao wisdem numba"),
-        ("import hkt_mdo.run.run", "wisdem casadi pyoptsparse"),
+        (
+            "import hkt_mdo.run.run, hkt_mdo.run.sweep, hkt_mdo.cli",
+            "wisdem casadi pyoptsparse distributed dask pandas",
+        ),
     ],
 )
 def test_heavy_imports_wait_until_they_are_used(statement, absent):

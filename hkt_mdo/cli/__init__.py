@@ -19,7 +19,7 @@ from typing import Annotated
 
 import typer
 
-from hkt_mdo.cli import case, resource, results, run, studies
+from hkt_mdo.cli import case, resource, results, run, studies, sweep
 from hkt_mdo.cli.parts import BAD_INPUT, BUG, EXIT_CODES, EXTENSIONS, INTERRUPTED, Extend, complain
 from hkt_mdo.errors import InputError, interrupts_of_compiled_code, program_version
 
@@ -34,7 +34,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 for _command in (
-    *(run.run, case.check, case.n2),
+    *(run.run, sweep.sweep, case.check, case.n2),
     *(results.plot, results.report, results.show, results.simulate, results.compare),
     results.export,
     *(studies.paper, case.schema, case.new, case.polar, resource.resource),

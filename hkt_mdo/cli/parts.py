@@ -33,6 +33,8 @@ EXIT_CODES = (
 _CASE = "Case file in YAML, such as cases/sine_quadratic.yaml; see hkt schema."
 CASE = Argument(metavar="CASE", help=_CASE, show_default=False)
 CaseFile = Annotated[Path, CASE]
+_CASES = "Case file in YAML, such as cases/sine_quadratic.yaml; several run at the same time."
+Cases = Annotated[list[Path] | None, Argument(metavar="CASE...", help=_CASES, show_default=False)]
 _RESULT = "Result folder that hkt run has written."
 ResultFolder = Annotated[Path, Argument(metavar="RESULT", help=_RESULT)]
 _SET = (

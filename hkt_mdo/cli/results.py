@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from hkt_mdo.studies.other_flows import Run, Told
     from hkt_mdo.studies.uncertainty import Sensor
 
+TABLE = "table.csv"
+"""What only the folder of a sweep has."""
 _FORMAT = "File format, such as pdf or svg; may be given several times. Default: png."
 _FLOW = (
     "design: the result's own; A, B or C: the paper's uncertain flows (amplitude x 1.1, frequency "
@@ -71,14 +73,23 @@ def plot(
     out: OutFolder = None,
     formats: Annotated[list[str] | None, Option("--format", metavar="NAME", help=_FORMAT)] = None,
 ) -> None:
-    """Draw the figures of a result.
+    """Draw the figures of a result, or of a sweep.
 
     They are blade, power_curve, operation, schedule (power, speed, torque and thrust over the speed
     of the flow), limits (largest values over their limits), loads (along the blade) and
     convergence, as far as the result has their data, in RESULT/figures unless --out is given; files
     of the same names are replaced. With several scenarios, operation_NAME and limits_NAME show each
-    of them, and schedule and loads have a line for each.
+    of them, and schedule and loads have a line for each. Those of a sweep are front (the objective
+    over a limit or a load), map (over two keys) and parallel (all keys and outcomes).
     """
+    if (result / TABLE).is_file():
+        from hkt_mdo.results.sweep import SweepTable
+        from hkt_mdo.results.sweep_plots import save_figures as save_sweep
+
+        folder = out or result / "figures"
+        for path in save_sweep(SweepTable.load(result), folder, formats or ["png"]):
+            echo(str(path))
+        return
     solution = read_result(result)
 
     from hkt_mdo.results.plots import save_figures
@@ -100,7 +111,17 @@ def report(
     A browser opens it from disk, without a network. It has the verdict with every judge, figures of
     merit, the blade as a solid that can be turned, operation over the flow speed and over time,
     limits, convergence, and what is not modelled. Needs the extra `report` of hkt_mdo.
+
+    Of the folder of a sweep, report.html is written into it: front and map, on which a click opens
+    the report of a run, written into that one's folder.
     """
+    if len(results) == 1 and (results[0] / TABLE).is_file():
+        from hkt_mdo.report.sweep import write_sweep_report
+        from hkt_mdo.results.sweep import SweepTable
+
+        table = SweepTable.load(results[0])
+        echo(str(write_sweep_report(table, echo, parts.EXTENSIONS.get())))
+        return
     from hkt_mdo.report.page import write_report
 
     parts.refuse_existing([out], force)

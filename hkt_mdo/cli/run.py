@@ -14,6 +14,7 @@ from rich.table import Column
 from typer import BadParameter, Exit, Option, echo
 
 from hkt_mdo.cli import parts
+from hkt_mdo.cli.sweep import run_several
 
 _SECONDS_BETWEEN_LINES = 5.0
 _USUAL = 200
@@ -28,7 +29,7 @@ _SEGMENTS = "Number of collocation segments: sets phase.segments."
 
 
 def run(
-    case: Annotated[Path | None, parts.CASE] = None,
+    cases: parts.Cases = None,
     out: parts.OutFolder = None,
     force: Annotated[bool, Option("--force", help=_FORCE)] = False,
     resume: Annotated[Path | None, Option(metavar="DIR", help=_RESUME)] = None,
@@ -40,8 +41,9 @@ def run(
     no_figures: parts.NoFigures = False,
     no_records: Annotated[bool, Option("--no-records", help=_NO_RECORDS)] = False,
     pdf: Annotated[bool, Option("--pdf", help="Draw the figures as PDF too.")] = False,
+    jobs: parts.Jobs = None,
 ) -> None:
-    """Run a case and write a result folder.
+    """Run a case and write a result folder; of several cases, one folder each.
 
     The case is optimized, and the result is integrated independently and checked. The folder,
     results/NAME unless --out is given, where NAME is the name of the case, gets case.yaml (every
@@ -49,18 +51,23 @@ def run(
     simulation.csv, loads.csv, blade.csv, power_curve.csv, convergence.csv, solution.db and
     history.db (OpenMDAO recorders), n2.html and figures/. Options override --set, --set overrides
     the file.
+
+    Several cases run in --jobs processes, each into a folder of its name in --out. What is finished
+    there is not run again, so the same command goes on after an interruption. hkt sweep runs one
+    case with many values of its keys.
     """
     given = {"driver.optimizer": optimizer, "driver.package": package, "phase.segments": segments}
-    settings = [f"{key}={value}" for key, value in given.items() if value is not None]
+    settings = (f"{key}={value}" for key, value in given.items() if value is not None)
     changes = [*(overrides or ()), *settings]
-    if resume is not None and (case is not None or changes or out is not None or force):
+    if resume is not None and (cases or changes or out is not None or force):
         raise BadParameter("--resume continues a run without changes: give no other option")
     if no_figures and pdf:
         raise BadParameter("--pdf draws figures and --no-figures none: give one of them")
-    source = case if resume is None else resume / "case.yaml"
-    if source is None:
+    if cases is not None and len(cases) > 1:
+        return run_several(cases, changes, out, jobs, force, quiet, no_figures, no_records, pdf)
+    if not cases and resume is None:
         raise BadParameter("give a CASE, or --resume DIR")
-    loaded = parts.read_case(source, changes)
+    loaded = parts.read_case(cases[0] if cases else Path(resume or "", "case.yaml"), changes)
     folder = resume or out or Path("results") / loaded.name
     before = _written(folder)
     try:

@@ -25,6 +25,10 @@ _WRITTEN = (
 """Pattern of the files of a run; in braces, the endings of those of one scenario."""
 
 
+class InUseError(InputError):
+    """Another run is using the folder."""
+
+
 @contextmanager
 def _usable(out: Path):
     """Raise an InputError that says why a folder cannot be read or written."""
@@ -71,7 +75,7 @@ def locked(out: Path):
     except sqlite3.Error as error:
         connection.close()
         problem = f"--out {out}: another run is using it ({error})"
-        raise InputError(problem, "wait until it ends or choose another folder") from error
+        raise InUseError(problem, "wait until it ends or choose another folder") from error
     try:
         yield
     finally:

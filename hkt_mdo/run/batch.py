@@ -1,23 +1,18 @@
 """Many cases in parallel processes; finished results are reused, interrupted ones run again."""
 
-import os
 import shutil
-import signal
 import tempfile
-import threading
-import warnings
-from collections.abc import Callable, Hashable, Mapping
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 
-from hkt_mdo.case import Case
+from hkt_mdo.case import Case, load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import complete
 from hkt_mdo.results.nesting import beaten
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.digest import digest
+from hkt_mdo.run.engine import in_processes, why_failed
 from hkt_mdo.run.run import run_case
 
 
@@ -27,17 +22,19 @@ def run_batch(
     done: Callable[[Path, str], None] = lambda folder, word: None,
     records: bool = True,
     pass_on: bool = False,
+    figures: bool | Iterable[str] = False,
 ) -> dict[Path, Solution | None]:
     """Run every case into its folder and return the solutions, None where a case could not be run.
 
     A folder that holds the finished result of an equal case, of the same files and source code, is
     reused; any other result is replaced. `jobs` is the number of processes, None: one per core;
     done(folder, word) is called whenever a case ends, with "reused", "ok", "failed" or the error;
-    `records` tells whether to keep each run's databases and N2 diagram, some megabytes a run.
+    `records` tells whether to keep each run's databases and N2 diagram, some megabytes a run, and
+    `figures` which figures to draw, as `run_case` takes it.
     With `pass_on`, a case that allows a better result of another one (`hkt_mdo.results.nesting`) is
     run again from that one's design, and the better of both results stays.
     """
-    run = partial(run_case, force=True, figures=False, records=records)
+    run = partial(run_case, force=True, figures=figures, records=records)
     found, waiting = {}, {}
     for folder, case in cases.items():
         found[folder] = finished_result(folder, case)
@@ -50,12 +47,10 @@ def run_batch(
         try:
             found[folder] = future.result()
             done(folder, "ok" if found[folder].success else "failed")
-        except InputError as error:
-            done(folder, str(error))
         except Exception as error:  # one failing run must not end the others
-            done(folder, f"{type(error).__name__}: {error}")
+            done(folder, why_failed(error))
 
-    in_processes(waiting, jobs, ended)
+    in_processes(waiting.items(), jobs, ended)
     if pass_on:
         _pass_on(found, cases, jobs, done, run)
     return found
@@ -84,51 +79,42 @@ def _pass_on(found, cases, jobs, done, run) -> None:
 
             def ended(folder, future):
                 try:
-                    better = _take_if_better(found[folder], future.result())
+                    better = take_if_better(found[folder], future.result())
                 except Exception as error:  # the result that there was stays
-                    done(folder, f"{type(error).__name__}: {error}")
+                    done(folder, why_failed(error))
                     return
                 if better:
                     own = cases[folder].extensions
                     found[folder] = Solution.load(found[folder].folder, extensions=own)
                 done(folder, "better from another's design" if better else "not better")
 
-            in_processes(again, jobs, ended)
+            in_processes(again.items(), jobs, ended)
 
 
-def in_processes(
-    tasks: Mapping[Hashable, Callable], jobs: int | None, ended: Callable[[Hashable, Future], None]
-) -> None:
-    """Call tasks in `jobs` parallel processes, and ended(key, future) as each one ends.
+def take_if_better(before: Solution, after: Solution, least: float = 0.0) -> bool:
+    """Copy a case's new result over the one before if it is better, and tell whether it is.
 
-    An interruption (Ctrl-C or SIGTERM) drops the tasks that have not begun.
+    `least`: the share of the objective by which it has to be. Stopped at any point, this leaves
+    either result or an unfinished one, since the summary is the last file to come.
     """
-    main = threading.current_thread() is threading.main_thread()
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler) if main else None
-    # spawn: a forked child would share OpenMDAO's and numba's state with its parent
-    with ProcessPoolExecutor(
-        jobs or os.cpu_count(), get_context("spawn"), warnings.filterwarnings, ("ignore",)
-    ) as pool:
-        try:
-            futures = {pool.submit(task): key for key, task in tasks.items()}
-            for future in as_completed(futures):
-                ended(futures[future], future)
-        except KeyboardInterrupt:  # also SIGTERM: without this the processes would wait for ever
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-        finally:
-            if main:
-                signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
-
-
-def _take_if_better(before: Solution, after: Solution) -> bool:
-    """Copy a case's new result over the one before if it is better, and tell whether it is."""
     objective = before.case.objective
     values = [each.summary.objective.simulated for each in (after, before)]
-    better = after.success and (not before.success or objective.behind(*values) < 0.0)
+    better = after.success and (not before.success or objective.behind(*values) < -least)
     if better:
-        shutil.copytree(after.folder, before.folder, dirs_exist_ok=True)
+        Path(before.folder, "summary.json").unlink()
+        rest = shutil.ignore_patterns("summary.json")
+        shutil.copytree(after.folder, before.folder, dirs_exist_ok=True, ignore=rest)
+        shutil.copy(after.folder / "summary.json", before.folder)
     return better
+
+
+def begun(folder: Path, case: Case) -> bool:
+    """Tell whether a folder has a result of an equal case, finished or not."""
+    try:
+        found = load_case(folder / "case.yaml", extensions=case.extensions)
+        return found == complete(case)
+    except InputError:
+        return False
 
 
 def finished_result(folder: Path, case: Case) -> Solution | None:

@@ -13,14 +13,14 @@ _PACKAGE = Path(__file__).parents[1]
 
 def digest(case: Case) -> str:
     """Return the digest of the package, and of the extensions and files that a case names."""
-    total = sha256(_of_package())
+    total = sha256(of_package())
     for path in (*_extensions(case), *sorted(_files(case.model_dump(mode="json")))):
         total.update(_of_file(path))
     return total.hexdigest()
 
 
 @cache
-def _of_package() -> bytes:
+def of_package() -> bytes:
     """Return the digest of source code and shipped data."""
     total = sha256()
     for path in sorted(_PACKAGE.rglob("*")):

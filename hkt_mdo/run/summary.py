@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import metadata
 from pathlib import Path
 
@@ -490,6 +490,7 @@ def _set_angle(physics, blade):
     return None if shape.designs_chord else physics.case.rotor.set_angle or 0.0
 
 
+@cache
 def _versions():
     """Return the versions of Python and of the installed packages."""
     versions = {"python": platform.python_version()}

@@ -18,7 +18,8 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results.folder import write_json
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.run.batch import in_processes, run_batch
+from hkt_mdo.run.batch import run_batch
+from hkt_mdo.run.engine import in_processes
 from hkt_mdo.start.find import steady_optimum
 from hkt_mdo.studies.common import CODESIGN, LAWS, case_file, with_blade
 from hkt_mdo.studies.paper_report import FLOWS, SENSORS, ensemble_key, write_report
@@ -103,7 +104,7 @@ def _ensembles(out, repeats, seed, jobs, report):
         write_json(folder / f"{key}.json", found[key])
         report(f"uncertainty: {key}")
 
-    in_processes(waiting, jobs, ended)
+    in_processes(waiting.items(), jobs, ended)
     return found
 
 

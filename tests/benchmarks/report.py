@@ -256,6 +256,21 @@ optimized:
 {table(header, crossing)}"""
 
 
+def sweeps(found):
+    """Return the section on sweeps."""
+    of = found["test_workers"]
+    one, two = (of["rates"][workers] for workers in ("1", "2"))
+    return f"""
+## Sweeps
+
+`sine_limited_quadratic` with other torque limits, on warm workers ([sweeps.md](sweeps.md)): a whole
+run, from the start to the tables, takes **{of["over_optimization"]:.1f} times** its optimization
+alone (set-up of the problem and driver; {seconds(of["whole"])} against {seconds(of["alone"])}).
+Two workers do **{two / one:.2f} times** as much as one ({3600 * two:,.0f} against
+{3600 * one:,.0f} runs an hour), with scheduler and client on the same two cores.
+"""
+
+
 def within_brackets(name):
     """Return the parameters of a test's name."""
     return name.partition("[")[2].rstrip("]")
@@ -309,7 +324,7 @@ One core, the fastest of several calls. [bem.md](bem.md) says what is computed a
 def write(found, machine, docs):
     """Write the document and the figure of what was found, by name of the benchmark."""
     packages = ("openmdao", "dymos", "numpy", "scipy", "numba", "casadi")
-    sections = (whole_case, parts, iteration, many, direct, year, peers, bem_alone)
+    sections = (whole_case, parts, iteration, many, direct, year, sweeps, peers, bem_alone)
     cpu = machine.get("cpu", {})
     end = (
         f"\nMeasured with Python {platform.python_version()}, "

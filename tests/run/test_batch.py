@@ -152,7 +152,7 @@ def test_the_digest_covers_the_package(monkeypatch, tmp_path):
     found = []
     for content in ("1", "2"):
         (tmp_path / "bem.py").write_text(content)
-        found.append(module._of_package.__wrapped__())
+        found.append(module.of_package.__wrapped__())
     assert found[0] != found[1]
 
 

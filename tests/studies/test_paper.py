@@ -97,6 +97,7 @@ def test_an_ensemble_is_computed_once(solve, tmp_path, monkeypatch):
     simulated = []
 
     def in_this_process(tasks, jobs, ended):
+        tasks = dict(tasks)
         simulated.append(list(tasks))
         for key, task in tasks.items():
             future = Future()

@@ -1,0 +1,258 @@
+"""A sweep: one case with other values of some keys, on a grid or at random."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterable, Iterator
+from functools import cached_property
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import yaml
+from pydantic import BeforeValidator, Field, Strict, ValidationError, model_validator
+
+from hkt_mdo.case.kinds import Extension
+from hkt_mdo.case.messages import translate
+from hkt_mdo.case.schema import Case, load_case
+from hkt_mdo.errors import InputError
+from hkt_mdo.files.cases import find_case
+from hkt_mdo.files.table import read_text
+from hkt_mdo.files.yaml_text import parse
+from hkt_mdo.sections import Section, refusal
+
+SWEEP = "sweep.yaml"
+"""Where a sweep's folder has what was asked."""
+MAX_BYTES = 1024**2  # of a sweep file
+MOST_VALUES = 1_000_000
+_NUMBER = re.compile(r"\s*([+-]?[0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(.*?)\s*")
+_TORQUE = "limits.torque", "control.torque_limit"
+
+Point = dict[str, Any]
+"""What a run of a sweep has: the values of its keys."""
+
+
+class Axis(Section):
+    """The values of one key: a list, or a range of numbers.
+
+    A list may be given as it is. A range with a `count` is a part of the grid; one without is where
+    random samples lie. Its ends may have a unit, the same one.
+    """
+
+    values: Annotated[tuple[Any, ...], Field(min_length=1)] | None = None
+    """Values of the key, as a case has them: numbers, texts with units, names, whole sections."""
+    from_: float | str | None = Field(None, alias="from")
+    """First value of a range."""
+    to: float | str | None = None
+    """Last value of a range."""
+    count: Annotated[int, Strict(), Field(ge=2, le=MOST_VALUES)] | None = None
+    """Number of values of a range; null: random samples."""
+    spacing: Literal["linear", "log"] = "linear"
+    """Whether values of a range differ by the same amount, or by the same factor."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Axis:
+        if self.values is not None:
+            if (self.from_, self.to, self.count) != (None, None, None):
+                raise refusal("has values and a range", "give one of them")
+            if len({json.dumps(each, sort_keys=True) for each in self.values}) < len(self.values):
+                raise refusal("has a value twice", "give each value once")
+        else:
+            low, high = (end[0] for end in self.ends)
+            if self.spacing == "log" and low * high <= 0.0:
+                raise refusal("has ends without a common sign", "give spacing: linear")
+            if low == high:
+                raise refusal("begins where it ends", "give two different ends")
+        return self
+
+    @property
+    def ends(self) -> tuple[tuple[float, str], tuple[float, str]]:
+        """Number and unit of both ends of a range."""
+        found = [_NUMBER.fullmatch(str(end)) for end in (self.from_, self.to)]
+        try:
+            (low, unit), (high, other) = ((float(x[1]), x[2]) for x in found if x)
+        except ValueError:
+            remedy = "write {from: 1 m, to: 2 m, count: 5}, or a list of values"
+            raise refusal("must be a list or a range of numbers", remedy) from None
+        if unit != other or not math.isfinite(low + high):
+            raise refusal("has ends of two units", "give both ends in one unit")
+        return (low, unit), (high, unit)
+
+    def at(self, shares: Iterable[float]) -> list[Any]:
+        """Return the values of a range at shares of its way, 0 to 1."""
+        (low, unit), (high, _) = self.ends
+        log = self.spacing == "log"
+        numbers = (low * (high / low) ** x if log else low + (high - low) * x for x in shares)
+        plain = [float(f"{number:.12g}") for number in numbers]
+        return [f"{number!r} {unit}" for number in plain] if unit else plain
+
+    def share(self, value: Any) -> float:
+        """Return at which share of its way an axis has a value."""
+        if self.values:
+            return self.values.index(value) / max(1, len(self.values) - 1)
+        (low, _), (high, _) = self.ends
+        number = float(_NUMBER.fullmatch(str(value))[1])  # type: ignore[index]
+        if self.spacing == "log":
+            return math.log(number / low) / math.log(high / low)
+        return (number - low) / (high - low)
+
+    def on_grid(self) -> list[Any]:
+        """Return the values that the axis has in a grid."""
+        return list(self.values) if self.values else self.at(np.linspace(0.0, 1.0, self.count or 2))
+
+
+def _spelled_out(given: Any) -> Any:
+    """Return an axis that is given as a list with its key."""
+    if isinstance(given, list | tuple):
+        return {"values": given}
+    if not isinstance(given, dict | Axis):
+        remedy = "write a list, or {from: 1, to: 2, count: 5}"
+        raise refusal("must be a list or a range of numbers", remedy)
+    return given
+
+
+class Sweep(Section):
+    """Many runs of one case, in which some keys have other values."""
+
+    case: str
+    """Case file, relative to the sweep's folder, or the name of a shipped case."""
+    over: Annotated[dict[str, Annotated[Axis, BeforeValidator(_spelled_out)]], Field(min_length=1)]
+    """Values of keys of the case, such as `limits.torque: [500, 600]`. Each combination of lists
+    and of ranges with a `count` is run, with each sample of the ranges without one."""
+    set_: dict[str, Any] = Field({}, alias="set")
+    """Keys of the case that have another value in all runs."""
+    samples: Annotated[int, Strict(), Field(ge=1, le=MOST_VALUES)] | None = None
+    """Number of random samples, by Latin hypercube, of the ranges without a `count`."""
+    seed: Annotated[int, Strict(), Field(ge=0)] = 0
+    """Seed of the random samples."""
+    neighbours: bool = False
+    """Whether each run starts a second time, from the design of the nearest verified run that has
+    ended; the better verified result counts. Takes twice as long."""
+    front: str | None = None
+    """Column of the table, such as `mass_kg` or `stress_Pa`, which is to be small while the
+    objective is to be good: the other axis of the Pareto front. null: the first key of numbers."""
+
+    @model_validator(mode="after")
+    def _check_samples(self) -> Sweep:
+        if bool(self.sampled) != (self.samples is not None):
+            problem = "has no use where every key has a list or a count"
+            remedy, where = "leave it out, or leave out the count of a range", "samples"
+            value: Any = self.samples
+            if self.sampled:
+                problem, where = "has no count, and the sweep no samples", f"over.{self.sampled[0]}"
+                remedy = "give the range a count, or the sweep samples: 100"
+                value = self.over[self.sampled[0]].model_dump(exclude_none=True)
+            raise refusal(problem, remedy, key=where, value=value)
+        return self
+
+    @property
+    def sampled(self) -> list[str]:
+        """The keys that have random samples."""
+        return [key for key, axis in self.over.items() if not (axis.values or axis.count)]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of values of each key of a grid, and of the samples last, if there are any."""
+        counts = [len(x.values) if x.values else x.count for x in self.over.values()]
+        return tuple(filter(None, [*counts, self.samples]))
+
+    @property
+    def size(self) -> int:
+        """Number of runs."""
+        return math.prod(self.shape)
+
+    @cached_property
+    def _parts(self) -> list[list[Point]]:
+        """The points of each key of the grid, and those of the samples."""
+        parts = [
+            [{key: value} for value in axis.on_grid()]
+            for key, axis in self.over.items()
+            if key not in self.sampled
+        ]
+        if self.samples:
+            from scipy.stats import qmc
+
+            drawn = qmc.LatinHypercube(len(self.sampled), seed=self.seed).random(self.samples)
+            columns = [self.over[x].at(way) for x, way in zip(self.sampled, drawn.T, strict=True)]
+            rows = zip(*columns, strict=True)
+            parts.append([dict(zip(self.sampled, row, strict=True)) for row in rows])
+        return parts
+
+    def points(self) -> Iterator[Point]:
+        """Yield every point; the last key changes fastest."""
+        for parts in product(*self._parts):
+            found = {key: value for part in parts for key, value in part.items()}
+            yield {key: found[key] for key in self.over}
+
+    def to_yaml(self) -> str:
+        """Return the sweep as YAML, without what is by default."""
+        data = self.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+        return str(yaml.dump(data | {"seed": self.seed}, sort_keys=False, width=100))
+
+    def case_at(self, point: Point, extensions: Iterable[Extension] = ()) -> Case:
+        """Return the case of a point. Raises InputError where that has no case."""
+        given = self.set_ | point
+        for name, other in (_TORQUE, _TORQUE[::-1]):  # two names of one key
+            given |= {other: given[name]} if name in given and other not in given else {}
+        changes = [f"{key}={json.dumps(value)}" for key, value in given.items()]
+        return load_case(self.case, changes, extensions=extensions)
+
+    def check(self, file: object, extensions: Iterable[Extension] = ()) -> None:
+        """Try values of lists and ends of ranges, each beside the first values of the others.
+
+        Raises InputError, with `file` and the key there, for a key that the case does not have and
+        for a value that it cannot have.
+        """
+        load_case(self.case, extensions=extensions)
+        first = next(self.points())
+        for part in self._parts:
+            listed = any(self.over[key].values for key in part[0])
+            for point in part if listed else (part[0], part[-1]):
+                try:
+                    self.case_at(first | point, extensions)
+                except InputError as error:
+                    places = [("over", *each) for each in point.items()]
+                    places += [("set", *each) for each in self.set_.items()]
+                    own = error.key or "-"
+                    near = [x for x in places if own.startswith(x[1]) or x[1].startswith(own)]
+                    section, key, value = (near or places)[0]
+                    problem = f"{'' if own == key else f'{own} '}{error.problem}"
+                    where = {"file": file, "key": f"{section}.{key}", "value": value}
+                    raise InputError(problem, error.remedy, **where) from error
+
+
+def load_sweep(
+    source: str | Path, extensions: Iterable[Extension] = (), check: bool = True
+) -> Sweep:
+    """Read a sweep file, and, with `check`, try its values (`Sweep.check`).
+
+    Raises InputError, with file, key, value and remedy, if anything in it is wrong.
+    """
+    path = Path(source)
+    data = parse(read_text(path, "sweep file in YAML", MAX_BYTES), str(path))
+    if not isinstance(data, dict):
+        remedy = "write case: FILE and over: {limits.torque: [500, 600, 700]}"
+        raise InputError("must hold keys and values at its top", remedy, file=path, value=data)
+    try:
+        sweep = Sweep.model_validate(data)
+    except ValidationError as error:
+        errors = error.errors(include_url=False)
+        first, *rest = errors[0]["loc"] or ("",)
+        if first == "over" and len(rest) > 1:  # in an axis
+            told = translate([errors[0] | {"loc": tuple(rest[1:])}], Axis, str(path), {})
+            told.key = f"over.{rest[0]}.{told.key}"
+            raise told from None
+        raise translate(errors, Sweep, str(path), {}) from None
+    if not check:
+        return sweep
+    case = path.parent / sweep.case
+    case = case if case.is_file() else find_case(sweep.case)
+    if not case.is_file():
+        remedy = "give a case file, relative to the sweep's folder, or the name of a shipped case"
+        raise InputError("is not a file", remedy, file=path, key="case", value=sweep.case)
+    sweep = sweep.model_copy(update={"case": str(case.absolute())})
+    sweep.check(path, extensions)
+    return sweep

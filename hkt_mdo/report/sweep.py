@@ -1,0 +1,132 @@
+"""The report of a sweep: its front and its map, and a page for each run behind a point."""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Callable, Iterable
+from importlib import import_module
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import numpy as np
+
+from hkt_mdo.case.kinds import Extension
+from hkt_mdo.files.table import write_files
+from hkt_mdo.report.page import require_packages, write_report
+from hkt_mdo.results import style
+from hkt_mdo.results.solution import Solution
+from hkt_mdo.results.sweep import SweepTable
+
+_TEMPLATES = Path(__file__).parent / "templates"
+RED = style.COLORS[1]
+_SHARED = '<script src="../../plotly.js"></script>'
+_SCRIPTS = "script-src 'unsafe-inline'"
+"""What the page of a run allows; one of a sweep may load the sweep's plotly.js as well."""
+
+
+def write_sweep_report(
+    table: SweepTable,
+    told: Callable[[str], None] = lambda line: None,
+    extensions: Iterable[Extension] = (),
+) -> Path:
+    """Write `report.html` into a sweep's folder, and the pages of its runs into theirs.
+
+    The pages share one `plotly.js`, so that a hundred of them stay small; they open from disk, and
+    need no network. A page that is newer than its result is kept.
+
+    Parameters
+    ----------
+    table : SweepTable
+        The table of the sweep.
+    told : callable
+        told(line) is called after each page.
+    extensions : iterable
+        Of the cases, as `load_case` takes them.
+
+    Returns
+    -------
+    pathlib.Path
+        The sweep's page.
+
+    Raises
+    ------
+    InputError
+        If a package is missing, or a file cannot be written.
+    """
+    require_packages()
+    script = import_module("plotly.offline").get_plotlyjs()
+    runs = [str(run) for run in table.columns["run"]]
+    for number, run in enumerate(runs, start=1):
+        folder = table.folder / run
+        page, result = folder / "report.html", folder / "summary.json"
+        if not run or not result.is_file():
+            continue
+        if not page.is_file() or page.stat().st_mtime < result.stat().st_mtime:
+            solution = Solution.load(folder, extensions=extensions)
+            text = write_report([solution], page).read_text(encoding="utf-8")
+            text = text.replace(f"<script>{script}</script>", _SHARED)
+            write_files({page: text.replace(_SCRIPTS, f"{_SCRIPTS} file: 'self'").encode()})
+            told(f"{number} of {len(runs)}: {page}")
+    pages = [Path(run, "report.html") for run in runs]
+    made = [page.as_posix() if (table.folder / page).is_file() else "" for page in pages]
+    links = np.array(made)
+    charts = {"front": _front(table, links), "map": _map(table, links)}
+    good = int(np.sum(table.verified))
+    failed = [
+        f'<tr><th><a href="{links[at]}">{html.escape(runs[at] or "no run")}</a></th>'
+        f"<td>{html.escape(table.columns['message'][at])}</td></tr>"
+        for at in np.flatnonzero(~table.verified)
+    ]
+    text = Template((_TEMPLATES / "sweep.html").read_text(encoding="utf-8")).substitute(
+        title=html.escape(f"Sweep over {', '.join(table.sweep.over)}"),
+        css=(_TEMPLATES / "report.css").read_text(encoding="utf-8"),
+        lead=html.escape(f"{good} of {len(runs)} runs of {table.sweep.case} are verified."),
+        failed="\n".join(failed) or "<tr><td>none</td></tr>",
+        data=json.dumps(charts, allow_nan=False).replace("<", "\\u003c"),
+    )
+    out = table.folder / "report.html"
+    write_files({table.folder / "plotly.js": script.encode(), out: text.encode()})
+    return out
+
+
+def _front(table: SweepTable, links: np.ndarray) -> dict[str, Any] | None:
+    """Return the chart of the Pareto front."""
+    if not table.cost or not table.verified.any():
+        return None
+    cost = table.columns[table.cost]
+    known = np.flatnonzero(table.verified & np.isfinite(cost))
+    kinds = (known, {"color": "#888"}, "verified"), (table.front(), {"color": RED}, "Pareto front")
+    return _chart(table.cost, table.label, cost, table.objective, kinds, links)
+
+
+def _map(table: SweepTable, links: np.ndarray) -> dict[str, Any] | None:
+    """Return the chart of the objective over two keys."""
+    if len(table.numeric) < 2 or not table.verified.any():
+        return None
+    good = np.flatnonzero(table.verified)
+    shades = {"color": table.objective[good].tolist(), "colorscale": "Viridis", "size": 14}
+    shades |= {"symbol": "square", "showscale": True, "colorbar": {"title": {"text": table.label}}}
+    crosses = (
+        np.flatnonzero(~table.verified),
+        {"symbol": "x", "color": RED, "size": 9},
+        "no success",
+    )
+    (across, x), (up, y) = ((key, table.columns[key]) for key in table.numeric[:2])
+    return _chart(across, up, x, y, ((good, shades, "verified"), crosses), links)
+
+
+def _chart(
+    across: str, up: str, x: np.ndarray, y: np.ndarray, kinds: Any, links: np.ndarray
+) -> dict[str, Any]:
+    """Return a chart of points with links, of some kinds: their places, markers and name."""
+    data = [
+        {"type": "scatter", "mode": "lines+markers" if name == "Pareto front" else "markers"}
+        | {"x": x[at].tolist(), "y": y[at].tolist(), "customdata": links[at].tolist()}
+        | {"name": name, "marker": marker}
+        for at, marker, name in kinds
+    ]
+    layout = {"xaxis": {"title": {"text": across}}, "yaxis": {"title": {"text": up}}}
+    look = {"height": 460, "hovermode": "closest", "legend": {"orientation": "h", "y": 1.1}}
+    return {"data": data, "layout": {**layout, **look}}

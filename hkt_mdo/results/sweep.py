@@ -1,0 +1,226 @@
+"""The table of a sweep: a row a run, as CSV, Parquet and NetCDF.
+
+A sweep's folder has `sweep.yaml`, `table.csv` and the result folders of its runs in `runs`.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hkt_mdo.case.sweep import SWEEP, Sweep, load_sweep
+from hkt_mdo.errors import InputError
+from hkt_mdo.files.table import read_text, write_files
+from hkt_mdo.quantities import QUANTITIES
+from hkt_mdo.results.solution import Solution
+
+TABLE = "table.csv"
+VERIFIED, REFUSED, ERROR = "verified", "refused", "error"
+"""States of a run: a success; a result that its judges refused; none, see its message."""
+MAX_BYTES = 1024**3
+_MERITS = (
+    *("simulated_energy_J", "generator_energy_J", "electrical_energy_J", "energy_bound_J"),
+    *("certified_gap", "power_coefficient_max", "control_torque_max_Nm", "rotor_radius_m"),
+    *("inertia_kg_m2", "mass_kg", "iterations", "wall_seconds"),
+)
+"""Numbers of a summary that have a column under their own names."""
+
+Row = dict[str, Any]
+
+
+def row_of(solution: Solution) -> Row:
+    """Return what the table has of a result, in SI units.
+
+    Parameters
+    ----------
+    solution : Solution
+        A finished result.
+
+    Returns
+    -------
+    dict
+        Values by the names of their columns; energies are those of the integration.
+    """
+    summary, case = solution.summary, solution.case
+    row: Row = {
+        "state": VERIFIED if solution.success else REFUSED,
+        "objective": None if summary.objective is None else summary.objective.simulated,
+        "objective_unit": case.objective.unit,
+        "better": "larger" if case.objective.maximize else "smaller",
+        **{name: getattr(summary, name) for name in _MERITS},
+    }
+    for name, load in (summary.loads or {}).items():
+        unit = load.unit.replace("*", "").replace("/", "_")
+        own = f"{name}_{unit}" if unit else name
+        row[QUANTITIES[name].column if name in QUANTITIES else own] = load.value
+    gains = np.atleast_1d([] if summary.gain is None else summary.gain)
+    row |= {f"gain_{number}": float(gain) for number, gain in enumerate(gains, start=1)}
+    row["binding"] = " ".join(x for x, each in (summary.limits or {}).items() if each.binding)
+    return row | {"message": "" if solution.success else solution.message}
+
+
+def write_table(folder: Path, sweep: Sweep, rows: Sequence[Row]) -> list[Path]:
+    """Write the table of a sweep: CSV, and as packages allow Parquet and, of a grid, NetCDF.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        The sweep's folder.
+    sweep : Sweep
+        What was asked.
+    rows : sequence of dict
+        A row for each point, in the order of the points.
+
+    Returns
+    -------
+    list of pathlib.Path
+        The files.
+    """
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    names.sort(key="message".__eq__)  # a text, the last one
+    text = io.StringIO()
+    writer = csv.DictWriter(text, names, lineterminator="\n", restval="")
+    writer.writeheader()
+    writer.writerows(rows)
+    files = {folder / TABLE: text.getvalue().encode()}
+    columns = {name: _column(row.get(name) for row in rows) for name in names}
+    if all(map(find_spec, ("pandas", "pyarrow"))):
+        from pandas import DataFrame
+
+        files[folder / "table.parquet"] = DataFrame(columns).to_parquet(None)
+    write_files(files)
+    grid, shape, keys = folder / "grid.nc", sweep.shape, list(sweep.over)
+    grid.unlink(missing_ok=True)
+    if not sweep.sampled and len(rows) == sweep.size and all(map(find_spec, ("xarray", "netCDF4"))):
+        from xarray import Dataset
+
+        shaped = {name: values.reshape(shape) for name, values in columns.items()}
+        along = {key: np.moveaxis(shaped.pop(key), at, 0) for at, key in enumerate(keys)}
+        axes = {key: each.reshape(len(each), -1)[:, 0] for key, each in along.items()}
+        Dataset({name: (keys, each) for name, each in shaped.items()}, axes).to_netcdf(grid)
+        files[grid] = b""
+    return list(files)
+
+
+def _column(values: Iterable[Any]) -> np.ndarray:
+    """Return values as numbers, NaN for none; as texts if one of them is no number."""
+    known = ["" if value is None else value for value in values]
+    with suppress(ValueError):
+        if any(value != "" for value in known):
+            return np.array([np.nan if value == "" else float(value) for value in known])
+    return np.array([str(value) for value in known])
+
+
+@dataclass(frozen=True, eq=False)
+class SweepTable:
+    """The table of a sweep, read from its folder.
+
+    Attributes
+    ----------
+    folder : pathlib.Path
+        The sweep's folder.
+    sweep : Sweep
+        What was asked.
+    columns : dict of ndarray, shape (n_runs,)
+        Numbers, NaN for none, or texts, by the names of the columns.
+    """
+
+    folder: Path
+    sweep: Sweep
+    columns: dict[str, np.ndarray]
+
+    @classmethod
+    def load(cls, folder: str | Path) -> SweepTable:
+        """Read the table in a sweep's folder.
+
+        Parameters
+        ----------
+        folder : str or pathlib.Path
+            The folder.
+
+        Returns
+        -------
+        SweepTable
+            The table.
+
+        Raises
+        ------
+        InputError
+            If there is none, or it cannot be read.
+        """
+        folder = Path(folder)
+        sweep = load_sweep(folder / SWEEP, check=False)
+        text = read_text(folder / TABLE, "table of a sweep", MAX_BYTES)
+        header, *rows = list(csv.reader(io.StringIO(text))) or [[]]
+        if not rows or {*map(len, rows)} != {len(header)} or not {*sweep.over} <= {*header}:
+            remedy = "give hkt sweep again, which writes it anew"
+            raise InputError("is not the table of this sweep", remedy, file=folder / TABLE)
+        columns = dict(zip(header, map(_column, zip(*rows, strict=True)), strict=True))
+        return cls(folder, sweep, columns)
+
+    @property
+    def verified(self) -> np.ndarray:
+        """Whether each run is a success, shape (n_runs,)."""
+        return (self.columns["state"] == VERIFIED) & np.isfinite(self.objective)
+
+    @property
+    def objective(self) -> np.ndarray:
+        """The objective of each run, NaN for none, shape (n_runs,)."""
+        return self.columns["objective"].astype(float)
+
+    @property
+    def maximize(self) -> bool:
+        """Whether the objective is to be large."""
+        return "smaller" not in self.columns["better"]
+
+    @property
+    def label(self) -> str:
+        """Name and unit of the objective."""
+        units = {*self.columns["objective_unit"]} - {""}
+        return f"objective ({', '.join(units)})"
+
+    @property
+    def numeric(self) -> list[str]:
+        """The keys of the sweep whose values are numbers."""
+        return [key for key in self.sweep.over if self.columns[key].dtype.kind == "f"]
+
+    @property
+    def cost(self) -> str:
+        """The column that the Pareto front weighs against the objective; empty: there is none.
+
+        Raises
+        ------
+        InputError
+            If the sweep names a column that there is not.
+        """
+        name = self.sweep.front
+        if name is None:
+            return next(iter(self.numeric), "")
+        known = [x for x, each in self.columns.items() if each.dtype.kind == "f"]
+        if name not in known:
+            remedy, where = f"give one of {', '.join(known)}", self.folder / SWEEP
+            raise InputError("is no column of numbers", remedy, file=where, key="front", value=name)
+        return name
+
+    def front(self) -> np.ndarray:
+        """Return the places of the verified runs that no other one betters in both respects.
+
+        Returns
+        -------
+        ndarray of int
+            By rising cost; with a better objective each.
+        """
+        cost = self.columns[self.cost]
+        gain = self.objective if self.maximize else -self.objective
+        known = np.flatnonzero(self.verified & np.isfinite(cost))
+        order = known[np.lexsort((-gain[known], cost[known]))]
+        best = np.maximum.accumulate(np.r_[-np.inf, gain[order]])
+        return order[gain[order] > best[:-1]]

@@ -1,0 +1,219 @@
+"""Many calls in worker processes: the one engine of batches, sweeps and studies, on `distributed`.
+
+Workers are processes of this machine, or those of a scheduler elsewhere. Each has one thread, and
+gets its next call when it is done with the last one, so that a worker that dies loses one call,
+which another one makes again.
+"""
+
+from __future__ import annotations
+
+import gc
+import logging
+import os
+import platform
+import re
+import signal
+import threading
+import warnings
+from collections.abc import Callable, Hashable, Iterable, Iterator
+from concurrent.futures import CancelledError
+from contextlib import ExitStack, contextmanager, suppress
+from functools import cache
+from importlib import metadata
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from hkt_mdo.errors import InputError, program_version
+from hkt_mdo.run.digest import of_package
+
+SECONDS_BETWEEN_LOOKS = 10.0
+"""After which it is looked for workers that are gone or new, where no task ends."""
+PATIENCE = 5.0
+"""Seconds in which a scheduler must answer."""
+ALLOWED_FAILURES = 3
+"""Deaths of its workers after which a call is given up: it may be what kills them."""
+
+
+class WrongWorkerError(InputError):
+    """A worker that cannot make the calls of this program."""
+
+
+def in_processes(
+    tasks: Iterable[tuple[Hashable, Callable[[], Any]]],
+    jobs: int | None,
+    ended: Callable[[Hashable, Any], None],
+    scheduler: str | None = None,
+    folder: Path | None = None,
+) -> None:
+    """Call tasks in `jobs` parallel processes, and ended(key, future) as each one ends.
+
+    A task is taken from `tasks` when a worker is free for it, so that it may depend on what has
+    ended. `scheduler`: address of a Dask scheduler, whose workers are used in place of `jobs`
+    processes of this machine (None: one a core); `folder`: one that they have to see. An
+    interruption (Ctrl-C or SIGTERM) drops the tasks that have not ended. Raises InputError if there
+    is no scheduler, or a worker is not one of this program.
+    """
+    waiting = iter(tasks)
+    first = list(islice(waiting, 1))  # without a task no worker is started
+    if not first:
+        return
+    with _termination_interrupts(), _client(jobs or os.cpu_count() or 1, scheduler) as client:
+        from distributed import wait
+        from distributed.protocol.pickle import dumps
+
+        seen: set[str] = set()
+        keys: dict[Any, Hashable] = {}
+        while True:
+            with _while_it_is_there(scheduler):
+                threads = client.nthreads()
+                if new := {*threads} - seen:
+                    _check_workers(client, {name: threads[name] for name in new}, folder)
+                    seen |= new
+            if client.cluster is not None:  # one that died as it started has not come back
+                client.cluster.scale(jobs or os.cpu_count())
+            room = max(1, len(threads)) - len(keys)
+            for key, task in [*first, *islice(waiting, max(0, room - len(first)))]:
+                keys[client.submit(_call, versions(), dumps(task), pure=False)] = key
+            first = []
+            if not keys:
+                return
+            with _while_it_is_there(scheduler), suppress(TimeoutError):
+                wait([*keys], timeout=SECONDS_BETWEEN_LOOKS, return_when="FIRST_COMPLETED")
+            for future in [each for each in keys if each.done()]:
+                if future.status == "error" and isinstance(future.exception(), WrongWorkerError):
+                    future.result()
+                ended(keys.pop(future), future)
+                future.release()
+
+
+@contextmanager
+def _while_it_is_there(scheduler: str | None) -> Iterator[None]:
+    """Tell as an InputError that a scheduler has gone."""
+    try:
+        yield
+    except TimeoutError:
+        raise
+    except (CancelledError, OSError) as error:
+        remedy = "start it again and give the same command: finished runs are kept"
+        where = {"key": "scheduler", "value": scheduler}
+        raise InputError("the scheduler went away", remedy, **where) from error
+
+
+def why_failed(error: BaseException) -> str:
+    """Return why a task failed, on one line: its error, or that its workers died."""
+    if isinstance(error, InputError):
+        return str(error)
+    if type(error).__name__ == "KilledWorker":
+        return f"its worker died {ALLOWED_FAILURES + 1} times: out of memory, or killed"
+    return f"{type(error).__name__}: {error}"
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Return what a worker must have in common with its client."""
+    source = f"{program_version()}, source {of_package().hex()[:12]}"
+    packages = {name: metadata.version(name) for name in ("openmdao", "dymos", "numpy", "scipy")}
+    return {"hkt_mdo": source, "Python": platform.python_version(), **packages}
+
+
+def _call(theirs: dict[str, str], task: bytes) -> Any:
+    """Make a call in a worker; its client has the versions `theirs`."""
+    if differences := _differences(versions(), theirs):
+        raise _refused("a worker", differences)
+    from distributed.protocol.pickle import loads
+
+    _calm()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return loads(task)()
+
+
+@cache
+def _calm() -> None:
+    """Let the garbage collector pass over what is imported, as `hkt` does."""
+    gc.set_threshold(100_000, 50, 50)
+    gc.freeze()
+
+
+def _differences(theirs: dict[str, str], ours: dict[str, str]) -> str:
+    found = [f"{x} {theirs.get(x)} (here {ours[x]})" for x in ours if theirs.get(x) != ours[x]]
+    return ", ".join(found)
+
+
+def _refused(name: str, differences: str) -> WrongWorkerError:
+    remedy = "start workers in the same environment as this program"
+    return WrongWorkerError(f"{name} has {differences}", remedy, key="scheduler")
+
+
+def _check_workers(client: Any, threads: dict[str, int], folder: Path | None) -> None:
+    """Refuse workers of another version, of several threads, or that do not see a folder."""
+    told = client.run(_introduce, folder, workers=list(threads), on_error="return")
+    for name, found in told.items():
+        if isinstance(found, OSError):  # it has died meanwhile
+            continue
+        if isinstance(found, BaseException):
+            raise _refused(f"the worker {name}", f"no such hkt_mdo ({why_failed(found)})")
+        theirs, sees = found
+        if differences := _differences(theirs, versions()):
+            raise _refused(f"the worker {name}", differences)
+        if not sees:
+            remedy = "results are written by the workers: choose a folder that all of them share"
+            raise WrongWorkerError(f"the worker {name} does not see it", remedy, file=folder)
+        if threads[name] > 1:
+            problem = f"the worker {name} has {threads[name]} threads, and a run needs a process"
+            raise WrongWorkerError(problem, "start it with --nthreads 1", key="scheduler")
+
+
+def _introduce(folder: Path | None) -> tuple[dict[str, str], bool]:
+    """Return a worker's versions, and whether it sees a folder."""
+    return versions(), folder is None or folder.is_dir()
+
+
+@contextmanager
+def _client(jobs: int, scheduler: str | None) -> Iterator[Any]:
+    """Yield a client of a scheduler, by default of a new one with `jobs` workers here."""
+    import dask
+    from distributed import Client, LocalCluster
+
+    for name in ("distributed", "distributed.client"):  # what goes wrong is told as an InputError
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    where: dict[str, Any] = {"key": "scheduler", "value": scheduler}
+    if scheduler is not None and not re.match(r"(tcp|tls)://.", scheduler):
+        raise InputError("is no address", "give tcp://HOST:PORT or tls://HOST:PORT", **where)
+    with ExitStack() as stack:
+        try:
+            if scheduler is None:
+                where = {"key": "workers"}
+                settings = {"distributed.scheduler.allowed-failures": ALLOWED_FAILURES}
+                stack.enter_context(dask.config.set(settings))
+                cluster = LocalCluster(
+                    n_workers=jobs,
+                    threads_per_worker=1,
+                    memory_limit=0,  # a worker may take what there is, as a process may
+                    dashboard_address=None,
+                    silence_logs=logging.CRITICAL,
+                )
+                client = Client(stack.enter_context(cluster))
+            else:
+                client = Client(scheduler, timeout=PATIENCE)
+        except Exception as error:  # of sockets, certificates, names, a worker that is killed
+            reason = f"no scheduler answers ({type(error).__name__}: {error})"
+            remedy = "start it (dask scheduler), or correct the address; tls:// needs certificates"
+            if scheduler is None:
+                reason, remedy = f"cannot be started ({error})", "give the same command again"
+            raise InputError(reason, remedy, **where) from error
+        yield stack.enter_context(client)
+
+
+@contextmanager
+def _termination_interrupts() -> Iterator[None]:
+    """Let SIGTERM interrupt as Ctrl-C does."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals are the main thread's
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before or signal.SIG_DFL)

@@ -1,0 +1,219 @@
+"""Running a sweep: every point once, those that are finished not again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hkt_mdo.case import Case
+from hkt_mdo.case.kinds import Extension
+from hkt_mdo.case.sweep import SWEEP, Point, Sweep
+from hkt_mdo.errors import InputError
+from hkt_mdo.results.folder import InUseError, locked, write_text
+from hkt_mdo.results.solution import Solution
+from hkt_mdo.results.sweep import ERROR, VERIFIED, Row, row_of, write_table
+from hkt_mdo.run.batch import finished_result, take_if_better
+from hkt_mdo.run.engine import in_processes, why_failed
+from hkt_mdo.run.run import run_case
+
+BETTER = 1e-6
+"""Share of the objective by which the result from a neighbour's design must be better to count."""
+SECONDS_BETWEEN_TABLES = 30.0
+RUNS = "runs"
+
+
+class Status(NamedTuple):
+    """How far a sweep is: numbers of runs, and an estimate of the time that is left, s."""
+
+    total: int
+    reused: int
+    computed: int
+    failed: int
+    left: float | None
+
+
+def run_sweep(
+    sweep: Sweep,
+    out: Path,
+    jobs: int | None = None,
+    told: Callable[[Status], None] = lambda status: None,
+    *,
+    scheduler: str | None = None,
+    extensions: Iterable[Extension] = (),
+    most: int | None = None,
+    run: Callable[..., Solution] = run_case,
+) -> list[Row]:
+    """Run the points of a sweep that have no result in a folder, and return its table.
+
+    The folder gets `sweep.yaml`, the tables (`hkt_mdo.results.sweep`) and the runs in `runs`, each
+    in a folder named after the content of its case. A result of an equal case, with the files and
+    the source code that are there now, is used again, so that a sweep goes on after any kill.
+
+    `jobs` and `scheduler` are those of `in_processes`; told(status) is called whenever a run ends;
+    `most`: run no more points than these; `run`: what runs a case, called as `run_case`.
+    """
+    out = out.absolute()
+    inside = {path.name for path in out.iterdir()} if out.is_dir() else set()
+    if inside and not inside & {SWEEP, "lock"}:
+        remedy = "choose another folder; one of an earlier sweep goes on"
+        raise InputError("holds files that are not of a sweep", remedy, file=out)
+    with locked(out):
+        (out / RUNS).mkdir(exist_ok=True)
+        write_text(out / SWEEP, sweep.to_yaml())
+        plan = _Plan(sweep, out, tuple(extensions), run, told, most or sweep.size)
+        try:
+            in_processes(plan.tasks(), jobs, plan.ended, scheduler, out)
+        finally:
+            plan.write()
+        return plan.table()
+
+
+class _Plan:
+    """The points of a sweep, what of them is done, and what is to be run next."""
+
+    def __init__(self, sweep, out, extensions, run, told, total) -> None:
+        self.sweep, self.out, self.extensions = sweep, out, extensions
+        self.run, self.told, self.total = run, told, total
+        self.points: list[tuple[Row, str]] = []  # values of the keys, and the run's name
+        self.rows: dict[str, Row] = {}  # by the run's name
+        self.points_of: dict[str, Point] = {}  # by the run's name
+        self.verified: list[tuple[str, np.ndarray]] = []  # names, and places on the axes
+        self.began = self.written = time.monotonic()
+        self.reused = self.computed = self.failed = 0
+
+    def tasks(self) -> Iterator[tuple[str, Callable[[], Row]]]:
+        """Yield the runs that have no result, in the order of the points."""
+        for point, _ in zip(self.sweep.points(), range(self.total), strict=False):
+            try:
+                case = self.sweep.case_at(point, self.extensions)
+            except InputError as error:
+                name = f"none-{len(self.points)}"
+                self.points.append((_values(point, None), name))
+                self.computed += 1
+                self.done(name, {"state": ERROR, "message": str(error)})
+                continue
+            name = _name(case)
+            case = case.model_copy(update={"name": f"{case.name[:80]}-{name[:8]}"})
+            self.points.append((_values(point, case), name))
+            if name in self.rows:  # the same case at another point
+                self.total -= 1
+                continue
+            self.rows[name] = {}
+            self.points_of[name] = point
+            folder = self.out / RUNS / name
+            if found := finished_result(folder, case):
+                self.reused += 1
+                self.done(name, _row(found, case))
+                continue
+            yield name, partial(run_one, case, folder, self.nearest(point), self.run)
+
+    def ended(self, name: str, future: Any) -> None:
+        """Take a run's row."""
+        self.computed += 1
+        try:
+            row = future.result()
+        except Exception as error:  # one bad case is a failed row
+            row = {"state": ERROR, "message": why_failed(error)}
+        self.done(name, row)
+        if time.monotonic() - self.written > SECONDS_BETWEEN_TABLES:
+            self.write()
+
+    def place(self, point: Point) -> np.ndarray:
+        """Return where a point is on its axes, each from 0 to 1."""
+        return np.array([axis.share(point[key]) for key, axis in self.sweep.over.items()])
+
+    def nearest(self, point: Point) -> Path | None:
+        """Return the folder of the nearest verified run, if there is one and it is asked for."""
+        if not (self.sweep.neighbours and self.verified):
+            return None
+        here = self.place(point)
+        name, _ = min(self.verified, key=lambda each: float(np.sum((each[1] - here) ** 2)))
+        return self.out / RUNS / name
+
+    def done(self, name: str, row: Row) -> None:
+        """Keep a row, and tell how far the sweep is."""
+        self.rows[name] = row
+        self.failed += row["state"] != VERIFIED
+        if row["state"] == VERIFIED:
+            self.verified.append((name, self.place(self.points_of[name])))
+        left = None
+        if self.computed:
+            each = (time.monotonic() - self.began) / self.computed
+            left = each * max(0, self.total - self.reused - self.computed)
+        self.told(Status(self.total, self.reused, self.computed, self.failed, left))
+
+    def table(self) -> list[Row]:
+        """Return the rows of the points so far; a run that has not ended has no state."""
+        empty = {"state": "", "message": "has not ended"}
+        folder = {name: f"{RUNS}/{name}" for name in self.points_of}
+        return [
+            {**values, "run": folder.get(name, ""), **(self.rows[name] or empty)}
+            for values, name in self.points
+        ]
+
+    def write(self) -> None:
+        """Write the table."""
+        if self.points:
+            write_table(self.out, self.sweep, self.table())
+        self.written = time.monotonic()
+
+
+def run_one(case: Case, folder: Path, neighbour: Path | None, run: Callable[..., Solution]) -> Row:
+    """Run a case in its folder, unless a worker that died has finished it, and return its row.
+
+    With the folder of a `neighbour`, it is run from that one's design as well.
+    """
+    while True:
+        if found := finished_result(folder, case):
+            return _row(found, case)
+        try:
+            solution = run(case, folder, force=True, figures=False, records=False)
+            break
+        except InUseError:  # a client that was killed left it to a worker
+            time.sleep(1.0)
+    if neighbour is None:
+        return _row(solution, case)
+    start = case.start.model_copy(update={"from_": str(neighbour)})
+    from_other = case.model_copy(update={"start": start})
+    with tempfile.TemporaryDirectory(prefix="hkt_mdo_") as scratch:
+        try:
+            other = run(from_other, Path(scratch, "run"), figures=False, records=False)
+        except InputError:  # such as of a design that this case cannot begin with
+            return _row(solution, case)
+        if take_if_better(solution, other, BETTER):
+            solution = Solution.load(folder, extensions=case.extensions)
+    return _row(solution, case)
+
+
+def _row(solution: Solution, case: Case) -> Row:
+    """Return the row of a result, with the start that it comes from."""
+    own = solution.case.start.from_ == case.start.from_
+    return {"start": "own" if own else "neighbour"} | row_of(solution)
+
+
+def _name(case: Case) -> str:
+    """Return the name of a case's run: a digest of all that it says but its name."""
+    return hashlib.sha256(case.model_dump_json(exclude={"name"}).encode()).hexdigest()[:16]
+
+
+def _values(point: Point, case: Case | None) -> Row:
+    """Return the values of a point as the table has them: numbers in SI units, or texts."""
+    data = {} if case is None else case.model_dump(mode="json")
+    found: Row = {}
+    for key, given in point.items():
+        value: Any = data
+        for part in ("control.torque_limit" if key == "limits.torque" else key).split("."):
+            value = value.get(part) if isinstance(value, dict) else None
+        bound = value.get("bound") if isinstance(value, dict) else value
+        plain = isinstance(bound, int | float) and not isinstance(bound, bool)
+        text = given if isinstance(given, str | int | float) else json.dumps(given)
+        found[key] = bound if plain else text
+    return found

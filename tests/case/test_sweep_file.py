@@ -1,0 +1,116 @@
+"""The file of a sweep: its points, and what is refused."""
+
+import numpy as np
+import pytest
+from scipy.stats import qmc
+
+from hkt_mdo.case.sweep import load_sweep
+from hkt_mdo.errors import InputError
+
+
+def read(folder, over, more=""):
+    """Return the sweep of a file with some axes and more."""
+    path = folder / "s.yaml"
+    path.write_text(f"case: sine_limited_quadratic\nover: {over}\n{more}", encoding="utf-8")
+    return load_sweep(path)
+
+
+def test_a_grid_has_every_combination(tmp_path):
+    over = (
+        "{limits.torque: [600 N m, 700], inflow.mean: {from: 1.3 m/s, to: 1.5 m/s, count: 3}, "
+        "limits.power: {from: 1, to: 100, count: 3, spacing: log}}"
+    )
+    sweep = read(tmp_path, over)
+    assert (sweep.shape, sweep.size) == ((2, 3, 3), 18)
+    points = list(sweep.points())
+    assert len(points) == 18
+    assert points[0] == {"limits.torque": "600 N m", "inflow.mean": "1.3 m/s", "limits.power": 1.0}
+    assert points[4] == {"limits.torque": "600 N m", "inflow.mean": "1.4 m/s", "limits.power": 10.0}
+    case = sweep.case_at(points[-1])
+    assert case.control.torque_limit == 700.0  # in place of the case's own, its other name
+    assert case.inflow.mean == 1.5
+    assert case.limits.power.bound == 100.0
+    again = read(tmp_path, sweep.to_yaml().partition("over:")[2].partition("seed")[0])
+    assert list(again.points()) == points
+
+
+def test_objectives_laws_and_whole_sections_are_axes(tmp_path):
+    laws = "[{law: quadratic}, {law: curve, knots: 6}]"
+    sweep = read(
+        tmp_path,
+        f"{{objective: [captured, electrical], control: {laws}, limits.power: [4 kW, null]}}",
+    )
+    cases = [sweep.case_at(point) for point in sweep.points()]
+    assert [case.objective.kind for case in cases] == ["captured"] * 4 + ["electrical"] * 4
+    assert [case.control.law for case in cases[::2]] == ["quadratic", "curve"] * 2
+    assert cases[2].control.knots == 6
+    bounds = [case.limits.power and case.limits.power.bound for case in cases]
+    assert bounds == [4000.0, None] * 4
+
+
+def test_samples_are_a_latin_hypercube_with_their_seed(tmp_path):
+    over = "{rotor.radius: {from: 1.2, to: 1.5}, limits.power: {from: 1, to: 100, spacing: log}}"
+    sweep = read(tmp_path, over, "samples: 8\nseed: 3\n")
+    points = list(sweep.points())
+    assert sweep.size == 8
+    drawn = qmc.LatinHypercube(2, seed=3).random(8)
+    assert [x["rotor.radius"] for x in points] == pytest.approx(1.2 + 0.3 * drawn[:, 0])
+    assert [x["limits.power"] for x in points] == pytest.approx(100.0 ** drawn[:, 1])
+    for column in drawn.T:  # one in each eighth
+        assert sorted(np.floor(8 * column)) == [*range(8)]
+    shares = [sweep.over["limits.power"].share(x["limits.power"]) for x in points]
+    assert shares == pytest.approx(drawn[:, 1])
+
+
+BAD = {
+    "{limits.torqe: [1, 2]}": r"s.yaml: over.limits.torqe = 1: unknown key; did you mean torque\?",
+    "{limits.torque: [600, -2]}": r"over.limits.torque = -2: .*must be greater than 0",
+    "{limits.torque: 600}": r"over.limits.torque = 600: must be a list or a range of numbers",
+    "{limits.torque: []}": r"over.limits.torque.values = \[\]: must have at least 1 values",
+    "{limits.torque: [600, 600]}": "has a value twice; give each value once",
+    "{limits.torque: {from: 500, to: 600}}": "has no count, and the sweep no samples",
+    "{limits.torque: {from: 500, to: 600, cuont: 3}}": r"cuont = 3: .*did you mean count",
+    "{limits.torque: {from: 500, to: 6 kN m, count: 3}}": "has ends of two units",
+    "{limits.torque: {from: low, to: 6, count: 3}}": "must be a list or a range of numbers",
+    "{limits.torque: {from: 500, to: 500, count: 3}}": "begins where it ends",
+    "{limits.torque: {from: 500, to: 600, count: 1}}": r"count = 1: must be at least 2",
+    "{limits.torque: {from: 0, to: 600, count: 3, spacing: log}}": "without a common sign",
+    "{limits.torque: {values: [600], count: 3}}": "has values and a range",
+    "{limits.torque: [.nan]}": r"over.limits.torque = nan: .*must be a",
+    "{rotor.radius.x: [1]}": r"over.rotor.radius.x = 1: rotor.radius must be a number",
+    "{control: [{law: lineer}]}": r"over.control = .*did you mean linear\?",
+    "{a b: [1]}": "write section.key=value",
+    "{}": "over = {}: must have at least 1",
+}
+
+
+@pytest.mark.parametrize(("over", "words"), BAD.items(), ids=BAD)
+def test_axes_that_are_refused(tmp_path, over, words):
+    with pytest.raises(InputError, match=words):
+        read(tmp_path, over)
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ("samples: 4", "samples = 4: has no use where every key has a list"),
+        ("sed: 4", r"sed = 4: unknown key; did you mean se"),
+        ("seed: -1", "seed = -1: must be at least 0"),
+        ("set: {rotr.radius: 2}", r"set.rotr.radius = 2: rotr unknown key; did you mean rotor\?"),
+        ("case: none.yaml", "given twice|more than once|duplicate"),
+    ],
+)
+def test_other_keys_that_are_refused(tmp_path, more, words):
+    with pytest.raises(InputError, match=words):
+        read(tmp_path, "{limits.torque: [600]}", more)
+
+
+def test_a_case_that_is_not_there_is_told_at_its_key(tmp_path):
+    (tmp_path / "s.yaml").write_text("case: none.yaml\nover: {rotor.radius: [1]}\n")
+    with pytest.raises(InputError, match=r"s.yaml: case = 'none.yaml': is not a file; give a case"):
+        load_sweep(tmp_path / "s.yaml")
+    (tmp_path / "s.yaml").write_text("- 1\n")
+    with pytest.raises(InputError, match=r"must hold keys and values at its top"):
+        load_sweep(tmp_path / "s.yaml")
+    with pytest.raises(InputError, match=r"no.yaml: does not exist"):
+        load_sweep(tmp_path / "no.yaml")

@@ -1,0 +1,85 @@
+"""The report of a sweep: in a real browser a click on a point opens the report of its run."""
+
+import csv
+
+import pytest
+
+from hkt_mdo.case.sweep import SWEEP, load_sweep
+from hkt_mdo.cli import main
+from hkt_mdo.results.solution import Solution
+from hkt_mdo.results.sweep import row_of, write_table
+from tests.conftest import make_result
+from tests.report.test_browser import browser, start  # noqa: F401 - fixtures
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Return the folder of a sweep over two keys: three invented results, and a run that failed."""
+    path = tmp_path / SWEEP
+    path.write_text(
+        "case: sine_limited_quadratic\n"
+        "over: {limits.torque: [600, 700], inflow.mean: [1.4, 1.5]}\nfront: mass_kg\n"
+    )
+    rows = []
+    for number, (torque, mean) in enumerate(((600, 1.4), (600, 1.5), (700, 1.4), (700, 1.5))):
+        row = {"limits.torque": torque, "inflow.mean": mean, "run": f"runs/{number}"}
+        if number < 3:
+            solution = Solution.load(make_result(tmp_path / "runs" / str(number)))
+            row |= row_of(solution) | {
+                "objective": 300.0 + number,
+                "mass_kg": [3.0, 2.0, 4.0][number],
+            }
+        else:
+            row |= {"state": "error", "message": "<b>its worker died</b>"}
+        rows.append(row)
+    write_table(tmp_path, load_sweep(path), rows)
+    return tmp_path
+
+
+def test_the_table_has_a_grid_too(folder):
+    xarray = pytest.importorskip("xarray")
+    with xarray.open_dataset(folder / "grid.nc") as grid:
+        found = grid["objective"].sel({"limits.torque": 600.0, "inflow.mean": 1.5})
+        assert float(found) == 301.0
+        assert grid["objective"].isnull().sum() == 1
+        assert str(grid["message"][1, 1].item()) == "<b>its worker died</b>"
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.read_parquet(folder / "table.parquet")
+    with (folder / "table.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert frame["mass_kg"].tolist()[:3] == [float(row["mass_kg"]) for row in rows[:3]]
+    assert frame["state"].tolist() == [row["state"] for row in rows]
+
+
+def test_figures_of_a_sweep(folder, capsys):
+    assert main(["plot", str(folder), "--format", "svg"]) == 0
+    names = {line.rpartition("/")[2] for line in capsys.readouterr().out.split()}
+    assert names == {"front.svg", "map.svg", "parallel.svg"}
+
+
+@pytest.mark.slow
+def test_a_click_opens_the_report_of_a_run(folder, browser, capsys):  # noqa: F811
+    assert main(["report", str(folder)]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == str(folder / "report.html")
+    for number in range(3):
+        assert (folder / "runs" / str(number) / "report.html").stat().st_size < 1e6
+    tab = browser.new_page()
+    seen = []
+    tab.on("pageerror", lambda error: seen.append(str(error)))
+    tab.on("console", lambda x: seen.append(x.text) if x.type == "error" else None)
+    tab.goto((folder / "report.html").as_uri())
+    tab.wait_for_selector("body[data-ready]")
+    assert "<b>its worker died</b>" in tab.locator("table").inner_text()
+    front = tab.evaluate("document.getElementById('front').data[1]")
+    assert (front["x"], front["y"]) == ([2.0, 4.0], [301.0, 302.0])  # the first is beaten
+    for chart, trace, point in (("front", 1, 0), ("map", 0, 2)):
+        run = tab.evaluate(f"document.getElementById('{chart}').data[{trace}].customdata[{point}]")
+        with tab.expect_navigation():
+            tab.evaluate(f"document.getElementById('{chart}').emit('plotly_click', "
+                         f"{{points: [{{customdata: '{run}'}}]}})")  # fmt: skip
+        assert tab.url == (folder / run).as_uri()
+        tab.wait_for_selector("body[data-ready]", timeout=60_000)
+        tab.go_back()
+        tab.wait_for_selector("body[data-ready]")
+    assert seen == []
+    tab.close()

@@ -1,0 +1,229 @@
+"""Sweeps on real schedulers and workers, which die; a stand-in in place of most runs."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from concurrent.futures import Future
+from functools import partial
+from pathlib import Path
+
+import pytest
+import stand_in
+
+from hkt_mdo.case.sweep import load_sweep
+from hkt_mdo.cli import main
+from hkt_mdo.errors import InputError
+from hkt_mdo.results.solution import Solution
+from hkt_mdo.results.sweep import SweepTable
+from hkt_mdo.run import engine
+from hkt_mdo.run.engine import in_processes, why_failed
+from hkt_mdo.run.sweep import run_sweep
+
+ROOT = Path(__file__).parents[2]
+SHORT = "set: {phase.duration: 10, phase.segments: 10, design.blade: fixed}\n"
+
+
+def sweep_of(folder, over, more=SHORT):
+    """Return a sweep of the shipped case, read from a file in a folder."""
+    path = folder / "some.yaml"
+    path.write_text(f"case: sine_limited_quadratic\nover: {over}\n{more}", encoding="utf-8")
+    return load_sweep(path)
+
+
+def start(*words, **more):
+    """Start a Python process in which the package and the stand-in can be imported."""
+    paths = os.pathsep.join(map(str, (ROOT, Path(__file__).parent)))
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    environment = os.environ | {"PYTHONPATH": paths, "PYTHONWARNINGS": "ignore"}
+    return subprocess.Popen([sys.executable, *map(str, words)], env=environment | more, **quiet)
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory):
+    """Return the address of a scheduler with two worker processes on the loopback interface."""
+    folder = tmp_path_factory.mktemp("dask")
+    told = folder / "address"
+    dask = "-m", "dask"
+    common = "--host", "127.0.0.1", "--no-dashboard"
+    made = [start(*dask, "scheduler", "--port", 0, *common, "--scheduler-file", told)]
+    workers = "--nworkers", 2, "--nthreads", 1, "--local-directory", folder
+    made.append(start(*dask, "worker", "--scheduler-file", told, *common, *workers))
+    try:
+        for _ in range(400):
+            if told.exists() and told.stat().st_size:
+                break
+            time.sleep(0.05)
+        yield json.loads(told.read_text())["address"]
+    finally:
+        for each in made:
+            each.kill()  # and their workers with them
+            each.wait()
+
+
+@pytest.mark.slow
+def test_workers_that_die_lose_nothing(scheduler, tmp_path):
+    """A hundred cases: one result each, none computed twice, although workers are killed."""
+    sweep = sweep_of(tmp_path, "{control.torque_limit: {from: 601, to: 700, count: 100}}")
+    deaths = Counter(filter(None, map(stand_in.death, range(601, 701))))
+    assert set(deaths) == {*stand_in.DEATHS}
+    states = []
+    rows = run_sweep(
+        sweep, tmp_path / "out", told=states.append, scheduler=scheduler, run=stand_in.run
+    )
+    assert [row["objective"] for row in rows] == [float(x) for x in range(601, 701)]
+    assert {row["state"] for row in rows} == {"verified"}
+    log = Counter((tmp_path / "out" / "runs" / "log").read_text().split())
+    assert len(log) == 100
+    assert set(log.values()) == {1}
+    assert states[-1] == (100, 0, 100, 0, 0.0)
+    assert states[50].left > 0.0
+
+
+@pytest.mark.slow
+def test_real_runs_on_a_scheduler(scheduler, tmp_path, monkeypatch):
+    """Two runs; a worker of another version; a folder not shared."""
+    sweep = sweep_of(tmp_path, "{control.torque_limit: [600, 700]}")
+    rows = run_sweep(sweep, tmp_path / "out", scheduler=scheduler)
+    for row, limit in zip(rows, (600.0, 700.0), strict=True):
+        solution = Solution.load(tmp_path / "out" / row["run"])
+        assert solution.success
+        assert solution.case.control.torque_limit == limit == row["control.torque_limit"]
+        assert row["objective"] == solution.summary.objective.simulated
+    assert rows[0]["objective"] < rows[1]["objective"]
+    with pytest.raises(InputError, match=r"does not see it; results are written by the workers"):
+        in_processes([(1, dict)], None, print, scheduler, tmp_path / "nowhere")
+    other = engine.versions() | {"hkt_mdo": "0.1.0, source 0", "Python": "3.9.1"}
+    monkeypatch.setattr(engine, "versions", lambda: other)
+    monkeypatch.setattr(engine, "_introduce", own_versions)
+    with pytest.raises(InputError, match=r"worker tcp.*Python 3\.1\d.* \(here 3\.9\.1\)") as told:
+        in_processes([(1, dict)], None, print, scheduler)
+    assert "same environment" in str(told.value)
+
+
+def own_versions(folder):
+    """Return what a worker says of itself, whatever the client's module is made to say."""
+    return engine.versions(), True
+
+
+@pytest.mark.slow
+def test_a_client_that_is_killed_goes_on(here, tmp_path):
+    sweep = sweep_of(tmp_path, "{control.torque_limit: [901, 902, 903, 904]}")
+    out = tmp_path / "out"
+    client = start(stand_in.__file__, tmp_path / "some.yaml", out)
+    deadline = time.monotonic() + 60.0
+    log = out / "runs" / "log"
+    while not log.exists() or len(log.read_text().split()) < 2:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    client.send_signal(signal.SIGKILL)
+    client.wait()
+    reused = []
+    rows = run_sweep(sweep, out, 1, lambda status: reused.append(status.reused), run=stand_in.run)
+    assert [row["objective"] for row in rows] == [901.0, 902.0, 903.0, 904.0]
+    assert reused[-1] >= 1
+    log = log.read_text().split()
+    finished = {path.parent.name for path in out.glob("runs/*/summary.json")}
+    assert finished == {*log}
+    assert len(finished) == 4
+    assert len(log) <= 5  # one may have been at work
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_is_not_there_is_told_in_time(tmp_path):
+    sweep = sweep_of(tmp_path, "{control.torque_limit: [600, 700]}")
+    began = time.monotonic()
+    with pytest.raises(InputError, match=r"scheduler = 'tcp://127.0.0.1:1': no scheduler answers"):
+        run_sweep(sweep, tmp_path / "out", scheduler="tcp://127.0.0.1:1")
+    assert time.monotonic() - began < 10.0
+
+
+@pytest.mark.parametrize("address", ["localhost:8786", "http://localhost", "tcp://", ""])
+def test_an_address_is_tcp_or_tls(address):
+    with pytest.raises(InputError, match="give tcp://HOST:PORT or tls://HOST:PORT"):
+        in_processes([(1, dict)], None, print, address)
+
+
+@pytest.fixture
+def here(monkeypatch):
+    """Make the calls of a sweep in this process."""
+
+    def in_this_process(tasks, jobs, ended, scheduler=None, folder=None):
+        for key, task in tasks:
+            future = Future()
+            try:
+                future.set_result(task())
+            except Exception as error:
+                future.set_exception(error)
+            ended(key, future)
+
+    monkeypatch.setattr("hkt_mdo.run.sweep.in_processes", in_this_process)
+    monkeypatch.setattr(stand_in, "death", lambda torque: None)
+
+
+def test_a_bad_case_is_a_row(here, tmp_path):
+    """A combination without a case, a run that raises, and one case at two points."""
+
+    def run(case, folder, **more):
+        if case.control.torque_limit == 700.0:
+            raise ArithmeticError("as an optimizer may")
+        return stand_in.run(case, folder, **more)
+
+    loop = "{law: open_loop, torque_limit: 600}", "{law: open_loop, torque_limit: 600 N m}"
+    laws = ", ".join((*loop, "{law: quadratic, torque_limit: 700}"))
+    sweep = sweep_of(tmp_path, f"{{control: [{laws}], phase.final_speed: [free, initial]}}")
+    rows = run_sweep(sweep, tmp_path / "out", run=run)
+    states = [row["state"] for row in rows]
+    assert states == ["verified"] * 4 + ["error"] * 2
+    assert [rows[0]["run"], rows[1]["run"]] == [rows[2]["run"], rows[3]["run"]]
+    assert rows[4]["message"] == "ArithmeticError: as an optimizer may"
+    assert "phase.final_speed = 'initial': is for open loop" in rows[5]["message"]
+    assert len((tmp_path / "out" / "runs" / "log").read_text().split()) == 2
+    table = SweepTable.load(tmp_path / "out")
+    assert table.verified.tolist() == [True] * 4 + [False] * 2
+    assert table.columns["control"][0] == '{"law": "open_loop", "torque_limit": 600}'
+
+
+def test_a_neighbour_wins_only_with_a_better_result(here, tmp_path, monkeypatch):
+    """From the neighbour's design the stand-in's objective is better by 1 per cent, or worse."""
+    monkeypatch.setattr(stand_in, "FACTORS", {700.0: 1.01, 500.0: 0.99})
+    more = f"neighbours: true\n{SHORT}"
+    sweep = sweep_of(tmp_path, "{control.torque_limit: [600, 700, 500]}", more)
+    sources = []
+
+    def run(case, folder, **more):
+        sources.extend([case.start.from_] if case.start.from_ else [])
+        return stand_in.run(case, folder, **more)
+
+    rows = run_sweep(sweep, tmp_path / "out", run=run)
+    assert [row["start"] for row in rows] == ["own", "neighbour", "own"]
+    assert [row["objective"] for row in rows] == pytest.approx([600.0, 707.0, 500.0])
+    assert sources == [str(tmp_path / "out" / rows[place]["run"]) for place in (0, 1)]
+    again = run_sweep(sweep, tmp_path / "out", run=None)
+    assert [row["start"] for row in again] == ["own", "neighbour", "own"]
+
+
+def test_other_files_are_not_written_among(tmp_path):
+    sweep = sweep_of(tmp_path, "{control.torque_limit: [600, 700]}")
+    with pytest.raises(InputError, match="holds files that are not of a sweep"):
+        run_sweep(sweep, tmp_path)
+
+
+def test_a_million_runs_are_asked_back(here, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("hkt_mdo.run.sweep.run_sweep", partial(run_sweep, run=stand_in.run))
+    over = "{control.torque_limit: {from: 500, to: 700, count: 1000}, " \
+        "inflow.mean: {from: 1, to: 2, count: 1000}}"  # fmt: skip
+    sweep_of(tmp_path, over)
+    assert main(["sweep", str(tmp_path / "some.yaml"), "--out", str(tmp_path / "out")]) == 2
+    told = capsys.readouterr().err
+    assert "asks for 1,000,000 runs, which take about" in told
+    assert "--yes runs them all" in told
+
+
+def test_why_a_task_failed_is_one_line():
+    assert why_failed(InputError("is bad", "mend it", key="a")) == "a: is bad; mend it"
+    died = type("KilledWorker", (Exception,), {})
+    assert why_failed(died("x")) == "its worker died 4 times: out of memory, or killed"

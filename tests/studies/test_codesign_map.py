@@ -1,0 +1,76 @@
+"""The map of co-design: its theory by other means, its data against the theory, and its page."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def study():
+    path = ROOT / "scripts" / "codesign_map.py"
+    spec = importlib.util.spec_from_file_location("codesign_map", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_lines_are_those_of_the_equation_of_motion(study):
+    """Torque and power of a rotor that keeps its tip speed ratio, by differences over time."""
+    mean, swing, speed, torque, frequency = 1.5, study.SWING, 7.7, 628.0, 0.63
+    for beta in (0.05, 1.0, 6.0):
+        inertia = beta * torque / speed / frequency
+        time = np.linspace(0.0, 2.0 * np.pi / frequency, 20_001)
+        flow = mean * (1.0 + swing * np.sin(frequency * time))
+        turning = speed * flow / mean
+        needed = torque * (flow / mean) ** 2 - inertia * np.gradient(turning, time)
+        for limit, value, at_mean in (
+            ("torque", needed, torque),
+            ("power", needed * turning, torque * speed),
+        ):
+            most = np.max(value) / at_mean
+            assert study.limit_that_binds(limit, beta) == pytest.approx(most, rel=1e-4)
+        assert (np.min(needed) < 0.0) == (beta > study.slowest())
+    assert study.limit_that_binds("torque", 0.0) == pytest.approx((1.0 + swing) ** 2)
+    assert study.limit_that_binds("power", 0.0) == pytest.approx((1.0 + swing) ** 3)
+
+
+def test_the_data_agree_with_the_theory(study):
+    rows = study.read()
+    known = [row for row in rows if row["verified"] == "yes"]
+    assert len(known) > 0.97 * len(rows)
+    for row in known:
+        assert study.gain(row) > -study.TOLD  # the sequential design is one of co-design's
+        if study.free(row):
+            assert study.gain(row) < 1e-6
+        if study.full(row):
+            assert study.gain(row) < study.TOLD
+    below = [row for row in known if row["limit"] == "torque" and float(row["share"]) < 1.4]
+    assert min(map(study.gain, below)) > 1e-4
+    fast = [row for row in known if row["limit"] == "power" and float(row["beta"]) < 0.06]
+    assert max(map(study.gain, fast)) < 2e-4
+
+
+def test_the_page_is_made_of_the_data(study, tmp_path, monkeypatch):
+    page = study.PAGE.read_text(encoding="utf-8")
+    monkeypatch.setattr(study, "PAGE", tmp_path / "page.md")
+    monkeypatch.setattr(study, "draw", lambda rows, path: None)
+    study.write_page()
+    assert (tmp_path / "page.md").read_text(encoding="utf-8") == page
+
+
+def test_refined_points_lie_where_the_answer_changes(study):
+    """A gain that begins at a line: all later points are near that line."""
+    known = {}
+    for number in range(study.ROUNDS):
+        for share, beta in study.chosen("torque", known, study.POINTS, number):
+            gain = max(0.0, 1.44 - share)
+            known[share, beta] = {
+                "verified": "yes", "sequential_J": "1", "codesign_J": str(1.0 + gain)
+            }  # fmt: skip
+    later = [share for share, _ in [*known][study.FIRST**2 :]]
+    assert len(known) == study.POINTS
+    assert np.mean([abs(share - 1.44) < 0.27 for share in later]) > 0.7
