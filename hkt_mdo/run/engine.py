@@ -123,15 +123,17 @@ def _call(theirs: dict[str, str], task: bytes) -> Any:
         raise _refused("a worker", differences)
     from distributed.protocol.pickle import loads
 
-    _calm()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return loads(task)()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return loads(task)()
+    finally:
+        _calm()
 
 
 @cache
 def _calm() -> None:
-    """Let the garbage collector pass over what is imported, as `hkt` does."""
+    """Let the garbage collector pass over what the first call has imported, as `hkt` does."""
     gc.set_threshold(100_000, 50, 50)
     gc.freeze()
 
@@ -185,7 +187,10 @@ def _client(jobs: int, scheduler: str | None) -> Iterator[Any]:
         try:
             if scheduler is None:
                 where = {"key": "workers"}
-                settings = {"distributed.scheduler.allowed-failures": ALLOWED_FAILURES}
+                settings = {
+                    "distributed.scheduler.allowed-failures": ALLOWED_FAILURES,
+                    "distributed.worker.profile.enabled": False,  # it stops a run every 10 ms
+                }
                 stack.enter_context(dask.config.set(settings))
                 cluster = LocalCluster(
                     n_workers=jobs,

@@ -57,7 +57,7 @@ def test_workers(benchmark, full, tmp_path):
     The first runs of each worker, which import and compile, are left out. Scheduler and client
     share the cores with the workers.
     """
-    warm, count = (4, 24) if full else (2, 4)
+    warm, count = (4, 24) if full else (1, 2)
     found = {}
 
     def both():
