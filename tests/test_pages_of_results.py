@@ -12,6 +12,7 @@ PAGES = sorted(path.stem for path in (ROOT / "docs" / "data").glob("*.json"))
 RENDERED = {"limits": "limits_study", "robust": "robust_study"}  # pages that are made of results
 OTHERWISE = {
     "cases": "generated: tests/test_documents.py",
+    "codesign_map": "its data are a table: tests/studies/test_codesign_map.py",
     "files": "generated: tests/files/test_public_files.py",
     "first_steps": "sizes and times of an installation",
     "install": "versions of packages",
