@@ -30,6 +30,8 @@ FALLEN = 1e-4
 """Share of the objective by which an optimum may be below one that a finer mesh began with."""
 NEAR_STALL = 0.022
 """Recovery of a start, over a typical torque, below which it is constrained from the beginning."""
+FEW_DIVIDED = 0.1
+"""Share of the segments up to which a division leaves the others as they are."""
 MOST_LOWERED = 5e-3
 """Largest relative amount by which a limit is lowered at the nodes, since that costs energy."""
 MOST_EXCEEDED = 0.02
@@ -125,10 +127,16 @@ def finer_mesh(attempt: Attempt) -> Begin | None:
         for each, own, mesh in zip(physics.scenarios, parts, meshes, strict=True)
     ]
     by_name = {each.name: own for each, own in zip(scenarios, parts, strict=True)}
+    lowered, worst = attempt.setup.shares, 0.0
+    divided = sum(np.sum(own > 1) for own in parts) / sum(own.size for own in parts)
+    if not order and divided < FEW_DIVIDED:  # lower the limits of the other segments at once
+        lowered, worst = _lowered(physics, attempt.setup, attempt.flights)
+    if worst:
+        why += f"; a limit is exceeded between the nodes by {100.0 * worst:.2g} %"
     physics = replace(physics, scenarios=tuple(scenarios))
     shares = {  # a finer mesh may need no lower limit
         (limit, scenario): np.repeat(np.where(by_name[scenario] > 1, 1.0, share), by_name[scenario])
-        for (limit, scenario), share in attempt.setup.shares.items()
+        for (limit, scenario), share in lowered.items()
     }
     point = point_of(physics, attempt.result.problem)
     return attempt.begin_again(why, physics=physics, start=point, shares=shares)
