@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hkt_mdo.dynamics.rotor_ode import FeedbackComp
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.constraints import constraint_of, limited_nodes
 from hkt_mdo.problem.physics import Physics
@@ -68,9 +69,10 @@ def _with_more(physics, setup, limit, optimum) -> State:
 
 def _with_more_torque(physics, result, scratch) -> State:
     """Return the state of the problem with a little more of the torque, at the same design."""
-    most = (1.0 + STEP) * physics.law.torque_limit
-    physics = replace(physics, law=physics.law.with_torque_limit(most))
-    problem = assemble(physics, result.setup, work_dir=scratch)
+    if physics.law.is_feedback:
+        return _with_other_saturation(result.problem)
+    law = physics.law.with_torque_limit((1.0 + STEP) * physics.law.torque_limit)
+    problem = assemble(replace(physics, law=law), result.setup, work_dir=scratch)
     problem.final_setup()
     design = result.problem.driver.get_design_var_values(driver_scaling=False)
     for name, value in design.items():
@@ -79,3 +81,18 @@ def _with_more_torque(physics, result, scratch) -> State:
     state = State.of(problem.driver)
     problem.cleanup()
     return state
+
+
+def _with_other_saturation(problem) -> State:
+    """Return the state with a law that saturates at a little more torque; the model is restored."""
+    controllers = list(problem.model.system_iter(typ=FeedbackComp))
+    laws = [each.options["law"] for each in controllers]
+    try:
+        for each, law in zip(controllers, laws, strict=True):
+            each.options["law"] = law.with_torque_limit((1.0 + STEP) * law.torque_limit)
+        problem.run_model()
+        return State.of(problem.driver)
+    finally:
+        for each, law in zip(controllers, laws, strict=True):
+            each.options["law"] = law
+        problem.run_model()
