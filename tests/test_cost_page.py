@@ -1,6 +1,6 @@
 """The page of the cost of energy says what its command computes."""
 
-import importlib.util
+import importlib
 import re
 from pathlib import Path
 
@@ -11,11 +11,7 @@ ROOT = Path(__file__).parents[1]
 
 @pytest.fixture(scope="module")
 def script():
-    path = ROOT / "scripts" / "cost_of_energy.py"
-    spec = importlib.util.spec_from_file_location("cost_of_energy", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return importlib.import_module("cost_of_energy")
 
 
 def test_the_cost_is_that_of_its_formula_by_hand(script):

@@ -1,6 +1,6 @@
 """The shipped examples: every one is whole, the cheapest run, and their files are what they say."""
 
-import importlib.util
+import importlib
 from pathlib import Path
 
 import numpy as np
@@ -108,10 +108,7 @@ def test_own_files_are_the_shipped_turbine_and_its_record_is_repaired():
 
 
 def test_own_files_are_what_the_script_makes():
-    path = ROOT / "scripts" / "example_cases.py"
-    spec = importlib.util.spec_from_file_location("example_cases", path)
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
+    script = importlib.import_module("example_cases")
     for name, lines in script.files().items():
         text = (FILES / name).read_text(encoding="utf-8")
         assert text.splitlines() == lines

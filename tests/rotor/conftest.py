@@ -1,7 +1,6 @@
 """What the rotor's tests share."""
 
-import importlib.util
-from pathlib import Path
+import importlib
 
 import numpy as np
 import pytest
@@ -10,11 +9,7 @@ import pytest
 @pytest.fixture(scope="session")
 def study():
     """Return scripts/compare_ccblade.py, whose rotors and comparison the tests use too."""
-    path = Path(__file__).resolve().parents[2] / "scripts" / "compare_ccblade.py"
-    specification = importlib.util.spec_from_file_location("compare_ccblade", path)
-    module = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(module)
-    return module
+    return importlib.import_module("compare_ccblade")
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,6 @@
 """Suction of sections over the angle of attack: smooth curves of both surfaces, along a blade."""
 
-import importlib.util
+import importlib
 from pathlib import Path
 
 import numpy as np
@@ -195,10 +195,7 @@ def test_polar_without_suction_is_refused_with_the_remedy(blade):
 
 
 def test_shipped_columns_are_what_the_script_computes():
-    path = ROOT / "scripts" / "polar_suction.py"
-    specification = importlib.util.spec_from_file_location("polar_suction", path)
-    script = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(script)
+    script = importlib.import_module("polar_suction")
     computed = script.pressures()
     assert sorted(computed) == sorted(shipped_names("polar"))
     for name, pressure in computed.items():

@@ -1,21 +1,14 @@
 """The map of co-design: its theory by other means, its data against the theory, and its page."""
 
-import importlib.util
-from pathlib import Path
+import importlib
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).parents[2]
-
 
 @pytest.fixture(scope="module")
 def study():
-    path = ROOT / "scripts" / "codesign_map.py"
-    spec = importlib.util.spec_from_file_location("codesign_map", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return importlib.import_module("codesign_map")
 
 
 def test_lines_are_those_of_the_equation_of_motion(study):
