@@ -34,7 +34,7 @@ BADGES = {
 }
 
 
-def write_report(solutions: Iterable[Solution], out: str | Path) -> Path:
+def write_report(solutions: Iterable[Solution], out: str | Path, shared: str = "") -> Path:
     """Write the report of results as one HTML file that needs no network.
 
     Parameters
@@ -43,6 +43,8 @@ def write_report(solutions: Iterable[Solution], out: str | Path) -> Path:
         One result, or several that the page sets side by side, the best first.
     out : str or pathlib.Path
         The file, which is replaced; its folder is made if need be.
+    shared : str
+        Address, relative to the file, of a plotly.js that several pages share; none: in the file.
 
     Returns
     -------
@@ -64,7 +66,7 @@ def write_report(solutions: Iterable[Solution], out: str | Path) -> Path:
     except OSError as error:
         problem = f"cannot be made a folder ({error.strerror})"
         raise InputError(problem, "choose another one", file=path.parent) from error
-    write_files({path: _page(chosen).encode()})
+    write_files({path: _page(chosen, shared).encode()})
     return path
 
 
@@ -82,7 +84,7 @@ def require_packages() -> None:
         raise InputError(problem, f"install it with: {install('report')}")
 
 
-def _page(solutions: Sequence[Solution]) -> str:
+def _page(solutions: Sequence[Solution], shared: str) -> str:
     """Return the page as HTML."""
     offline = import_module("plotly.offline")
     from hkt_mdo.report import blade, charts
@@ -115,7 +117,8 @@ def _page(solutions: Sequence[Solution]) -> str:
         charts=drawn,
         view_charts=sorted({name for each in views.values() for name in each}),
         data=json.dumps({"charts": drawn, "views": views, "dark": charts.DARK}, allow_nan=False),
-        plotly=offline.get_plotlyjs(),
+        shared=shared,
+        plotly="" if shared else offline.get_plotlyjs(),
     )
 
 

@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-import html
 import json
 from collections.abc import Callable, Iterable
 from importlib import import_module
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
 
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.files.table import write_files
+from hkt_mdo.report import rendered
 from hkt_mdo.report.page import require_packages, write_report
 from hkt_mdo.results import style
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.sweep import SweepTable
 
-_TEMPLATES = Path(__file__).parent / "templates"
 RED = style.COLORS[1]
-_SHARED = '<script src="../../plotly.js"></script>'
-_SCRIPTS = "script-src 'unsafe-inline'"
-"""What the page of a run allows; one of a sweep may load the sweep's plotly.js as well."""
 
 
 def write_sweep_report(
@@ -56,7 +51,6 @@ def write_sweep_report(
         If a package is missing, or a file cannot be written.
     """
     require_packages()
-    script = import_module("plotly.offline").get_plotlyjs()
     runs = [str(run) for run in table.columns["run"]]
     for number, run in enumerate(runs, start=1):
         folder = table.folder / run
@@ -65,9 +59,7 @@ def write_sweep_report(
             continue
         if not page.is_file() or page.stat().st_mtime < result.stat().st_mtime:
             solution = Solution.load(folder, extensions=extensions)
-            text = write_report([solution], page).read_text(encoding="utf-8")
-            text = text.replace(f"<script>{script}</script>", _SHARED)
-            write_files({page: text.replace(_SCRIPTS, f"{_SCRIPTS} file: 'self'").encode()})
+            write_report([solution], page, shared="../../plotly.js")
             told(f"{number} of {len(runs)}: {page}")
     pages = [Path(run, "report.html") for run in runs]
     made = [page.as_posix() if (table.folder / page).is_file() else "" for page in pages]
@@ -75,18 +67,18 @@ def write_sweep_report(
     charts = {"front": _front(table, links), "map": _map(table, links)}
     good = int(np.sum(table.verified))
     failed = [
-        f'<tr><th><a href="{links[at]}">{html.escape(runs[at] or "no run")}</a></th>'
-        f"<td>{html.escape(table.columns['message'][at])}</td></tr>"
+        (links[at], runs[at] or "no run", table.columns["message"][at])
         for at in np.flatnonzero(~table.verified)
     ]
-    text = Template((_TEMPLATES / "sweep.html").read_text(encoding="utf-8")).substitute(
-        title=html.escape(f"Sweep over {', '.join(table.sweep.over)}"),
-        css=(_TEMPLATES / "report.css").read_text(encoding="utf-8"),
-        lead=html.escape(f"{good} of {len(runs)} runs of {table.sweep.case} are verified."),
-        failed="\n".join(failed) or "<tr><td>none</td></tr>",
-        data=json.dumps(charts, allow_nan=False).replace("<", "\\u003c"),
+    text = rendered(
+        "sweep.html",
+        title=f"Sweep over {', '.join(table.sweep.over)}",
+        lead=f"{good} of {len(runs)} runs of {table.sweep.case} are verified.",
+        failed=failed,
+        data=json.dumps(charts, allow_nan=False),
     )
     out = table.folder / "report.html"
+    script = import_module("plotly.offline").get_plotlyjs()
     write_files({table.folder / "plotly.js": script.encode(), out: text.encode()})
     return out
 
