@@ -25,7 +25,7 @@ WORTHWHILE = 1e-6
 """Relative gain of the objective for which a move limit is re-centred again."""
 
 FEW = 0.1
-"""Share of the segments up to which a division may correct what the integration contradicts."""
+"""Share of the segments up to which few of them are too coarse."""
 
 AT_OPTIMUM = "finer mesh", "lowered limits"
 """Remedies that follow an optimum on its mesh."""
@@ -204,11 +204,15 @@ class Attempt:
         return is_false(self.flights)
 
     @property
+    def few_divided(self) -> bool:
+        """Whether a division of the mesh leaves most segments as they are."""
+        parts = self.division.parts
+        return bool(parts) and bool(np.mean(np.concatenate(parts) > 1) < FEW)
+
+    @property
     def few_contradicted(self) -> bool:
         """Whether few segments of the first mesh that are too coarse may be the reason."""
-        parts = self.division.parts
-        divided = np.mean(np.concatenate(parts) > 1) if parts else 1.0
-        return not self.before.coarser and bool(divided < FEW)
+        return not self.before.coarser and self.few_divided
 
     @cached_property
     def near_stall(self) -> list[np.ndarray]:

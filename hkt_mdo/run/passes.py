@@ -30,8 +30,6 @@ FALLEN = 1e-4
 """Share of the objective by which an optimum may be below one that a finer mesh began with."""
 NEAR_STALL = 0.022
 """Recovery of a start, over a typical torque, below which it is constrained from the beginning."""
-FEW_DIVIDED = 0.1
-"""Share of the segments up to which a division leaves the others as they are."""
 MOST_LOWERED = 5e-3
 """Largest relative amount by which a limit is lowered at the nodes, since that costs energy."""
 MOST_EXCEEDED = 0.02
@@ -128,11 +126,10 @@ def finer_mesh(attempt: Attempt) -> Begin | None:
     ]
     by_name = {each.name: own for each, own in zip(scenarios, parts, strict=True)}
     lowered, worst = attempt.setup.shares, 0.0
-    divided = sum(np.sum(own > 1) for own in parts) / sum(own.size for own in parts)
-    if not order and divided < FEW_DIVIDED:  # lower the limits of the other segments at once
+    if not order and attempt.few_divided:  # lower the limits of the other segments at once
         lowered, worst = _lowered(physics, attempt.setup, attempt.flights)
     if worst:
-        why += f"; a limit is exceeded between the nodes by {100.0 * worst:.2g} %"
+        why += f"; {_exceeded(worst)}"
     physics = replace(physics, scenarios=tuple(scenarios))
     shares = {  # a finer mesh may need no lower limit
         (limit, scenario): np.repeat(np.where(by_name[scenario] > 1, 1.0, share), by_name[scenario])
@@ -159,9 +156,13 @@ def lowered_limits(attempt: Attempt) -> Begin | None:
     shares, worst = _lowered(physics, setup, flights)
     if not worst:
         return None
-    why = f"a limit is exceeded between the nodes by {100.0 * worst:.2g} %"
+    why = _exceeded(worst)
     setup = replace(setup, start=point, nodes=curve_nodes(physics, point), shares=shares)
     return replace(attempt.begin, physics=physics, setup=setup, why=why)
+
+
+def _exceeded(worst):
+    return f"a limit is exceeded between the nodes by {100.0 * worst:.2g} %"
 
 
 def _lowered(physics, setup, flights):
