@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -31,10 +31,10 @@ class Operation:
         speed, (Q((1 - slowed) w) - u((1 - slowed) w)) / (TYPICAL 0.5 rho pi R³ v²), at some speeds
         of the flow from the slowest to the fastest, shape (n_margins,). It is positive where the
         stable and the unstable equilibrium, which meet at stall, are apart.
-    gradient : np.ndarray or None
-        Derivatives of `delivered`, then of the margins, along the equilibria, by torque coefficient
-        table, gains and disc's radius (at a constant table), shape (1 + n_margins, n_nodes +
-        n_gains + 1).
+    gradient : callable or None
+        Returns the derivatives of `delivered`, then of the margins, along the equilibria, by torque
+        coefficient table, gains and disc's radius (at a constant table), shape (1 + n_margins,
+        n_nodes + n_gains + 1).
     delivered : float
         The maximized energy, J: captured, or electrical in a case with a generator.
     """
@@ -44,7 +44,7 @@ class Operation:
     hydrodynamic_torque: np.ndarray
     running: bool = True
     margin: np.ndarray = field(default_factory=lambda: np.empty(0))
-    gradient: np.ndarray | None = None
+    gradient: Callable[[], np.ndarray] | None = None
     delivered: float = np.nan
 
 

@@ -93,7 +93,7 @@ class EnergySearch(Search):
         problem = replace(self.problem, rotor_radius=blade.rotor_radius)
         rotor = self.physics.rotor.coefficients(blade, problem.spline.nodes, derivatives=True)
         state = problem.operate(rotor.torque, gains)
-        by_table, by_gain, by_radius = np.split(state.gradient, [rotor.torque.size, -1], axis=1)
+        by_table, by_gain, by_radius = np.split(state.gradient(), [rotor.torque.size, -1], axis=1)
         by_radius = by_radius[:, 0] + by_table @ rotor.torque_by_rotor_radius
         by_shape = rotor.torque_by_chord, rotor.torque_by_twist, rotor.torque_by_thickness
         slopes = self.slopes(*(by_table @ by for by in by_shape), by_radius)

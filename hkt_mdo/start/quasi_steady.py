@@ -8,6 +8,7 @@ false solutions; the energy is within about 1e-5 of the dynamic one.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -119,38 +120,46 @@ class QuasiSteady:
         Returns
         -------
         Operation
-            With its gradient and, under a law, its margins.
+            With its gradient, which is computed when it is called, and a law's margins.
         """
         v, law, gains = self.inflow_speed, self.law, np.asarray(gains, dtype=float)
         if not law.is_feedback:
             held, ratio, running = self._open_loop(table)
-            slope, by_gains = np.zeros(v.size), np.zeros((0, v.size))
         else:
             held = np.ones(v.size, dtype=bool)
             ratio, running = self._balance(
                 table, lambda w: law.torque(w, gains), lambda w: law.torque_by_speed(w, gains)
             )
-        w = ratio * v / self.rotor_radius
+        operation = replace(self.held(table, ratio * v / self.rotor_radius), running=running)
+        return replace(
+            operation,
+            margin=self._margins(table, gains, operation.rotor_speed),
+            gradient=partial(self._gradient, table, gains, held, operation.rotor_speed),
+        )
+
+    def _gradient(self, table, gains, held, w):
+        """Return the gradient of an operation that is held at speeds (`Operation.gradient`)."""
+        v, law = self.inflow_speed, self.law
+        torque, by_speed, by_radius, by_table = self._slopes(table, v, w)
         if law.is_feedback:
             slope, by_gains = law.torque_by_speed(w, gains), law.torque_by_gain(w, gains)
-        torque, by_speed, by_radius, by_table = self._driving(table, v, w)
+        else:
+            slope, by_gains = np.zeros(v.size), np.zeros((0, v.size))
         # Where the controller holds the speed, Q(w) = u(w) moves w. Elsewhere w is where the power
         # is largest, and a small change of w does not matter.
         stiffness = np.where(held, slope - by_speed, np.inf)
-        power, power_by_torque, power_by_speed = self._power(torque, w)
+        _, power_by_torque, power_by_speed = self._power(torque, w)
         moved = (power_by_speed + power_by_torque * by_speed) / stiffness  # dP/dw dw/dQ
         by_torque = self.weights * (power_by_torque + moved)
         by_all = by_torque @ by_table, -by_gains @ (self.weights * moved), [by_torque @ by_radius]
-        gradient, margin = np.concatenate(by_all)[None], np.empty(0)
-        if law.is_feedback:
-            margin, by_margin = self._recovery(table, gains, w, stiffness)
-            gradient = np.vstack((gradient, by_margin))
-        energy, delivered = (float(self.weights @ rate) for rate in (torque * w, power))
-        return Operation(energy, w, torque, running, margin, gradient, delivered)
+        gradient = np.concatenate(by_all)[None]
+        if not law.is_feedback:
+            return gradient
+        return np.vstack((gradient, self._margin_gradients(table, gains, w, stiffness)))
 
     def held(self, table, speed) -> Operation:
         """Return the operation of a rotor that a controller holds at speeds, rad/s, (n_times,)."""
-        torque = self._driving(table, self.inflow_speed, speed)[0]
+        torque = self._driving(table, self.inflow_speed, speed)
         energy = float(self.weights @ (torque * speed))
         delivered = float(self.weights @ self._power(torque, speed)[0])
         running = bool(np.all(torque > 0.0))
@@ -165,6 +174,11 @@ class QuasiSteady:
         return by_torque.real, by_torque.imag / STEP, by_speed.imag / STEP
 
     def _driving(self, table, v, w):
+        """Return the hydrodynamic torque, N m."""
+        scale = torque_scale(self.density, self.rotor_radius, v)
+        return scale * self.spline.values(table, w * self.rotor_radius / v)[0]
+
+    def _slopes(self, table, v, w):
         """Return the hydrodynamic torque; its derivatives by rotor speed, radius and table."""
         radius, scale = self.rotor_radius, torque_scale(self.density, self.rotor_radius, v)
         ratio = w * radius / v
@@ -173,26 +187,38 @@ class QuasiSteady:
         by_speed = scale * self.spline.values(table, ratio)[1] * radius / v
         return torque, by_speed, (3.0 * torque + by_speed * w) / radius, by_table
 
-    def _recovery(self, table, gains, speed, stiffness):
-        """Return the margins of an operation and their gradient."""
-        law, order = self.law, np.argsort(self.inflow_speed)
-        probes = order[np.unique(np.linspace(0, order.size - 1, PROBES).round().astype(int))]
-        v, w = self.inflow_speed[probes], speed[probes]
+    @cached_property
+    def _probes(self):
+        """The instants of the margins: from the slowest flow to the fastest."""
+        order = np.argsort(self.inflow_speed)
+        return order[np.unique(np.linspace(0, order.size - 1, PROBES).round().astype(int))]
+
+    def _margins(self, table, gains, speed):
+        """Return the margins of an operation at rotor speeds, rad/s."""
+        if not self.law.is_feedback:
+            return np.empty(0)
+        v, slowed = self.inflow_speed[self._probes], (1.0 - self.slowed) * speed[self._probes]
+        margin = self._driving(table, v, slowed) - self.law.torque(slowed, gains)
+        return margin / (TYPICAL * torque_scale(self.density, self.rotor_radius, v))
+
+    def _margin_gradients(self, table, gains, speed, stiffness):
+        """Return the gradient of the margins of an operation, shape (n_margins, n_variables)."""
+        law, v, w = self.law, self.inflow_speed[self._probes], speed[self._probes]
         slowed = (1.0 - self.slowed) * w
-        _, _, by_radius_here, by_table_here = self._driving(table, v, w)
-        driving, by_speed, by_radius, by_table = self._driving(table, v, slowed)
+        _, _, by_radius_here, by_table_here = self._slopes(table, v, w)
+        driving, by_speed, by_radius, by_table = self._slopes(table, v, slowed)
         margin = driving - law.torque(slowed, gains)
         # The equilibrium moves too: dw = d(Q - u) / stiffness.
         moved = (
             (1.0 - self.slowed)
             * (by_speed - law.torque_by_speed(slowed, gains))
-            / stiffness[probes]
+            / stiffness[self._probes]
         )
         by_gain = -(law.torque_by_gain(slowed, gains) + moved * law.torque_by_gain(w, gains)).T
         by_table = by_table + moved[:, None] * by_table_here
         by_radius = by_radius + moved * by_radius_here - 3.0 * margin / self.rotor_radius
         unit = TYPICAL * torque_scale(self.density, self.rotor_radius, v)
-        return margin / unit, np.hstack((by_table, by_gain, by_radius[:, None])) / unit[:, None]
+        return np.hstack((by_table, by_gain, by_radius[:, None])) / unit[:, None]
 
     def _open_loop(self, table):
         """Operate at the largest power, or faster where the torque limit is active."""

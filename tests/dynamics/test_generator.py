@@ -219,7 +219,7 @@ def test_losses_that_vanish_lose_nothing(curve):
 def test_gradient_of_what_is_delivered(curve, law, limit, gains):
     """By table, gains and radius against differences: at an optimum the speed does not matter."""
     problem, gains = quasi_steady(LOSSY, law, limit), np.array(gains)
-    gradient = problem.operate(curve, gains).gradient[0]
+    gradient = problem.operate(curve, gains).gradient()[0]
     direction = np.cos(np.arange(curve.size)) * curve
 
     def difference(at, h):

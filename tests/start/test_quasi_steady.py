@@ -83,7 +83,7 @@ def test_gradient_of_the_energy(table, law, limit, gains):
         problem.operate(table + step * direction, gains).energy
         - problem.operate(table - step * direction, gains).energy
     ) / (2.0 * step)
-    by_table, by_gain, (by_radius,) = np.split(operation.gradient[0], [table.size, -1])
+    by_table, by_gain, (by_radius,) = np.split(operation.gradient()[0], [table.size, -1])
     assert by_table @ direction == pytest.approx(difference, rel=1e-4)
     larger, smaller = (
         replace(problem, rotor_radius=RADIUS * factor).operate(table, gains).energy
@@ -109,7 +109,7 @@ def test_gradient_of_the_energy(table, law, limit, gains):
 )
 def test_gradients_of_the_distance_from_stall(table, law, gains):
     problem, gains = quasi_steady(law), np.array(gains)
-    gradient = problem.operate(table, gains).gradient[1:]
+    gradient = problem.operate(table, gains).gradient()[1:]
     by_table, by_gain, by_radius = np.split(gradient, [table.size, -1], axis=1)
 
     def slope(at):
