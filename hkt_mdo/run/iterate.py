@@ -12,7 +12,7 @@ import numpy as np
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import read_bytes
 from hkt_mdo.problem.physics import Physics
-from hkt_mdo.problem.point import Operation, StartingPoint
+from hkt_mdo.problem.point import Operation, StartingPoint, StartRecord
 from hkt_mdo.results.solution import Solution
 
 VERSION = 1
@@ -63,6 +63,7 @@ def as_data(physics: Physics, point: StartingPoint, reference: float) -> dict[st
         "gains": point.gains,
         "energy_J": point.operation.energy,
         "reference_energy_J": reference,
+        "starts": [vars(record) for record in point.starts],
         "scenarios": {
             scenario.name: dict(zip(OVER_TIME, (scenario.edges, *rows), strict=True))
             for scenario, rows in zip(
@@ -97,13 +98,22 @@ def read_iterate(out: Path, physics: Physics) -> tuple[Physics, Earlier]:
             raise InputError("was written by a newer version of hkt_mdo", REMEDY, file=path)
         physics, operation = _over_time(physics, data)
         blade, gains, reference = _design(physics, data)
+        starts = tuple(map(_record, data.get("starts", ())))
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
         raise InputError("is no iterate of this case", REMEDY, file=path) from None
     table = {}
     if (out / "summary.json").exists():
         table = Solution.load(out, extensions=physics.case.extensions).convergence
     history = tuple(zip(*table.values(), strict=True))
-    return physics, Earlier(StartingPoint(blade, gains, operation), reference, history)
+    start = StartingPoint(blade, gains, operation, starts=starts)
+    return physics, Earlier(start, reference, history)
+
+
+def _record(data) -> StartRecord:
+    """Return the record of a start; JSON has null where a number is not finite."""
+    missing = {"objective": np.nan, "excess": np.inf}
+    numbers = {x: y if data[x] is None else float(data[x]) for x, y in missing.items()}
+    return StartRecord(**data | numbers | {"exceeds": tuple(data["exceeds"])})
 
 
 def _numbers(row, size) -> np.ndarray:

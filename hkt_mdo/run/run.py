@@ -200,6 +200,7 @@ def _optimize_and_judge(state: RunState, earlier: Earlier, out: Path, records: b
     if start is None:
         start = find_start(state.first, state.optimum)
         reference = quasi_steady_reference(state.first, start)
+    state.starts = start.starts
     end = best = optimize(state, start, reference)
     remedy = first_remedy(end.physics, end.result)
     refused, held, gains = explain_all(end.checks, remedy), "", {}

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from hkt_mdo.problem.physics import Physics
-from hkt_mdo.problem.point import StartingPoint
+from hkt_mdo.problem.point import StartingPoint, StartRecord
 from hkt_mdo.results.summary import PassEntry
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.run.log import Log
@@ -60,6 +61,8 @@ class RunState:
         The best feasible iterate and the physics with its mesh.
     reference : float
         Objective of the start, J; 0 where it is no measure of the optimum.
+    starts : tuple of StartRecord
+        The outcomes of the search for the start.
     passes : list of PassEntry
         The optimizations so far.
     terminated : bool
@@ -81,6 +84,7 @@ class RunState:
         self.last: StartingPoint | None = None
         self.best: tuple[Physics, StartingPoint] | None = None
         self.reference = 0.0
+        self.starts: tuple[StartRecord, ...] = ()
         self.passes: list[PassEntry] = []
         self.terminated = False
         self._progress, self._on_pass, self._evaluations = progress, on_pass, evaluations
@@ -128,6 +132,7 @@ class RunState:
         self._save(point)
 
     def _save(self, point) -> None:
+        point = replace(point, starts=self.starts)
         self.log.write_iterate(self.physics, point, self.reference)
         self._saved = time.monotonic()
 

@@ -117,6 +117,7 @@ def test_an_interrupted_run_is_resumed(tmp_path, undisturbed, optimizer):
         undisturbed.summary["simulated_energy_J"], rel=1e-5
     )
     assert resumed.convergence["evaluation"].size > evaluations
+    assert resumed.summary["starts"] == undisturbed.summary["starts"]
     assert not (folder / "lock").exists()
 
 

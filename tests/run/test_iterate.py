@@ -46,6 +46,8 @@ def same(found, fine, point):
     assert np.array_equal(earlier.start.operation.rotor_speed, point.operation.rotor_speed)
     assert np.array_equal(earlier.start.gains, point.gains)
     assert (earlier.reference, earlier.history) == (5.0, ())
+    assert point.starts
+    assert earlier.start.starts == point.starts
 
 
 @pytest.mark.parametrize("case", [ONE, SEVERAL])
