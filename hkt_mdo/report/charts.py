@@ -18,7 +18,13 @@ import numpy as np
 
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results import style
-from hkt_mdo.results.plots import OVER_SPAN, WORDS, beside_start, levels_of, near_bounds
+from hkt_mdo.results.plots import (
+    OVER_SPAN,
+    beside_start,
+    levels_of,
+    near_bounds,
+    words_of,
+)
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import BINS, Binned, binned, rated_point, steady_curve
 from hkt_mdo.results.words import limit_words, printable
@@ -267,10 +273,10 @@ def _table_of(solution: Solution) -> dict[str, np.ndarray]:
     return solution.simulation or solution.trajectory
 
 
-def _title_of(quantity: str) -> str:
-    """Return the name and the unit of a quantity."""
-    words, unit, _ = WORDS[quantity]
-    return f"{words} ({unit})"
+def _panel_of(quantity: str, labelled: Sequence[Labelled], from_zero: bool) -> tuple[Panel, float]:
+    """Return the empty panel of a quantity, and the scale of its values."""
+    words, unit, scale = words_of(quantity, (each.solution for each in labelled))
+    return Panel(f"{words} ({unit})", from_zero=from_zero), scale
 
 
 # ---- over the flow speed and over time, of one scenario of each result
@@ -288,8 +294,7 @@ def _over_flow(labelled: Sequence[Labelled]) -> Chart | None:
 
 
 def _flow_panel(labelled: Sequence[Labelled], quantity: str) -> Panel:
-    column, scale = QUANTITIES[quantity].column, WORDS[quantity][2]
-    panel = Panel(_title_of(quantity), from_zero=True)
+    column, (panel, scale) = QUANTITIES[quantity].column, _panel_of(quantity, labelled, True)
     for index, each in enumerate(labelled):
         table, look = _table_of(each.solution), Look.of(index, each, quantity)
         if column not in table:
@@ -355,13 +360,12 @@ def _series(each: Labelled, values: np.ndarray, most: int) -> tuple[np.ndarray, 
 
 
 def _time_panel(labelled: Sequence[Labelled], quantity: str, most: int) -> Panel:
-    column, scale = QUANTITIES[quantity].column, WORDS[quantity][2]
-    panel = Panel(_title_of(quantity))
+    column, (panel, scale) = QUANTITIES[quantity].column, _panel_of(quantity, labelled, False)
     for index, each in enumerate(labelled):
         table, look = _table_of(each.solution), Look.of(index, each, quantity)
         if column in table:
             series = _series(each, scale * table[column], most)
-            name = escaped(each.label) or WORDS[quantity][0]
+            name = escaped(each.label) or panel.title.partition(" (")[0]
             shown = {"showlegend": bool(each.label), "dash": look.dash if each.label else "solid"}
             panel.traces.append(line(*series, name, look.color, width=1.4, **shown))
     if panel.traces:
@@ -424,8 +428,8 @@ def _scenarios(each: Labelled, x: str) -> list[Solution]:
 
 
 def _envelope_panel(labelled: Sequence[Labelled], quantity: str, x: str) -> Panel:
-    column, scale = QUANTITIES[quantity].column, WORDS[quantity][2]
-    panel, alone = Panel(_title_of(quantity), from_zero=x != "time_s"), []
+    column, alone = QUANTITIES[quantity].column, []
+    panel, scale = _panel_of(quantity, labelled, x != "time_s")
     for index, each in enumerate(labelled):
         tables = [_table_of(one) for one in _scenarios(each, x)]
         parts = [(table[x], scale * table[column]) for table in tables if column in table]

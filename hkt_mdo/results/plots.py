@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import base64
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -149,7 +149,6 @@ def plot_power_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
     The bar at the foot of the axes spans the tip speed ratios of the trajectory.
     """
     ax = _beside_start(solutions, ax, "power_curve", "tip_speed_ratio", "power_coefficient")
-    bars = []
     for index, (solution, _) in enumerate(_named(solutions)):
         if not solution.power_curve:
             continue
@@ -157,19 +156,26 @@ def plot_power_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
         ratio, power = get("tip_speed_ratio_at_power_coefficient_max"), get("power_coefficient_max")
         peak = {"color": color, "linestyle": "none", "label": "_" if index else "largest value"}
         ax.plot([ratio], [power], **peak, **style.marker(index))
-        if reach := get("tip_speed_ratio"):
-            look = _BAR | {"color": color, "label": None if bars else "range operated in"}
-            height, across = 0.035 + 0.04 * index, ax.get_xaxis_transform()
-            bars += ax.plot([reach["min"], reach["max"]], [height] * 2, transform=across, **look)
-    ax.set_ylim(bottom=0.0)
-    return style.finish(ax, "tip speed ratio (-)", "power coefficient (-)")
+    return _with_operation(solutions, ax, "power coefficient (-)")
 
 
 def plot_thrust_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot the thrust coefficient over tip speed ratio."""
+    """Plot the thrust coefficient over tip speed ratio, and the range operated in."""
     ax = _beside_start(solutions, ax, "power_curve", "tip_speed_ratio", "thrust_coefficient")
+    return _with_operation(solutions, ax, "thrust coefficient (-)")
+
+
+def _with_operation(solutions: Solutions, ax: Axes, label: str) -> Axes:
+    """Draw the tip speed ratios operated in as bars at the foot of axes from zero."""
+    bars: list[Any] = []
+    for index, (solution, _) in enumerate(_named(solutions)):
+        if reach := solution.summary.get("tip_speed_ratio"):
+            look = _BAR | {"color": style.line(index)["color"]}
+            look |= {"label": None if bars else "range operated in"}
+            height, across = 0.035 + 0.04 * index, ax.get_xaxis_transform()
+            bars += ax.plot([reach["min"], reach["max"]], [height] * 2, transform=across, **look)
     ax.set_ylim(bottom=0.0)
-    return style.finish(ax, "tip speed ratio (-)", "thrust coefficient (-)")
+    return style.finish(ax, "tip speed ratio (-)", label)
 
 
 def _few_markers(index: int, count: int, size: int) -> dict[str, Any]:
@@ -188,12 +194,35 @@ WORDS = {
     "thrust": ("thrust", "kN", 1e-3),
 }
 """Name, unit and scale of what is drawn over time and over the flow speed."""
+LARGE_TORQUE = 1e4  # N m
+
+
+def words_of(quantity: str, solutions: Iterable[Solution]) -> tuple[str, str, float]:
+    """Return name, unit and scale of a quantity of `WORDS`, torques of large machines in kN m.
+
+    Parameters
+    ----------
+    quantity : str
+        One of `WORDS`.
+    solutions : iterable of Solution
+        What is drawn together.
+
+    Returns
+    -------
+    tuple of (str, str, float)
+        The scale is that of values in SI.
+    """
+    words, unit, scale = WORDS[quantity]
+    most = max((each.summary.control_torque_max_Nm or 0.0 for each in solutions), default=0.0)
+    large = unit == "N m" and most >= LARGE_TORQUE
+    return (words, "kN m", 1e-3) if large else (words, unit, scale)
+
 
 
 def _over_time(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a quantity over time, of one solution at some of the nodes too, and its limits."""
-    words, unit, scale = WORDS[quantity]
     chosen, ax, column = _scenarios(solutions), ax or style.new_axes(), QUANTITIES[quantity].column
+    words, unit, scale = words_of(quantity, (each for each, _ in chosen))
     for index, (solution, name) in enumerate(chosen):
         table, label = solution.simulation, name or "simulation"
         if column not in table:
@@ -254,8 +283,8 @@ def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:
 
 def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a quantity over the flow speed, from zero: means, most instants, steady operation."""
-    words, unit, scale = WORDS[quantity]
     chosen, ax = _scenarios(solutions), ax or style.new_axes()
+    words, unit, scale = words_of(quantity, (each for each, _ in chosen))
     column = QUANTITIES[quantity].column
     for index, (solution, name) in enumerate(chosen):
         table, look = solution.simulation or solution.trajectory, style.line(index)
@@ -270,7 +299,7 @@ def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Ax
         if not solution.steady:
             label = None if name else "90 % of the instants"
             ax.fill_between(speed, low, high, label=label, **band)
-        marks = _few_markers(index, len(chosen), speed.size) if name else style.marker(index, 3.5)
+        marks = _few_markers(index, len(chosen), speed.size)
         ax.plot(speed, mean, label=name or "mean at this flow speed", **look, **marks)
         if column in (steady := steady_curve(solution)):
             dashed: dict[str, Any] = {"color": look["color"] if name else "black", "linewidth": 1.0}
@@ -278,7 +307,7 @@ def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Ax
             ax.plot(steady["inflow_speed_m_s"], scale * steady[column], **dashed)
     ax.set_xlim(left=0.0)
     ax.set_ylim(bottom=0.0)
-    _draw_levels(quantity, scale, solutions, ax)
+    _draw_levels(quantity, scale, solutions, ax, 1)  # where the curves are low
     stops = {solution.case.control.cut_out for solution, _ in chosen} - {None}
     for stop in sorted(stops):
         ax.axvline(stop, label=f"cut-out {stop:g} m/s", linestyle=":", **style.REFERENCE)
@@ -339,7 +368,9 @@ def _over_span(column: str, solutions: Solutions, ax: Axes | None = None) -> Axe
             ax.plot(solution.loads["r_over_R"], values, label=name or words, **look)
     if column == QUANTITIES[quantity].column:  # not a moment along the blade
         _draw_levels(quantity, scale, solutions, ax)
-    ax.set_ylim(bottom=0.0)
+    lines = [line.get_ydata() for line in ax.lines]
+    if all(np.min(values) > -0.01 * np.max(values) for values in lines):
+        ax.set_ylim(bottom=0.0)
     return style.finish(ax, "radius over that of the tip (-)", label)
 
 
@@ -384,10 +415,13 @@ def levels_of(
     return named
 
 
-def _draw_levels(quantity: str, scale: float, solutions: Solutions, ax: Axes) -> None:
-    """Draw the limits of a quantity as lines."""
-    for words, level in levels_of(_scenarios(solutions), quantity, scale).items():
-        style.level(ax, level, words)
+def _draw_levels(
+    quantity: str, scale: float, solutions: Solutions, ax: Axes, first: int = 0
+) -> None:
+    """Draw the limits of a quantity as lines; `first`: place of the first label."""
+    levels = levels_of(_scenarios(solutions), quantity, scale)
+    for place, (words, level) in enumerate(levels.items(), first):
+        style.level(ax, level, words, place)
 
 
 def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:
