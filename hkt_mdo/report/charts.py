@@ -31,10 +31,11 @@ from hkt_mdo.results.words import limit_words, printable
 
 Chart = dict[str, Any]
 
+GROUND = "#ffffff"
 DARK = dict(
     zip(
-        (*style.COLORS, style.QUANTITY_COLORS["cavitation"]),
-        ("#78aee6", "#f08d57", "#6fd3a5", "#c594dc", "#e2b549", "#b9b9b9", "#6fcdf5"),
+        (*style.COLORS, style.QUANTITY_COLORS["cavitation"], GROUND),
+        ("#78aee6", "#f08d57", "#6fd3a5", "#c594dc", "#e2b549", "#b9b9b9", "#6fcdf5", "#14181d"),
         strict=True,
     )
 )
@@ -68,6 +69,8 @@ class Panel:
     """Places on the horizontal axis, by name."""
     from_zero: bool = False
     log: bool = False
+    left: bool = False
+    """Whether the first level has its name on the left."""
 
 
 def thinned(time: np.ndarray, values: np.ndarray, most: int) -> np.ndarray:
@@ -220,16 +223,18 @@ def _vertical(panel: Panel) -> dict[str, Any]:
 
 def _draw_levels(layout: dict[str, Any], panel: Panel, key: str) -> None:
     """Draw the levels and the marks of a panel with their names."""
-    look = {"line": {"color": FAINT, "width": 1.2, "dash": "dashdot"}, "type": "line"}
+    look: Chart = {"line": {"color": FAINT, "width": 1.2, "dash": "dashdot"}, "type": "line"}
+    look["layer"] = "below"  # a curve at its limit is seen
     for number, (name, level) in enumerate(panel.levels.items()):
         ends = {"xref": "paper", "x0": 0, "x1": 1, "yref": f"y{key}", "y0": level, "y1": level}
         layout["shapes"].append(look | ends)
         # above the smallest chord there is room on the left, where the root is
-        left = {"smallest": 1, "largest": 0}.get(name.partition(" ")[0], number % 2)
+        left = {"smallest": 1, "largest": 0}.get(name.partition(" ")[0], (number + panel.left) % 2)
         side, place = (("right", 1.0), ("left", 0.0))[left]
         words = {"text": escaped(name), "xref": "paper", "x": place, "xanchor": side}
         small = {"yanchor": "bottom", "font": {"size": 11, "color": FAINT}}
-        layout["annotations"].append(words | _at(f"y{key}", level) | small)
+        over = {"bgcolor": f"{GROUND}bb", "borderpad": 0}  # the curve of another result
+        layout["annotations"].append(words | _at(f"y{key}", level) | small | over)
     for name, place in panel.marks.items():
         ends = {"xref": "x", "x0": place, "x1": place, "yref": f"y{key} domain", "y0": 0, "y1": 1}
         layout["shapes"].append(look | ends)
@@ -295,6 +300,7 @@ def _over_flow(labelled: Sequence[Labelled]) -> Chart | None:
 
 def _flow_panel(labelled: Sequence[Labelled], quantity: str) -> Panel:
     column, (panel, scale) = QUANTITIES[quantity].column, _panel_of(quantity, labelled, True)
+    panel.left = True  # where the curves are low
     for index, each in enumerate(labelled):
         table, look = _table_of(each.solution), Look.of(index, each, quantity)
         if column not in table:
@@ -589,8 +595,9 @@ def _limit_bars(labelled: Sequence[Labelled]) -> Chart | None:
         words = [limit_words(limit) for limit in limits]
         names += [word for word in words if word not in names]
         bar = {"type": "bar", "orientation": "h", "x": _plain(most), "y": words}
+        gap = "\u2002" if each.label else ""  # beside the bar
         text = {
-            "text": [f"{x:.1f} %" for x in most],
+            "text": [f"{gap}{x:.1f} %" for x in most],
             "textposition": "outside" if each.label else "auto",
         }
         text |= {"insidetextanchor": "end"}

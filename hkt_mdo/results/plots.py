@@ -194,7 +194,7 @@ WORDS = {
     "thrust": ("thrust", "kN", 1e-3),
 }
 """Name, unit and scale of what is drawn over time and over the flow speed."""
-LARGE_TORQUE = 1e4  # N m
+LARGE_TORQUE = 1e3  # N m
 
 
 def words_of(quantity: str, solutions: Iterable[Solution]) -> tuple[str, str, float]:
