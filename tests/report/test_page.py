@@ -135,6 +135,19 @@ def test_several_results_stand_side_by_side(read):
     assert rows["objective, captured, to the best"] == ["+0.0000 %", "+0.0000 %"]
 
 
+def test_differences_of_cases_are_in_peoples_units():
+    flow = {"inflow": "sine", "control": {"law": "quadratic", "torque_limit": 700}}
+    limited = flow | {"limits": {"power": "5 kW", "stress": "100 MPa"}, "inflow": {"mean": 1.4}}
+    limited["inflow"]["profile"] = "sine"
+    limited["scenarios"] = [{"name": "fast", "limits": {"thrust": "6 kN"}}]
+    found = dict(page._differences([load_case(flow), load_case(limited)]))
+    assert found.pop("inflow.mean") == ["1.5 m/s", "1.4 m/s"]
+    assert found.pop("limits.power.bound") == ["-", "5 kW"]
+    assert found.pop("limits.stress.bound") == ["-", "100 MPa"]
+    assert found.pop("scenarios[0].limits.thrust.bound") == ["-", "6 kN"]
+    assert not {"inflow.amplitude", "control.law"} & found.keys()
+
+
 def test_an_unstable_loop_is_told_at_the_head(texts):
     told = "sine_linear: in water with memory UNSTABLE from t = 4.90 s"
     assert told in texts["both"].partition("<nav>")[0]
