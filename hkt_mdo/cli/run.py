@@ -126,7 +126,8 @@ def _reporters(
             line += f", {left:.0f} s left if it takes as long as the pass before"
         elif len(ends) == 1 and (goal := next((each for each in _ENDED if each > count), 0)):
             left = (now - ends[0]) * (goal / count - 1.0)
-            words = f"{left:.0f} s left to evaluation {goal}, before which {_ENDED[goal]} of runs end"
+            words = f"{left:.0f} s left to evaluation {goal}, "
+            words += f"before which {_ENDED[goal]} of first passes end"
             line += f", {words}" if left > 1.0 else ""
         if live.console.is_terminal:
             live.update(live.task_ids[0], description=f"{name}: {line}")

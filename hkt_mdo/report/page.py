@@ -23,7 +23,16 @@ from hkt_mdo.results.plots import labels
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
 from hkt_mdo.results.summary import LimitEntry, Summary, unasked
-from hkt_mdo.results.words import Row, joined, limit_words, measured, number, plain_unit, printable, texts
+from hkt_mdo.results.words import (
+    Row,
+    joined,
+    limit_words,
+    measured,
+    number,
+    plain_unit,
+    printable,
+    texts,
+)
 
 PACKAGES = ("plotly",)
 LONGEST_CASE = 1024**2

@@ -218,7 +218,6 @@ def words_of(quantity: str, solutions: Iterable[Solution]) -> tuple[str, str, fl
     return (words, "kN m", 1e-3) if large else (words, unit, scale)
 
 
-
 def _over_time(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a quantity over time, of one solution at some of the nodes too, and its limits."""
     chosen, ax, column = _scenarios(solutions), ax or style.new_axes(), QUANTITIES[quantity].column

@@ -13,7 +13,6 @@ from hkt_mdo.results.folder import write_csv, write_json
 from hkt_mdo.results.summary import PassEntry, Summary
 from hkt_mdo.run.iterate import as_data
 
-
 _OF_LONG_FLOWS = ["*.timeseries.*", "chord", "twist", "*energy", "inertia", "mass"]
 
 
