@@ -555,6 +555,9 @@ def figure_of(solutions: Solutions, name: str) -> Figure | None:
     if not shown:
         return None
     height = _BESIDES + (height - _BESIDES) * len(shown) / len(panels)
+    if name == "limits":  # each bar has room for its number
+        bars = [len(one.limit_shares("trajectory")) for one, _ in _scenarios(solutions)]
+        height = max(height, 1.5 + 0.16 * max(bars) * len(bars))
     share = sum(each.plot is not plot_sections for each in shown)  # which have no radius
     plots = [partial(each.plot, solutions) for each in shown]
     heights = [1.0] * len(shown)
