@@ -47,7 +47,7 @@ from hkt_mdo.run.memory import stability, stability_of
 BINDING, ENVELOPE = 1e-3, 1e-2
 
 MOST_ROWS = 50_000
-"""Rows of a table over time, but for extremes: the independent integration has 20 a segment."""
+"""Rows of the independent integration's table, but for extremes; it has 20 a segment."""
 
 SIMULATED = {
     "energy": "simulated_energy_J",
@@ -527,7 +527,9 @@ def write_tables(out: Path, finished: Finished) -> None:
                 if quantity in values[0]
             }
             rows = np.column_stack([*table.values()])
-            write_csv(out / f"{name}{suffix}.csv", table, rows[_shown(rows)])
+            if name == "simulation":  # open loop repeats the trajectory, at every node
+                rows = rows[_shown(rows)]
+            write_csv(out / f"{name}{suffix}.csv", table, rows)
         span = loads.over_span(physics.of(flights[0].scenario), blade, flown)
         _write_loads(out / f"loads{suffix}.csv", blade, span)
         if isinstance(flights[0], SteadyFlight):
@@ -548,7 +550,8 @@ def write_tables(out: Path, finished: Finished) -> None:
 def _shown(rows):
     """Return places of the rows of a long table, at equal steps and at each column's extremes."""
     step = -(-len(rows) // MOST_ROWS)
-    ends = np.argmin(rows, axis=0), np.argmax(rows, axis=0), [0, len(rows) - 1]
+    known = np.nan_to_num(rows)
+    ends = np.argmin(known, axis=0), np.argmax(known, axis=0), [0, len(rows) - 1]
     return np.union1d(np.arange(0, len(rows), step), np.concatenate(ends))
 
 
