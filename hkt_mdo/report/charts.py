@@ -224,7 +224,7 @@ def _vertical(panel: Panel) -> dict[str, Any]:
 def _draw_levels(layout: dict[str, Any], panel: Panel, key: str) -> None:
     """Draw the levels and the marks of a panel with their names."""
     look: Chart = {"line": {"color": FAINT, "width": 1.2, "dash": "dashdot"}, "type": "line"}
-    look["layer"] = "below"  # a curve at its limit is seen
+    look["layer"] = "between"  # grid and curves: a curve at its limit is seen
     for number, (name, level) in enumerate(panel.levels.items()):
         ends = {"xref": "paper", "x0": 0, "x1": 1, "yref": f"y{key}", "y0": level, "y1": level}
         layout["shapes"].append(look | ends)
@@ -436,6 +436,7 @@ def _scenarios(each: Labelled, x: str) -> list[Solution]:
 def _envelope_panel(labelled: Sequence[Labelled], quantity: str, x: str) -> Panel:
     column, alone = QUANTITIES[quantity].column, []
     panel, scale = _panel_of(quantity, labelled, x != "time_s")
+    panel.left = x != "time_s"
     for index, each in enumerate(labelled):
         tables = [_table_of(one) for one in _scenarios(each, x)]
         parts = [(table[x], scale * table[column]) for table in tables if column in table]
@@ -472,7 +473,8 @@ def _year(labelled: Sequence[Labelled]) -> Chart | None:
         panel = Panel(title, from_zero=True)
         for index, each in enumerate(labelled):
             if table := each.solution.year:
-                look, name = Look.of(index, each, "power"), escaped(each.label) or "a year"
+                quantity = "inflow_speed" if column == "hours" else "power"
+                look, name = Look.of(index, each, quantity), escaped(each.label) or "a year"
                 series = table["inflow_speed_m_s"], scale * table[column]
                 bar = {
                     "type": "bar",

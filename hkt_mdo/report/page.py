@@ -225,7 +225,11 @@ def _headline(solution: Solution) -> dict[str, str]:
             rows[label] = measured(loads[name].value, loads[name].unit, 4)
     if summary.rotor_radius_m is not None:
         rows["rotor diameter"] = f"{2.0 * summary.rotor_radius_m:.4g} m"
-    rows |= {} if summary.mass_kg is None else {"mass of the blades": f"{summary.mass_kg:.4g} kg"}
+    rows |= (
+        {}
+        if summary.mass_kg is None
+        else {"mass of the blades": measured(summary.mass_kg, "kg", 4)}
+    )
     return rows
 
 

@@ -452,26 +452,30 @@ def plot_year_power(solutions: Solutions, ax: Axes | None = None) -> Axes:
     for index, (solution, name) in enumerate(_scenarios(solutions)):
         if table := solution.year:
             look = style.line(index) | style.marker(index, 3.5)
+            look = look if name else style.colored(look, "electrical_power")
             along = table["inflow_speed_m_s"], 1e-3 * table["electrical_power_W"]
             ax.plot(*along, label=name or "mean electrical power", **look)
     ax.set_ylim(bottom=0.0)
     return style.finish(ax, "inflow speed (m/s)", "power (kW)")
 
 
-def _by_bin(column: str, label: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot a column of the year over the flow speed as bars, one a bin."""
+def _by_bin(
+    column: str, label: str, quantity: str, solutions: Solutions, ax: Axes | None = None
+) -> Axes:
+    """Plot a column of the year over the flow speed as bars, one a bin, in a quantity's colour."""
     chosen, ax = _scenarios(solutions), ax or style.new_axes()
     for index, (solution, name) in enumerate(chosen):
         if table := solution.year:
             speed = table["inflow_speed_m_s"]
             step = float(np.min(np.diff(speed), initial=0.1)) / len(chosen)
             at = speed + step * (index - 0.5 * (len(chosen) - 1))
-            ax.bar(at, table[column], width=0.9 * step, label=name or "a year", **style.bar(index))
+            look = style.bar(index) if name else style.colored(style.bar(index), quantity)
+            ax.bar(at, table[column], width=0.9 * step, label=name or "_a year", **look)
     return style.finish(ax, "inflow speed (m/s)", label)
 
 
-plot_year_hours = partial(_by_bin, "hours", "hours a year (h)")
-plot_year_energy = partial(_by_bin, "energy_kWh", "energy a year\n(kW h)")
+plot_year_hours = partial(_by_bin, "hours", "hours a year (h)", "inflow_speed")
+plot_year_energy = partial(_by_bin, "energy_kWh", "energy a year\n(kW h)", "power")
 
 
 class Panel(NamedTuple):
