@@ -23,6 +23,7 @@ from hkt_mdo.results.plots import (
     beside_start,
     levels_of,
     near_bounds,
+    of_scenario,
     words_of,
 )
 from hkt_mdo.results.solution import Solution
@@ -351,7 +352,11 @@ def _power_of(each: Labelled, look: Look, table: dict[str, np.ndarray]) -> list[
 
 def _over_time(labelled: Sequence[Labelled], most: int) -> Chart | None:
     """Return flow, power, speed, torque, thrust and margins over time, on one axis."""
-    labelled = [each for each in labelled if not each.solution.steady]
+    names = ["" if each.solution.steady else each.solution.scenarios[0] for each in labelled]
+    labelled = [
+        Labelled(of_scenario(each.solution, name), each.label)
+        for each, name in zip(labelled, names, strict=True)
+    ]
     panels = [_time_panel(labelled, quantity, most) for quantity in _TIME]
     return _stacked([*panels, _margin_panel(labelled, most)], "time (s)", 130)
 
@@ -667,8 +672,7 @@ def views(labelled: Sequence[Labelled]) -> dict[str, dict[str, Chart]]:
             "span": _over_span(labelled),
         }
     for name in names:
-        having = [each for each in labelled if name in each.solution.scenarios]
-        alone = [Labelled(each.solution.scenario(name), each.label) for each in having]
+        alone = [Labelled(of_scenario(each.solution, name), each.label) for each in labelled]
         charts: dict[str, Callable[[Sequence[Labelled]], Chart | None]] = {
             "flow": _over_flow,
             "year": _year,

@@ -12,6 +12,7 @@ from __future__ import annotations
 import base64
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,7 +25,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results import style
 from hkt_mdo.results.sections import STACKING, sections
-from hkt_mdo.results.solution import Solution
+from hkt_mdo.results.solution import ScenarioTables, Solution
 from hkt_mdo.results.steady import binned, rated_point, steady_curve
 from hkt_mdo.results.words import joined, limit_words, measured, printable
 
@@ -262,6 +263,8 @@ def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:
     rows = list(dict.fromkeys(limit for each in shares for limit in each))[::-1]
     height = 0.8 / len(chosen)
     for index, ((_, name), found) in enumerate(zip(chosen, shares, strict=True)):
+        if not found:
+            continue
         places = [rows.index(limit) + (0.5 * len(chosen) - index - 0.5) * height for limit in found]
         most = [float(np.nanmax(share)) for share in found.values()]
         look = style.bar(index) | {"height": 0.9 * height, "alpha": 0.85}
@@ -399,6 +402,7 @@ def levels_of(
         Levels by their words, which name the results where not all have the limit.
     """
     found: dict[tuple[str, float], list[str]] = {}
+    chosen = [each for each in chosen if each[0].simulation or each[0].trajectory]
     for solution, name in chosen:
         levels: dict[str, float] = {}
         for each in LIMITED_BY.get(quantity, (quantity,)):
@@ -612,11 +616,31 @@ def figures(solutions: Solutions, names: Sequence[str] = ()) -> Figures:
             raise InputError("unknown figure", f"known: {', '.join(FIGURES)}", value=name)
         if name in _OVER_TIME and any(len(each.scenarios) > 1 for each in chosen):
             for one in scenarios:
-                alone = [each.scenario(one) for each in chosen if one in each.scenarios]
+                alone = [of_scenario(each, one) for each in chosen]
                 drawn[f"{name}_{one}"] = figure_of(alone, name)
         else:
             drawn[name] = figure_of(solutions, name)
     return Figures({name: each for name, each in drawn.items() if each})
+
+
+def of_scenario(solution: Solution, name: str) -> Solution:
+    """Return a result of one scenario alone.
+
+    Parameters
+    ----------
+    solution : Solution
+        The result.
+    name : str
+        The scenario.
+
+    Returns
+    -------
+    Solution
+        Without tables where it has no such scenario: other results keep their colours beside it.
+    """
+    if name in solution.scenarios:
+        return solution.scenario(name)
+    return replace(solution, tables={name: ScenarioTables({}, {}, {})})
 
 
 def save_figures(
