@@ -18,7 +18,7 @@ from hkt_mdo.cli.sweep import run_several
 
 _SECONDS_BETWEEN_LINES = 5.0
 _ENDED = {90: "90 %", 200: "99 %"}
-"""Evaluations, and the share of first passes that end before: of 900 runs of shipped cases."""
+"""Evaluations, and the share of first passes that end before: of 900 runs of cases and studies."""
 
 _FORCE = "Replace an earlier result in the folder; files that are not of a run are kept."
 _RESUME = "In place of CASE: continue the unfinished run in this folder from its last iterate."
