@@ -602,7 +602,17 @@ def blade_area(solution):
     return f"{1e3 * np.trapezoid(summary.chord_m, summary.r_m):.1f}"
 
 
-def panel(ax, found, limit):
+TITLES = {
+    "none": "No limit",
+    "700 N m": "700 N m of generator torque",
+    "and 5 kW": "700 N m and 5 kW",
+    "and 6.5 kN": "700 N m, 5 kW and 6.5 kN of thrust",
+    "all": "All: 700 N m, 5 kW, 6.5 kN, 11 rad/s, 100 MPa, no cavitation at 3 m",
+}
+FOOT = f"\u00d7: refused by its judges; the shortest bars: less than {LEAST:g} %"
+
+
+def panel(ax, found, limit, foot=""):
     """Draw what each law loses in each flow under some limits."""
     asked, flows = laws(limit)[1:], list(dict.fromkeys(key[0] for key in found))
     place, width = np.arange(len(asked)), 0.8 / len(flows)
@@ -612,21 +622,29 @@ def panel(ax, found, limit):
         look = style.bar(i)
         left = place + (i + 0.5 - 0.5 * len(flows)) * width
         ax.bar(left, lost, 0.9 * width, label=flow, **look)
-        for x in left[np.isnan(lost)]:
-            ax.text(x, 1.2 * LEAST, "–", ha="center", color=look["color"])
+        known = [(flow, limit, law, "designed") in found for law in asked]
+        refused = left[np.isnan(lost) & known]
+        mark = {"marker": "x", "linestyle": "none", "markersize": 5, "color": look["color"]}
+        ax.plot(refused, np.full(refused.size, 1.6 * LEAST), **mark)
     ax.set_yscale("log")
     ax.set_ylim(bottom=LEAST)
+    ax.yaxis.set_major_formatter("{x:g}")
     ax.axhline(NEAR, label=f"{NEAR:g} %: as good as open loop", **style.REFERENCE)
-    ax.set_title(limit, fontsize=style.FONT_SIZE + 1, loc="left", fontweight="bold")
-    style.finish(ax, f"–: refused; bars at the foot: less than {LEAST:g} %", "below open loop (%)")
+    ax.set_title(TITLES[limit], fontsize=style.FONT_SIZE + 1, loc="left", fontweight="bold")
+    style.finish(ax, foot, "energy below\nopen loop (%)")
     ax.set_xticks(place, [law.replace(", ", ",\n") for law in asked])
     return ax
 
 
 def figure(found, path):
     """Draw what each law loses, one panel for each set of limits."""
-    plots = [partial(panel, found=found, limit=limit) for limit in asked(found)]
-    drawn = style.figure_of(7.5, 1.0 + 2.4 * len(plots), plots, share=False)
+    limits = asked(found)
+    feet = [""] * (len(limits) - 1) + [FOOT]
+    plots = [
+        partial(panel, found=found, limit=limit, foot=foot)
+        for limit, foot in zip(limits, feet, strict=True)
+    ]
+    drawn = style.figure_of(7.5, 1.0 + 2.3 * len(plots), plots, share=0)
     style.save({path.stem: drawn}, path.parent)
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from hkt_mdo.run import summary as tables
 from hkt_mdo.run.optimization import MOST_ROWS
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -70,3 +71,5 @@ def test_databases_and_plots(tmp_path, monkeypatch, capsys):
 def test_constraints_are_left_out_where_the_page_says():
     text = (DOCS / "postprocessing.md").read_text(encoding="utf-8")
     assert f"where segments times (limits + 1) exceed {MOST_ROWS}, without the constraints" in text
+    rows = f"Of more than {tables.MOST_ROWS:,} rows".replace(",", " ")
+    assert rows in (DOCS / "results.md").read_text(encoding="utf-8")

@@ -61,7 +61,7 @@ hkt designs the blade and the controller of a hydrokinetic turbine together. In 
   hkt new mine --kind turbine             write a case to begin from, with comments: mine.yaml
   hkt check mine.yaml                     see what it means, before a long run
   hkt run mine.yaml                       optimize it; the result is in results/mine
-  hkt show results/mine                   read the result; figures: results/mine/figures
+  hkt show results/mine                   read the result; hkt report results/mine makes a page
   hkt compare results/mine results/other  compare it with another result
 
 Every command: hkt --help; options of one: hkt run --help; a shipped case: hkt run sine_oloc"""

@@ -133,9 +133,9 @@ def polar(
     beside: Annotated[list[str] | None, Option(metavar="POLAR", help=_BESIDE)] = None,
     force: parts.Force = False,
 ) -> None:
-    r"""Compute the polars of an outline.
+    """Compute the polars of an outline.
 
-    NeuralFoil (pip install 'hkt_mdo\[neuralfoil]') computes lift, drag and moment of the section;
+    NeuralFoil (the extra `neuralfoil` of hkt_mdo) computes lift, drag and moment of the section;
     potential flow with this lift gives the smallest pressure (cpmin) of either surface. They are
     written as a CSV file that rotor.polar takes, with the network's confidence in every row, and as
     a figure. Angles of attack count from the outline's x axis, the chord line.

@@ -21,11 +21,11 @@ def resource(
     constituents: Annotated[str, Option(metavar="NAMES", help=_TIDE)] = "",
     force: parts.Force = False,
 ) -> None:
-    r"""Read a long record of a flow, and write how long it has each speed.
+    """Read a long record of a flow, and write how long it has each speed.
 
     Writes resource.csv, the hours of each speed in a year, with case.yaml, the lines that a case
     takes, and figures. With --constituents also tide.yaml, the constituents of the tide by utide
-    (pip install 'hkt_mdo\[resource]'), and what they explain of the record; their prediction is
+    (the extra `resource` of hkt_mdo), and what they explain of the record; their prediction is
     drawn beside it.
     """
     from hkt_mdo.cli.resource_report import report_resource

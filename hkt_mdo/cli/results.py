@@ -151,7 +151,8 @@ def compare(
     for solution, share in zip(solutions, shares, strict=True):
         rows.append(solution.summary.rows(solution.case))
         if share is not None:
-            rows[-1].append(Row("objective, relative to the best", f"{100.0 * share:+.4f} %"))
+            best = Row("objective, relative to the best", f"{100.0 * share:+.4f} %")
+            rows[-1].insert(3, best)  # below case, success and message
     names = [str(solution.folder) for solution in solutions]
     if for_program:
         records = (parts.plain_rows(x, result=name) for name, x in zip(names, rows, strict=True))

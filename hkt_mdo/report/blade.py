@@ -144,7 +144,7 @@ def solid(found: Sequence[Body]) -> Chart:
     quiet, eye = {"visible": False}, {"x": -0.7, "y": -2.2, "z": 1.8}
     scene = {"aspectmode": "manual", "dragmode": "orbit", "yaxis": quiet, "zaxis": quiet}
     along = {"title": {"text": "radius (m)"}, "nticks": 6, "showbackground": False}
-    scene |= {"xaxis": along, "camera": {"eye": eye, "center": {"x": 0.0, "y": 0.0, "z": -0.15}}}
+    scene |= {"xaxis": along, "camera": {"eye": eye, "center": {"x": 0.0, "y": 0.0, "z": -0.3}}}
     scene["aspectratio"] = dict(zip("xyz", ratio.tolist(), strict=True))
     return {"data": data, "layout": {"height": 300 + 60 * len(found), "scene": scene}}
 

@@ -18,17 +18,25 @@ import numpy as np
 
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results import style
-from hkt_mdo.results.plots import OVER_SPAN, WORDS, beside_start, levels_of, near_bounds
+from hkt_mdo.results.plots import (
+    OVER_SPAN,
+    beside_start,
+    levels_of,
+    near_bounds,
+    of_scenario,
+    words_of,
+)
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import BINS, Binned, binned, rated_point, steady_curve
 from hkt_mdo.results.words import limit_words, printable
 
 Chart = dict[str, Any]
 
+GROUND = "#ffffff"
 DARK = dict(
     zip(
-        (*style.COLORS, style.QUANTITY_COLORS["cavitation"]),
-        ("#78aee6", "#f08d57", "#6fd3a5", "#c594dc", "#e2b549", "#b9b9b9", "#6fcdf5"),
+        (*style.COLORS, style.QUANTITY_COLORS["cavitation"], GROUND),
+        ("#78aee6", "#f08d57", "#6fd3a5", "#c594dc", "#e2b549", "#b9b9b9", "#6fcdf5", "#14181d"),
         strict=True,
     )
 )
@@ -62,6 +70,8 @@ class Panel:
     """Places on the horizontal axis, by name."""
     from_zero: bool = False
     log: bool = False
+    left: bool = False
+    """Whether the first level has its name on the left."""
 
 
 def thinned(time: np.ndarray, values: np.ndarray, most: int) -> np.ndarray:
@@ -214,16 +224,18 @@ def _vertical(panel: Panel) -> dict[str, Any]:
 
 def _draw_levels(layout: dict[str, Any], panel: Panel, key: str) -> None:
     """Draw the levels and the marks of a panel with their names."""
-    look = {"line": {"color": FAINT, "width": 1.2, "dash": "dashdot"}, "type": "line"}
+    look: Chart = {"line": {"color": FAINT, "width": 1.2, "dash": "dashdot"}, "type": "line"}
+    look["layer"] = "between"  # grid and curves: a curve at its limit is seen
     for number, (name, level) in enumerate(panel.levels.items()):
         ends = {"xref": "paper", "x0": 0, "x1": 1, "yref": f"y{key}", "y0": level, "y1": level}
         layout["shapes"].append(look | ends)
         # above the smallest chord there is room on the left, where the root is
-        left = {"smallest": 1, "largest": 0}.get(name.partition(" ")[0], number % 2)
+        left = {"smallest": 1, "largest": 0}.get(name.partition(" ")[0], (number + panel.left) % 2)
         side, place = (("right", 1.0), ("left", 0.0))[left]
         words = {"text": escaped(name), "xref": "paper", "x": place, "xanchor": side}
         small = {"yanchor": "bottom", "font": {"size": 11, "color": FAINT}}
-        layout["annotations"].append(words | _at(f"y{key}", level) | small)
+        over = {"bgcolor": f"{GROUND}bb", "borderpad": 0}  # the curve of another result
+        layout["annotations"].append(words | _at(f"y{key}", level) | small | over)
     for name, place in panel.marks.items():
         ends = {"xref": "x", "x0": place, "x1": place, "yref": f"y{key} domain", "y0": 0, "y1": 1}
         layout["shapes"].append(look | ends)
@@ -267,10 +279,10 @@ def _table_of(solution: Solution) -> dict[str, np.ndarray]:
     return solution.simulation or solution.trajectory
 
 
-def _title_of(quantity: str) -> str:
-    """Return the name and the unit of a quantity."""
-    words, unit, _ = WORDS[quantity]
-    return f"{words} ({unit})"
+def _panel_of(quantity: str, labelled: Sequence[Labelled], from_zero: bool) -> tuple[Panel, float]:
+    """Return the empty panel of a quantity, and the scale of its values."""
+    words, unit, scale = words_of(quantity, (each.solution for each in labelled))
+    return Panel(f"{words} ({unit})", from_zero=from_zero), scale
 
 
 # ---- over the flow speed and over time, of one scenario of each result
@@ -288,8 +300,8 @@ def _over_flow(labelled: Sequence[Labelled]) -> Chart | None:
 
 
 def _flow_panel(labelled: Sequence[Labelled], quantity: str) -> Panel:
-    column, scale = QUANTITIES[quantity].column, WORDS[quantity][2]
-    panel = Panel(_title_of(quantity), from_zero=True)
+    column, (panel, scale) = QUANTITIES[quantity].column, _panel_of(quantity, labelled, True)
+    panel.left = True  # where the curves are low
     for index, each in enumerate(labelled):
         table, look = _table_of(each.solution), Look.of(index, each, quantity)
         if column not in table:
@@ -340,7 +352,11 @@ def _power_of(each: Labelled, look: Look, table: dict[str, np.ndarray]) -> list[
 
 def _over_time(labelled: Sequence[Labelled], most: int) -> Chart | None:
     """Return flow, power, speed, torque, thrust and margins over time, on one axis."""
-    labelled = [each for each in labelled if not each.solution.steady]
+    names = ["" if each.solution.steady else each.solution.scenarios[0] for each in labelled]
+    labelled = [
+        Labelled(of_scenario(each.solution, name), each.label)
+        for each, name in zip(labelled, names, strict=True)
+    ]
     panels = [_time_panel(labelled, quantity, most) for quantity in _TIME]
     return _stacked([*panels, _margin_panel(labelled, most)], "time (s)", 130)
 
@@ -355,13 +371,12 @@ def _series(each: Labelled, values: np.ndarray, most: int) -> tuple[np.ndarray, 
 
 
 def _time_panel(labelled: Sequence[Labelled], quantity: str, most: int) -> Panel:
-    column, scale = QUANTITIES[quantity].column, WORDS[quantity][2]
-    panel = Panel(_title_of(quantity))
+    column, (panel, scale) = QUANTITIES[quantity].column, _panel_of(quantity, labelled, False)
     for index, each in enumerate(labelled):
         table, look = _table_of(each.solution), Look.of(index, each, quantity)
         if column in table:
             series = _series(each, scale * table[column], most)
-            name = escaped(each.label) or WORDS[quantity][0]
+            name = escaped(each.label) or panel.title.partition(" (")[0]
             shown = {"showlegend": bool(each.label), "dash": look.dash if each.label else "solid"}
             panel.traces.append(line(*series, name, look.color, width=1.4, **shown))
     if panel.traces:
@@ -424,8 +439,9 @@ def _scenarios(each: Labelled, x: str) -> list[Solution]:
 
 
 def _envelope_panel(labelled: Sequence[Labelled], quantity: str, x: str) -> Panel:
-    column, scale = QUANTITIES[quantity].column, WORDS[quantity][2]
-    panel, alone = Panel(_title_of(quantity), from_zero=x != "time_s"), []
+    column, alone = QUANTITIES[quantity].column, []
+    panel, scale = _panel_of(quantity, labelled, x != "time_s")
+    panel.left = x != "time_s"
     for index, each in enumerate(labelled):
         tables = [_table_of(one) for one in _scenarios(each, x)]
         parts = [(table[x], scale * table[column]) for table in tables if column in table]
@@ -462,7 +478,8 @@ def _year(labelled: Sequence[Labelled]) -> Chart | None:
         panel = Panel(title, from_zero=True)
         for index, each in enumerate(labelled):
             if table := each.solution.year:
-                look, name = Look.of(index, each, "power"), escaped(each.label) or "a year"
+                quantity = "inflow_speed" if column == "hours" else "power"
+                look, name = Look.of(index, each, quantity), escaped(each.label) or "a year"
                 series = table["inflow_speed_m_s"], scale * table[column]
                 bar = {
                     "type": "bar",
@@ -585,8 +602,9 @@ def _limit_bars(labelled: Sequence[Labelled]) -> Chart | None:
         words = [limit_words(limit) for limit in limits]
         names += [word for word in words if word not in names]
         bar = {"type": "bar", "orientation": "h", "x": _plain(most), "y": words}
+        gap = "\u2002" if each.label else ""  # beside the bar
         text = {
-            "text": [f"{x:.1f} %" for x in most],
+            "text": [f"{gap}{x:.1f} %" for x in most],
             "textposition": "outside" if each.label else "auto",
         }
         text |= {"insidetextanchor": "end"}
@@ -654,8 +672,7 @@ def views(labelled: Sequence[Labelled]) -> dict[str, dict[str, Chart]]:
             "span": _over_span(labelled),
         }
     for name in names:
-        having = [each for each in labelled if name in each.solution.scenarios]
-        alone = [Labelled(each.solution.scenario(name), each.label) for each in having]
+        alone = [Labelled(of_scenario(each.solution, name), each.label) for each in labelled]
         charts: dict[str, Callable[[Sequence[Labelled]], Chart | None]] = {
             "flow": _over_flow,
             "year": _year,

@@ -11,8 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel
 
 from hkt_mdo.case import Case
+from hkt_mdo.case.document import unit_of
 from hkt_mdo.errors import InputError, install
 from hkt_mdo.files.table import read_text, write_files
 from hkt_mdo.report import rendered
@@ -21,7 +23,16 @@ from hkt_mdo.results.plots import labels
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
 from hkt_mdo.results.summary import LimitEntry, Summary, unasked
-from hkt_mdo.results.words import Row, joined, limit_words, measured, number, printable, texts
+from hkt_mdo.results.words import (
+    Row,
+    joined,
+    limit_words,
+    measured,
+    number,
+    plain_unit,
+    printable,
+    texts,
+)
 
 PACKAGES = ("plotly",)
 LONGEST_CASE = 1024**2
@@ -214,7 +225,11 @@ def _headline(solution: Solution) -> dict[str, str]:
             rows[label] = measured(loads[name].value, loads[name].unit, 4)
     if summary.rotor_radius_m is not None:
         rows["rotor diameter"] = f"{2.0 * summary.rotor_radius_m:.4g} m"
-    rows |= {} if summary.mass_kg is None else {"mass of the blades": f"{summary.mass_kg:.4g} kg"}
+    rows |= (
+        {}
+        if summary.mass_kg is None
+        else {"mass of the blades": measured(summary.mass_kg, "kg", 4)}
+    )
     return rows
 
 
@@ -334,22 +349,43 @@ def _scenarios(summary: Summary) -> list[dict[str, str]]:
 
 
 def _differences(cases: Sequence[Case]) -> list[tuple[str, list[str]]]:
-    """Return the keys in which cases differ, with the value of each case."""
-    flat = [_flat(case.model_dump(mode="json")) for case in cases]
+    """Return the keys in which cases differ, with the value of each case in people's units."""
+    flat = [_flat(case) for case in cases]
     rows = []
     for key in dict.fromkeys(key for each in flat for key in each):
-        values = ["-" if each.get(key) is None else str(each[key]) for each in flat]
+        values = [each.get(key, "-") for each in flat]
         if len(set(values)) > 1 and key != "name":
             rows.append((key, [printable(value) for value in values]))
     return rows
 
 
-def _flat(data: Any, key: str = "") -> dict[str, Any]:
-    """Return the values of a nested dictionary by their dotted keys."""
-    if not isinstance(data, dict):
-        return {key: data}
-    parts = (_flat(value, f"{key}.{name}" if key else name) for name, value in data.items())
-    return {name: value for part in parts for name, value in part.items()}
+def _flat(value: Any, key: str = "", unit: str = "") -> dict[str, str]:
+    """Return the values of a section and of the sections in it as texts, by their dotted keys."""
+    if isinstance(value, BaseModel):
+        units = _units(type(value))
+        parts = [
+            _flat(getattr(value, name), f"{key}.{name}".lstrip("."), units.get(name, ""))
+            for name in type(value).model_fields
+        ]
+    elif isinstance(value, list | tuple) and any(isinstance(each, BaseModel) for each in value):
+        parts = [_flat(each, f"{key}[{number}]") for number, each in enumerate(value)]
+    elif value is None or value == ():
+        parts = []
+    elif isinstance(value, float) and unit != "rad/s":
+        parts = [{key: measured(value, unit, 10)}]
+    else:
+        several = value if isinstance(value, list | tuple) else [value]
+        words = ", ".join(f"{x:.10g}" if isinstance(x, float) else str(x) for x in several)
+        parts = [{key: f"{words} {plain_unit(unit)}".rstrip()}]
+    return {name: text for part in parts for name, text in part.items()}
+
+
+def _units(section: type[BaseModel]) -> dict[str, str]:
+    """Return the units of a section's keys."""
+    schema = section.model_json_schema(by_alias=False)
+    kinds = schema, *schema.get("anyOf", ())  # a section may be a name or a number alone
+    fields = (each.get("properties", {}) for each in kinds)
+    return {name: unit_of(about) for each in fields for name, about in each.items()}
 
 
 def not_modelled(case: Case) -> list[str]:

@@ -87,10 +87,10 @@ def _front(table: SweepTable, links: np.ndarray) -> dict[str, Any] | None:
     """Return the chart of the Pareto front."""
     if not table.cost or not table.verified.any():
         return None
-    cost = table.columns[table.cost]
+    (cost, across), (objective, up) = table.shown(table.cost), table.shown("objective")
     known = np.flatnonzero(table.verified & np.isfinite(cost))
     kinds = (known, {"color": "#888"}, "verified"), (table.front(), {"color": RED}, "Pareto front")
-    return _chart(table.cost, table.label, cost, table.objective, kinds, links)
+    return _chart(across, up, cost, objective, kinds, links)
 
 
 def _map(table: SweepTable, links: np.ndarray) -> dict[str, Any] | None:
@@ -98,8 +98,9 @@ def _map(table: SweepTable, links: np.ndarray) -> dict[str, Any] | None:
     if len(table.numeric) < 2 or not table.verified.any():
         return None
     good = np.flatnonzero(table.verified)
-    shades = {"color": table.objective[good].tolist(), "colorscale": "Viridis", "size": 14}
-    shades |= {"symbol": "square", "showscale": True, "colorbar": {"title": {"text": table.label}}}
+    objective, label = table.shown("objective")
+    shades = {"color": objective[good].tolist(), "colorscale": "Viridis", "size": 14}
+    shades |= {"symbol": "square", "showscale": True, "colorbar": {"title": {"text": label}}}
     crosses = (
         np.flatnonzero(~table.verified),
         {"symbol": "x", "color": RED, "size": 9},
@@ -120,5 +121,6 @@ def _chart(
         for at, marker, name in kinds
     ]
     layout = {"xaxis": {"title": {"text": across}}, "yaxis": {"title": {"text": up}}}
-    look = {"height": 460, "hovermode": "closest", "legend": {"orientation": "h", "y": 1.1}}
+    look = {"height": 420, "hovermode": "closest", "legend": {"orientation": "h", "y": 1.12}}
+    look["margin"] = {"l": 60, "r": 20, "t": 40, "b": 50}
     return {"data": data, "layout": {**layout, **look}}

@@ -133,8 +133,10 @@ def check_figures(data: Mapping[str, Mapping[str, Any]]) -> dict[str, Figure]:
             plots = [partial(draw_blade, part, column) for column in _BLADE]
             figures[name] = style.figure_of(5.6, 6.8, plots)
         elif name == "polar":
-            plots = [partial(draw_polar, part, column) for column in ("lift", "drag", "ratio")]
-            figures[name] = style.figure_of(6.4, 8.2, plots)
+            columns = ["lift", "drag", "ratio"]
+            columns += ["suction"] * any(np.any(x["suction"] > 0.0) for x in part["curves"])
+            plots = [partial(draw_polar, part, column) for column in columns]
+            figures[name] = style.figure_of(6.4, 0.9 + 2.4 * len(plots), plots)
         elif name == "power_curve":
             figures[name] = style.figure_of(5.6, 3.9, [partial(draw_power, part)])
         else:

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import base64
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,7 +25,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results import style
 from hkt_mdo.results.sections import STACKING, sections
-from hkt_mdo.results.solution import Solution
+from hkt_mdo.results.solution import ScenarioTables, Solution
 from hkt_mdo.results.steady import binned, rated_point, steady_curve
 from hkt_mdo.results.words import joined, limit_words, measured, printable
 
@@ -149,7 +150,6 @@ def plot_power_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
     The bar at the foot of the axes spans the tip speed ratios of the trajectory.
     """
     ax = _beside_start(solutions, ax, "power_curve", "tip_speed_ratio", "power_coefficient")
-    bars = []
     for index, (solution, _) in enumerate(_named(solutions)):
         if not solution.power_curve:
             continue
@@ -157,19 +157,26 @@ def plot_power_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
         ratio, power = get("tip_speed_ratio_at_power_coefficient_max"), get("power_coefficient_max")
         peak = {"color": color, "linestyle": "none", "label": "_" if index else "largest value"}
         ax.plot([ratio], [power], **peak, **style.marker(index))
-        if reach := get("tip_speed_ratio"):
-            look = _BAR | {"color": color, "label": None if bars else "range operated in"}
-            height, across = 0.035 + 0.04 * index, ax.get_xaxis_transform()
-            bars += ax.plot([reach["min"], reach["max"]], [height] * 2, transform=across, **look)
-    ax.set_ylim(bottom=0.0)
-    return style.finish(ax, "tip speed ratio (-)", "power coefficient (-)")
+    return _with_operation(solutions, ax, "power coefficient (-)")
 
 
 def plot_thrust_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot the thrust coefficient over tip speed ratio."""
+    """Plot the thrust coefficient over tip speed ratio, and the range operated in."""
     ax = _beside_start(solutions, ax, "power_curve", "tip_speed_ratio", "thrust_coefficient")
+    return _with_operation(solutions, ax, "thrust coefficient (-)")
+
+
+def _with_operation(solutions: Solutions, ax: Axes, label: str) -> Axes:
+    """Draw the tip speed ratios operated in as bars at the foot of axes from zero."""
+    bars: list[Any] = []
+    for index, (solution, _) in enumerate(_named(solutions)):
+        if reach := solution.summary.get("tip_speed_ratio"):
+            look = _BAR | {"color": style.line(index)["color"]}
+            look |= {"label": None if bars else "range operated in"}
+            height, across = 0.035 + 0.04 * index, ax.get_xaxis_transform()
+            bars += ax.plot([reach["min"], reach["max"]], [height] * 2, transform=across, **look)
     ax.set_ylim(bottom=0.0)
-    return style.finish(ax, "tip speed ratio (-)", "thrust coefficient (-)")
+    return style.finish(ax, "tip speed ratio (-)", label)
 
 
 def _few_markers(index: int, count: int, size: int) -> dict[str, Any]:
@@ -188,12 +195,34 @@ WORDS = {
     "thrust": ("thrust", "kN", 1e-3),
 }
 """Name, unit and scale of what is drawn over time and over the flow speed."""
+LARGE_TORQUE = 1e3  # N m
+
+
+def words_of(quantity: str, solutions: Iterable[Solution]) -> tuple[str, str, float]:
+    """Return name, unit and scale of a quantity of `WORDS`, torques of large machines in kN m.
+
+    Parameters
+    ----------
+    quantity : str
+        One of `WORDS`.
+    solutions : iterable of Solution
+        What is drawn together.
+
+    Returns
+    -------
+    tuple of (str, str, float)
+        The scale is that of values in SI.
+    """
+    words, unit, scale = WORDS[quantity]
+    most = max((each.summary.control_torque_max_Nm or 0.0 for each in solutions), default=0.0)
+    large = unit == "N m" and most >= LARGE_TORQUE
+    return (words, "kN m", 1e-3) if large else (words, unit, scale)
 
 
 def _over_time(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a quantity over time, of one solution at some of the nodes too, and its limits."""
-    words, unit, scale = WORDS[quantity]
     chosen, ax, column = _scenarios(solutions), ax or style.new_axes(), QUANTITIES[quantity].column
+    words, unit, scale = words_of(quantity, (each for each, _ in chosen))
     for index, (solution, name) in enumerate(chosen):
         table, label = solution.simulation, name or "simulation"
         if column not in table:
@@ -234,6 +263,8 @@ def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:
     rows = list(dict.fromkeys(limit for each in shares for limit in each))[::-1]
     height = 0.8 / len(chosen)
     for index, ((_, name), found) in enumerate(zip(chosen, shares, strict=True)):
+        if not found:
+            continue
         places = [rows.index(limit) + (0.5 * len(chosen) - index - 0.5) * height for limit in found]
         most = [float(np.nanmax(share)) for share in found.values()]
         look = style.bar(index) | {"height": 0.9 * height, "alpha": 0.85}
@@ -254,8 +285,8 @@ def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:
 
 def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a quantity over the flow speed, from zero: means, most instants, steady operation."""
-    words, unit, scale = WORDS[quantity]
     chosen, ax = _scenarios(solutions), ax or style.new_axes()
+    words, unit, scale = words_of(quantity, (each for each, _ in chosen))
     column = QUANTITIES[quantity].column
     for index, (solution, name) in enumerate(chosen):
         table, look = solution.simulation or solution.trajectory, style.line(index)
@@ -270,7 +301,7 @@ def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Ax
         if not solution.steady:
             label = None if name else "90 % of the instants"
             ax.fill_between(speed, low, high, label=label, **band)
-        marks = _few_markers(index, len(chosen), speed.size) if name else style.marker(index, 3.5)
+        marks = _few_markers(index, len(chosen), speed.size)
         ax.plot(speed, mean, label=name or "mean at this flow speed", **look, **marks)
         if column in (steady := steady_curve(solution)):
             dashed: dict[str, Any] = {"color": look["color"] if name else "black", "linewidth": 1.0}
@@ -278,7 +309,7 @@ def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Ax
             ax.plot(steady["inflow_speed_m_s"], scale * steady[column], **dashed)
     ax.set_xlim(left=0.0)
     ax.set_ylim(bottom=0.0)
-    _draw_levels(quantity, scale, solutions, ax)
+    _draw_levels(quantity, scale, solutions, ax, 1)  # where the curves are low
     stops = {solution.case.control.cut_out for solution, _ in chosen} - {None}
     for stop in sorted(stops):
         ax.axvline(stop, label=f"cut-out {stop:g} m/s", linestyle=":", **style.REFERENCE)
@@ -339,7 +370,9 @@ def _over_span(column: str, solutions: Solutions, ax: Axes | None = None) -> Axe
             ax.plot(solution.loads["r_over_R"], values, label=name or words, **look)
     if column == QUANTITIES[quantity].column:  # not a moment along the blade
         _draw_levels(quantity, scale, solutions, ax)
-    ax.set_ylim(bottom=0.0)
+    lines = [line.get_ydata() for line in ax.lines]
+    if all(np.min(values) > -0.01 * np.max(values) for values in lines):
+        ax.set_ylim(bottom=0.0)
     return style.finish(ax, "radius over that of the tip (-)", label)
 
 
@@ -369,6 +402,7 @@ def levels_of(
         Levels by their words, which name the results where not all have the limit.
     """
     found: dict[tuple[str, float], list[str]] = {}
+    chosen = [each for each in chosen if each[0].simulation or each[0].trajectory]
     for solution, name in chosen:
         levels: dict[str, float] = {}
         for each in LIMITED_BY.get(quantity, (quantity,)):
@@ -384,10 +418,13 @@ def levels_of(
     return named
 
 
-def _draw_levels(quantity: str, scale: float, solutions: Solutions, ax: Axes) -> None:
-    """Draw the limits of a quantity as lines."""
-    for words, level in levels_of(_scenarios(solutions), quantity, scale).items():
-        style.level(ax, level, words)
+def _draw_levels(
+    quantity: str, scale: float, solutions: Solutions, ax: Axes, first: int = 0
+) -> None:
+    """Draw the limits of a quantity as lines; `first`: place of the first label."""
+    levels = levels_of(_scenarios(solutions), quantity, scale)
+    for place, (words, level) in enumerate(levels.items(), first):
+        style.level(ax, level, words, place)
 
 
 def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:
@@ -419,26 +456,30 @@ def plot_year_power(solutions: Solutions, ax: Axes | None = None) -> Axes:
     for index, (solution, name) in enumerate(_scenarios(solutions)):
         if table := solution.year:
             look = style.line(index) | style.marker(index, 3.5)
+            look = look if name else style.colored(look, "electrical_power")
             along = table["inflow_speed_m_s"], 1e-3 * table["electrical_power_W"]
             ax.plot(*along, label=name or "mean electrical power", **look)
     ax.set_ylim(bottom=0.0)
     return style.finish(ax, "inflow speed (m/s)", "power (kW)")
 
 
-def _by_bin(column: str, label: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot a column of the year over the flow speed as bars, one a bin."""
+def _by_bin(
+    column: str, label: str, quantity: str, solutions: Solutions, ax: Axes | None = None
+) -> Axes:
+    """Plot a column of the year over the flow speed as bars, one a bin, in a quantity's colour."""
     chosen, ax = _scenarios(solutions), ax or style.new_axes()
     for index, (solution, name) in enumerate(chosen):
         if table := solution.year:
             speed = table["inflow_speed_m_s"]
             step = float(np.min(np.diff(speed), initial=0.1)) / len(chosen)
             at = speed + step * (index - 0.5 * (len(chosen) - 1))
-            ax.bar(at, table[column], width=0.9 * step, label=name or "a year", **style.bar(index))
+            look = style.bar(index) if name else style.colored(style.bar(index), quantity)
+            ax.bar(at, table[column], width=0.9 * step, label=name or "_a year", **look)
     return style.finish(ax, "inflow speed (m/s)", label)
 
 
-plot_year_hours = partial(_by_bin, "hours", "hours a year (h)")
-plot_year_energy = partial(_by_bin, "energy_kWh", "energy a year\n(kW h)")
+plot_year_hours = partial(_by_bin, "hours", "hours a year (h)", "inflow_speed")
+plot_year_energy = partial(_by_bin, "energy_kWh", "energy a year\n(kW h)", "power")
 
 
 class Panel(NamedTuple):
@@ -522,6 +563,9 @@ def figure_of(solutions: Solutions, name: str) -> Figure | None:
     if not shown:
         return None
     height = _BESIDES + (height - _BESIDES) * len(shown) / len(panels)
+    if name == "limits":  # each bar has room for its number
+        bars = [len(one.limit_shares("trajectory")) for one, _ in _scenarios(solutions)]
+        height = max(height, 1.5 + 0.16 * max(bars) * len(bars))
     share = sum(each.plot is not plot_sections for each in shown)  # which have no radius
     plots = [partial(each.plot, solutions) for each in shown]
     heights = [1.0] * len(shown)
@@ -572,11 +616,31 @@ def figures(solutions: Solutions, names: Sequence[str] = ()) -> Figures:
             raise InputError("unknown figure", f"known: {', '.join(FIGURES)}", value=name)
         if name in _OVER_TIME and any(len(each.scenarios) > 1 for each in chosen):
             for one in scenarios:
-                alone = [each.scenario(one) for each in chosen if one in each.scenarios]
+                alone = [of_scenario(each, one) for each in chosen]
                 drawn[f"{name}_{one}"] = figure_of(alone, name)
         else:
             drawn[name] = figure_of(solutions, name)
     return Figures({name: each for name, each in drawn.items() if each})
+
+
+def of_scenario(solution: Solution, name: str) -> Solution:
+    """Return a result of one scenario alone.
+
+    Parameters
+    ----------
+    solution : Solution
+        The result.
+    name : str
+        The scenario.
+
+    Returns
+    -------
+    Solution
+        Without tables where it has no such scenario: other results keep their colours beside it.
+    """
+    if name in solution.scenarios:
+        return solution.scenario(name)
+    return replace(solution, tables={name: ScenarioTables({}, {}, {})})
 
 
 def save_figures(

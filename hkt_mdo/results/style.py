@@ -111,6 +111,7 @@ def level(ax: Axes, value: float, label: str, number: int | None = None) -> None
     low, high = ax.get_ylim()
     ax.set_ylim(low, max(high, value + 0.16 * (max(high, value) - low)))  # room for the label
     words: dict[str, Any] = {"fontsize": FONT_SIZE - 1.5, "color": "0.3", "ha": side}
+    words["bbox"] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}
     where: dict[str, Any] = {"xycoords": ax.get_yaxis_transform(), "textcoords": "offset points"}
     ax.annotate(label, (place, value), xytext=(0, 2.5), va="bottom", **where, **words)
 

@@ -21,6 +21,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import read_text, write_files
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results.solution import Solution
+from hkt_mdo.results.words import prefixed
 
 TABLE = "table.csv"
 VERIFIED, REFUSED, ERROR = "verified", "refused", "error"
@@ -181,11 +182,29 @@ class SweepTable:
         """Whether the objective is to be large."""
         return "smaller" not in self.columns["better"]
 
-    @property
-    def label(self) -> str:
-        """Name and unit of the objective."""
-        units = {*self.columns["objective_unit"]} - {""}
-        return f"objective ({', '.join(units)})"
+    def shown(self, name: str) -> tuple[np.ndarray, str]:
+        """Return a column of numbers as people read it, shape (n_runs,), and its label.
+
+        Parameters
+        ----------
+        name : str
+            Of the column.
+
+        Returns
+        -------
+        values : numpy.ndarray, shape (n_runs,)
+            In kJ, kW, kN or MPa where they are large.
+        label : str
+            Name and unit; that of a key of the case is the key.
+        """
+        values = self.columns[name].astype(float)
+        words, _, unit = name.rpartition("_")
+        if name == "objective":
+            words, unit = name, ", ".join({*self.columns["objective_unit"]} - {""})
+        if unit not in ("W", "J", "N", "Pa", "Nm"):
+            return values, f"{name} ({unit})" if name == "objective" else name
+        prefix, scale = prefixed(float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0)))
+        return values / scale, f"{words.replace('_', ' ')} ({prefix}{unit.replace('Nm', 'N m')})"
 
     @property
     def numeric(self) -> list[str]:

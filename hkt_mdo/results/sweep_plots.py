@@ -18,12 +18,12 @@ from hkt_mdo.results.sweep import SweepTable
 def plot_front(table: SweepTable, ax: Axes | None = None) -> Axes:
     """Plot the objective over the cost of every run, and the Pareto front."""
     ax, front, good = ax or style.new_axes(), table.front(), table.verified
-    cost = table.columns[table.cost]
+    (cost, across), (objective, up) = table.shown(table.cost), table.shown("objective")
     look = {"linestyle": "none", **style.marker(0, 4.0)}
-    ax.plot(cost[good], table.objective[good], color="0.6", label="verified runs", **look)
+    ax.plot(cost[good], objective[good], color="0.6", label="verified runs", **look)
     words = "Pareto front: none is better in both"
-    ax.plot(cost[front], table.objective[front], marker="s", label=words, **style.line(1))
-    return style.finish(ax, table.cost, table.label)
+    ax.plot(cost[front], objective[front], marker="s", label=words, **style.line(1))
+    return style.finish(ax, across, up)
 
 
 def plot_map(table: SweepTable, ax: Axes | None = None) -> Axes:
@@ -35,8 +35,9 @@ def plot_map(table: SweepTable, ax: Axes | None = None) -> Axes:
     good, sign = table.verified, 1.0 if table.maximize else -1.0
     order = np.flatnonzero(good)[np.argsort(sign * table.objective[good])]
     places = table.columns[x][order], table.columns[y][order]
-    drawn = ax.scatter(*places, c=table.objective[order], s=60, marker="s", cmap="viridis")
-    ax.figure.colorbar(drawn, ax=ax, label=table.label)
+    objective, label = table.shown("objective")
+    drawn = ax.scatter(*places, c=objective[order], s=60, marker="s", cmap="viridis")
+    ax.figure.colorbar(drawn, ax=ax, label=label)
     if not good.all():
         look = {"linestyle": "none", "marker": "x", "color": style.COLORS[1]}
         ax.plot(table.columns[x][~good], table.columns[y][~good], label="no success", **look)
@@ -53,6 +54,9 @@ def plot_parallel(table: SweepTable, ax: Axes | None = None) -> Axes:
     heights, labels = [], []
     for name in names:
         column = table.columns[name][good]
+        if column.dtype.kind == "f":
+            shown, name = table.shown(name)
+            column = shown[good]
         if column.dtype.kind != "f":  # names: one place each
             known, column = np.unique(column, return_inverse=True)
             ends = known[0], known[-1]

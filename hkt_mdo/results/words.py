@@ -98,7 +98,7 @@ def measured(value: Any, unit: str = "", digits: int = 5) -> str:
     ends, plain = [float(np.min(value)), float(np.max(value))], plain_unit(unit)
     size, prefix, scale = max(map(abs, ends)), "", 1.0
     if plain in _PREFIXED:
-        prefix, scale = next((each for each in _LARGE if size >= each[1]), ("", 1.0))
+        prefix, scale = prefixed(size)
     elif plain in _SMALL and 0.0 < size < 0.1:
         prefix, scale = "m", 1e-3
     texts = [number(end / scale, digits, zeros=plain == "J") for end in ends]
@@ -106,6 +106,11 @@ def measured(value: Any, unit: str = "", digits: int = 5) -> str:
     if plain != "rad/s":
         return text
     return f"{text} ({measured(np.array(ends) * 30.0 / np.pi, 'rpm', digits)})"
+
+
+def prefixed(size: float) -> tuple[str, float]:
+    """Return the prefix of a unit, and its factor, for quantities of a size."""
+    return next((each for each in _LARGE if size >= each[1]), ("", 1.0))
 
 
 def limit_words(name: str) -> str:

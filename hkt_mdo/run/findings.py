@@ -443,18 +443,24 @@ def _polar_curves(found: Findings):
     for station, polars in enumerate(found.polars):
         groups.setdefault(polars, []).append(station)
     alpha = np.linspace(-40.0, 50.0, 361)
+    angle = np.deg2rad(alpha)
     for tables, where in groups.items():
         label = "all stations" if len(groups) == 1 else found.places(where)
         labels = [label]
         if isinstance(polar := found.plant.polar, LocalReynolds):
             labels = [f"{label}, Re {powers(np.exp(log))}" for log in polar.log_reynolds]
         for table, label in zip(tables, labels, strict=True):
-            lift, drag = table.evaluate(np.deg2rad(alpha))
+            lift, drag = table.evaluate(angle)
+            suction = np.full(alpha.size, np.nan)
+            if table.suction is not None:  # none is known beyond the table
+                inside = (angle >= table.alpha_min) & (angle <= table.alpha_max)
+                suction[inside] = np.max(table.suction_at(angle[inside])[0], axis=0)
             yield {
                 "label": label,
                 "alpha_deg": alpha,
                 "lift": lift,
                 "drag": drag,
+                "suction": suction,
                 "table_deg": np.rad2deg([table.alpha_min, table.alpha_max]),
             }
 

@@ -13,6 +13,8 @@ from hkt_mdo.results.folder import write_csv, write_json
 from hkt_mdo.results.summary import PassEntry, Summary
 from hkt_mdo.run.iterate import as_data
 
+_OF_LONG_FLOWS = ["*.timeseries.*", "chord", "twist", "*energy", "inertia", "mass"]
+
 
 class Log:
     """Writes a result folder while a run works; nothing is read from it.
@@ -54,14 +56,16 @@ class Log:
         """Write the summary."""
         write_json(self._out / "summary.json", dict(summary))
 
-    def add_recorders(self, problem: om.Problem, constraints: bool = True) -> None:
+    def add_recorders(self, problem: om.Problem, whole: bool = True) -> None:
         """Record the final case and every iteration; the databases of earlier passes are kept.
 
         Parameters
         ----------
         problem : openmdao.api.Problem
-        constraints
-            Whether every iteration has its constraints, which of a long flow are a gigabyte.
+            The problem, set up.
+        whole
+            Whether every iteration has its constraints and what changes over time, which of a long
+            flow are up to a gigabyte, and the final case has what Dymos computes in between.
         """
         if not self._records:
             return
@@ -70,12 +74,15 @@ class Log:
             number += 1
             history = self._out / f"history_{number}.db"
         problem.driver.add_recorder(_Recorder(str(history.resolve()), record_viewer_data=False))
-        problem.driver.recording_options["record_constraints"] = constraints
         solution = self._out / "solution.db"
         solution.unlink(missing_ok=True)
-        problem.add_recorder(_Recorder(str(solution.resolve())))
+        problem.add_recorder(_Recorder(str(solution.resolve()), record_viewer_data=whole))
         problem.recording_options["record_inputs"] = False
-        problem.recording_options["includes"] = ["*"]
+        problem.recording_options["includes"] = ["*"] if whole else _OF_LONG_FLOWS
+        if not whole:
+            design = list(problem.model.get_design_vars(recurse=False))
+            skipped = dict.fromkeys(("record_desvars", "record_constraints"), False)
+            problem.driver.recording_options.update(skipped | {"includes": design})
 
     def record_final(self, problem: om.Problem) -> None:
         """Record the problem as it stands."""

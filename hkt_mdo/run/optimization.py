@@ -20,7 +20,7 @@ FIRST_ITERATIONS = 300
 """Iterations after which an optimization within wide move limits counts as failed."""
 
 MOST_ROWS = 500
-"""Segments times limits and the equation of motion, above which no constraints are recorded."""
+"""Segments times limits and the equation of motion, above which little is recorded."""
 
 ENERGIES = "energy", "generator_energy", "electrical_energy", "objective", "inertia", "mass"
 
@@ -45,7 +45,7 @@ def solve(state: RunState, physics: Physics, setup: Setup, near: bool) -> Optimi
     most = None if setup.moves == NARROW else FIRST_ITERATIONS
     problem = assemble(physics, setup, make_driver(physics, state, most, near), state.scratch)
     rows = sum(x.segments * (1 + len(physics.limits_in(x))) for x in physics.scenarios)
-    state.log.add_recorders(problem, constraints=rows <= MOST_ROWS)
+    state.log.add_recorders(problem, whole=rows <= MOST_ROWS)
     try:
         problem.final_setup()  # opens the recorders' files
         try:

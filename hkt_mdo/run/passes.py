@@ -114,12 +114,13 @@ def finer_mesh(attempt: Attempt) -> Begin | None:
     if not division.allowed(physics.case.driver.optimizer):
         return None
     parts, order, meshes = division.parts, division.order, [each.mesh for each in physics.scenarios]
-    why = f"error of the mesh {division.error:.2g}"
+    why = f", error of the mesh {division.error:.2g}" if division.error else ""
     if order:
         meshes = [mesh.model_copy(update={"order": order}) for mesh in meshes]
-        why = f"polynomials of order {order} for nearly all segments are too coarse, {why}"
+        why = f"polynomials of order {order} for nearly all segments are too coarse{why}"
     else:
-        why = f"{sum(np.sum(own > 1) for own in parts)} segments are too coarse, {why}"
+        count = sum(np.sum(own > 1) for own in parts)
+        why = f"{count} segment{' is' if count == 1 else 's are'} too coarse{why}"
     scenarios = [
         replace(each.divided(own), mesh=mesh)
         for each, own, mesh in zip(physics.scenarios, parts, meshes, strict=True)

@@ -46,6 +46,9 @@ from hkt_mdo.run.memory import stability, stability_of
 # values along the blade the optimization has a smooth largest that is up to as much above them
 BINDING, ENVELOPE = 1e-3, 1e-2
 
+MOST_ROWS = 50_000
+"""Rows of the independent integration's table, but for extremes; it has 20 a segment."""
+
 SIMULATED = {
     "energy": "simulated_energy_J",
     "generator_energy": "generator_energy_J",
@@ -523,7 +526,10 @@ def write_tables(out: Path, finished: Finished) -> None:
                 for quantity in OVER_TIME
                 if quantity in values[0]
             }
-            write_csv(out / f"{name}{suffix}.csv", table, zip(*table.values(), strict=True))
+            rows = np.column_stack([*table.values()])
+            if name == "simulation":  # open loop repeats the trajectory, at every node
+                rows = rows[_shown(rows)]
+            write_csv(out / f"{name}{suffix}.csv", table, rows)
         span = loads.over_span(physics.of(flights[0].scenario), blade, flown)
         _write_loads(out / f"loads{suffix}.csv", blade, span)
         if isinstance(flights[0], SteadyFlight):
@@ -539,6 +545,14 @@ def write_tables(out: Path, finished: Finished) -> None:
     columns = ratios, *(x.power for x in known), *(x.thrust for x in known)
     header = TABLES["power_curve"]
     write_csv(out / "power_curve.csv", header, zip(*columns, strict=True))
+
+
+def _shown(rows):
+    """Return places of the rows of a long table, at equal steps and at each column's extremes."""
+    step = -(-len(rows) // MOST_ROWS)
+    known = np.nan_to_num(rows)
+    ends = np.argmin(known, axis=0), np.argmax(known, axis=0), [0, len(rows) - 1]
+    return np.union1d(np.arange(0, len(rows), step), np.concatenate(ends))
 
 
 def _write_loads(path, blade, found):

@@ -446,7 +446,7 @@ def test_progress_reports_the_pass_and_the_time_left(monkeypatch: pytest.MonkeyP
     now[0] = 35.0
     evaluation(9, 2000.0, 1e-5)
     assert shown[0] == "mine: pass 1, evaluation 1, objective 2.0000 kJ, infeasibility 1.0e-03"
-    assert shown[1].endswith("1.0e-04, 60 s left for 200 evaluations")
+    assert ", 16 s left to evaluation 90, before which 90 % of" in shown[1]
     assert shown[2] == "mine: judging"
     assert shown[3].startswith("mine: pass 2, evaluation 9")
     assert shown[3].endswith(", 15 s left if it takes as long as the pass before")

@@ -16,6 +16,7 @@ from hkt_mdo.case import load_case
 from hkt_mdo.cli import main
 from hkt_mdo.exports.solids import outline_volume
 from hkt_mdo.report import blade, charts, page
+from hkt_mdo.results import plots, style
 from hkt_mdo.results.solution import Solution
 from tests.conftest import make_result
 from tests.exports.made import made
@@ -135,6 +136,19 @@ def test_several_results_stand_side_by_side(read):
     assert rows["objective, captured, to the best"] == ["+0.0000 %", "+0.0000 %"]
 
 
+def test_differences_of_cases_are_in_peoples_units():
+    flow = {"inflow": "sine", "control": {"law": "quadratic", "torque_limit": 700}}
+    limited = flow | {"limits": {"power": "5 kW", "stress": "100 MPa"}, "inflow": {"mean": 1.4}}
+    limited["inflow"]["profile"] = "sine"
+    limited["scenarios"] = [{"name": "fast", "limits": {"thrust": "6 kN"}}]
+    found = dict(page._differences([load_case(flow), load_case(limited)]))
+    assert found.pop("inflow.mean") == ["1.5 m/s", "1.4 m/s"]
+    assert found.pop("limits.power.bound") == ["-", "5 kW"]
+    assert found.pop("limits.stress.bound") == ["-", "100 MPa"]
+    assert found.pop("scenarios[0].limits.thrust.bound") == ["-", "6 kN"]
+    assert not {"inflow.amplitude", "control.law"} & found.keys()
+
+
 def test_an_unstable_loop_is_told_at_the_head(texts):
     told = "sine_linear: in water with memory UNSTABLE from t = 4.90 s"
     assert told in texts["both"].partition("<nav>")[0]
@@ -218,8 +232,31 @@ def test_solid_is_the_blade(folders):
     assert np.max(points[:, 0]) == pytest.approx(1.4)
 
 
-def test_envelope_covers_every_scenario(tmp_path):
-    solution = made(tmp_path / "two", TWO, [7.5])
+def test_results_keep_their_colours_where_others_lack_a_scenario(two, folders):
+    one = Solution.load(folders[0])
+    both = [charts.Labelled(one, "one"), charts.Labelled(two, "two")]
+    shown = charts.views(both)
+    second = style.COLORS[1]
+    for name, label in (("phase", "one"), ("slow", "two"), ("all scenarios", "two")):
+        lines = {x["name"]: x["line"]["color"] for x in shown[name]["time"]["data"]}
+        assert lines[label] == (second if label == "two" else style.COLORS[0])
+    drawn = plots.figures([one, two], ["operation", "limits"])
+    for name in ("operation_slow", "limits_slow"):
+        told = {x.get_text() for x in drawn[name].axes[0].get_legend().get_texts()}
+        assert two.name in told
+        assert one.name not in told
+    (line, *_) = drawn["operation_slow"].axes[0].lines
+    assert line.get_color() == second
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory):
+    """An invented result of two scenarios."""
+    return made(tmp_path_factory.mktemp("two") / "two", TWO, [7.5])
+
+
+def test_envelope_covers_every_scenario(two):
+    solution = two
     results = [charts.Labelled(solution, "")]
     views = charts.views(results)
     assert list(views) == ["all scenarios", "slow", "fast"]

@@ -106,11 +106,19 @@ def test_plots_show_the_numbers(solution: Solution) -> None:
     assert list(limit.get_ydata()) == [700.0, 700.0]
     assert [text.get_text() for text in drawn.texts] == [limit.get_label()]
     assert limit.get_label() not in legend_texts(drawn)  # it stands at its line
-    bar = next(
-        line for line in plots.plot_power_curve(solution).lines if len(line.get_xdata()) == 2
-    )
     reach = solution.summary["tip_speed_ratio"]
-    assert list(bar.get_xdata()) == [reach["min"], reach["max"]]
+    for plot in (plots.plot_power_curve, plots.plot_thrust_curve):
+        bar = next(line for line in plot(solution).lines if len(line.get_xdata()) == 2)
+        assert list(bar.get_xdata()) == [reach["min"], reach["max"]]
+
+
+def test_torques_of_large_machines_are_in_kilonewton_metres(solution: Solution) -> None:
+    summary = solution.summary.model_copy(update={"control_torque_max_Nm": 4e5})
+    for large, label in ((solution, "(N m)"), (replace(solution, summary=summary), "(kN m)")):
+        ax = plots.plot_torque_schedule(large)
+        assert ax.get_ylabel() == f"generator torque {label}"
+        scale = {"(N m)": 1.0, "(kN m)": 1e-3}[label]
+        assert line_of(ax, "generator torque limit 700 N m").get_ydata()[0] == 700.0 * scale
 
 
 def line_of(ax: Axes, label: str):
@@ -333,6 +341,11 @@ def test_loads_are_along_the_span_with_their_limits(result_folder: Path) -> None
         np.testing.assert_array_equal(line.get_xdata(), solution.loads["r_over_R"])
         np.testing.assert_array_equal(line.get_ydata(), scale * solution.loads[column])
         assert [each.get_ydata()[0] for each in levels] == ([] if limit is None else [limit])
+    moment = solution.loads["flapwise_moment_Nm"] - 200.0  # the outer part pushes upstream
+    (tables,) = solution.tables.values()
+    turned = replace(tables, loads=solution.loads | {"flapwise_moment_Nm": moment})
+    ax = plots.plot_flapwise_moment(replace(solution, tables={"phase": turned}))
+    assert ax.get_ylim()[0] < -0.2  # it is not cut off
 
 
 def test_panels_without_data_are_left_out(result_folder: Path) -> None:

@@ -496,6 +496,8 @@ def test_figures_show_what_the_report_says() -> None:
     report, before = check("control.torque_limit=700", "design.twist_points=5"), dict(rcParams)
     figures = plots.check_figures(report.figures)
     assert list(figures) == ["blade", "polar", "inflow", "power_curve"]
+    words = [ax.get_ylabel().partition(" (")[0] for ax in figures["polar"].axes]
+    assert words[2:] == ["lift over drag", "largest suction, -cp"]
     for figure in figures.values():
         figure.canvas.draw()
         for ax in figure.axes:
