@@ -1,6 +1,6 @@
 """What the number of blade stations and of control points does: writes docs/stations.md.
 
-python scripts/station_study.py --out results/stations --table docs/stations.md
+python scripts/station_study.py --out results/stations
 """
 
 import argparse
@@ -91,7 +91,6 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=Path, default=Path(__file__).parent.parent / "cases")
     parser.add_argument("--out", type=Path, default=Path("results/stations"))
-    parser.add_argument("--table", type=Path, default=Path("docs/stations.md"))
     arguments = parser.parse_args()
 
     plan = {
@@ -105,28 +104,42 @@ def main():
     found = run_batch(
         plan, 1, lambda path, word: print(f"  {path}: {word}", flush=True), records=False
     )
-    arguments.table.write_text(
-        page({(path.parent.name, path.name): each for path, each in found.items()}),
-        encoding="utf-8",
-    )
-    print(f"wrote {arguments.table}")
+    results = {variant: {} for variant in VARIANTS}
+    for path, solution in found.items():
+        results[path.parent.name][path.name] = _shown(solution)
+    page_data.page_from("stations", from_data, results=results)
 
 
-def page(found):
-    """Return the page for the solutions by variant and law."""
-    energy = {key: each.summary["simulated_energy_J"] for key, each in found.items()}
+def _shown(solution):
+    """Return what the page shows of a result."""
+    chord, twist = _roughness(solution)
+    low, high, inducing = _flow(solution)
+    summary = solution.summary
+    return {
+        "success": solution.success,
+        "energy_J": summary["simulated_energy_J"],
+        "iterations": summary["iterations"],
+        "wall_time_s": summary["wall_seconds"],
+        "roughness_of_chord": chord,
+        "roughness_of_twist_deg": twist,
+        "angle_of_attack_deg": [low, high],
+        "high_induction_stations": inducing,
+    }
+
+
+def from_data(data):
+    """Return the page of its data."""
+    found = {(name, law): x for name, of in data["results"].items() for law, x in of.items()}
+    energy = {key: each["energy_J"] for key, each in found.items()}
 
     def cost(variant, law):
         """Return the relative difference to the most stations, in per cent."""
         return 100.0 * (energy[variant, law] / energy[f"count_{COUNTS[-1]}", law] - 1.0)
 
     def effort(variant, law):
-        solution = found[variant, law]
-        mark = "" if solution.success else " (no success)"
-        return (
-            f"{solution.summary['iterations']} iterations, "
-            f"{solution.summary['wall_seconds']:.1f} s{mark}"
-        )
+        one = found[variant, law]
+        mark = "" if one["success"] else " (no success)"
+        return f"{one['iterations']} iterations, {one['wall_time_s']:.1f} s{mark}"
 
     limits = {law: _limit([energy[f"count_{n}", law] for n in COUNTS]) for law in LAWS}
     lines = [HEAD, "## Refinement", ""]
@@ -206,16 +219,17 @@ def page(found):
     for law in LAWS:
         for label, variant in ((f"{law}, free", "free"), (f"{law}, splines", f"count_{FREE}")):
             over = 100.0 * (energy[variant, law] / energy[f"count_{FREE}", law] - 1.0)
-            chord, twist = _roughness(found[variant, law])
-            low, high, inducing = _flow(found[variant, law])
+            one = found[variant, law]
+            low, high = one["angle_of_attack_deg"]
             lines.append(
                 f"| {label} | {energy[variant, law]:.1f} | {over:+.3f} % | "
-                f"{effort(variant, law)} | {chord:.3f}, {twist:.2f}° | "
-                f"{low:.1f} to {high:.1f}° | {inducing} stations |"
+                f"{effort(variant, law)} | {one['roughness_of_chord']:.3f}, "
+                f"{one['roughness_of_twist_deg']:.2f}° | {low:.1f} to {high:.1f}° | "
+                f"{one['high_induction_stations']} stations |"
             )
     lines += [
         "",
-        f"{sum(found['free', law].success for law in LAWS)} of {len(LAWS)} free designs are a "
+        f"{sum(found['free', law]['success'] for law in LAWS)} of {len(LAWS)} free designs are a "
         "success.",
         "",
         FREE_WHY,
@@ -273,7 +287,7 @@ def _roughness(solution):
         return np.max(np.abs(values[1:-1] - (1.0 - share) * values[:-2] - share * values[2:]))
 
     chord = np.array(solution.summary["chord_m"])
-    return off(chord) / np.max(chord), off(solution.summary["twist_deg"])
+    return float(off(chord) / np.max(chord)), float(off(solution.summary["twist_deg"]))
 
 
 def _flow(solution):
@@ -285,9 +299,8 @@ def _flow(solution):
     blade = world.blade.with_shape(summary["chord_m"], np.deg2rad(summary["twist_deg"]))
     found = bem.sections(blade, world.polar, summary["tip_speed_ratio"]["mean"])
     angle = np.rad2deg(found.angle_of_attack)
-    return angle.min(), angle.max(), int(np.count_nonzero(found.axial_induction > 0.5))
+    return float(angle.min()), float(angle.max()), int(np.count_nonzero(found.axial_induction > 0.5))
 
 
 if __name__ == "__main__":
     main()
-    page_data.record("stations")
