@@ -71,14 +71,11 @@ rises towards its limit.
 FREE_WHY = """\
 Near hub and tip, where Prandtl's loss factor is small, the optimum of a free station lies at high
 induction (Buhl's branch) instead of about a third, with a chord and twist unlike its neighbours'.
-The free design changes there abruptly from one station to the next, and the optimizer takes many
-iterations to find at which stations, if it converges at all; splines change over smoothly. The gain
-is small, comes from a range in which the theory is least certain, and makes a blade that nobody
-would build. So with more than twenty stations chord and twist are splines of eight points unless
+The free design changes there abruptly from one station to the next; splines change smoothly. The
+gain is small, comes from a range in which the theory is least certain, and makes a blade that
+nobody would build. So with more than twenty stations chord and twist are splines of eight points unless
 `design.chord_points` and `design.twist_points` give other numbers.
 
-An optimization that fails begins again from its last saved iterate, which depends on the speed of
-the machine: runs as long as these need not have the same iterations, or even success, every time.
 Iterations are those of the last optimization of a run; wall times have all of them. Roughness: the
 largest difference of a station from the straight line between its neighbours, chord over the
 largest chord and twist. Angle of attack over the stations, and axial induction a, at the mean tip

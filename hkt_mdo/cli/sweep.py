@@ -42,8 +42,9 @@ def sweep(
 
     The folder, results/NAME unless --out is given, gets sweep.yaml, a result folder for each run in
     runs, and one row a run in table.csv (table.parquet and grid.nc too, where pandas and xarray are
-    installed). A run that fails is a row with its message. Given again, the command goes on: what
-    is finished is not run again. hkt plot and hkt report take the folder.
+    installed). A run that fails is a row with its message. The same command continues an
+    interrupted sweep: runs that are finished are not repeated. hkt plot and hkt report take the
+    folder, too.
     """
     from hkt_mdo.case.sweep import load_sweep
 
