@@ -202,16 +202,29 @@ COLUMNS = {
 COEFFICIENT = "tip speed ratio, mean", "C_P, largest, at"
 TABLES = {
     "rm1_turbulent": (
-        ("run", "energy / MJ", "of bound", "gain K2 / N m s²", *COEFFICIENT)
-        + ("fastest tip / m/s", "inertia / kg m²"),
+        (
+            "run",
+            "energy / MJ",
+            "of bound",
+            "gain K2 / N m s²",
+            *COEFFICIENT,
+            "fastest tip / m/s",
+            "inertia / kg m²",
+        ),
         ("blade designed", "rm1_turbulent"),
         ("blade designed, with the generator", "rm1_turbulent_geared"),
         ("blade kept", "rm1_turbulent_kept"),
         ("blade kept, with the generator", "rm1_turbulent_kept_geared"),
     ),
     "rm1_set_angle": (
-        ("run", "set angle / deg", "energy / MJ", "of bound", "gain K2 / N m s²")
-        + ("tip speed ratio",),
+        (
+            "run",
+            "set angle / deg",
+            "energy / MJ",
+            "of bound",
+            "gain K2 / N m s²",
+            "tip speed ratio",
+        ),
         ("torque limit 415 kN m", "rm1_set_angle"),
         ("the same, set angle 0", "rm1_set_angle_zero"),
         ("no torque limit", "rm1_set_angle_unlimited"),
@@ -227,8 +240,15 @@ TABLES = {
         ("quadratic, limit 140 N m, blade kept", "river_gust_kept_quadratic"),
     ),
     "river_resized": (
-        ("radius allowed / m", "found / m", "energy / kJ", "of bound", "tip speed ratio")
-        + ("C_P, largest, at", "fastest tip / m/s"),
+        (
+            "radius allowed / m",
+            "found / m",
+            "energy / kJ",
+            "of bound",
+            "tip speed ratio",
+            "C_P, largest, at",
+            "fastest tip / m/s",
+        ),
         ("0.8", "river_resized_kept"),
         ("0.6 to 1.0", "river_resized"),
         ("0.6 to 1.4", "river_resized_wide"),
@@ -248,8 +268,16 @@ TABLES = {
         ("24 % throughout", "designed_thickness_naca4424"),
     ),
     "two_flows": (
-        ("run", "energy / kJ", "of bound", "slow: mean power / W", "fast: mean power / W")
-        + ("gain K2 / N m s²", "tip speed ratio", "largest thrust / kN"),
+        (
+            "run",
+            "energy / kJ",
+            "of bound",
+            "slow: mean power / W",
+            "fast: mean power / W",
+            "gain K2 / N m s²",
+            "tip speed ratio",
+            "largest thrust / kN",
+        ),
         ("quadratic feedback", "two_flows"),
         ("open loop", "two_flows_open_loop"),
         ("quadratic feedback, no limit on the thrust (40 stations, too)", "two_flows_unlimited"),

@@ -74,7 +74,11 @@ def shown(data):
     size, (thin, power, limited) = data["formulas"], data["blades"].values()
     moments = [
         f"{one['weight_moment_Nm']:.{digits}f} N m ({text}{one['edgewise_moment_Nm']:.0f} N m)"
-        for one, digits, text in ((thin, 1, "mean edgewise moment "), (power, 0, ""), (limited, 0, ""))
+        for one, digits, text in (
+            (thin, 1, "mean edgewise moment "),
+            (power, 0, ""),
+            (limited, 0, ""),
+        )
     ]
     added = [f"{100 * one['added_share_of_inertia']:.0f} %" for one in (thin, limited, power)]
     times = [
@@ -88,7 +92,7 @@ def shown(data):
         f"{100 * size['pile']:.0f} % for a pile of 0.2 m",
         f"{100 * size['small_eddies']:.0f} % of the variance is faster than V/D",
         *(f"{moment} for" for moment in moments),
-        f"{added[0]} of the inertia of the paper's blades, {added[1]} for `all_oloc`, {added[2]} for",
+        f"{added[0]} of the inertia of the paper's blades, {added[1]} for `all_oloc`, {added[2]}",
         f"at 0.7 R {times[0]} for the paper's blade, {times[1]} for",
         f"has {size['turns_a_year'] / 1e7:.0f}·10⁷ turns a year",
     ]

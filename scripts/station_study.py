@@ -73,8 +73,8 @@ Near hub and tip, where Prandtl's loss factor is small, the optimum of a free st
 induction (Buhl's branch) instead of about a third, with a chord and twist unlike its neighbours'.
 The free design changes there abruptly from one station to the next; splines change smoothly. The
 gain is small, comes from a range in which the theory is least certain, and makes a blade that
-nobody would build. So with more than twenty stations chord and twist are splines of eight points unless
-`design.chord_points` and `design.twist_points` give other numbers.
+nobody would build. So with more than twenty stations chord and twist are splines of eight points
+unless `design.chord_points` and `design.twist_points` give other numbers.
 
 Iterations are those of the last optimization of a run; wall times have all of them. Roughness: the
 largest difference of a station from the straight line between its neighbours, chord over the
@@ -296,7 +296,8 @@ def _flow(solution):
     blade = world.blade.with_shape(summary["chord_m"], np.deg2rad(summary["twist_deg"]))
     found = bem.sections(blade, world.polar, summary["tip_speed_ratio"]["mean"])
     angle = np.rad2deg(found.angle_of_attack)
-    return float(angle.min()), float(angle.max()), int(np.count_nonzero(found.axial_induction > 0.5))
+    high = np.count_nonzero(found.axial_induction > 0.5)
+    return float(angle.min()), float(angle.max()), int(high)
 
 
 if __name__ == "__main__":

@@ -68,7 +68,8 @@ def tables() -> str:
     """Return the tables of the page."""
     known = listed()
     sources = known["sources"]
-    lines = ["\n## How many\n", "| | here, read by the tests | also read | refused |", "|---|---|---|---|"]
+    lines = ["\n## How many\n", "| | here, read by the tests | also read | refused |"]
+    lines.append("|---|---|---|---|")
     for kind in READERS:
         others = [entry for entry in known["listed"] if f"{entry['kind']}s" == kind]
         counts = [sum(entry.get(key, 0) for entry in others) for key in ("read", "refused")]

@@ -110,7 +110,8 @@ def report(
 
     A browser opens it from disk, without a network. It has the verdict with every judge, figures of
     merit, the blade as a solid that can be turned, operation over the flow speed and over time,
-    limits, convergence, and what is not modelled. Needs the extra report: pip install 'hkt_mdo[report]'.
+    limits, convergence, and what is not modelled. It needs the extra report:
+    pip install 'hkt_mdo[report]'.
 
     For the folder of a sweep, report.html is written into that folder. It shows front and map; a
     click on a point opens the report of that run, which is written into the folder of the run.
@@ -328,7 +329,8 @@ def _memory(name: str, tau1: float | None, snr: float | None, start: bool) -> bo
             problem = f"does not go with {other}, {why}"
             raise InputError(problem, "leave one of them out", key=key, value=name)
     if tau1 is not None and not memory:
-        raise InputError("has no effect without memory", f"give {key} oye too", key="--tau1")
+        problem = "has no effect on a wake without memory"
+        raise InputError(problem, f"give {key} oye too", key="--tau1")
     if tau1 is not None and not 1e-3 <= tau1 <= 1e4:
         remedy = "give a number between 0.001 and 10000"
         raise InputError("is out of range", remedy, key="--tau1", value=tau1)

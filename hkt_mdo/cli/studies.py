@@ -22,7 +22,7 @@ def paper(
     out: Folder = Path("results/paper"),
     cases: CaseFolder = None,
     jobs: Jobs = None,
-    repeats: Annotated[int, Option(min=2, max=10_000, help="Number of noisy runs of each design.")] = 20,
+    repeats: Annotated[int, Option(min=2, max=10_000, help="Noisy runs of each design.")] = 20,
     seed: Seed = 1,
 ) -> None:
     """Reproduce the paper's tables and figures.

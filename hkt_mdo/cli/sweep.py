@@ -65,7 +65,7 @@ def sweep(
             told = _reporter(status, quiet)
             rows = run_sweep(asked, folder, jobs, told, **how)
     except KeyboardInterrupt:
-        parts.complain("interrupted", f"finished runs are in {folder}; the same command goes on")
+        parts.complain("interrupted", f"finished runs are in {folder}; the same command continues")
         raise Exit(parts.INTERRUPTED) from None
     states = Counter(row["state"] for row in rows)
     if not quiet:
@@ -160,7 +160,7 @@ def run_several(
     try:
         found = run_batch(plan, jobs, told, not no_records, figures=figures)
     except KeyboardInterrupt:
-        parts.complain("interrupted", f"finished results are in {out}; the same command goes on")
+        parts.complain("interrupted", f"finished results are in {out}; the same command continues")
         raise Exit(parts.INTERRUPTED) from None
     failed = [path for path, each in found.items() if each is None or not each.success]
     if failed:

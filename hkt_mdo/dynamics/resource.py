@@ -217,7 +217,7 @@ class Resource(Inflow):
                 value=self.cut_in,
             )  # fmt: skip
         if found.speed.size > MOST_SPEEDS:
-            problem = f"makes {found.speed.size} speeds, and {MOST_SPEEDS} are taken"
+            problem = f"makes {found.speed.size} speeds, and {MOST_SPEEDS} are the most"
             raise InputError(problem, "give wider bins", key="resource.bin_width")
         return found
 
