@@ -79,16 +79,19 @@ RUNS = {
     "designed_thickness": ("designed_thickness",),
     "designed_thickness_bahaj": ("designed_thickness", "design.thickness_points=null"),
     **{
-        f"designed_thickness_{polar[:8]}": (
+        f"designed_thickness_{name}": (
             "designed_thickness",
             "design.thickness_points=null",
             "rotor.sections=null",
             f"rotor.polar={polar}",
             f"rotor.outline={outline}",
         )
-        for polar, outline in (
-            ("naca4415_Re1e6", "naca4415"),
-            *((f"files/naca44{x}_polars.csv", f"files/naca44{x}.csv") for x in (18, 12, 24)),
+        for name, polar, outline in (
+            ("15", "naca4415_Re1e6", "naca4415"),
+            *(
+                (x, f"files/naca44{x}_polars.csv", f"files/naca44{x}.csv")
+                for x in ("18", "12", "24")
+            ),
         )
     },
 }
@@ -262,10 +265,10 @@ TABLES = {
         ("thickness", "energy / kJ", "to the designed one", "of bound", "mass / kg"),
         ("designed", "designed_thickness"),
         ("Bahaj's, 24 % to 12.6 %", "designed_thickness_bahaj"),
-        ("15 % throughout", "designed_thickness_naca4415"),
-        ("18 % throughout", "designed_thickness_naca4418"),
-        ("12 % throughout", "designed_thickness_naca4412"),
-        ("24 % throughout", "designed_thickness_naca4424"),
+        ("15 % throughout", "designed_thickness_15"),
+        ("18 % throughout", "designed_thickness_18"),
+        ("12 % throughout", "designed_thickness_12"),
+        ("24 % throughout", "designed_thickness_24"),
     ),
     "two_flows": (
         (
