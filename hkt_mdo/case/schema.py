@@ -87,8 +87,8 @@ class FlowScenario(Section):
     inflow: SerializeAsAny[Inflow] | None = None
     """Inflow speed over time, given as `inflow` of the case; null: that of the case."""
     resource: SerializeAsAny[Resource] | None = None
-    """How long the flow has each speed, given as `resource` of the case: another name of `inflow`,
-    where it is put."""
+    """How long the flow has each speed, in place of the scenario's `inflow`; given as `resource` of
+    the case."""
     steady: bool = False
     """Whether the order of the flow's speeds is ignored: the rotor is in equilibrium at each of
     them.
@@ -165,9 +165,9 @@ class Case(Section):
     inflow: SerializeAsAny[Inflow]
     """Inflow speed over time; `profile` says which kind."""
     resource: SerializeAsAny[Resource] | None = None
-    """How long the flow has each speed in a year, in place of `inflow`, where it is put; `profile`
-    says which kind. The rotor is then in equilibrium at each speed, energies are those of a year,
-    and an optimization takes seconds."""
+    """How long the flow has each speed in a year, in place of `inflow`; `profile` says which kind.
+    The rotor is then in equilibrium at each speed, energies are those of a year, and an
+    optimization takes seconds."""
     control: SerializeAsAny[Law]
     """Control law; `law` says which."""
     limits: SerializeAsAny[Limits] = Limits()

@@ -163,8 +163,8 @@ class Resource(Inflow):
     """Width of the bins of the flow speed; 0.1 m/s is that of IEC TS 62600-200."""
     turbulence_intensity: Annotated[float, Quantity(ge=0, le=0.3)] = 0.0
     """Standard deviation of the flow's speed within a bin over its mean. The rotor follows it at
-    once: power is averaged over a normal distribution of speeds, of which limits hold up to 2.86
-    standard deviations above the mean."""
+    once: power is averaged over a normal distribution of speeds, and limits hold for speeds of up
+    to 2.86 standard deviations above the mean."""
     cut_in: Annotated[float, Quantity("m/s", ge=0)] = 0.5
     """Speed of the flow below which the machine stands still; `control.cut_out` is that above
     which it does."""
