@@ -1,6 +1,7 @@
 """Pages of results agree with their data, docs/data; `scripts/page_data.py` says what these are."""
 
 import importlib
+import math
 import re
 from pathlib import Path
 
@@ -46,6 +47,19 @@ def test_sizes_of_what_is_not_modelled_are_computed_again_and_on_the_page():
     assert script.of_formulas() == pytest.approx(data["formulas"], rel=1e-9)
     for words in script.shown(data):
         assert words in page_data.text_of("not_modelled")
+
+
+def test_the_horizon_follows_from_the_flows_as_the_page_says():
+    script, page = importlib.import_module("infer_horizon"), page_data.text_of("reproduction")
+    errors = {}
+    for horizon in (59, 60, 61):
+        base = script.content(script.SineInflow(), horizon)
+        ratio = {name: script.content(script.FLOWS[name], horizon) / base for name in "BC"}
+        errors[horizon] = math.hypot(*(ratio[x] / script.PAPER[x] - 1.0 for x in "BC"))
+        if horizon == 60:
+            assert f"give {ratio['B']:.4f} and {ratio['C']:.4f} at 60 s" in page
+    assert [round(errors[each] / errors[60]) for each in (59, 61)] == [5, 8]
+    assert "at 59 and 61 s the error is five and eight times as large" in page
 
 
 def test_every_page_with_results_has_data():
