@@ -28,6 +28,7 @@ ROOT = Path(__file__).parents[1]
 DATA = ROOT / "docs" / "data"
 RENDERED = {  # pages that are written from the results in their data, and by which script
     "annual_energy": "annual_energy",
+    "bem": "compare_ccblade",
     "controllers": "tracking_table",
     "cost": "cost_of_energy",
     "examples": "example_cases",
