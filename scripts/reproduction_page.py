@@ -1,9 +1,10 @@
-"""Results of `hkt paper` that docs/reproduction.md quotes: its data.
+"""Results of `hkt paper` that docs/reproduction.md and docs/theory.md quote: data.
 
 python scripts/reproduction_page.py results/paper
 
 Writes docs/data/reproduction.json from the paper.json in a folder of `hkt paper`, and prints the
-words in which the page, written by hand, gives the numbers (`shown`).
+words in which the page, written by hand, gives the numbers (`shown`), and the rows of the table of
+certificates in docs/theory.md (`certificates`).
 """
 
 import json
@@ -17,9 +18,16 @@ PARTS = "tables", "uncertain_flow", "sensor", "sequential"
 
 def main():
     """Write the data, and print the words."""
-    paper = json.loads(Path(sys.argv[1], "paper.json").read_text(encoding="utf-8"))
-    page_data.record("reproduction", paper={name: paper[name] for name in PARTS})
-    for text in shown(page_data.read("reproduction")):
+    folder = Path(sys.argv[1])
+    paper = json.loads((folder / "paper.json").read_text(encoding="utf-8"))
+    gaps = {
+        path.parent.name: json.loads(path.read_text(encoding="utf-8"))["certified_gap"]
+        for path in sorted(folder.glob("cases/*/summary.json"))
+    }
+    found = {name: paper[name] for name in PARTS}
+    page_data.record("reproduction", paper=found, certified_gap=gaps)
+    data = page_data.read("reproduction")
+    for text in (*shown(data), *certificates(data)):
         print(text)
 
 
@@ -79,6 +87,21 @@ def shown(data):
         f"linear feedback stalls in {slow[0]} of 20 runs in flows B and C",
         f"only linear feedback in B and C, in {few} to {many} of 20",
     ]
+
+
+def certificates(data):
+    """Return the rows of the table of certificates: open loop, quadratic, linear."""
+    gap = data["certified_gap"]
+
+    def told(name, digits=3):
+        return "0" if abs(gap[name]) < 1e-6 else f"{100.0 * gap[name]:.{digits}f} %"
+
+    rows = []
+    for flow, title in {"step": "step", "sine": "sine", "sine_limited": "sine, 700 N m"}.items():
+        baseline = f" (baseline blade: {told('sine_baseline_oloc')})" if flow == "sine" else ""
+        cells = told(f"{flow}_oloc") + baseline, told(f"{flow}_quadratic")
+        rows.append(f"| {title} | {' | '.join(cells)} | {told(f'{flow}_linear', 2)} |")
+    return rows
 
 
 if __name__ == "__main__":
