@@ -87,8 +87,9 @@ def record(page, **results):
     numbers = numbers_of(text)
     same = [*known.get("numbers", {}).values()] == [*numbers.values()]  # maybe under new headings
     data = {"commands": known.get("commands") or sorted(set(COMMAND.findall(text)))}
-    data |= {name: known[name] for name in STAMP} if same and not results else stamp()
-    written = {name: each for name, each in known.items() if name not in ("numbers", *data)}
+    written = {name: known[name] for name in known if name not in ("numbers", *STAMP, *data)}
+    old = not results and (same or written)
+    data |= {name: known[name] for name in STAMP} if old else stamp()
     write(page, {**data, **written, **results, "numbers": numbers})
 
 
